@@ -1,0 +1,49 @@
+"""One table of all Zenoh keys: who publishes what, and how often."""
+
+from __future__ import annotations
+
+import re
+from dataclasses import dataclass
+
+from dfvs_core.errors import ConfigError
+
+_NAME = re.compile(r"[a-z0-9][a-z0-9_-]{0,62}")
+
+
+@dataclass(frozen=True, slots=True)
+class Topics:
+    """Zenoh keys of one vehicle.
+
+    ========== ============= ======= ==========================================================
+    key        publisher     rate    content
+    ========== ============= ======= ==========================================================
+    camera     camera        30 Hz   JPEG, PNG or raw pixels; attachment: ``wire.frame``
+    state      service       10 Hz   JSON: gate state, cause, vehicle mode and battery
+    servo      service       frame   JSON: error, velocity, inliers, conditioning, depth
+    timing     service       1 Hz    JSON: latency of each stage, p50 and p99, in ms
+    preview    service       5 Hz    JPEG: current view with the flow drawn on it
+    config     service       once    JSON: resolved configuration (cached for late joiners)
+    command    operator      --      JSON: signed engage, hold, abort
+    ========== ============= ======= ==========================================================
+    """
+
+    vehicle: str = "drone1"
+
+    def __post_init__(self) -> None:
+        """Refuse names that would change the meaning of a key."""
+        if not _NAME.fullmatch(self.vehicle):
+            raise ConfigError(f"vehicle name {self.vehicle!r}", "1 to 63 of a-z, 0-9, '-' and '_'")
+
+    @property
+    def camera(self) -> str:
+        """Key of the camera frames."""
+        return f"dfvs/{self.vehicle}/camera"
+
+    @property
+    def command(self) -> str:
+        """Key of signed operator commands."""
+        return f"dfvs/{self.vehicle}/command"
+
+    def telemetry(self, name: str) -> str:
+        """Key of one of the service's streams: state, servo, timing, preview or config."""
+        return f"dfvs/{self.vehicle}/{name}"

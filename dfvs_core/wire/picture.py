@@ -1,0 +1,98 @@
+"""Compressed pictures to pixels, with the size read from the header before anything is decoded.
+
+A few hundred bytes of PNG can unfold to a gigabyte, so no byte is decoded before the header's
+size was found acceptable.
+"""
+
+from __future__ import annotations
+
+import struct
+
+import cv2
+import numpy as np
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.errors import ImageError
+
+MAX_PICTURE_BYTES = 32 * 1024 * 1024
+MAX_PICTURE_PIXELS = 16 * 1024 * 1024
+
+_PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+_JPEG_MAGIC = b"\xff\xd8\xff"
+_JPEG_SIZE_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_JPEG_BARE_MARKERS = frozenset({0x01, *range(0xD0, 0xD8)})
+
+
+def picture_size(data: bytes) -> tuple[int, int]:
+    """(width, height) in px from the header of a PNG or JPEG, nothing decoded.
+
+    Raises
+    ------
+    ImageError
+        If the data is neither, or its header is broken.
+    """
+    if data.startswith(_PNG_MAGIC):
+        if len(data) < 24 or data[12:16] != b"IHDR":
+            raise ImageError("the PNG header is cut short")
+        width, height = struct.unpack(">II", data[16:24])
+        return int(width), int(height)
+    if data.startswith(_JPEG_MAGIC):
+        return _jpeg_size(data)
+    raise ImageError(f"the data begins with {data[:8]!r}", "a PNG or JPEG picture")
+
+
+def _jpeg_size(data: bytes) -> tuple[int, int]:
+    """Walk the segments of a JPEG to its frame header."""
+    at = 2
+    while at + 9 <= len(data):
+        if data[at] != 0xFF:
+            raise ImageError("the JPEG header is damaged")
+        marker = data[at + 1]
+        if marker == 0xFF:
+            at += 1
+        elif marker in _JPEG_BARE_MARKERS:
+            at += 2
+        elif marker in _JPEG_SIZE_MARKERS:
+            height, width = struct.unpack(">HH", data[at + 5 : at + 9])
+            return int(width), int(height)
+        else:
+            at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
+    raise ImageError("the JPEG header is cut short")
+
+
+def decode_picture(data: bytes, max_pixels: int = MAX_PICTURE_PIXELS) -> ImageArray:
+    """Decode a PNG or JPEG to (H, W, 3) uint8 RGB.
+
+    Raises
+    ------
+    ImageError
+        If the picture is too large, damaged, or not PNG or JPEG.
+    """
+    if len(data) > MAX_PICTURE_BYTES:
+        raise ImageError(f"picture of {len(data)} bytes", f"at most {MAX_PICTURE_BYTES}")
+    width, height = picture_size(data)
+    if width < 1 or height < 1 or width * height > max_pixels:
+        raise ImageError(f"picture of {width} x {height} px", f"at most {max_pixels} px in all")
+    try:
+        bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+    except cv2.error as error:
+        raise ImageError(f"the picture cannot be decoded ({error.err})") from error
+    if bgr is None or bgr.shape[:2] != (height, width) or bgr.dtype != np.uint8:
+        raise ImageError("the picture cannot be decoded", f"{width} x {height} px, 8 bit")
+    return np.ascontiguousarray(bgr[:, :, ::-1])
+
+
+def encode_jpeg(image: ImageArray, quality: int = 90) -> bytes:
+    """JPEG of an image (H, W, 3) uint8 RGB; quality 1 to 100."""
+    ok, data = cv2.imencode(".jpg", image[:, :, ::-1], [cv2.IMWRITE_JPEG_QUALITY, quality])
+    if not ok:
+        raise ImageError(f"an image of shape {image.shape} cannot be encoded as JPEG")
+    return bytes(data)
+
+
+def encode_png(image: ImageArray) -> bytes:
+    """PNG of an image (H, W, 3) uint8 RGB."""
+    ok, data = cv2.imencode(".png", image[:, :, ::-1])
+    if not ok:
+        raise ImageError(f"an image of shape {image.shape} cannot be encoded as PNG")
+    return bytes(data)
