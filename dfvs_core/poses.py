@@ -28,11 +28,10 @@ def so3_exp(w: FloatArray) -> FloatArray:
     """Rotation (3, 3) by the rotation vector w : (3,) rad (Rodrigues' formula)."""
     angle = float(np.linalg.norm(w))
     W = skew(w)
-    if angle < _SMALL_ANGLE_RAD:
-        return np.eye(3) + W + 0.5 * W @ W
-    a = np.sin(angle) / angle
-    b = (1.0 - np.cos(angle)) / angle**2
-    return np.eye(3) + a * W + b * W @ W
+    a = np.sin(angle) / angle if angle > _SMALL_ANGLE_RAD else 1.0
+    b = (1.0 - np.cos(angle)) / angle**2 if angle > 1e-5 else 0.5
+    R: FloatArray = np.eye(3) + a * W + b * W @ W
+    return R
 
 
 def so3_log(R: FloatArray) -> FloatArray:
@@ -50,11 +49,10 @@ def _left_jacobian(w: FloatArray) -> FloatArray:
     """Left Jacobian of SO(3), which couples translation to rotation in ``se3_exp``."""
     angle = float(np.linalg.norm(w))
     W = skew(w)
-    if angle < 1e-5:
-        return np.eye(3) + 0.5 * W + W @ W / 6.0
-    a = (1.0 - np.cos(angle)) / angle**2
-    b = (angle - np.sin(angle)) / angle**3
-    return np.eye(3) + a * W + b * W @ W
+    a = (1.0 - np.cos(angle)) / angle**2 if angle > 1e-5 else 0.5
+    b = (angle - np.sin(angle)) / angle**3 if angle > 1e-5 else 1.0 / 6.0
+    J: FloatArray = np.eye(3) + a * W + b * W @ W
+    return J
 
 
 def se3_exp(twist: FloatArray) -> FloatArray:
@@ -145,8 +143,8 @@ def quaternion_from_rotation(R: FloatArray) -> FloatArray:
     best = int(np.argmax(squares))
     q = off[best].copy()
     q[best] = squares[best]
-    q /= np.linalg.norm(q)
-    return q if q[0] >= 0 else -q
+    q *= np.copysign(1.0, q[0]) / np.linalg.norm(q)
+    return q
 
 
 def rotation_from_quaternion(q: FloatArray) -> FloatArray:

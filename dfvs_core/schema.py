@@ -21,7 +21,7 @@ T = TypeVar("T")
 
 
 def setting(
-    default: Any,  # noqa: ANN401 - the type of a field's default is the field's
+    default: Any,
     help_text: str,
     *,
     low: float | None = None,

@@ -1,0 +1,88 @@
+"""What perception and gate tell each other over Unix datagrams, as JSON.
+
+Perception sends a ``PerceptionReport`` for every frame it worked on; the gate answers with the
+vehicle's state at its own rate. A datagram that does not follow the schema is dropped, never
+half-read.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import TypeVar
+
+from dfvs_core.errors import ConfigError, WireError
+from dfvs_core.schema import dump, parse
+
+T = TypeVar("T")
+
+MAX_DATAGRAM_BYTES = 4096
+
+
+@dataclass(frozen=True, slots=True)
+class PerceptionReport:
+    """What perception makes of one frame, or of the lack of one.
+
+    ``velocity`` is (forward, right, down) in m/s and the yaw rate in rad/s, in the level body
+    frame. ``healthy`` says that it may be flown; where it is false ``reason`` says why not.
+    ``reached`` says that the frame shows the goal within tolerance. ``lost`` says that the goal
+    cannot be reached any more (wrong goal, no progress), which aborts. ``overlap`` is the share
+    of the current view that shows the goal, 0 to 1.
+    """
+
+    seq: int
+    t_capture_ns: int
+    velocity: tuple[float, float, float, float]
+    healthy: bool
+    reached: bool
+    lost: bool
+    reason: str
+    error_m: float
+    error_rad: float
+    overlap: float
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleState:
+    """What the autopilot says of the vehicle, stamped with the time of its arrival.
+
+    Angles in rad (world NED, body FRD), velocity NED in m/s, position NED in m relative to the
+    autopilot's origin.
+    """
+
+    t_ns: int
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+    velocity_m_s: tuple[float, float, float]
+    position_m: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class GateStatus:
+    """The gate's state with its cause, and the vehicle's state (None before the first one)."""
+
+    state: str
+    cause: str
+    vehicle: VehicleState | None
+
+
+def to_datagram(message: PerceptionReport | GateStatus) -> bytes:
+    """Bytes of a message."""
+    return json.dumps(dump(message), separators=(",", ":")).encode()
+
+
+def from_datagram(cls: type[T], data: bytes) -> T:
+    """Message of the given class from its bytes.
+
+    Raises
+    ------
+    WireError
+        If the bytes are too many, not JSON, or do not follow the schema (NaN included).
+    """
+    if len(data) > MAX_DATAGRAM_BYTES:
+        raise WireError(f"datagram of {len(data)} bytes", f"at most {MAX_DATAGRAM_BYTES}")
+    try:
+        return parse(cls, json.loads(data))
+    except (ValueError, RecursionError, ConfigError) as error:
+        raise WireError(f"datagram is not a {cls.__name__}: {error}") from error
