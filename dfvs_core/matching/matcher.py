@@ -1,0 +1,79 @@
+"""What every source of dense correspondences offers to perception."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.correspondence import FlowField
+from dfvs_core.errors import ImageError
+
+
+class Prepared:
+    """A picture as its matcher wants it: opaque to everybody else.
+
+    Parameters
+    ----------
+    size : tuple of int
+        (height, width) of the picture in px.
+    """
+
+    def __init__(self, size: tuple[int, int]) -> None:
+        self.size = size
+
+
+class Matcher(Protocol):
+    """Finds where the points of one picture are seen in another.
+
+    A matcher keeps nothing between calls: the same arguments give the same bits.
+    """
+
+    def prepare(self, image: ImageArray) -> Prepared:
+        """Compute once what depends on one picture (H, W, 3) alone: a goal's, or a frame's."""
+        ...
+
+    def match(
+        self, current: Prepared, other: Prepared, guess: FlowField | None = None
+    ) -> FlowField:
+        """Flow from ``current`` to ``other`` on the grid of ``current``.
+
+        Parameters
+        ----------
+        current, other : Prepared
+            Two pictures of equal size, prepared by this same matcher.
+        guess : FlowField, optional
+            Flow of the previous frame to the same picture. A matcher may use it to work faster
+            and must not trust it: a wrong guess costs time, never correctness.
+        """
+        ...
+
+
+def check_image(image: ImageArray) -> None:
+    """Refuse what is not an RGB picture that can be matched.
+
+    Raises
+    ------
+    ImageError
+        If it is not (H, W, 3) uint8 with H and W of 32 px or more.
+    """
+    if image.ndim != 3 or image.shape[2] != 3 or image.dtype.name != "uint8":
+        raise ImageError(
+            f"picture is {image.dtype} of shape {image.shape}", "uint8 of (H, W, 3), RGB"
+        )
+    if min(image.shape[:2]) < 32:
+        raise ImageError(f"picture has {image.shape[1]} x {image.shape[0]} px", "32 x 32 or more")
+
+
+def check_same_size(current: Prepared, other: Prepared) -> None:
+    """Refuse two pictures of different sizes.
+
+    Raises
+    ------
+    ImageError
+        If their sizes differ.
+    """
+    if current.size != other.size:
+        (h, w), (oh, ow) = current.size, other.size
+        raise ImageError(
+            f"pictures of {w} x {h} and {ow} x {oh} px cannot be matched", "one size for both"
+        )
