@@ -42,7 +42,8 @@ def so3_log(R: FloatArray) -> FloatArray:
     if sine < _SMALL_ANGLE_RAD:
         return 2.0 * v
     angle = 2.0 * np.arctan2(sine, w)
-    return v * (angle / sine)
+    w_vector: FloatArray = v * (angle / sine)
+    return w_vector
 
 
 def _left_jacobian(w: FloatArray) -> FloatArray:
@@ -141,9 +142,9 @@ def quaternion_from_rotation(R: FloatArray) -> FloatArray:
         ]
     )
     best = int(np.argmax(squares))
-    q = off[best].copy()
+    q: FloatArray = off[best].copy()
     q[best] = squares[best]
-    q *= np.copysign(1.0, q[0]) / np.linalg.norm(q)
+    q *= np.copysign(1.0, q[0]) / float(np.linalg.norm(q))
     return q
 
 

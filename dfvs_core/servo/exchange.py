@@ -1,0 +1,127 @@
+"""What goes into ``servo_step`` with every frame, what it remembers, and what comes out."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_core.depth.source import DepthState
+from dfvs_core.servo.stop import StopState
+
+
+class Verdict(enum.Enum):
+    """What is to be thought of a frame; anything but OK must not be flown."""
+
+    OK = "ok"
+    NOT_FINITE = "the flow network gave values that are not finite"
+    NO_OVERLAP = "too little of the view shows the goal"
+    NO_AGREEMENT = "the correspondences do not agree on one motion"
+    DEGENERATE = "the view does not determine every direction of motion"
+    STUCK = "the error has not fallen for too long"
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude:
+    """Roll and pitch of the body against gravity, rad."""
+
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class EarlierMatch:
+    """Correspondences with an earlier frame of the same camera, and the motion since.
+
+    ``T_earlier_current`` (4, 4) is the camera's motion from attitude and velocity, m.
+    """
+
+    flow: FlowField
+    T_earlier_current: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class ServoInputs:
+    """One frame's inputs.
+
+    Parameters
+    ----------
+    now_ns, t_capture_ns : int
+        Monotonic time now and when the frame was taken.
+    flow : FlowField
+        From the current view to the goal picture.
+    attitude : Attitude
+        Of the body at capture time (ignored by a free camera).
+    velocity : (d,)
+        How the vehicle moves, in the components of the basis, m/s and rad/s.
+    camera_motion_m : float
+        How far the camera moved since the last frame.
+    earlier : EarlierMatch or None
+        For depth from motion and from flow.
+    given_depth : DepthMap or None
+        (H, W) in the current view, for ``depth = "given"``.
+    engaged : bool
+        Whether the vehicle is following; progress is only asked for then.
+    """
+
+    now_ns: int
+    t_capture_ns: int
+    flow: FlowField
+    velocity: FloatArray
+    attitude: Attitude = field(default_factory=Attitude)
+    camera_motion_m: float = 0.0
+    earlier: EarlierMatch | None = None
+    given_depth: DepthMap | None = None
+    engaged: bool = True
+
+
+@dataclass(frozen=True, slots=True)
+class ServoState:
+    """Memory from frame to frame."""
+
+    depth: DepthState | None = None
+    T_current_goal: FloatArray | None = None
+    stop: StopState = field(default_factory=StopState)
+
+
+@dataclass(frozen=True, slots=True)
+class ServoResult:
+    """What one frame says.
+
+    Parameters
+    ----------
+    verdict : Verdict
+        Whether the velocity may be flown; it is zero unless OK.
+    velocity : (d,)
+        m/s and rad/s in the components of the basis.
+    motion : (d,)
+        From here to the goal, m and rad: the estimated error.
+    error_m, error_rad : float
+        Length of the translation and angle of the rotation in ``motion``.
+    feature_error_px : float
+        Weighted median length of the flow to the goal, after taking both views level.
+    residual_px : float
+        Weighted median reprojection error of the estimated motion.
+    inlier_share, overlap : float
+        Share of the correspondences that agree; share of the view that shows the goal.
+    condition : float
+        Condition number of the scaled normal equations.
+    depth_m : float
+        Median depth of the points used.
+    reached : bool
+        The stop rule is satisfied in this frame.
+    """
+
+    verdict: Verdict
+    velocity: FloatArray
+    motion: FloatArray
+    error_m: float
+    error_rad: float
+    feature_error_px: float
+    residual_px: float
+    inlier_share: float
+    overlap: float
+    condition: float
+    depth_m: float
+    reached: bool

@@ -1,0 +1,116 @@
+"""Where the goal is: the camera motion that explains the correspondences, robustly.
+
+Gauss-Newton on the reprojection of the current view's points into the goal picture, with
+Tukey's weights. It gives the error in metres and degrees, tells outliers from what merely moves
+far, and gives the points' depth at the goal that the mean Jacobian needs.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.poses import invert_pose
+from dfvs_core.servo.freedom import MotionBasis
+from dfvs_core.servo.interaction import interaction_matrix
+from dfvs_core.servo.law import normal_equations
+from dfvs_core.servo.points import ServoPoints
+from dfvs_core.servo.weights import tukey_weights, weighted_median
+
+_MIN_DEPTH_M = 0.05
+_DAMPING = 1e-3
+_CONVERGED = 1e-7
+
+
+@dataclass(frozen=True, slots=True)
+class GoalPose:
+    """Pose of the goal camera in the current camera, and how well it explains the points.
+
+    Parameters
+    ----------
+    T_current_goal : (4, 4)
+        Within the group of motions of the basis; translation in m (as exact as the depth).
+    motion : (d,)
+        The same as a motion of the basis, m and rad.
+    weight : (N,)
+        Prior weight times Tukey's factor.
+    z_goal_m : (N,)
+        Depth of the points in the goal camera.
+    residual : float
+        Weighted median length of the reprojection error, normalised units.
+    inlier_share : float
+        Weight kept by Tukey's factors over the prior weight, 0 to 1.
+    """
+
+    T_current_goal: FloatArray
+    motion: FloatArray
+    weight: FloatArray
+    z_goal_m: FloatArray
+    residual: float
+    inlier_share: float
+
+
+def estimate_goal_pose(
+    points: ServoPoints,
+    basis: MotionBasis,
+    sigma_floor: float,
+    T_guess: FloatArray | None = None,
+    iterations: int = 12,
+) -> GoalPose:
+    """Pose of the goal from correspondences with depth.
+
+    Parameters
+    ----------
+    points : ServoPoints
+        With at least one positive weight.
+    basis : MotionBasis
+        Motions to choose from.
+    sigma_floor : float
+        Expected noise of the correspondences, normalised units (about 0.3 px / f).
+    T_guess : (4, 4), optional
+        Start, for instance the last frame's result; identity by default.
+    iterations : int
+        At most so many Gauss-Newton steps; most frames need three to five.
+    """
+    rays = np.column_stack([points.xy, np.ones(len(points.xy))])
+    P = rays * points.z_m[:, None]
+    T = np.eye(4) if T_guess is None else T_guess
+    weight = points.weight
+    for _ in range(iterations):
+        xy_seen, z = _project(T, P)
+        error = xy_seen - points.xy_goal
+        length = np.linalg.norm(error, axis=1)
+        weight = points.weight * tukey_weights(length, points.weight, sigma_floor)
+        J = interaction_matrix(xy_seen, z) @ basis.B
+        step = normal_equations(J, error, weight).solve(_DAMPING)
+        T = T @ basis.exp(_bounded(step))
+        if float(np.abs(step).max()) < _CONVERGED:
+            break
+    xy_seen, z = _project(T, P)
+    length = np.linalg.norm(xy_seen - points.xy_goal, axis=1)
+    weight = points.weight * tukey_weights(length, points.weight, sigma_floor)
+    prior = max(float(points.weight.sum()), 1e-12)
+    return GoalPose(
+        T_current_goal=T,
+        motion=basis.log(T),
+        weight=weight,
+        z_goal_m=z,
+        residual=weighted_median(length, points.weight),
+        inlier_share=float(weight.sum()) / prior,
+    )
+
+
+def _project(T_current_goal: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:
+    """Normalised coordinates (N, 2) and depth (N,) of current points in the goal camera."""
+    T = invert_pose(T_current_goal)
+    Q = P @ T[:3, :3].T + T[:3, 3]
+    z = np.maximum(Q[:, 2], _MIN_DEPTH_M)
+    return Q[:, :2] / z[:, None], z
+
+
+def _bounded(step: FloatArray, most: float = 0.7) -> FloatArray:
+    """Keep one Gauss-Newton step inside the range where the linear model holds."""
+    longest = float(np.abs(step).max())
+    return step if longest <= most else step * (most / longest)

@@ -1,0 +1,237 @@
+"""One frame's way from correspondences to a velocity: ``servo_step``, a pure function.
+
+The service, the simulator and the benchmark all call this one.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dfvs_core.arrays import Float32Array, FloatArray
+from dfvs_core.correspondence import DepthMap
+from dfvs_core.depth.choice import depth_source
+from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView
+from dfvs_core.servo.exchange import (
+    Attitude,
+    EarlierMatch,
+    ServoInputs,
+    ServoResult,
+    ServoState,
+    Verdict,
+)
+from dfvs_core.servo.freedom import rotate_rays, virtual_rotation
+from dfvs_core.servo.law import NormalEquations, servo_motion
+from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
+from dfvs_core.servo.pose import GoalPose, estimate_goal_pose
+from dfvs_core.servo.stop import (
+    ErrorScore,
+    StopState,
+    error_score,
+    is_reached,
+    is_stuck,
+    update_stop,
+)
+from dfvs_core.servo.task import ServoTask
+from dfvs_core.servo.velocity import AdaptiveGain, blend_motions, saturate
+from dfvs_core.servo.weights import weighted_median
+
+_FAR_ANGLE_RAD = 0.15
+_FAR_DISTANCE = 0.15
+_MIN_POINTS = 24
+
+
+def servo_step(
+    task: ServoTask, state: ServoState, inputs: ServoInputs
+) -> tuple[ServoResult, ServoState]:
+    """From one frame's correspondences to a velocity (DFVS Eq. (1), corrected).
+
+    Returns
+    -------
+    ServoResult
+        What is expected to go wrong is a verdict in it, never an exception.
+    ServoState
+        For the next frame.
+    """
+    if not inputs.flow.is_finite():
+        return _refused(task, Verdict.NOT_FINITE, 0.0), state
+
+    # 1. Read the flow on a grid, and give every point a depth.
+    samples = sample_grid(inputs.flow, task.config.stride_px)
+    depth, depth_state = _estimate_depth(task, state, inputs, samples)
+    points = points_from_flow(samples, depth, task.camera, task.goal.camera)
+
+    # 2. Take both views to the gravity-aligned virtual camera.
+    points = _level(task, inputs.attitude, points)
+    trusted = points.weight > task.config.min_confidence
+    overlap = float(trusted.sum()) / samples.confidence.size
+    state = ServoState(depth_state, state.T_current_goal, state.stop)
+    if overlap < task.config.min_overlap or trusted.sum() < _MIN_POINTS:
+        return _refused(task, Verdict.NO_OVERLAP, overlap), state
+    points = points.select(trusted)
+
+    # 3. Find where the goal is, and who is out of line.
+    pose = _find_goal(task, points, state.T_current_goal)
+    points = ServoPoints(points.xy, points.xy_goal, points.z_m, pose.weight)
+
+    # 4. Solve for the motion, and make a velocity of it.
+    motion, equations = _wanted_motion(task, points, pose)
+    velocity = _velocity(task, motion, inputs)
+
+    # 5. Judge.
+    stop = _watch_progress(task, state, inputs, pose)
+    verdict = _judge(task, pose, equations, stop)
+    flown = verdict is Verdict.OK
+    error_m, error_rad = _lengths(task, pose)
+    residual_px = pose.residual * task.camera.fx
+    speed = float(np.linalg.norm(inputs.velocity[:3]))
+    result = ServoResult(
+        verdict=verdict,
+        velocity=velocity if flown else np.zeros_like(velocity),
+        motion=motion,
+        error_m=error_m,
+        error_rad=error_rad,
+        feature_error_px=_feature_error_px(task, points),
+        residual_px=residual_px,
+        inlier_share=pose.inlier_share,
+        overlap=overlap,
+        condition=equations.condition,
+        depth_m=weighted_median(points.z_m, points.weight),
+        reached=flown and residual_px < task.config.tolerance_px and is_reached(stop, speed),
+    )
+    return result, ServoState(depth_state, pose.T_current_goal, stop)
+
+
+def _judge(task: ServoTask, pose: GoalPose, equations: NormalEquations, stop: StopState) -> Verdict:
+    """Tell whether the frame may be flown, and if not why not."""
+    config = task.config
+    if pose.inlier_share < config.min_inliers:
+        return Verdict.NO_AGREEMENT
+    if equations.condition > config.max_condition:
+        return Verdict.DEGENERATE
+    if is_stuck(stop, config.progress_s):
+        return Verdict.STUCK
+    return Verdict.OK
+
+
+def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
+    """Result of a frame that cannot be worked on: zero velocity, unknown error."""
+    nothing = np.zeros(task.basis.size)
+    unknown = float("inf")
+    return ServoResult(
+        verdict=verdict,
+        velocity=nothing,
+        motion=nothing,
+        error_m=unknown,
+        error_rad=unknown,
+        feature_error_px=unknown,
+        residual_px=unknown,
+        inlier_share=0.0,
+        overlap=overlap,
+        condition=unknown,
+        depth_m=0.0,
+        reached=False,
+    )
+
+
+def _feature_error_px(task: ServoTask, points: ServoPoints) -> float:
+    lengths = np.linalg.norm(points.error, axis=1)
+    return weighted_median(lengths, points.weight) * task.camera.fx
+
+
+def _estimate_depth(
+    task: ServoTask, state: ServoState, inputs: ServoInputs, samples: GridSamples
+) -> tuple[FloatArray, DepthState | None]:
+    """Depth (h, w) of the grid points, m, and the depth source's memory."""
+    xy = task.camera.normalise(samples.pixels)
+    depth_inputs = DepthInputs(
+        xy=xy,
+        earlier=_earlier_view(task, inputs.earlier),
+        camera_motion_m=inputs.camera_motion_m,
+        given=_on_grid(inputs.given_depth, task.config.stride_px),
+    )
+    depth, memory = depth_source(task.config, task.camera).estimate(depth_inputs, state.depth)
+    return depth.z_m.astype(np.float64), memory
+
+
+def _earlier_view(task: ServoTask, match: EarlierMatch | None) -> EarlierView | None:
+    if match is None:
+        return None
+    samples = sample_grid(match.flow, task.config.stride_px)
+    xy = task.camera.normalise(samples.pixels + samples.flow)
+    return EarlierView(xy, samples.confidence, match.T_earlier_current)
+
+
+def _on_grid(depth: DepthMap | None, stride: int) -> DepthMap | None:
+    if depth is None:
+        return None
+
+    def pick(values: Float32Array) -> Float32Array:
+        return values[stride // 2 :: stride, stride // 2 :: stride]
+
+    return DepthMap(pick(depth.z_m), pick(depth.validity))
+
+
+def _level(task: ServoTask, attitude: Attitude, points: ServoPoints) -> ServoPoints:
+    """Points in the gravity-aligned virtual camera; unchanged for a free camera."""
+    if task.mount is None:
+        return points
+    R_virtual = task.mount.T_body_camera()[:3, :3]
+    R_now = virtual_rotation(attitude.roll_rad, attitude.pitch_rad, R_virtual, R_virtual)
+    goal = task.goal
+    R_goal_mount = goal.mount.T_body_camera()[:3, :3]
+    R_goal = virtual_rotation(goal.roll_rad, goal.pitch_rad, R_goal_mount, R_virtual)
+    xy, depth_ratio, usable = rotate_rays(R_now, points.xy)
+    xy_goal, _, usable_goal = rotate_rays(R_goal, points.xy_goal)
+    weight = np.where(usable & usable_goal, points.weight, 0.0)
+    return ServoPoints(xy, xy_goal, points.z_m * depth_ratio, weight)
+
+
+def _find_goal(task: ServoTask, points: ServoPoints, T_guess: FloatArray | None) -> GoalPose:
+    """Goal pose from the last frame's result and from scratch; the better one counts."""
+    noise = task.config.flow_noise_px / task.camera.fx
+    fresh = estimate_goal_pose(points, task.basis, noise)
+    if T_guess is None:
+        return fresh
+    warm = estimate_goal_pose(points, task.basis, noise, T_guess)
+    return warm if warm.residual < fresh.residual else fresh
+
+
+def _wanted_motion(
+    task: ServoTask, points: ServoPoints, pose: GoalPose
+) -> tuple[FloatArray, NormalEquations]:
+    """Motion (d,) by the configured law, with the normal equations that it stands on."""
+    law = task.config.law
+    z_goal = None if law == "current" else pose.z_goal_m
+    motion, equations = servo_motion(points, task.basis, z_goal, task.config.damping)
+    if law == "pose":
+        return pose.motion, equations
+    if law == "hybrid":
+        depth = max(weighted_median(points.z_m, points.weight), 0.1)
+        distance, angle = _lengths(task, pose)
+        remoteness = max(angle / _FAR_ANGLE_RAD, distance / depth / _FAR_DISTANCE)
+        motion = blend_motions(pose.motion, motion, remoteness)
+    return motion, equations
+
+
+def _lengths(task: ServoTask, pose: GoalPose) -> tuple[float, float]:
+    """Distance in m and angle in rad to the goal."""
+    twist = task.basis.B @ pose.motion
+    distance = float(np.linalg.norm(pose.T_current_goal[:3, 3]))
+    return distance, float(np.linalg.norm(twist[3:]))
+
+
+def _velocity(task: ServoTask, motion: FloatArray, inputs: ServoInputs) -> FloatArray:
+    """Velocity (d,): what will be left of the motion once the vehicle answers, times the gain."""
+    age_s = max(inputs.now_ns - inputs.t_capture_ns, 0) * 1e-9
+    ahead = inputs.velocity * (task.response_s + (age_s if task.mount is not None else 0.0))
+    config = task.config
+    gain = AdaptiveGain(config.gain_far, config.gain_near, config.gain_error)
+    velocity = gain(float(np.linalg.norm(motion))) * (motion - ahead)
+    return saturate(velocity, task.limits)
+
+
+def _watch_progress(
+    task: ServoTask, state: ServoState, inputs: ServoInputs, pose: GoalPose
+) -> StopState:
+    score = error_score(*_lengths(task, pose), task.config)
+    return update_stop(state.stop, ErrorScore(inputs.t_capture_ns, score), inputs.engaged)

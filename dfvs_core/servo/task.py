@@ -1,0 +1,56 @@
+"""What stays the same during a flight to one goal."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.goal import GoalSidecar, Mount
+from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.freedom import MotionBasis, free_camera, level_body
+from dfvs_core.servo.velocity import SpeedLimit
+
+
+@dataclass(frozen=True, slots=True)
+class ServoTask:
+    """What stays the same during a flight to one goal.
+
+    ``mount`` None is a free camera with six degrees of freedom; otherwise a level body with
+    four, carrying the camera so.
+    """
+
+    config: ServoConfig
+    camera: CameraModel
+    goal: GoalSidecar
+    mount: Mount | None = None
+
+    @property
+    def basis(self) -> MotionBasis:
+        """Degrees of freedom."""
+        return free_camera() if self.mount is None else level_body(self.mount.T_body_camera())
+
+    @property
+    def limits(self) -> tuple[SpeedLimit, ...]:
+        """Speed limits on the components of the velocity."""
+        c = self.config
+        if self.mount is None:
+            return (
+                SpeedLimit((0, 1, 2), c.max_horizontal_m_s),
+                SpeedLimit((3, 4, 5), c.max_turn_rad_s),
+            )
+        return (
+            SpeedLimit((0, 1), c.max_horizontal_m_s),
+            SpeedLimit((2,), c.max_vertical_m_s),
+            SpeedLimit((3,), c.max_turn_rad_s),
+        )
+
+    @property
+    def response_s(self) -> FloatArray:
+        """How late each component of the velocity is followed, s : (d,)."""
+        c = self.config
+        if self.mount is None:
+            return np.full(6, c.response_s)
+        return np.array([c.response_s, c.response_s, c.response_s, c.yaw_response_s])

@@ -1,0 +1,71 @@
+"""From the motion that is wanted to a velocity that the vehicle can follow."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.arrays import FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class AdaptiveGain:
+    """Gain in 1/s that grows as the error vanishes.
+
+    ``gain(e) = far + (near - far) * exp(-e / error)``: a large error saturates anyway, a small
+    one would otherwise take for ever.
+    """
+
+    far: float
+    near: float
+    error: float
+
+    def __call__(self, error: float) -> float:
+        """Gain at an error in m + rad."""
+        return self.far + (self.near - self.far) * math.exp(-error / self.error)
+
+
+@dataclass(frozen=True, slots=True)
+class SpeedLimit:
+    """A limit on the length of some components of a velocity."""
+
+    components: tuple[int, ...]
+    limit: float
+
+
+def saturate(velocity: FloatArray, limits: tuple[SpeedLimit, ...]) -> FloatArray:
+    """Scale all components by one factor, so that every limit holds and the path stays.
+
+    Parameters
+    ----------
+    velocity : (d,)
+        m/s and rad/s.
+    """
+    factor = 1.0
+    for group in limits:
+        length = float(np.linalg.norm(velocity[list(group.components)]))
+        if length > group.limit:
+            factor = min(factor, group.limit / length)
+    return velocity * factor
+
+
+def blend_motions(
+    pose_motion: FloatArray, feature_motion: FloatArray, remoteness: float
+) -> FloatArray:
+    """Motion between two laws: by pose while far, by image features when near.
+
+    The pose gives straight paths over large turns; the image error itself decides the last
+    centimetres, where it does not depend on the depth.
+
+    Parameters
+    ----------
+    pose_motion, feature_motion : (d,)
+        m and rad.
+    remoteness : float
+        0: features alone; 1 or more: pose alone.
+    """
+    share = min(max(remoteness, 0.0), 1.0)
+    share = share * share * (3.0 - 2.0 * share)
+    return share * pose_motion + (1.0 - share) * feature_motion

@@ -1,0 +1,48 @@
+"""Robust weights: correspondences that disagree with the motion of the others lose their vote."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dfvs_core.arrays import FloatArray
+
+MAD_TO_SIGMA = 1.4826
+"""Standard deviation of a normal distribution over its median absolute deviation."""
+
+TUKEY_CONSTANT = 4.685
+"""Tukey's c for 95 % efficiency on normal noise."""
+
+
+def weighted_median(values: FloatArray, weights: FloatArray) -> float:
+    """Median of values : (N,) where each counts by its weight; 0 when nothing counts."""
+    total = float(weights.sum())
+    if total <= 0.0:
+        return 0.0
+    order = np.argsort(values)
+    cumulated = np.cumsum(weights[order])
+    return float(values[order][np.searchsorted(cumulated, 0.5 * total)])
+
+
+def tukey_weights(residual: FloatArray, prior: FloatArray, sigma_floor: float) -> FloatArray:
+    """Tukey's biweight of residual lengths, with a robust scale.
+
+    Parameters
+    ----------
+    residual : (N,) float64
+        Length of each point's residual.
+    prior : (N,) float64
+        Weights that the points come with.
+    sigma_floor : float
+        Least scale, in the unit of the residual, so that a perfect fit rejects nobody.
+
+    Returns
+    -------
+    (N,) float64
+        Factors from 0 to 1, to be multiplied with ``prior``.
+    """
+    # The residual's length is Rayleigh distributed: its median is 1.1774 sigma of one axis.
+    sigma = max(weighted_median(residual, prior) / 1.1774, sigma_floor)
+    ratio = residual / (TUKEY_CONSTANT * sigma)
+    inside = np.clip(1.0 - ratio * ratio, 0.0, None)
+    weights: FloatArray = inside * inside
+    return weights
