@@ -1,0 +1,1 @@
+"""The virtual world: scenes, renderer, simulated vehicle and camera, and the demo."""

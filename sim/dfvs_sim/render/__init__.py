@@ -1,0 +1,1 @@
+"""Renderer: colour, exact depth and exact flow of a scene."""

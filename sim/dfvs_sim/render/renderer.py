@@ -1,0 +1,127 @@
+"""The mock camera's eye: colour and exact depth of a scene, without GPU or GL."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.poses import check_pose, invert_pose
+from dfvs_sim.render.clusters import Clusters, build_clusters
+from dfvs_sim.render.geometry import cull_clusters, rasterise, transform_vertices
+from dfvs_sim.render.shading import shade, shade_antialiased
+from dfvs_sim.scene.mesh import Int32Array, Scene
+from dfvs_sim.scene.texture import linear_from_srgb, pack_textures, srgb_from_linear
+
+NEAR_M = 0.02
+_ENCODE_STEPS = 8192
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class View:
+    """What a camera sees.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        RGB.
+    depth_m : (H, W) float32
+        Depth along the optical axis at each pixel's centre, m; 0 is sky.
+    """
+
+    image: ImageArray
+    depth_m: Float32Array
+
+
+class Renderer:
+    """Draws one scene from any pose; frames are a pure function of scene, camera and pose.
+
+    ``render`` holds no state and releases the interpreter lock, so several threads may call it.
+
+    Parameters
+    ----------
+    scene : Scene
+        What to draw; neither it nor its arrays may change afterwards.
+    """
+
+    def __init__(self, scene: Scene) -> None:
+        self.scene = scene
+        self._clusters: Clusters = build_clusters(scene)
+        steps = np.arange(_ENCODE_STEPS, dtype=np.float32) / (_ENCODE_STEPS - 1)
+        self._encode = np.rint(srgb_from_linear(steps) * 255.0).astype(np.uint8)
+        decode = linear_from_srgb(np.arange(256, dtype=np.float32) / 255.0)
+        pack = pack_textures(scene.textures)
+        self._pack = (pack.texels, pack.levels, pack.level_count, pack.wrap, decode)
+        self._sky = np.array(scene.sky, dtype=np.float64)
+
+    def render(
+        self, camera: CameraModel, T_world_camera: FloatArray, antialias: bool = False
+    ) -> View:
+        """Render one frame.
+
+        Parameters
+        ----------
+        camera : CameraModel
+            Intrinsics; a distorted camera is rendered as a pinhole and remapped.
+        T_world_camera : (4, 4)
+            Pose of the optical frame in NED.
+        antialias : bool
+            Four coverage samples a pixel for the colour. Depth stays that of the pixel's centre.
+
+        Raises
+        ------
+        GeometryError
+            If the pose is not a rigid motion, or the camera sees too wide for a pinhole.
+        """
+        T_world_camera = check_pose(T_world_camera, "T_world_camera")
+        return self._render_pinhole(camera, T_world_camera, antialias)
+
+    def _render_pinhole(
+        self, camera: CameraModel, T_world_camera: FloatArray, antialias: bool
+    ) -> View:
+        clip, inverse_depth, ids = self._draw(camera, T_world_camera)
+        c = self._clusters
+        image = np.empty((camera.height, camera.width, 3), np.uint8)
+        with np.errstate(divide="ignore"):
+            depth = np.where(ids >= 0, 1.0 / inverse_depth, 0.0).astype(np.float32)
+        mesh = (clip, c.triangles, self.scene.uv, self.scene.colours, c.texture_index)
+        if antialias:
+            _, _, fine_ids = self._draw(
+                camera.scaled(2 * camera.width, 2 * camera.height), T_world_camera
+            )
+            shade_antialiased(mesh, self._pack, fine_ids, self._sky, self._encode, image)
+        else:
+            shade(mesh, self._pack, ids, self._sky, self._encode, image)
+        return View(image, depth)
+
+    def _draw(
+        self, camera: CameraModel, T_world_camera: FloatArray
+    ) -> tuple[FloatArray, FloatArray, Int32Array]:
+        """Vertices as (X, Y, W), z-buffer of 1 / depth, and the nearest triangle's index."""
+        T_camera_world = invert_pose(T_world_camera)
+        P = camera.matrix @ T_camera_world[:3]
+        clip = np.empty((len(self.scene.vertices), 3))
+        transform_vertices(self.scene.vertices, P, clip)
+        inverse_depth = np.zeros((camera.height, camera.width))
+        ids = np.full((camera.height, camera.width), -1, np.int32)
+        ranges = self._visible_ranges(camera, P, T_world_camera[:3, 3])
+        rasterise(clip, self._clusters.triangles, ranges, NEAR_M, inverse_depth, ids)
+        return clip, inverse_depth, ids
+
+    def _visible_ranges(
+        self, camera: CameraModel, P: FloatArray, eye: FloatArray
+    ) -> Int32Array:
+        """Runs of triangles (C, 2) that may be in view, the nearest first."""
+        c = self._clusters
+        planes = np.stack(
+            [P[0], camera.width * P[2] - P[0], P[1], camera.height * P[2] - P[1], P[2]]
+        )
+        planes[4, 3] -= NEAR_M
+        visible = np.empty(len(c.low), np.bool_)
+        cull_clusters(c.low, c.high, planes, visible)
+        nearest = np.clip(eye, c.low[visible], c.high[visible])
+        distance = np.linalg.norm(nearest - eye, axis=1)
+        order = np.argsort(distance, kind="stable")
+        return np.ascontiguousarray(c.ranges[visible][order])

@@ -1,0 +1,1 @@
+"""Scenes: triangle meshes with textures and baked light, and where to look at them from."""
