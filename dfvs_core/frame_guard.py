@@ -1,0 +1,84 @@
+"""Which frames may be looked at at all: age, order, size, frozen and featureless pictures."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.wire.frame import FrameHeader
+
+MAX_AGE_NS = 250_000_000
+MAX_AHEAD_NS = 20_000_000
+FROZEN_FRAMES = 3
+_DARK, _BRIGHT, _FLAT = 6.0, 249.0, 2.0
+
+
+class FrameFault(enum.Enum):
+    """Why a frame is not used."""
+
+    WRONG_SIZE = "the frame's size is not the camera's"
+    STALE = "the frame was old when it arrived"
+    FUTURE = "the frame carries a time that is still to come"
+    REORDERED = "the frame is not newer than the one before"
+    FROZEN = "the camera repeats the same picture"
+    OTHER_CLOCK = "the frame was stamped by another machine's clock"
+    DARK = "the picture is black"
+    BRIGHT = "the picture is white"
+    FLAT = "the picture has no contrast"
+
+
+@dataclass(frozen=True, slots=True)
+class GuardState:
+    """What is remembered of the last frame that was let through."""
+
+    t_capture_ns: int = -1
+    checksum: int = -1
+    repeats: int = 0
+
+
+def check_header(
+    state: GuardState, header: FrameHeader, camera: CameraModel, now_ns: int, clock: bytes
+) -> tuple[FrameFault | None, GuardState]:
+    """Judge a frame before its pixels are touched.
+
+    Parameters
+    ----------
+    state : GuardState
+        Memory from the frame before.
+    header : FrameHeader
+        Of the frame.
+    camera : CameraModel
+        What the frame must fit.
+    now_ns : int
+        Monotonic time.
+    clock : bytes
+        Identity of our own clock; a frame that names another one cannot be dated.
+    """
+    if (header.width, header.height) != camera.size:
+        return FrameFault.WRONG_SIZE, state
+    if any(header.clock) and header.clock != clock:
+        return FrameFault.OTHER_CLOCK, state
+    if now_ns - header.t_capture_ns > MAX_AGE_NS:
+        return FrameFault.STALE, state
+    if header.t_capture_ns - now_ns > MAX_AHEAD_NS:
+        return FrameFault.FUTURE, state
+    if header.t_capture_ns <= state.t_capture_ns:
+        return FrameFault.REORDERED, state
+    repeats = state.repeats + 1 if header.checksum == state.checksum else 0
+    state = GuardState(header.t_capture_ns, header.checksum, repeats)
+    return (FrameFault.FROZEN if repeats + 1 >= FROZEN_FRAMES else None), state
+
+
+def check_picture(image: ImageArray) -> FrameFault | None:
+    """Judge the brightness of a picture (H, W, 3) by every eighth pixel."""
+    sample = image[::8, ::8].astype(np.float32)
+    mean, deviation = float(sample.mean()), float(sample.std())
+    if mean < _DARK:
+        return FrameFault.DARK
+    if mean > _BRIGHT:
+        return FrameFault.BRIGHT
+    return FrameFault.FLAT if deviation < _FLAT else None
