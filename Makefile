@@ -1,0 +1,47 @@
+# make demo   fly a simulated drone to a picture, on this machine, with nothing else installed
+# make test   run every check and test
+# Both set up a virtual environment in .venv first; extra words: make demo ARGS="--seed 3"
+
+PYTHON ?= python3
+CONSTRAINTS ?= constraints.txt
+ARGS ?=
+BIN := .venv/bin
+
+.PHONY: demo test seeds lint types imports pytest setup clean
+
+demo: .venv/.stamp-sim
+	$(BIN)/dfvs-demo $(ARGS)
+
+seeds: .venv/.stamp-sim
+	$(BIN)/dfvs-demo --runs 10 $(ARGS)
+
+test: lint types imports pytest
+
+setup: .venv/.stamp-dev
+
+lint: .venv/.stamp-test
+	$(BIN)/ruff check .
+	$(BIN)/ruff format --check .
+
+types: .venv/.stamp-test
+	$(BIN)/mypy
+
+imports: .venv/.stamp-test
+	$(BIN)/lint-imports
+
+pytest: .venv/.stamp-test
+	$(BIN)/python -m pytest $(ARGS)
+
+.venv/bin/python:
+	@$(PYTHON) -c 'import sys; v = sys.version_info; \
+	sys.exit(0 if v >= (3, 11) else "error: Python %d.%d is too old; expected 3.11 or newer; run make PYTHON=python3.12" % v[:2])'
+	$(PYTHON) -m venv .venv
+	$(BIN)/python -m pip install --quiet --upgrade pip
+
+.venv/.stamp-%: .venv/bin/python pyproject.toml $(CONSTRAINTS)
+	@echo "Setting up .venv ($*); the first time takes a minute or two"
+	$(BIN)/python -m pip install --quiet -c $(CONSTRAINTS) -e '.[$*]'
+	@touch $@
+
+clean:
+	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
