@@ -1,0 +1,106 @@
+"""``dfvs-sim vehicle``: the simulated quadrotor alone."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import sys
+from pathlib import Path
+from typing import Any
+
+from dfvs_core.errors import ConfigError
+from dfvs_sim.vehicle.estimator import EstimatorErrors
+from dfvs_sim.vehicle.mavlink import UdpPorts
+from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle, stop_on_signals
+from dfvs_sim.vehicle.px4 import VehicleConfig
+
+_EPILOG = """example:
+  dfvs-sim vehicle --start 0,0,0,30 --record vehicle.jsonl
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add ``vehicle`` to the subcommands of ``dfvs-sim``."""
+    parser = subparsers.add_parser(
+        "vehicle",
+        help="the simulated quadrotor with PX4's MAVLink face",
+        description="A simulated quadrotor that answers on MAVLink as PX4 does. A companion "
+        "listens on UDP 14540, a ground station on UDP 14550.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_options(parser)
+    parser.set_defaults(run=run)
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the vehicle's options to a parser."""
+    add = parser.add_argument
+    add("--companion-port", type=int, default=14540, help="UDP port of the companion's side")
+    add("--companion-local-port", type=int, default=14580, help="our own side of it; 0: any")
+    add("--gcs-port", type=int, default=14550, help="UDP port of the ground station's side")
+    add("--gcs-local-port", type=int, default=18570, help="our own side of it; 0: any")
+    add("--record", type=Path, metavar="FILE", help="write every setpoint, command and pose")
+    add(
+        "--start",
+        default="0,0,0,0",
+        metavar="X,Y,Z,YAW",
+        help="spawn point in the scene's world frame (NED, m) and heading (degrees)",
+    )
+    add("--ground-z", type=float, default=0.08, help="local z when standing on the ground, m")
+    add("--ready-after", type=float, default=5.0, metavar="S", help="seconds until armable")
+    add("--seed", type=int, default=0, help="seed of noise and delays")
+    add("--wind", default="0,0", metavar="N,E", help="steady wind towards north and east, m/s")
+    add("--velocity-noise", type=float, default=0.0, help="deviation of estimated velocity, m/s")
+    add("--position-drift", type=float, default=0.0, help="deviation of estimated position, m")
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fly until interrupted; exit code 0."""
+    config = config_from_args(args)
+    stop = stop_on_signals()
+    print(
+        f"vehicle: companion link to UDP {config.companion.remote}, "
+        f"ground station link to UDP {config.ground.remote}",
+        file=sys.stderr,
+        flush=True,
+    )
+    run_vehicle(config, stop)
+    return 0
+
+
+def config_from_args(args: argparse.Namespace) -> ProcessConfig:
+    """Options to configuration.
+
+    Raises
+    ------
+    ConfigError
+        If a list of numbers cannot be read.
+    """
+    x, y, z, yaw_deg = _numbers(args.start, "--start", 4)
+    north, east = _numbers(args.wind, "--wind", 2)
+    return ProcessConfig(
+        companion=UdpPorts(args.companion_local_port, args.companion_port),
+        ground=UdpPorts(args.gcs_local_port, args.gcs_port),
+        record=args.record,
+        start_m=(x, y, z),
+        seed=args.seed,
+        vehicle=VehicleConfig(
+            yaw_rad=math.radians(yaw_deg),
+            ground_m=args.ground_z,
+            ready_after_s=args.ready_after,
+            errors=EstimatorErrors(args.velocity_noise, args.position_drift),
+            wind_north_m_s=north,
+            wind_east_m_s=east,
+        ),
+    )
+
+
+def _numbers(text: str, option: str, count: int) -> list[float]:
+    try:
+        values = [float(part) for part in text.split(",")]
+    except ValueError:
+        values = []
+    if len(values) != count or not all(map(math.isfinite, values)):
+        raise ConfigError(f"{option} is {text!r}", f"{count} numbers separated by commas")
+    return values

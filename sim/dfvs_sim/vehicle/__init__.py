@@ -1,0 +1,1 @@
+"""The simulated quadrotor: its motion, PX4's logic, and its MAVLink face."""

@@ -1,0 +1,170 @@
+"""COMMAND_LONG and COMMAND_INT: what PX4 does with each and how it acknowledges."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import TYPE_CHECKING
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from dfvs_sim.vehicle.modes import Mode, mode_from_numbers
+from dfvs_sim.vehicle.telemetry import HOME_ALTITUDE_M, Message
+
+if TYPE_CHECKING:
+    from dfvs_sim.vehicle.px4 import Px4
+
+ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
+"""MAV_RESULT; REJECTED is TEMPORARILY_REJECTED."""
+
+_FORCE = 21196
+_SECOND_ACK_NS = 8_000_000
+_CUSTOM_MODE = 1
+
+Params = tuple[float, ...]
+
+
+class CommandHandler:
+    """Acts on commands and gives their acks."""
+
+    def __init__(self, px4: Px4) -> None:
+        self._px4 = px4
+        self._results: dict[int, Callable[[Params, str, int], int]] = {
+            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: self._to_mode(Mode.RETURN),
+            mavlink.MAV_CMD_NAV_LAND: self._to_mode(Mode.LAND),
+            mavlink.MAV_CMD_NAV_TAKEOFF: self._take_off,
+            mavlink.MAV_CMD_COMPONENT_ARM_DISARM: self._arm,
+            mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
+            mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
+            mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
+            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._request_version,
+            mavlink.MAV_CMD_GET_HOME_POSITION: self._request_home,
+        }
+
+    def on_command(self, message: Message, link: str, now_ns: int) -> list[Message]:
+        """Act on one command; returns the ack that goes out at once."""
+        if message.target_component not in (0, 1):
+            return []
+        params = _params(message)
+        command = message.command
+        kind = "command"
+        if command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
+            kind = "arm_command"
+        if command in (
+            mavlink.MAV_CMD_DO_SET_MODE,
+            mavlink.MAV_CMD_NAV_LAND,
+            mavlink.MAV_CMD_NAV_TAKEOFF,
+            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
+        ):
+            kind = "mode_command"
+        if command == mavlink.MAV_CMD_DO_SET_MODE:
+            mode = _wanted_mode(params)
+            result = self._set_mode(mode, now_ns)
+            name = mode.name if mode else None
+        else:
+            act = self._results.get(command)
+            result = act(params, link, now_ns) if act else UNSUPPORTED
+            name = None
+        shown = [p if math.isfinite(p) else str(p) for p in params]
+        self._px4.note(
+            now_ns, kind, message, link, command=command, params=shown, mode=name, result=result
+        )
+        if command != mavlink.MAV_CMD_DO_SET_MODE:
+            return [_ack(message, command, result)]
+        delay_ns = int(self._px4.rng.integers(0, _SECOND_ACK_NS, endpoint=True))
+        self._px4.send_later(now_ns + delay_ns, link, _ack(message, command, result))
+        return [_ack(message, command, ACCEPTED)]
+
+    def on_set_mode(self, message: Message, link: str, now_ns: int) -> list[Message]:
+        """SET_MODE, the old message without an ack."""
+        numbers = message.custom_mode >> 16 & 0xFF, message.custom_mode >> 24 & 0xFF
+        mode = mode_from_numbers(*numbers) if message.base_mode & _CUSTOM_MODE else None
+        result = self._set_mode(mode, now_ns)
+        name = mode.name if mode else None
+        self._px4.note(now_ns, "mode_command", message, link, command=11, mode=name, result=result)
+        return []
+
+    def _set_mode(self, mode: Mode | None, now_ns: int) -> int:
+        if mode is None:
+            return REJECTED
+        return ACCEPTED if self._px4.request_mode(mode, now_ns) is None else REJECTED
+
+    def _to_mode(self, mode: Mode) -> Callable[[Params, str, int], int]:
+        return lambda params, link, now_ns: self._set_mode(mode, now_ns)
+
+    def _take_off(self, params: Params, link: str, now_ns: int) -> int:
+        """Take off to the altitude above sea level in param7, or to MIS_TAKEOFF_ALT."""
+        altitude_m = params[6]
+        down_m = HOME_ALTITUDE_M - altitude_m if math.isfinite(altitude_m) else None
+        self._px4.navigator.takeoff_down_m = down_m
+        return self._set_mode(Mode.TAKEOFF, now_ns)
+
+    def _arm(self, params: Params, link: str, now_ns: int) -> int:
+        force = params[1] == _FORCE
+        if params[0] == 1.0:
+            refusal = self._px4.arm(now_ns, force=force)
+        elif params[0] == 0.0:
+            refusal = self._px4.disarm(now_ns, "command", force=force)
+        else:
+            return DENIED
+        return ACCEPTED if refusal is None else REJECTED
+
+    def _set_interval(self, params: Params, link: str, now_ns: int) -> int:
+        name = _message_name(params[0])
+        if name not in self._px4.telemetry.builders or not math.isfinite(params[1]):
+            return FAILED
+        self._px4.links[link].schedule.set_interval(name, params[1], now_ns)
+        return ACCEPTED
+
+    def _get_interval(self, params: Params, link: str, now_ns: int) -> int:
+        name = _message_name(params[0])
+        if name not in self._px4.telemetry.builders:
+            return FAILED
+        interval_us = self._px4.links[link].schedule.interval_us(name)
+        answer = mavlink.MAVLink_message_interval_message(int(params[0]), interval_us)
+        self._px4.send_later(now_ns, link, answer)
+        return ACCEPTED
+
+    def _request_message(self, params: Params, link: str, now_ns: int) -> int:
+        return self._send_once(_message_name(params[0]), link, now_ns)
+
+    def _request_version(self, params: Params, link: str, now_ns: int) -> int:
+        return self._send_once("AUTOPILOT_VERSION", link, now_ns)
+
+    def _request_home(self, params: Params, link: str, now_ns: int) -> int:
+        return self._send_once("HOME_POSITION", link, now_ns)
+
+    def _send_once(self, name: str, link: str, now_ns: int) -> int:
+        if name not in self._px4.telemetry.builders:
+            return DENIED
+        message = self._px4.telemetry.build(name, now_ns)
+        if message is None:
+            return DENIED
+        self._px4.send_later(now_ns, link, message)
+        return ACCEPTED
+
+
+def _params(message: Message) -> Params:
+    """The seven parameters; COMMAND_INT carries two of them under other names."""
+    if message.get_type() == "COMMAND_INT":
+        places = (float(message.x), float(message.y), message.z)
+        return (message.param1, message.param2, message.param3, message.param4, *places)
+    return tuple(getattr(message, f"param{i}") for i in range(1, 8))
+
+
+def _wanted_mode(params: Params) -> Mode | None:
+    """Mode in DO_SET_MODE; None for base modes and for numbers that mean nothing here."""
+    if not all(math.isfinite(p) for p in params[:3]) or not int(params[0]) & _CUSTOM_MODE:
+        return None
+    return mode_from_numbers(int(params[1]), int(params[2]))
+
+
+def _message_name(number: float) -> str:
+    """Name of a MAVLink message; empty where there is no such number."""
+    known = mavlink.mavlink_map.get(int(number)) if math.isfinite(number) else None
+    return str(known.msgname) if known else ""
+
+
+def _ack(message: Message, command: int, result: int) -> Message:
+    source = message.get_srcSystem(), message.get_srcComponent()
+    return mavlink.MAVLink_command_ack_message(command, result, 0, 0, *source)

@@ -1,0 +1,155 @@
+"""A quadrotor's motion: a point mass that must tilt to accelerate, on flat ground.
+
+Plain floats throughout: the model runs 250 times a second beside everything else. World frame
+NED (m, m/s, m/s²), body FRD, aerospace angles in rad. The parameters were fitted to step responses
+recorded with PX4 v1.17's own quadrotor model; ``tests/unit/test_dynamics.py`` holds the table.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+GRAVITY_M_S2 = 9.80665
+
+
+@dataclass(frozen=True, slots=True)
+class AirframeParameters:
+    """Physics of the airframe with its attitude and rate loops.
+
+    ``attitude_gain`` turns a tilt error into a rate and ``rate_gain`` a rate error into an
+    angular acceleration; the yaw axis has a proportional and an integral rate gain, followed by
+    the lag of the rotors. Drag is linear in the velocity through the air, per unit of mass.
+    """
+
+    drag_1_s: float = 0.88
+    attitude_gain_1_s: float = 6.5
+    rate_gain_1_s: float = 10.7
+    yaw_rate_gain_1_s: float = 2.44
+    yaw_integral_gain_1_s2: float = 0.63
+    yaw_lag_s: float = 0.084
+    thrust_lag_s: float = 0.028
+    tilt_max_rad: float = math.radians(45.0)
+    thrust_max_m_s2: float = 2.0 * GRAVITY_M_S2
+
+
+@dataclass(frozen=True, slots=True)
+class Command:
+    """What the autopilot asks of the airframe: acceleration in NED and a yaw rate."""
+
+    north_m_s2: float = 0.0
+    east_m_s2: float = 0.0
+    down_m_s2: float = 0.0
+    yaw_rate_rad_s: float = 0.0
+
+
+class Quadrotor:
+    """State of the vehicle in NED, with the origin of the local frame; advanced by ``step``.
+
+    Parameters
+    ----------
+    parameters : AirframeParameters
+        Physics.
+    ground_m : float
+        Down coordinate of the flat ground; the vehicle starts on it.
+    yaw_rad : float
+        Heading at the start.
+    """
+
+    def __init__(
+        self,
+        parameters: AirframeParameters | None = None,
+        ground_m: float = 0.0,
+        yaw_rad: float = 0.0,
+    ) -> None:
+        self.parameters = parameters or AirframeParameters()
+        self.ground_m = ground_m
+        self.north_m, self.east_m, self.down_m = 0.0, 0.0, ground_m
+        self.v_north_m_s, self.v_east_m_s, self.v_down_m_s = 0.0, 0.0, 0.0
+        self.a_north_m_s2, self.a_east_m_s2, self.a_down_m_s2 = 0.0, 0.0, 0.0
+        self.roll_rad, self.pitch_rad, self.yaw_rad = 0.0, 0.0, yaw_rad
+        self.roll_rate_rad_s, self.pitch_rate_rad_s, self.yaw_rate_rad_s = 0.0, 0.0, 0.0
+        self.wind_north_m_s, self.wind_east_m_s = 0.0, 0.0
+        self.on_ground = True
+        self._thrust_m_s2 = 0.0
+        self._yaw_torque_rad_s2 = 0.0
+        self._yaw_integral_rad_s2 = 0.0
+
+    def step(self, dt_s: float, command: Command | None) -> None:
+        """Advance by dt_s; ``None`` means that the rotors stand still."""
+        self._turn(dt_s, command or Command(), spinning=command is not None)
+        self._push(dt_s)
+        self._touch_ground()
+
+    def _turn(self, dt_s: float, command: Command, *, spinning: bool) -> None:
+        """Run the attitude, yaw-rate and thrust loops."""
+        p = self.parameters
+        thrust, roll, pitch = self._attitude_for(command) if spinning else (0.0, 0.0, 0.0)
+        self._thrust_m_s2 += (thrust - self._thrust_m_s2) * min(1.0, dt_s / p.thrust_lag_s)
+        if self.on_ground:
+            roll = pitch = 0.0
+        for_roll = p.attitude_gain_1_s * (roll - self.roll_rad)
+        for_pitch = p.attitude_gain_1_s * (pitch - self.pitch_rad)
+        self.roll_rate_rad_s += p.rate_gain_1_s * (for_roll - self.roll_rate_rad_s) * dt_s
+        self.pitch_rate_rad_s += p.rate_gain_1_s * (for_pitch - self.pitch_rate_rad_s) * dt_s
+        self.roll_rad += self.roll_rate_rad_s * dt_s
+        self.pitch_rad += self.pitch_rate_rad_s * dt_s
+        self._turn_yaw(dt_s, command.yaw_rate_rad_s)
+
+    def _turn_yaw(self, dt_s: float, yaw_rate_rad_s: float) -> None:
+        """Yaw-rate loop: proportional and integral, then the lag of the rotors."""
+        p = self.parameters
+        if self.on_ground:
+            self.yaw_rate_rad_s = self._yaw_torque_rad_s2 = self._yaw_integral_rad_s2 = 0.0
+            return
+        error = yaw_rate_rad_s - self.yaw_rate_rad_s
+        self._yaw_integral_rad_s2 += p.yaw_integral_gain_1_s2 * error * dt_s
+        wanted = p.yaw_rate_gain_1_s * error + self._yaw_integral_rad_s2
+        self._yaw_torque_rad_s2 += (wanted - self._yaw_torque_rad_s2) * dt_s / p.yaw_lag_s
+        self.yaw_rate_rad_s += self._yaw_torque_rad_s2 * dt_s
+        yaw = self.yaw_rad + self.yaw_rate_rad_s * dt_s
+        self.yaw_rad = (yaw + math.pi) % (2.0 * math.pi) - math.pi
+
+    def _attitude_for(self, command: Command) -> tuple[float, float, float]:
+        """Specific thrust (m/s²), roll and pitch (rad) that give the commanded acceleration."""
+        p = self.parameters
+        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        forward = c * command.north_m_s2 + s * command.east_m_s2
+        right = -s * command.north_m_s2 + c * command.east_m_s2
+        up = max(0.1 * GRAVITY_M_S2, GRAVITY_M_S2 - command.down_m_s2)
+        most = up * math.tan(p.tilt_max_rad)
+        level = math.hypot(forward, right)
+        if level > most:
+            forward, right = forward * most / level, right * most / level
+        pitch = math.atan2(-forward, up)
+        roll = math.atan2(right, math.hypot(up, forward))
+        thrust = math.sqrt(forward * forward + right * right + up * up)
+        return min(thrust, p.thrust_max_m_s2), roll, pitch
+
+    def _push(self, dt_s: float) -> None:
+        """Thrust along the body's z, drag and gravity move the point mass."""
+        k = self.parameters.drag_1_s
+        cr, sr = math.cos(self.roll_rad), math.sin(self.roll_rad)
+        cp, sp = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
+        cy, sy = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        f = self._thrust_m_s2
+        wind_n, wind_e = self.wind_north_m_s, self.wind_east_m_s
+        self.a_north_m_s2 = -f * (cr * sp * cy + sr * sy) - k * (self.v_north_m_s - wind_n)
+        self.a_east_m_s2 = -f * (cr * sp * sy - sr * cy) - k * (self.v_east_m_s - wind_e)
+        self.a_down_m_s2 = GRAVITY_M_S2 - f * cr * cp - k * self.v_down_m_s
+        self.v_north_m_s += self.a_north_m_s2 * dt_s
+        self.v_east_m_s += self.a_east_m_s2 * dt_s
+        self.v_down_m_s += self.a_down_m_s2 * dt_s
+        self.north_m += self.v_north_m_s * dt_s
+        self.east_m += self.v_east_m_s * dt_s
+        self.down_m += self.v_down_m_s * dt_s
+
+    def _touch_ground(self) -> None:
+        """Stop at the ground and stick to it until the thrust lifts the vehicle."""
+        self.on_ground = self.down_m >= self.ground_m
+        if not self.on_ground:
+            return
+        self.down_m = self.ground_m
+        self.v_north_m_s = self.v_east_m_s = 0.0
+        self.v_down_m_s = min(0.0, self.v_down_m_s)
+        self.a_north_m_s2 = self.a_east_m_s2 = self.a_down_m_s2 = 0.0

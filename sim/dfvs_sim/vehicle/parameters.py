@@ -1,0 +1,129 @@
+"""PX4's parameters: those that change how this vehicle behaves, with PX4's defaults and types.
+
+On the wire an integer travels as its bytes inside the float field (bytewise encoding).
+"""
+
+from __future__ import annotations
+
+import math
+import struct
+from collections.abc import Mapping
+
+from dfvs_sim.vehicle.control import Gains
+
+INT32, REAL32 = 6, 9
+"""MAV_PARAM_TYPE of an integer and of a float."""
+
+Value = int | float
+
+DEFAULTS: Mapping[str, Value] = {
+    "COM_ARM_WO_GPS": 1,
+    "COM_DISARM_LAND": 2.0,
+    "COM_DISARM_PRFLT": 10.0,
+    "COM_OBL_RC_ACT": 0,
+    "COM_OF_LOSS_T": 1.0,
+    "COM_RC_IN_MODE": 3,
+    "COM_RC_LOSS_T": 0.5,
+    "COM_SPOOLUP_TIME": 1.0,
+    "MAV_COMP_ID": 1,
+    "MAV_SYS_ID": 1,
+    "MAV_TYPE": 2,
+    "MC_YAWRATE_MAX": 200.0,
+    "MC_YAW_P": 2.8,
+    "MIS_TAKEOFF_ALT": 2.5,
+    "MPC_ACC_HOR": 3.0,
+    "MPC_JERK_AUTO": 4.0,
+    "MPC_LAND_ALT1": 10.0,
+    "MPC_LAND_ALT2": 5.0,
+    "MPC_LAND_ALT3": 1.0,
+    "MPC_LAND_CRWL": 0.3,
+    "MPC_LAND_SPEED": 0.7,
+    "MPC_MAN_TILT_MAX": 35.0,
+    "MPC_MAN_Y_MAX": 150.0,
+    "MPC_TILTMAX_AIR": 45.0,
+    "MPC_TKO_RAMP_T": 3.0,
+    "MPC_TKO_SPEED": 1.5,
+    "MPC_VEL_MANUAL": 10.0,
+    "MPC_XY_CRUISE": 5.0,
+    "MPC_XY_P": 0.95,
+    "MPC_XY_VEL_D_ACC": 0.2,
+    "MPC_XY_VEL_I_ACC": 0.4,
+    "MPC_XY_VEL_MAX": 12.0,
+    "MPC_XY_VEL_P_ACC": 1.8,
+    "MPC_Z_P": 1.0,
+    "MPC_Z_VEL_I_ACC": 2.0,
+    "MPC_Z_VEL_MAX_DN": 1.5,
+    "MPC_Z_VEL_MAX_UP": 3.0,
+    "MPC_Z_V_AUTO_DN": 1.5,
+    "MPC_Z_V_AUTO_UP": 3.0,
+    "NAV_MC_ALT_RAD": 0.8,
+    "NAV_RCL_ACT": 2,
+    "RTL_DESCEND_ALT": 30.0,
+    "RTL_MIN_DIST": 10.0,
+    "RTL_RETURN_ALT": 60.0,
+    "SYS_AUTOSTART": 10040,
+    "SYS_FAILURE_EN": 0,
+}
+
+
+class ParameterTable:
+    """Values by name, with PX4's types; integers and floats never change into each other."""
+
+    def __init__(self, changes: Mapping[str, Value] | None = None) -> None:
+        self._values: dict[str, Value] = dict(sorted(DEFAULTS.items()))
+        for name, value in (changes or {}).items():
+            self._values[name] = type(DEFAULTS[name])(value)
+        self.names: tuple[str, ...] = tuple(self._values)
+
+    def __getitem__(self, name: str) -> Value:
+        """Value of a known parameter."""
+        return self._values[name]
+
+    def __contains__(self, name: str) -> bool:
+        """Whether there is such a parameter."""
+        return name in self._values
+
+    def __len__(self) -> int:
+        """Count of all parameters."""
+        return len(self._values)
+
+    def kind(self, name: str) -> int:
+        """MAV_PARAM_TYPE of a known parameter."""
+        return INT32 if isinstance(self._values[name], int) else REAL32
+
+    def on_wire(self, name: str) -> float:
+        """Value as PARAM_VALUE.param_value carries it."""
+        value = self._values[name]
+        if isinstance(value, int):
+            return float(struct.unpack("<f", struct.pack("<i", value))[0])
+        return value
+
+    def set_from_wire(self, name: str, wire_value: float, kind: int) -> bool:
+        """Take PARAM_SET's value; False for an unknown name, another type or a value not finite."""
+        if name not in self._values or kind != self.kind(name):
+            return False
+        if kind == INT32:
+            self._values[name] = struct.unpack("<i", struct.pack("<f", wire_value))[0]
+            return True
+        if not math.isfinite(wire_value):
+            return False
+        self._values[name] = wire_value
+        return True
+
+    def gains(self) -> Gains:
+        """Gains and limits of the position and velocity loops."""
+        p = self._values
+        return Gains(
+            xy_position=p["MPC_XY_P"],
+            z_position=p["MPC_Z_P"],
+            xy_velocity=p["MPC_XY_VEL_P_ACC"],
+            xy_integral=p["MPC_XY_VEL_I_ACC"],
+            xy_derivative=p["MPC_XY_VEL_D_ACC"],
+            z_integral=p["MPC_Z_VEL_I_ACC"],
+            yaw=p["MC_YAW_P"],
+            speed_xy_m_s=p["MPC_XY_VEL_MAX"],
+            speed_up_m_s=p["MPC_Z_VEL_MAX_UP"],
+            speed_down_m_s=p["MPC_Z_VEL_MAX_DN"],
+            tilt_max_rad=math.radians(p["MPC_TILTMAX_AIR"]),
+            yaw_rate_max_rad_s=math.radians(p["MC_YAWRATE_MAX"]),
+        )

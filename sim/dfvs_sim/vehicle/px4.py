@@ -1,0 +1,391 @@
+"""A vehicle that behaves like PX4 v1.17 towards MAVLink, without I/O: time is passed in.
+
+``handle`` takes one message and answers it; ``step`` advances the world in fixed steps up to now
+and returns what is to be sent. Positions are in the local frame (NED), whose origin lies a little
+above the spawn point, so that ``LOCAL_POSITION_NED.z`` is not zero on the ground.
+"""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import numpy as np
+from pymavlink.dialects.v20 import common as mavlink
+
+from dfvs_sim.vehicle.commands import CommandHandler
+from dfvs_sim.vehicle.control import Controller, Demand
+from dfvs_sim.vehicle.dynamics import Quadrotor
+from dfvs_sim.vehicle.estimator import Estimator, EstimatorErrors
+from dfvs_sim.vehicle.failsafe import (
+    Refusal,
+    arming_refusal,
+    flown_mode,
+    mode_refusal,
+    should_disarm,
+)
+from dfvs_sim.vehicle.liftoff import LandDetector, Liftoff
+from dfvs_sim.vehicle.modes import Mode
+from dfvs_sim.vehicle.navigation import Navigator, Sticks
+from dfvs_sim.vehicle.parameters import ParameterTable, Value
+from dfvs_sim.vehicle.setpoints import (
+    BODY_NED,
+    LOCAL_NED,
+    Setpoint,
+    demand_from_setpoint,
+    is_flyable,
+)
+from dfvs_sim.vehicle.status import NS_PER_S, Status
+from dfvs_sim.vehicle.streams import RATES_HZ, Schedule
+from dfvs_sim.vehicle.telemetry import Message, Telemetry
+
+STEP_NS = 4_000_000
+_CHECK_NS = 100 * 1_000_000
+_GCS_TIMEOUT_NS = 3 * NS_PER_S
+_STOP = Demand(velocity=(0.0, 0.0, 0.0), yaw_rate_rad_s=0.0)
+
+Journal = Callable[[int, str, dict[str, Any]], None]
+"""Where the vehicle's own record goes: (t_ns, kind, fields)."""
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleConfig:
+    """How the vehicle starts and what it meets."""
+
+    yaw_rad: float = 0.0
+    ground_m: float = 0.08
+    ready_after_s: float = 5.0
+    errors: EstimatorErrors = field(default_factory=EstimatorErrors)
+    wind_north_m_s: float = 0.0
+    wind_east_m_s: float = 0.0
+    parameters: dict[str, Value] = field(default_factory=dict)
+    system_id: int = 1
+
+
+@dataclass(slots=True)
+class LinkState:
+    """One MAVLink connection: its streams, and whether a ground station talks on it."""
+
+    schedule: Schedule
+    gcs_ns: int | None = None
+    dropped: bool = False
+
+
+def _no_journal(t_ns: int, kind: str, fields: dict[str, Any]) -> None:
+    """Record nothing."""
+
+
+class Px4:
+    """The simulated vehicle with PX4's face."""
+
+    def __init__(
+        self,
+        config: VehicleConfig,
+        now_ns: int,
+        rng: np.random.Generator,
+        journal: Journal = _no_journal,
+    ) -> None:
+        self.config = config
+        self.journal = journal
+        self.rng = rng
+        self.parameters = ParameterTable(config.parameters)
+        self.status = Status(boot_ns=now_ns, home_m=(0.0, 0.0, config.ground_m))
+        self.vehicle = Quadrotor(ground_m=config.ground_m, yaw_rad=config.yaw_rad)
+        self.vehicle.wind_north_m_s = config.wind_north_m_s
+        self.vehicle.wind_east_m_s = config.wind_east_m_s
+        self.estimator = Estimator(config.errors, rng)
+        self.estimate = self.estimator.update(0.0, self.vehicle)
+        self.controller = Controller(self.parameters.gains())
+        self.navigator = Navigator(self.parameters, self.status)
+        self.liftoff = Liftoff(self.parameters)
+        self.land_detector = LandDetector()
+        self.telemetry = Telemetry(self.status, self.estimate)
+        self.links = {name: LinkState(Schedule(RATES_HZ[name], now_ns)) for name in RATES_HZ}
+        self._commands = CommandHandler(self)
+        self._setpoint_demand = _STOP
+        self._later: list[tuple[int, str, Message]] = []
+        self._time_ns = now_ns
+        self._next_check_ns = now_ns
+        self._handlers: dict[str, Callable[[Message, str, int], list[Message]]] = {
+            "HEARTBEAT": self._on_heartbeat,
+            "SET_POSITION_TARGET_LOCAL_NED": self._on_setpoint,
+            "MANUAL_CONTROL": self._on_sticks,
+            "SET_MODE": self._commands.on_set_mode,
+            "COMMAND_LONG": self._commands.on_command,
+            "COMMAND_INT": self._commands.on_command,
+            "PARAM_REQUEST_READ": self._on_param_read,
+            "PARAM_REQUEST_LIST": self._on_param_list,
+            "PARAM_SET": self._on_param_set,
+            "PING": self._on_ping,
+            "TIMESYNC": self._on_timesync,
+        }
+
+    # What comes in
+
+    def handle(self, message: Message, link: str, now_ns: int) -> list[Message]:
+        """Take one message from a link; the answers go back on the same link."""
+        handler = self._handlers.get(message.get_type())
+        target = getattr(message, "target_system", 0) or getattr(message, "target", 0)
+        if handler is None or self.links[link].dropped:
+            return []
+        if target not in (0, self.config.system_id):
+            return []
+        return handler(message, link, now_ns)
+
+    def _on_heartbeat(self, message: Message, link: str, now_ns: int) -> list[Message]:
+        if message.type == mavlink.MAV_TYPE_GCS:
+            self.links[link].gcs_ns = now_ns
+        self.note(now_ns, "heartbeat", message, link, type=message.type)
+        return []
+
+    def _on_setpoint(self, m: Message, link: str, now_ns: int) -> list[Message]:
+        setpoint = Setpoint(
+            m.coordinate_frame,
+            m.type_mask,
+            (m.x, m.y, m.z),
+            (m.vx, m.vy, m.vz),
+            (m.afx, m.afy, m.afz),
+            m.yaw,
+            m.yaw_rate,
+        )
+        known = setpoint.frame in (LOCAL_NED, BODY_NED)
+        demand = demand_from_setpoint(setpoint, self.estimate.yaw_rad) if known else None
+        self.note(now_ns, "setpoint", m, link, **_values(setpoint), valid=demand is not None)
+        if not known:
+            self.say(f"SET_POSITION_TARGET_LOCAL_NED: frame {setpoint.frame} not supported")
+        if demand is not None:
+            self.status.setpoint_ns = now_ns
+            if self.status.mode is Mode.OFFBOARD:
+                self._setpoint_demand = demand if is_flyable(demand) else _STOP
+        return []
+
+    def _on_sticks(self, m: Message, link: str, now_ns: int) -> list[Message]:
+        up = (m.z - 500) / 500.0
+        sticks = Sticks(*(_stick(v) for v in (m.x / 1000.0, m.y / 1000.0, up, m.r / 1000.0)))
+        self.status.manual_ns = now_ns
+        self.navigator.sticks = sticks
+        return []
+
+    def _on_param_read(self, m: Message, link: str, now_ns: int) -> list[Message]:
+        name = m.param_id
+        if m.param_index >= 0:
+            names = self.parameters.names
+            name = names[m.param_index] if m.param_index < len(names) else ""
+        return [self._param_value(name)] if name in self.parameters else []
+
+    def _on_param_list(self, m: Message, link: str, now_ns: int) -> list[Message]:
+        for i, name in enumerate(self.parameters.names):
+            self.send_later(now_ns + i * STEP_NS, link, self._param_value(name))
+        return []
+
+    def _on_param_set(self, m: Message, link: str, now_ns: int) -> list[Message]:
+        accepted = self.parameters.set_from_wire(m.param_id, m.param_value, m.param_type)
+        if m.param_id not in self.parameters:
+            return []
+        value = self.parameters[m.param_id]
+        self.note(now_ns, "parameter", m, link, name=m.param_id, value=value, accepted=accepted)
+        self.controller.gains = self.parameters.gains()
+        return [self._param_value(m.param_id)]
+
+    def _param_value(self, name: str) -> Message:
+        p = self.parameters
+        return mavlink.MAVLink_param_value_message(
+            name.encode(), p.on_wire(name), p.kind(name), len(p), p.names.index(name)
+        )
+
+    def _on_ping(self, m: Message, link: str, now_ns: int) -> list[Message]:
+        if m.target_system or m.target_component:
+            return []
+        source = m.get_srcSystem(), m.get_srcComponent()
+        return [mavlink.MAVLink_ping_message(m.time_usec, m.seq, *source)]
+
+    def _on_timesync(self, m: Message, link: str, now_ns: int) -> list[Message]:
+        return [mavlink.MAVLink_timesync_message(now_ns, m.ts1)] if m.tc1 == 0 else []
+
+    # What others of the autopilot's parts ask for
+
+    def note(self, now_ns: int, kind: str, message: Message, link: str, **fields: Any) -> None:
+        """Put an event into the record, with the link and the sender of the message."""
+        source = {"link": link, "sysid": message.get_srcSystem()}
+        self.journal(now_ns, kind, {**source, "compid": message.get_srcComponent(), **fields})
+
+    def say(self, text: str) -> None:
+        """Queue a STATUSTEXT for the links on which a ground station is seen."""
+        self.status.texts.append(text)
+
+    def send_later(self, when_ns: int, link: str, message: Message) -> None:
+        """Send on the link once the time has come."""
+        self._later.append((when_ns, link, message))
+
+    def request_mode(self, mode: Mode, now_ns: int) -> Refusal | None:
+        """Change the intended mode; while disarmed that is always possible."""
+        refusal = mode_refusal(mode, self.status, self.parameters, now_ns)
+        if refusal is not None and self.status.armed:
+            self.say(f"Switching to {mode.name.lower()} is not possible: {refusal.value}")
+            return refusal
+        if self.status.mode is not Mode.TERMINATION or not self.status.armed:
+            self.status.intended = mode
+            self._supervise(now_ns)
+        return None
+
+    def arm(self, now_ns: int, *, force: bool = False) -> Refusal | None:
+        """Arm, unless a check forbids it."""
+        refusal = None if force else arming_refusal(self.status, self.parameters, now_ns)
+        if refusal is not None:
+            self.say(refusal.value)
+            return refusal
+        if not self.status.armed:
+            e = self.estimate
+            self.status.armed, self.status.armed_ns, self.status.flew = True, now_ns, False
+            self.status.home_m = (e.north_m, e.east_m, e.down_m)
+            self.navigator.enter(self.status.mode, e, self.status.mode)
+            self.controller.reset()
+            self._journal_state(now_ns, "armed")
+        return None
+
+    def disarm(self, now_ns: int, cause: str, *, force: bool = False) -> Refusal | None:
+        """Disarm; in the air only by force."""
+        if self.status.armed and not self.status.landed and not force:
+            self.say(Refusal.IN_AIR.value)
+            return Refusal.IN_AIR
+        if self.status.armed:
+            self.status.armed = self.status.failsafe = False
+            self._journal_state(now_ns, f"disarmed: {cause}")
+            self._supervise(now_ns)
+        return None
+
+    # What happens by itself
+
+    def step(self, now_ns: int) -> list[tuple[str, Message]]:
+        """Advance to now in steps of ``STEP_NS``; returns (link, message) to be sent."""
+        while self._time_ns + STEP_NS <= now_ns:
+            self._time_ns += STEP_NS
+            if self._time_ns >= self._next_check_ns:
+                self._next_check_ns = self._time_ns + _CHECK_NS
+                self._supervise(self._time_ns)
+            self._move(STEP_NS / NS_PER_S)
+        return self._outbox(now_ns)
+
+    def _supervise(self, now_ns: int) -> None:
+        """Readiness, failsafes, mode changes and disarming by itself."""
+        s = self.status
+        s.ready = now_ns - s.boot_ns >= self.config.ready_after_s * NS_PER_S
+        s.estimator_ok = self.estimate.valid
+        if s.armed and should_disarm(s, self.parameters, now_ns):
+            self.disarm(now_ns, "on the ground")
+        mode = flown_mode(s, self.parameters, now_ns)
+        if mode is None:
+            self.disarm(now_ns, "offboard setpoints lost", force=True)
+            return
+        failsafe = s.armed and mode is not s.intended
+        if mode is not s.mode or failsafe is not s.failsafe:
+            previous, s.mode, s.failsafe = s.mode, mode, failsafe
+            if failsafe:
+                self.say(f"Failsafe activated: {mode.name.lower()}")
+            self._setpoint_demand = _STOP
+            self.navigator.enter(mode, self.estimate, previous)
+            self._journal_state(now_ns, "failsafe" if failsafe else "mode")
+
+    def _move(self, dt_s: float) -> None:
+        """One step of control, motion and estimation."""
+        s, lift = self.status, self.liftoff
+        spinning = s.armed and s.mode is not Mode.TERMINATION
+        demand = self._demand(dt_s)
+        lift.update(dt_s, armed=spinning, landed=s.landed, wants_up=self._wants_up(demand))
+        self.controller.climb_limit_m_s = lift.climb_limit_m_s
+        command = None
+        if lift.flying:
+            command = self.controller.update(dt_s, demand, self.estimate)
+        self.vehicle.step(dt_s, command)
+        self.estimator.update(dt_s, self.vehicle)
+        self._notice_landing(dt_s, demand)
+        if s.mode is Mode.TAKEOFF and lift.flying and self.navigator.takeoff_reached(self.estimate):
+            self.request_mode(Mode.HOLD, self._time_ns)
+
+    def _demand(self, dt_s: float) -> Demand:
+        """What the mode asks for; on the ground nothing but offboard setpoints is followed."""
+        if self.status.mode is Mode.OFFBOARD:
+            return self._setpoint_demand
+        if not self.liftoff.flying:
+            return _STOP
+        self.navigator.climb_limit_m_s = min(
+            self.liftoff.climb_limit_m_s, float(self.parameters["MPC_TKO_SPEED"])
+        )
+        return self.navigator.demand(dt_s, self.status.mode, self.estimate)
+
+    def _wants_up(self, demand: Demand) -> bool:
+        """Whether a vehicle on the ground is asked to take off."""
+        mode = self.status.mode
+        if mode is Mode.OFFBOARD:
+            above = demand.position[2] < self.estimate.down_m
+            return demand.velocity[2] < 0.0 or demand.acceleration[2] < 0.0 or above
+        return mode is Mode.TAKEOFF or (
+            mode.needs_manual_control and self.navigator.sticks.up > 0.0
+        )
+
+    def _notice_landing(self, dt_s: float, demand: Demand) -> None:
+        s = self.status
+        landed = self.land_detector.update(
+            dt_s,
+            on_ground=self.vehicle.on_ground,
+            sinking=demand.velocity[2] > 0.05 or demand.acceleration[2] > 0.5,
+            flying=self.liftoff.flying,
+        )
+        if landed is s.landed:
+            return
+        s.landed = landed
+        if landed:
+            s.landed_ns = self._time_ns
+            self.controller.reset()
+        else:
+            s.flew = True
+        self._journal_state(self._time_ns, "landed" if landed else "lifted off")
+
+    def _journal_state(self, now_ns: int, cause: str) -> None:
+        s = self.status
+        fields = {"mode": s.mode.name, "intended": s.intended.name, "armed": s.armed}
+        more = {"landed": s.landed, "failsafe": s.failsafe, "cause": cause}
+        self.journal(now_ns, "state", {**fields, **more})
+
+    def _outbox(self, now_ns: int) -> list[tuple[str, Message]]:
+        """Everything that is due: answers put off, streams, texts."""
+        out: list[tuple[str, Message]] = []
+        if self._later:
+            out = [(link, message) for when, link, message in self._later if when <= now_ns]
+            self._later = [entry for entry in self._later if entry[0] > now_ns]
+        texts, self.status.texts = self.status.texts, []
+        for name, link in self.links.items():
+            if link.gcs_ns is not None and now_ns - link.gcs_ns < _GCS_TIMEOUT_NS:
+                out.extend((name, _statustext(text)) for text in texts)
+            for kind in link.schedule.due(now_ns):
+                message = self.telemetry.build(kind, now_ns)
+                if message is not None:
+                    out.append((name, message))
+        return [(name, message) for name, message in out if not self.links[name].dropped]
+
+
+def _statustext(text: str) -> Message:
+    return mavlink.MAVLink_statustext_message(mavlink.MAV_SEVERITY_WARNING, text.encode()[:50])
+
+
+def _stick(value: float) -> float:
+    return min(1.0, max(-1.0, value))
+
+
+def _values(setpoint: Setpoint) -> dict[str, Any]:
+    """Fields of a setpoint for the record; NaN and infinity as text, since JSON has none."""
+
+    def plain(value: float) -> float | str:
+        return value if math.isfinite(value) else str(value)
+
+    return {
+        "frame": setpoint.frame,
+        "mask": setpoint.mask,
+        "position": [plain(v) for v in setpoint.position],
+        "velocity": [plain(v) for v in setpoint.velocity],
+        "acceleration": [plain(v) for v in setpoint.acceleration],
+        "yaw_rad": plain(setpoint.yaw_rad),
+        "yaw_rate_rad_s": plain(setpoint.yaw_rate_rad_s),
+    }

@@ -1,0 +1,85 @@
+"""The autopilot's state that its parts share: mode, arming, landing, battery, home."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+from dfvs_sim.vehicle.modes import Mode
+
+NS_PER_S = 1_000_000_000
+
+
+class Landed(enum.IntEnum):
+    """MAV_LANDED_STATE."""
+
+    ON_GROUND = 1
+    IN_AIR = 2
+    TAKEOFF = 3
+    LANDING = 4
+
+
+class SystemStatus(enum.IntEnum):
+    """MAV_STATE, the ones that PX4 shows."""
+
+    UNINIT = 0
+    STANDBY = 3
+    ACTIVE = 4
+    CRITICAL = 5
+    FLIGHT_TERMINATION = 8
+
+
+@dataclass(slots=True)
+class Status:
+    """Mutable heart of the autopilot.
+
+    ``intended`` is the mode that was asked for last; ``mode`` is the one that is flown and shown,
+    another one only while a failsafe acts. Times are monotonic ns.
+    """
+
+    boot_ns: int
+    ready: bool = False
+    intended: Mode = Mode.HOLD
+    mode: Mode = Mode.HOLD
+    failsafe: bool = False
+    armed: bool = False
+    armed_ns: int = 0
+    landed: bool = True
+    landed_ns: int = 0
+    flew: bool = False
+    home_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    battery: float = 1.0
+    estimator_ok: bool = True
+    setpoint_ns: int | None = None
+    manual_ns: int | None = None
+    texts: list[str] = field(default_factory=list)
+
+    def armable(self) -> bool:
+        """Whether the checks before arming pass."""
+        return self.ready and self.estimator_ok
+
+    def landed_state(self) -> Landed:
+        """EXTENDED_SYS_STATE.landed_state."""
+        if self.landed:
+            return Landed.ON_GROUND
+        if self.mode is Mode.TAKEOFF:
+            return Landed.TAKEOFF
+        return Landed.LANDING if self.mode is Mode.LAND else Landed.IN_AIR
+
+    def system_status(self) -> SystemStatus:
+        """HEARTBEAT.system_status."""
+        if self.mode is Mode.TERMINATION:
+            return SystemStatus.FLIGHT_TERMINATION
+        if self.failsafe:
+            return SystemStatus.CRITICAL
+        if self.armed:
+            return SystemStatus.ACTIVE
+        return SystemStatus.STANDBY if self.armable() else SystemStatus.UNINIT
+
+    def setpoints_live(self, now_ns: int, timeout_s: float) -> bool:
+        """Whether a valid offboard setpoint came within the timeout."""
+        return self.setpoint_ns is not None and now_ns - self.setpoint_ns < timeout_s * NS_PER_S
+
+    def sticks_live(self, now_ns: int, timeout_s: float) -> bool:
+        """Whether a pilot's MANUAL_CONTROL came within the timeout."""
+        return self.manual_ns is not None and now_ns - self.manual_ns < timeout_s * NS_PER_S

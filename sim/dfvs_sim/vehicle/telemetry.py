@@ -1,0 +1,260 @@
+"""The messages that the vehicle streams, built from its status and its estimate."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable
+from typing import Any
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from dfvs_sim.vehicle.estimator import Estimate
+from dfvs_sim.vehicle.status import Status
+
+Message = Any
+"""A pymavlink message: pymavlink's classes are generated and carry no common type."""
+
+HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_ALTITUDE_M = 47.397742, 8.545594, 488.0
+"""Where the local frame's origin lies on the earth; the altitude is above mean sea level."""
+
+_EARTH_RADIUS_M = 6371000.0
+_NAN = math.nan
+
+_GYRO, _ACCEL, _MAG, _BARO, _GPS = 1, 2, 4, 8, 32
+_ATTITUDE, _POSITION = 0x800 | 0x1000, 0x4000 | 0x2000
+_MOTORS, _AHRS, _BATTERY, _PREARM = 0x8000, 0x200000, 0x2000000, 0x10000000
+_SENSORS = _GYRO | _ACCEL | _MAG | _BARO | _GPS | _ATTITUDE | _POSITION | _MOTORS | _AHRS | _BATTERY
+
+
+def attitude_quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, ...]:
+    """Quaternion (w, x, y, z) of aerospace angles in rad."""
+    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
+    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def _geodetic(north_m: float, east_m: float) -> tuple[int, int]:
+    """Latitude and longitude in 1e-7 degree, on a sphere flattened around the origin."""
+    latitude = HOME_LATITUDE_DEG + math.degrees(north_m / _EARTH_RADIUS_M)
+    radius = _EARTH_RADIUS_M * math.cos(math.radians(HOME_LATITUDE_DEG))
+    return round(latitude * 1e7), round((HOME_LONGITUDE_DEG + math.degrees(east_m / radius)) * 1e7)
+
+
+class Telemetry:
+    """Builds each streamed message from the status and the estimate."""
+
+    def __init__(self, status: Status, estimate: Estimate) -> None:
+        self._status = status
+        self._e = estimate
+        self.builders: dict[str, Callable[[int], Message | None]] = {
+            "HEARTBEAT": self._heartbeat,
+            "ATTITUDE": self._attitude,
+            "ATTITUDE_QUATERNION": self._attitude_quaternion,
+            "GLOBAL_POSITION_INT": self._global_position,
+            "LOCAL_POSITION_NED": self._local_position,
+            "ODOMETRY": self._odometry,
+            "GPS_RAW_INT": self._gps,
+            "SYS_STATUS": self._sys_status,
+            "EXTENDED_SYS_STATE": self._extended_sys_state,
+            "SYSTEM_TIME": self._system_time,
+            "HOME_POSITION": self._home_position,
+            "BATTERY_STATUS": self._battery,
+            "AUTOPILOT_VERSION": self._version,
+        }
+
+    def build(self, name: str, now_ns: int) -> Message | None:
+        """Message of that name, None where it has nothing to say yet."""
+        return self.builders[name](now_ns)
+
+    def _ms(self, now_ns: int) -> int:
+        return (now_ns - self._status.boot_ns) // 1_000_000
+
+    def _us(self, now_ns: int) -> int:
+        return (now_ns - self._status.boot_ns) // 1_000
+
+    def _heartbeat(self, _: int) -> Message:
+        s = self._status
+        return mavlink.MAVLink_heartbeat_message(
+            mavlink.MAV_TYPE_QUADROTOR,
+            mavlink.MAV_AUTOPILOT_PX4,
+            s.mode.base_mode(armed=s.armed),
+            s.mode.custom_mode,
+            int(s.system_status()),
+            3,
+        )
+
+    def _attitude(self, now_ns: int) -> Message:
+        e = self._e
+        return mavlink.MAVLink_attitude_message(
+            self._ms(now_ns),
+            e.roll_rad,
+            e.pitch_rad,
+            e.yaw_rad,
+            e.roll_rate_rad_s,
+            e.pitch_rate_rad_s,
+            e.yaw_rate_rad_s,
+        )
+
+    def _attitude_quaternion(self, now_ns: int) -> Message:
+        e = self._e
+        q = attitude_quaternion(e.roll_rad, e.pitch_rad, e.yaw_rad)
+        rates = (e.roll_rate_rad_s, e.pitch_rate_rad_s, e.yaw_rate_rad_s)
+        return mavlink.MAVLink_attitude_quaternion_message(self._ms(now_ns), *q, *rates)
+
+    def _local_position(self, now_ns: int) -> Message | None:
+        e = self._e
+        if not self._status.estimator_ok:
+            return None
+        return mavlink.MAVLink_local_position_ned_message(
+            self._ms(now_ns),
+            e.north_m,
+            e.east_m,
+            e.down_m,
+            e.v_north_m_s,
+            e.v_east_m_s,
+            e.v_down_m_s,
+        )
+
+    def _global_position(self, now_ns: int) -> Message | None:
+        e = self._e
+        if not (self._status.ready and self._status.estimator_ok):
+            return None
+        latitude, longitude = _geodetic(e.north_m, e.east_m)
+        heading = round(math.degrees(e.yaw_rad) * 100) % 36000
+        return mavlink.MAVLink_global_position_int_message(
+            self._ms(now_ns),
+            latitude,
+            longitude,
+            round((HOME_ALTITUDE_M - e.down_m) * 1000),
+            round((self._status.home_m[2] - e.down_m) * 1000),
+            round(e.v_north_m_s * 100),
+            round(e.v_east_m_s * 100),
+            round(e.v_down_m_s * 100),
+            heading,
+        )
+
+    def _odometry(self, now_ns: int) -> Message | None:
+        e = self._e
+        if not self._status.estimator_ok:
+            return None
+        q = attitude_quaternion(e.roll_rad, e.pitch_rad, e.yaw_rad)
+        unknown = [_NAN] * 21
+        return mavlink.MAVLink_odometry_message(
+            self._us(now_ns),
+            mavlink.MAV_FRAME_LOCAL_NED,
+            mavlink.MAV_FRAME_BODY_FRD,
+            e.north_m,
+            e.east_m,
+            e.down_m,
+            q,
+            *_to_body(q, e.v_north_m_s, e.v_east_m_s, e.v_down_m_s),
+            e.roll_rate_rad_s,
+            e.pitch_rate_rad_s,
+            e.yaw_rate_rad_s,
+            unknown,
+            unknown,
+            e.resets % 256,
+            mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
+            100,
+        )
+
+    def _gps(self, now_ns: int) -> Message:
+        e = self._e
+        latitude, longitude = _geodetic(e.north_m, e.east_m)
+        fixed = self._status.estimator_ok
+        return mavlink.MAVLink_gps_raw_int_message(
+            self._us(now_ns),
+            mavlink.GPS_FIX_TYPE_3D_FIX if fixed else mavlink.GPS_FIX_TYPE_NO_FIX,
+            latitude,
+            longitude,
+            round((HOME_ALTITUDE_M - e.down_m) * 1000),
+            70,
+            100,
+            round(100 * math.hypot(e.v_north_m_s, e.v_east_m_s)),
+            65535,
+            10 if fixed else 0,
+        )
+
+    def _sys_status(self, _: int) -> Message:
+        s = self._status
+        health = _SENSORS if s.ready else _SENSORS & ~(_GPS | _POSITION)
+        if not s.estimator_ok:
+            health &= ~(_GPS | _POSITION)
+        if s.armable():
+            health |= _PREARM
+        return mavlink.MAVLink_sys_status_message(
+            _SENSORS | _PREARM,
+            _SENSORS | _PREARM,
+            health,
+            200,
+            round(1000 * _voltage(s.battery)),
+            -1,
+            math.floor(100 * s.battery),
+            0,
+            0,
+            0,
+            0,
+            0,
+            0,
+        )
+
+    def _battery(self, _: int) -> Message:
+        s = self._status
+        cells = [round(1000 * _voltage(s.battery) / 4)] * 4 + [65535] * 6
+        return mavlink.MAVLink_battery_status_message(
+            0, 0, 0, 32767, cells, -1, -1, -1, math.floor(100 * s.battery)
+        )
+
+    def _extended_sys_state(self, _: int) -> Message:
+        return mavlink.MAVLink_extended_sys_state_message(0, int(self._status.landed_state()))
+
+    def _system_time(self, now_ns: int) -> Message:
+        return mavlink.MAVLink_system_time_message(0, self._ms(now_ns))
+
+    def _home_position(self, now_ns: int) -> Message | None:
+        s = self._status
+        if not s.ready:
+            return None
+        north, east, down = s.home_m
+        latitude, longitude = _geodetic(north, east)
+        altitude = round((HOME_ALTITUDE_M - down) * 1000)
+        q = attitude_quaternion(0.0, 0.0, self._e.yaw_rad)
+        return mavlink.MAVLink_home_position_message(
+            latitude, longitude, altitude, north, east, down, q, 0.0, 0.0, 0.0, self._us(now_ns)
+        )
+
+    def _version(self, _: int) -> Message:
+        capabilities = (
+            mavlink.MAV_PROTOCOL_CAPABILITY_PARAM_ENCODE_BYTEWISE
+            | mavlink.MAV_PROTOCOL_CAPABILITY_COMMAND_INT
+            | mavlink.MAV_PROTOCOL_CAPABILITY_SET_POSITION_TARGET_LOCAL_NED
+            | mavlink.MAV_PROTOCOL_CAPABILITY_MAVLINK2
+        )
+        version = 1 << 24 | 17 << 16 | 0 << 8 | 255
+        none = [0] * 8
+        return mavlink.MAVLink_autopilot_version_message(
+            capabilities, version, 0, 0, 0, none, none, none, 0, 0, 0x44465653
+        )
+
+
+def _voltage(share: float) -> float:
+    """Voltage of four cells, linear between empty and full."""
+    return 4.0 * (3.5 + 0.55 * share)
+
+
+def _to_body(
+    q: tuple[float, ...], north: float, east: float, down: float
+) -> tuple[float, float, float]:
+    """Take a vector from NED to the body frame of the quaternion (w, x, y, z)."""
+    w, x, y, z = q
+    return (
+        (1 - 2 * (y * y + z * z)) * north + 2 * (x * y + w * z) * east + 2 * (x * z - w * y) * down,
+        2 * (x * y - w * z) * north + (1 - 2 * (x * x + z * z)) * east + 2 * (y * z + w * x) * down,
+        2 * (x * z + w * y) * north + 2 * (y * z - w * x) * east + (1 - 2 * (x * x + y * y)) * down,
+    )
