@@ -112,7 +112,7 @@ class Pipeline:
             flow=flow,
             velocity=motion.level_velocity(),
             attitude=Attitude(motion.roll_rad, motion.pitch_rad),
-            camera_motion_m=self._camera_motion(T_world_camera),
+            motion_m=self._camera_motion(T_world_camera),
             earlier=earlier,
             engaged=engaged,
         )
@@ -121,7 +121,7 @@ class Pipeline:
         self._remember(prepared, T_world_camera, flow, result)
         names = ("prepare", "match", "depth_match", "servo")
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(names)}
-        return FrameOutcome(make_report(frame, result), result, flow, stages)
+        return FrameOutcome(make_report(self._task, frame, result), result, flow, stages)
 
     def _match_earlier(self, prepared: Prepared, T_world_camera: FloatArray) -> EarlierMatch | None:
         """Match with an earlier frame where the depth source asks for one."""
@@ -137,11 +137,13 @@ class Pipeline:
         T_earlier_current = np.linalg.inv(kept.T_world_camera) @ T_world_camera
         return EarlierMatch(self._matcher.match(prepared, kept.prepared), T_earlier_current)
 
-    def _camera_motion(self, T_world_camera: FloatArray) -> float:
+    def _camera_motion(self, T_world_camera: FloatArray) -> tuple[float, float, float]:
+        """Motion since the last frame, in the optical axes of then, m."""
         if not self._kept:
-            return 0.0
+            return 0.0, 0.0, 0.0
         last = self._kept[-1].T_world_camera
-        return float(np.linalg.norm(T_world_camera[:3, 3] - last[:3, 3]))
+        x, y, z = last[:3, :3].T @ (T_world_camera[:3, 3] - last[:3, 3])
+        return float(x), float(y), float(z)
 
     def _remember(
         self, prepared: Prepared, T_world_camera: FloatArray, flow: FlowField, result: ServoResult
@@ -153,7 +155,7 @@ class Pipeline:
             self._depth_m = result.depth_m
 
 
-def make_report(frame: Frame, result: ServoResult) -> PerceptionReport:
+def make_report(task: ServoTask, frame: Frame, result: ServoResult) -> PerceptionReport:
     """What the gate is told about a frame."""
     ok = result.verdict is Verdict.OK
     forward, right, down, yaw_rate = (float(v) for v in result.velocity)
@@ -168,6 +170,7 @@ def make_report(frame: Frame, result: ServoResult) -> PerceptionReport:
         error_m=_finite(result.error_m),
         error_rad=_finite(result.error_rad),
         overlap=result.overlap,
+        feature_error=_finite(result.feature_error_px / task.camera.fx),
     )
 
 

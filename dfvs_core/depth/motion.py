@@ -61,8 +61,11 @@ class MotionDepth:
         shape = inputs.xy.shape[:2]
         if state is None or state.rho.shape != shape:
             return DepthState(np.full(shape, 1.0 / self.prior_m), np.full(shape, _UNKNOWN_VARIANCE))
-        growth = (self.drift_per_m * inputs.camera_motion_m * state.rho) ** 2
-        return DepthState(state.rho, np.minimum(state.variance + growth, _UNKNOWN_VARIANCE))
+        # Going forward brings the scene nearer; the rest of the motion shifts it over the grid.
+        shrink = np.clip(1.0 - state.rho * inputs.motion_m[2], 0.5, 2.0)
+        moved_m = float(np.linalg.norm(inputs.motion_m))
+        variance = state.variance / shrink**4 + (self.drift_per_m * moved_m * state.rho) ** 2
+        return DepthState(state.rho / shrink, np.minimum(variance, _UNKNOWN_VARIANCE))
 
     def _measure(self, xy: FloatArray, earlier: EarlierView) -> tuple[FloatArray, FloatArray]:
         """Inverse depth (h, w) and its variance from the parallax.

@@ -41,15 +41,15 @@ class DepthInputs:
         Normalised coordinates of the grid in the current frame.
     earlier : EarlierView or None
         Correspondences with an earlier frame, where there is one.
-    camera_motion_m : float
-        How far the camera moved since the last frame, m.
+    motion_m : (3,) float64
+        How far the camera moved since the last frame, in the axes it had then, m.
     given : DepthMap or None
         Depth on the grid from a sensor, a renderer or a network.
     """
 
     xy: FloatArray
     earlier: EarlierView | None = None
-    camera_motion_m: float = 0.0
+    motion_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     given: DepthMap | None = None
 
 

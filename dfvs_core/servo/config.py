@@ -58,6 +58,9 @@ class ServoConfig:
     min_inliers: float = setting(
         0.35, "share of the correspondences that must agree on one motion", low=0.0, high=1.0
     )
+    max_residual: float = setting(
+        0.5, "share of the flow that one motion may leave unexplained", low=0.01, high=1.0
+    )
     max_condition: float = setting(
         3e4, "condition number above which the law is blind in some direction", low=1.0, high=1e12
     )

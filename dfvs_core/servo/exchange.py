@@ -55,8 +55,8 @@ class ServoInputs:
         Of the body at capture time (ignored by a free camera).
     velocity : (d,)
         How the vehicle moves, in the components of the basis, m/s and rad/s.
-    camera_motion_m : float
-        How far the camera moved since the last frame.
+    motion_m : (3,)
+        How far the camera moved since the last frame, in the optical axes it had then.
     earlier : EarlierMatch or None
         For depth from motion and from flow.
     given_depth : DepthMap or None
@@ -70,7 +70,7 @@ class ServoInputs:
     flow: FlowField
     velocity: FloatArray
     attitude: Attitude = field(default_factory=Attitude)
-    camera_motion_m: float = 0.0
+    motion_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     earlier: EarlierMatch | None = None
     given_depth: DepthMap | None = None
     engaged: bool = True

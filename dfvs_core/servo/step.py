@@ -20,9 +20,10 @@ from dfvs_core.servo.exchange import (
     Verdict,
 )
 from dfvs_core.servo.freedom import rotate_rays, virtual_rotation
-from dfvs_core.servo.law import NormalEquations, servo_motion
+from dfvs_core.servo.law import NormalEquations
+from dfvs_core.servo.motion import distance_and_angle, find_goal, wanted_motion
 from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
-from dfvs_core.servo.pose import GoalPose, estimate_goal_pose
+from dfvs_core.servo.pose import GoalPose
 from dfvs_core.servo.stop import (
     ErrorScore,
     StopState,
@@ -32,12 +33,11 @@ from dfvs_core.servo.stop import (
     update_stop,
 )
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.velocity import AdaptiveGain, blend_motions, saturate
+from dfvs_core.servo.velocity import AdaptiveGain, saturate
 from dfvs_core.servo.weights import weighted_median
 
-_FAR_ANGLE_RAD = 0.15
-_FAR_DISTANCE = 0.15
 _MIN_POINTS = 24
+_NOISE_FACTOR = 10.0
 
 
 def servo_step(
@@ -70,18 +70,19 @@ def servo_step(
     points = points.select(trusted)
 
     # 3. Find where the goal is, and who is out of line.
-    pose = _find_goal(task, points, state.T_current_goal)
+    pose = find_goal(task, points, state.T_current_goal)
     points = ServoPoints(points.xy, points.xy_goal, points.z_m, pose.weight)
 
     # 4. Solve for the motion, and make a velocity of it.
-    motion, equations = _wanted_motion(task, points, pose)
+    motion, equations = wanted_motion(task, points, pose)
     velocity = _velocity(task, motion, inputs)
 
     # 5. Judge.
     stop = _watch_progress(task, state, inputs, pose)
-    verdict = _judge(task, pose, equations, stop)
+    feature_error_px = _feature_error_px(task, points)
+    verdict = _judge(task, pose, equations, feature_error_px, stop)
     flown = verdict is Verdict.OK
-    error_m, error_rad = _lengths(task, pose)
+    error_m, error_rad = distance_and_angle(task, pose)
     residual_px = pose.residual * task.camera.fx
     speed = float(np.linalg.norm(inputs.velocity[:3]))
     result = ServoResult(
@@ -90,7 +91,7 @@ def servo_step(
         motion=motion,
         error_m=error_m,
         error_rad=error_rad,
-        feature_error_px=_feature_error_px(task, points),
+        feature_error_px=feature_error_px,
         residual_px=residual_px,
         inlier_share=pose.inlier_share,
         overlap=overlap,
@@ -101,10 +102,18 @@ def servo_step(
     return result, ServoState(depth_state, pose.T_current_goal, stop)
 
 
-def _judge(task: ServoTask, pose: GoalPose, equations: NormalEquations, stop: StopState) -> Verdict:
+def _judge(
+    task: ServoTask,
+    pose: GoalPose,
+    equations: NormalEquations,
+    feature_error_px: float,
+    stop: StopState,
+) -> Verdict:
     """Tell whether the frame may be flown, and if not why not."""
     config = task.config
-    if pose.inlier_share < config.min_inliers:
+    unexplained = pose.residual * task.camera.fx
+    tolerated = max(_NOISE_FACTOR * config.flow_noise_px, config.max_residual * feature_error_px)
+    if pose.inlier_share < config.min_inliers or unexplained > tolerated:
         return Verdict.NO_AGREEMENT
     if equations.condition > config.max_condition:
         return Verdict.DEGENERATE
@@ -146,7 +155,7 @@ def _estimate_depth(
     depth_inputs = DepthInputs(
         xy=xy,
         earlier=_earlier_view(task, inputs.earlier),
-        camera_motion_m=inputs.camera_motion_m,
+        motion_m=inputs.motion_m,
         given=_on_grid(inputs.given_depth, task.config.stride_px),
     )
     depth, memory = depth_source(task.config, task.camera).estimate(depth_inputs, state.depth)
@@ -186,40 +195,6 @@ def _level(task: ServoTask, attitude: Attitude, points: ServoPoints) -> ServoPoi
     return ServoPoints(xy, xy_goal, points.z_m * depth_ratio, weight)
 
 
-def _find_goal(task: ServoTask, points: ServoPoints, T_guess: FloatArray | None) -> GoalPose:
-    """Goal pose from the last frame's result and from scratch; the better one counts."""
-    noise = task.config.flow_noise_px / task.camera.fx
-    fresh = estimate_goal_pose(points, task.basis, noise)
-    if T_guess is None:
-        return fresh
-    warm = estimate_goal_pose(points, task.basis, noise, T_guess)
-    return warm if warm.residual < fresh.residual else fresh
-
-
-def _wanted_motion(
-    task: ServoTask, points: ServoPoints, pose: GoalPose
-) -> tuple[FloatArray, NormalEquations]:
-    """Motion (d,) by the configured law, with the normal equations that it stands on."""
-    law = task.config.law
-    z_goal = None if law == "current" else pose.z_goal_m
-    motion, equations = servo_motion(points, task.basis, z_goal, task.config.damping)
-    if law == "pose":
-        return pose.motion, equations
-    if law == "hybrid":
-        depth = max(weighted_median(points.z_m, points.weight), 0.1)
-        distance, angle = _lengths(task, pose)
-        remoteness = max(angle / _FAR_ANGLE_RAD, distance / depth / _FAR_DISTANCE)
-        motion = blend_motions(pose.motion, motion, remoteness)
-    return motion, equations
-
-
-def _lengths(task: ServoTask, pose: GoalPose) -> tuple[float, float]:
-    """Distance in m and angle in rad to the goal."""
-    twist = task.basis.B @ pose.motion
-    distance = float(np.linalg.norm(pose.T_current_goal[:3, 3]))
-    return distance, float(np.linalg.norm(twist[3:]))
-
-
 def _velocity(task: ServoTask, motion: FloatArray, inputs: ServoInputs) -> FloatArray:
     """Velocity (d,): what will be left of the motion once the vehicle answers, times the gain."""
     age_s = max(inputs.now_ns - inputs.t_capture_ns, 0) * 1e-9
@@ -233,5 +208,5 @@ def _velocity(task: ServoTask, motion: FloatArray, inputs: ServoInputs) -> Float
 def _watch_progress(
     task: ServoTask, state: ServoState, inputs: ServoInputs, pose: GoalPose
 ) -> StopState:
-    score = error_score(*_lengths(task, pose), task.config)
+    score = error_score(*distance_and_angle(task, pose), task.config)
     return update_stop(state.stop, ErrorScore(inputs.t_capture_ns, score), inputs.engaged)

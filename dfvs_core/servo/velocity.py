@@ -49,23 +49,3 @@ def saturate(velocity: FloatArray, limits: tuple[SpeedLimit, ...]) -> FloatArray
         if length > group.limit:
             factor = min(factor, group.limit / length)
     return velocity * factor
-
-
-def blend_motions(
-    pose_motion: FloatArray, feature_motion: FloatArray, remoteness: float
-) -> FloatArray:
-    """Motion between two laws: by pose while far, by image features when near.
-
-    The pose gives straight paths over large turns; the image error itself decides the last
-    centimetres, where it does not depend on the depth.
-
-    Parameters
-    ----------
-    pose_motion, feature_motion : (d,)
-        m and rad.
-    remoteness : float
-        0: features alone; 1 or more: pose alone.
-    """
-    share = min(max(remoteness, 0.0), 1.0)
-    share = share * share * (3.0 - 2.0 * share)
-    return share * pose_motion + (1.0 - share) * feature_motion

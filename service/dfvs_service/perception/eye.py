@@ -1,0 +1,121 @@
+"""What perception makes of raw samples, gate statuses and silence: no socket, no thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import DfvsError
+from dfvs_core.frame_guard import GuardState, check_header, check_picture
+from dfvs_core.pipeline import UNKNOWN_ERROR, FrameOutcome, Pipeline
+from dfvs_core.vehicle_history import VehicleHistory
+from dfvs_core.wire.frame import Frame, decode_frame, decode_header
+from dfvs_core.wire.link import GateStatus, PerceptionReport
+
+ENGAGED_STATES = frozenset({"SERVO"})
+
+
+@dataclass(frozen=True, slots=True)
+class RawSample:
+    """A frame as it came: payload, attachment and the time of its arrival."""
+
+    payload: bytes
+    attachment: bytes
+    t_arrival_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Glance:
+    """What became of one sample: a report always, frame and outcome where it was usable."""
+
+    report: PerceptionReport
+    frame: Frame | None = None
+    outcome: FrameOutcome | None = None
+    stages_ns: dict[str, int] | None = None
+
+
+class Eye:
+    """Judges samples, keeps the vehicle's history, and runs the pipeline on good frames.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        What every frame must fit.
+    pipeline : Pipeline
+        For the goal at hand.
+    clock : bytes
+        Identity of the clock that frames must be stamped with.
+    tick : callable
+        That clock: monotonic time in ns.
+    """
+
+    def __init__(
+        self, camera: CameraModel, pipeline: Pipeline, clock: bytes, tick: Callable[[], int]
+    ) -> None:
+        self._camera = camera
+        self._pipeline = pipeline
+        self._clock = clock
+        self._tick = tick
+        self._guard = GuardState()
+        self._history = VehicleHistory()
+        self._engaged = False
+        self.refused = 0
+
+    def heed(self, status: GateStatus) -> None:
+        """Take in the gate's state and the vehicle's."""
+        self._engaged = status.state in ENGAGED_STATES
+        if status.vehicle is not None:
+            self._history.add(status.vehicle)
+
+    def look(self, sample: RawSample) -> Glance:
+        """Work on one sample; whatever is wrong with it becomes the report's reason."""
+        t_start = self._tick()
+        try:
+            header = decode_header(sample.attachment)
+            fault, self._guard = check_header(
+                self._guard, header, self._camera, t_start, self._clock
+            )
+            if fault is not None:
+                return self._refuse(header.seq, header.t_capture_ns, fault.value)
+            frame = decode_frame(sample.payload, header)
+        except DfvsError as error:
+            return self._refuse(0, 0, f"the frame cannot be read: {error}")
+        fault = check_picture(frame.image)
+        if fault is not None:
+            return self._refuse(frame.seq, frame.t_capture_ns, fault.value)
+        motion = self._history.at(frame.t_capture_ns)
+        if motion is None:
+            return self._refuse(
+                frame.seq, frame.t_capture_ns, "the vehicle's attitude at capture is not known"
+            )
+        t_decoded = self._tick()
+        outcome = self._pipeline.process(frame, motion, self._engaged)
+        stages = {
+            "transport": sample.t_arrival_ns - frame.t_capture_ns,
+            "wait": t_start - sample.t_arrival_ns,
+            "decode": t_decoded - t_start,
+            **outcome.stages_ns,
+            "capture_to_report": self._tick() - frame.t_capture_ns,
+        }
+        return Glance(outcome.report, frame, outcome, stages)
+
+    def _refuse(self, seq: int, t_capture_ns: int, reason: str) -> Glance:
+        self.refused += 1
+        return Glance(unhealthy_report(seq, max(t_capture_ns, 0), reason))
+
+
+def unhealthy_report(seq: int, t_capture_ns: int, reason: str) -> PerceptionReport:
+    """Report that forbids to fly, with the reason why."""
+    return PerceptionReport(
+        seq=seq,
+        t_capture_ns=t_capture_ns,
+        velocity=(0.0, 0.0, 0.0, 0.0),
+        healthy=False,
+        reached=False,
+        lost=False,
+        reason=reason[:200],
+        error_m=UNKNOWN_ERROR,
+        error_rad=UNKNOWN_ERROR,
+        overlap=0.0,
+    )

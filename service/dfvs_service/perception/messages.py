@@ -1,0 +1,45 @@
+"""Telemetry documents about perception, as plain mappings."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Mapping
+from typing import Any
+
+from dfvs_core.pipeline import FrameOutcome
+from dfvs_core.wire.frame import Frame
+
+
+def servo_document(frame: Frame, outcome: FrameOutcome, t_ns: int) -> dict[str, Any]:
+    """One frame's result; lengths in m, angles in rad, px where the name says so."""
+    result = outcome.result
+    return {
+        "t_ns": t_ns,
+        "t_capture_ns": frame.t_capture_ns,
+        "seq": frame.seq,
+        "verdict": result.verdict.name,
+        "reason": "" if outcome.report.healthy else result.verdict.value,
+        "velocity": [float(v) for v in result.velocity],
+        "motion": [float(v) for v in result.motion],
+        "error_m": _number(result.error_m),
+        "error_rad": _number(result.error_rad),
+        "feature_error_px": _number(result.feature_error_px),
+        "residual_px": _number(result.residual_px),
+        "inlier_share": result.inlier_share,
+        "overlap": result.overlap,
+        "condition": _number(result.condition),
+        "depth_m": result.depth_m,
+        "reached": result.reached,
+    }
+
+
+def timing_document(
+    stages: Mapping[str, Mapping[str, float]], t_ns: int, counters: Mapping[str, int]
+) -> dict[str, Any]:
+    """Latency of every stage over the last frames, and what was counted since the start."""
+    return {"t_ns": t_ns, "stages": dict(stages), **counters}
+
+
+def _number(value: float) -> float | None:
+    """JSON has no infinity: unknown is null."""
+    return float(value) if math.isfinite(value) else None

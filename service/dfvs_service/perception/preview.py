@@ -1,0 +1,35 @@
+"""A picture for people: the current view with the flow to the goal drawn on it."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.correspondence import FlowField
+from dfvs_core.servo.points import sample_grid
+
+ARROW_STRIDE_PX = 16
+_SURE = (64, 235, 96)
+_DOUBTFUL = (255, 176, 32)
+_OUTLINE = (0, 0, 0)
+
+
+def draw_flow(image: ImageArray, flow: FlowField, min_confidence: float) -> ImageArray:
+    """Copy of the image (H, W, 3) with an arrow from every trusted point to its goal.
+
+    Green arrows are sure, orange ones doubtful; points below ``min_confidence`` get none.
+    """
+    canvas = image.copy()
+    samples = sample_grid(flow, ARROW_STRIDE_PX)
+    starts = samples.pixels.reshape(-1, 2)
+    ends = starts + samples.flow.reshape(-1, 2)
+    for start, end, confidence in zip(starts, ends, samples.confidence.reshape(-1), strict=True):
+        if confidence < min_confidence:
+            continue
+        colour = _SURE if confidence > 0.5 * (1.0 + min_confidence) else _DOUBTFUL
+        a = (int(start[0]), int(start[1]))
+        b = (int(np.clip(end[0], -999, 9999)), int(np.clip(end[1], -999, 9999)))
+        cv2.arrowedLine(canvas, a, b, _OUTLINE, 2, cv2.LINE_AA, tipLength=0.25)
+        cv2.arrowedLine(canvas, a, b, colour, 1, cv2.LINE_AA, tipLength=0.25)
+    return canvas

@@ -1,0 +1,197 @@
+"""The perception process: one loop between Zenoh, the pipeline and the gate."""
+
+from __future__ import annotations
+
+import logging
+import signal
+import socket
+import time
+from dataclasses import dataclass
+from pathlib import Path
+from types import FrameType
+
+import cv2
+import zenoh
+
+from dfvs_core.errors import WireError
+from dfvs_core.goal import Goal, Mount
+from dfvs_core.pipeline import Pipeline
+from dfvs_core.schema import dump
+from dfvs_core.servo.task import ServoTask
+from dfvs_core.topics import Topics
+from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.wire.link import GateStatus, PerceptionReport, from_datagram, to_datagram
+from dfvs_service.config import ServiceConfig
+from dfvs_service.models.catalog import load_matcher
+from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
+from dfvs_service.perception.latency import LatencyWindow
+from dfvs_service.perception.mailbox import Mailbox
+from dfvs_service.perception.messages import servo_document, timing_document
+from dfvs_service.perception.preview import draw_flow
+from dfvs_service.perception.telemetry import Note, Telemetry
+from dfvs_service.zenoh_session import open_session
+
+SILENCE_S = 0.1
+_TIMING_PERIOD_NS = 1_000_000_000
+
+log = logging.getLogger("dfvs.perception")
+
+
+@dataclass(slots=True)
+class Pace:
+    """Lets something happen at most every so many nanoseconds."""
+
+    period_ns: int
+    next_ns: int = 0
+
+    def due(self, now_ns: int) -> bool:
+        """Tell whether it is time, and start the next period if so."""
+        if self.period_ns <= 0 or now_ns < self.next_ns:
+            return False
+        self.next_ns = now_ns + self.period_ns
+        return True
+
+
+class PerceptionProcess:
+    """Takes frames from Zenoh and vehicle states from the gate, and answers with reports.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+        Resolved settings, the camera's intrinsics among them.
+    goal : Goal
+        Where to fly to.
+    runtime : Path
+        Folder with the sockets of the service's processes.
+    """
+
+    def __init__(self, config: ServiceConfig, goal: Goal, runtime: Path) -> None:
+        self._config = config
+        self._topics = Topics(config.vehicle.name)
+        self._gate_address = str(runtime / "gate.sock")
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(str(runtime / "perception.sock"))
+        self._socket.setblocking(False)
+        self._mailbox: Mailbox[RawSample] = Mailbox()
+        self._latency = LatencyWindow()
+        self._eye = self._build_eye(goal)
+        self._status: GateStatus | None = None
+        self._last_frame_ns = self._started_ns = time.monotonic_ns()
+        self._state_pace = Pace(round(1e9 / config.telemetry.state_hz))
+        preview_hz = config.telemetry.preview_hz
+        self._preview_pace = Pace(round(1e9 / preview_hz) if preview_hz > 0 else 0)
+        self._timing_pace = Pace(_TIMING_PERIOD_NS)
+        self._frames = 0
+        self._stopped = False
+
+    def run(self) -> None:
+        """Work until told to stop."""
+        with open_session(self._config.zenoh) as session:
+            telemetry = Telemetry(session, self._topics)
+            telemetry.offer_json("config", dump(self._config))
+            frames = session.declare_subscriber(self._topics.camera, self._on_frame)
+            orders = session.declare_subscriber(self._topics.command, self._on_command)
+            log.info("listening for frames on %s", self._topics.camera)
+            while not self._stopped:
+                self._turn(telemetry)
+            frames.undeclare()
+            orders.undeclare()
+            telemetry.close()
+        self._socket.close()
+
+    def stop(self, _signal: int, _frame: FrameType | None) -> None:
+        """Signal handler: end after the frame at hand."""
+        self._stopped = True
+
+    def _build_eye(self, goal: Goal) -> Eye:
+        config = self._config
+        cv2.setNumThreads(config.flow.threads)
+        camera = config.camera.model() or goal.sidecar.camera
+        task = ServoTask(config.servo, camera, goal.sidecar, config.camera.mount or Mount())
+        matcher = load_matcher(config.flow.model, config.flow.threads, config.flow.provider)
+        pipeline = Pipeline(task, matcher, goal, time.monotonic_ns)
+        return Eye(camera, pipeline, clock_identity(), time.monotonic_ns)
+
+    def _on_frame(self, sample: zenoh.Sample) -> None:
+        """Zenoh's thread: keep the newest sample, do nothing else."""
+        attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        self._mailbox.put(
+            RawSample(sample.payload.to_bytes(), attachment, time.monotonic_ns())
+        )
+
+    def _turn(self, telemetry: Telemetry) -> None:
+        sample = self._mailbox.take(SILENCE_S)
+        self._heed_gate()
+        now_ns = time.monotonic_ns()
+        if sample is None:
+            self._report(self._silence(now_ns))
+        else:
+            self._last_frame_ns = now_ns
+            glance = self._eye.look(sample)
+            self._report(glance.report)
+            self._tell(telemetry, glance)
+        self._publish_state(telemetry)
+
+    def _heed_gate(self) -> None:
+        """Read everything the gate said since the last turn."""
+        while True:
+            try:
+                data = self._socket.recv(65536)
+            except BlockingIOError:
+                return
+            try:
+                self._status = from_datagram(GateStatus, data)
+            except WireError as error:
+                log.warning("datagram from the gate dropped: %s", error)
+                continue
+            self._eye.heed(self._status)
+
+    def _silence(self, now_ns: int) -> PerceptionReport:
+        since_s = (now_ns - self._last_frame_ns) * 1e-9
+        return unhealthy_report(
+            0, 0, f"no camera frame on {self._topics.camera} for {since_s:.1f} s"
+        )
+
+    def _report(self, report: PerceptionReport) -> None:
+        """Send to the gate; one that is gone or slow is the gate's and the parent's matter."""
+        try:
+            self._socket.sendto(to_datagram(report), self._gate_address)
+        except (BlockingIOError, ConnectionRefusedError, FileNotFoundError) as error:
+            log.debug("report not delivered: %s", error)
+
+    def _tell(self, telemetry: Telemetry, glance: Glance) -> None:
+        """Hand one frame's results to the telemetry thread."""
+        now_ns = time.monotonic_ns()
+        frame, outcome = glance.frame, glance.outcome
+        if glance.stages_ns is not None:
+            self._latency.add(glance.stages_ns)
+        if self._timing_pace.due(now_ns):
+            counters = {
+                "frames": self._frames,
+                "refused": self._eye.refused,
+                "overtaken": self._mailbox.dropped,
+            }
+            telemetry.offer_json(
+                "timing", timing_document(self._latency.summary(), now_ns, counters)
+            )
+        if frame is None or outcome is None:
+            return
+        self._frames += 1
+        telemetry.offer_json("servo", servo_document(frame, outcome, now_ns))
+        if self._preview_pace.due(now_ns):
+            telemetry.offer("preview", lambda: self._preview(frame, glance))
+
+    def _preview(self, frame: Frame, glance: Glance) -> Note:
+        """JPEG of the view with the flow, as a frame on the wire (telemetry thread)."""
+        image = frame.image
+        if glance.outcome is not None:
+            least = self._config.servo.min_confidence
+            image = draw_flow(image, glance.outcome.flow, least)
+        drawn = Frame(image, frame.t_capture_ns, frame.seq)
+        quality = self._config.telemetry.preview_quality
+        payload, attachment = encode_frame(drawn, PixelFormat.JPEG, clock_identity(), quality)
+        return Note(payload, "image/jpeg", attachment)
+
+    def _publish_state(self, telemetry: Telemetry) -> None:
+        if self._status is not None and self._state_pace.due(time.monotonic_ns()):
+            telemetry.offer_json("state", dump(self._status))

@@ -1,0 +1,90 @@
+"""Telemetry over Zenoh, from a thread of its own: whoever publishes may block, perception not."""
+
+from __future__ import annotations
+
+import json
+import threading
+from collections.abc import Callable, Mapping
+from dataclasses import dataclass
+
+import zenoh
+import zenoh.ext
+
+from dfvs_core.topics import Topics
+
+_CACHED = ("state", "config")
+
+
+@dataclass(frozen=True, slots=True)
+class Note:
+    """One thing to publish: payload, encoding and attachment."""
+
+    payload: bytes
+    encoding: str = "application/json"
+    attachment: bytes | None = None
+
+
+class Telemetry:
+    """Publishes the newest note of every stream; older ones that were not sent are dropped.
+
+    ``state`` and ``config`` are kept for subscribers that join later.
+    """
+
+    def __init__(self, session: zenoh.Session, topics: Topics) -> None:
+        self._session = session
+        self._topics = topics
+        self._condition = threading.Condition()
+        self._waiting: dict[str, Callable[[], Note]] = {}
+        self._closed = False
+        self._publishers: dict[str, zenoh.Publisher | zenoh.ext.AdvancedPublisher] = {}
+        self._thread = threading.Thread(target=self._publish, name="telemetry", daemon=True)
+        self._thread.start()
+
+    def offer(self, stream: str, make: Callable[[], Note]) -> None:
+        """Have ``make()`` called on the telemetry thread, and its note published."""
+        with self._condition:
+            self._waiting[stream] = make
+            self._condition.notify()
+
+    def offer_json(self, stream: str, data: Mapping[str, object]) -> None:
+        """Publish a mapping as JSON."""
+        self.offer(stream, lambda: Note(json.dumps(data, separators=(",", ":")).encode()))
+
+    def close(self) -> None:
+        """Stop the thread; what waits is still sent."""
+        with self._condition:
+            self._closed = True
+            self._condition.notify()
+        self._thread.join(timeout=1.0)
+
+    def _publish(self) -> None:
+        while True:
+            with self._condition:
+                while not self._waiting and not self._closed:
+                    self._condition.wait()
+                waiting, self._waiting = self._waiting, {}
+                closed = self._closed
+            for stream, make in waiting.items():
+                note = make()
+                self._publisher(stream).put(
+                    note.payload, encoding=note.encoding, attachment=note.attachment
+                )
+            if closed:
+                return
+
+    def _publisher(self, stream: str) -> zenoh.Publisher | zenoh.ext.AdvancedPublisher:
+        if stream not in self._publishers:
+            key = self._topics.telemetry(stream)
+            drop = zenoh.CongestionControl.DROP
+            self._publishers[stream] = (
+                zenoh.ext.declare_advanced_publisher(
+                    self._session,
+                    key,
+                    congestion_control=drop,
+                    cache=zenoh.ext.CacheConfig(max_samples=1),
+                    publisher_detection=True,
+                )
+                if stream in _CACHED
+                else self._session.declare_publisher(key, congestion_control=drop)
+            )
+        return self._publishers[stream]

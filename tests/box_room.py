@@ -1,0 +1,47 @@
+"""An empty box seen from inside: depth and flow are exact from any pose, and nothing hides."""
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_core.poses import invert_pose
+
+HALF_SIZE_M = np.array([4.0, 3.0, 1.5])
+"""The box reaches so far to the north, east and down of its centre, and as far back."""
+
+
+@dataclass(frozen=True)
+class BoxRoom:
+    camera: CameraModel
+
+    def depth(self, T_world_camera):
+        """(H, W) m along the optical axis."""
+        xy = self.camera.normalise(self.camera.grid())
+        rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2)
+        directions = rays @ T_world_camera[:3, :3].T
+        walls = np.where(directions > 0, HALF_SIZE_M, -HALF_SIZE_M)
+        with np.errstate(divide="ignore"):
+            reach = (walls - T_world_camera[:3, 3]) / directions
+        return reach.min(axis=2)
+
+    def depth_map(self, T_world_camera):
+        z = self.depth(T_world_camera).astype(np.float32)
+        return DepthMap(z, np.ones_like(z))
+
+    def flow(self, T_world_a, T_world_b):
+        """Exact flow a to b; confidence 1 where b sees the point."""
+        pixels = self.camera.grid()
+        xy = self.camera.normalise(pixels)
+        rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2)
+        P = rays * self.depth(T_world_a)[..., None]
+        T = invert_pose(T_world_b) @ T_world_a
+        Q = P @ T[:3, :3].T + T[:3, 3]
+        ahead = Q[..., 2] > 0.05
+        Q[..., 2] = np.where(ahead, Q[..., 2], 1.0)
+        partners = self.camera.project(Q)
+        inside = (partners >= 0) & (partners < [self.camera.width, self.camera.height])
+        visible = ahead & inside.all(axis=2)
+        flow = np.where(visible[..., None], partners - pixels, 0.0)
+        return FlowField(flow.astype(np.float32), visible.astype(np.float32))

@@ -1,0 +1,240 @@
+"""servo_step closed over exact flow in a box-shaped room: no network, no renderer, no vehicle."""
+
+from dataclasses import replace
+
+import numpy as np
+import pytest
+from box_room import BoxRoom
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import FlowField
+from dfvs_core.goal import GoalSidecar, Mount
+from dfvs_core.poses import make_pose, pose_error, rotation_from_euler, se3_exp
+from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.exchange import (
+    Attitude,
+    EarlierMatch,
+    ServoInputs,
+    ServoState,
+    Verdict,
+)
+from dfvs_core.servo.step import servo_step
+from dfvs_core.servo.task import ServoTask
+
+CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
+ROOM = BoxRoom(CAMERA)
+FRAME_NS = 50_000_000
+EXACT = ServoConfig(depth="given", response_s=0.0, yaw_response_s=0.0)
+
+
+def body_pose(x, y, z, yaw_deg, roll_deg=0.0, pitch_deg=0.0):
+    R = rotation_from_euler(*np.radians([roll_deg, pitch_deg, yaw_deg]))
+    return make_pose(R, np.array([x, y, z]))
+
+
+def inputs(k, flow, velocity, **more):
+    t = k * FRAME_NS
+    return ServoInputs(now_ns=t, t_capture_ns=t, flow=flow, velocity=velocity, **more)
+
+
+def fly(task, T_world_body, T_world_goal_camera, seconds=40.0):
+    """A vehicle that follows at once, with motion depth from its own displacement."""
+    T_body_camera = task.mount.T_body_camera()
+    state, velocity, earlier_poses, result = ServoState(), np.zeros(4), [], None
+    for k in range(int(seconds * 1e9 / FRAME_NS)):
+        T_cam = T_world_body @ T_body_camera
+        earlier = None
+        if len(earlier_poses) > 5:
+            T_then = earlier_poses[-6]
+            motion = np.linalg.inv(T_then) @ T_cam
+            earlier = EarlierMatch(ROOM.flow(T_cam, T_then), motion)
+        moved = (0.0, 0.0, 0.0)
+        if earlier_poses:
+            last = earlier_poses[-1]
+            moved = tuple(last[:3, :3].T @ (T_cam[:3, 3] - last[:3, 3]))
+        step = inputs(
+            k,
+            ROOM.flow(T_cam, T_world_goal_camera),
+            velocity,
+            earlier=earlier,
+            motion_m=moved,
+            given_depth=ROOM.depth_map(T_cam),
+        )
+        result, state = servo_step(task, state, step)
+        if result.reached:
+            break
+        earlier_poses.append(T_cam)
+        velocity = result.velocity
+        twist = np.array([*velocity[:3], 0.0, 0.0, velocity[3]])
+        T_world_body = T_world_body @ se3_exp(twist * FRAME_NS * 1e-9)
+    return result, T_world_body @ T_body_camera
+
+
+@pytest.mark.parametrize("depth", ["given", "motion", "constant"])
+def test_a_level_vehicle_reaches_the_goal(depth):
+    mount = Mount(x_m=0.1, z_m=0.03)
+    config = replace(EXACT, depth=depth)
+    task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), mount)
+    T_goal = body_pose(0.0, 0.0, 0.2, 10.0) @ mount.T_body_camera()
+    result, T_final = fly(task, body_pose(-1.0, 0.8, -0.1, -15.0), T_goal)
+    assert result.reached
+    translation_m, rotation_rad = pose_error(T_final, T_goal)
+    # With a constant depth the distance is only known up to that depth's error.
+    assert translation_m < (0.06 if depth == "constant" else config.tolerance_m * 1.2)
+    assert rotation_rad < config.tolerance_rad * 1.2
+
+
+def test_motion_depth_is_metric():
+    task = ServoTask(replace(EXACT, depth="motion"), CAMERA, GoalSidecar(CAMERA), Mount())
+    T_goal = body_pose(0.5, 0.0, 0.0, 0.0) @ task.mount.T_body_camera()
+    result, T_final = fly(task, body_pose(-1.0, 0.5, 0.0, 15.0), T_goal)
+    true_depth = np.median(ROOM.depth(T_final))
+    assert result.depth_m == pytest.approx(true_depth, rel=0.1)
+
+
+@pytest.mark.parametrize(("roll_deg", "pitch_deg"), [(0, 12), (-10, 0), (8, -15)])
+def test_the_tilt_of_the_body_does_not_change_the_motion(roll_deg, pitch_deg):
+    task = ServoTask(EXACT, CAMERA, GoalSidecar(CAMERA), Mount())
+    T_goal = body_pose(0.6, 0.2, 0.1, 12.0) @ task.mount.T_body_camera()
+    motions = []
+    for roll, pitch in ((0, 0), (roll_deg, pitch_deg)):
+        T_cam = body_pose(0, 0, 0, 0, roll, pitch) @ task.mount.T_body_camera()
+        step = inputs(
+            0,
+            ROOM.flow(T_cam, T_goal),
+            np.zeros(4),
+            attitude=Attitude(*np.radians([roll, pitch])),
+            given_depth=ROOM.depth_map(T_cam),
+        )
+        result, _ = servo_step(task, ServoState(), step)
+        motions.append(result.motion)
+    np.testing.assert_allclose(motions[1], motions[0], atol=2e-3)
+    np.testing.assert_allclose(motions[0], [0.6, 0.2, 0.1, np.radians(12)], atol=0.08)
+
+
+def test_the_tilt_of_the_goal_is_taken_out():
+    """A goal taken while the vehicle leant is still reached by a level vehicle."""
+    sidecar = GoalSidecar(CAMERA, roll_rad=np.radians(6), pitch_rad=np.radians(-9))
+    task = ServoTask(EXACT, CAMERA, sidecar, Mount())
+    T_goal = body_pose(0.3, 0.1, 0.0, 5.0, 6.0, -9.0) @ task.mount.T_body_camera()
+    result, T_final = fly(task, body_pose(-0.5, -0.3, 0.1, -10.0), T_goal)
+    assert result.reached
+    assert np.linalg.norm(T_final[:3, 3] - T_goal[:3, 3]) < 0.03
+
+
+def test_a_free_camera_uses_all_six_degrees():
+    task = ServoTask(replace(EXACT, max_turn_rad_s=2.0), CAMERA, GoalSidecar(CAMERA))
+    T_goal = body_pose(0.4, -0.2, 0.1, 8.0, 10.0, -7.0) @ Mount().T_body_camera()
+    T_cam, state = body_pose(0, 0, 0, 0) @ Mount().T_body_camera(), ServoState()
+    for k in range(400):
+        step = inputs(
+            k, ROOM.flow(T_cam, T_goal), np.zeros(6), given_depth=ROOM.depth_map(T_cam)
+        )
+        result, state = servo_step(task, state, step)
+        T_cam = T_cam @ se3_exp(result.velocity * FRAME_NS * 1e-9)
+    translation_m, rotation_rad = pose_error(T_cam, T_goal)
+    assert translation_m < 0.01
+    assert rotation_rad < np.radians(0.3)
+
+
+def one_frame(flow, config=EXACT, **more):
+    task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), Mount())
+    given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
+    step = inputs(0, flow, np.zeros(4), given_depth=given, **more)
+    return servo_step(task, ServoState(), step)[0]
+
+
+def good_flow():
+    T_body_camera = Mount().T_body_camera()
+    return ROOM.flow(
+        body_pose(0, 0, 0, 0) @ T_body_camera, body_pose(0.4, 0.1, 0, 5) @ T_body_camera
+    )
+
+
+def test_flow_that_is_not_finite_stops():
+    flow = good_flow()
+    broken = flow.flow.copy()
+    broken[3, 4, 0] = np.nan
+    result = one_frame(FlowField(broken, flow.confidence))
+    assert result.verdict is Verdict.NOT_FINITE
+    assert not result.velocity.any()
+
+
+def test_too_little_overlap_stops():
+    flow = good_flow()
+    result = one_frame(FlowField(flow.flow, flow.confidence * 0.01))
+    assert result.verdict is Verdict.NO_OVERLAP
+    assert not result.velocity.any()
+
+
+def test_confident_nonsense_stops(rng):
+    flow = rng.uniform(-60, 60, (120, 160, 2)).astype(np.float32)
+    result = one_frame(FlowField(flow, np.ones((120, 160), np.float32)))
+    assert result.verdict is not Verdict.OK
+    assert not result.velocity.any()
+
+
+def test_a_third_of_wrong_correspondences_changes_little(rng):
+    flow = good_flow()
+    wrong = flow.flow.copy()
+    wrong[:, 50:100] += rng.normal(0, 25, (120, 50, 2)).astype(np.float32)
+    clean, dirty = one_frame(flow), one_frame(FlowField(wrong, flow.confidence))
+    assert dirty.verdict is Verdict.OK
+    np.testing.assert_allclose(dirty.motion, clean.motion, atol=0.03)
+
+
+def test_points_in_one_spot_are_degenerate():
+    flow = good_flow()
+    confidence = np.zeros_like(flow.confidence)
+    confidence[56:64, 76:84] = 1.0
+    config = replace(EXACT, min_overlap=0.0, stride_px=2, max_condition=1e3)
+    # All points on the axis, so near to each other that turning looks like moving sideways.
+    result = one_frame(FlowField(flow.flow, confidence), config)
+    assert result.verdict in (Verdict.DEGENERATE, Verdict.NO_OVERLAP)
+    assert not result.velocity.any()
+
+
+def test_an_error_that_does_not_fall_is_called_stuck():
+    task = ServoTask(EXACT, CAMERA, GoalSidecar(CAMERA), Mount())
+    given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
+    flow, state, verdicts = good_flow(), ServoState(), []
+    for k in range(120):
+        step = inputs(k, flow, np.zeros(4), given_depth=given)
+        result, state = servo_step(task, state, step)
+        verdicts.append(result.verdict)
+    seconds = verdicts.index(Verdict.STUCK) * FRAME_NS * 1e-9
+    assert seconds == pytest.approx(EXACT.progress_s, abs=0.2)
+
+
+def test_waiting_for_the_pilot_is_not_being_stuck():
+    task = ServoTask(EXACT, CAMERA, GoalSidecar(CAMERA), Mount())
+    given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
+    flow, state = good_flow(), ServoState()
+    for k in range(120):
+        step = inputs(k, flow, np.zeros(4), given_depth=given, engaged=False)
+        result, state = servo_step(task, state, step)
+        assert result.verdict is Verdict.OK
+        assert not result.reached
+
+
+def test_velocity_keeps_its_direction_when_it_saturates():
+    config = replace(EXACT, max_horizontal_m_s=0.05, gain_far=2.0, gain_near=2.0)
+    slow, fast = one_frame(good_flow(), config), one_frame(good_flow())
+    assert np.linalg.norm(slow.velocity[:2]) == pytest.approx(0.05)
+    np.testing.assert_allclose(
+        slow.velocity / np.linalg.norm(slow.velocity),
+        fast.velocity / np.linalg.norm(fast.velocity),
+        atol=1e-6,
+    )
+
+
+def test_the_vehicle_s_late_answer_is_predicted():
+    """A vehicle already on its way is asked for less."""
+    config = replace(EXACT, response_s=0.6)
+    task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), Mount())
+    given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
+    speeds = []
+    for v in (0.0, 0.3):
+        step = inputs(0, good_flow(), np.array([v, 0, 0, 0]), given_depth=given)
+        speeds.append(servo_step(task, ServoState(), step)[0].velocity[0])
+    assert speeds[1] < speeds[0] - 0.05
