@@ -27,7 +27,10 @@ class PerceptionReport:
     frame. ``healthy`` says that it may be flown; where it is false ``reason`` says why not.
     ``reached`` says that the frame shows the goal within tolerance. ``lost`` says that the goal
     cannot be reached any more (wrong goal, no progress), which aborts. ``overlap`` is the share
-    of the current view that shows the goal, 0 to 1.
+    of the current view that shows the goal, 0 to 1. ``feature_error`` is the weighted root mean
+    square of the flow to the goal in normalised units, free of any assumption on depth: the gate
+    proves by it that the first motion goes the right way (by ``error_m`` and ``error_rad`` where
+    it is None). Before the first frame ``t_capture_ns`` is 0.
     """
 
     seq: int
@@ -40,6 +43,7 @@ class PerceptionReport:
     error_m: float
     error_rad: float
     overlap: float
+    feature_error: float | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,15 +63,42 @@ class VehicleState:
 
 
 @dataclass(frozen=True, slots=True)
+class ForwardedCommand:
+    """An operator's signed command, as it came from the network: only the gate can judge it."""
+
+    payload: str
+
+
+@dataclass(frozen=True, slots=True)
 class GateStatus:
-    """The gate's state with its cause, and the vehicle's state (None before the first one)."""
+    """The gate's state with its cause, and the vehicle's state (None before the first one).
+
+    ``t_ns`` is the monotonic time of sending. ``mode``, ``armed``, ``in_air`` and ``battery``
+    (0 to 1, None if unknown) are the autopilot's, ``heartbeat_age_s`` says how old its heartbeat
+    is. ``setpoint`` is the velocity that was last sent: forward, right, down in m/s and yaw rate
+    in rad/s. A signed command must carry ``challenge``; ``command_result`` says what became of
+    the last one, ``command_count`` how many came. ``warnings`` are for the operator.
+    """
 
     state: str
     cause: str
     vehicle: VehicleState | None
+    t_ns: int = 0
+    reached: bool = False
+    mode: str = ""
+    armed: bool = False
+    in_air: bool = False
+    battery: float | None = None
+    heartbeat_age_s: float | None = None
+    setpoint: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
+    distance_m: float = 0.0
+    challenge: str = ""
+    command_result: str = ""
+    command_count: int = 0
+    warnings: tuple[str, ...] = ()
 
 
-def to_datagram(message: PerceptionReport | GateStatus) -> bytes:
+def to_datagram(message: PerceptionReport | ForwardedCommand | GateStatus) -> bytes:
     """Bytes of a message."""
     return json.dumps(dump(message), separators=(",", ":")).encode()
 
@@ -86,3 +117,16 @@ def from_datagram(cls: type[T], data: bytes) -> T:
         return parse(cls, json.loads(data))
     except (ValueError, RecursionError, ConfigError) as error:
         raise WireError(f"datagram is not a {cls.__name__}: {error}") from error
+
+
+def from_perception(data: bytes) -> PerceptionReport | ForwardedCommand:
+    """Message to the gate from its bytes.
+
+    Raises
+    ------
+    WireError
+        If it is neither of the two.
+    """
+    if data.startswith(b'{"payload"'):
+        return from_datagram(ForwardedCommand, data)
+    return from_datagram(PerceptionReport, data)

@@ -1,0 +1,70 @@
+"""What the gate is told before it starts: limits, times, and how it may engage."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass, field
+
+from dfvs_core.gate.limits import VelocityLimits
+
+MS = 1_000_000
+S = 1_000_000_000
+
+
+class Engage(enum.StrEnum):
+    """Who engages: the pilot's mode switch, the service itself, or a signed command."""
+
+    PILOT = "pilot"
+    AUTO = "auto"
+    COMMAND = "command"
+
+
+class OnDone(enum.StrEnum):
+    """What follows when the goal is reached: zero setpoints for ever, or the autopilot's Hold."""
+
+    ZERO = "zero"
+    HOLD = "hold"
+
+
+@dataclass(frozen=True, slots=True)
+class GateTiming:
+    """Times in ns, after which the gate acts."""
+
+    setpoint_gap_ns: int = 15 * MS
+    """Setpoints never follow each other faster; the loop calls every 20 ms."""
+    frame_age_ns: int = 250 * MS
+    result_age_ns: int = 200 * MS
+    clock_skew_ns: int = 5 * MS
+    heartbeat_age_ns: int = 2 * S
+    telemetry_age_ns: int = 500 * MS
+    health_age_ns: int = 2 * S
+    stall_ns: int = 100 * MS
+    ready_after_ns: int = 1 * S
+    ready_grace_ns: int = 500 * MS
+    engage_zero_ns: int = 1 * S
+    confirm_ns: int = 2 * S
+    good_data_ns: int = 1 * S
+    hold_ns: int = 3 * S
+    reached_ns: int = 1 * S
+    proof_ns: int = 1 * S
+    mode_known_ns: int = 1500 * MS
+    """A heartbeat older than this says nothing about the mode any more."""
+    order_valid_ns: int = 5 * S
+
+
+@dataclass(frozen=True, slots=True)
+class GateConfig:
+    """Limits of invariant I1, times, thresholds, and how to engage and end."""
+
+    velocity: VelocityLimits = field(default_factory=VelocityLimits)
+    proof_speed_m_s: float = 0.1
+    """Largest linear speed until the error was seen to fall."""
+    max_distance_m: float = 5.0
+    max_engaged_ns: int = 120 * S
+    min_overlap: float = 0.15
+    min_battery: float = 0.2
+    max_jump_m: float = 0.5
+    """Largest step of the position estimate beyond what the velocity explains."""
+    engage: Engage = Engage.PILOT
+    on_done: OnDone = OnDone.ZERO
+    timing: GateTiming = field(default_factory=GateTiming)

@@ -1,0 +1,64 @@
+"""One engagement: from the moment the gate takes the vehicle until it gives it back."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from dfvs_core.gate.config import Engage, GateConfig
+from dfvs_core.gate.events import VehicleMode
+from dfvs_core.gate.proof import MotionProof
+from dfvs_core.gate.states import Cause
+from dfvs_core.gate.vehicle import Fault, VehiclePicture
+
+_ORDERED_FROM = frozenset({VehicleMode.HOLD, VehicleMode.POSITION})
+
+
+@dataclass(slots=True)
+class Engagement:
+    """What must be remembered while engaged."""
+
+    start_ns: int
+    start_m: tuple[float, float, float]
+    mode_before: VehicleMode
+    is_confirmed: bool
+    requested_ns: int | None = None
+    is_held: bool = False
+    """The operator ordered to hold."""
+    hold_requested: bool = False
+    """The autopilot's Hold was asked for because the goal is reached."""
+    handed_over: bool = False
+    """The autopilot confirmed that Hold."""
+    is_proven: bool = False
+    proof: MotionProof | None = None
+
+
+def begin(vehicle: VehiclePicture, now_ns: int) -> Engagement:
+    """Return an engagement that starts here and now."""
+    mode = vehicle.heartbeat.mode
+    is_confirmed = mode is VehicleMode.OFFBOARD
+    return Engagement(now_ns, vehicle.position.position_m, mode, is_confirmed)
+
+
+def offer(vehicle: VehiclePicture, config: GateConfig, is_ordered: bool) -> Cause | None:
+    """Say why the gate may leave READY for ENGAGE now, None where it may not."""
+    if not vehicle.is_flying:
+        return None
+    mode = vehicle.heartbeat.mode
+    if config.engage is Engage.PILOT:
+        return Cause.PILOT_ENGAGED if mode is VehicleMode.OFFBOARD else None
+    if config.engage is Engage.AUTO:
+        return Cause.AUTO_ENGAGED if mode is VehicleMode.HOLD else None
+    return Cause.COMMAND_ENGAGED if is_ordered and mode in _ORDERED_FROM else None
+
+
+def cap(
+    engagement: Engagement, vehicle: VehiclePicture, config: GateConfig, now_ns: int
+) -> Fault | None:
+    """Name the bound of distance or time that the engagement has crossed."""
+    distance = math.dist(vehicle.position.position_m, engagement.start_m)
+    if not distance <= config.max_distance_m:
+        return Cause.DISTANCE_CAP, f"{distance:.2f} m, {config.max_distance_m:g} m allowed"
+    if now_ns - engagement.start_ns > config.max_engaged_ns:
+        return Cause.TIME_CAP, f"{config.max_engaged_ns / 1e9:g} s allowed"
+    return None

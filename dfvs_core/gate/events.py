@@ -1,0 +1,167 @@
+"""What the gate hears, and what it may say. There is no word for arming or taking off."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from dfvs_core.gate.limits import BodyVelocity
+from dfvs_core.gate.states import Transition
+from dfvs_core.wire.link import PerceptionReport
+
+
+class VehicleMode(enum.StrEnum):
+    """Flight modes of the autopilot, as far as the gate tells them apart."""
+
+    OFFBOARD = "OFFBOARD"
+    HOLD = "HOLD"
+    POSITION = "POSITION"
+    ALTITUDE = "ALTITUDE"
+    MANUAL = "MANUAL"
+    TAKEOFF = "TAKEOFF"
+    LAND = "LAND"
+    RETURN = "RETURN"
+    MISSION = "MISSION"
+    OTHER = "OTHER"
+
+
+class Action(enum.StrEnum):
+    """What an operator may order."""
+
+    ENGAGE = "engage"
+    HOLD = "hold"
+    ABORT = "abort"
+
+
+@dataclass(frozen=True, slots=True)
+class Heartbeat:
+    """HEARTBEAT of the autopilot, once a second: so the mode is known up to 1 s late."""
+
+    t_ns: int
+    mode: VehicleMode
+    armed: bool
+    failsafe: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class Attitude:
+    """Attitude of the body (FRD) in the world (NED), in rad."""
+
+    t_ns: int
+    roll_rad: float
+    pitch_rad: float
+    yaw_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class LocalPosition:
+    """Position in m relative to the autopilot's origin and velocity in m/s, both NED."""
+
+    t_ns: int
+    position_m: tuple[float, float, float]
+    velocity_m_s: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class LandedState:
+    """Whether the autopilot counts the vehicle as flying, or as standing on the ground."""
+
+    t_ns: int
+    in_air: bool
+    on_ground: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Battery:
+    """Charge left, 0 to 1, or None where the autopilot does not know."""
+
+    t_ns: int
+    remaining: float | None
+
+
+@dataclass(frozen=True, slots=True)
+class Health:
+    """Sensors and pre-arm checks of the autopilot; ``detail`` names what is not healthy."""
+
+    t_ns: int
+    ok: bool
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class EstimatorState:
+    """Whether attitude, velocity and position estimates are valid by the autopilot's flags."""
+
+    t_ns: int
+    valid: bool
+    detail: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class ParametersRead:
+    """The autopilot's parameters were read (or could not be); ``advice`` says what to change."""
+
+    t_ns: int
+    advice: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class Report:
+    """A report of perception arrived."""
+
+    t_ns: int
+    report: PerceptionReport
+
+
+@dataclass(frozen=True, slots=True)
+class BadReport:
+    """Perception sent something that is not a report."""
+
+    t_ns: int
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class Order:
+    """An operator's command, found authentic."""
+
+    t_ns: int
+    action: Action
+
+
+@dataclass(frozen=True, slots=True)
+class Stop:
+    """The service is to end; ``unsupervised`` when the parent process fell silent."""
+
+    t_ns: int
+    detail: str
+    unsupervised: bool = False
+
+
+VehicleEvent = (
+    Heartbeat
+    | Attitude
+    | LocalPosition
+    | LandedState
+    | Battery
+    | Health
+    | EstimatorState
+    | ParametersRead
+)
+Event = VehicleEvent | Report | BadReport | Order | Stop
+
+
+class ModeRequest(enum.StrEnum):
+    """The two modes that the gate may ask the autopilot for."""
+
+    OFFBOARD = "OFFBOARD"
+    HOLD = "HOLD"
+
+
+@dataclass(frozen=True, slots=True)
+class GateOutput:
+    """What the gate wants sent and logged after one step."""
+
+    setpoint: BodyVelocity | None = None
+    mode_request: ModeRequest | None = None
+    transitions: tuple[Transition, ...] = ()

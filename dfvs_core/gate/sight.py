@@ -1,0 +1,109 @@
+"""What perception reports, and whether the gate believes it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from dfvs_core.gate.config import MS, GateTiming
+from dfvs_core.gate.limits import ZERO, BodyVelocity
+from dfvs_core.gate.states import Cause
+from dfvs_core.gate.vehicle import Fault
+from dfvs_core.wire.link import PerceptionReport
+
+MAX_BELIEVED_SPEED_M_S = 10.0
+MAX_BELIEVED_YAW_RAD_S = 10.0
+"""A servo law that asks for more is broken; what is merely too fast gets scaled down."""
+
+
+def report_fault(report: PerceptionReport, t_ns: int, timing: GateTiming) -> Fault | None:
+    """Name the first thing that forbids to fly by a report that arrived at ``t_ns``."""
+    if nonsense := _nonsense(report):
+        return Cause.REPORT_REJECTED, nonsense
+    if not report.healthy:
+        return Cause.REPORT_UNHEALTHY, report.reason
+    age = t_ns - report.t_capture_ns
+    if age < -timing.clock_skew_ns:
+        return Cause.REPORT_REJECTED, f"captured {-age / MS:.0f} ms in the future"
+    if age > timing.result_age_ns:
+        return Cause.RESULT_LATE, f"{age / MS:.0f} ms after capture"
+    return None
+
+
+def _nonsense(report: PerceptionReport) -> str | None:
+    """Say which number of a report cannot be."""
+    numbers = (*report.velocity, report.error_m, report.error_rad, report.overlap)
+    if len(report.velocity) != 4 or not all(math.isfinite(n) for n in numbers):
+        return "numbers that are not finite"
+    if math.hypot(*report.velocity[:3]) > MAX_BELIEVED_SPEED_M_S:
+        return f"speed over {MAX_BELIEVED_SPEED_M_S:g} m/s"
+    if abs(report.velocity[3]) > MAX_BELIEVED_YAW_RAD_S:
+        return f"yaw rate over {MAX_BELIEVED_YAW_RAD_S:g} rad/s"
+    if report.error_m < 0 or report.error_rad < 0 or not 0 <= report.overlap <= 1:
+        return "error or overlap out of range"
+    if report.feature_error is not None and not 0 <= report.feature_error < math.inf:
+        return "feature error out of range"
+    return None
+
+
+@dataclass(slots=True)
+class Sight:
+    """The last good report, since when all is good, and the last fault."""
+
+    timing: GateTiming
+    good: PerceptionReport | None = None
+    good_since_ns: int | None = None
+    reached_since_ns: int | None = None
+    last_capture_ns: int = -1
+    last_reason: str = "no report yet"
+    overlap: float = 0.0
+    lost: bool = False
+
+    def take(self, report: PerceptionReport, t_ns: int) -> Fault | None:
+        """Judge a report; a fault ends the good time, a repeated capture refreshes nothing."""
+        fault = report_fault(report, t_ns, self.timing)
+        self.lost = report.lost
+        if fault is not None:
+            self.spoil(f"{fault[0]}: {fault[1]}")
+            return fault
+        if report.t_capture_ns <= self.last_capture_ns:
+            return None
+        self.last_capture_ns = report.t_capture_ns
+        self.good = report
+        self.overlap = report.overlap
+        self.last_reason = ""
+        self.good_since_ns = t_ns if self.good_since_ns is None else self.good_since_ns
+        if not report.reached:
+            self.reached_since_ns = None
+        elif self.reached_since_ns is None:
+            self.reached_since_ns = t_ns
+        return None
+
+    def spoil(self, reason: str) -> None:
+        """Forget that data were good."""
+        self.good = None
+        self.good_since_ns = None
+        self.reached_since_ns = None
+        self.last_reason = reason
+
+    def stale(self, now_ns: int) -> Fault | None:
+        """Name why nothing may be flown by right now; what is too old is spoiled for good."""
+        if self.good is None:
+            return Cause.NO_DATA, self.last_reason
+        age = now_ns - self.good.t_capture_ns
+        if age <= self.timing.frame_age_ns:
+            return None
+        self.spoil(f"last good frame {age / MS:.0f} ms old")
+        return Cause.FRAME_OLD, f"{age / MS:.0f} ms"
+
+    def good_for_ns(self, now_ns: int) -> int:
+        """Time for which data have been good without a break, -1 where they are not."""
+        return -1 if self.good_since_ns is None else now_ns - self.good_since_ns
+
+    def reached_for_ns(self, now_ns: int) -> int:
+        """Time for which every frame showed the goal within tolerance, -1 where not."""
+        return -1 if self.reached_since_ns is None else now_ns - self.reached_since_ns
+
+    def velocity(self) -> BodyVelocity:
+        """Velocity that the last good report asks for, zero where there is none."""
+        return ZERO if self.good is None else BodyVelocity(*self.good.velocity)

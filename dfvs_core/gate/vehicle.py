@@ -1,0 +1,156 @@
+"""What the gate has last heard of the vehicle, and what is wrong with it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, field
+
+from dfvs_core.gate.config import GateConfig, S
+from dfvs_core.gate.events import (
+    Attitude,
+    Battery,
+    EstimatorState,
+    Health,
+    Heartbeat,
+    LandedState,
+    LocalPosition,
+    ParametersRead,
+    VehicleEvent,
+    VehicleMode,
+)
+from dfvs_core.gate.states import Cause
+
+Fault = tuple[Cause, str]
+
+
+NEVER = -(1 << 62)
+"""Time of a message that was not heard yet: older than any limit."""
+
+
+@dataclass(slots=True)
+class VehiclePicture:
+    """The newest message of each kind; before the first one, one that is infinitely old."""
+
+    heartbeat: Heartbeat = field(
+        default_factory=lambda: Heartbeat(NEVER, VehicleMode.OTHER, armed=False)
+    )
+    attitude: Attitude = field(default_factory=lambda: Attitude(NEVER, 0.0, 0.0, 0.0))
+    position: LocalPosition = field(
+        default_factory=lambda: LocalPosition(NEVER, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+    )
+    landed: LandedState = field(
+        default_factory=lambda: LandedState(NEVER, in_air=False, on_ground=False)
+    )
+    battery: Battery = field(default_factory=lambda: Battery(NEVER, None))
+    health: Health = field(default_factory=lambda: Health(NEVER, ok=False))
+    estimator: EstimatorState = field(default_factory=lambda: EstimatorState(NEVER, valid=True))
+    parameters: ParametersRead = field(default_factory=lambda: ParametersRead(NEVER))
+    jump_m: float = 0.0
+    """Largest step of the position estimate that its velocity does not explain."""
+
+    def take(self, event: VehicleEvent) -> None:
+        """Remember an event."""
+        match event:
+            case Heartbeat():
+                self.heartbeat = event
+            case Attitude():
+                self.attitude = event
+            case LocalPosition():
+                self._take_position(event)
+            case LandedState():
+                self.landed = event
+            case Battery():
+                self.battery = event
+            case Health():
+                self.health = event
+            case EstimatorState():
+                self.estimator = event
+            case ParametersRead():
+                self.parameters = event
+
+    def _take_position(self, new: LocalPosition) -> None:
+        old = self.position
+        self.position = new
+        if old.t_ns == NEVER:
+            return
+        dt_s = max(new.t_ns - old.t_ns, 0) / S
+        speed = max(math.hypot(*old.velocity_m_s), math.hypot(*new.velocity_m_s))
+        jump = math.dist(old.position_m, new.position_m) - speed * dt_s
+        self.jump_m = max(self.jump_m, jump) if math.isfinite(jump) else math.inf
+
+    @property
+    def is_offboard(self) -> bool:
+        """Tell whether the last heartbeat showed OFFBOARD."""
+        return self.heartbeat.mode is VehicleMode.OFFBOARD
+
+    @property
+    def is_armed(self) -> bool:
+        """Tell whether the last heartbeat showed the vehicle armed."""
+        return self.heartbeat.armed
+
+    @property
+    def is_flying(self) -> bool:
+        """Tell whether the vehicle is armed and in the air."""
+        return self.is_armed and self.landed.in_air
+
+
+def link_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fault | None:
+    """Name what is missing of the stream from the autopilot."""
+    timing = config.timing
+    if (age := now_ns - vehicle.heartbeat.t_ns) > timing.heartbeat_age_ns:
+        return Cause.HEARTBEAT_LOST, _ago(age)
+    if (age := now_ns - vehicle.attitude.t_ns) > timing.telemetry_age_ns:
+        return Cause.TELEMETRY_LOST, f"attitude, {_ago(age)}"
+    if (age := now_ns - vehicle.position.t_ns) > timing.telemetry_age_ns:
+        return Cause.TELEMETRY_LOST, f"position, {_ago(age)}"
+    return None
+
+
+def estimate_fault(vehicle: VehiclePicture, config: GateConfig) -> Fault | None:
+    """Name what is wrong with the autopilot's estimate of its own motion."""
+    if not _is_finite_attitude(vehicle.attitude):
+        return Cause.ESTIMATOR_INVALID, "attitude is not finite"
+    if not _is_finite_position(vehicle.position):
+        return Cause.ESTIMATOR_INVALID, "position or velocity is not finite"
+    if not vehicle.estimator.valid:
+        return Cause.ESTIMATOR_INVALID, vehicle.estimator.detail
+    if vehicle.jump_m > config.max_jump_m:
+        return Cause.ESTIMATOR_JUMP, f"by {vehicle.jump_m:.2f} m"
+    return None
+
+
+def battery_fault(vehicle: VehiclePicture, config: GateConfig) -> Fault | None:
+    """Say that the battery is low, or that its charge is unknown where a limit is set."""
+    if config.min_battery <= 0:
+        return None
+    remaining = vehicle.battery.remaining
+    if remaining is None:
+        return Cause.BATTERY_LOW, "charge unknown"
+    if not remaining >= config.min_battery:
+        return Cause.BATTERY_LOW, f"{remaining:.0%} left, {config.min_battery:.0%} needed"
+    return None
+
+
+def flight_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fault | None:
+    """Name the first thing about the vehicle that must end an engagement."""
+    if fault := link_fault(vehicle, config, now_ns) or estimate_fault(vehicle, config):
+        return fault
+    if fault := battery_fault(vehicle, config):
+        return fault
+    if vehicle.heartbeat.failsafe:
+        return Cause.FAILSAFE, f"in mode {vehicle.heartbeat.mode}"
+    if vehicle.landed.on_ground:
+        return Cause.LANDED, ""
+    return None
+
+
+def _ago(age: int) -> str:
+    return "none heard yet" if age > -NEVER // 2 else f"last one {age / S:.2f} s ago"
+
+
+def _is_finite_attitude(attitude: Attitude) -> bool:
+    return all(math.isfinite(v) for v in (attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad))
+
+
+def _is_finite_position(position: LocalPosition) -> bool:
+    return all(math.isfinite(v) for v in (*position.position_m, *position.velocity_m_s))

@@ -1,0 +1,1 @@
+"""The service that flies: its processes, their adapters and command lines."""

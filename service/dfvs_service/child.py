@@ -1,0 +1,76 @@
+"""A child process with a pipe that shows it that its parent lives, and a file for its errors."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+from collections.abc import Sequence
+from pathlib import Path
+
+
+class Child:
+    """One of the service's processes.
+
+    Its standard input is a pipe: bytes mean that the parent lives, the end that it is gone. Its
+    standard error is a file and not a pipe, since a parent that does not read a pipe would in
+    the end block the child.
+    """
+
+    def __init__(self, command: Sequence[str], stderr: Path) -> None:
+        self._stderr = stderr
+        self._read = 0
+        with stderr.open("wb") as errors:
+            self._process = subprocess.Popen(
+                list(command), stdin=subprocess.PIPE, stdout=subprocess.DEVNULL, stderr=errors
+            )
+        if self._process.stdin is None:
+            raise RuntimeError("the child has no standard input")
+        self._pipe = self._process.stdin.fileno()
+        os.set_blocking(self._pipe, False)
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def code(self) -> int | None:
+        """Exit code (negative: killed by that signal), None while it runs."""
+        return self._process.poll()
+
+    def ping(self) -> None:
+        """Show that the parent lives."""
+        with contextlib.suppress(BlockingIOError, BrokenPipeError):
+            os.write(self._pipe, b".")
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self._process.terminate()
+
+    def kill(self) -> None:
+        """End it at once, also when it is stopped or hung."""
+        self._process.kill()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for its end; tell whether it came."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout_s)
+        return self.code is not None
+
+    def new_errors(self) -> list[str]:
+        """Whole lines that it wrote to its standard error since the last call."""
+        with self._stderr.open("rb") as file:
+            file.seek(self._read)
+            data = file.read()
+        end = data.rfind(b"\n") + 1
+        self._read += end
+        return data[:end].decode(errors="replace").splitlines()
+
+    def describe_end(self) -> str:
+        """How it ended, in words."""
+        code = self.code
+        if code is not None and code < 0:
+            return f"was killed by {signal.Signals(-code).name}"
+        return f"ended with code {code}"

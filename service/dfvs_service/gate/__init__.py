@@ -1,0 +1,1 @@
+"""The gate process: the only owner of the autopilot."""

@@ -1,0 +1,213 @@
+"""The autopilot, through MAVSDK 4: the only module that knows that library.
+
+Setpoints and mode requests leave as single messages through ``MavlinkDirect``. The ``Offboard``
+plugin is not used: a native thread of it would go on sending the last velocity at 20 Hz while
+Python hangs. This way a hung gate is silent at once.
+
+Callbacks come on MAVSDK's threads and only hand events on. Setting up blocks, and so belongs on
+a helper thread; sending takes a fraction of a millisecond.
+"""
+
+from __future__ import annotations
+
+import functools
+import json
+import time
+from collections.abc import Callable, Mapping
+from typing import Any
+
+from mavsdk import (  # type: ignore[import-untyped]
+    ComponentType,
+    Configuration,
+    LogLevel,
+    Mavsdk,
+    MavsdkError,
+    log_subscribe,
+)
+from mavsdk.plugins.mavlink_direct.mavlink_direct import (  # type: ignore[import-untyped]
+    MavlinkDirect,
+    MavlinkMessage,
+)
+from mavsdk.plugins.param.param import Param  # type: ignore[import-untyped]
+from mavsdk.system import System  # type: ignore[import-untyped]
+
+from dfvs_core.errors import DfvsError
+from dfvs_core.gate.events import ModeRequest, ParametersRead, VehicleEvent
+from dfvs_core.gate.limits import BodyVelocity
+from dfvs_service.gate import px4
+
+AUTOPILOT_COMPONENT = 1
+_POLL_S = 0.5
+
+_LOSS_TIME = ("COM_OF_LOSS_T", 0.5, "time without setpoints until the failsafe acts, s")
+_LOSS_ACTION = ("COM_OBL_RC_ACT", 5.0, "what that failsafe does; 5 is Hold")
+
+Emit = Callable[[VehicleEvent], None]
+Note = Callable[[str, str], None]
+
+
+class VehicleError(DfvsError):
+    """No autopilot answers, or the connection cannot be opened."""
+
+
+class Autopilot:
+    """Connection to one autopilot.
+
+    Parameters
+    ----------
+    emit : callable
+        Takes the vehicle's events, from any thread, without blocking.
+    note : callable
+        Takes (kind, text) for the log, from any thread, without blocking.
+    """
+
+    def __init__(self, emit: Emit, note: Note) -> None:
+        self._emit = emit
+        self._note = note
+        self._mavsdk: Mavsdk | None = None
+        self._system: System | None = None
+        self._direct: MavlinkDirect | None = None
+        self._system_id = 0
+        log_subscribe(self._take_log)
+
+    def _take_log(self, level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
+        if level >= LogLevel.WARN:
+            self._note("mavsdk", message)
+        return True
+
+    @property
+    def is_open(self) -> bool:
+        """Whether messages can be sent."""
+        return self._direct is not None
+
+    def connect(self, url: str, timeout_s: float) -> None:
+        """Open the connection and wait for an autopilot; blocks.
+
+        Raises
+        ------
+        VehicleError
+            If the connection cannot be opened or no autopilot is heard in time.
+        """
+        kind = ComponentType.COMPANION_COMPUTER
+        self._mavsdk = Mavsdk(Configuration.create_with_component_type(kind))
+        result = self._mavsdk.add_any_connection(url)
+        if result != 0:
+            raise VehicleError(
+                f"cannot open the MAVLink connection {url!r} ({result.name})",
+                "a free port or a device, e.g. udpin://127.0.0.1:14540",
+                "is another program using it?",
+            )
+        self._system = self._await_autopilot(self._mavsdk, timeout_s)
+        if self._system is None:
+            raise VehicleError(
+                f"no vehicle heard on {url} within {timeout_s:g} s",
+                "an autopilot's heartbeat",
+                "check vehicle.mavlink and that the autopilot is running",
+            )
+        self._system_id = int(self._system.get_system_id())
+        direct = MavlinkDirect(self._system)
+        self._subscribe(direct)
+        self._direct = direct
+
+    @staticmethod
+    def _await_autopilot(mavsdk: Mavsdk, timeout_s: float) -> System | None:
+        deadline = time.monotonic() + timeout_s
+        while (left_s := deadline - time.monotonic()) > 0:
+            system = mavsdk.first_autopilot(min(left_s, _POLL_S))
+            if system is not None:
+                return system
+        return None
+
+    def _subscribe(self, direct: MavlinkDirect) -> None:
+        """Subscribe to every message that the gate judges by."""
+        single: dict[str, Callable[[int, Mapping[str, Any]], VehicleEvent]] = {
+            "HEARTBEAT": px4.heartbeat,
+            "ATTITUDE_QUATERNION": px4.attitude,
+            "LOCAL_POSITION_NED": px4.local_position,
+            "EXTENDED_SYS_STATE": px4.landed_state,
+            "ESTIMATOR_STATUS": px4.estimator_status,
+        }
+        for name, convert in single.items():
+            self._listen(direct, name, functools.partial(self._take_single, convert))
+        self._listen(direct, "SYS_STATUS", self._take_system_status)
+        self._listen(direct, "COMMAND_ACK", self._take_ack)
+
+    def _listen(
+        self,
+        direct: MavlinkDirect,
+        name: str,
+        take: Callable[[int, Mapping[str, Any]], None],
+    ) -> None:
+        def on_message(message: MavlinkMessage, _user_data: object) -> None:
+            t_ns = time.monotonic_ns()
+            if message.component_id == AUTOPILOT_COMPONENT:
+                take(t_ns, json.loads(message.fields_json))
+
+        direct.subscribe_message(name, on_message)
+
+    def _take_single(
+        self,
+        convert: Callable[[int, Mapping[str, Any]], VehicleEvent],
+        t_ns: int,
+        fields: Mapping[str, Any],
+    ) -> None:
+        self._emit(convert(t_ns, fields))
+
+    def _take_system_status(self, t_ns: int, fields: Mapping[str, Any]) -> None:
+        for event in px4.system_status(t_ns, fields):
+            self._emit(event)
+
+    def _take_ack(self, _t_ns: int, fields: Mapping[str, Any]) -> None:
+        # Only for the log: PX4 acknowledges a mode change twice, and the first one always says
+        # yes. What happened is seen in the heartbeat.
+        self._note("ack", f"command {fields.get('command')} result {fields.get('result')}")
+
+    def prepare(self) -> None:
+        """Ask for faster telemetry and read the failsafe parameters back; blocks for seconds."""
+        direct, system = self._direct, self._system
+        if direct is None or system is None:
+            return
+        for message_id, interval_us in px4.MESSAGE_INTERVALS_US.items():
+            self._send(
+                "COMMAND_LONG", px4.interval_fields(message_id, interval_us, self._system_id)
+            )
+        param = Param(system)
+        advice = (
+            *_advice(_LOSS_TIME, param.get_param_float),
+            *_advice(_LOSS_ACTION, param.get_param_int),
+        )
+        self._emit(ParametersRead(time.monotonic_ns(), advice))
+
+    def send_velocity(self, velocity: BodyVelocity) -> None:
+        """Send one setpoint."""
+        # PX4 does not use the time; the field wraps like the vehicle's own uptime would.
+        time_boot_ms = time.monotonic_ns() // 1_000_000 & 0xFFFFFFFF
+        fields = px4.velocity_fields(velocity, self._system_id, time_boot_ms)
+        self._send("SET_POSITION_TARGET_LOCAL_NED", fields)
+
+    def request_mode(self, request: ModeRequest) -> None:
+        """Ask for a mode, once, without waiting for an answer."""
+        self._send("COMMAND_LONG", px4.mode_fields(request, self._system_id))
+
+    def _send(self, name: str, fields: Mapping[str, Any]) -> None:
+        if self._direct is None:
+            return
+        text = json.dumps(fields, allow_nan=False)
+        message = MavlinkMessage(name, 0, 0, self._system_id, AUTOPILOT_COMPONENT, text)
+        try:
+            self._direct.send_message(message)
+        except MavsdkError as error:
+            # A setpoint that did not leave must not end the loop that would send the next one.
+            self._note("send_failed", f"{name}: {error}")
+
+
+def _advice(advised: tuple[str, float, str], read: Callable[[str], float]) -> tuple[str, ...]:
+    """One line where a parameter is not as advised, or cannot be read."""
+    name, wanted, meaning = advised
+    try:
+        value = read(name)
+    except MavsdkError as error:
+        return (f"{name} could not be read ({error}); {wanted:g} is advised: {meaning}",)
+    if abs(value - wanted) < 1e-6:
+        return ()
+    return (f"{name} is {value:g}; {wanted:g} is advised: {meaning}",)

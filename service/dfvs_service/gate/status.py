@@ -1,0 +1,63 @@
+"""What the gate tells perception, and through it everybody who listens."""
+
+from __future__ import annotations
+
+from dfvs_core.gate.config import S
+from dfvs_core.gate.machine import GateMachine
+from dfvs_core.gate.vehicle import NEVER, VehiclePicture
+from dfvs_core.wire.link import GateStatus, VehicleState
+
+_MAX_CAUSE = 300
+_MAX_WARNINGS = 4
+
+
+def vehicle_state(vehicle: VehiclePicture) -> VehicleState | None:
+    """Attitude with the newest velocity and position, None until both were heard."""
+    attitude, position = vehicle.attitude, vehicle.position
+    if NEVER in (attitude.t_ns, position.t_ns):
+        return None
+    return VehicleState(
+        attitude.t_ns,
+        attitude.roll_rad,
+        attitude.pitch_rad,
+        attitude.yaw_rad,
+        position.velocity_m_s,
+        position.position_m,
+    )
+
+
+def gate_status(
+    machine: GateMachine,
+    now_ns: int,
+    *,
+    challenge: str,
+    command: tuple[str, int],
+    warnings: tuple[str, ...],
+) -> GateStatus:
+    """Status of this moment; ``command`` is the last command's result and how many came."""
+    vehicle, setpoint = machine.vehicle, machine.setpoint
+    heartbeat = vehicle.heartbeat
+    heard = heartbeat.t_ns != NEVER
+    return GateStatus(
+        state=str(machine.state),
+        cause=machine.reason[:_MAX_CAUSE],
+        vehicle=vehicle_state(vehicle),
+        t_ns=now_ns,
+        reached=machine.has_reached,
+        mode=str(heartbeat.mode) if heard else "",
+        armed=heartbeat.armed,
+        in_air=vehicle.landed.in_air,
+        battery=vehicle.battery.remaining,
+        heartbeat_age_s=(now_ns - heartbeat.t_ns) / S if heard else None,
+        setpoint=(
+            setpoint.forward_m_s,
+            setpoint.right_m_s,
+            setpoint.down_m_s,
+            setpoint.yaw_rad_s,
+        ),
+        distance_m=machine.distance_m,
+        challenge=challenge,
+        command_result=command[0],
+        command_count=command[1],
+        warnings=tuple(line[:200] for line in warnings[:_MAX_WARNINGS]),
+    )

@@ -1,0 +1,177 @@
+"""The parent of the service's processes: starts them, watches the gate, never restarts it.
+
+A gate that misses its heartbeat is killed; the autopilot's own failsafe then takes over. A
+perception that dies is noticed by the gate, which goes to zero and gives the vehicle back.
+Nothing that died is ever started again into motion.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import signal
+import socket
+import sys
+import time
+from collections.abc import Sequence
+from dataclasses import dataclass
+from types import FrameType
+
+from dfvs_core.errors import WireError
+from dfvs_core.gate.states import ENGAGED, GateState
+from dfvs_core.goal import Goal
+from dfvs_core.wire.picture import encode_png
+from dfvs_service.beat import Beat
+from dfvs_service.child import Child
+from dfvs_service.config import ServiceConfig
+from dfvs_service.console import Display
+from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.watch import MS, Watch
+
+EXIT_ENDED, EXIT_CANNOT_RUN = 1, 2
+
+_LOOK_S = 0.02
+_PING_NS = 100 * MS
+_SHOW_NS = 200 * MS
+_STOP_LIMIT_S = 2.0
+_NOTABLE = ("error: ", "warning: ")
+
+
+@dataclass(frozen=True, slots=True)
+class Programs:
+    """Commands that start the two processes; ``--runtime DIR`` is added."""
+
+    gate: Sequence[str] = (sys.executable, "-m", "dfvs_service.gate")
+    perception: Sequence[str] = (sys.executable, "-m", "dfvs_service.perception")
+
+
+def furnish(runtime: RuntimeFolder, config: ServiceConfig, goal: Goal) -> None:
+    """Put the resolved settings and the goal where the processes look for them."""
+    runtime.config.write_text(config.to_json(), encoding="utf-8")
+    runtime.goal_picture.write_bytes(encode_png(goal.image))
+    runtime.goal_picture.with_suffix(".json").write_text(goal.sidecar.to_json(), encoding="utf-8")
+    for path in (runtime.gate_socket, runtime.perception_socket, runtime.parent_socket):
+        path.unlink(missing_ok=True)
+
+
+class Parent:
+    """Starts gate and perception in a furnished runtime folder, and watches over them."""
+
+    def __init__(self, runtime: RuntimeFolder, programs: Programs, display: Display) -> None:
+        self._display = display
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(str(runtime.parent_socket))
+        self._socket.settimeout(_LOOK_S)
+        place = ("--runtime", str(runtime.path))
+        self._gate = Child((*programs.gate, *place), runtime.stderr("gate"))
+        self._perception = Child((*programs.perception, *place), runtime.stderr("perception"))
+        self._children = {"gate": self._gate, "perception": self._perception}
+        self._watch = Watch(time.monotonic_ns())
+        self._beat = Beat(0, str(GateState.IDLE), "starting")
+        self._told: set[str] = set()
+        self._next_ping_ns = self._next_show_ns = 0
+        self._stop_requested = False
+        self._code: int | None = None
+
+    def stop(self, _signal: int, _frame: FrameType | None) -> None:
+        """Signal handler: end the flight in an orderly way."""
+        self._stop_requested = True
+
+    def run(self) -> int:
+        """Watch until the gate has ended; returns the service's exit code."""
+        try:
+            while self._gate.code is None:
+                self._turn()
+        finally:
+            self._end_all()
+        if self._code is not None:
+            return self._code
+        code = self._gate.code
+        return code if code is not None and 0 <= code <= EXIT_CANNOT_RUN else EXIT_ENDED
+
+    def _turn(self) -> None:
+        self._listen()
+        now_ns = time.monotonic_ns()
+        if self._watch.is_overdue(now_ns):
+            self._gate.kill()
+            self._code = EXIT_ENDED
+            self._say(
+                "error: the gate hung and was killed; the autopilot's failsafe has the vehicle"
+            )
+            return
+        if now_ns >= self._next_ping_ns:
+            self._next_ping_ns = now_ns + _PING_NS
+            for child in self._children.values():
+                child.ping()
+        if now_ns >= self._next_show_ns:
+            self._next_show_ns = now_ns + _SHOW_NS
+            self._display.show(self._beat)
+            self._pass_on_errors()
+            self._heed_perception()
+        if self._stop_requested:
+            self._stop_gate()
+
+    def _listen(self) -> None:
+        """Take the gate's heartbeats; return at the latest after one look's time."""
+        with contextlib.suppress(TimeoutError):
+            data = self._socket.recv(65536)
+            self._watch.beat(time.monotonic_ns())
+            with contextlib.suppress(WireError):
+                self._beat = Beat.from_bytes(data)
+
+    def _heed_perception(self) -> None:
+        """End a service that has become blind, once nothing is flown by it any more."""
+        code = self._perception.code
+        if code is None:
+            return
+        self._say(f"warning: perception {self._perception.describe_end()}")
+        if self._beat.state not in ENGAGED:
+            self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_ENDED
+            self._stop_requested = True
+
+    def _stop_gate(self) -> None:
+        """Let the gate bring the vehicle to Hold; kill it if that takes too long."""
+        self._gate.terminate()
+        deadline = time.monotonic() + _STOP_LIMIT_S
+        while self._gate.code is None and time.monotonic() < deadline:
+            self._listen()
+            self._gate.ping()
+        if self._gate.code is None:
+            self._gate.kill()
+            self._code = EXIT_ENDED
+            self._say("error: the gate did not end in time and was killed")
+
+    def _end_all(self) -> None:
+        """Leave no process behind, and no error unsaid."""
+        for child in self._children.values():
+            if child.code is None:
+                child.terminate()
+        for child in self._children.values():
+            if not child.wait(1.0):
+                child.kill()
+                child.wait(1.0)
+        self._display.show(self._beat)
+        self._pass_on_errors()
+        self._display.close()
+        self._socket.close()
+
+    def _pass_on_errors(self) -> None:
+        """Show the children's errors and warnings, and the gate's advice, once each."""
+        for line in self._beat.warnings:
+            self._say(f"warning: {line}")
+        for child in self._children.values():
+            for line in child.new_errors():
+                if line.startswith(_NOTABLE):
+                    self._say(line)
+
+    def _say(self, line: str) -> None:
+        if line not in self._told:
+            self._told.add(line)
+            self._display.say(line)
+
+
+def fly(runtime: RuntimeFolder, programs: Programs, display: Display) -> int:
+    """Run the service in a furnished runtime folder until it ends; returns its exit code."""
+    parent = Parent(runtime, programs, display)
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, parent.stop)
+    return parent.run()

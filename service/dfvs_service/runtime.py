@@ -1,0 +1,61 @@
+"""The private folder in which the service's processes meet: settings, goal, sockets, logs."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from pathlib import Path
+
+from dfvs_core.errors import ConfigError
+
+_MAX_SOCKET_PATH = 100
+"""Linux allows 107 bytes; the longest name in the folder is part of it."""
+
+
+@dataclass(frozen=True, slots=True)
+class RuntimeFolder:
+    """Paths inside the runtime folder."""
+
+    path: Path
+
+    def __post_init__(self) -> None:
+        """Refuse a folder whose name is too long for a socket's address."""
+        if len(str(self.perception_socket).encode()) > _MAX_SOCKET_PATH:
+            raise ConfigError(
+                f"the runtime folder {str(self.path)!r} has too long a name for Unix sockets",
+                f"at most {_MAX_SOCKET_PATH - len('/perception.sock')} bytes",
+                "choose another one with --runtime-dir",
+            )
+
+    @property
+    def config(self) -> Path:
+        """Resolved settings."""
+        return self.path / "config.json"
+
+    @property
+    def goal_picture(self) -> Path:
+        """Goal as PNG; its sidecar lies beside it."""
+        return self.path / "goal.png"
+
+    @property
+    def gate_socket(self) -> Path:
+        """Where the gate listens for perception."""
+        return self.path / "gate.sock"
+
+    @property
+    def perception_socket(self) -> Path:
+        """Where perception listens for the gate."""
+        return self.path / "perception.sock"
+
+    @property
+    def parent_socket(self) -> Path:
+        """Where the parent listens for the gate's heartbeats."""
+        return self.path / "parent.sock"
+
+    @property
+    def gate_log(self) -> Path:
+        """JSON lines: transitions with their causes, mode requests, warnings."""
+        return self.path / "gate.jsonl"
+
+    def stderr(self, child: str) -> Path:
+        """What a child process writes to its standard error."""
+        return self.path / f"{child}.err"

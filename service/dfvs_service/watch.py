@@ -1,0 +1,39 @@
+"""When a process that must show signs of life has hung: pure, time is passed in."""
+
+from __future__ import annotations
+
+MS = 1_000_000
+HEARTBEAT_LIMIT_NS = 300 * MS
+STARTUP_LIMIT_NS = 60_000 * MS
+OWN_PAUSE_NS = 100 * MS
+
+
+class Watch:
+    """Judges a process by the time since its last heartbeat.
+
+    Before the first one only ``STARTUP_LIMIT_NS`` counts: imports can be slow. A watcher that
+    was itself away (a suspended or starved machine) does not blame the watched for that time.
+
+    Parameters
+    ----------
+    now_ns : int
+        Monotonic time at which the process was started.
+    """
+
+    def __init__(self, now_ns: int) -> None:
+        self._alive_ns = now_ns
+        self._looked_ns = now_ns
+        self._heard = False
+
+    def beat(self, now_ns: int) -> None:
+        """Take a heartbeat that was received now."""
+        self._heard = True
+        self._alive_ns = now_ns
+
+    def is_overdue(self, now_ns: int) -> bool:
+        """Look whether the process has to be taken for hung; to be called often."""
+        if now_ns - self._looked_ns > OWN_PAUSE_NS:
+            self._alive_ns += now_ns - self._looked_ns
+        self._looked_ns = now_ns
+        limit_ns = HEARTBEAT_LIMIT_NS if self._heard else STARTUP_LIMIT_NS
+        return now_ns - self._alive_ns > limit_ns
