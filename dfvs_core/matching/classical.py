@@ -1,8 +1,9 @@
-"""The built-in matcher: SIFT and a robust model bridge large motion, DIS does the rest.
+"""The built-in matcher: SIFT and a robust smooth model bridge large motion, DIS does the rest.
 
-Steps: even out the local contrast; match RootSIFT features; fit a homography (MAGSAC); warp the
-other picture by it; find the rest by dense inverse search (DIS, Kroeger et al. 2016) in both
-directions; chain the flows; trust what returns to where it came from.
+Cold, without a guess: match features that agree with their neighbours, fit a smooth motion,
+match again near its prediction, fit again, refine by dense inverse search. Warm, with the flow
+of the frame before (or when little moved): fit the motion to that flow, refine, and fall back
+to the cold way where the result does not hold.
 """
 
 from __future__ import annotations
@@ -13,50 +14,47 @@ from typing import cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.arrays import ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
-from dfvs_core.matching.features import (
-    Features,
-    Matches,
-    detect,
-    even_contrast,
-    match_features,
-)
+from dfvs_core.matching.features import FeatureMatcher, Features, Matches, detect_features
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
-from dfvs_core.matching.warping import (
-    compose,
-    homography_flow,
-    lands_inside,
-    pixel_grid,
-    sample,
-)
+from dfvs_core.matching.motion import SmoothMotion, fit_motion
+from dfvs_core.matching.refinement import refine
+from dfvs_core.matching.warping import pixel_grid
 
-_MAX_FEATURES = 1500
-_MIN_INLIERS = 8
-_INLIER_PX = 3.0
-_RETURN_PX = 1.0
+_FEWEST_MATCHES = 8
+_RATIO = 0.9
+_NEAR_PX = 25.0
+
+_SURE = 0.5
+_GUESS_STRIDE = 16
+_GUESS_CONFIDENCE = 0.3
+_FEWEST_SAMPLES = 12
+_KEPT_SHARE = 0.8
+_LEAST_SHARE = 0.15
+_AT_REST_SHARE = 0.5
 
 
 class ClassicalPicture(Prepared):
-    """Evened picture, and its features, found when they are first asked for."""
+    """Grey picture (H, W), and its features, found when they are first asked for."""
 
     def __init__(self, image: ImageArray) -> None:
         check_image(image)
-        super().__init__(image.shape[:2])
-        self.even = even_contrast(image)
+        super().__init__((image.shape[0], image.shape[1]))
+        self.grey = cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
 
     @cached_property
     def features(self) -> Features:
         """SIFT features: only a match without a good guess needs them."""
-        return detect(self.even, _MAX_FEATURES)
+        return detect_features(self.grey)
 
 
 class ClassicalMatcher:
     """Dense correspondences without a network; see the module's text."""
 
     def prepare(self, image: ImageArray) -> ClassicalPicture:
-        """Even out the contrast of a picture (H, W, 3) uint8 RGB."""
+        """Take a picture (H, W, 3) uint8 RGB."""
         return ClassicalPicture(image)
 
     def match(
@@ -66,40 +64,61 @@ class ClassicalMatcher:
         check_same_size(current, other)
         if not (isinstance(current, ClassicalPicture) and isinstance(other, ClassicalPicture)):
             raise ImageError("pictures were prepared by another matcher", "the same matcher's")
-        matches = match_features(current.features, other.features)
-        H = fit_homography(matches)
-        start = homography_flow(np.eye(3) if H is None else H, current.size)
-        field = refine(current.even, other.even, start)
-        if H is None:
-            return FlowField(field.flow, np.float32(0.2) * field.confidence)
-        return field
+        if guess is not None:
+            tracked = _track(current, other, guess)
+            if tracked is not None:
+                return tracked
+        return _bridge(current, other)
 
 
-def fit_homography(matches: Matches) -> FloatArray | None:
-    """Homography (3, 3) from matches with gross errors (MAGSAC), or None where none holds."""
-    if len(matches) < _MIN_INLIERS:
+def sure_share(field: FlowField) -> float:
+    """Share of the picture whose flow is more likely right than wrong."""
+    return float(np.mean(field.confidence > _SURE))
+
+
+def _track(
+    current: ClassicalPicture, other: ClassicalPicture, guess: FlowField
+) -> FlowField | None:
+    """Refine the flow of the frame before, or None where that does not hold any more."""
+    if guess.confidence.shape != current.size:
         return None
-    cv2.setRNGSeed(0)
-    H, kept = cv2.findHomography(matches.current, matches.other, cv2.USAC_MAGSAC, _INLIER_PX)
-    if H is None or int(kept.sum()) < _MIN_INLIERS:
+    samples = _sample_flow(guess)
+    if len(samples) < _FEWEST_SAMPLES:
         return None
-    return np.asarray(H, dtype=np.float64)
+    field = refine(current.grey, other.grey, fit_motion(samples, current.size).flow())
+    needed = max(_LEAST_SHARE, _KEPT_SHARE * min(sure_share(guess), _AT_REST_SHARE))
+    return field if sure_share(field) >= needed else None
 
 
-def refine(current: ImageArray, other: ImageArray, start: Float32Array) -> FlowField:
-    """Refine the flow ``start`` (H, W, 2) by DIS on the aligned pair, checked both ways."""
-    at = pixel_grid(current.shape[:2])
-    aligned = sample(other, at + start)
-    there = search(current, aligned)
-    back = search(aligned, current)
-    miss = np.linalg.norm(there + sample(back, at + there), axis=-1)
-    flow = compose(there, start)
-    confidence = np.exp(-0.5 * (miss / _RETURN_PX) ** 2) * lands_inside(flow)
-    return FlowField(flow, confidence.astype(np.float32))
+def _sample_flow(field: FlowField) -> Matches:
+    """Take the trusted vectors of a flow, a few hundred on a regular grid, as matches."""
+    grid = (slice(_GUESS_STRIDE // 2, None, _GUESS_STRIDE),) * 2
+    trusted = field.confidence[grid] > _GUESS_CONFIDENCE
+    points = pixel_grid(field.confidence.shape[:2])[grid][trusted]
+    return Matches(points, points + field.flow[grid][trusted])
 
 
-def search(current: ImageArray, other: ImageArray) -> Float32Array:
-    """Flow (H, W, 2) of small motion between two grey pictures (H, W), by DIS."""
-    dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
-    flow = np.zeros((*current.shape, 2), np.float32)
-    return cast(Float32Array, dis.calc(current, other, flow))
+def _bridge(current: ClassicalPicture, other: ClassicalPicture) -> FlowField:
+    """Match two pictures about whose relation nothing is known."""
+    motion = _motion_from_features(current, other)
+    if motion is None:
+        still = refine(current.grey, other.grey, np.zeros((*current.size, 2), np.float32))
+        if sure_share(still) >= _AT_REST_SHARE:
+            return still
+        return FlowField(still.flow, np.zeros(current.size, np.float32))
+    return refine(current.grey, other.grey, motion.flow())
+
+
+def _motion_from_features(
+    current: ClassicalPicture, other: ClassicalPicture
+) -> SmoothMotion | None:
+    """Smooth motion that the features agree on, or None where too few do."""
+    matcher = FeatureMatcher(current.features, other.features, current.size)
+    matches = matcher.match(_RATIO)
+    if len(matches) < _FEWEST_MATCHES:
+        return None
+    motion = fit_motion(matches, current.size)
+    nearby = matcher.match_near(motion.at(current.features.points), _NEAR_PX, _RATIO)
+    if len(nearby) < len(matches):
+        return motion
+    return fit_motion(nearby, current.size)
