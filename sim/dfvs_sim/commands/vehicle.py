@@ -10,9 +10,9 @@ from typing import Any
 
 from dfvs_core.errors import ConfigError
 from dfvs_sim.vehicle.estimator import EstimatorErrors
+from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.mavlink import UdpPorts
 from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle, stop_on_signals
-from dfvs_sim.vehicle.px4 import VehicleConfig
 
 _EPILOG = """example:
   dfvs-sim vehicle --start 0,0,0,30 --record vehicle.jsonl

@@ -50,11 +50,11 @@ class Renderer:
         self.scene = scene
         self._clusters: Clusters = build_clusters(scene)
         steps = np.arange(_ENCODE_STEPS, dtype=np.float32) / (_ENCODE_STEPS - 1)
-        self._encode = np.rint(srgb_from_linear(steps) * 255.0).astype(np.uint8)
+        encode = np.rint(srgb_from_linear(steps) * 255.0).astype(np.uint8)
         decode = linear_from_srgb(np.arange(256, dtype=np.float32) / 255.0)
         pack = pack_textures(scene.textures)
         self._pack = (pack.texels, pack.levels, pack.level_count, pack.wrap, decode)
-        self._sky = np.array(scene.sky, dtype=np.float64)
+        self._colours = (np.array(scene.sky, dtype=np.float64), encode)
 
     def render(
         self, camera: CameraModel, T_world_camera: FloatArray, antialias: bool = False
@@ -91,9 +91,9 @@ class Renderer:
             _, _, fine_ids = self._draw(
                 camera.scaled(2 * camera.width, 2 * camera.height), T_world_camera
             )
-            shade_antialiased(mesh, self._pack, fine_ids, self._sky, self._encode, image)
+            shade_antialiased(mesh, self._pack, fine_ids, self._colours, image)
         else:
-            shade(mesh, self._pack, ids, self._sky, self._encode, image)
+            shade(mesh, self._pack, ids, self._colours, image)
         return View(image, depth)
 
     def _draw(

@@ -4,15 +4,19 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from typing import TYPE_CHECKING
+from typing import Any, Protocol
 
+import numpy as np
 from pymavlink.dialects.v20 import common as mavlink
 
+from dfvs_sim.vehicle import faults
+from dfvs_sim.vehicle.failsafe import Refusal
+from dfvs_sim.vehicle.flight import Flight
 from dfvs_sim.vehicle.modes import Mode, mode_from_numbers
-from dfvs_sim.vehicle.telemetry import HOME_ALTITUDE_M, Message
-
-if TYPE_CHECKING:
-    from dfvs_sim.vehicle.px4 import Px4
+from dfvs_sim.vehicle.parameters import ParameterTable
+from dfvs_sim.vehicle.status import Status
+from dfvs_sim.vehicle.streams import LinkState
+from dfvs_sim.vehicle.telemetry import HOME_ALTITUDE_M, Message, Telemetry
 
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 """MAV_RESULT; REJECTED is TEMPORARILY_REJECTED."""
@@ -21,13 +25,48 @@ _FORCE = 21196
 _SECOND_ACK_NS = 8_000_000
 _CUSTOM_MODE = 1
 
+_KINDS = {
+    mavlink.MAV_CMD_COMPONENT_ARM_DISARM: "arm_command",
+    mavlink.MAV_CMD_DO_SET_MODE: "mode_command",
+    mavlink.MAV_CMD_NAV_LAND: "mode_command",
+    mavlink.MAV_CMD_NAV_TAKEOFF: "mode_command",
+    mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: "mode_command",
+}
+"""How a command is called in the vehicle's record."""
+
 Params = tuple[float, ...]
+
+
+class Autopilot(Protocol):
+    """What commands act on."""
+
+    status: Status
+    parameters: ParameterTable
+    flight: Flight
+    telemetry: Telemetry
+    links: dict[str, LinkState]
+    rng: np.random.Generator
+
+    def request_mode(self, mode: Mode, now_ns: int) -> Refusal | None:
+        """Change the intended mode."""
+
+    def arm(self, now_ns: int, *, force: bool = False) -> Refusal | None:
+        """Arm."""
+
+    def disarm(self, now_ns: int, cause: str, *, force: bool = False) -> Refusal | None:
+        """Disarm."""
+
+    def note(self, now_ns: int, kind: str, message: Message, link: str, **fields: Any) -> None:
+        """Put an event into the record."""
+
+    def send_later(self, when_ns: int, link: str, message: Message) -> None:
+        """Send once the time has come."""
 
 
 class CommandHandler:
     """Acts on commands and gives their acks."""
 
-    def __init__(self, px4: Px4) -> None:
+    def __init__(self, px4: Autopilot) -> None:
         self._px4 = px4
         self._results: dict[int, Callable[[Params, str, int], int]] = {
             mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH: self._to_mode(Mode.RETURN),
@@ -39,36 +78,28 @@ class CommandHandler:
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
             mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._request_version,
             mavlink.MAV_CMD_GET_HOME_POSITION: self._request_home,
+            mavlink.MAV_CMD_INJECT_FAILURE: self._inject_failure,
         }
 
     def on_command(self, message: Message, link: str, now_ns: int) -> list[Message]:
         """Act on one command; returns the ack that goes out at once."""
         if message.target_component not in (0, 1):
             return []
-        params = _params(message)
-        command = message.command
-        kind = "command"
-        if command == mavlink.MAV_CMD_COMPONENT_ARM_DISARM:
-            kind = "arm_command"
-        if command in (
-            mavlink.MAV_CMD_DO_SET_MODE,
-            mavlink.MAV_CMD_NAV_LAND,
-            mavlink.MAV_CMD_NAV_TAKEOFF,
-            mavlink.MAV_CMD_NAV_RETURN_TO_LAUNCH,
-        ):
-            kind = "mode_command"
+        params, command = _params(message), message.command
+        mode: Mode | None = None
         if command == mavlink.MAV_CMD_DO_SET_MODE:
             mode = _wanted_mode(params)
             result = self._set_mode(mode, now_ns)
-            name = mode.name if mode else None
         else:
             act = self._results.get(command)
             result = act(params, link, now_ns) if act else UNSUPPORTED
-            name = None
-        shown = [p if math.isfinite(p) else str(p) for p in params]
-        self._px4.note(
-            now_ns, kind, message, link, command=command, params=shown, mode=name, result=result
-        )
+        fields = {
+            "command": command,
+            "params": [p if math.isfinite(p) else str(p) for p in params],
+            "mode": mode.name if mode else None,
+            "result": result,
+        }
+        self._px4.note(now_ns, _KINDS.get(command, "command"), message, link, **fields)
         if command != mavlink.MAV_CMD_DO_SET_MODE:
             return [_ack(message, command, result)]
         delay_ns = int(self._px4.rng.integers(0, _SECOND_ACK_NS, endpoint=True))
@@ -96,7 +127,7 @@ class CommandHandler:
         """Take off to the altitude above sea level in param7, or to MIS_TAKEOFF_ALT."""
         altitude_m = params[6]
         down_m = HOME_ALTITUDE_M - altitude_m if math.isfinite(altitude_m) else None
-        self._px4.navigator.takeoff_down_m = down_m
+        self._px4.flight.navigator.takeoff_down_m = down_m
         return self._set_mode(Mode.TAKEOFF, now_ns)
 
     def _arm(self, params: Params, link: str, now_ns: int) -> int:
@@ -133,6 +164,13 @@ class CommandHandler:
 
     def _request_home(self, params: Params, link: str, now_ns: int) -> int:
         return self._send_once("HOME_POSITION", link, now_ns)
+
+    def _inject_failure(self, params: Params, link: str, now_ns: int) -> int:
+        px4 = self._px4
+        if px4.parameters["SYS_FAILURE_EN"] != 1:
+            return DENIED
+        known = faults.inject(params, px4.status, px4.flight, px4.links)
+        return ACCEPTED if known else UNSUPPORTED
 
     def _send_once(self, name: str, link: str, now_ns: int) -> int:
         if name not in self._px4.telemetry.builders:

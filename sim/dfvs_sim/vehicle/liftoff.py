@@ -43,7 +43,6 @@ class Liftoff:
     def update(self, dt_s: float, *, armed: bool, landed: bool, wants_up: bool) -> None:
         """Advance by dt_s."""
         self._since_s += dt_s
-        state = self.rotors
         self._go(self._next(landed=landed, wants_up=wants_up) if armed else Rotors.STILL)
 
     def _next(self, *, landed: bool, wants_up: bool) -> Rotors:
@@ -70,7 +69,7 @@ class Liftoff:
 class LandDetector:
     """Landed once the ground has been touched for a while without a wish to rise."""
 
-    TOUCH_S = 1.0
+    TOUCH_S = 2.0
 
     def __init__(self) -> None:
         self._touching_s = 0.0

@@ -11,8 +11,9 @@ from types import FrameType
 
 import numpy as np
 
+from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts, wait_for_data
-from dfvs_sim.vehicle.px4 import STEP_NS, Journal, Px4, VehicleConfig
+from dfvs_sim.vehicle.px4 import STEP_NS, Journal, Px4
 from dfvs_sim.vehicle.record import VehicleRecord
 from dfvs_sim.vehicle.status import NS_PER_S
 from dfvs_sim.vehicle.streams import COMPANION, GROUND
@@ -90,7 +91,7 @@ def _loop(
 
 def true_pose(px4: Px4, start_m: tuple[float, float, float]) -> dict[str, object]:
     """True pose and velocity: position in the scene's world frame (NED, m), angles in rad."""
-    v = px4.vehicle
+    v = px4.flight.vehicle
     local = (v.north_m, v.east_m, v.down_m)
     return {
         "position": [round(a + b, 6) for a, b in zip(start_m, local, strict=True)],

@@ -9,16 +9,13 @@ from __future__ import annotations
 
 import math
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from typing import Any
 
 import numpy as np
 from pymavlink.dialects.v20 import common as mavlink
 
+from dfvs_sim.vehicle import parameter_protocol
 from dfvs_sim.vehicle.commands import CommandHandler
-from dfvs_sim.vehicle.control import Controller, Demand
-from dfvs_sim.vehicle.dynamics import Quadrotor
-from dfvs_sim.vehicle.estimator import Estimator, EstimatorErrors
 from dfvs_sim.vehicle.failsafe import (
     Refusal,
     arming_refusal,
@@ -26,51 +23,21 @@ from dfvs_sim.vehicle.failsafe import (
     mode_refusal,
     should_disarm,
 )
-from dfvs_sim.vehicle.liftoff import LandDetector, Liftoff
+from dfvs_sim.vehicle.flight import Flight, VehicleConfig
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.vehicle.navigation import Navigator, Sticks
-from dfvs_sim.vehicle.parameters import ParameterTable, Value
-from dfvs_sim.vehicle.setpoints import (
-    BODY_NED,
-    LOCAL_NED,
-    Setpoint,
-    demand_from_setpoint,
-    is_flyable,
-)
+from dfvs_sim.vehicle.navigation import Sticks
+from dfvs_sim.vehicle.parameters import ParameterTable
+from dfvs_sim.vehicle.setpoints import BODY_NED, LOCAL_NED, Setpoint, demand_from_setpoint
 from dfvs_sim.vehicle.status import NS_PER_S, Status
-from dfvs_sim.vehicle.streams import RATES_HZ, Schedule
+from dfvs_sim.vehicle.streams import RATES_HZ, LinkState, Schedule
 from dfvs_sim.vehicle.telemetry import Message, Telemetry
 
 STEP_NS = 4_000_000
 _CHECK_NS = 100 * 1_000_000
 _GCS_TIMEOUT_NS = 3 * NS_PER_S
-_STOP = Demand(velocity=(0.0, 0.0, 0.0), yaw_rate_rad_s=0.0)
 
 Journal = Callable[[int, str, dict[str, Any]], None]
 """Where the vehicle's own record goes: (t_ns, kind, fields)."""
-
-
-@dataclass(frozen=True, slots=True)
-class VehicleConfig:
-    """How the vehicle starts and what it meets."""
-
-    yaw_rad: float = 0.0
-    ground_m: float = 0.08
-    ready_after_s: float = 5.0
-    errors: EstimatorErrors = field(default_factory=EstimatorErrors)
-    wind_north_m_s: float = 0.0
-    wind_east_m_s: float = 0.0
-    parameters: dict[str, Value] = field(default_factory=dict)
-    system_id: int = 1
-
-
-@dataclass(slots=True)
-class LinkState:
-    """One MAVLink connection: its streams, and whether a ground station talks on it."""
-
-    schedule: Schedule
-    gcs_ns: int | None = None
-    dropped: bool = False
 
 
 def _no_journal(t_ns: int, kind: str, fields: dict[str, Any]) -> None:
@@ -92,19 +59,10 @@ class Px4:
         self.rng = rng
         self.parameters = ParameterTable(config.parameters)
         self.status = Status(boot_ns=now_ns, home_m=(0.0, 0.0, config.ground_m))
-        self.vehicle = Quadrotor(ground_m=config.ground_m, yaw_rad=config.yaw_rad)
-        self.vehicle.wind_north_m_s = config.wind_north_m_s
-        self.vehicle.wind_east_m_s = config.wind_east_m_s
-        self.estimator = Estimator(config.errors, rng)
-        self.estimate = self.estimator.update(0.0, self.vehicle)
-        self.controller = Controller(self.parameters.gains())
-        self.navigator = Navigator(self.parameters, self.status)
-        self.liftoff = Liftoff(self.parameters)
-        self.land_detector = LandDetector()
-        self.telemetry = Telemetry(self.status, self.estimate)
+        self.flight = Flight(config, self.parameters, self.status, rng)
+        self.telemetry = Telemetry(self.status, self.flight.estimate)
         self.links = {name: LinkState(Schedule(RATES_HZ[name], now_ns)) for name in RATES_HZ}
         self._commands = CommandHandler(self)
-        self._setpoint_demand = _STOP
         self._later: list[tuple[int, str, Message]] = []
         self._time_ns = now_ns
         self._next_check_ns = now_ns
@@ -151,49 +109,39 @@ class Px4:
             m.yaw_rate,
         )
         known = setpoint.frame in (LOCAL_NED, BODY_NED)
-        demand = demand_from_setpoint(setpoint, self.estimate.yaw_rad) if known else None
+        demand = demand_from_setpoint(setpoint, self.flight.estimate.yaw_rad) if known else None
         self.note(now_ns, "setpoint", m, link, **_values(setpoint), valid=demand is not None)
         if not known:
             self.say(f"SET_POSITION_TARGET_LOCAL_NED: frame {setpoint.frame} not supported")
         if demand is not None:
             self.status.setpoint_ns = now_ns
             if self.status.mode is Mode.OFFBOARD:
-                self._setpoint_demand = demand if is_flyable(demand) else _STOP
+                self.flight.take_setpoint(demand)
         return []
 
     def _on_sticks(self, m: Message, link: str, now_ns: int) -> list[Message]:
         up = (m.z - 500) / 500.0
         sticks = Sticks(*(_stick(v) for v in (m.x / 1000.0, m.y / 1000.0, up, m.r / 1000.0)))
         self.status.manual_ns = now_ns
-        self.navigator.sticks = sticks
+        self.flight.navigator.sticks = sticks
         return []
 
     def _on_param_read(self, m: Message, link: str, now_ns: int) -> list[Message]:
-        name = m.param_id
-        if m.param_index >= 0:
-            names = self.parameters.names
-            name = names[m.param_index] if m.param_index < len(names) else ""
-        return [self._param_value(name)] if name in self.parameters else []
+        return parameter_protocol.read(self.parameters, m)
 
     def _on_param_list(self, m: Message, link: str, now_ns: int) -> list[Message]:
         for i, name in enumerate(self.parameters.names):
-            self.send_later(now_ns + i * STEP_NS, link, self._param_value(name))
+            message = parameter_protocol.value_message(self.parameters, name)
+            self.send_later(now_ns + i * STEP_NS, link, message)
         return []
 
     def _on_param_set(self, m: Message, link: str, now_ns: int) -> list[Message]:
-        accepted = self.parameters.set_from_wire(m.param_id, m.param_value, m.param_type)
-        if m.param_id not in self.parameters:
-            return []
-        value = self.parameters[m.param_id]
-        self.note(now_ns, "parameter", m, link, name=m.param_id, value=value, accepted=accepted)
-        self.controller.gains = self.parameters.gains()
-        return [self._param_value(m.param_id)]
-
-    def _param_value(self, name: str) -> Message:
-        p = self.parameters
-        return mavlink.MAVLink_param_value_message(
-            name.encode(), p.on_wire(name), p.kind(name), len(p), p.names.index(name)
-        )
+        answers = parameter_protocol.write(self.parameters, m)
+        if answers:
+            value = self.parameters[m.param_id]
+            self.note(now_ns, "parameter", m, link, name=m.param_id, value=value)
+            self.flight.take_parameters()
+        return answers
 
     def _on_ping(self, m: Message, link: str, now_ns: int) -> list[Message]:
         if m.target_system or m.target_component:
@@ -223,7 +171,7 @@ class Px4:
         """Change the intended mode; while disarmed that is always possible."""
         refusal = mode_refusal(mode, self.status, self.parameters, now_ns)
         if refusal is not None and self.status.armed:
-            self.say(f"Switching to {mode.name.lower()} is not possible: {refusal.value}")
+            self.say(f"{mode.name} not possible: {refusal.value}")
             return refusal
         if self.status.mode is not Mode.TERMINATION or not self.status.armed:
             self.status.intended = mode
@@ -237,11 +185,10 @@ class Px4:
             self.say(refusal.value)
             return refusal
         if not self.status.armed:
-            e = self.estimate
+            e = self.flight.estimate
             self.status.armed, self.status.armed_ns, self.status.flew = True, now_ns, False
             self.status.home_m = (e.north_m, e.east_m, e.down_m)
-            self.navigator.enter(self.status.mode, e, self.status.mode)
-            self.controller.reset()
+            self.flight.prepare()
             self._journal_state(now_ns, "armed")
         return None
 
@@ -265,14 +212,14 @@ class Px4:
             if self._time_ns >= self._next_check_ns:
                 self._next_check_ns = self._time_ns + _CHECK_NS
                 self._supervise(self._time_ns)
-            self._move(STEP_NS / NS_PER_S)
+            self._move()
         return self._outbox(now_ns)
 
     def _supervise(self, now_ns: int) -> None:
         """Readiness, failsafes, mode changes and disarming by itself."""
         s = self.status
         s.ready = now_ns - s.boot_ns >= self.config.ready_after_s * NS_PER_S
-        s.estimator_ok = self.estimate.valid
+        s.estimator_ok = self.flight.estimate.valid
         if s.armed and should_disarm(s, self.parameters, now_ns):
             self.disarm(now_ns, "on the ground")
         mode = flown_mode(s, self.parameters, now_ns)
@@ -284,64 +231,20 @@ class Px4:
             previous, s.mode, s.failsafe = s.mode, mode, failsafe
             if failsafe:
                 self.say(f"Failsafe activated: {mode.name.lower()}")
-            self._setpoint_demand = _STOP
-            self.navigator.enter(mode, self.estimate, previous)
+            self.flight.enter(mode, previous)
             self._journal_state(now_ns, "failsafe" if failsafe else "mode")
 
-    def _move(self, dt_s: float) -> None:
-        """One step of control, motion and estimation."""
-        s, lift = self.status, self.liftoff
-        spinning = s.armed and s.mode is not Mode.TERMINATION
-        demand = self._demand(dt_s)
-        lift.update(dt_s, armed=spinning, landed=s.landed, wants_up=self._wants_up(demand))
-        self.controller.climb_limit_m_s = lift.climb_limit_m_s
-        command = None
-        if lift.flying:
-            command = self.controller.update(dt_s, demand, self.estimate)
-        self.vehicle.step(dt_s, command)
-        self.estimator.update(dt_s, self.vehicle)
-        self._notice_landing(dt_s, demand)
-        if s.mode is Mode.TAKEOFF and lift.flying and self.navigator.takeoff_reached(self.estimate):
-            self.request_mode(Mode.HOLD, self._time_ns)
-
-    def _demand(self, dt_s: float) -> Demand:
-        """What the mode asks for; on the ground nothing but offboard setpoints is followed."""
-        if self.status.mode is Mode.OFFBOARD:
-            return self._setpoint_demand
-        if not self.liftoff.flying:
-            return _STOP
-        self.navigator.climb_limit_m_s = min(
-            self.liftoff.climb_limit_m_s, float(self.parameters["MPC_TKO_SPEED"])
-        )
-        return self.navigator.demand(dt_s, self.status.mode, self.estimate)
-
-    def _wants_up(self, demand: Demand) -> bool:
-        """Whether a vehicle on the ground is asked to take off."""
-        mode = self.status.mode
-        if mode is Mode.OFFBOARD:
-            above = demand.position[2] < self.estimate.down_m
-            return demand.velocity[2] < 0.0 or demand.acceleration[2] < 0.0 or above
-        return mode is Mode.TAKEOFF or (
-            mode.needs_manual_control and self.navigator.sticks.up > 0.0
-        )
-
-    def _notice_landing(self, dt_s: float, demand: Demand) -> None:
+    def _move(self) -> None:
+        """One step of motion, and what follows from where it leads."""
         s = self.status
-        landed = self.land_detector.update(
-            dt_s,
-            on_ground=self.vehicle.on_ground,
-            sinking=demand.velocity[2] > 0.05 or demand.acceleration[2] > 0.5,
-            flying=self.liftoff.flying,
-        )
-        if landed is s.landed:
-            return
-        s.landed = landed
-        if landed:
+        landed = self.flight.step(STEP_NS / NS_PER_S)
+        if landed is not s.landed:
+            s.landed = landed
             s.landed_ns = self._time_ns
-            self.controller.reset()
-        else:
-            s.flew = True
-        self._journal_state(self._time_ns, "landed" if landed else "lifted off")
+            s.flew = s.flew or not landed
+            self._journal_state(self._time_ns, "landed" if landed else "lifted off")
+        if s.mode is Mode.TAKEOFF and self.flight.takeoff_is_over():
+            self.request_mode(Mode.HOLD, self._time_ns)
 
     def _journal_state(self, now_ns: int, cause: str) -> None:
         s = self.status

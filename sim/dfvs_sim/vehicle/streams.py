@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from dataclasses import dataclass
 
 from dfvs_sim.vehicle.status import NS_PER_S
 
@@ -81,3 +82,12 @@ class Schedule:
             self._interval[name] = round(NS_PER_S / rate_hz)
             self._next[name] = now_ns
         self._soonest = now_ns
+
+
+@dataclass(slots=True)
+class LinkState:
+    """One MAVLink connection: its streams, and when a ground station was last heard on it."""
+
+    schedule: Schedule
+    gcs_ns: int | None = None
+    dropped: bool = False

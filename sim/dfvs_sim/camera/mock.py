@@ -1,0 +1,108 @@
+"""The mock camera's loop: pose from the vehicle's telemetry, picture from the renderer."""
+
+from __future__ import annotations
+
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import zenoh
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.topics import Topics
+from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_sim.camera.sensor import SensorNoise
+from dfvs_sim.render.renderer import Renderer
+
+CameraPoses = Callable[[int], FloatArray | None]
+"""``T_scene_camera`` (4, 4) at a monotonic time in ns, None where it is not known."""
+
+
+@dataclass(frozen=True, slots=True)
+class MockCameraConfig:
+    """What the mock camera is like; ``noise`` is in grey levels."""
+
+    camera: CameraModel
+    rate_hz: float = 20.0
+    pixel_format: PixelFormat = PixelFormat.JPEG
+    quality: int = 90
+    noise: float = 1.5
+    seed: int = 0
+
+
+class MockCamera:
+    """Renders and publishes frames until stopped.
+
+    Parameters
+    ----------
+    config : MockCameraConfig
+    renderer : Renderer
+        Of the scene to fly in.
+    poses : callable
+        Where the camera is, from the vehicle's MAVLink telemetry as beside a real autopilot.
+    publish : callable
+        Takes payload, attachment and the encoding's name.
+    """
+
+    def __init__(
+        self,
+        config: MockCameraConfig,
+        renderer: Renderer,
+        poses: CameraPoses,
+        publish: Callable[[bytes, bytes, str], None],
+    ) -> None:
+        self._config = config
+        self._renderer = renderer
+        self._poses = poses
+        self._publish = publish
+        self._rng = np.random.default_rng(config.seed)
+        self._noise = SensorNoise.make(config.camera.size, config.noise, self._rng)
+        self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self.frames = 0
+
+    def run(self, stop: threading.Event) -> None:
+        """Publish at the configured rate; a frame that comes too late is left out."""
+        period_ns = round(1e9 / self._config.rate_hz)
+        due_ns = time.monotonic_ns()
+        while not stop.wait(max(due_ns - time.monotonic_ns(), 0) * 1e-9):
+            self.shoot(time.monotonic_ns())
+            due_ns = max(due_ns + period_ns, time.monotonic_ns())
+
+    def shoot(self, t_ns: int) -> None:
+        """Take the picture of time t_ns and publish it, if the pose is known."""
+        T_scene_camera = self._poses(t_ns)
+        if T_scene_camera is None:
+            return
+        image = self._renderer.render(self._config.camera, T_scene_camera).image
+        image = self._noise.apply(image, self._rng)
+        frame = Frame(image, t_ns, self.frames)
+        payload, attachment = encode_frame(
+            frame, self._config.pixel_format, self._clock, self._config.quality
+        )
+        self._publish(payload, attachment, ENCODINGS[self._config.pixel_format])
+        self.frames += 1
+
+
+ENCODINGS = {
+    PixelFormat.JPEG: "image/jpeg",
+    PixelFormat.PNG: "image/png",
+    PixelFormat.RGB8: "application/octet-stream",
+    PixelFormat.BGR8: "application/octet-stream",
+    PixelFormat.MONO8: "application/octet-stream",
+}
+
+
+def zenoh_publisher(session: zenoh.Session, vehicle: str) -> Callable[[bytes, bytes, str], None]:
+    """Publish frames of a vehicle; a congested link drops them."""
+    publisher = session.declare_publisher(
+        Topics(vehicle).camera, congestion_control=zenoh.CongestionControl.DROP
+    )
+
+    def publish(payload: bytes, attachment: bytes, encoding: str) -> None:
+        publisher.put(payload, encoding=encoding, attachment=attachment)
+
+    return publish

@@ -1,0 +1,232 @@
+"""One flight: vehicle, camera, pilot and service brought up, flown, and brought down again."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.errors import DfvsError
+from dfvs_core.topics import Topics
+from dfvs_core.wire.picture import encode_png
+from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, zenoh_publisher
+from dfvs_sim.demo.children import Child
+from dfvs_sim.demo.plan import FlightPlan
+from dfvs_sim.demo.ports import LOOPBACK, FlightPorts
+from dfvs_sim.demo.track import Track
+from dfvs_sim.demo.watch import TelemetryWatch
+from dfvs_sim.ground.link import GroundLink
+from dfvs_sim.ground.pilot import Pilot
+from dfvs_sim.ground.pose import PoseTracker
+from dfvs_sim.zenoh_session import open_peer
+
+ENDED = frozenset({"DONE", "ABORT", "RELEASED"})
+READY = frozenset({"READY"})
+VEHICLE_NAME = "demo"
+_STARTUP_S = 40.0
+_SETTLE_S = 1.0
+
+Narrate = Callable[[str], None]
+
+
+class FlightError(DfvsError):
+    """The flight could not be brought up."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlightOptions:
+    """How to fly.
+
+    ``autopilot`` is the MAVLink URL of a vehicle that runs already, and ``ground`` that of its
+    ground-station link; None starts the simulated one. ``service`` holds further words for
+    ``dfvs-service``.
+    """
+
+    height_m: float = 1.5
+    timeout_s: float = 90.0
+    rate_hz: float = 20.0
+    autopilot: str | None = None
+    ground: str | None = None
+    service: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
+class FlightLog:
+    """What is known after a flight."""
+
+    plan: FlightPlan
+    track: Track
+    watch: TelemetryWatch
+    engaged_ns: int
+    ended_ns: int
+    end_state: str
+    end_cause: str
+    vehicle_record: Path | None
+
+
+class Flight:
+    """Everything that one flight needs, from an empty folder to a log.
+
+    Parameters
+    ----------
+    plan : FlightPlan
+    options : FlightOptions
+    folder : Path
+        Exists; takes goal, logs and records.
+    narrate : callable
+        Takes one line for the user at every step.
+    """
+
+    def __init__(
+        self, plan: FlightPlan, options: FlightOptions, folder: Path, narrate: Narrate
+    ) -> None:
+        self._plan = plan
+        self._options = options
+        self._folder = folder
+        self._narrate = narrate
+        self._ports = FlightPorts.choose()
+        self._record = None if options.autopilot else folder / "vehicle.jsonl"
+
+    def run(self, on_progress: Callable[[TelemetryWatch, Track], None]) -> FlightLog:
+        """Fly.
+
+        Raises
+        ------
+        DfvsError
+            If vehicle, pilot or service cannot be brought up.
+        """
+        self._write_goal()
+        with contextlib.ExitStack() as stack:
+            if self._options.autopilot is None:
+                stack.enter_context(self._vehicle())
+            link = stack.enter_context(GroundLink(self._ground_url()))
+            pilot, tracker = Pilot(link), PoseTracker(link)
+            self._narrate("waiting for the vehicle")
+            tracker.start(_STARTUP_S)
+            pilot.prepare()
+            to_scene = self._anchor(tracker)
+            track = Track(to_scene, self._plan.T_scene_goal)
+            session = stack.enter_context(open_peer(self._ports.zenoh_endpoint))
+            camera = self._camera(to_scene, zenoh_publisher(session, VEHICLE_NAME))
+            stack.enter_context(_running(camera.run, "camera"))
+            self._narrate(f"the pilot takes off to {self._options.height_m:g} m")
+            pilot.take_off(self._options.height_m)
+            watch = TelemetryWatch(session, Topics(VEHICLE_NAME))
+            self._narrate("starting dfvs-service")
+            service = stack.enter_context(self._service())
+            self._await_ready(watch, service)
+            stack.enter_context(_running(track.run, "track"))
+            self._narrate("the pilot switches to OFFBOARD")
+            engaged_ns = time.monotonic_ns()
+            pilot.engage_offboard()
+            self._await_end(watch, track, service, on_progress)
+            ended_ns = time.monotonic_ns()
+            time.sleep(_SETTLE_S)
+            log = FlightLog(
+                self._plan,
+                track,
+                watch,
+                engaged_ns,
+                ended_ns,
+                watch.state,
+                watch.cause,
+                self._record,
+            )
+            pilot.hold()
+        return log
+
+    def _write_goal(self) -> None:
+        picture = encode_png(self._plan.goal_image())
+        (self._folder / "goal.png").write_bytes(picture)
+        sidecar = self._plan.goal_sidecar().to_json()
+        (self._folder / "goal.json").write_text(sidecar, encoding="utf-8")
+
+    def _vehicle(self) -> Child:
+        words = [
+            *("dfvs_sim.cli", "vehicle", "--seed", str(self._plan.seed)),
+            *("--companion-port", str(self._ports.companion), "--companion-local-port", "0"),
+            *("--gcs-port", str(self._ports.ground), "--gcs-local-port", "0"),
+            *("--record", str(self._record)),
+        ]
+        return Child("vehicle", words, self._folder / "vehicle.log")
+
+    def _service(self) -> Child:
+        mavlink = self._options.autopilot or f"udpin://{LOOPBACK}:{self._ports.companion}"
+        words = [
+            *("dfvs_service.cli", "--goal", str(self._folder / "goal.png")),
+            *("--vehicle", VEHICLE_NAME, "--mavlink", mavlink),
+            *("--set", f'zenoh.listen=["{self._ports.zenoh_endpoint}"]'),
+            *self._options.service,
+        ]
+        return Child("service", words, self._folder / "service.log")
+
+    def _ground_url(self) -> str:
+        if self._options.ground is not None:
+            return self._options.ground
+        return f"udpin://{LOOPBACK}:{self._ports.ground}"
+
+    def _anchor(self, tracker: PoseTracker) -> Callable[[int], FloatArray | None]:
+        """Place the local frame in the scene; gives the camera's pose there at a time."""
+        pose = tracker.pose_at(time.monotonic_ns())
+        if pose is None:
+            raise FlightError("the vehicle's pose is not known", "LOCAL_POSITION_NED and attitude")
+        T_scene_local = self._plan.T_scene_local(pose.T_local_body(), self._options.height_m)
+        T_body_camera = self._plan.mount.T_body_camera()
+
+        def T_scene_camera(t_ns: int) -> FloatArray | None:
+            now = tracker.pose_at(t_ns)
+            return None if now is None else T_scene_local @ now.T_local_body() @ T_body_camera
+
+        return T_scene_camera
+
+    def _camera(
+        self,
+        T_scene_camera: Callable[[int], FloatArray | None],
+        publish: Callable[[bytes, bytes, str], None],
+    ) -> MockCamera:
+        config = MockCameraConfig(
+            self._plan.camera, rate_hz=self._options.rate_hz, seed=self._plan.seed
+        )
+        return MockCamera(config, self._plan.renderer, T_scene_camera, publish)
+
+    def _await_ready(self, watch: TelemetryWatch, service: Child) -> None:
+        deadline = time.monotonic() + _STARTUP_S
+        while time.monotonic() < deadline:
+            if watch.wait_for_state(READY, 0.5) is not None:
+                return
+            if service.exit_code is not None:
+                raise FlightError(f"dfvs-service ended at once:\n{service.last_lines()}")
+        raise FlightError(
+            f"dfvs-service is not ready after {_STARTUP_S:g} s "
+            f"(state {watch.state or 'unknown'}: {watch.cause or service.last_lines()})"
+        )
+
+    def _await_end(
+        self,
+        watch: TelemetryWatch,
+        track: Track,
+        service: Child,
+        on_progress: Callable[[TelemetryWatch, Track], None],
+    ) -> None:
+        deadline = time.monotonic() + self._options.timeout_s
+        while time.monotonic() < deadline and service.exit_code is None:
+            if watch.wait_for_state(ENDED, 0.2) is not None:
+                return
+            on_progress(watch, track)
+
+
+@contextlib.contextmanager
+def _running(work: Callable[[threading.Event], None], name: str) -> Iterator[None]:
+    """Run ``work(stop)`` on a thread inside the context."""
+    stop = threading.Event()
+    thread = threading.Thread(target=work, args=(stop,), name=name, daemon=True)
+    thread.start()
+    try:
+        yield
+    finally:
+        stop.set()
+        thread.join(2.0)

@@ -1,0 +1,103 @@
+"""What a flight is to be: scene, camera, start and goal, all known before anything starts."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.arrays import FloatArray, ImageArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError
+from dfvs_core.goal import GoalSidecar, Mount
+from dfvs_core.poses import invert_pose, make_pose, pose_error, rotation_from_euler
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene.poses import camera_pose, sample_task
+
+
+@dataclass(frozen=True, slots=True)
+class FlightPlan:
+    """One flight: camera poses (4, 4) in the scene (NED), level both of them."""
+
+    renderer: Renderer
+    camera: CameraModel
+    mount: Mount
+    T_scene_start: FloatArray
+    T_scene_goal: FloatArray
+    seed: int
+
+    @property
+    def initial_error(self) -> tuple[float, float]:
+        """Distance in m and angle in rad between start and goal."""
+        return pose_error(self.T_scene_start, self.T_scene_goal)
+
+    def goal_image(self) -> ImageArray:
+        """Picture of the goal (H, W, 3), anti-aliased as an optic would."""
+        return self.renderer.render(self.camera, self.T_scene_goal, antialias=True).image
+
+    def goal_sidecar(self) -> GoalSidecar:
+        """How the goal picture was taken."""
+        pose = tuple(float(v) for v in self.T_scene_goal.reshape(-1))
+        return GoalSidecar(self.camera, mount=self.mount, pose_camera=pose)
+
+    def T_scene_local(self, T_local_ground: FloatArray, height_m: float) -> FloatArray:
+        """Where the autopilot's local frame lies in the scene, so that hovering is the start.
+
+        Parameters
+        ----------
+        T_local_ground : (4, 4)
+            Body on the ground before take-off, in the local frame.
+        height_m : float
+            How far it will climb.
+        """
+        yaw = math.atan2(T_local_ground[1, 0], T_local_ground[0, 0])
+        hover = T_local_ground[:3, 3] - np.array([0.0, 0.0, height_m])
+        T_local_hover = make_pose(rotation_from_euler(0.0, 0.0, yaw), hover)
+        T_scene_body = self.T_scene_start @ invert_pose(self.mount.T_body_camera())
+        return T_scene_body @ invert_pose(T_local_hover)
+
+
+def parse_camera_pose(text: str, option: str) -> FloatArray:
+    """``T_scene_camera`` (4, 4) of a level camera from ``X,Y,Z,YAW`` (NED, m and degrees).
+
+    Raises
+    ------
+    ConfigError
+        If the text is not four finite numbers.
+    """
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
+        raise ConfigError(
+            f"{option} is {text!r}",
+            "X,Y,Z,YAW: north, east, down in m and heading in degrees",
+            f"for instance {option} 0.5,-1,-1.3,40",
+        )
+    x, y, z, yaw_deg = numbers
+    return camera_pose((x, y, z), math.radians(yaw_deg))
+
+
+def make_plan(
+    renderer: Renderer,
+    camera: CameraModel,
+    seed: int,
+    start: FloatArray | None,
+    goal: FloatArray | None,
+) -> FlightPlan:
+    """Plan a flight between given poses, or between poses drawn from the seed.
+
+    Raises
+    ------
+    ConfigError
+        If only one of the two poses is given.
+    """
+    if (start is None) != (goal is None):
+        missing = "--start" if start is None else "--goal"
+        raise ConfigError(f"{missing} is missing", "--start and --goal together, or neither")
+    if start is None or goal is None:
+        task = sample_task(renderer, camera, np.random.default_rng(seed))
+        start, goal = task.T_world_start, task.T_world_goal
+    return FlightPlan(renderer, camera, Mount(), start, goal, seed)

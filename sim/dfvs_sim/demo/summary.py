@@ -1,0 +1,101 @@
+"""The figures of a flight, as they go into ``summary.json``."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import asdict, dataclass
+from typing import Any
+
+from dfvs_sim.demo.flight import FlightLog
+from dfvs_sim.demo.track import path_length_m, settled_error
+from dfvs_sim.vehicle.record import read_record
+
+CONVERGED_M = 0.05
+CONVERGED_DEG = 1.0
+_ENGAGED_STATES = frozenset({"ENGAGE", "SERVO", "HOLD"})
+
+
+@dataclass(frozen=True, slots=True)
+class FlightSummary:
+    """One flight in figures.
+
+    ``converged``: the service says DONE, and the camera truly is within 5 cm and 1 degree.
+    ``path_ratio``: length flown over the straight line. ``latency_ms``: from a frame's capture
+    to the report for the gate, p50 and p99. ``max_setpoint_gap_ms``: by the simulated vehicle's
+    own record, while engaged; None beside a foreign autopilot. ``states``: the gate's, in order.
+    """
+
+    converged: bool
+    seed: int
+    end_state: str
+    end_cause: str
+    initial_translation_m: float
+    initial_rotation_deg: float
+    final_translation_m: float
+    final_rotation_deg: float
+    duration_s: float
+    path_ratio: float
+    frames: int
+    latency_ms: dict[str, float]
+    max_setpoint_gap_ms: float | None
+    states: list[str]
+
+    def to_json(self) -> dict[str, Any]:
+        """Mapping that JSON can hold: no NaN."""
+        return {
+            key: None if isinstance(value, float) and not math.isfinite(value) else value
+            for key, value in asdict(self).items()
+        }
+
+
+def summarise(log: FlightLog) -> FlightSummary:
+    """Figures of a flight; the truth is the vehicle's pose, not the service's estimate."""
+    flown = log.track.between(log.engaged_ns, log.ended_ns)
+    settled = [p for p in log.track.points if p.t_ns >= log.engaged_ns]
+    initial_m, initial_rad = (
+        (flown[0].error_m, flown[0].error_rad) if flown else (math.nan, math.nan)
+    )
+    final_m, final_rad = settled_error(settled)
+    latency = log.watch.timing.get("stages", {}).get("capture_to_report", {})
+    done = log.end_state == "DONE"
+    close = final_m < CONVERGED_M and math.degrees(final_rad) < CONVERGED_DEG
+    return FlightSummary(
+        converged=done and close,
+        seed=log.plan.seed,
+        end_state=log.end_state,
+        end_cause=log.end_cause,
+        initial_translation_m=_round(initial_m, 4),
+        initial_rotation_deg=_round(math.degrees(initial_rad), 3),
+        final_translation_m=_round(final_m, 4),
+        final_rotation_deg=_round(math.degrees(final_rad), 3),
+        duration_s=_round((log.ended_ns - log.engaged_ns) * 1e-9, 2),
+        path_ratio=_round(path_length_m(flown) / initial_m if flown else math.nan, 3),
+        frames=len(log.watch.servo),
+        latency_ms={"p50": latency.get("p50_ms", 0.0), "p99": latency.get("p99_ms", 0.0)},
+        max_setpoint_gap_ms=_max_setpoint_gap_ms(log),
+        states=[state for _, state in log.watch.states],
+    )
+
+
+def _round(value: float, digits: int) -> float:
+    return round(value, digits) if math.isfinite(value) else value
+
+
+def _max_setpoint_gap_ms(log: FlightLog) -> float | None:
+    """Longest pause between setpoints that reached the vehicle while engaged."""
+    if log.vehicle_record is None:
+        return None
+    end_ns = log.ended_ns
+    for t_ns, state in log.watch.states:
+        if t_ns > log.engaged_ns and state not in _ENGAGED_STATES and state != "READY":
+            end_ns = t_ns
+            break
+    times = [
+        event["t_ns"]
+        for event in read_record(log.vehicle_record)
+        if event["kind"] == "setpoint" and log.engaged_ns <= event["t_ns"] <= end_ns
+    ]
+    if len(times) < 2:
+        return None
+    gaps = [b - a for a, b in zip(times, times[1:], strict=False)]
+    return _round(max(gaps) * 1e-6, 2)

@@ -1,0 +1,307 @@
+"""One ground-station link to the vehicle, shared by everybody in the process.
+
+A single thread owns the socket: it receives, keeps the newest message of each type, calls the
+subscribers and sends the ground station's heartbeat. Everything else may be called from any
+thread; callbacks run on the link's thread and must be short.
+"""
+
+from __future__ import annotations
+
+import select
+import socket
+import threading
+import time
+from collections import deque
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any, Self
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from dfvs_core.errors import DfvsError
+from dfvs_sim.ground.udp import Endpoint
+
+DEFAULT_URL = "udpin://127.0.0.1:14550"
+
+ACCEPTED, IN_PROGRESS = 0, 5
+"""MAV_RESULT."""
+
+_HEARTBEAT_S = 1.0
+_SECOND_ACK_S = 0.1
+_RETRIES = 3
+_NUMBERS = {kind.msgname: kind.id for kind in mavlink.mavlink_map.values()}
+
+Message = Any
+Callback = Callable[[Message, int], None]
+
+
+class LinkError(DfvsError):
+    """The vehicle does not answer on the ground-station link."""
+
+
+@dataclass(frozen=True, slots=True)
+class Received:
+    """A message and when it arrived (monotonic ns)."""
+
+    message: Message
+    t_ns: int
+
+
+@dataclass(slots=True)
+class _Periodic:
+    interval_s: float
+    next_s: float
+    action: Callable[[], None]
+
+
+class GroundLink:
+    """MAVLink to one vehicle over UDP, as a ground station.
+
+    Parameters
+    ----------
+    url : str
+        ``udpin://HOST:PORT`` to be found by the vehicle, ``udpout://HOST:PORT`` to find it.
+    """
+
+    def __init__(self, url: str = DEFAULT_URL) -> None:
+        endpoint = Endpoint.from_url(url)
+        self.url = url
+        self._socket = endpoint.open()
+        self._socket.setblocking(False)
+        self._remote = None if endpoint.listens else (endpoint.host, endpoint.port)
+        self._wake, self._woken = socket.socketpair()
+        self._packer = mavlink.MAVLink(None, 255, mavlink.MAV_COMP_ID_MISSIONPLANNER)
+        self._parser = mavlink.MAVLink(None)
+        self._parser.robust_parsing = True
+        self._changed = threading.Condition(threading.RLock())
+        self._latest: dict[str, Received] = {}
+        self._subscribers: list[tuple[frozenset[str], Callback]] = []
+        self._periodic = [_Periodic(_HEARTBEAT_S, 0.0, self._send_heartbeat)]
+        self._texts: deque[tuple[int, str]] = deque(maxlen=20)
+        self._target: int | None = None
+        self._closing = False
+        self._thread = threading.Thread(target=self._run, name="ground-link", daemon=True)
+        self._thread.start()
+
+    def __enter__(self) -> Self:
+        """Return the running link."""
+        return self
+
+    def __exit__(self, *_: object) -> None:
+        """Close the link."""
+        self.close()
+
+    def close(self) -> None:
+        """Stop the thread and give the port back."""
+        self._closing = True
+        self._wake.send(b"x")
+        if self._thread is not threading.current_thread():
+            self._thread.join()
+        for sock in (self._socket, self._wake, self._woken):
+            sock.close()
+
+    @property
+    def port(self) -> int:
+        """UDP port of our side."""
+        return int(self._socket.getsockname()[1])
+
+    @property
+    def texts(self) -> tuple[tuple[int, str], ...]:
+        """The vehicle's last texts with their arrival (monotonic ns), oldest first."""
+        return tuple(self._texts)
+
+    def subscribe(self, names: Iterable[str], callback: Callback) -> Callable[[], None]:
+        """Have ``callback(message, t_ns)`` called for these types; returns what ends that."""
+        entry = (frozenset(names), callback)
+        with self._changed:
+            self._subscribers = [*self._subscribers, entry]
+
+        def end() -> None:
+            with self._changed:
+                self._subscribers = [e for e in self._subscribers if e is not entry]
+
+        return end
+
+    def every(self, interval_s: float, action: Callable[[], None]) -> Callable[[], None]:
+        """Call ``action`` at this interval on the link's thread; returns what ends that."""
+        entry = _Periodic(interval_s, time.monotonic(), action)
+        with self._changed:
+            self._periodic = [*self._periodic, entry]
+        self._wake.send(b"x")
+
+        def end() -> None:
+            with self._changed:
+                self._periodic = [e for e in self._periodic if e is not entry]
+
+        return end
+
+    def latest(self, name: str) -> Received | None:
+        """Newest message of the type; None before the first."""
+        with self._changed:
+            return self._latest.get(name)
+
+    def wait_for(
+        self,
+        name: str,
+        timeout_s: float,
+        accept: Callable[[Message], bool] = lambda _: True,
+        since_ns: int = 0,
+    ) -> Message | None:
+        """Wait for a message of the type that arrived after since_ns; None on timeout.
+
+        Only the newest message is looked at: use ``subscribe`` where none may be missed.
+        """
+
+        def good() -> bool:
+            received = self._latest.get(name)
+            return received is not None and received.t_ns > since_ns and accept(received.message)
+
+        with self._changed:
+            found = self._changed.wait_for(good, timeout_s)
+            return self._latest[name].message if found else None
+
+    def wait_for_vehicle(self, timeout_s: float) -> None:
+        """Wait for an autopilot's heartbeat.
+
+        Raises
+        ------
+        LinkError
+            If there is none within the timeout.
+        """
+        with self._changed:
+            if not self._changed.wait_for(lambda: self._target is not None, timeout_s):
+                raise LinkError(
+                    f"no heartbeat from a vehicle on {self.url} within {timeout_s:g} s",
+                    "a running autopilot",
+                    "start it (dfvs-sim vehicle, or PX4), or give its address",
+                )
+
+    @property
+    def target(self) -> int:
+        """System id of the vehicle."""
+        return self._target if self._target is not None else 0
+
+    def send(self, message: Message) -> None:
+        """Send one message; lost where no vehicle has been heard yet, as on a radio."""
+        with self._changed:
+            if self._remote is None:
+                return
+            try:
+                self._socket.sendto(message.pack(self._packer), self._remote)
+            except (BlockingIOError, ConnectionRefusedError):
+                return
+
+    def command(self, command: int, *params: float, timeout_s: float = 1.0) -> int:
+        """Send COMMAND_LONG, again if unanswered, and give the final ack's MAV_RESULT.
+
+        PX4 acknowledges DO_SET_MODE twice, at once and with the true result: the last one counts.
+
+        Raises
+        ------
+        LinkError
+            If no ack comes.
+        """
+        padded = [*params, *[0.0] * (7 - len(params))]
+        acks: list[int] = []
+
+        def keep(message: Message, _: int) -> None:
+            if message.command == command:
+                with self._changed:
+                    acks.append(message.result)
+
+        end = self.subscribe(["COMMAND_ACK"], keep)
+        try:
+            for attempt in range(_RETRIES):
+                self.send(
+                    mavlink.MAVLink_command_long_message(self.target, 1, command, attempt, *padded)
+                )
+                if self._await_final(acks, command, timeout_s):
+                    return acks[-1]
+        finally:
+            end()
+        raise LinkError(f"the vehicle did not answer command {command}", "an acknowledgement")
+
+    def request_stream(self, name: str, rate_hz: float) -> int:
+        """Ask for a message at a rate; returns the MAV_RESULT."""
+        interval_us = round(1e6 / rate_hz)
+        return self.command(mavlink.MAV_CMD_SET_MESSAGE_INTERVAL, _NUMBERS[name], interval_us)
+
+    def _await_final(self, acks: list[int], command: int, timeout_s: float) -> bool:
+        with self._changed:
+            if not self._changed.wait_for(lambda: any(a != IN_PROGRESS for a in acks), timeout_s):
+                return False
+            if command == mavlink.MAV_CMD_DO_SET_MODE:
+                self._changed.wait_for(lambda: len(acks) > 1, _SECOND_ACK_S)
+            return True
+
+    def _run(self) -> None:
+        """Receive, call and send until closed."""
+        while not self._closing:
+            now_s = time.monotonic()
+            due = min(p.next_s for p in self._periodic)
+            select.select([self._socket, self._woken], [], [], max(0.0, due - now_s))
+            self._receive()
+            now_s = time.monotonic()
+            for entry in self._periodic:
+                if entry.next_s <= now_s:
+                    entry.next_s = max(entry.next_s + entry.interval_s, now_s)
+                    entry.action()
+
+    def _receive(self) -> None:
+        for sock in (self._woken, self._socket):
+            while not self._closing:
+                try:
+                    data, sender = sock.recvfrom(65535, socket.MSG_DONTWAIT)
+                except BlockingIOError:
+                    break
+                except ConnectionRefusedError:  # the vehicle is not there yet, or is gone
+                    continue
+                if sock is self._socket:
+                    self._take(data, sender)
+
+    def _take(self, data: bytes, sender: tuple[str, int]) -> None:
+        t_ns = time.monotonic_ns()
+        for message in self._parser.parse_buffer(data) or ():
+            name = message.get_type()
+            if name == "BAD_DATA" or not self._is_from_vehicle(message, name, sender):
+                continue
+            with self._changed:
+                self._latest[name] = Received(message, t_ns)
+                if name == "STATUSTEXT":
+                    self._texts.append((t_ns, message.text))
+                subscribers = self._subscribers
+            for names, callback in subscribers:
+                if name in names:
+                    callback(message, t_ns)
+            with self._changed:
+                self._changed.notify_all()
+
+    def _is_from_vehicle(self, message: Message, name: str, sender: tuple[str, int]) -> bool:
+        """Whether the autopilot sent it; the first one heard is ours."""
+        system, component = message.get_srcSystem(), message.get_srcComponent()
+        if component != mavlink.MAV_COMP_ID_AUTOPILOT1:
+            return False
+        if self._target is None:
+            if name != "HEARTBEAT" or message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
+                return False
+            with self._changed:
+                self._target, self._remote = system, sender
+            self._send_heartbeat()
+        if system != self._target:
+            return False
+        if name == "HEARTBEAT":
+            with self._changed:
+                self._remote = sender  # a vehicle that was started again may have another port
+        return True
+
+    def _send_heartbeat(self) -> None:
+        self.send(
+            mavlink.MAVLink_heartbeat_message(
+                mavlink.MAV_TYPE_GCS,
+                mavlink.MAV_AUTOPILOT_INVALID,
+                0,
+                0,
+                mavlink.MAV_STATE_ACTIVE,
+                3,
+            )
+        )

@@ -1,0 +1,254 @@
+"""The stand-in pilot: what a person with a ground station and sticks would do.
+
+Arms, takes off, switches modes and takes over. Each step is confirmed by the vehicle's heartbeat
+or telemetry, because PX4's first acknowledgement proves nothing.
+"""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from pymavlink.dialects.v20 import common as mavlink
+
+from dfvs_core.errors import DfvsError
+from dfvs_sim.ground.link import ACCEPTED, GroundLink, Message
+from dfvs_sim.ground.parameters import get_parameter, set_parameter
+from dfvs_sim.vehicle.modes import Mode, mode_from_custom
+
+_PREARM = 0x10000000
+_ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
+_HEARTBEAT_S = 2.5
+_STICK_INTERVAL_S = 0.04
+_TEXT_S = 0.1
+_HOVER_SPEED_M_S, _HOVER_S = 0.05, 1.0
+_SPEED_FILTER = 0.1
+"""Weight of a new velocity: the estimated one jitters by 0.02 m/s when nothing moves."""
+
+ADVISED_PARAMETERS = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 5}
+"""Offboard loss after half a second, and then Hold."""
+
+_RESULTS = {1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed"}
+
+
+class PilotError(DfvsError):
+    """The vehicle did not do what the pilot asked."""
+
+
+@dataclass(frozen=True, slots=True)
+class Timeouts:
+    """How long the pilot waits, in s."""
+
+    vehicle: float = 15.0
+    armable: float = 60.0
+    takeoff: float = 60.0
+    hover: float = 60.0
+    landing: float = 120.0
+
+
+class Pilot:
+    """Flies the vehicle over the ground-station link, which it shares and does not own."""
+
+    def __init__(self, link: GroundLink, timeouts: Timeouts | None = None) -> None:
+        self._link = link
+        self._timeouts = timeouts or Timeouts()
+        self._end_sticks: Callable[[], None] | None = None
+
+    def prepare(self) -> None:
+        """Wait until the vehicle can be armed, and set the advised parameters."""
+        self.wait_until_armable()
+        for name, value in ADVISED_PARAMETERS.items():
+            set_parameter(self._link, name, value)
+
+    def wait_until_armable(self) -> None:
+        """Wait for the checks before arming.
+
+        Raises
+        ------
+        PilotError
+            If they do not pass in time.
+        """
+        self._link.wait_for_vehicle(self._timeouts.vehicle)
+        ready = self._link.wait_for(
+            "SYS_STATUS",
+            self._timeouts.armable,
+            lambda m: bool(m.onboard_control_sensors_health & _PREARM),
+        )
+        if ready is None:
+            raise self._refused("the vehicle does not become ready to arm")
+        if self._link.wait_for("HOME_POSITION", self._timeouts.armable) is None:
+            raise self._refused("the vehicle has no home position")
+
+    def arm(self) -> None:
+        """Arm in Hold.
+
+        Raises
+        ------
+        PilotError
+            If the vehicle refuses.
+        """
+        if self.mode() not in (Mode.HOLD, Mode.TAKEOFF, Mode.POSITION):
+            self.set_mode(Mode.HOLD)
+        self._command("arming", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+        self._confirm("arming", lambda m: bool(m.base_mode & _ARMED))
+
+    def disarm(self) -> None:
+        """Disarm on the ground."""
+        self._command("disarming", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 0.0)
+        self._confirm("disarming", lambda m: not m.base_mode & _ARMED)
+
+    def take_off(self, height_m: float) -> None:
+        """Arm if need be, climb to a height above home, and wait until hovering there.
+
+        Raises
+        ------
+        PilotError
+            If the vehicle refuses or does not arrive.
+        """
+        if not self.armed():
+            self.arm()
+        home = self._link.wait_for("HOME_POSITION", self._timeouts.vehicle)
+        if home is None:
+            raise self._refused("the vehicle has no home position")
+        nan = math.nan
+        altitude_m = home.altitude / 1000.0 + height_m
+        params = (nan, nan, nan, nan, nan, nan, altitude_m)
+        self._command("take-off", mavlink.MAV_CMD_NAV_TAKEOFF, *params)
+        top = home.z - 0.8 * height_m
+        timeout_s = self._timeouts.takeoff
+        if self._link.wait_for("LOCAL_POSITION_NED", timeout_s, lambda m: m.z < top) is None:
+            raise self._refused(f"the vehicle did not climb to {height_m:g} m")
+        self._confirm("take-off", lambda m: _mode(m) is Mode.HOLD, self._timeouts.takeoff)
+        self.wait_until_hovering()
+
+    def wait_until_hovering(self) -> None:
+        """Wait until the speed has been under 0.05 m/s for a second.
+
+        Raises
+        ------
+        PilotError
+            If that does not happen in time.
+        """
+        deadline = time.monotonic() + self._timeouts.hover
+        still_since: float | None = None
+        velocity: tuple[float, ...] = (1.0, 1.0, 1.0)
+        since_ns = 0
+        while time.monotonic() < deadline:
+            m = self._link.wait_for("LOCAL_POSITION_NED", 1.0, since_ns=since_ns)
+            since_ns = time.monotonic_ns()
+            if m is None:
+                still_since = None
+                continue
+            measured = (m.vx, m.vy, m.vz)
+            pairs = zip(velocity, measured, strict=True)
+            velocity = tuple(v + _SPEED_FILTER * (new - v) for v, new in pairs)
+            if math.hypot(*velocity) >= _HOVER_SPEED_M_S:
+                still_since = None
+            elif still_since is None:
+                still_since = time.monotonic()
+            elif time.monotonic() - still_since >= _HOVER_S:
+                return
+        raise self._refused("the vehicle does not come to rest")
+
+    def set_mode(self, mode: Mode) -> None:
+        """Switch the mode and wait for the heartbeat that shows it.
+
+        Raises
+        ------
+        PilotError
+            If the vehicle refuses or does not follow.
+        """
+        main, sub = mode.value
+        what = f"switching to {mode.name}"
+        self._command(what, mavlink.MAV_CMD_DO_SET_MODE, 1.0, float(main), float(sub))
+        self._confirm(what, lambda m: _mode(m) is mode)
+        if not mode.needs_manual_control:
+            self.release_sticks()
+
+    def engage_offboard(self) -> None:
+        """Hand the vehicle to the companion computer, which must be sending setpoints."""
+        self.set_mode(Mode.OFFBOARD)
+
+    def hold(self) -> None:
+        """Switch to Hold."""
+        self.set_mode(Mode.HOLD)
+
+    def take_over(self) -> None:
+        """Take the vehicle by hand: sticks centred, then POSCTL."""
+        self.hold_sticks()
+        self.set_mode(Mode.POSITION)
+
+    def land(self) -> None:
+        """Land and wait until the vehicle has disarmed itself.
+
+        Raises
+        ------
+        PilotError
+            If it does not in time.
+        """
+        self.set_mode(Mode.LAND)
+        self._confirm("landing", lambda m: not m.base_mode & _ARMED, self._timeouts.landing)
+
+    def hold_sticks(self) -> None:
+        """Send centred sticks from now on, 25 times a second; POSCTL needs them."""
+        if self._end_sticks is None:
+            target = self._link.target
+            centred = mavlink.MAVLink_manual_control_message(target, 0, 0, 500, 0, 0)
+            self._link.send(centred)
+            self._end_sticks = self._link.every(_STICK_INTERVAL_S, lambda: self._link.send(centred))
+
+    def release_sticks(self) -> None:
+        """Stop sending sticks."""
+        if self._end_sticks is not None:
+            self._end_sticks()
+            self._end_sticks = None
+
+    def mode(self) -> Mode | None:
+        """Mode in the last heartbeat."""
+        received = self._link.latest("HEARTBEAT")
+        return None if received is None else _mode(received.message)
+
+    def armed(self) -> bool:
+        """Whether the last heartbeat shows the vehicle armed."""
+        received = self._link.latest("HEARTBEAT")
+        return received is not None and bool(received.message.base_mode & _ARMED)
+
+    def get_parameter(self, name: str) -> int | float:
+        """Value of one of the vehicle's parameters."""
+        return get_parameter(self._link, name)
+
+    def set_parameter(self, name: str, value: float) -> None:
+        """Write one of the vehicle's parameters and check it."""
+        set_parameter(self._link, name, value)
+
+    def _command(self, what: str, command: int, *params: float) -> None:
+        since_ns = time.monotonic_ns()
+        result = self._link.command(command, *params)
+        if result != ACCEPTED:
+            raise self._refused(
+                f"{what} was {_RESULTS.get(result, f'answered with {result}')}", since_ns
+            )
+
+    def _confirm(
+        self, what: str, accept: Callable[[Message], bool], timeout_s: float = _HEARTBEAT_S
+    ) -> None:
+        since_ns = time.monotonic_ns()
+        if self._link.wait_for("HEARTBEAT", timeout_s, accept, since_ns) is None:
+            mode = self.mode()
+            raise self._refused(
+                f"{what} is not confirmed by a heartbeat within {timeout_s:g} s "
+                f"(mode {mode.name if mode else 'unknown'})"
+            )
+
+    def _refused(self, problem: str, since_ns: int | None = None) -> PilotError:
+        """Error with the vehicle's own words: those since then, which may trail the ack a little."""
+        if since_ns is not None:
+            self._link.wait_for("STATUSTEXT", _TEXT_S, since_ns=since_ns)
+        said = [text for t_ns, text in self._link.texts if t_ns > (since_ns or 0)]
+        return PilotError(problem, remedy=f"the vehicle says: {said[-1]!r}" if said else "")
+
+
+def _mode(heartbeat: Message) -> Mode | None:
+    return mode_from_custom(heartbeat.custom_mode)

@@ -1,0 +1,90 @@
+"""Exact correspondences between two views, from depth and poses."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.poses import invert_pose
+
+DEPTH_TOLERANCE_M = 0.005
+DEPTH_TOLERANCE_RELATIVE = 0.01
+_BEHIND_M = 1e-6
+
+
+def back_project(camera: CameraModel, depth_m: Float32Array) -> FloatArray:
+    """Points (H, W, 3) m in the optical frame seen by each pixel; (0, 0, 0) where depth is 0."""
+    xy = camera.normalise(camera.grid())
+    z = depth_m.astype(np.float64)[..., None]
+    return np.concatenate([xy * z, z], axis=-1)
+
+
+def exact_flow(
+    camera: CameraModel, T_world_a: FloatArray, depth_a_m: Float32Array, T_world_b: FloatArray
+) -> Float32Array:
+    """Flow (H, W, 2) px from view a to view b, on a's grid.
+
+    NaN where a sees the sky, or where the point lies behind b's image plane.
+    """
+    points, z_b = _points_in_b(camera, (T_world_a, T_world_b), depth_a_m)
+    known = (depth_a_m > 0) & (z_b > _BEHIND_M)
+    flow = np.full((*depth_a_m.shape, 2), np.nan)
+    flow[known] = camera.project(points[known]) - camera.grid()[known]
+    return flow.astype(np.float32)
+
+
+def visibility(
+    camera: CameraModel,
+    poses: tuple[FloatArray, FloatArray],
+    depths_m: tuple[Float32Array, Float32Array],
+) -> BoolArray:
+    """Tell which pixels (H, W) of view a show a point that view b sees as well.
+
+    A point counts as seen if its depth in b agrees, to within 5 mm or 1 %, with one of the four
+    pixels of b around it: that forgives sampling, but not another surface in front.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Intrinsics of both views.
+    poses : tuple
+        ``T_world_a`` and ``T_world_b``, (4, 4).
+    depths_m : tuple
+        Depth (H, W) of a and of b; 0 is sky.
+    """
+    depth_a, depth_b = depths_m
+    points, z_b = _points_in_b(camera, poses, depth_a)
+    known = (depth_a > 0) & (z_b > _BEHIND_M)
+    pixel = np.full((*depth_a.shape, 2), -1.0)
+    pixel[known] = camera.project(points[known])
+    inside = known & (pixel >= 0).all(-1) & (pixel < [camera.width, camera.height]).all(-1)
+    u, v, z = pixel[inside, 0] - 0.5, pixel[inside, 1] - 0.5, z_b[inside]
+    tolerance = np.maximum(DEPTH_TOLERANCE_M, DEPTH_TOLERANCE_RELATIVE * z)
+    agrees = np.zeros(len(z), np.bool_)
+    for dv in (0, 1):
+        for du in (0, 1):
+            i = np.clip(np.floor(u).astype(np.intp) + du, 0, camera.width - 1)
+            j = np.clip(np.floor(v).astype(np.intp) + dv, 0, camera.height - 1)
+            agrees |= np.abs(depth_b[j, i] - z) <= tolerance
+    seen = np.zeros(depth_a.shape, np.bool_)
+    seen[inside] = agrees
+    return seen
+
+
+def warp_to_a(image_b: ImageArray, flow: Float32Array) -> ImageArray:
+    """Picture b (H, W, 3) as seen from a, by the flow a -> b (H, W, 2) px; NaN becomes black."""
+    v, u = np.mgrid[0 : flow.shape[0], 0 : flow.shape[1]].astype(np.float32)
+    x = np.nan_to_num(u + flow[..., 0], nan=-1e4).astype(np.float32)
+    y = np.nan_to_num(v + flow[..., 1], nan=-1e4).astype(np.float32)
+    return np.asarray(cv2.remap(image_b, x, y, cv2.INTER_LINEAR), dtype=np.uint8)
+
+
+def _points_in_b(
+    camera: CameraModel, poses: tuple[FloatArray, FloatArray], depth_a_m: Float32Array
+) -> tuple[FloatArray, FloatArray]:
+    """Points (H, W, 3) m that a sees, in b's optical frame, and their depth (H, W)."""
+    T_b_a = invert_pose(poses[1]) @ poses[0]
+    points = back_project(camera, depth_a_m) @ T_b_a[:3, :3].T + T_b_a[:3, 3]
+    return points, points[..., 2]
