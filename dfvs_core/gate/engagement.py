@@ -6,7 +6,7 @@ import math
 from dataclasses import dataclass
 
 from dfvs_core.gate.config import Engage, GateConfig
-from dfvs_core.gate.events import VehicleMode
+from dfvs_core.gate.events import Heartbeat, VehicleMode
 from dfvs_core.gate.proof import MotionProof
 from dfvs_core.gate.states import Cause
 from dfvs_core.gate.vehicle import Fault, VehiclePicture
@@ -31,6 +31,23 @@ class Engagement:
     """The autopilot confirmed that Hold."""
     is_proven: bool = False
     proof: MotionProof | None = None
+
+    def heed(self, heartbeat: Heartbeat) -> Fault | None:
+        """Take a heartbeat; say why the vehicle is no longer ours, None while it is."""
+        mode = heartbeat.mode
+        if self.handed_over:
+            return None
+        if not heartbeat.armed:
+            return Cause.DISARMED, ""
+        if mode is VehicleMode.OFFBOARD:
+            self.is_confirmed = True
+            return None
+        if self.hold_requested and mode is VehicleMode.HOLD:
+            self.handed_over = True
+            return None
+        if self.is_confirmed or mode is not self.mode_before:
+            return Cause.TAKEOVER, f"to {mode}"
+        return None
 
 
 def begin(vehicle: VehiclePicture, now_ns: int) -> Engagement:

@@ -32,6 +32,12 @@ class GateState(enum.StrEnum):
 ENGAGED = frozenset({GateState.ENGAGE, GateState.SERVO, GateState.HOLD, GateState.DONE})
 """States in which the gate has, or asks for, the vehicle."""
 
+FLYING = frozenset({GateState.ENGAGE, GateState.SERVO, GateState.HOLD})
+"""Engaged, and not at the goal yet."""
+
+ENDED = frozenset({GateState.DONE, GateState.ABORT, GateState.RELEASED})
+"""States that end a flight, once nothing is sent any more."""
+
 _S = GateState
 
 TRANSITIONS: dict[GateState, frozenset[GateState]] = {

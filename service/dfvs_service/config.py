@@ -248,7 +248,7 @@ class ServiceConfig:
             min_battery=gate.min_battery,
             max_jump_m=gate.max_jump_m,
             engage=gate.engage,
-            on_done=gate.on_done,
+            on_done=OnDone.HOLD if gate.exit_when_done else gate.on_done,
             timing=timing,
         )
 

@@ -267,12 +267,7 @@ class GateProcess:
             raise problem
         if self._stopping and machine.is_finished:
             return EXIT_REACHED if machine.has_reached else EXIT_ENDED
-        if not self._config.gate.exit_when_done:
-            return None
-        if machine.state is GateState.DONE and not machine.is_finished and not self._stopping:
-            self._stopping = True
-            self._inbox.put(Stop(now_ns, "the goal is reached"))
-        if machine.is_finished:
+        if self._config.gate.exit_when_done and machine.is_finished:
             return EXIT_REACHED if machine.has_reached else EXIT_ENDED
         return None
 

@@ -35,7 +35,7 @@ def gate_status(
     warnings: tuple[str, ...],
 ) -> GateStatus:
     """Status of this moment; ``command`` is the last command's result and how many came."""
-    vehicle, setpoint = machine.vehicle, machine.setpoint
+    vehicle, setpoint = machine.vehicle, machine.stream.last
     heartbeat = vehicle.heartbeat
     heard = heartbeat.t_ns != NEVER
     return GateStatus(

@@ -1,0 +1,100 @@
+"""Decisions while engaged: abort, hold, move on, or finish."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dfvs_core.gate.config import GateConfig, S
+from dfvs_core.gate.engagement import Engagement, cap
+from dfvs_core.gate.sight import Sight
+from dfvs_core.gate.states import Cause, GateState
+from dfvs_core.gate.vehicle import Fault, VehiclePicture, flight_fault
+
+
+@dataclass(frozen=True, slots=True)
+class Moment:
+    """What a decision is made from; ``in_state_ns`` is the time since the state was entered."""
+
+    now_ns: int
+    in_state_ns: int
+    state: GateState
+    vehicle: VehiclePicture
+    sight: Sight
+    config: GateConfig
+
+
+@dataclass(frozen=True, slots=True)
+class Decision:
+    """The state to enter now, and why."""
+
+    target: GateState
+    cause: Fault
+
+
+def decide(engagement: Engagement, moment: Moment) -> Decision | None:
+    """Say which state must be entered now, None to stay; DONE is left only for a fault."""
+    if engagement.handed_over:
+        return None
+    fault = flight_fault(moment.vehicle, moment.config, moment.now_ns)
+    if fault is None and moment.state is not GateState.DONE:
+        fault = cap(engagement, moment.vehicle, moment.config, moment.now_ns)
+    if fault is not None:
+        return Decision(GateState.ABORT, fault)
+    if moment.state is GateState.ENGAGE:
+        return _decide_engage(engagement, moment)
+    if moment.state is GateState.SERVO:
+        return _decide_servo(engagement, moment)
+    if moment.state is GateState.HOLD:
+        return _decide_hold(engagement, moment)
+    return None
+
+
+def _decide_engage(engagement: Engagement, moment: Moment) -> Decision | None:
+    timing = moment.config.timing
+    if moment.in_state_ns < timing.engage_zero_ns:
+        return None
+    if engagement.is_confirmed:
+        return _into_servo(engagement, moment, (Cause.OFFBOARD_CONFIRMED, ""))
+    requested_ns = engagement.requested_ns
+    if requested_ns is not None and moment.now_ns - requested_ns > timing.confirm_ns:
+        cause = (Cause.OFFBOARD_NOT_CONFIRMED, f"within {timing.confirm_ns / S:g} s")
+        return Decision(GateState.ABORT, cause)
+    return None
+
+
+def _into_servo(engagement: Engagement, moment: Moment, cause: Fault) -> Decision:
+    """Move on to SERVO, or to HOLD where nothing may be flown by right now."""
+    if engagement.is_held:
+        return Decision(GateState.HOLD, (Cause.OPERATOR_HOLD, ""))
+    stale = moment.sight.stale(moment.now_ns)
+    return Decision(GateState.SERVO, cause) if stale is None else Decision(GateState.HOLD, stale)
+
+
+def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:
+    timing = moment.config.timing
+    if (stale := moment.sight.stale(moment.now_ns)) is not None:
+        return Decision(GateState.HOLD, stale)
+    reached_ns = min(moment.sight.reached_for_ns(moment.now_ns), moment.in_state_ns)
+    if reached_ns >= timing.reached_ns:
+        return Decision(GateState.DONE, (Cause.GOAL_REACHED, ""))
+    proof = engagement.proof
+    if proof is None or moment.now_ns - proof.start_ns < timing.proof_ns:
+        return None
+    engagement.proof = None
+    engagement.is_proven = True
+    objection = proof.objection()
+    if objection is None:
+        return None
+    return Decision(GateState.ABORT, (Cause.ERROR_NOT_FALLING, objection))
+
+
+def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:
+    timing = moment.config.timing
+    if engagement.is_held:
+        return None
+    if moment.in_state_ns > timing.hold_ns:
+        return Decision(GateState.ABORT, (Cause.HOLD_TOO_LONG, moment.sight.last_reason))
+    stale = moment.sight.stale(moment.now_ns)
+    if stale is None and moment.sight.good_for_ns(moment.now_ns) >= timing.good_data_ns:
+        return _into_servo(engagement, moment, (Cause.DATA_GOOD, ""))
+    return None
