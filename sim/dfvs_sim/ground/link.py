@@ -7,6 +7,7 @@ thread; callbacks run on the link's thread and must be short.
 
 from __future__ import annotations
 
+import contextlib
 import select
 import socket
 import threading
@@ -29,6 +30,9 @@ ACCEPTED, IN_PROGRESS = 0, 5
 _HEARTBEAT_S = 1.0
 _SECOND_ACK_S = 0.1
 _RETRIES = 3
+_HEARTBEAT = mavlink.MAVLink_heartbeat_message(
+    mavlink.MAV_TYPE_GCS, mavlink.MAV_AUTOPILOT_INVALID, 0, 0, mavlink.MAV_STATE_ACTIVE, 3
+)
 _NUMBERS = {kind.msgname: kind.id for kind in mavlink.mavlink_map.values()}
 
 Message = Any
@@ -184,12 +188,9 @@ class GroundLink:
     def send(self, message: Message) -> None:
         """Send one message; lost where no vehicle has been heard yet, as on a radio."""
         with self._changed:
-            if self._remote is None:
-                return
-            try:
-                self._socket.sendto(message.pack(self._packer), self._remote)
-            except (BlockingIOError, ConnectionRefusedError):
-                return
+            if self._remote is not None:
+                with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
+                    self._socket.sendto(message.pack(self._packer), self._remote)
 
     def command(self, command: int, *params: float, timeout_s: float = 1.0) -> int:
         """Send COMMAND_LONG, again if unanswered, and give the final ack's MAV_RESULT.
@@ -295,13 +296,4 @@ class GroundLink:
         return True
 
     def _send_heartbeat(self) -> None:
-        self.send(
-            mavlink.MAVLink_heartbeat_message(
-                mavlink.MAV_TYPE_GCS,
-                mavlink.MAV_AUTOPILOT_INVALID,
-                0,
-                0,
-                mavlink.MAV_STATE_ACTIVE,
-                3,
-            )
-        )
+        self.send(_HEARTBEAT)

@@ -243,7 +243,7 @@ class Pilot:
             )
 
     def _refused(self, problem: str, since_ns: int | None = None) -> PilotError:
-        """Error with the vehicle's own words: those since then, which may trail the ack a little."""
+        """Error with the vehicle's own words since then, which may trail the ack a little."""
         if since_ns is not None:
             self._link.wait_for("STATUSTEXT", _TEXT_S, since_ns=since_ns)
         said = [text for t_ns, text in self._link.texts if t_ns > (since_ns or 0)]

@@ -10,6 +10,7 @@ import math
 from dataclasses import dataclass
 
 from dfvs_sim.vehicle.control import Demand
+from dfvs_sim.vehicle.dynamics import GRAVITY_M_S2
 from dfvs_sim.vehicle.estimator import Estimate
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.parameters import ParameterTable
@@ -94,7 +95,7 @@ class Navigator:
     def _fly_to_target(self, dt_s: float, mode: Mode, estimate: Estimate) -> None:
         """Advance towards the target, where there is one, else brake to rest."""
         p = self._parameters
-        acceleration, jerk = float(p["MPC_ACC_HOR"]), float(p["MPC_JERK_AUTO"])
+        acceleration, jerk = self._smoothness()
         north, east, down = self._axes
         for axis, speed in zip((north, east), self._level_speeds(acceleration, jerk), strict=True):
             axis.approach(dt_s, speed, acceleration, jerk)
@@ -108,6 +109,11 @@ class Navigator:
         else:
             wanted = 0.0
         down.approach(dt_s, wanted, acceleration, jerk)
+
+    def _smoothness(self) -> tuple[float, float]:
+        """Limits on acceleration and jerk; a parameter set to nonsense must not stop the world."""
+        p = self._parameters
+        return max(0.1, float(p["MPC_ACC_HOR"])), max(0.1, float(p["MPC_JERK_AUTO"]))
 
     def _level_speeds(self, acceleration: float, jerk: float) -> tuple[float, float]:
         """North and east speed towards the target; zero where there is none."""
@@ -130,7 +136,8 @@ class Navigator:
         height = self._status.home_m[2] - estimate.down_m
         if height < p["MPC_LAND_ALT3"]:
             return float(p["MPC_LAND_CRWL"])
-        share = (height - p["MPC_LAND_ALT2"]) / (p["MPC_LAND_ALT1"] - p["MPC_LAND_ALT2"])
+        band = max(0.1, p["MPC_LAND_ALT1"] - p["MPC_LAND_ALT2"])
+        share = (height - p["MPC_LAND_ALT2"]) / band
         slow, fast = p["MPC_LAND_SPEED"], p["MPC_Z_V_AUTO_DN"]
         return float(slow + min(1.0, max(0.0, share)) * (fast - slow))
 
@@ -165,22 +172,22 @@ class Navigator:
         climb = p["MPC_Z_VEL_MAX_UP"] if s.up > 0.0 else p["MPC_Z_VEL_MAX_DN"]
         wanted = (north, east, -s.up * climb)
         for axis, velocity in zip(self._axes, wanted, strict=True):
-            axis.approach(dt_s, velocity, float(p["MPC_ACC_HOR"]), float(p["MPC_JERK_AUTO"]))
+            axis.approach(dt_s, velocity, *self._smoothness())
 
     def _tilt_by_sticks(self, dt_s: float, mode: Mode) -> Demand:
         """ALTCTL and STABILIZED: sticks tilt; the place is nobody's business but the pilot's."""
         p, s = self._parameters, self.sticks
-        tilt = 9.80665 * math.tan(math.radians(p["MPC_MAN_TILT_MAX"]))
+        tilt = GRAVITY_M_S2 * math.tan(math.radians(p["MPC_MAN_TILT_MAX"]))
         self._yaw_rad += s.yaw * math.radians(p["MPC_MAN_Y_MAX"]) * dt_s
         c, sine = math.cos(self._yaw_rad), math.sin(self._yaw_rad)
         north = tilt * (c * s.forward - sine * s.right)
         east = tilt * (sine * s.forward + c * s.right)
         down = self._axes[2]
         if mode is not Mode.ALTITUDE:
-            up = 9.80665 * s.up
+            up = GRAVITY_M_S2 * s.up
             return Demand(acceleration=(north, east, -up), yaw_rad=self._yaw_rad)
         climb = p["MPC_Z_VEL_MAX_UP"] if s.up > 0.0 else p["MPC_Z_VEL_MAX_DN"]
-        down.approach(dt_s, -s.up * climb, float(p["MPC_ACC_HOR"]), float(p["MPC_JERK_AUTO"]))
+        down.approach(dt_s, -s.up * climb, *self._smoothness())
         nan = math.nan
         return Demand(
             (nan, nan, down.position), (nan, nan, down.velocity), (north, east, 0.0), self._yaw_rad
