@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import enum
 import struct
+import uuid
 import zlib
 from dataclasses import dataclass
 
@@ -25,6 +26,23 @@ _VERSION = 1
 
 NO_CLOCK = bytes(16)
 """``clock`` of a camera that does not say which clock it stamped with."""
+
+BOOT_ID_FILE = "/proc/sys/kernel/random/boot_id"
+"""Where Linux keeps the identity of the running boot."""
+
+
+def clock_identity(boot_id: str) -> bytes:
+    """Identity (16 bytes) of a machine's monotonic clock, from the kernel's boot id.
+
+    Raises
+    ------
+    WireError
+        If the text is not a UUID.
+    """
+    try:
+        return uuid.UUID(boot_id.strip()).bytes
+    except ValueError as error:
+        raise WireError(f"boot id {boot_id!r}", "a UUID") from error
 
 
 class PixelFormat(enum.IntEnum):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import signal
 import socket
 import time
 from dataclasses import dataclass
@@ -19,8 +18,15 @@ from dfvs_core.pipeline import Pipeline
 from dfvs_core.schema import dump
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.topics import Topics
-from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.wire.link import GateStatus, PerceptionReport, from_datagram, to_datagram
+from dfvs_core.wire.command import MAX_COMMAND_BYTES
+from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.wire.link import (
+    ForwardedCommand,
+    GateStatus,
+    PerceptionReport,
+    from_datagram,
+    to_datagram,
+)
 from dfvs_service.config import ServiceConfig
 from dfvs_service.models.catalog import load_matcher
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
@@ -29,6 +35,7 @@ from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.perception.preview import draw_flow
 from dfvs_service.perception.telemetry import Note, Telemetry
+from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.zenoh_session import open_session
 
 SILENCE_S = 0.1
@@ -61,19 +68,20 @@ class PerceptionProcess:
         Resolved settings, the camera's intrinsics among them.
     goal : Goal
         Where to fly to.
-    runtime : Path
-        Folder with the sockets of the service's processes.
+    runtime : RuntimeFolder
+        Where the service's processes meet.
     """
 
-    def __init__(self, config: ServiceConfig, goal: Goal, runtime: Path) -> None:
+    def __init__(self, config: ServiceConfig, goal: Goal, runtime: RuntimeFolder) -> None:
         self._config = config
         self._topics = Topics(config.vehicle.name)
-        self._gate_address = str(runtime / "gate.sock")
+        self._gate_address = str(runtime.gate_socket)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._socket.bind(str(runtime / "perception.sock"))
+        self._socket.bind(str(runtime.perception_socket))
         self._socket.setblocking(False)
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._latency = LatencyWindow()
+        self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
         self._eye = self._build_eye(goal)
         self._status: GateStatus | None = None
         self._last_frame_ns = self._started_ns = time.monotonic_ns()
@@ -110,25 +118,29 @@ class PerceptionProcess:
         task = ServoTask(config.servo, camera, goal.sidecar, config.camera.mount or Mount())
         matcher = load_matcher(config.flow.model, config.flow.threads, config.flow.provider)
         pipeline = Pipeline(task, matcher, goal, time.monotonic_ns)
-        return Eye(camera, pipeline, clock_identity(), time.monotonic_ns)
+        return Eye(camera, pipeline, self._clock, time.monotonic_ns)
 
     def _on_frame(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: keep the newest sample, do nothing else."""
         attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
-        self._mailbox.put(
-            RawSample(sample.payload.to_bytes(), attachment, time.monotonic_ns())
-        )
+        self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, time.monotonic_ns()))
+
+    def _on_command(self, sample: zenoh.Sample) -> None:
+        """Zenoh's thread: pass an operator's command on; the gate judges it."""
+        payload = sample.payload.to_bytes()
+        if len(payload) <= MAX_COMMAND_BYTES:
+            self._send(ForwardedCommand(payload.decode("utf-8", errors="replace")))
 
     def _turn(self, telemetry: Telemetry) -> None:
         sample = self._mailbox.take(SILENCE_S)
         self._heed_gate()
         now_ns = time.monotonic_ns()
         if sample is None:
-            self._report(self._silence(now_ns))
+            self._send(self._silence(now_ns))
         else:
             self._last_frame_ns = now_ns
             glance = self._eye.look(sample)
-            self._report(glance.report)
+            self._send(glance.report)
             self._tell(telemetry, glance)
         self._publish_state(telemetry)
 
@@ -152,12 +164,12 @@ class PerceptionProcess:
             0, 0, f"no camera frame on {self._topics.camera} for {since_s:.1f} s"
         )
 
-    def _report(self, report: PerceptionReport) -> None:
+    def _send(self, message: PerceptionReport | ForwardedCommand) -> None:
         """Send to the gate; one that is gone or slow is the gate's and the parent's matter."""
         try:
-            self._socket.sendto(to_datagram(report), self._gate_address)
+            self._socket.sendto(to_datagram(message), self._gate_address)
         except (BlockingIOError, ConnectionRefusedError, FileNotFoundError) as error:
-            log.debug("report not delivered: %s", error)
+            log.debug("message not delivered: %s", error)
 
     def _tell(self, telemetry: Telemetry, glance: Glance) -> None:
         """Hand one frame's results to the telemetry thread."""
@@ -189,7 +201,7 @@ class PerceptionProcess:
             image = draw_flow(image, glance.outcome.flow, least)
         drawn = Frame(image, frame.t_capture_ns, frame.seq)
         quality = self._config.telemetry.preview_quality
-        payload, attachment = encode_frame(drawn, PixelFormat.JPEG, clock_identity(), quality)
+        payload, attachment = encode_frame(drawn, PixelFormat.JPEG, self._clock, quality)
         return Note(payload, "image/jpeg", attachment)
 
     def _publish_state(self, telemetry: Telemetry) -> None:

@@ -32,5 +32,5 @@ class SensorNoise:
         pattern = self.patterns[rng.integers(_PATTERNS)]
         shift = (int(rng.integers(image.shape[0])), int(rng.integers(image.shape[1])))
         rolled = np.roll(pattern, shift, axis=(0, 1))
-        noisy = np.clip(image.astype(np.int16) + rolled, 0, 255)
-        return noisy.astype(np.uint8)
+        noisy: ImageArray = np.clip(image.astype(np.int16) + rolled, 0, 255).astype(np.uint8)
+        return noisy

@@ -12,7 +12,7 @@ from matplotlib.figure import Figure
 from dfvs_sim.demo.flight import FlightLog
 
 _BLUE, _ORANGE, _GREEN, _RED = "#2563a8", "#d97706", "#2f8f4e", "#b3362f"
-_STYLE = {
+_STYLE: Any = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from dataclasses import asdict, dataclass
 from typing import Any
@@ -97,5 +98,5 @@ def _max_setpoint_gap_ms(log: FlightLog) -> float | None:
     ]
     if len(times) < 2:
         return None
-    gaps = [b - a for a, b in zip(times, times[1:], strict=False)]
+    gaps = [b - a for a, b in itertools.pairwise(times)]
     return _round(max(gaps) * 1e-6, 2)

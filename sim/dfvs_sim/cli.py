@@ -1,0 +1,45 @@
+"""``dfvs-sim``: the simulated world, whole or in parts."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from dfvs_core.errors import DfvsError
+from dfvs_sim.commands import bench_renderer, camera, goal, room, vehicle, world
+
+EXIT_CANNOT_RUN = 2
+_EPILOG = """examples:
+  dfvs-sim                                            vehicle and camera together
+  dfvs-sim goal --pose 0.5,-1,-1.3,40 --out goal.png  a goal picture with its sidecar
+  dfvs-sim vehicle --record flight.jsonl              the vehicle alone
+  dfvs-sim camera --mavlink udpin://127.0.0.1:14550   the camera alone, beside any PX4
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; 0 when it worked, 2 when it cannot run, with one line that says why."""
+    parser = argparse.ArgumentParser(
+        prog="dfvs-sim",
+        description="A simulated drone with PX4's MAVLink face, a camera that renders what it "
+        "sees, and rooms to fly in.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    subparsers = parser.add_subparsers(metavar="COMMAND")
+    for command in (vehicle, camera, goal, room, bench_renderer):
+        command.add_parser(subparsers)
+    world.add_options(parser)
+    args = parser.parse_args(argv)
+    try:
+        return int(args.run(args))
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    except KeyboardInterrupt:
+        return 130
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,109 @@
+"""``dfvs-sim camera``: the mock camera alone, beside the stand-in or a real PX4."""
+
+from __future__ import annotations
+
+import argparse
+import math
+import signal
+import sys
+import threading
+from typing import Any
+
+import numpy as np
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.errors import ConfigError
+from dfvs_core.goal import Mount
+from dfvs_core.poses import make_pose, rotation_from_euler
+from dfvs_core.topics import Topics
+from dfvs_core.wire.frame import PixelFormat
+from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, zenoh_publisher
+from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
+from dfvs_sim.ground.pose import PoseTracker
+from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.zenoh_session import open_peer
+
+_FORMATS = {
+    "jpeg": PixelFormat.JPEG,
+    "png": PixelFormat.PNG,
+    "raw": PixelFormat.RGB8,
+    "mono": PixelFormat.MONO8,
+}
+_EPILOG = """example:
+  dfvs-sim camera --mavlink udpin://127.0.0.1:14550 --origin 0,-1,0,40 --size 640x480
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add ``camera`` to the subcommands of ``dfvs-sim``."""
+    parser = subparsers.add_parser(
+        "camera",
+        help="a camera that renders what the vehicle sees",
+        description="Render what a vehicle sees and publish it over Zenoh. The pose comes from "
+        "the vehicle's MAVLink telemetry, so it works beside a real PX4 as well.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_scene_option(parser)
+    add_camera_options(parser)
+    add = parser.add_argument
+    add("--mavlink", default=DEFAULT_URL, metavar="URL", help="ground-station link")
+    add(
+        "--origin",
+        default="0,0,0,0",
+        metavar="X,Y,Z,YAW",
+        help="where the autopilot's local origin lies in the scene (NED, m) and how it is turned "
+        "(degrees)",
+    )
+    add("--rate", type=float, default=20.0, metavar="HZ", help="frames a second")
+    add("--format", choices=sorted(_FORMATS), default="jpeg", help="pixels on the wire")
+    add("--noise", type=float, default=1.5, help="sensor noise, grey levels")
+    add("--mount-pitch", type=float, default=0.0, metavar="DEG", help="camera pitch, up positive")
+    add("--vehicle", default="drone1", help="vehicle name in the Zenoh keys")
+    add(
+        "--connect",
+        default="tcp/127.0.0.1:7447",
+        metavar="ENDPOINT",
+        help="Zenoh endpoint of the service or a router",
+    )
+    add("--seed", type=int, default=0, help="seed of the noise")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Publish until interrupted; exit code 0."""
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    if not 0.1 <= args.rate <= 240:
+        raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
+    mount = Mount(pitch_rad=math.radians(args.mount_pitch))
+    T_scene_local, T_body_camera = _origin(args.origin), mount.T_body_camera()
+    config = MockCameraConfig(
+        camera_from(args), args.rate, _FORMATS[args.format], noise=args.noise, seed=args.seed
+    )
+    renderer = Renderer(load_glb(args.scene or builtin_room_path()))
+    with GroundLink(args.mavlink) as link, open_peer(args.connect) as session:
+        tracker = PoseTracker(link)
+
+        def T_scene_camera(t_ns: int) -> FloatArray | None:
+            pose = tracker.pose_at(t_ns)
+            return None if pose is None else T_scene_local @ pose.T_local_body() @ T_body_camera
+
+        print(f"camera: waiting for a vehicle on {args.mavlink}", file=sys.stderr, flush=True)
+        tracker.start()
+        print(f"camera: publishing on {Topics(args.vehicle).camera}", file=sys.stderr, flush=True)
+        publish = zenoh_publisher(session, args.vehicle)
+        MockCamera(config, renderer, T_scene_camera, publish).run(stop)
+    return 0
+
+
+def _origin(text: str) -> FloatArray:
+    try:
+        x, y, z, yaw_deg = (float(part) for part in text.split(","))
+    except ValueError as error:
+        raise ConfigError(f"--origin is {text!r}", "X,Y,Z,YAW in m and degrees") from error
+    return make_pose(rotation_from_euler(0.0, 0.0, math.radians(yaw_deg)), np.array([x, y, z]))

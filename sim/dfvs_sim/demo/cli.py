@@ -1,0 +1,163 @@
+"""``dfvs-demo``: fly a simulated drone to a picture, and show how it went."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_sim.demo.flight import Flight, FlightOptions
+from dfvs_sim.demo.pictures import write_pictures
+from dfvs_sim.demo.plan import FlightPlan, make_plan, parse_camera_pose
+from dfvs_sim.demo.plots import write_plots
+from dfvs_sim.demo.progress import Progress
+from dfvs_sim.demo.summary import FlightSummary, summarise
+from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
+
+EXIT_OK, EXIT_NOT_REACHED, EXIT_CANNOT_RUN = 0, 1, 2
+_EPILOG = """examples:
+  dfvs-demo                                     one flight in the built-in room
+  dfvs-demo --runs 10 --json seeds.json         ten flights, seeds 0 to 9
+  dfvs-demo --scene my_room.glb --seed 3        in a room of your own
+  dfvs-demo --start 0,0,-1.3,0 --goal 0.8,0.4,-1.2,20
+  dfvs-demo --autopilot udpin://127.0.0.1:14540 with a PX4 SITL that runs already
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Fly; 0 if every flight converged, 1 if one did not, 2 if it cannot run."""
+    args = _parser().parse_args(argv)
+    progress = Progress()
+    try:
+        return _fly_all(args, progress)
+    except DfvsError as error:
+        progress.say(f"error: {error}")
+        return EXIT_CANNOT_RUN
+    except KeyboardInterrupt:
+        progress.say("interrupted")
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-demo",
+        description="Bring up a simulated drone, its camera, a stand-in pilot and the real "
+        "dfvs-service, and fly to a goal picture. Nothing but this machine is needed.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_scene_option(parser)
+    add_camera_options(parser)
+    add = parser.add_argument
+    add("--seed", type=int, default=0, help="draws start and goal, and the noise")
+    add("--runs", type=int, default=1, metavar="N", help="fly N seeds, one after the other")
+    add("--start", metavar="X,Y,Z,YAW", help="start of the camera: NED in the scene, m, degrees")
+    add("--goal", metavar="X,Y,Z,YAW", help="goal of the camera, likewise")
+    add("--rate", type=float, default=20.0, metavar="HZ", help="frames a second")
+    add("--timeout", type=float, default=90.0, metavar="S", help="give up a flight after so long")
+    add("--autopilot", metavar="URL", help="MAVLink of a running autopilot, not the stand-in")
+    add("--ground", metavar="URL", help="its ground-station link (default udpin on 14550)")
+    add("--service", default="", metavar="WORDS", help="further words for dfvs-service")
+    add("--out", type=Path, metavar="DIR", help="folder for the results (default: demo-SEED)")
+    add("--json", type=Path, metavar="FILE", help="write the summary there as well")
+    return parser
+
+
+def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
+    if args.runs < 1:
+        raise ConfigError(f"--runs is {args.runs}", "1 or more")
+    camera = camera_from(args)
+    poses = [
+        None if text is None else parse_camera_pose(text, option)
+        for text, option in ((args.start, "--start"), (args.goal, "--goal"))
+    ]
+    if args.json is not None and not args.json.absolute().parent.is_dir():
+        raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
+    renderer = Renderer(load_glb(args.scene or builtin_room_path()))
+    summaries = []
+    for seed in range(args.seed, args.seed + args.runs):
+        plan = make_plan(renderer, camera, seed, *poses)
+        folder = _folder(args, seed)
+        summaries.append(_fly_one(plan, args, folder, progress))
+        _write_json(args, summaries)
+    if args.runs > 1:
+        _print_table(summaries)
+    return EXIT_OK if all(s.converged for s in summaries) else EXIT_NOT_REACHED
+
+
+def _folder(args: argparse.Namespace, seed: int) -> Path:
+    folder: Path = args.out or Path(f"demo-{seed}")
+    if args.out is not None and args.runs > 1:
+        folder = folder / f"seed-{seed}"
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"cannot make the folder {folder} ({error.strerror})") from error
+    return folder.absolute()
+
+
+def _fly_one(
+    plan: FlightPlan, args: argparse.Namespace, folder: Path, progress: Progress
+) -> FlightSummary:
+    distance_m, angle_rad = plan.initial_error
+    progress.say(
+        f"seed {plan.seed}: {distance_m:.2f} m and {angle_rad * 57.29578:.1f} degrees from the goal"
+    )
+    options = FlightOptions(
+        timeout_s=args.timeout,
+        rate_hz=args.rate,
+        autopilot=args.autopilot,
+        ground=args.ground,
+        service=tuple(args.service.split()),
+    )
+    log = Flight(plan, options, folder, lambda text: progress.say(f"  {text}")).run(progress.show)
+    summary = summarise(log)
+    _replace(folder / "summary.json", summary.to_json())
+    write_pictures(log, folder)
+    write_plots(log, folder / "plots.png")
+    verdict = "converged" if summary.converged else f"{summary.end_state}: {summary.end_cause}"
+    progress.say(
+        f"  {verdict}: {summary.final_translation_m * 100:.1f} cm and "
+        f"{summary.final_rotation_deg:.2f} degrees after {summary.duration_s:.1f} s, path ratio "
+        f"{summary.path_ratio:.2f}\n  pictures, plots and summary.json in {folder}"
+    )
+    return summary
+
+
+def _write_json(args: argparse.Namespace, summaries: list[FlightSummary]) -> None:
+    """Write the summary: a mapping for one flight, a list for several."""
+    if args.json is None:
+        return
+    documents = [s.to_json() for s in summaries]
+    _replace(args.json, documents[0] if args.runs == 1 else documents)
+
+
+def _replace(path: Path, document: Any) -> None:
+    """Write a JSON file whole or not at all."""
+    partial = path.with_name(path.name + ".part")
+    partial.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
+    os.replace(partial, path)
+
+
+def _print_table(summaries: list[FlightSummary]) -> None:
+    print("seed  start m  start deg  final cm  final deg   time s  path  end")
+    for s in summaries:
+        print(
+            f"{s.seed:4d}  {s.initial_translation_m:7.2f}  {s.initial_rotation_deg:9.1f}  "
+            f"{s.final_translation_m * 100:8.2f}  {s.final_rotation_deg:9.2f}  "
+            f"{s.duration_s:7.1f}  {s.path_ratio:4.2f}  "
+            f"{'converged' if s.converged else s.end_state}"
+        )
+    print(f"{sum(s.converged for s in summaries)} of {len(summaries)} converged")
+
+
+if __name__ == "__main__":
+    sys.exit(main())
