@@ -1,9 +1,10 @@
 """The built-in matcher: SIFT and a robust smooth model bridge large motion, DIS does the rest.
 
-Cold, without a guess: match features that agree with their neighbours, fit a smooth motion,
-match again near its prediction, fit again, refine by dense inverse search. Warm, with the flow
-of the frame before (or when little moved): fit the motion to that flow, refine, and fall back
-to the cold way where the result does not hold.
+Warm, with the flow of the frame before, or after a quick glance that finds little moved: fit a
+smooth motion to that flow, refine it by dense inverse search, and see whether the result holds.
+Cold, where there is no such flow or it does not hold: match features that agree with their
+neighbours, fit a smooth motion, match again near its prediction, fit again, refine; then fit to
+that flow and refine once more.
 """
 
 from __future__ import annotations
@@ -20,7 +21,7 @@ from dfvs_core.errors import ImageError
 from dfvs_core.matching.features import FeatureMatcher, Features, Matches, detect_features
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
 from dfvs_core.matching.motion import SmoothMotion, fit_motion
-from dfvs_core.matching.refinement import refine
+from dfvs_core.matching.refinement import glance, refine
 from dfvs_core.matching.warping import pixel_grid
 
 _FEWEST_MATCHES = 8
@@ -33,7 +34,8 @@ _GUESS_CONFIDENCE = 0.3
 _FEWEST_SAMPLES = 12
 _KEPT_SHARE = 0.8
 _LEAST_SHARE = 0.15
-_AT_REST_SHARE = 0.5
+_AT_REST_SHARE = 0.35
+_COMMON_SHARE = 0.5
 
 
 class ClassicalPicture(Prepared):
@@ -64,11 +66,11 @@ class ClassicalMatcher:
         check_same_size(current, other)
         if not (isinstance(current, ClassicalPicture) and isinstance(other, ClassicalPicture)):
             raise ImageError("pictures were prepared by another matcher", "the same matcher's")
-        if guess is not None:
-            tracked = _track(current, other, guess)
-            if tracked is not None:
-                return tracked
-        return _bridge(current, other)
+        if guess is None:
+            guess = glance(current.grey, other.grey)
+            if sure_share(guess) < _AT_REST_SHARE:
+                return _bridge(current, other)
+        return _track(current, other, guess) or _bridge(current, other)
 
 
 def sure_share(field: FlowField) -> float:
@@ -80,14 +82,19 @@ def _track(
     current: ClassicalPicture, other: ClassicalPicture, guess: FlowField
 ) -> FlowField | None:
     """Refine the flow of the frame before, or None where that does not hold any more."""
-    if guess.confidence.shape != current.size:
-        return None
+    field = _refit(current, other, guess) if guess.confidence.shape == current.size else None
+    needed = max(_LEAST_SHARE, _KEPT_SHARE * min(sure_share(guess), _COMMON_SHARE))
+    return field if field is not None and sure_share(field) >= needed else None
+
+
+def _refit(
+    current: ClassicalPicture, other: ClassicalPicture, guess: FlowField
+) -> FlowField | None:
+    """Fit a smooth motion to what is trusted of a flow and refine it; None if that is little."""
     samples = _sample_flow(guess)
     if len(samples) < _FEWEST_SAMPLES:
         return None
-    field = refine(current.grey, other.grey, fit_motion(samples, current.size).flow())
-    needed = max(_LEAST_SHARE, _KEPT_SHARE * min(sure_share(guess), _AT_REST_SHARE))
-    return field if sure_share(field) >= needed else None
+    return refine(current.grey, other.grey, fit_motion(samples, current.size).flow())
 
 
 def _sample_flow(field: FlowField) -> Matches:
@@ -102,11 +109,13 @@ def _bridge(current: ClassicalPicture, other: ClassicalPicture) -> FlowField:
     """Match two pictures about whose relation nothing is known."""
     motion = _motion_from_features(current, other)
     if motion is None:
-        still = refine(current.grey, other.grey, np.zeros((*current.size, 2), np.float32))
-        if sure_share(still) >= _AT_REST_SHARE:
-            return still
-        return FlowField(still.flow, np.zeros(current.size, np.float32))
-    return refine(current.grey, other.grey, motion.flow())
+        nothing = np.zeros((*current.size, 2), np.float32)
+        return FlowField(nothing, np.zeros(current.size, np.float32))
+    first = refine(current.grey, other.grey, motion.flow())
+    second = _refit(current, other, first)
+    if second is None or sure_share(second) < sure_share(first):
+        return first
+    return second
 
 
 def _motion_from_features(
