@@ -1,0 +1,1 @@
+"""Networks, training data, training and export: the only room that knows torch."""

@@ -1,0 +1,131 @@
+"""``dfvs-export``: make, convert, check and measure model bundles."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from dfvs_core.errors import ConfigError, DfvsError
+
+_EXAMPLES = """examples:
+  dfvs-export sheet --seed 3 --out sheet.png
+  dfvs-export train flow --minutes 60 --out runs/flow
+  dfvs-export train flow --resume runs/flow/last.pt --size 320x240 --minutes 60 --out runs/fine
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one subcommand; 0 done, 1 ran but did not hold, 2 could not run."""
+    arguments = _parser().parse_args(argv)
+    try:
+        result: int = arguments.run(arguments)
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return 2
+    except KeyboardInterrupt:
+        print("error: stopped by the user", file=sys.stderr)
+        return 2
+    return result
+
+
+def parse_size(text: str) -> tuple[int, int]:
+    """(width, height) px from ``"320x240"``.
+
+    Raises
+    ------
+    ConfigError
+        If the text is no size, or not of multiples of 16.
+    """
+    parts = text.lower().split("x")
+    if len(parts) != 2 or not all(p.isdecimal() for p in parts):
+        raise ConfigError(f"size {text!r}", "WIDTHxHEIGHT in px, such as 320x240")
+    width, height = int(parts[0]), int(parts[1])
+    if width < 64 or height < 64 or width % 16 or height % 16:
+        raise ConfigError(f"size {text!r}", "multiples of 16, 64 px or more")
+    return width, height
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-export",
+        description=__doc__,
+        epilog=_EXAMPLES,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    commands = parser.add_subparsers(required=True, metavar="COMMAND")
+    _add_sheet(commands)
+    train = commands.add_parser("train", help="train a network of our own")
+    _add_train_flow(train.add_subparsers(required=True, metavar="NETWORK"))
+    return parser
+
+
+def _add_sheet(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    sheet = commands.add_parser("sheet", help="draw a sheet of training pairs and their warps")
+    sheet.add_argument("--seed", type=int, default=0)
+    sheet.add_argument("--pairs", type=int, default=24)
+    sheet.add_argument("--size", default="192x144", metavar="WxH")
+    sheet.add_argument("--out", type=Path, required=True, metavar="FILE.png")
+    sheet.set_defaults(run=_run_sheet)
+
+
+def _run_sheet(arguments: argparse.Namespace) -> int:
+    from dfvs_export.data.pairs import PairSettings
+    from dfvs_export.data.sheet import write_sheet
+
+    settings = PairSettings(*parse_size(arguments.size))
+    write_sheet(arguments.out, settings, arguments.pairs, arguments.seed)
+    print(f"wrote {arguments.out}")
+    return 0
+
+
+def _add_train_flow(networks: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    flow = networks.add_parser("flow", help="train dfvs-flow")
+    flow.add_argument("--out", type=Path, required=True, help="folder of the run")
+    flow.add_argument("--minutes", type=float, default=60.0)
+    flow.add_argument("--steps", type=int, help="train so many steps instead of minutes")
+    flow.add_argument("--resume", type=Path, metavar="FILE.pt", help="go on from a checkpoint")
+    flow.add_argument("--size", default="192x144", metavar="WxH")
+    flow.add_argument("--batch", type=int, default=8, help="pairs per step, each used both ways")
+    flow.add_argument("--learning-rate", type=float, default=6e-4)
+    flow.add_argument("--seed", type=int, default=0)
+    flow.add_argument("--makers", type=int, default=1, help="processes that make pairs")
+    flow.add_argument("--pairs", type=Path, help="folder of shards (default: OUT/pairs)")
+    flow.add_argument("--keep-shards", type=int, default=120)
+    flow.add_argument("--precision", choices=("bf16", "fp32"), default="bf16")
+    flow.add_argument("--device", default="cpu", help="cpu, cuda, ...")
+    flow.add_argument("--threads", type=int, default=2)
+    flow.add_argument("--validation", type=Path, metavar="PAIRS.npz")
+    flow.add_argument("--checkpoint-minutes", type=float, default=5.0)
+    flow.set_defaults(run=_run_train_flow)
+
+
+def _run_train_flow(arguments: argparse.Namespace) -> int:
+    from dfvs_export.train.flow import train_flow
+    from dfvs_export.train.settings import TrainSettings
+
+    settings = TrainSettings(
+        out=arguments.out,
+        minutes=arguments.minutes,
+        steps=arguments.steps,
+        pairs_per_step=arguments.batch,
+        learning_rate=arguments.learning_rate,
+        seed=arguments.seed,
+        makers=arguments.makers,
+        precision=arguments.precision,
+        device=arguments.device,
+        threads=arguments.threads,
+        size=parse_size(arguments.size),
+        pairs=arguments.pairs,
+        keep_shards=arguments.keep_shards,
+        validation=arguments.validation,
+        checkpoint_minutes=arguments.checkpoint_minutes,
+    )
+    path = train_flow(settings, arguments.resume, lambda line: print(line, flush=True))
+    print(f"wrote {path}")
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Training pairs with exact flow, made from random rooms of textured quadrilaterals."""

@@ -1,0 +1,543 @@
+"""dfvs-flow: wide-baseline dense matching in two graphs, ``encode`` and ``match``.
+
+``encode`` turns an image into features, so that a fixed goal picture costs nothing per frame.
+``match`` finds where every pixel of the first image went in the second:
+
+1. attention within and across the two images at 1/16 makes repeated things distinct;
+2. all pairs of cells at 1/8 are compared; a dual softmax gives the best cell and how sure it is;
+3. moving least squares of affine motions, weighted by that sureness, carry the sure matches over
+   plain walls (the prior: rooms are made of planes);
+4. recurrent updates look up the correlation around the estimate, at 1/8 and then at 1/4;
+5. a convex combination of neighbours takes the flow to full resolution.
+
+Shapes: N images, H x W px (multiples of 16), h8 = H / 8 and so on. Flow is in px of the full
+image at every stage, as (x, y); cell (i, j) of a level of stride s has its centre at
+((j + 0.5) s, (i + 0.5) s).
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor, nn
+from torch.nn import functional
+
+_RIDGE = 0.02
+"""Mean sureness in a window below which its correction is held back."""
+_SLOPE_RIDGE = 4e-5
+"""The same for slopes: 0.02 matches that spread over some 5 % of the image."""
+
+
+@dataclass(frozen=True, slots=True)
+class FlowArchitecture:
+    """Widths and depths; what a checkpoint needs to be built again."""
+
+    width2: int = 32
+    width4: int = 48
+    width8: int = 96
+    width16: int = 128
+    attention_blocks: int = 2
+    heads: int = 4
+    hidden8: int = 64
+    hidden4: int = 32
+    updates8: int = 3
+    updates4: int = 2
+    fine_channels: int = 32
+
+
+@dataclass(frozen=True, slots=True)
+class Features:
+    """What ``encode`` returns: (N, 128, h16, w16), (N, 96, h8, w8) and (N, 64, h4, w4)."""
+
+    at16: Tensor
+    at8: Tensor
+    at4: Tensor
+
+
+@dataclass(frozen=True, slots=True)
+class Match:
+    """What ``match`` finds.
+
+    Parameters
+    ----------
+    flow : (N, 2, H, W)
+        px, first image to second.
+    seen, sure : (N, 1, h4, w4)
+        Logits: the point is visible in the second image too; the flow is good to about 2 px.
+    stages : tuple of (N, 2, h, w)
+        Flow after every stage, for training.
+    similarity : (N, h8 w8, h8 w8)
+        Scaled cosine similarity of all pairs of cells, for training.
+    """
+
+    flow: Tensor
+    seen: Tensor
+    sure: Tensor
+    stages: tuple[Tensor, ...]
+    similarity: Tensor
+
+
+def _conv(channels: int, out: int, kernel: int, stride: int = 1) -> nn.Sequential:
+    """Convolution, batch normalisation (folded away at export) and ReLU."""
+    conv = nn.Conv2d(channels, out, kernel, stride, kernel // 2, bias=False)
+    return nn.Sequential(conv, nn.BatchNorm2d(out), nn.ReLU())
+
+
+class _Residual(nn.Module):
+    """Two 3 x 3 convolutions around a shortcut; (N, C, h, w) to the same."""
+
+    def __init__(self, channels: int) -> None:
+        super().__init__()
+        self.first = _conv(channels, channels, 3)
+        self.second = nn.Conv2d(channels, channels, 3, padding=1, bias=False)
+        self.norm = nn.BatchNorm2d(channels)
+
+    def forward(self, x: Tensor) -> Tensor:
+        y: Tensor = functional.relu(x + self.norm(self.second(self.first(x))))
+        return y
+
+
+def _double(x: Tensor) -> Tensor:
+    """Bilinear upsampling by 2."""
+    return functional.interpolate(x, scale_factor=2.0, mode="bilinear", align_corners=False)
+
+
+class Encoder(nn.Module):
+    """Image to features at 1/16, 1/8 and 1/4."""
+
+    def __init__(self, a: FlowArchitecture) -> None:
+        super().__init__()
+        self.stem = _conv(4, a.width2, 5, 2)
+        self.to4 = nn.Sequential(_conv(a.width2, a.width4, 3, 2), _Residual(a.width4))
+        self.to8 = nn.Sequential(_conv(a.width4, a.width8, 3, 2), _Residual(a.width8))
+        self.to16 = nn.Sequential(
+            _conv(a.width8, a.width16, 3, 2), _Residual(a.width16), _Residual(a.width16)
+        )
+        fine = 2 * a.fine_channels
+        self.lateral4 = nn.Conv2d(a.width4, fine, 1)
+        self.lateral8 = nn.Conv2d(a.width8, fine, 1)
+        self.fine = nn.Conv2d(fine, fine, 3, padding=1)
+
+    def forward(self, image: Tensor) -> Features:
+        """Image (N, 3, H, W) in [0, 1] to features."""
+        x4 = self.to4(self.stem(normalise(image)))
+        x8 = self.to8(x4)
+        fine = self.fine(functional.relu(self.lateral4(x4) + _double(self.lateral8(x8))))
+        return Features(self.to16(x8), x8, fine)
+
+
+def normalise(image: Tensor) -> Tensor:
+    """Take exposure and contrast out: (N, 3, H, W) in [0, 1] to (N, 4, H, W).
+
+    Three channels are normalised over the image, the fourth over a neighbourhood of some 24 px,
+    where dark plain walls show what texture they have.
+    """
+    mean = image.mean((1, 2, 3), keepdim=True)
+    deviation = ((image - mean) ** 2).mean((1, 2, 3), keepdim=True).sqrt()
+    grey = image.mean(1, keepdim=True)
+    blocks = functional.avg_pool2d(torch.cat([grey, grey * grey], 1), 8)
+    blocks = functional.avg_pool2d(blocks, 3, stride=1, padding=1, count_include_pad=False)
+    local = functional.interpolate(blocks, scale_factor=8.0, mode="bilinear", align_corners=False)
+    local_mean, local_square = local[:, :1], local[:, 1:]
+    variance = (local_square - local_mean * local_mean).clamp(min=0.0)
+    contrast = (grey - local_mean) / (variance + 2e-4).sqrt()
+    return torch.cat([(image - mean) / (deviation + 0.03), contrast], 1)
+
+
+class _Attention(nn.Module):
+    """Pre-norm attention of tokens (N, T, C) to a source (N, S, C), then a feed-forward part."""
+
+    def __init__(self, channels: int, heads: int) -> None:
+        super().__init__()
+        self.heads = heads
+        self.norm_query = nn.LayerNorm(channels)
+        self.norm_source = nn.LayerNorm(channels)
+        self.query = nn.Linear(channels, channels)
+        self.key = nn.Linear(channels, channels)
+        self.value = nn.Linear(channels, channels)
+        self.out = nn.Linear(channels, channels)
+        self.norm_forward = nn.LayerNorm(channels)
+        self.forward_in = nn.Linear(channels, 2 * channels)
+        self.forward_out = nn.Linear(2 * channels, channels)
+        for last in (self.out, self.forward_out):
+            nn.init.normal_(last.weight, std=0.01)
+            nn.init.constant_(last.bias, 0.0)
+
+    def _split(self, x: Tensor) -> Tensor:
+        n, t, c = x.shape
+        return x.reshape(n, t, self.heads, c // self.heads).transpose(1, 2)
+
+    def forward(self, x: Tensor, source: Tensor) -> Tensor:
+        n, t, c = x.shape
+        source = self.norm_source(source)
+        q = self._split(self.query(self.norm_query(x))) * (c // self.heads) ** -0.5
+        k, v = self._split(self.key(source)), self._split(self.value(source))
+        weights = torch.softmax(q @ k.transpose(2, 3), dim=-1)
+        x = x + self.out((weights @ v).transpose(1, 2).reshape(n, t, c))
+        y: Tensor = x + self.forward_out(functional.relu(self.forward_in(self.norm_forward(x))))
+        return y
+
+
+class _Distinction(nn.Module):
+    """Makes the features of two images distinct: attention at 1/16, then fusion at 1/8."""
+
+    def __init__(self, a: FlowArchitecture) -> None:
+        super().__init__()
+        self.within = nn.ModuleList(
+            _Attention(a.width16, a.heads) for _ in range(a.attention_blocks)
+        )
+        self.across = nn.ModuleList(
+            _Attention(a.width16, a.heads) for _ in range(a.attention_blocks)
+        )
+        self.place = nn.Conv2d(a.width16, a.width16, 3, padding=1, groups=a.width16)
+        self.lateral = nn.Conv2d(a.width8, a.width16, 1)
+        self.depthwise = nn.Conv2d(a.width16, a.width16, 3, padding=1, groups=a.width16)
+        self.pointwise = nn.Conv2d(a.width16, a.width16, 1)
+
+    def forward(self, first: Features, second: Features) -> tuple[Tensor, Tensor]:
+        """Return two feature maps (N, 128, h8, w8)."""
+        n, c, h, w = first.at16.shape
+        both = torch.cat([first.at16, second.at16])
+        x = (both + self.place(both)).flatten(2).transpose(1, 2)  # (2 N, h16 w16, 128)
+        for within, across in zip(self.within, self.across, strict=True):
+            x = within(x, x)
+            x = across(x, torch.cat([x[n:], x[:n]]))
+        coarse = x.transpose(1, 2).reshape(2 * n, c, h, w)
+        y = self.lateral(torch.cat([first.at8, second.at8])) + _double(coarse)
+        y = y + self.pointwise(functional.relu(self.depthwise(functional.relu(y))))
+        return y[:n], y[n:]
+
+
+def cell_centres(like: Tensor, stride: int) -> Tensor:
+    """Centres (1, 2, h, w) in px of the cells of a map (N, C, h, w)."""
+    h, w = like.shape[2:]
+    y = (torch.arange(h, device=like.device, dtype=torch.float32) + 0.5) * stride
+    x = (torch.arange(w, device=like.device, dtype=torch.float32) + 0.5) * stride
+    return torch.stack([x.expand(h, w), y.unsqueeze(1).expand(h, w)]).unsqueeze(0)
+
+
+def _sample(maps: Tensor, x: Tensor, y: Tensor, stride: int) -> Tensor:
+    """Bilinear values (M, C, ...) of maps (M, C, h, w) at positions x, y (M, a, b) px."""
+    h, w = maps.shape[2:]
+    grid = torch.stack([x * (2.0 / (stride * w)) - 1.0, y * (2.0 / (stride * h)) - 1.0], dim=-1)
+    return functional.grid_sample(
+        maps, grid, mode="bilinear", padding_mode="zeros", align_corners=False
+    )
+
+
+def _look_up(volume: Tensor, target: Tensor, radius: int) -> Tensor:
+    """Values around the targets.
+
+    Parameters
+    ----------
+    volume : (N, h w, h w)
+        One map of the second image per cell of the first (at 1/8).
+    target : (N, 2, h, w)
+        Where to look, px.
+
+    Returns
+    -------
+    Tensor
+        (N, (2 radius + 1)^2, h, w)
+    """
+    n, _, h, w = target.shape
+    side = 2 * radius + 1
+    steps = torch.arange(-radius, radius + 1, device=target.device, dtype=torch.float32) * 8.0
+    dx = steps.expand(side, side).unsqueeze(0)
+    dy = steps.unsqueeze(1).expand(side, side).unsqueeze(0)
+    centre = target.permute(0, 2, 3, 1).reshape(n * h * w, 2, 1, 1)
+    maps = volume.reshape(n * h * w, 1, h, w)
+    values = _sample(maps, centre[:, 0] + dx, centre[:, 1] + dy, 8)
+    return values.reshape(n, h, w, side * side).permute(0, 3, 1, 2)
+
+
+def best_cells(similarity: Tensor, centres: Tensor) -> tuple[Tensor, Tensor]:
+    """Flow (N, 2, h8, w8) px and sureness (N, 1, h8, w8) of the dual softmax's best cells.
+
+    The position is the mean over the 3 x 3 cells about the best one, so finer than a cell.
+    """
+    n, cells, _ = similarity.shape
+    h, w = centres.shape[2:]
+    # one exponential for both softmaxes; scaled cosines lie within +-60 of each other's maximum
+    likely = torch.exp(similarity - similarity.amax(dim=(1, 2), keepdim=True))
+    rows = likely.sum(2, keepdim=True) + 1e-30
+    columns = likely.sum(1, keepdim=True) + 1e-30
+    shared = (likely / rows) * (likely / columns)
+    best = shared.argmax(dim=2)  # (N, h w)
+    table = centres.reshape(2, cells)
+    target = torch.stack([table[0][best], table[1][best]], 1).reshape(n, 2, h, w)
+    near = _look_up(shared, target, 1)  # (N, 9, h, w)
+    total = near.sum(1, keepdim=True)
+    step = torch.arange(-1, 2, device=near.device, dtype=near.dtype) * 8.0
+    dx = step.repeat(3).reshape(1, 9, 1, 1)
+    dy = step.repeat_interleave(3).reshape(1, 9, 1, 1)
+    offset = torch.cat([(near * dx).sum(1, keepdim=True), (near * dy).sum(1, keepdim=True)], 1)
+    return target + offset / (total + 1e-6) - centres, total.clamp(max=1.0)
+
+
+def _solve(moments: Tensor, right: Tensor, ridge: float) -> Tensor:
+    """Solve symmetric 3 x 3 systems in closed form.
+
+    Parameters
+    ----------
+    moments : (N, 6, h, w)
+        The matrix's entries 11, 12, 13, 22, 23, 33; ``ridge`` is added to its diagonal.
+    right : (N, 3, h, w)
+        Right-hand side.
+    """
+    a, b, c, d, e, f = moments.unbind(1)
+    a, d, f = a + ridge, d + ridge, f + ridge
+    cof_a, cof_b, cof_c = d * f - e * e, c * e - b * f, b * e - c * d
+    cof_d, cof_e, cof_f = a * f - c * c, b * c - a * e, a * d - b * b
+    determinant = a * cof_a + b * cof_b + c * cof_c
+    r0, r1, r2 = right.unbind(1)
+    solution = torch.stack(
+        [
+            cof_a * r0 + cof_b * r1 + cof_c * r2,
+            cof_b * r0 + cof_d * r1 + cof_e * r2,
+            cof_c * r0 + cof_e * r1 + cof_f * r2,
+        ],
+        1,
+    )
+    return solution / determinant.unsqueeze(1)
+
+
+def spread_affine(flow: Tensor, weight: Tensor, centres: Tensor) -> Tensor:
+    """Moving least squares of affine flows, coarse to fine: sure cells speak for plain ones.
+
+    First one robust affine motion for the whole image; then, over windows of 17, 9 and 5 cells,
+    an affine correction of the coarser solution, held back by a ridge where little is sure.
+
+    Parameters
+    ----------
+    flow : (N, 2, h, w)
+        px.
+    weight : (N, 1, h, w)
+        Sureness, 0 to 1.
+    centres : (1, 2, h, w)
+        px.
+    """
+    scale = centres.amax()
+    x, y = (2.0 * centres / scale - 1.0).unbind(1)
+    one = torch.ones_like(x)
+    basis = torch.stack([one, x, y], 1)  # (1, 3, h, w)
+    products = torch.stack([one, x, y, x * x, x * y, y * y], 1)  # (1, 6, h, w)
+    spread = torch.zeros_like(flow)
+    robust = weight
+    for width in (0.0, 0.25, 0.1):  # shares of the image
+        if width > 0:
+            error = ((flow - spread) ** 2).sum(1, keepdim=True)
+            robust = weight / (1.0 + error / (width * scale) ** 2) ** 2
+        moments = (robust * products).mean((2, 3), keepdim=True)
+        size = moments[:, :1] + 1e-6
+        parts = []
+        for k in range(2):
+            right = (robust * basis * flow[:, k : k + 1]).mean((2, 3), keepdim=True)
+            parts.append((_solve(moments / size, right / size, 1e-3) * basis).sum(1, keepdim=True))
+        spread = torch.cat(parts, 1)
+    return _spread_locally(flow, weight, spread, (basis, products, scale))
+
+
+def _spread_locally(
+    flow: Tensor, weight: Tensor, spread: Tensor, frame: tuple[Tensor, Tensor, Tensor]
+) -> Tensor:
+    """Return the flow after the windowed corrections of ``spread_affine``."""
+    basis, products, scale = frame
+    for window, width in ((17, 0.1), (9, 0.06), (5, 0.04)):
+        rest = flow - spread
+        error = (rest**2).sum(1, keepdim=True)
+        robust = weight / (1.0 + error / (width * scale) ** 2) ** 2
+        ones = robust * products
+        sums = torch.cat([ones, robust * basis * rest[:, :1], robust * basis * rest[:, 1:]], 1)
+        sums = _box(sums, window)
+        moments, right_u, right_v = _about_centre(sums, basis)
+        correction = [_solve_at_centre(moments, right) for right in (right_u, right_v)]
+        spread = spread + torch.cat(correction, 1)
+    return spread
+
+
+def _box(x: Tensor, window: int) -> Tensor:
+    """Mean over a square window, as two thin passes; outside counts as zero."""
+    half = window // 2
+    x = functional.avg_pool2d(x, (window, 1), 1, (half, 0))
+    return functional.avg_pool2d(x, (1, window), 1, (0, half))
+
+
+def _about_centre(sums: Tensor, basis: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    """Take moments about the origin to moments about each cell's own place."""
+    m, mx, my, mxx, mxy, myy = sums[:, :6].unbind(1)
+    x, y = basis[:, 1], basis[:, 2]
+    cx, cy = mx - x * m, my - y * m
+    cxx = mxx - 2 * x * mx + x * x * m
+    cxy = mxy - x * my - y * mx + x * y * m
+    cyy = myy - 2 * y * my + y * y * m
+    moments = torch.stack([m, cx, cy, cxx, cxy, cyy], 1)
+    rights = []
+    for k in (6, 9):
+        r, rx, ry = sums[:, k : k + 3].unbind(1)
+        rights.append(torch.stack([r, rx - x * r, ry - y * r], 1))
+    return moments, rights[0], rights[1]
+
+
+def _solve_at_centre(moments: Tensor, right: Tensor) -> Tensor:
+    """Value (N, 1, h, w) of the ridge-held affine fit at each cell's own place."""
+    m, cx, cy, cxx, cxy, cyy = moments.unbind(1)
+    m, cxx, cyy = m + _RIDGE, cxx + _SLOPE_RIDGE, cyy + _SLOPE_RIDGE
+    r, rx, ry = right.unbind(1)
+    determinant_xy = cxx * cyy - cxy * cxy
+    slope_x = (cx * cyy - cy * cxy) / determinant_xy
+    slope_y = (cy * cxx - cx * cxy) / determinant_xy
+    top = r - slope_x * rx - slope_y * ry
+    bottom = m - slope_x * cx - slope_y * cy
+    return (top / bottom.clamp(min=1e-4)).unsqueeze(1)
+
+
+class _Update8(nn.Module):
+    """One recurrent update at 1/8; hidden state (N, 64, h8, w8)."""
+
+    def __init__(self, a: FlowArchitecture) -> None:
+        super().__init__()
+        c = a.hidden8
+        self.start = nn.Conv2d(a.width16, c, 1)
+        self.look = nn.Conv2d(49 + 5, c, 1)
+        self.mix = nn.Conv2d(2 * c, c, 3, padding=1)
+        self.step = nn.Conv2d(c, c, 3, padding=1)
+        self.flow = nn.Conv2d(c, 2, 3, padding=1)
+
+    def forward(self, hidden: Tensor, seen: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
+        """Hidden state, correlations (N, 49, ...) and motion cues (N, 5, ...) to the next."""
+        x = functional.relu(self.look(torch.cat([seen, motion], 1)))
+        x = functional.relu(self.mix(torch.cat([hidden, x], 1)))
+        hidden = hidden + self.step(x)
+        return hidden, 8.0 * self.flow(functional.relu(hidden)).float()
+
+
+class _Update4(nn.Module):
+    """One recurrent update at 1/4; hidden state (N, 32, h4, w4)."""
+
+    def __init__(self, a: FlowArchitecture) -> None:
+        super().__init__()
+        c = a.hidden4
+        self.start = nn.Conv2d(a.fine_channels + a.hidden8, c, 1)
+        self.look = nn.Conv2d(25 + 2, c, 1)
+        self.mix = nn.Conv2d(2 * c, c, 3, padding=1)
+        self.step = nn.Conv2d(c, c, 3, padding=1)
+        self.flow = nn.Conv2d(c, 2, 3, padding=1)
+
+    def forward(self, hidden: Tensor, seen: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
+        """Hidden state, correlations (N, 25, ...) and motion cues (N, 2, ...) to the next."""
+        x = functional.relu(self.look(torch.cat([seen, motion], 1)))
+        x = functional.relu(self.mix(torch.cat([hidden, x], 1)))
+        hidden = hidden + self.step(x)
+        return hidden, 4.0 * self.flow(functional.relu(hidden)).float()
+
+
+def local_correlation(first: Tensor, second: Tensor, radius: int) -> Tensor:
+    """Products (N, (2 radius + 1)^2, h, w) of features (N, C, h, w) with shifted ones."""
+    h, w = first.shape[2:]
+    padded = functional.pad(second, (radius, radius, radius, radius))
+    side = range(2 * radius + 1)
+    shifted = [(first * padded[:, :, i : i + h, j : j + w]).mean(1) for i in side for j in side]
+    return torch.stack(shifted, 1)
+
+
+def _soft(flow: Tensor, scale: float) -> Tensor:
+    """Squash a displacement in px to about [-1, 1]."""
+    return flow / (flow.abs() + scale)
+
+
+class DfvsFlow(nn.Module):
+    """The network; see the module's text."""
+
+    def __init__(self, architecture: FlowArchitecture | None = None) -> None:
+        super().__init__()
+        a = architecture or FlowArchitecture()
+        self.architecture = a
+        self.encoder = Encoder(a)
+        self.distinction = _Distinction(a)
+        self.log_scale = nn.Parameter(torch.tensor(math.log(12.0)))
+        self.update8 = _Update8(a)
+        self.update4 = _Update4(a)
+        self.mask = nn.Conv2d(a.hidden4, 9 * 16, 1)
+        self.judge = nn.Conv2d(a.hidden4, 2, 3, padding=1)
+        for module in (self.update8.flow, self.update4.flow):
+            nn.init.normal_(module.weight, std=1e-3)
+            nn.init.zeros_(module.bias)  # type: ignore[arg-type]
+
+    def encode(self, image: Tensor) -> Features:
+        """Image (N, 3, H, W) in [0, 1] to features."""
+        features: Features = self.encoder(image)
+        return features
+
+    def match(self, first: Features, second: Features) -> Match:
+        """Flow from the first image to the second."""
+        a, b = self.distinction(first, second)  # (N, 128, h8, w8)
+        centres = cell_centres(a, 8)
+        similarity = self._similarity(a, b)
+        with torch.no_grad():
+            found, sureness = best_cells(similarity.detach(), centres)
+            flow = spread_affine(found, sureness, centres)
+        stages = [found, flow]
+        hidden = torch.tanh(self.update8.start(a))
+        volume = similarity * (1.0 / 12.0)
+        for _ in range(self.architecture.updates8):
+            seen = _look_up(volume, centres + flow.detach(), 3)
+            motion = torch.cat([_soft(flow, 64.0), _soft(found - flow, 8.0), sureness], 1).detach()
+            hidden, step = self.update8(hidden, seen, motion)
+            flow = flow.detach() + step
+            stages.append(flow)
+        return self._refine(first, second, (hidden, flow), (stages, similarity))
+
+    def _similarity(self, a: Tensor, b: Tensor) -> Tensor:
+        """Scaled cosines (N, h8 w8, h8 w8)."""
+        a, b = a.float().flatten(2), b.float().flatten(2)
+        a = a * (a.square().sum(1, keepdim=True) + 1e-6).rsqrt()
+        b = b * (b.square().sum(1, keepdim=True) + 1e-6).rsqrt()
+        return (a.transpose(1, 2) @ b).float() * self.log_scale.exp().clamp(max=60.0)
+
+    def _refine(
+        self,
+        first: Features,
+        second: Features,
+        state: tuple[Tensor, Tensor],
+        so_far: tuple[list[Tensor], Tensor],
+    ) -> Match:
+        """Refine at 1/4, judge and upsample."""
+        hidden8, flow8 = state
+        stages, similarity = so_far
+        channels = self.architecture.fine_channels
+        own, context = first.at4[:, :channels], first.at4[:, channels:]
+        other = second.at4[:, :channels].float()
+        centres = cell_centres(first.at4, 4)
+        flow = _double(flow8)
+        hidden = torch.tanh(self.update4.start(torch.cat([context, _double(hidden8)], 1)))
+        for _ in range(self.architecture.updates4):
+            target = centres + flow.detach()
+            warped = _sample(other, target[:, 0], target[:, 1], 4)
+            seen = local_correlation(own, warped.to(own.dtype), 2)
+            hidden, step = self.update4(hidden, seen, _soft(flow.detach(), 64.0))
+            flow = flow.detach() + step
+            stages.append(flow)
+        judged = self.judge(functional.relu(hidden)).float()
+        full = convex_upsample(flow, self.mask(functional.relu(hidden)).float())
+        return Match(full, judged[:, :1], judged[:, 1:], tuple(stages), similarity)
+
+
+def convex_upsample(flow: Tensor, mask: Tensor) -> Tensor:
+    """Flow (N, 2, h, w) to (N, 2, 4 h, 4 w): convex sums of 3 x 3 neighbours, as in RAFT.
+
+    ``mask`` is (N, 9 * 16, h, w) logits.
+    """
+    n, _, h, w = flow.shape
+    weights = torch.softmax(mask.reshape(n, 9, 16, h, w), dim=1)
+    padded = functional.pad(flow, (1, 1, 1, 1), mode="replicate")
+    x = torch.zeros_like(weights[:, 0])
+    y = torch.zeros_like(x)
+    for k in range(9):
+        i, j = divmod(k, 3)
+        near = padded[:, :, i : i + h, j : j + w].unsqueeze(2)  # (N, 2, 1, h, w)
+        x = x + weights[:, k] * near[:, 0]
+        y = y + weights[:, k] * near[:, 1]
+    return functional.pixel_shuffle(torch.cat([x, y], 1), 4)

@@ -1,0 +1,206 @@
+"""Training of dfvs-flow: draw, disturb, match both ways, step; checkpoint and measure."""
+
+from __future__ import annotations
+
+import csv
+import math
+import time
+from collections.abc import Callable
+from contextlib import nullcontext
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor
+
+from dfvs_export.data.photometric import disturb
+from dfvs_export.data.shards import Batch
+from dfvs_export.data.stream import PairMakers, PairStream
+from dfvs_export.networks.dfvs_flow import DfvsFlow, Features, FlowArchitecture, Match
+from dfvs_export.train.checkpoint import (
+    Checkpoint,
+    RunningAverage,
+    load_checkpoint,
+    save_checkpoint,
+)
+from dfvs_export.train.curve import draw_curve
+from dfvs_export.train.loss import Truth, flow_loss
+from dfvs_export.train.settings import TrainSettings, describe
+from dfvs_export.train.validation import LevelScores, score_network
+
+_AVERAGE_DECAY = 0.998
+_FIRST_SHARD_WAIT_S = 600.0
+_REPORT_STEPS = 20
+_MAKER_SEED_STRIDE = 100_000
+_MAX_GRADIENT = 1.0
+
+
+def learning_rate(peak: float, progress: float) -> float:
+    """3 % of the run up to ``peak``, then a cosine down to 1 % of it; progress in [0, 1]."""
+    if progress < 0.03:
+        return peak * (0.05 + 0.95 * progress / 0.03)
+    turn = 0.5 * (1.0 + math.cos(math.pi * min(1.0, (progress - 0.03) / 0.97)))
+    return peak * (0.01 + 0.99 * turn)
+
+
+def match_both_ways(network: DfvsFlow, images: Tensor) -> Match:
+    """Match pairs (N, 2, 3, H, W) both ways; the result holds 2 N, a to b before b to a."""
+    n = len(images)
+    flat = images.flatten(0, 1).contiguous(memory_format=torch.channels_last)
+    features = network.encode(flat)
+    swap = torch.arange(2 * n, device=images.device).reshape(n, 2).flip(1).flatten()
+    other = Features(features.at16[swap], features.at8[swap], features.at4[swap])
+    return network.match(features, other)
+
+
+def truth_of(batch: Batch) -> Truth:
+    """Ground truth in the order of ``match_both_ways``."""
+    return Truth(
+        batch.flows.flatten(0, 1),
+        batch.visible.flatten(0, 1).unsqueeze(1).float(),
+        batch.solid.flatten(0, 1).unsqueeze(1).float(),
+    )
+
+
+class FlowTraining:
+    """One run: the network, its optimiser and where it stands."""
+
+    def __init__(self, settings: TrainSettings, resume: Path | None = None) -> None:
+        torch.manual_seed(settings.seed)
+        self.settings = settings
+        checkpoint = load_checkpoint(resume) if resume else None
+        architecture = checkpoint.architecture if checkpoint else FlowArchitecture()
+        network = DfvsFlow(architecture).to(settings.device)
+        self.network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
+        self.optimiser = torch.optim.AdamW(
+            self.network.parameters(), lr=settings.learning_rate, weight_decay=1e-4
+        )
+        self.step = 0
+        self.origin: tuple[dict[str, Any], ...] = (describe(settings, architecture),)
+        if checkpoint:
+            self.network.load_state_dict(checkpoint.weights)
+            self.optimiser.load_state_dict(checkpoint.optimiser)
+            self.step = checkpoint.step
+            self.origin = checkpoint.origin + self.origin
+        self.average = RunningAverage(self.network, _AVERAGE_DECAY)
+        if checkpoint:
+            for name, value in checkpoint.average.items():
+                self.average.state[name].copy_(value)
+
+    def train_step(self, batch: Batch, progress: float) -> dict[str, float]:
+        """Take one step and return the loss's parts."""
+        torch.manual_seed(self.settings.seed * 1_000_003 + self.step)
+        for group in self.optimiser.param_groups:
+            group["lr"] = learning_rate(self.settings.learning_rate, progress)
+        images = disturb(batch.images.flatten(0, 1)).reshape(batch.images.shape)
+        device = torch.device(self.settings.device)
+        half = self.settings.precision == "bf16"
+        context = torch.autocast(device.type, torch.bfloat16) if half else nullcontext()
+        with context:
+            match = match_both_ways(self.network, images)
+        loss, parts = flow_loss(match, truth_of(batch))
+        self.optimiser.zero_grad()
+        loss.backward()  # type: ignore[no-untyped-call]
+        norm = torch.nn.utils.clip_grad_norm_(self.network.parameters(), _MAX_GRADIENT)
+        if torch.isfinite(norm):  # a broken step is left out, not learned
+            self.optimiser.step()
+            self.average.follow(self.network, self.step)
+        self.step += 1
+        return parts | {"loss": float(loss.detach())}
+
+    def checkpoint(self) -> Checkpoint:
+        """Return everything needed to go on."""
+        return Checkpoint(
+            self.network.state_dict(),
+            self.average.state,
+            self.optimiser.state_dict(),
+            self.step,
+            self.origin,
+            self.network.architecture,
+        )
+
+    def averaged_network(self) -> DfvsFlow:
+        """Return a copy with the averaged weights, in evaluation mode."""
+        network = DfvsFlow(self.network.architecture).to(self.settings.device)
+        network.load_state_dict(self.average.state)
+        return network.eval()
+
+
+def train_flow(settings: TrainSettings, resume: Path | None, report: Callable[[str], None]) -> Path:
+    """Train and return the path of the last checkpoint.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If there are no pairs to train on, or the checkpoint to resume cannot be used.
+    """
+    torch.set_num_threads(settings.threads)
+    settings.out.mkdir(parents=True, exist_ok=True)
+    training = FlowTraining(settings, resume)
+    pairs = settings.pair_settings()
+    folder = settings.pairs_folder
+    first_seed = (settings.seed + 1) * _MAKER_SEED_STRIDE + training.step
+    stream = PairStream(folder, pairs, settings.pairs_per_step, settings.seed, _FIRST_SHARD_WAIT_S)
+    with PairMakers(folder, pairs, settings.makers, first_seed, settings.keep_shards):
+        stream.batch(training.step)  # waits for the first shard, off the clock
+        return _loop(training, stream, report)
+
+
+def _loop(training: FlowTraining, stream: PairStream, report: Callable[[str], None]) -> Path:
+    settings = training.settings
+    start, first = time.monotonic(), training.step
+    saved_at, sums = start, dict[str, float]()
+    while True:
+        elapsed = time.monotonic() - start
+        done = training.step - first
+        progress = done / settings.steps if settings.steps else elapsed / (60 * settings.minutes)
+        if progress >= 1.0:
+            return _save(training, report)
+        batch = stream.batch(training.step, settings.device)
+        for name, value in training.train_step(batch, progress).items():
+            sums[name] = sums.get(name, 0.0) + value
+        if training.step % _REPORT_STEPS == 0:
+            left = elapsed * (1.0 / max(progress, 1e-6) - 1.0)
+            means = "  ".join(f"{k} {v / _REPORT_STEPS:.2f}" for k, v in sums.items())
+            report(f"step {training.step}  {means}  {left / 60:.0f} min left")
+            _append(settings.out / "train.csv", {"step": training.step} | sums)
+            sums = {}
+        if time.monotonic() - saved_at > 60 * settings.checkpoint_minutes:
+            _save(training, report)
+            saved_at = time.monotonic()
+
+
+def _save(training: FlowTraining, report: Callable[[str], None]) -> Path:
+    """Write a checkpoint, measure it, and draw the curve."""
+    out = training.settings.out
+    path = out / "last.pt"
+    save_checkpoint(path, training.checkpoint())
+    if training.settings.validation:
+        scores = score_network(training.averaged_network(), training.settings.validation)
+        report(f"step {training.step}  " + "  ".join(s.line() for s in scores))
+        row: dict[str, float] = {"step": training.step}
+        for s in scores:
+            row |= {f"{s.level}_epe_px": s.epe_px, f"{s.level}_under_3px": s.under_3px}
+        _append(out / "validation.csv", row)
+        draw_curve(out / "validation.csv", out / "validation.png")
+        _keep_best(training, scores, out)
+    return path
+
+
+def _keep_best(training: FlowTraining, scores: tuple[LevelScores, ...], out: Path) -> None:
+    """Copy the checkpoint when its geometric mean of errors is the least so far."""
+    value = math.prod(max(s.epe_px, 1e-6) for s in scores) ** (1.0 / len(scores))
+    note = out / "best.txt"
+    if not note.exists() or value < float(note.read_text().split()[0]):
+        save_checkpoint(out / "best.pt", training.checkpoint())
+        note.write_text(f"{value:.4f} px at step {training.step}\n")
+
+
+def _append(path: Path, row: dict[str, float]) -> None:
+    """Add a row to a CSV file, with a head line when it is new."""
+    new = not path.exists()
+    with path.open("a", newline="") as file:
+        writer = csv.DictWriter(file, fieldnames=list(row))
+        if new:
+            writer.writeheader()
+        writer.writerow({k: v if k == "step" else f"{v:.4f}" for k, v in row.items()})

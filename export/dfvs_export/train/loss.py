@@ -1,0 +1,103 @@
+"""What the training minimises."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from dfvs_export.networks.dfvs_flow import Match
+
+_DECAY = 0.8
+_HIDDEN_WEIGHT = 0.05
+_GOOD_PX = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class Truth:
+    """Ground truth of N directed pairs.
+
+    Parameters
+    ----------
+    flow : (N, 2, H, W)
+        px.
+    visible, solid : (N, 1, H, W)
+        1.0 where the point is seen in both; where the flow means something.
+    """
+
+    flow: Tensor
+    visible: Tensor
+    solid: Tensor
+
+    def at(self, stride: int) -> Truth:
+        """Truth at the centres of cells of ``stride`` px (mean of the four pixels about it)."""
+        skip = stride // 2 - 1
+        parts = []
+        for x in (self.flow, self.visible, self.solid):
+            inner = functional.avg_pool2d(x[:, :, skip:, skip:], 2, stride)
+            parts.append(inner)
+        return Truth(parts[0], (parts[1] > 0.99).float(), (parts[2] > 0.99).float())
+
+
+def flow_loss(match: Match, truth: Truth) -> tuple[Tensor, dict[str, float]]:
+    """Weighted sum of all parts (a scalar), and the parts by name.
+
+    The cells' softmax is trained as a classification, which converges far sooner than flow alone;
+    later stages weigh more; hidden points count a little.
+    """
+    at8, at4 = truth.at(8), truth.at(4)
+    matching = matching_loss(match.similarity, at8)
+    total = 0.5 * matching
+    parts = {"matching": float(matching.detach())}
+    updates = match.stages[2:]
+    for k, flow in enumerate(updates):
+        there = at8 if flow.shape[2] == at8.flow.shape[2] else at4
+        total = total + 0.5 * _DECAY ** (len(updates) - 1 - k) * robust_error(flow, there)
+    full = robust_error(match.flow, truth)
+    judged = _judgement_loss(match, at4)
+    parts |= {"flow": float(full.detach()), "judged": float(judged.detach())}
+    return total + full + 0.5 * judged, parts
+
+
+def robust_error(flow: Tensor, truth: Truth) -> Tensor:
+    """Mean of (e^2 + 0.05^2)^0.4 over the pixels; hidden ones weigh 0.05."""
+    square = ((flow - truth.flow) ** 2).sum(1, keepdim=True)
+    weight = truth.visible + _HIDDEN_WEIGHT * (truth.solid - truth.visible).clamp(min=0.0)
+    return (weight * (square + 0.0025) ** 0.4).sum() / weight.sum().clamp(min=1.0)
+
+
+def matching_loss(similarity: Tensor, truth: Truth) -> Tensor:
+    """Cross-entropy of rows and columns of the similarity against the true (bilinear) cell."""
+    h, w = truth.flow.shape[2:]
+    y, x = torch.meshgrid(
+        torch.arange(h, device=truth.flow.device, dtype=torch.float32),
+        torch.arange(w, device=truth.flow.device, dtype=torch.float32),
+        indexing="ij",
+    )
+    tx = (x + truth.flow[:, 0] / 8.0).flatten(1)
+    ty = (y + truth.flow[:, 1] / 8.0).flatten(1)
+    inside = (tx > -0.5) & (tx < w - 0.5) & (ty > -0.5) & (ty < h - 0.5)
+    valid = (truth.visible.flatten(1) > 0) & inside
+    rows = torch.logsumexp(similarity, dim=2, keepdim=True)
+    columns = torch.logsumexp(similarity, dim=1, keepdim=True)
+    log_shared = 2.0 * similarity - rows - columns
+    x0, y0 = tx.floor(), ty.floor()
+    loss = torch.zeros_like(tx)
+    for dx in (0, 1):
+        for dy in (0, 1):
+            weight = (1.0 - (tx - x0 - dx).abs()) * (1.0 - (ty - y0 - dy).abs())
+            cell = (y0 + dy).clamp(0, h - 1) * w + (x0 + dx).clamp(0, w - 1)
+            picked = log_shared.gather(2, cell.long().unsqueeze(2)).squeeze(2)
+            loss = loss - weight * picked
+    return (loss * valid).sum() / valid.sum().clamp(min=1)
+
+
+def _judgement_loss(match: Match, truth: Truth) -> Tensor:
+    """Cross-entropy of both judgements: seen in both, and flow good to some 2 px."""
+    seen = functional.binary_cross_entropy_with_logits(match.seen, truth.visible)
+    error = (match.stages[-1].detach() - truth.flow).norm(dim=1, keepdim=True)
+    good = torch.exp(-((error / _GOOD_PX) ** 2))
+    sure = functional.binary_cross_entropy_with_logits(match.sure, good, reduction="none")
+    return seen + (sure * truth.visible).sum() / truth.visible.sum().clamp(min=1.0)

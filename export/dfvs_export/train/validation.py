@@ -1,0 +1,89 @@
+"""Measuring a network on pairs with exact flow, by size of the motion."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from numpy.typing import NDArray
+from torch.nn import functional
+
+from dfvs_core.errors import ConfigError
+from dfvs_export.networks.dfvs_flow import DfvsFlow
+
+LEVELS = ("small", "medium", "large")
+
+
+@dataclass(frozen=True, slots=True)
+class LevelScores:
+    """Mean over the pairs of one level.
+
+    Parameters
+    ----------
+    level : str
+        ``"small"``, ``"medium"`` or ``"large"`` motion.
+    epe_px : float
+        End-point error over the pixels seen in both, px.
+    under_3px : float
+        Share of those pixels with an error under 3 px.
+    sure_half_epe_px : float
+        The error of the half that the network is surest of, px.
+    pairs : int
+        Number of pairs.
+    """
+
+    level: str
+    epe_px: float
+    under_3px: float
+    sure_half_epe_px: float
+    pairs: int
+
+    def line(self) -> str:
+        """One short text."""
+        return f"{self.level} {self.epe_px:.2f} px {100 * self.under_3px:.0f} %"
+
+
+def read_pairs(path: Path) -> Iterator[tuple[NDArray[np.generic], ...]]:
+    """Images a and b, flow, mask and level of every pair of a benchmark ``.npz``.
+
+    Raises
+    ------
+    ConfigError
+        If the file is missing or lacks an array.
+    """
+    if not path.is_file():
+        raise ConfigError(f"no pairs at {path}", "an .npz file with IA, IB, flow, vis and level")
+    with np.load(path, allow_pickle=False) as arrays:
+        names = ("IA", "IB", "flow", "vis", "level")
+        missing = [name for name in names if name not in arrays]
+        if missing:
+            raise ConfigError(f"{path} lacks {', '.join(missing)}", ", ".join(names))
+        columns = [arrays[name] for name in names]
+    yield from zip(*columns, strict=True)
+
+
+def score_network(network: DfvsFlow, path: Path) -> tuple[LevelScores, ...]:
+    """Measure a network in evaluation mode on a benchmark file."""
+    device = next(network.parameters()).device
+    found: dict[int, list[tuple[float, float, float]]] = {}
+    for image_a, image_b, flow, visible, level in read_pairs(path):
+        stack = torch.from_numpy(np.stack([image_a, image_b])).to(device)
+        images = stack.permute(0, 3, 1, 2).float() / 255.0
+        with torch.no_grad():
+            match = network.match(network.encode(images[:1]), network.encode(images[1:]))
+        sure = torch.sigmoid(match.seen) * torch.sigmoid(match.sure)
+        sure = functional.interpolate(sure, scale_factor=4.0, mode="bilinear")[0, 0]
+        estimate = match.flow[0].permute(1, 2, 0).cpu().numpy()
+        seen = visible.astype(np.bool_)
+        error = np.linalg.norm(estimate - flow.astype(np.float32), axis=2)[seen]
+        best = np.argsort(-sure.cpu().numpy()[seen])[: max(1, len(error) // 2)]
+        row = (float(error.mean()), float((error < 3.0).mean()), float(error[best].mean()))
+        found.setdefault(int(level), []).append(row)
+    scores = []
+    for k, rows in sorted(found.items()):
+        epe, under, sure_epe = np.mean(rows, axis=0).tolist()
+        scores.append(LevelScores(LEVELS[k], epe, under, sure_epe, len(rows)))
+    return tuple(scores)
