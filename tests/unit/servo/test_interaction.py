@@ -45,8 +45,9 @@ def test_body_motions_move_the_image_as_they_should():
     centre = interaction_matrix(np.array([[0.0, 0.0]]), np.array([2.0]))[0] @ B
     forward, right, down, yaw = centre.T
     np.testing.assert_allclose(forward, [0, 0], atol=1e-12)  # the focus of expansion
-    assert right[0] < 0 and abs(right[1]) < 1e-12  # going right, the world goes left
-    assert down[1] < 0 and abs(down[0]) < 1e-12  # going down, the world goes up
+    assert right[0] < 0  # going right, the world goes left
+    assert down[1] < 0  # going down, the world goes up
+    np.testing.assert_allclose([right[1], down[0]], 0, atol=1e-12)
     assert yaw[0] < 0  # turning right, the world goes left
 
 

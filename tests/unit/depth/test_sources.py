@@ -1,0 +1,126 @@
+import numpy as np
+import pytest
+
+from dfvs_core.correspondence import DepthMap
+from dfvs_core.depth.flow_depth import FlowDepth
+from dfvs_core.depth.keyframes import choose_earlier
+from dfvs_core.depth.motion import MotionDepth
+from dfvs_core.depth.source import ConstantDepth, DepthInputs, EarlierView, GivenDepth
+from dfvs_core.errors import ConfigError
+from dfvs_core.poses import make_pose, so3_exp
+
+GRID = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 12), np.linspace(-0.5, 0.5, 9)), axis=-1)
+
+
+def earlier_view(z, translation, rotation=(0.0, 0.0, 0.0), noise=None, confidence=1.0):
+    """Exact correspondences of a scene with depth z on the grid."""
+    T = make_pose(so3_exp(np.array(rotation)), np.array(translation))
+    P = np.concatenate([GRID, np.ones((*GRID.shape[:2], 1))], axis=2) * z[..., None]
+    Q = P @ T[:3, :3].T + T[:3, 3]
+    xy = Q[..., :2] / Q[..., 2:]
+    if noise is not None:
+        xy = xy + noise
+    return EarlierView(xy, np.full(z.shape, confidence), T)
+
+
+@pytest.fixture
+def scene(rng):
+    return 2.0 + rng.uniform(0, 3, GRID.shape[:2])
+
+
+@pytest.mark.parametrize(
+    ("translation", "rotation"),
+    [((0.2, 0, 0), (0, 0, 0)), ((0.1, 0.05, -0.2), (0.02, -0.1, 0.05)), ((0, 0, 0.3), (0, 0, 0))],
+)
+def test_two_views_and_a_baseline_give_metric_depth(scene, translation, rotation):
+    inputs = DepthInputs(GRID, earlier_view(scene, translation, rotation))
+    depth, _ = MotionDepth(baseline_noise=0.0, pixel_noise=1e-5).estimate(inputs, None)
+    # Near the focus of expansion there is no parallax; the median stands in there.
+    sure = depth.validity > 0.99
+    assert sure.mean() > 0.8
+    np.testing.assert_allclose(depth.z_m[sure], scene[sure], rtol=0.03)
+
+
+def test_turning_alone_tells_nothing_about_depth(scene):
+    inputs = DepthInputs(GRID, earlier_view(scene, (0, 0, 0), (0.0, 0.2, 0.0)))
+    depth, _ = MotionDepth(prior_m=3.3).estimate(inputs, None)
+    np.testing.assert_allclose(depth.z_m, 3.3, rtol=1e-3)
+    assert depth.validity.max() < 0.1
+
+
+def test_many_noisy_views_are_better_than_one(scene, rng):
+    source, state, errors = MotionDepth(pixel_noise=0.003), None, []
+    for _ in range(20):
+        noise = rng.normal(0, 0.003, (*scene.shape, 2))
+        inputs = DepthInputs(GRID, earlier_view(scene, (0.15, 0.05, 0.0), noise=noise))
+        depth, state = source.estimate(inputs, state)
+        errors.append(np.median(np.abs(depth.z_m / scene - 1)))
+    assert errors[-1] < 0.5 * errors[0]
+
+
+def test_a_wrong_match_is_outvoted_by_its_epipolar_line(scene):
+    view = earlier_view(scene, (0.2, 0.0, 0.0))
+    xy = view.xy.copy()
+    xy[4, 6] += [0.0, 0.2]  # off the line: the baseline is horizontal
+    depth, _ = MotionDepth().estimate(
+        DepthInputs(GRID, EarlierView(xy, view.confidence, view.T_earlier_current)), None
+    )
+    assert depth.validity[4, 6] < 0.5 * np.median(depth.validity)
+
+
+def test_going_forward_brings_the_scene_nearer(scene):
+    source = MotionDepth(baseline_noise=0.0, pixel_noise=1e-5, drift_per_m=0.0)
+    before, state = source.estimate(DepthInputs(GRID, earlier_view(scene, (0.2, 0, 0))), None)
+    after, _ = source.estimate(DepthInputs(GRID, motion_m=(0.0, 0.0, 0.25)), state)
+    np.testing.assert_allclose(np.median(before.z_m - after.z_m), 0.25, atol=0.02)
+
+
+def test_without_any_measurement_the_prior_holds():
+    depth, _ = MotionDepth(prior_m=2.5).estimate(DepthInputs(GRID), None)
+    np.testing.assert_allclose(depth.z_m, 2.5, rtol=1e-5)
+
+
+def test_flow_depth_is_the_paper_s(scene):
+    view = earlier_view(scene, (0.03, 0.0, 0.0))
+    depth, _ = FlowDepth(alpha=0.03).estimate(DepthInputs(GRID, view), None)
+    # With a pure sideways step of alpha the paper's formula happens to be exact.
+    np.testing.assert_allclose(depth.z_m, scene, rtol=1e-4)
+
+
+def test_flow_depth_takes_turning_for_nearness(scene):
+    still = earlier_view(scene, (0.03, 0.0, 0.0))
+    turning = earlier_view(scene, (0.03, 0.0, 0.0), (0.0, -0.1, 0.0))
+    depths = [FlowDepth().estimate(DepthInputs(GRID, v), None)[0] for v in (still, turning)]
+    assert np.median(depths[1].z_m) < 0.5 * np.median(depths[0].z_m)
+
+
+def test_given_depth_is_passed_on_or_asked_for():
+    given = DepthMap(np.full((9, 12), 2.0, np.float32), np.ones((9, 12), np.float32))
+    assert GivenDepth().estimate(DepthInputs(GRID, given=given), None)[0] is given
+    with pytest.raises(ConfigError):
+        GivenDepth().estimate(DepthInputs(GRID), None)
+
+
+@pytest.mark.parametrize("z", [0.0, -1.0, float("nan")])
+def test_impossible_constant_depths_are_refused(z):
+    with pytest.raises(ConfigError):
+        ConstantDepth(z)
+
+
+def place(x, yaw=0.0):
+    return make_pose(so3_exp(np.array([0.0, yaw, 0.0])), np.array([x, 0.0, 0.0]))
+
+
+def test_the_newest_frame_with_enough_baseline_is_chosen():
+    poses = [place(0.0), place(0.05), place(0.1), place(0.28)]
+    assert choose_earlier(poses, place(0.3), depth_m=3.0) == 2
+
+
+def test_the_longest_baseline_serves_where_none_suffices():
+    poses = [place(0.0), place(0.02), place(0.05)]
+    assert choose_earlier(poses, place(0.06), depth_m=3.0) == 0
+
+
+def test_frames_too_near_or_too_turned_are_not_used():
+    assert choose_earlier([place(0.0)], place(0.001), depth_m=3.0) is None
+    assert choose_earlier([place(0.0, yaw=0.6)], place(0.5), depth_m=3.0) is None

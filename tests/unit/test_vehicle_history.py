@@ -1,0 +1,79 @@
+import numpy as np
+import pytest
+
+from dfvs_core.vehicle_history import VehicleHistory
+from dfvs_core.wire.link import VehicleState
+
+MS = 1_000_000
+
+
+def state(t_ms, yaw=0.0, velocity=(0.0, 0.0, 0.0), roll=0.0):
+    return VehicleState(t_ms * MS, roll, 0.0, yaw, velocity, (0.0, 0.0, 0.0))
+
+
+def filled(states):
+    history = VehicleHistory()
+    for s in states:
+        history.add(s)
+    return history
+
+
+def test_between_two_states_everything_is_interpolated():
+    history = filled([state(0, 0.0, roll=0.0), state(100, 0.2, roll=0.1)])
+    motion = history.at(25 * MS)
+    assert motion.yaw_rad == pytest.approx(0.05)
+    assert motion.roll_rad == pytest.approx(0.025)
+    assert motion.yaw_rate_rad_s == pytest.approx(2.0)
+
+
+def test_yaw_goes_the_short_way_round():
+    history = filled([state(0, 3.1), state(100, -3.1)])
+    assert history.at(50 * MS).yaw_rad == pytest.approx(np.pi, abs=1e-6)
+
+
+def test_displacement_is_the_integral_of_the_velocity():
+    ramp = [state(10 * i, velocity=(0.01 * i, 0.0, -0.2)) for i in range(101)]
+    moved = filled(ramp).at(1000 * MS).displacement_m
+    np.testing.assert_allclose(moved, [0.5, 0.0, -0.2], atol=1e-9)
+
+
+def test_a_jump_of_the_estimated_position_does_not_show():
+    jumped = VehicleState(50 * MS, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (7.0, 0.0, 0.0))
+    history = filled([state(0), jumped, state(100)])
+    np.testing.assert_allclose(history.at(75 * MS).displacement_m, 0.0)
+
+
+def test_level_velocity_is_turned_by_the_heading():
+    history = filled([state(0, np.pi / 2, (1.0, 0.0, 0.3)), state(100, np.pi / 2, (1.0, 0.0, 0.3))])
+    # Flying north while facing east is flying to the left.
+    np.testing.assert_allclose(history.at(50 * MS).level_velocity(), [0, -1, 0.3, 0], atol=1e-9)
+
+
+def test_a_moment_beyond_the_newest_state_is_carried_on():
+    history = filled([state(0, velocity=(1.0, 0, 0)), state(100, velocity=(1.0, 0, 0))])
+    assert history.at(150 * MS).displacement_m[0] == pytest.approx(0.15)
+
+
+@pytest.mark.parametrize("t_ms", [-500, 1000])
+def test_far_away_times_are_unknown(t_ms):
+    assert filled([state(0), state(100)]).at(t_ms * MS) is None
+
+
+def test_a_hole_in_the_telemetry_is_unknown():
+    assert filled([state(0), state(2000)]).at(1000 * MS) is None
+
+
+def test_nothing_is_known_before_two_states():
+    assert filled([]).at(0) is None
+    assert filled([state(0)]).at(0) is None
+
+
+def test_states_out_of_order_are_dropped():
+    history = filled([state(0), state(100, 0.1), state(50, 9.0)])
+    assert history.at(100 * MS).yaw_rad == pytest.approx(0.1)
+
+
+def test_old_states_are_forgotten():
+    history = filled([state(10 * i) for i in range(2000)])
+    assert history.at(1000 * MS) is None
+    assert history.at(19_000 * MS) is not None

@@ -1,0 +1,119 @@
+import struct
+import zlib
+
+import numpy as np
+import pytest
+
+from dfvs_core.errors import DfvsError, ImageError, WireError
+from dfvs_core.wire.frame import (
+    Frame,
+    PixelFormat,
+    clock_identity,
+    decode_frame,
+    decode_header,
+    encode_frame,
+)
+from dfvs_core.wire.picture import decode_picture, encode_jpeg, encode_png, picture_size
+
+
+@pytest.fixture
+def frame(rng):
+    smooth = rng.integers(0, 255, (6, 8, 3)).astype(np.uint8)
+    return Frame(np.kron(smooth, np.ones((8, 8, 1), np.uint8)), 123_456_789, 42)
+
+
+@pytest.mark.parametrize("pixel_format", [PixelFormat.RGB8, PixelFormat.BGR8, PixelFormat.PNG])
+def test_lossless_formats_give_back_every_bit(frame, pixel_format):
+    payload, attachment = encode_frame(frame, pixel_format)
+    again = decode_frame(payload, decode_header(attachment))
+    np.testing.assert_array_equal(again.image, frame.image)
+    assert (again.t_capture_ns, again.seq) == (frame.t_capture_ns, frame.seq)
+
+
+def test_jpeg_gives_back_the_colours_nearly(frame):
+    payload, attachment = encode_frame(frame, PixelFormat.JPEG, quality=95)
+    again = decode_frame(payload, decode_header(attachment))
+    assert np.abs(again.image.astype(int) - frame.image).mean() < 8
+
+
+def test_mono_comes_back_grey(frame):
+    payload, attachment = encode_frame(frame, PixelFormat.MONO8)
+    image = decode_frame(payload, decode_header(attachment)).image
+    assert image.shape == frame.image.shape
+    assert (image[..., 0] == image[..., 2]).all()
+
+
+@pytest.mark.parametrize("pixel_format", list(PixelFormat))
+def test_one_flipped_bit_is_noticed(frame, pixel_format):
+    payload, attachment = encode_frame(frame, pixel_format)
+    broken = bytearray(payload)
+    broken[len(broken) // 2] ^= 0x10
+    with pytest.raises(WireError, match="checksum"):
+        decode_frame(bytes(broken), decode_header(attachment))
+
+
+@pytest.mark.parametrize("pixel_format", list(PixelFormat))
+def test_a_truncated_payload_is_refused(frame, pixel_format):
+    payload, attachment = encode_frame(frame, pixel_format)
+    with pytest.raises(WireError):
+        decode_frame(payload[:-7], decode_header(attachment))
+
+
+@pytest.mark.parametrize("attachment", [b"", b"x" * 47, b"y" * 48, b"z" * 500])
+def test_foreign_attachments_are_refused(attachment):
+    with pytest.raises(WireError):
+        decode_header(attachment)
+
+
+def test_an_unknown_pixel_format_is_refused(frame):
+    _, attachment = encode_frame(frame, PixelFormat.RGB8)
+    with pytest.raises(WireError, match="pixel format 9"):
+        decode_header(attachment[:5] + b"\x09" + attachment[6:])
+
+
+def test_a_picture_larger_than_announced_is_not_decoded(frame):
+    """The header says 16 x 16; the PNG inside says more: no byte of it is unfolded."""
+    payload = encode_png(frame.image)
+    _, small = encode_frame(Frame(frame.image[:16, :16], 1, 1), PixelFormat.PNG)
+    header = small[:12] + struct.pack("<I", zlib.crc32(payload)) + small[16:]
+    with pytest.raises(ImageError, match="64 x 48"):
+        decode_frame(payload, decode_header(header))
+
+
+def test_an_image_bomb_is_refused_by_its_header():
+    """A PNG header that announces 60000 x 60000 px, with next to nothing behind it."""
+    chunk = b"IHDR" + struct.pack(">IIBBBBB", 60000, 60000, 8, 2, 0, 0, 0)
+    bomb = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk + struct.pack(">I", 0) + b"\0" * 99
+    with pytest.raises(ImageError, match="60000 x 60000"):
+        decode_picture(bomb)
+
+
+def test_sizes_are_read_from_headers(frame):
+    assert picture_size(encode_png(frame.image)) == (64, 48)
+    assert picture_size(encode_jpeg(frame.image)) == (64, 48)
+
+
+@pytest.mark.parametrize("data", [b"", b"GIF89a....", b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\nshort"])
+def test_what_is_no_picture_is_refused(data):
+    with pytest.raises(ImageError):
+        decode_picture(data)
+
+
+def test_random_bytes_never_do_worse_than_an_error(frame, rng):
+    good = encode_jpeg(frame.image)
+    for _ in range(300):
+        data = bytearray(good)
+        for at in rng.integers(0, len(data), 6):
+            data[at] = int(rng.integers(256))
+        try:
+            image = decode_picture(bytes(data), max_pixels=64 * 48)
+        except DfvsError:
+            continue
+        assert image.size <= 64 * 48 * 3
+
+
+def test_clocks_are_told_apart():
+    one = clock_identity("8b2f5b1e-7b5d-4a3e-9c39-7d9f3c1a2b4c\n")
+    assert len(one) == 16
+    with pytest.raises(WireError):
+        clock_identity("not a uuid")
