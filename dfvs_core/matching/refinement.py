@@ -9,13 +9,10 @@ import numpy as np
 
 from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.trust import looks_alike, returns, stays_inside
 from dfvs_core.matching.warping import compose, lands_inside, pixel_grid, sample
 
-_RETURN_PX = 1.0
 _ROAM_PX = 4.0
-_ALIKE_RADIUS_PX = 4
-_ALIKE_FULL = 0.8
-_FAINT_GREY2 = 0.1
 
 _GAIN_LIMITS = (0.5, 2.0)
 _GAIN_STRIDE = 4
@@ -44,18 +41,10 @@ def _refine(
     aligned = _fit_brightness(current, sample(other, at + start), lands_inside(start))
     there = _search(dis, current, aligned)
     back = _search(dis, aligned, current)
-    arrived = at + there
-    miss = _length(there + sample(back, arrived))
-    roam = _length(there - np.median(there[4::8, 4::8], axis=(0, 1)).astype(np.float32))
-    alike = likeness(current, sample(aligned, arrived))
     flow = compose(there, start)
-    confidence = (
-        np.clip(alike / _ALIKE_FULL, 0.0, 1.0)
-        / (1.0 + (miss / _RETURN_PX) ** 2)
-        / (1.0 + (roam / _ROAM_PX) ** 2)
-        * lands_inside(flow)
-    )
-    return FlowField(flow, confidence.astype(np.float32))
+    confidence = returns(there, back) * looks_alike(current, sample(aligned, at + there))
+    confidence *= _stays_near(there) * stays_inside(flow)
+    return FlowField(flow, confidence)
 
 
 def _fine_search() -> cv2.DISOpticalFlow:
@@ -84,23 +73,14 @@ def _still(picture: ImageArray) -> Float32Array:
     return np.zeros((*picture.shape, 2), np.float32)
 
 
-def likeness(a: ImageArray, b: ImageArray) -> Float32Array:
-    """Local correlation (H, W) of two grey pictures, -1 to 1; 0 where there is no texture."""
-    x, y = a.astype(np.float32), b.astype(np.float32)
-    mean_x, mean_y = _local_mean(x), _local_mean(y)
-    var_x = np.maximum(_local_mean(x * x) - mean_x * mean_x, 0.0)
-    var_y = np.maximum(_local_mean(y * y) - mean_y * mean_y, 0.0)
-    shared = _local_mean(x * y) - mean_x * mean_y
-    return np.asarray(shared / np.sqrt((var_x + _FAINT_GREY2) * (var_y + _FAINT_GREY2)))
+def _stays_near(there: Float32Array) -> Float32Array:
+    """1 where the search went where most of the picture went, 0.5 at some pixels from there.
 
-
-def _local_mean(values: Float32Array) -> Float32Array:
-    side = 2 * _ALIKE_RADIUS_PX + 1
-    return cast(Float32Array, cv2.blur(values, (side, side)))
-
-
-def _length(vectors: Float32Array) -> Float32Array:
-    return cast(Float32Array, cv2.magnitude(vectors[..., 0], vectors[..., 1]))
+    What roams far from a smooth start has more often found a wrong place than a near object.
+    """
+    roam = there - np.median(there[4::8, 4::8], axis=(0, 1)).astype(np.float32)
+    square = np.einsum("hwc,hwc->hw", roam, roam)
+    return np.asarray(1.0 / (1.0 + square / _ROAM_PX**2), np.float32)
 
 
 def _fit_brightness(current: ImageArray, aligned: ImageArray, seen: BoolArray) -> ImageArray:

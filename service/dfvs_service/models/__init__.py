@@ -1,0 +1,1 @@
+"""Model bundles: read, verified, and run by ONNX Runtime."""

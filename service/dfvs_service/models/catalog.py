@@ -1,0 +1,50 @@
+"""The matchers that can be asked for by name."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+import cv2
+
+from dfvs_core.errors import ModelError
+from dfvs_core.manifest import MANIFEST_NAME
+from dfvs_core.matching.classical import ClassicalMatcher
+from dfvs_core.matching.matcher import Matcher
+from dfvs_service.models.bundle import read_bundle
+from dfvs_service.models.onnx_session import Execution
+from dfvs_service.models.pair import PairMatcher
+
+CLASSICAL = "classical"
+
+
+def load_matcher(
+    name_or_path: str, threads: int = 2, provider: str = "CPUExecutionProvider"
+) -> Matcher:
+    """Load the matcher ``"classical"``, or a model bundle by its folder.
+
+    ``threads`` goes to ONNX Runtime and, being what the classical parts run on, to OpenCV,
+    where it holds for the whole process.
+
+    Raises
+    ------
+    ModelError
+        If there is no such matcher, or its bundle cannot be used.
+    """
+    cv2.setNumThreads(threads)
+    if name_or_path == CLASSICAL:
+        return ClassicalMatcher()
+    folder = Path(name_or_path)
+    if not folder.exists():
+        raise ModelError(
+            f"there is no model {name_or_path!r}",
+            f"{CLASSICAL!r} or the folder of a bundle ({MANIFEST_NAME} and its ONNX files)",
+        )
+    bundle = read_bundle(folder)
+    kind = bundle.manifest.kind
+    if kind != "pair":
+        raise ModelError(
+            f"bundle {bundle.manifest.name!r} is of the kind {kind!r}, "
+            "which is not supported yet by this version",
+            f"the kind 'pair', or {CLASSICAL!r}",
+        )
+    return PairMatcher(bundle, Execution(threads, provider))

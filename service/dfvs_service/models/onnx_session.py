@@ -1,0 +1,122 @@
+"""ONNX Runtime, told how many threads to use and on what, and checked that it does."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+import onnxruntime
+from onnxruntime.capi import onnxruntime_pybind11_state as runtime_errors
+
+from dfvs_core.arrays import Float32Array
+from dfvs_core.errors import ModelError
+
+_FATAL_ONLY = 4
+_LOAD_ERRORS = (
+    runtime_errors.Fail,
+    runtime_errors.InvalidArgument,
+    runtime_errors.InvalidGraph,
+    runtime_errors.InvalidProtobuf,
+    runtime_errors.NotImplemented,
+    runtime_errors.RuntimeException,
+    runtime_errors.EPFail,
+)
+"""What ONNX Runtime raises; they share no base but ``Exception``."""
+
+
+@dataclass(frozen=True, slots=True)
+class Execution:
+    """On how many threads and with which of ONNX Runtime's providers a graph is run."""
+
+    threads: int = 2
+    provider: str = "CPUExecutionProvider"
+
+
+@dataclass(frozen=True, slots=True)
+class TensorSpec:
+    """A graph's tensor as the file declares it: name, element type and fixed shape."""
+
+    name: str
+    element: str
+    shape: tuple[int, ...]
+
+
+class OnnxGraph:
+    """One ONNX graph, ready to run.
+
+    Parameters
+    ----------
+    data : bytes
+        The ONNX file, already verified.
+    name : str
+        What errors call it.
+    execution : Execution
+        Threads and provider.
+
+    Raises
+    ------
+    ModelError
+        If the provider is not there or not used, the graph cannot be loaded, or an input has
+        no fixed shape.
+    """
+
+    def __init__(self, data: bytes, name: str, execution: Execution) -> None:
+        _check_provider(execution.provider)
+        options = onnxruntime.SessionOptions()
+        options.intra_op_num_threads = execution.threads
+        options.inter_op_num_threads = 1
+        options.log_severity_level = _FATAL_ONLY
+        # Spinning threads burn a core each between frames and slow everybody else down.
+        options.add_session_config_entry("session.intra_op.allow_spinning", "0")
+        try:
+            self._session = onnxruntime.InferenceSession(
+                data, options, providers=[execution.provider]
+            )
+        except _LOAD_ERRORS as error:
+            raise ModelError(f"ONNX Runtime cannot load {name!r}: {_one_line(error)}") from error
+        used = self._session.get_providers()
+        if execution.provider not in used:
+            raise ModelError(
+                f"ONNX Runtime fell back to {', '.join(used)} for {name!r}", execution.provider
+            )
+        self._name = name
+        self.inputs = tuple(_fixed(name, tensor) for tensor in self._session.get_inputs())
+        self.output_names = tuple(tensor.name for tensor in self._session.get_outputs())
+
+    def run(self, tensors: Sequence[Float32Array], outputs: Sequence[str]) -> list[Float32Array]:
+        """Run the graph on tensors in the order of ``inputs``; give the named outputs.
+
+        Raises
+        ------
+        ModelError
+            If ONNX Runtime fails on them.
+        """
+        feeds = {spec.name: t for spec, t in zip(self.inputs, tensors, strict=True)}
+        try:
+            results = self._session.run(list(outputs), feeds)
+        except _LOAD_ERRORS as error:
+            raise ModelError(
+                f"ONNX Runtime cannot run {self._name!r}: {_one_line(error)}"
+            ) from error
+        return [np.asarray(result) for result in results]
+
+
+def _check_provider(provider: str) -> None:
+    """Refuse a provider that this installation lacks: ONNX Runtime itself would only warn."""
+    available = onnxruntime.get_available_providers()
+    if provider not in available:
+        raise ModelError(
+            f"ONNX Runtime has no provider {provider!r} here", f"one of {', '.join(available)}"
+        )
+
+
+def _fixed(name: str, tensor: onnxruntime.NodeArg) -> TensorSpec:
+    shape = tensor.shape
+    if not all(isinstance(n, int) and n > 0 for n in shape):
+        raise ModelError(f"input {tensor.name!r} of {name!r} has the shape {shape}", "fixed sizes")
+    return TensorSpec(tensor.name, tensor.type, tuple(shape))
+
+
+def _one_line(error: Exception) -> str:
+    return " ".join(str(error).split())[:300]

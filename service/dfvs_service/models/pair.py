@@ -1,0 +1,163 @@
+"""A published flow network (two pictures in, flow out) as a matcher."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import cv2
+import numpy as np
+
+from dfvs_core.arrays import Float32Array, ImageArray
+from dfvs_core.correspondence import FlowField
+from dfvs_core.errors import ImageError, ModelError
+from dfvs_core.manifest import FlowOutput, PictureInput
+from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
+from dfvs_core.matching.trust import looks_alike, returns, stays_inside
+from dfvs_core.matching.warping import pixel_grid, sample
+from dfvs_service.models.bundle import Bundle
+from dfvs_service.models.onnx_session import Execution, OnnxGraph
+
+_ROLE = "pair"
+
+
+class PairPicture(Prepared):
+    """A picture as the network wants it, (1, C, h, w) float32, and in grey (H, W)."""
+
+    def __init__(self, image: ImageArray, spec: PictureInput) -> None:
+        check_image(image)
+        super().__init__((image.shape[0], image.shape[1]))
+        self.grey = cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
+        self.tensor = picture_tensor(image, spec)
+
+
+class PairMatcher:
+    """Runs a ``pair`` network both ways for every match.
+
+    Flow there and back tells what is visible in both pictures, which a network that gives flow
+    alone does not; it doubles the time of a match. A guess is not used.
+
+    Raises
+    ------
+    ModelError
+        If the graph's tensors are not what the manifest says, or its output is not finite.
+    """
+
+    def __init__(self, bundle: Bundle, execution: Execution) -> None:
+        manifest = bundle.manifest
+        if manifest.flow is None:
+            raise ModelError(f"bundle {manifest.name!r} gives no flow", "a bundle of kind 'pair'")
+        self._input = manifest.input
+        self._flow = manifest.flow
+        graph = manifest.graphs[_ROLE]
+        self._name = graph.file
+        self._output = graph.outputs[0]
+        self._graph = OnnxGraph(bundle.graph(_ROLE), graph.file, execution)
+        self._check_tensors(graph.inputs)
+        self._try_out()
+
+    def prepare(self, image: ImageArray) -> PairPicture:
+        """Resize and normalise a picture (H, W, 3) uint8 RGB."""
+        return PairPicture(image, self._input)
+
+    def match(
+        self, current: Prepared, other: Prepared, guess: FlowField | None = None
+    ) -> FlowField:
+        """Flow from ``current`` to ``other``; see ``dfvs_core.matching.matcher.Matcher``.
+
+        Output that is not finite gives a field of zeros without confidence.
+        """
+        check_same_size(current, other)
+        if not (isinstance(current, PairPicture) and isinstance(other, PairPicture)):
+            raise ImageError("pictures were prepared by another matcher", "the same matcher's")
+        there, back = self._run(current, other), self._run(other, current)
+        if not (np.isfinite(there).all() and np.isfinite(back).all()):
+            nothing = np.zeros((*current.size, 2), np.float32)
+            return FlowField(nothing, np.zeros(current.size, np.float32))
+        brought = sample(other.grey, pixel_grid(current.size) + there)
+        confidence = returns(there, back) * looks_alike(current.grey, brought)
+        return FlowField(there, confidence * stays_inside(there))
+
+    def _run(self, current: PairPicture, other: PairPicture) -> Float32Array:
+        """Flow (H, W, 2) px of the pictures' own size."""
+        (raw,) = self._graph.run(
+            pair_tensors(current.tensor, other.tensor, self._input), [self._output]
+        )
+        return picture_flow(raw, self._input, self._flow, current.size)
+
+    def _check_tensors(self, names: tuple[str, ...]) -> None:
+        actual = {spec.name: spec for spec in self._graph.inputs}
+        if list(actual) != list(names):
+            raise ModelError(f"{self._name!r} has the inputs {list(actual)}", f"{list(names)}")
+        for name, shape in zip(names, self._input.pair_shapes(), strict=True):
+            spec = actual[name]
+            if spec.shape != shape or spec.element != "tensor(float)":
+                raise ModelError(
+                    f"input {name!r} of {self._name!r} is {spec.element} of {spec.shape}",
+                    f"tensor(float) of {shape}",
+                )
+        if self._output not in self._graph.output_names:
+            raise ModelError(
+                f"{self._name!r} has the outputs {list(self._graph.output_names)}",
+                f"one named {self._output!r}",
+            )
+
+    def _try_out(self) -> None:
+        """Run the network once: shapes that lie and weights that are not finite show up."""
+        size = (self._input.height, self._input.width)
+        ramp = np.add.outer(np.arange(size[0]), np.arange(size[1])) % 256
+        picture = PairPicture(np.repeat(ramp[..., None], 3, axis=2).astype(np.uint8), self._input)
+        (raw,) = self._graph.run(
+            pair_tensors(picture.tensor, picture.tensor, self._input), [self._output]
+        )
+        expected = (1, 2, size[0] // self._flow.stride, size[1] // self._flow.stride)
+        if raw.shape != expected or raw.dtype != np.float32:
+            raise ModelError(
+                f"output {self._output!r} of {self._name!r} is {raw.dtype} of {raw.shape}",
+                f"float32 of {expected}",
+            )
+        if not np.isfinite(raw).all():
+            raise ModelError(
+                f"{self._name!r} gives values that are not finite",
+                "finite flow",
+                "its weights are damaged",
+            )
+
+
+def picture_tensor(image: ImageArray, spec: PictureInput) -> Float32Array:
+    """Tensor (1, C, h, w) of a picture (H, W, 3) uint8 RGB, as the manifest asks."""
+    shrinks = image.shape[1] > spec.width
+    resized = cv2.resize(
+        image,
+        (spec.width, spec.height),
+        interpolation=cv2.INTER_AREA if shrinks else cv2.INTER_LINEAR,
+    )
+    if spec.channels == "grey":
+        values = cv2.cvtColor(resized, cv2.COLOR_RGB2GRAY)[..., None]
+    else:
+        values = resized[..., ::-1] if spec.channels == "bgr" else resized
+    scaled = values.astype(np.float32) * np.float32(spec.scale)
+    normalised = (scaled - np.array(spec.mean, np.float32)) / np.array(spec.std, np.float32)
+    return np.ascontiguousarray(normalised.transpose(2, 0, 1)[None])
+
+
+def pair_tensors(
+    current: Float32Array, other: Float32Array, spec: PictureInput
+) -> tuple[Float32Array, ...]:
+    """Inputs of the graph from the tensors (1, C, h, w) of two pictures."""
+    if spec.layout == "separate":
+        return current, other
+    if spec.layout == "channels":
+        return (np.concatenate([current, other], axis=1),)
+    return (np.stack([current, other], axis=1),)
+
+
+def picture_flow(
+    raw: Float32Array, spec: PictureInput, meaning: FlowOutput, size: tuple[int, int]
+) -> Float32Array:
+    """Flow (H, W, 2) px of pictures of ``size`` (H, W) from the network's (1, 2, h, w)."""
+    height, width = size
+    channels = raw[0, ::-1] if meaning.order == "vu" else raw[0]
+    flow = np.ascontiguousarray(channels.transpose(1, 2, 0)) * np.float32(meaning.scale)
+    full = cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR)
+    to_picture = np.array([width / spec.width, height / spec.height], np.float32)
+    return np.asarray(full * to_picture, np.float32)
