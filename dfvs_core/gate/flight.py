@@ -93,7 +93,7 @@ def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:
     if engagement.is_held:
         return None
     if moment.in_state_ns > timing.hold_ns:
-        return Decision(GateState.ABORT, (Cause.HOLD_TOO_LONG, moment.sight.last_reason))
+        return Decision(GateState.ABORT, (Cause.HOLD_TOO_LONG, moment.sight.reason))
     stale = moment.sight.stale(moment.now_ns)
     if stale is None and moment.sight.good_for_ns(moment.now_ns) >= timing.good_data_ns:
         return _into_servo(engagement, moment, (Cause.DATA_GOOD, ""))

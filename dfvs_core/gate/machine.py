@@ -107,8 +107,7 @@ class GateMachine:
         self._transitions = []
         self._request = None
         if pause > self.config.timing.stall_ns:
-            self.sight.spoil("gate stalled")
-            self._hold_servo((Cause.GATE_STALLED, f"for {pause / MS:.0f} ms"))
+            self._blind((Cause.GATE_STALLED, f"for {pause / MS:.0f} ms"))
         for event in events:
             self._take(event)
         self._judge()
@@ -126,8 +125,7 @@ class GateMachine:
             case Report():
                 self._take_report(event)
             case BadReport():
-                self.sight.spoil(event.detail)
-                self._hold_servo((Cause.REPORT_REJECTED, event.detail))
+                self._blind((Cause.REPORT_REJECTED, event.detail))
             case Order():
                 self._take_order(event.action)
             case Stop():
@@ -177,9 +175,15 @@ class GateMachine:
             engagement.is_held = False
             self._since = self._now
 
+    def _blind(self, fault: Fault) -> None:
+        """Forget what perception said last, and stop."""
+        self.sight.spoil(fault)
+        self._hold_servo(fault)
+
     # --- judgement ------------------------------------------------------------------------
 
     def _judge(self) -> None:
+        self.sight.stale(self._now)
         if self.state is GateState.PREFLIGHT:
             self._judge_preflight()
         elif self.state is GateState.READY:

@@ -71,7 +71,7 @@ def _parameters(vehicle: VehiclePicture) -> Check:
 
 def _overlap(sight: Sight, config: GateConfig) -> Check:
     if sight.lost:
-        return Check("goal", False, f"goal lost, {sight.last_reason}".rstrip(", "))
+        return Check("goal", False, f"goal lost, {sight.reason}")
     if sight.overlap < config.min_overlap:
         detail = f"overlap {sight.overlap:.0%}, {config.min_overlap:.0%} needed"
         return Check("goal", False, detail)

@@ -55,7 +55,8 @@ class Sight:
     good_since_ns: int | None = None
     reached_since_ns: int | None = None
     last_capture_ns: int = -1
-    last_reason: str = "no report yet"
+    fault: Fault = (Cause.NO_DATA, "no report yet")
+    """Why nothing may be flown by, where ``good`` is None."""
     overlap: float = 0.0
     lost: bool = False
 
@@ -64,14 +65,13 @@ class Sight:
         fault = report_fault(report, t_ns, self.timing)
         self.lost = report.lost
         if fault is not None:
-            self.spoil(f"{fault[0]}: {fault[1]}")
+            self.spoil(fault)
             return fault
         if report.t_capture_ns <= self.last_capture_ns:
             return None
         self.last_capture_ns = report.t_capture_ns
         self.good = report
         self.overlap = report.overlap
-        self.last_reason = ""
         self.good_since_ns = t_ns if self.good_since_ns is None else self.good_since_ns
         if not report.reached:
             self.reached_since_ns = None
@@ -79,22 +79,28 @@ class Sight:
             self.reached_since_ns = t_ns
         return None
 
-    def spoil(self, reason: str) -> None:
+    def spoil(self, fault: Fault) -> None:
         """Forget that data were good."""
         self.good = None
         self.good_since_ns = None
         self.reached_since_ns = None
-        self.last_reason = reason
+        self.fault = fault
 
     def stale(self, now_ns: int) -> Fault | None:
         """Name why nothing may be flown by right now; what is too old is spoiled for good."""
         if self.good is None:
-            return Cause.NO_DATA, self.last_reason
+            return self.fault
         age = now_ns - self.good.t_capture_ns
         if age <= self.timing.frame_age_ns:
             return None
-        self.spoil(f"last good frame {age / MS:.0f} ms old")
-        return Cause.FRAME_OLD, f"{age / MS:.0f} ms"
+        self.spoil((Cause.FRAME_OLD, f"{age / MS:.0f} ms"))
+        return self.fault
+
+    @property
+    def reason(self) -> str:
+        """Why nothing may be flown by, as one line."""
+        cause, detail = self.fault
+        return f"{cause}: {detail}" if detail else str(cause)
 
     def good_for_ns(self, now_ns: int) -> int:
         """Time for which data have been good without a break, -1 where they are not."""

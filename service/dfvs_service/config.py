@@ -172,7 +172,7 @@ class GateSection:
         OnDone.ZERO, "at the goal: zero setpoints for ever, or the autopilot's hold"
     )
     exit_when_done: bool = setting(
-        False, "true: end the service when the flight is over, with the autopilot in Hold"
+        False, "true: end the service when the flight is over; at the goal the autopilot holds"
     )
     command_key_file: str = setting("", "key of signed commands (mode 0600); empty: none accepted")
     min_overlap: float = setting(

@@ -280,7 +280,7 @@ class GateProcess:
         if now_ns - self._heard_ns < timeout_s * S:
             return None
         return DfvsError(
-            f"no camera frame within {timeout_s:g} s ({machine.sight.last_reason})",
+            f"no camera frame within {timeout_s:g} s ({machine.sight.reason})",
             "frames on the camera's Zenoh key",
             "is the camera publishing, and do vehicle.name and the zenoh section agree with it?",
         )

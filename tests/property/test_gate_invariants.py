@@ -1,0 +1,221 @@
+"""The invariants under garbage: random events, numbers that are none, and leaps in time."""
+
+import dataclasses
+import math
+
+import numpy as np
+import pytest
+from gate_invariants import Invariants
+from gate_rehearsal import TICK_NS, Rehearsal
+from hypothesis import given, settings
+from hypothesis import strategies as st
+
+from dfvs_core.gate.config import MS, Engage, GateConfig, GateTiming, OnDone, S
+from dfvs_core.gate.events import (
+    Action,
+    Attitude,
+    BadReport,
+    Battery,
+    EstimatorState,
+    Health,
+    Heartbeat,
+    LandedState,
+    LocalPosition,
+    Order,
+    ParametersRead,
+    Report,
+    Stop,
+    VehicleMode,
+)
+from dfvs_core.gate.machine import GateMachine
+from dfvs_core.gate.states import ENGAGED, GateState
+from dfvs_core.wire.link import PerceptionReport
+
+anything = st.floats(allow_nan=True, allow_infinity=True)
+number = st.one_of(st.floats(-2.0, 2.0), anything)
+triple = st.tuples(number, number, number)
+offset = st.one_of(st.integers(-400 * MS, 50 * MS), st.integers(-(10**19), 10**19))
+configs = st.builds(
+    GateConfig,
+    engage=st.sampled_from(Engage),
+    on_done=st.sampled_from(OnDone),
+    max_engaged_ns=st.sampled_from([10 * S, 120 * S]),
+    timing=st.builds(GateTiming, proof_ns=st.sampled_from([0, S])),
+)
+
+
+@st.composite
+def reports(draw, t_ns):
+    return PerceptionReport(
+        seq=draw(st.integers(-5, 5)),
+        t_capture_ns=t_ns + draw(offset),
+        velocity=draw(st.tuples(number, number, number, number)),
+        healthy=draw(st.booleans()),
+        reached=draw(st.booleans()),
+        lost=draw(st.booleans()) and draw(st.booleans()),
+        reason="",
+        error_m=draw(number),
+        error_rad=draw(number),
+        overlap=draw(number),
+        feature_error=draw(st.none() | number),
+    )
+
+
+def wild_events(now_ns):
+    """Any event at all, with any stamp."""
+    t_ns = offset.map(lambda shift_ns: now_ns + shift_ns)
+    flag = st.booleans()
+    return st.one_of(
+        st.builds(Heartbeat, t_ns, st.sampled_from(VehicleMode), flag, flag),
+        st.builds(Attitude, t_ns, number, number, number),
+        st.builds(LocalPosition, t_ns, triple, triple),
+        st.builds(LandedState, t_ns, flag, flag),
+        st.builds(Battery, t_ns, st.none() | number),
+        st.builds(Health, t_ns, flag),
+        st.builds(EstimatorState, t_ns, flag),
+        st.builds(ParametersRead, t_ns),
+        st.builds(BadReport, t_ns, st.just("garbage")),
+        st.builds(Order, t_ns, st.sampled_from(Action)),
+        st.builds(Stop, t_ns, st.just(""), flag),
+        st.builds(Report, t_ns, reports(now_ns)),
+    )
+
+
+class Watched(Rehearsal):
+    """A rehearsal whose every step is checked."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.invariants = Invariants(self.config, self.now_ns)
+        self.inputs = []
+
+    def send(self, events):
+        output = super().send(events)
+        self.inputs.append((self.now_ns, list(events), output))
+        self.invariants.watch(self.now_ns, events, output, self.state)
+        return output
+
+
+@settings(max_examples=60)
+@given(st.data())
+def test_invariants_hold_whatever_comes_in(data):
+    gate = Watched(data.draw(configs))
+    if data.draw(st.booleans()):  # half of the examples begin in the middle of a flight
+        try_to_fly(gate)
+    for _ in range(data.draw(st.integers(1, 12))):
+        leap = data.draw(st.one_of(st.just(TICK_NS), st.integers(-S, 3 * S)))
+        gate.now_ns += leap
+        gate.send(data.draw(st.lists(wild_events(gate.now_ns), max_size=4)))
+        gate.run(data.draw(st.sampled_from([0.0, 0.1, 1.5])))
+
+
+def try_to_fly(gate):
+    """Let a nominal engagement begin in the configured way."""
+    gate.run(2.5)
+    if gate.config.engage is Engage.PILOT:
+        gate.beat(mode=VehicleMode.OFFBOARD)
+    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.run(2.5)
+
+
+def pick(rng, choices):
+    return choices[rng.integers(len(choices))]  # Generator.choice would turn an enum into text
+
+
+def fly_again(gate):
+    """Mend everything, bring the vehicle to Hold, and let a new engagement begin."""
+    gate.vehicle = type(gate.vehicle)()
+    gate.sees, gate.changes, gate.asked = True, {}, (0.3, 0.1, 0.0, 0.1)
+    gate.latency_ns, gate.error_m = 40 * MS, 2.0
+    gate.run(3.0)
+    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    try_to_fly(gate)
+
+
+def mend(gate, rng):
+    """Undo every disturbance but the mode that the vehicle is in."""
+    old = gate.vehicle
+    gate.vehicle = dataclasses.replace(type(old)(), mode=old.mode, position_m=old.position_m)
+    gate.sees, gate.changes = True, {"reached": bool(rng.random() < 0.2)}
+    gate.latency_ns = 40 * MS
+
+
+def change_vehicle(gate, rng):
+    changes = [
+        ("mode", pick(rng, list(VehicleMode))),
+        ("armed", bool(rng.integers(2))),
+        ("in_air", False),
+        ("roll_rad", math.nan),
+        ("battery", pick(rng, [None, 0.1, math.nan])),
+        ("sends_heartbeat", False),
+        ("sends_attitude", False),
+        ("sends_position", False),
+        ("obeys", False),
+    ]
+    name, value = pick(rng, changes)
+    setattr(gate.vehicle, name, value)
+
+
+def change_sight(gate, rng):
+    changes = [
+        ("sees", False),
+        ("latency_ns", int(rng.integers(0, 400)) * MS),
+        ("asked", tuple(rng.choice([0.0, 0.3, -5.0, math.nan, math.inf, 1e300], 4))),
+        ("asked", tuple(rng.normal(0.0, 0.4, 4))),
+        ("changes", {"healthy": False}),
+    ]
+    name, value = pick(rng, changes)
+    setattr(gate, name, value)
+
+
+def leap(gate, rng):
+    gate.now_ns += int(rng.integers(-2 * S, 2 * S))
+
+
+def order(gate, rng):
+    gate.tick(Order(gate.now_ns, pick(rng, list(Action))))
+
+
+def disturb(gate, rng):
+    """Change one thing; half of the time mend everything instead."""
+    kinds = [mend, mend, mend, mend, change_vehicle, change_sight, order, leap]
+    pick(rng, kinds)(gate, rng)
+
+
+@pytest.mark.parametrize("engage", list(Engage))
+@pytest.mark.parametrize("on_done", list(OnDone))
+def test_invariants_hold_in_a_long_disturbed_life(engage, on_done):
+    rng = np.random.default_rng([20, list(Engage).index(engage), list(OnDone).index(on_done)])
+    config = GateConfig(engage=engage, on_done=on_done, max_engaged_ns=30 * S)
+    gate = Watched(config)
+    for _ in range(300):
+        if gate.state not in ENGAGED or rng.random() < 0.02:
+            fly_again(gate)
+        disturb(gate, rng)
+        gate.run(float(rng.choice([0.04, 0.2, 1.2])))
+    # The walk must have been everywhere, or it proves little.
+    assert gate.invariants.seen == set(GateState) - {GateState.IDLE}
+
+
+def test_the_same_inputs_give_the_same_outputs_at_any_time_of_day():
+    gate = Watched(GateConfig(engage=Engage.AUTO))
+    rng = np.random.default_rng(3)
+    for _ in range(60):
+        disturb(gate, rng)
+        gate.run(0.5)
+    shift_ns = 987_654_321_987
+    twin = GateMachine(gate.config, gate.inputs[0][0] - TICK_NS + shift_ns)
+    for now_ns, events, output in gate.inputs:
+        again = twin.step(now_ns + shift_ns, [shifted(e, shift_ns) for e in events])
+        assert again.setpoint == output.setpoint
+        assert again.mode_request == output.mode_request
+        assert [t.cause for t in again.transitions] == [t.cause for t in output.transitions]
+
+
+def shifted(event, shift_ns):
+    event = dataclasses.replace(event, t_ns=event.t_ns + shift_ns)
+    if isinstance(event, Report):
+        capture_ns = event.report.t_capture_ns + shift_ns
+        report = dataclasses.replace(event.report, t_capture_ns=capture_ns)
+        event = dataclasses.replace(event, report=report)
+    return event

@@ -1,0 +1,108 @@
+"""Each preflight check refuses by itself, and says why."""
+
+import math
+
+import pytest
+from gate_rehearsal import Rehearsal, pilot_config
+
+from dfvs_core.gate.config import MS
+from dfvs_core.gate.events import EstimatorState, ParametersRead
+from dfvs_core.gate.machine import GateMachine
+from dfvs_core.gate.states import GateState
+
+
+@pytest.mark.parametrize(
+    ("attribute", "value", "reason"),
+    [
+        ("sends_attitude", False, "attitude, none heard yet"),
+        ("sends_position", False, "position, none heard yet"),
+        ("battery", 0.19, "19% left, 20% needed"),
+        ("battery", None, "charge unknown"),
+        ("battery", math.nan, "battery low"),
+        ("healthy", False, "not healthy: gyroscope"),
+        ("failsafe", True, "failsafe"),
+        ("roll_rad", math.nan, "attitude is not finite"),
+        ("position_m", (math.inf, 0.0, 0.0), "position or velocity is not finite"),
+        ("velocity_m_s", (0.0, math.nan, 0.0), "position or velocity is not finite"),
+    ],
+)
+def test_a_vehicle_that_is_not_fit_is_refused(attribute, value, reason):
+    gate = Rehearsal(pilot_config())
+    setattr(gate.vehicle, attribute, value)
+    gate.run(5.0)
+    assert gate.state is GateState.PREFLIGHT
+    assert reason in gate.machine.reason
+    assert not gate.setpoints
+
+
+def test_an_estimate_that_the_autopilot_calls_invalid_is_refused():
+    gate = Rehearsal(pilot_config())
+    for _ in range(300):
+        gate.tick(EstimatorState(gate.now_ns, valid=False, detail="no attitude"))
+    assert gate.state is GateState.PREFLIGHT
+    assert "no attitude" in gate.machine.reason
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"healthy": False, "reason": "too dark"}, "too dark"),
+        ({"overlap": 0.1}, "overlap 10%, 15% needed"),
+        ({"healthy": False, "lost": True, "reason": "wrong goal"}, "goal lost"),
+    ],
+)
+def test_a_view_that_does_not_fit_is_refused(changes, reason):
+    gate = Rehearsal(pilot_config(), changes=changes).run(5.0)
+    assert gate.state is GateState.PREFLIGHT
+    assert reason in gate.machine.reason
+
+
+def test_no_frames_are_refused_with_perceptions_own_reason():
+    gate = Rehearsal(pilot_config())
+    gate.sees = False
+    gate.run(5.0)
+    assert gate.state is GateState.PREFLIGHT
+    assert "no report yet" in gate.machine.reason
+
+
+def test_a_battery_limit_of_zero_asks_for_no_battery():
+    gate = Rehearsal(pilot_config(min_battery=0.0))
+    gate.vehicle.battery = None
+    gate.until(GateState.READY)
+
+
+def test_messages_that_never_came_are_named():
+    gate = Rehearsal(pilot_config())
+    machine = GateMachine(gate.config, gate.now_ns)
+    machine.step(gate.now_ns, [gate.heartbeat()])
+    reasons = {check.name: check.detail for check in machine.checks() if not check.ok}
+    assert reasons["health"] == "no SYS_STATUS heard"
+    assert reasons["parameters"] == "not read back yet"
+    events = [e for e in gate.nominal() if not hasattr(e, "in_air")]
+    machine.step(gate.now_ns + MS, events)
+    reasons = {check.name: check.detail for check in machine.checks() if not check.ok}
+    assert reasons == {"health": "no EXTENDED_SYS_STATE heard"}
+
+
+def test_advice_on_parameters_does_not_refuse():
+    gate = Rehearsal(pilot_config())
+    gate.tick(ParametersRead(gate.now_ns, ("COM_OF_LOSS_T is 1; 0.5 is advised",)))
+    gate.until(GateState.READY)
+
+
+def test_a_check_that_fails_for_a_moment_starts_the_second_anew():
+    gate = Rehearsal(pilot_config()).until(GateState.PREFLIGHT).run(0.8)
+    gate.vehicle.healthy = False
+    gate.tick()
+    gate.vehicle.healthy = True
+    gate.run(0.9)
+    assert gate.state is GateState.PREFLIGHT
+    gate.until(GateState.READY, 0.2)
+
+
+def test_a_jump_of_the_position_before_the_flight_is_forgotten():
+    gate = Rehearsal(pilot_config()).until(GateState.PREFLIGHT)
+    gate.vehicle.position_m = (50.0, 2.0, -3.0)
+    gate.tick()
+    gate.tick()
+    gate.until(GateState.READY, 1.2)
