@@ -1,0 +1,130 @@
+"""How good correspondences are, and how honest their confidence, where the truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.arrays import BoolArray, Float32Array
+from dfvs_core.correspondence import FlowField
+from dfvs_core.errors import ImageError
+
+LEVELS = ("small", "medium", "large")
+"""Levels of motion: to 0.15 m and 6 degrees; 0.5 m and 15 degrees; 1.2 m and 30 degrees."""
+
+_NEAR_PX = 3.0
+_SURE = 0.5
+_FAILED_PX = 10.0
+
+
+@dataclass(frozen=True, slots=True)
+class PairScore:
+    """What one pair came to, over the pixels seen in both pictures unless said otherwise.
+
+    Parameters
+    ----------
+    epe_px : float
+        Mean end-point error (Baker et al. 2011).
+    under_3px : float
+        Share of pixels with an error under 3 px.
+    sure_half_epe_px : float
+        Mean error of the half with the highest confidence.
+    confidence_correlation : float
+        Rank correlation (Spearman) of confidence with smallness of error; 0 where constant.
+    mean_confidence : float
+        Over the whole picture.
+    sure_share : float
+        Share of the whole picture with a confidence over 0.5.
+    sure_wrong : float
+        Share of those that are off by 3 px or not seen in the other picture; 0 if none are sure.
+    """
+
+    epe_px: float
+    under_3px: float
+    sure_half_epe_px: float
+    confidence_correlation: float
+    mean_confidence: float
+    sure_share: float
+    sure_wrong: float
+
+    @property
+    def failed_but_sure(self) -> bool:
+        """Whether the match failed as a whole and did not say so."""
+        return self.epe_px > _FAILED_PX and self.mean_confidence > _SURE
+
+
+@dataclass(frozen=True, slots=True)
+class LevelScore:
+    """Means over the pairs of a level; ``failed_but_sure`` counts."""
+
+    pairs: int
+    epe_px: float
+    under_3px: float
+    sure_half_epe_px: float
+    confidence_correlation: float
+    sure_share: float
+    sure_wrong: float
+    failed_but_sure: int
+
+
+def score_pair(field: FlowField, truth: Float32Array, visible: BoolArray) -> PairScore:
+    """Score a flow against the true one (H, W, 2) over the pixels ``visible`` (H, W) in both.
+
+    Raises
+    ------
+    ImageError
+        If the shapes differ, or nothing is visible.
+    """
+    if truth.shape != field.flow.shape or visible.shape != field.confidence.shape:
+        raise ImageError(
+            f"truth has shape {truth.shape}, visibility {visible.shape}", f"{field.flow.shape}"
+        )
+    if not visible.any():
+        raise ImageError("no pixel is visible in both pictures")
+    error = np.linalg.norm(field.flow - truth, axis=-1)
+    seen, confidence = error[visible], field.confidence[visible]
+    half = np.argsort(-confidence, kind="stable")[: (len(seen) + 1) // 2]
+    sure = field.confidence > _SURE
+    wrong = sure & ((error >= _NEAR_PX) | ~visible)
+    return PairScore(
+        epe_px=float(seen.mean()),
+        under_3px=float(np.mean(seen < _NEAR_PX)),
+        sure_half_epe_px=float(seen[half].mean()),
+        confidence_correlation=_rank_correlation(confidence, -seen),
+        mean_confidence=float(field.confidence.mean()),
+        sure_share=float(sure.mean()),
+        sure_wrong=float(wrong.sum() / max(int(sure.sum()), 1)),
+    )
+
+
+def summarise(scores: Sequence[PairScore]) -> LevelScore:
+    """Means over one pair or more."""
+
+    def mean(name: str) -> float:
+        return float(np.mean([getattr(score, name) for score in scores]))
+
+    return LevelScore(
+        pairs=len(scores),
+        epe_px=mean("epe_px"),
+        under_3px=mean("under_3px"),
+        sure_half_epe_px=mean("sure_half_epe_px"),
+        confidence_correlation=mean("confidence_correlation"),
+        sure_share=mean("sure_share"),
+        sure_wrong=mean("sure_wrong"),
+        failed_but_sure=sum(score.failed_but_sure for score in scores),
+    )
+
+
+def _rank_correlation(a: Float32Array, b: Float32Array) -> float:
+    if np.ptp(a) == 0.0 or np.ptp(b) == 0.0:
+        return 0.0
+    return float(np.corrcoef(_ranks(a), _ranks(b))[0, 1])
+
+
+def _ranks(values: Float32Array) -> Float32Array:
+    """Ranks of values (N,), equal ones sharing their mean rank."""
+    _, inverse, counts = np.unique(values, return_inverse=True, return_counts=True)
+    last = np.cumsum(counts)
+    return np.asarray((last - 0.5 * (counts - 1))[inverse], np.float32)
