@@ -19,7 +19,7 @@ from dfvs_core.arrays import BoolArray, Float32Array, FloatArray
 from dfvs_sim.scene.mesh import Int32Array
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def transform_vertices(vertices: Float32Array, P: FloatArray, out: FloatArray) -> None:
     """Write (X, Y, W) of each vertex to ``out`` (N, 3); P : (3, 4) = K [R t], px."""
     for i in range(vertices.shape[0]):
@@ -28,7 +28,7 @@ def transform_vertices(vertices: Float32Array, P: FloatArray, out: FloatArray) -
             out[i, r] = P[r, 0] * x + P[r, 1] * y + P[r, 2] * z + P[r, 3]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def cull_clusters(
     low: FloatArray, high: FloatArray, planes: FloatArray, visible: BoolArray
 ) -> None:
@@ -46,7 +46,7 @@ def cull_clusters(
         visible[c] = inside
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def edge_functions(clip: FloatArray, i0: int, i1: int, i2: int, e: FloatArray) -> float:
     """Write the edge functions, positive inside, to ``e`` (3, 3).
 
@@ -70,7 +70,7 @@ def edge_functions(clip: FloatArray, i0: int, i1: int, i2: int, e: FloatArray) -
     return abs(det)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def pixel_range(low: float, high: float, size: int) -> tuple[int, int]:
     """First and last pixel whose centre lies in [low, high], cut to 0 .. size - 1.
 
@@ -84,7 +84,7 @@ def pixel_range(low: float, high: float, size: int) -> tuple[int, int]:
     return int(first), int(last)
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def screen_box(
     clip: FloatArray, triangle: Int32Array, near_m: float, width: int, height: int
 ) -> tuple[int, int, int, int]:
@@ -108,7 +108,7 @@ def screen_box(
     return x0, x1, y0, y1
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def row_span(e: FloatArray, y: float, x0: int, x1: int) -> tuple[int, int]:
     """First and last pixel of x0 .. x1 whose centre is inside all three edges in row y."""
     low, high = x0 + 0.5, x1 + 0.5
@@ -126,7 +126,7 @@ def row_span(e: FloatArray, y: float, x0: int, x1: int) -> tuple[int, int]:
     return int(math.ceil(low - 0.5)), int(math.floor(high - 0.5))
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy")
 def rasterise(
     clip: FloatArray,
     triangles: Int32Array,

@@ -11,7 +11,7 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.poses import check_pose, invert_pose
 from dfvs_sim.render.clusters import Clusters, build_clusters
 from dfvs_sim.render.geometry import cull_clusters, rasterise, transform_vertices
-from dfvs_sim.render.shading import shade, shade_antialiased
+from dfvs_sim.render.shading import attribute_planes, number_visible, shade, shade_antialiased
 from dfvs_sim.scene.mesh import Int32Array, Scene
 from dfvs_sim.scene.texture import linear_from_srgb, pack_textures, srgb_from_linear
 
@@ -53,7 +53,7 @@ class Renderer:
         encode = np.rint(srgb_from_linear(steps) * 255.0).astype(np.uint8)
         decode = linear_from_srgb(np.arange(256, dtype=np.float32) / 255.0)
         pack = pack_textures(scene.textures)
-        self._pack = (pack.texels, pack.levels, pack.level_count, pack.wrap, decode)
+        self._pack = (pack.texels, pack.levels, decode)
         self._colours = (np.array(scene.sky, dtype=np.float64), encode)
 
     def render(
@@ -82,19 +82,29 @@ class Renderer:
         self, camera: CameraModel, T_world_camera: FloatArray, antialias: bool
     ) -> View:
         clip, inverse_depth, ids = self._draw(camera, T_world_camera)
-        c = self._clusters
-        image = np.empty((camera.height, camera.width, 3), np.uint8)
         with np.errstate(divide="ignore"):
             depth = np.where(ids >= 0, 1.0 / inverse_depth, 0.0).astype(np.float32)
-        mesh = (clip, c.triangles, self.scene.uv, self.scene.colours, c.texture_index)
+        image = np.empty((camera.height, camera.width, 3), np.uint8)
         if antialias:
-            _, _, fine_ids = self._draw(
-                camera.scaled(2 * camera.width, 2 * camera.height), T_world_camera
-            )
-            shade_antialiased(mesh, self._pack, fine_ids, self._colours, image)
+            fine = camera.scaled(2 * camera.width, 2 * camera.height)
+            _, _, ids = self._draw(fine, T_world_camera)
+            surface = self._surface(clip, ids)
+            shade_antialiased(surface, self._pack, ids, self._colours, image)
         else:
-            shade(mesh, self._pack, ids, self._colours, image)
+            surface = self._surface(clip, ids)
+            shade(surface, self._pack, ids, self._colours, image)
         return View(image, depth)
+
+    def _surface(self, clip: FloatArray, ids: Int32Array) -> tuple[FloatArray, Int32Array]:
+        """Attributes of the triangles in ids (H, W), which become numbers into them."""
+        c = self._clusters
+        visible = np.empty(min(ids.size, len(c.triangles)), np.int32)
+        numbers = np.full(len(c.triangles), -1, np.int32)
+        visible = visible[: number_visible(ids, numbers, visible)]
+        planes = np.empty((len(visible), 6, 3))
+        mesh = (clip, c.triangles, self.scene.uv, self.scene.colours)
+        attribute_planes(mesh, visible, planes)
+        return planes, c.texture_index[visible]
 
     def _draw(
         self, camera: CameraModel, T_world_camera: FloatArray

@@ -3,6 +3,9 @@
 Every attribute f is interpolated as f = (F . p) / (S . p), with F = sum e_i f_i and S = sum e_i
 over the edge functions e_i: perspective-correct, and its screen derivatives come for free, which
 choose the mip level and the direction of the anisotropic samples.
+
+The small functions are inlined, and arrays go to them one by one rather than in tuples: a call or
+a tuple's reference counts would cost more than the work for a pixel.
 """
 
 from __future__ import annotations
@@ -16,20 +19,29 @@ from numba import njit
 from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
 from dfvs_sim.render.geometry import edge_functions
 from dfvs_sim.scene.mesh import Int32Array
-from dfvs_sim.scene.texture import Int64Array
+from dfvs_sim.scene.texture import MAX_LEVELS, Int64Array
 
-Mesh: TypeAlias = tuple[FloatArray, Int32Array, Float32Array, Float32Array, Int32Array]
-"""Vertices as (X, Y, W), triangles, uv, vertex colours, texture of each triangle."""
-Pack: TypeAlias = tuple[ImageArray, Int64Array, Int64Array, Int64Array, Float32Array]
-"""Texels, levels, level counts, wrap modes (``TexturePack``), and the sRGB decoding table."""
+Mesh: TypeAlias = tuple[FloatArray, Int32Array, Float32Array, Float32Array]
+"""Vertices as (X, Y, W), triangles, uv, vertex colours."""
+Surface: TypeAlias = tuple[FloatArray, Int32Array]
+"""Attribute planes (V, 6, 3) and texture (V,) of the visible triangles."""
+Pack: TypeAlias = tuple[ImageArray, Int64Array, Float32Array]
+"""Texels and levels (``TexturePack``), and the sRGB decoding table."""
 Colours: TypeAlias = tuple[FloatArray, ImageArray]
 """Sky (3,) in linear light, and the sRGB encoding table over 0 to 1."""
+Light: TypeAlias = tuple[float, float, float]
+"""Red, green and blue in linear light."""
+Footprint: TypeAlias = tuple[float, float, float, float, int, float]
+"""Where a pixel looks at a texture: u, v, their spread du, dv, samples to take, mip level."""
 
 MAX_ANISOTROPY = 4
+_FAST = {"contract", "arcp", "nsz", "reassoc"}
+_FARTHEST_UV = 1e6
+_LEVEL_BLEND = 1.6  # blend two mip levels only around the middle between them: one is faster
 _CLAMP, _MIRROR = 1, 2
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def wrap_coordinate(u: float, mode: int) -> float:
     """Texture coordinate taken to [0, 1] by repeating, clamping or mirroring."""
     if mode == _CLAMP:
@@ -40,7 +52,7 @@ def wrap_coordinate(u: float, mode: int) -> float:
     return u - math.floor(u)
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def neighbour_texels(x: float, size: int, mode: int) -> tuple[int, int, float]:
     """Two texels around x (in texels, 0 .. size) and the weight of the second."""
     x -= 0.5
@@ -59,16 +71,20 @@ def neighbour_texels(x: float, size: int, mode: int) -> tuple[int, int, float]:
     return first, second, fraction
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def bilinear(
-    pack: Pack, k: int, level: int, u: float, v: float
-) -> tuple[float, float, float]:
-    """Linear light of one mip level of texture k at (u, v)."""
-    texels, levels, _, wrap, decode = pack
-    first, width, height = levels[k, level, 0], levels[k, level, 1], levels[k, level, 2]
-    mode_u, mode_v = wrap[k, 0], wrap[k, 1]
-    i0, i1, fx = neighbour_texels(wrap_coordinate(u, mode_u) * width, width, mode_u)
-    j0, j1, fy = neighbour_texels(wrap_coordinate(v, mode_v) * height, height, mode_v)
+    texels: ImageArray,
+    decode: Float32Array,
+    levels: Int64Array,
+    place: tuple[int, int],
+    uv: tuple[float, float],
+) -> Light:
+    """Linear light at uv of one mip level, place = (texture, level)."""
+    k, n = place
+    first, width, height = levels[k, n, 0], levels[k, n, 1], levels[k, n, 2]
+    mode_u, mode_v = levels[k, n, 3], levels[k, n, 4]
+    i0, i1, fx = neighbour_texels(wrap_coordinate(uv[0], mode_u) * width, width, mode_u)
+    j0, j1, fy = neighbour_texels(wrap_coordinate(uv[1], mode_v) * height, height, mode_v)
     a, b = 3 * (first + j0 * width + i0), 3 * (first + j0 * width + i1)
     c, d = 3 * (first + j1 * width + i0), 3 * (first + j1 * width + i1)
     wa, wb, wc, wd = (1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy
@@ -81,161 +97,198 @@ def bilinear(
     return red, green, blue
 
 
-@njit(cache=True, nogil=True)
-def sample_texture(
-    pack: Pack,
-    k: int,
+@njit(inline="always")
+def footprint(
     uv: tuple[float, float],
     along_x: tuple[float, float],
     along_y: tuple[float, float],
-) -> tuple[float, float, float]:
-    """Linear light of texture k over a pixel's footprint.
+    size: tuple[int, int],
+) -> Footprint:
+    """How to sample a texture of ``size`` texels for one pixel.
 
-    uv is the pixel's centre; along_x and along_y are how far (u, v) move per pixel.
+    along_x and along_y are how far (u, v) move per pixel. A long footprint takes several samples
+    of a finer level along its longer axis.
     """
-    width, height = pack[1][k, 0, 1], pack[1][k, 0, 2]
-    major = math.hypot(along_x[0] * width, along_x[1] * height)
-    minor = math.hypot(along_y[0] * width, along_y[1] * height)
+    u, v = uv
     du, dv = along_x
+    width, height = size
+    major = (du * width) ** 2 + (dv * height) ** 2
+    minor = (along_y[0] * width) ** 2 + (along_y[1] * height) ** 2
     if major < minor:
         major, minor = minor, major
         du, dv = along_y
-    taps = 1
-    if major > 1.0:
-        ratio = major / max(minor, 1e-9)
-        taps = max(1, int(min(math.ceil(ratio - 0.25), float(MAX_ANISOTROPY))))
-    lod = min(math.log2(max(major / taps, 1.0)), float(pack[2][k] - 1))
-    level = int(lod)
-    fraction = lod - level
+    if not (abs(u) < _FARTHEST_UV and abs(v) < _FARTHEST_UV and major < _FARTHEST_UV**2):
+        return 0.5, 0.5, 0.0, 0.0, 1, MAX_LEVELS - 2.0
+    if major <= 1.0:
+        return u, v, du, dv, 1, 0.0
+    ratio = math.sqrt(major / max(minor, 1e-12))
+    taps = max(1, int(math.ceil(min(ratio - 0.5, float(MAX_ANISOTROPY)))))
+    lod = 0.5 * math.log2(major / (taps * taps))
+    return u, v, du, dv, taps, min(max(lod, 0.0), MAX_LEVELS - 2.0)
+
+
+@njit(inline="always")
+def sample_texture(
+    texels: ImageArray, decode: Float32Array, levels: Int64Array, k: int, area: Footprint
+) -> Light:
+    """Linear light of texture k over a footprint."""
+    u, v, du, dv, taps, lod = area
+    n = int(lod)
+    fraction = min(max((lod - n) * _LEVEL_BLEND + 0.5 * (1.0 - _LEVEL_BLEND), 0.0), 1.0)
+    if fraction == 1.0:
+        n, fraction = n + 1, 0.0
+    weight = 1.0 / taps
     red, green, blue = 0.0, 0.0, 0.0
-    for n in range(taps):
-        offset = (n + 0.5) / taps - 0.5
-        u, v = uv[0] + offset * du, uv[1] + offset * dv
-        r, g, b = bilinear(pack, k, level, u, v)
+    for tap in range(taps):
+        offset = (tap + 0.5) * weight - 0.5
+        at = (u + offset * du, v + offset * dv)
+        r, g, b = bilinear(texels, decode, levels, (k, n), at)
         if fraction > 0.0:
-            r1, g1, b1 = bilinear(pack, k, level + 1, u, v)
+            r1, g1, b1 = bilinear(texels, decode, levels, (k, n + 1), at)
             r += fraction * (r1 - r)
             g += fraction * (g1 - g)
             b += fraction * (b1 - b)
         red, green, blue = red + r, green + g, blue + b
-    return red / taps, green / taps, blue / taps
+    return red * weight, green * weight, blue * weight
 
 
-@njit(cache=True, nogil=True)
-def prepare_triangle(
-    mesh: Mesh,
-    t: int,
-    e: FloatArray,
-    F: FloatArray,
-) -> None:
-    """Write S, then U, V and the three colours, each (3,), to F (6, 3) for triangle t."""
-    clip, triangles, uv, colours, _ = mesh
-    edge_functions(clip, triangles[t, 0], triangles[t, 1], triangles[t, 2], e)
-    for k in range(3):
-        for a in range(6):
-            F[a, k] = 0.0
-        for i in range(3):
-            vertex = triangles[t, i]
-            F[0, k] += e[i, k]
-            F[1, k] += e[i, k] * uv[vertex, 0]
-            F[2, k] += e[i, k] * uv[vertex, 1]
-            for n in range(3):
-                F[3 + n, k] += e[i, k] * colours[vertex, n]
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def number_visible(ids: Int32Array, numbers: Int32Array, visible: Int32Array) -> int:
+    """Number the triangles in ids (H, W) from 0 in the order in which they appear.
+
+    Replaces ids by numbers, writes the triangle of each number to ``visible``, and returns their
+    count. numbers : (M,), -1 everywhere at first.
+    """
+    count = 0
+    for j in range(ids.shape[0]):
+        for i in range(ids.shape[1]):
+            t = ids[j, i]
+            if t < 0:
+                continue
+            if numbers[t] < 0:
+                numbers[t] = count
+                visible[count] = t
+                count += 1
+            ids[j, i] = numbers[t]
+    return count
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
+def attribute_planes(mesh: Mesh, visible: Int32Array, planes: FloatArray) -> None:
+    """Write S, then F of u, v and the three colours, each (3,), of triangles to planes (V, 6, 3)."""
+    clip, triangles, uv, colours = mesh
+    e = np.empty((3, 3))
+    for n in range(visible.shape[0]):
+        t = visible[n]
+        edge_functions(clip, triangles[t, 0], triangles[t, 1], triangles[t, 2], e)
+        for k in range(3):
+            for a in range(6):
+                planes[n, a, k] = 0.0
+            for i in range(3):
+                vertex = triangles[t, i]
+                planes[n, 0, k] += e[i, k]
+                planes[n, 1, k] += e[i, k] * uv[vertex, 0]
+                planes[n, 2, k] += e[i, k] * uv[vertex, 1]
+                planes[n, 3, k] += e[i, k] * colours[vertex, 0]
+                planes[n, 4, k] += e[i, k] * colours[vertex, 1]
+                planes[n, 5, k] += e[i, k] * colours[vertex, 2]
+
+
+@njit(inline="always")
 def shade_point(
-    mesh: Mesh, pack: Pack, t: int, F: FloatArray, xy: tuple[float, float]
-) -> tuple[float, float, float]:
-    """Linear light of triangle t at pixel position xy, over a footprint one pixel wide."""
-    x, y = xy
-    w = 1.0 / (F[0, 0] * x + F[0, 1] * y + F[0, 2])
-    red = max((F[3, 0] * x + F[3, 1] * y + F[3, 2]) * w, 0.0)
-    green = max((F[4, 0] * x + F[4, 1] * y + F[4, 2]) * w, 0.0)
-    blue = max((F[5, 0] * x + F[5, 1] * y + F[5, 2]) * w, 0.0)
-    k = mesh[4][t]
+    texels: ImageArray,
+    decode: Float32Array,
+    levels: Int64Array,
+    planes: FloatArray,
+    place: tuple[int, int, float, float],
+) -> Light:
+    """Linear light at one point, place = (number of the triangle, its texture, x, y)."""
+    n, k, x, y = place
+    sx, sy = planes[n, 0, 0], planes[n, 0, 1]
+    w = 1.0 / (sx * x + sy * y + planes[n, 0, 2])
+    red = max((planes[n, 3, 0] * x + planes[n, 3, 1] * y + planes[n, 3, 2]) * w, 0.0)
+    green = max((planes[n, 4, 0] * x + planes[n, 4, 1] * y + planes[n, 4, 2]) * w, 0.0)
+    blue = max((planes[n, 5, 0] * x + planes[n, 5, 1] * y + planes[n, 5, 2]) * w, 0.0)
     if k < 0:
         return red, green, blue
-    u = (F[1, 0] * x + F[1, 1] * y + F[1, 2]) * w
-    v = (F[2, 0] * x + F[2, 1] * y + F[2, 2]) * w
-    along_x = ((F[1, 0] - u * F[0, 0]) * w, (F[2, 0] - v * F[0, 0]) * w)
-    along_y = ((F[1, 1] - u * F[0, 1]) * w, (F[2, 1] - v * F[0, 1]) * w)
-    r, g, b = sample_texture(pack, k, (u, v), along_x, along_y)
+    ux, uy, vx, vy = planes[n, 1, 0], planes[n, 1, 1], planes[n, 2, 0], planes[n, 2, 1]
+    u = (ux * x + uy * y + planes[n, 1, 2]) * w
+    v = (vx * x + vy * y + planes[n, 2, 2]) * w
+    along_x = ((ux - u * sx) * w, (vx - v * sx) * w)
+    along_y = ((uy - u * sy) * w, (vy - v * sy) * w)
+    area = footprint((u, v), along_x, along_y, (levels[k, 0, 1], levels[k, 0, 2]))
+    r, g, b = sample_texture(texels, decode, levels, k, area)
     return red * r, green * g, blue * b
 
 
-@njit(cache=True, nogil=True)
+@njit(inline="always")
 def encoded(light: float, encode: ImageArray) -> int:
     """SRGB code of linear light, through a table over 0 to 1."""
     return encode[int(min(light, 1.0) * (encode.shape[0] - 1) + 0.5)]
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
 def shade(
-    mesh: Mesh, pack: Pack, ids: Int32Array, colours: Colours, image: ImageArray
+    surface: Surface, pack: Pack, numbers: Int32Array, colours: Colours, image: ImageArray
 ) -> None:
-    """Colour an image (H, W, 3) from triangle ids (H, W), one sample at each pixel's centre."""
+    """Colour an image (H, W, 3) from triangle numbers (H, W), one sample at each pixel's centre."""
+    planes, texture_index = surface
+    texels, levels, decode = pack
     sky, encode = colours
-    e, F = np.empty((3, 3)), np.empty((6, 3))
-    prepared = -1
-    for j in range(ids.shape[0]):
-        for i in range(ids.shape[1]):
-            t = ids[j, i]
+    for j in range(numbers.shape[0]):
+        for i in range(numbers.shape[1]):
+            n = numbers[j, i]
             red, green, blue = sky[0], sky[1], sky[2]
-            if t >= 0:
-                if t != prepared:
-                    prepare_triangle(mesh, t, e, F)
-                    prepared = t
-                red, green, blue = shade_point(mesh, pack, t, F, (i + 0.5, j + 0.5))
+            if n >= 0:
+                place = (n, texture_index[n], i + 0.5, j + 0.5)
+                red, green, blue = shade_point(texels, decode, levels, planes, place)
             image[j, i, 0] = encoded(red, encode)
             image[j, i, 1] = encoded(green, encode)
             image[j, i, 2] = encoded(blue, encode)
 
 
-@njit(cache=True, nogil=True)
-def coverage(ids: Int32Array, a: int) -> tuple[int, float, float]:
-    """How many of the samples (2, 2) see the same triangle as sample a, and their mean place.
+@njit(inline="always")
+def coverage(ids: Int32Array, i: int, j: int, a: int) -> tuple[int, float, float]:
+    """How many of pixel (i, j)'s 2 x 2 samples see the triangle of sample a, and their mean place.
 
-    0 if an earlier sample sees it too.
+    0 if an earlier sample sees it too. ids : (2H, 2W).
     """
     seen, x, y = 0, 0.0, 0.0
+    t = ids[2 * j + a // 2, 2 * i + a % 2]
     for b in range(4):
-        if ids[b // 2, b % 2] == ids[a // 2, a % 2]:
+        if ids[2 * j + b // 2, 2 * i + b % 2] == t:
             if b < a:
                 return 0, 0.0, 0.0
             seen += 1
             x += 0.25 + 0.5 * (b % 2)
             y += 0.25 + 0.5 * (b // 2)
-    return seen, x / seen, y / seen
+    return seen, i + x / seen, j + y / seen
 
 
-@njit(cache=True, nogil=True)
+@njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
 def shade_antialiased(
-    mesh: Mesh, pack: Pack, ids: Int32Array, colours: Colours, image: ImageArray
+    surface: Surface, pack: Pack, numbers: Int32Array, colours: Colours, image: ImageArray
 ) -> None:
-    """Colour an image (H, W, 3) from ids (2H, 2W): 2 x 2 coverage samples a pixel.
+    """Colour an image (H, W, 3) from triangle numbers (2H, 2W): 2 x 2 coverage samples a pixel.
 
     A triangle seen by several of the four samples is shaded once, at their mean position, with a
     footprint of one whole pixel; light is averaged, not its sRGB code.
     """
+    planes, texture_index = surface
+    texels, levels, decode = pack
     sky, encode = colours
-    e, F = np.empty((3, 3)), np.empty((6, 3))
-    prepared = -1
     for j in range(image.shape[0]):
         for i in range(image.shape[1]):
-            samples = ids[2 * j : 2 * j + 2, 2 * i : 2 * i + 2]
             red, green, blue = 0.0, 0.0, 0.0
             for a in range(4):
-                seen, x, y = coverage(samples, a)
-                t = samples[a // 2, a % 2]
+                seen, x, y = coverage(numbers, i, j, a)
                 if seen == 0:
                     continue
+                n = numbers[2 * j + a // 2, 2 * i + a % 2]
                 r, g, b = sky[0], sky[1], sky[2]
-                if t >= 0:
-                    if t != prepared:
-                        prepare_triangle(mesh, t, e, F)
-                        prepared = t
-                    r, g, b = shade_point(mesh, pack, t, F, (i + x, j + y))
+                if n >= 0:
+                    place = (n, texture_index[n], x, y)
+                    r, g, b = shade_point(texels, decode, levels, planes, place)
                 red += 0.25 * seen * min(r, 1.0)
                 green += 0.25 * seen * min(g, 1.0)
                 blue += 0.25 * seen * min(b, 1.0)

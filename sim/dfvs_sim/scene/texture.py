@@ -62,18 +62,13 @@ class TexturePack:
     ----------
     texels : (P * 3,) uint8
         RGB, sRGB encoded; levels one after the other, row by row.
-    levels : (K, MAX_LEVELS, 3) int64
-        First texel, width and height of each level of each texture.
-    level_count : (K,) int64
-        Number of levels of each texture.
-    wrap : (K, 2) int64
-        ``Wrap`` of u and v.
+    levels : (K, MAX_LEVELS, 5) int64
+        First texel, width and height of each level of each texture, and its ``Wrap`` of u and v.
+        Beyond the smallest level that one is repeated.
     """
 
     texels: ImageArray
     levels: Int64Array
-    level_count: Int64Array
-    wrap: Int64Array
 
 
 def linear_from_srgb(srgb: Float32Array) -> Float32Array:
@@ -114,20 +109,14 @@ def mip_pyramid(image: ImageArray) -> list[ImageArray]:
 
 def pack_textures(textures: Sequence[Texture]) -> TexturePack:
     """Build the mip pyramids of all textures and lay them end to end."""
-    count = len(textures)
-    levels = np.zeros((max(count, 1), MAX_LEVELS, 3), np.int64)
-    level_count = np.zeros(max(count, 1), np.int64)
-    wrap = np.zeros((max(count, 1), 2), np.int64)
+    levels = np.zeros((max(len(textures), 1), MAX_LEVELS, 5), np.int64)
     chunks: list[ImageArray] = []
     first = 0
     for k, texture in enumerate(textures):
-        pyramid = mip_pyramid(texture.image)
-        level_count[k] = len(pyramid)
-        wrap[k] = (texture.wrap_u, texture.wrap_v)
-        for i, level in enumerate(pyramid):
+        for n, level in enumerate(mip_pyramid(texture.image)):
             height, width = level.shape[:2]
-            levels[k, i] = (first, width, height)
+            levels[k, n:] = (first, width, height, texture.wrap_u, texture.wrap_v)
             first += width * height
             chunks.append(level.reshape(-1))
     texels = np.concatenate(chunks) if chunks else np.zeros(3, np.uint8)
-    return TexturePack(texels, levels, level_count, wrap)
+    return TexturePack(texels, levels)
