@@ -1,0 +1,36 @@
+"""A vehicle in the air, shared by the tests of a module."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import pytest
+from vehicle_process import Hovering, companion_connected, vehicle_running
+
+from dfvs_sim.ground.link import GroundLink
+from dfvs_sim.ground.pilot import Pilot
+
+
+@pytest.fixture(scope="module")
+def airborne(tmp_path_factory: pytest.TempPathFactory) -> Iterator[Hovering]:
+    folder = tmp_path_factory.mktemp("vehicle")
+    with (
+        vehicle_running(folder, "--ready-after", "0.5", "--start", "5,6,-1,30") as vehicle,
+        GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
+        companion_connected(vehicle.companion_port) as system,
+    ):
+        pilot = Pilot(link)
+        pilot.prepare()
+        pilot.take_off(1.5)
+        yield Hovering(vehicle, link, pilot, system)
+
+
+@pytest.fixture
+def hovering(airborne: Hovering) -> Hovering:
+    """The airborne vehicle, at rest in Hold."""
+    last = airborne.vehicle.events("pose")[-1]
+    if last["mode"] != "HOLD" or math.hypot(*last["velocity"]) > 0.01:
+        airborne.pilot.hold()
+        airborne.pilot.wait_until_hovering()
+    return airborne

@@ -1,0 +1,59 @@
+"""The pilot and the process around the vehicle."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+from pathlib import Path
+
+import pytest
+from vehicle_process import RUNNER, free_port, vehicle_running
+
+from dfvs_sim.ground.link import GroundLink, LinkError
+from dfvs_sim.ground.pilot import Pilot, PilotError
+from dfvs_sim.vehicle.modes import Mode
+
+
+def test_a_whole_flight_from_ready_to_landed(tmp_path: Path) -> None:
+    with (
+        vehicle_running(tmp_path, "--ready-after", "0.5", "--velocity-noise", "0.02") as vehicle,
+        GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
+    ):
+        pilot = Pilot(link)
+        pilot.prepare()
+        assert pilot.get_parameter("COM_OBL_RC_ACT") == 5
+        pilot.take_off(0.5)
+        assert pilot.mode() is Mode.HOLD
+        height_m = -vehicle.events("pose")[-1]["position"][2]
+        assert height_m + 0.08 == pytest.approx(0.5, abs=0.1)
+        with pytest.raises(PilotError, match=r"disarming was temporarily rejected.*not landed"):
+            pilot.disarm()
+        pilot.land()
+        assert not pilot.armed()
+    assert vehicle.process.returncode == 0
+
+
+def test_without_a_vehicle_the_pilot_says_so() -> None:
+    with (
+        GroundLink(f"udpin://127.0.0.1:{free_port()}") as link,
+        pytest.raises(LinkError, match="no heartbeat from a vehicle"),
+    ):
+        link.wait_for_vehicle(0.2)
+
+
+def test_an_unknown_parameter_is_an_error(tmp_path: Path) -> None:
+    with (
+        vehicle_running(tmp_path) as vehicle,
+        GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
+    ):
+        link.wait_for_vehicle(5.0)
+        with pytest.raises(LinkError, match="NO_SUCH_THING"):
+            Pilot(link).get_parameter("NO_SUCH_THING")
+
+
+@pytest.mark.parametrize("start", ["1,2,3", "a,b,c,d", "0,0,0,nan"])
+def test_a_start_that_is_no_four_numbers_is_refused(start: str) -> None:
+    command = [sys.executable, str(RUNNER), "vehicle", "--start", start]
+    result = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    assert result.returncode != 0
+    assert "--start" in result.stderr

@@ -1,0 +1,112 @@
+"""Poses at a time of this machine's clock, from telemetry with the vehicle's stamps."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Iterator
+
+import numpy as np
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+
+from dfvs_core.poses import euler_from_rotation
+from dfvs_sim.ground.link import GroundLink
+from dfvs_sim.ground.pose import ClockMap, PoseTracker
+from dfvs_sim.vehicle.telemetry import attitude_quaternion
+
+MS = 1_000_000
+BOOT_NS = 7_000_000_000
+"""Local time at which the vehicle's clock was zero."""
+
+
+@pytest.fixture
+def tracker() -> Iterator[PoseTracker]:
+    with GroundLink("udpin://127.0.0.1:0") as link:
+        yield PoseTracker(link)
+
+
+def place(ms: int, x: float, vx: float = 0.0) -> mavlink.MAVLink_message:
+    return mavlink.MAVLink_local_position_ned_message(ms, x, 2.0, -3.0, vx, 0.0, 0.0)
+
+
+def turn(ms: int, yaw: float, rate: float = 0.0, pitch: float = 0.0) -> mavlink.MAVLink_message:
+    q = attitude_quaternion(0.0, pitch, yaw)
+    return mavlink.MAVLink_attitude_quaternion_message(ms, *q, 0.0, 0.0, rate)
+
+
+def feed(tracker: PoseTracker, message: mavlink.MAVLink_message, delay_ns: int = 0) -> None:
+    tracker.take(message, BOOT_NS + message.time_boot_ms * MS + delay_ns)
+
+
+def test_the_smallest_delay_of_late_tells_the_difference_of_the_clocks() -> None:
+    clock = ClockMap()
+    for i, delay_ms in enumerate((30, 12, 3, 25, 18)):
+        clock.update(i * 20 * MS, BOOT_NS + i * 20 * MS + delay_ms * MS)
+    assert clock.offset_ns == BOOT_NS + 3 * MS
+
+
+def test_a_drifting_clock_is_followed_within_two_windows() -> None:
+    clock = ClockMap()
+    for i in range(30 * 50):  # 30 s at 50 Hz, the vehicle's clock slow by 1 in 1000
+        local_ns = BOOT_NS + i * 20 * MS
+        clock.update(round(i * 20 * MS * 0.999), local_ns)
+    now_error = clock.offset_ns - (local_ns - round(i * 20 * MS * 0.999))
+    assert abs(now_error) <= 10 * MS  # 10 s of drift: two windows of 5 s
+
+
+def test_a_vehicle_that_starts_anew_is_noticed() -> None:
+    clock = ClockMap()
+    clock.update(500_000 * MS, BOOT_NS)
+    assert clock.update(0, BOOT_NS + 20 * MS)
+    assert clock.offset_ns == BOOT_NS + 20 * MS
+
+
+def test_a_pose_between_samples_is_interpolated(tracker: PoseTracker) -> None:
+    for ms, x, yaw in ((1000, 1.0, 0.1), (1020, 1.2, 0.3)):
+        feed(tracker, place(ms, x))
+        feed(tracker, turn(ms, yaw))
+    pose = tracker.pose_at(BOOT_NS + 1005 * MS)
+    assert pose is not None
+    assert pose.position_m == pytest.approx((1.05, 2.0, -3.0), abs=1e-6)
+    assert pose.yaw_rad == pytest.approx(0.15, abs=1e-4)
+
+
+def test_a_pose_just_beyond_the_samples_is_extrapolated(tracker: PoseTracker) -> None:
+    for ms, x, yaw in ((1000, 1.0, 0.1), (1020, 1.02, 0.11)):
+        feed(tracker, place(ms, x, vx=1.0))
+        feed(tracker, turn(ms, yaw, rate=0.5))
+    pose = tracker.pose_at(BOOT_NS + 1050 * MS)
+    assert pose is not None
+    assert pose.position_m[0] == pytest.approx(1.05, abs=1e-6)
+    assert pose.yaw_rad == pytest.approx(0.125, abs=1e-4)
+
+
+def test_heading_is_mixed_the_short_way_round(tracker: PoseTracker) -> None:
+    for ms, yaw in ((1000, math.pi - 0.05), (1020, -math.pi + 0.05)):
+        feed(tracker, place(ms, 1.0))
+        feed(tracker, turn(ms, yaw))
+    pose = tracker.pose_at(BOOT_NS + 1010 * MS)
+    assert pose is not None
+    assert abs(pose.yaw_rad) == pytest.approx(math.pi, abs=1e-6)
+
+
+def test_stale_and_bygone_times_have_no_pose(tracker: PoseTracker) -> None:
+    assert tracker.pose_at(BOOT_NS) is None
+    assert tracker.newest_ns() is None
+    for ms in (1000, 1020):
+        feed(tracker, place(ms, 1.0))
+        feed(tracker, turn(ms, 0.0))
+    assert tracker.newest_ns() == BOOT_NS + 1020 * MS
+    assert tracker.pose_at(BOOT_NS + 999 * MS) is None
+    assert tracker.pose_at(BOOT_NS + 1220 * MS) is not None
+    assert tracker.pose_at(BOOT_NS + 1221 * MS) is None
+
+
+def test_the_matrix_holds_position_and_attitude(tracker: PoseTracker) -> None:
+    feed(tracker, place(1000, 1.0))
+    feed(tracker, turn(1000, 0.4, pitch=-0.2))
+    pose = tracker.pose_at(BOOT_NS + 1000 * MS)
+    assert pose is not None
+    T = pose.T_local_body()
+    np.testing.assert_allclose(T[:3, 3], (1.0, 2.0, -3.0))
+    np.testing.assert_allclose(euler_from_rotation(T[:3, :3]), (0.0, -0.2, 0.4), atol=1e-6)

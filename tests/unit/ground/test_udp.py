@@ -1,0 +1,31 @@
+"""Connection URLs of the ground station's link."""
+
+from __future__ import annotations
+
+import pytest
+
+from dfvs_core.errors import ConfigError
+from dfvs_sim.ground.udp import Endpoint
+
+
+def test_both_spellings_of_a_url_are_read() -> None:
+    expected = Endpoint(listens=True, host="127.0.0.1", port=14550)
+    assert Endpoint.from_url("udpin://127.0.0.1:14550") == expected
+    assert Endpoint.from_url("udpin:127.0.0.1:14550") == expected
+    assert not Endpoint.from_url("udpout://127.0.0.1:18570").listens
+
+
+@pytest.mark.parametrize("url", ["", "tcp://1.2.3.4:5", "udpin://host", "udpin://host:70000"])
+def test_other_urls_are_refused_with_the_right_form(url: str) -> None:
+    with pytest.raises(ConfigError, match="udpin://HOST:PORT"):
+        Endpoint.from_url(url)
+
+
+def test_a_taken_port_is_an_error_that_names_it() -> None:
+    first = Endpoint(listens=True, host="127.0.0.1", port=0).open()
+    port = first.getsockname()[1]
+    try:
+        with pytest.raises(ConfigError, match=str(port)):
+            Endpoint(listens=True, host="127.0.0.1", port=port).open()
+    finally:
+        first.close()

@@ -1,0 +1,195 @@
+"""The vehicle moves as PX4 v1.17's own quadrotor model was recorded to move."""
+
+from __future__ import annotations
+
+import csv
+import math
+import os
+from functools import cache
+from pathlib import Path
+
+import numpy as np
+import pytest
+from numpy.typing import NDArray
+
+from dfvs_sim.vehicle.control import Controller, Demand
+from dfvs_sim.vehicle.dynamics import GRAVITY_M_S2, AirframeParameters, Command, Quadrotor
+from dfvs_sim.vehicle.estimator import Estimator, EstimatorErrors
+
+DT_S = 0.004
+STEP_S = 6.0
+"""How long each step is held before the stop."""
+
+TIMES_S = (0.2, 0.4, 0.6, 0.8, 1.0, 1.5, 2.0, 3.0, 4.0, 4.8)
+RECORDED = {
+    ("forward", "step"): (0.076, 0.299, 0.515, 0.623, 0.675, 0.762, 0.788, 0.828, 0.845, 0.868),
+    ("forward", "stop"): (0.806, 0.604, 0.399, 0.289, 0.227, 0.158, 0.146, 0.101, 0.109, 0.085),
+    ("up", "step"): (0.231, 0.395, 0.446, 0.477, 0.472, 0.479, 0.474, 0.484, 0.485, 0.496),
+    ("up", "stop"): (0.274, 0.100, 0.054, 0.041, 0.047, 0.024, 0.014, 0.018, 0.015, 0.007),
+    ("yaw", "step"): (0.152, 0.332, 0.442, 0.498, 0.523, 0.540, 0.535, 0.523, 0.512, 0.506),
+    ("yaw", "stop"): (0.351, 0.175, 0.062, 0.005, -0.022, -0.037, -0.032, -0.021, -0.013, -0.008),
+}
+"""Speed (m/s, rad/s) at TIMES_S after the step to 1 m/s, 0.5 m/s or 0.5 rad/s and after the stop,
+locally smoothed, from one run; the runs differ by some 0.03 and the signal jitters by 0.02."""
+
+FULL_RECORDING = os.environ.get("DFVS_PX4_STEP_RESPONSE")
+
+
+@cache
+def response(axis: str, size: float = 0.0, held_s: float = STEP_S) -> NDArray[np.float64]:
+    """Speed along the axis every 4 ms, from the step's first moment on; then the stop."""
+    size = size or {"forward": 1.0, "up": 0.5, "yaw": 0.5}[axis]
+    velocity = {"forward": (size, 0.0, 0.0), "up": (0.0, 0.0, -size)}.get(axis, (0.0, 0.0, 0.0))
+    step = Demand(velocity=velocity, yaw_rate_rad_s=size if axis == "yaw" else 0.0)
+    still = Demand(velocity=(0.0, 0.0, 0.0), yaw_rate_rad_s=0.0)
+    vehicle, controller = Quadrotor(ground_m=100.0), Controller()
+    vehicle.down_m = 0.0
+    vehicle.step(DT_S, None)  # leaves the ground
+    estimator = Estimator(EstimatorErrors(), np.random.default_rng(0))
+    demands = [still] * 1000 + [step] * round(held_s / DT_S) + [still] * round(5.0 / DT_S)
+    speeds = []
+    for demand in demands:
+        estimate = estimator.update(DT_S, vehicle)
+        vehicle.step(DT_S, controller.update(DT_S, demand, estimate))
+        speed = {"forward": vehicle.v_north_m_s, "up": -vehicle.v_down_m_s}
+        speeds.append(speed.get(axis, vehicle.yaw_rate_rad_s))
+    return np.array(speeds[1000:])
+
+
+def split(curve: NDArray[np.float64], held_s: float = STEP_S) -> dict[str, NDArray[np.float64]]:
+    n = round(held_s / DT_S)
+    return {"step": curve[:n], "stop": curve[n:]}
+
+
+def time_to(share: float, curve: NDArray[np.float64], of: float) -> float:
+    """Seconds until the curve first reaches a share of a value."""
+    return float((np.argmax(curve >= share * of) + 1) * DT_S)
+
+
+def at(curve: NDArray[np.float64], times_s: NDArray[np.float64]) -> NDArray[np.float64]:
+    return np.interp(times_s, (np.arange(len(curve)) + 1) * DT_S, curve)
+
+
+def test_forward_step_reaches_10_and_63_percent_within_the_measured_spread() -> None:
+    curve = response("forward")
+    assert time_to(0.10, curve, 1.0) == pytest.approx(0.267, abs=0.012)
+    assert time_to(0.63, curve, 1.0) == pytest.approx(0.951, abs=0.155)
+
+
+def test_forward_speed_lags_for_seconds() -> None:
+    curve = response("forward")
+    # "about 0.75 at 2 s and 0.83 at 5 s"; 3 of 8 runs, jittering by 0.02, touched 0.9 in 5 s
+    assert at(curve, np.array([2.0]))[0] == pytest.approx(0.75, abs=0.04)
+    assert at(curve, np.array([5.0]))[0] == pytest.approx(0.83, abs=0.04)
+
+
+def test_stop_loses_10_and_63_percent_within_the_measured_spread() -> None:
+    parts = split(response("forward"))
+    lost, speed = parts["step"][-1] - parts["stop"], parts["step"][-1]
+    # no spread was measured for 10 %: twice that of the forward step's 10 %
+    assert time_to(0.10, lost, speed) == pytest.approx(0.275, abs=0.024)
+    assert time_to(0.63, lost, speed) == pytest.approx(0.730, abs=0.036)
+
+
+def test_yaw_step_reaches_10_and_63_percent_within_the_measured_spread() -> None:
+    curve = response("yaw")
+    assert time_to(0.10, curve, 0.5) == pytest.approx(0.158, abs=0.024)
+    assert time_to(0.63, curve, 0.5) == pytest.approx(0.467, abs=0.034)
+    # The table's 0.87 s and the recorded curve's 0.63 s differ: in between, and within 15 %.
+    assert time_to(0.90, curve, 0.5) == pytest.approx(0.87, rel=0.15)
+
+
+def test_climb_step_reaches_63_percent_as_measured() -> None:
+    assert time_to(0.63, response("up"), 0.5) == pytest.approx(0.29, abs=0.02)
+
+
+@pytest.mark.parametrize(("axis", "part"), list(RECORDED))
+def test_curves_follow_the_recorded_ones(axis: str, part: str) -> None:
+    ours = at(split(response(axis))[part], np.array(TIMES_S))
+    error = ours - np.array(RECORDED[axis, part])
+    # 5 % of the command; yaw gets 9 %, being a compromise between the table and the recording
+    limit = {"forward": 0.05, "up": 0.025, "yaw": 0.045}[axis]
+    assert float(np.sqrt(np.mean(error**2))) < limit
+
+
+@pytest.mark.skipif(FULL_RECORDING is None, reason="DFVS_PX4_STEP_RESPONSE names no recording")
+@pytest.mark.parametrize(
+    ("name", "axis", "size", "held_s", "limit"),
+    [
+        ("fwd_1_m_per_s", "forward", 1.0, 6.0, 0.035),
+        ("right_1_m_per_s", "forward", 1.0, 6.0, 0.035),
+        ("up_0.5_m_per_s", "up", -0.5, 6.0, 0.03),
+        ("yaw_0.5_rad_per_s", "yaw", 0.5, 6.0, 0.03),
+        ("yaw_2_rad_per_s", "yaw", 2.0, 4.0, 0.13),
+    ],
+)
+def test_rms_to_the_full_recording_is_small(
+    name: str, axis: str, size: float, held_s: float, limit: float
+) -> None:
+    parts = split(response(axis, abs(size), held_s), held_s)
+    with Path(str(FULL_RECORDING)).open() as file:
+        rows = [r for r in csv.reader(line for line in file if not line.startswith("#"))]
+    for part, suffix in (("step", ""), ("stop", "_stop")):
+        data = np.array([(float(r[1]), float(r[2])) for r in rows if r[0] == name + suffix])
+        if not len(data):
+            continue
+        data = data[data[:, 0] < min(held_s, 4.9)]
+        error = math.copysign(1.0, size) * at(parts[part], data[:, 0]) - data[:, 1]
+        assert float(np.sqrt(np.mean(error**2))) < limit, part
+
+
+def hovering(yaw_rad: float = 0.0) -> Quadrotor:
+    vehicle = Quadrotor(ground_m=100.0, yaw_rad=yaw_rad)
+    vehicle.down_m = 0.0
+    vehicle.step(DT_S, None)
+    for _ in range(500):
+        vehicle.step(DT_S, Command())
+    return vehicle
+
+
+def test_forward_acceleration_pitches_the_nose_down() -> None:
+    vehicle = hovering()
+    for _ in range(250):
+        vehicle.step(DT_S, Command(north_m_s2=1.0))
+    assert vehicle.pitch_rad == pytest.approx(-math.atan2(1.0, GRAVITY_M_S2), rel=0.02)
+    assert abs(vehicle.roll_rad) < 1e-6
+
+
+def test_acceleration_to_the_right_rolls_to_the_right() -> None:
+    vehicle = hovering(yaw_rad=math.pi / 2)  # the right is south
+    for _ in range(250):
+        vehicle.step(DT_S, Command(north_m_s2=-1.0))
+    assert vehicle.roll_rad == pytest.approx(math.atan2(1.0, GRAVITY_M_S2), rel=0.02)
+
+
+def test_tilt_stays_within_its_limit() -> None:
+    vehicle = hovering()
+    steepest = 0.0
+    for _ in range(1000):
+        vehicle.step(DT_S, Command(north_m_s2=100.0))
+        steepest = max(steepest, -vehicle.pitch_rad)
+    # the attitude loop overshoots its limit of 45 degrees by a few percent
+    assert AirframeParameters().tilt_max_rad * 0.99 < steepest < math.radians(50.0)
+
+
+def test_a_steady_wind_is_held_against() -> None:
+    vehicle, controller = hovering(), Controller()
+    vehicle.wind_east_m_s = 3.0
+    estimator = Estimator(EstimatorErrors(), np.random.default_rng(0))
+    hold = Demand(position=(0.0, 0.0, vehicle.down_m), velocity=(0.0, 0.0, 0.0))
+    for _ in range(10_000):
+        estimate = estimator.update(DT_S, vehicle)
+        vehicle.step(DT_S, controller.update(DT_S, hold, estimate))
+    assert abs(vehicle.east_m) < 0.05
+    assert vehicle.roll_rad < -0.1
+
+
+def test_with_still_rotors_it_falls_and_stays_on_the_ground() -> None:
+    vehicle = Quadrotor(ground_m=2.0)
+    vehicle.down_m = 0.0
+    vehicle.v_north_m_s = 1.0
+    for _ in range(500):
+        vehicle.step(DT_S, None)
+    assert vehicle.on_ground
+    assert vehicle.down_m == 2.0
+    assert vehicle.v_north_m_s == vehicle.v_down_m_s == 0.0

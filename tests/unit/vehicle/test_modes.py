@@ -1,0 +1,43 @@
+"""The numbers by which PX4's modes are known on the wire."""
+
+from __future__ import annotations
+
+import pytest
+
+from dfvs_sim.vehicle.modes import Mode, mode_from_custom, mode_from_numbers
+
+
+def test_offboard_is_main_mode_6_in_the_third_byte() -> None:
+    assert Mode.OFFBOARD.custom_mode == 6 << 16
+
+
+@pytest.mark.parametrize(
+    ("mode", "sub"), [(Mode.TAKEOFF, 2), (Mode.HOLD, 3), (Mode.RETURN, 5), (Mode.LAND, 6)]
+)
+def test_auto_modes_are_main_mode_4_with_the_sub_mode_in_the_fourth_byte(
+    mode: Mode, sub: int
+) -> None:
+    assert mode.custom_mode == (4 << 16 | sub << 24)
+
+
+def test_position_is_main_mode_3() -> None:
+    assert Mode.POSITION.custom_mode == 3 << 16
+
+
+def test_base_mode_has_px4s_values() -> None:
+    assert Mode.HOLD.base_mode(armed=False) == 29
+    assert Mode.HOLD.base_mode(armed=True) == 29 + 128
+    assert Mode.OFFBOARD.base_mode(armed=False) == 1
+    assert Mode.OFFBOARD.base_mode(armed=True) == 145
+
+
+@pytest.mark.parametrize("mode", list(Mode))
+def test_every_mode_that_can_be_commanded_is_found_by_its_numbers(mode: Mode) -> None:
+    found = mode_from_numbers(*mode.value)
+    assert found is (None if mode is Mode.TERMINATION else mode)
+    assert mode_from_custom(mode.custom_mode) is found
+
+
+def test_numbers_that_mean_no_mode_give_none() -> None:
+    assert mode_from_numbers(4, 99) is None
+    assert mode_from_numbers(42, 0) is None

@@ -1,0 +1,299 @@
+"""The vehicle's face towards MAVLink: arming, modes, acks, texts, landing, commands."""
+
+from __future__ import annotations
+
+import math
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+from vehicle_in_hand import ARM, LAND, SET_MODE, START_NS, TAKEOFF, VehicleInHand, setpoint, sticks
+
+from dfvs_sim.vehicle.modes import Mode
+from dfvs_sim.vehicle.streams import COMPANION, GROUND
+
+NAN = math.nan
+MAVLINK_SIGNAL = float(mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL)
+
+
+def heartbeats(vehicle: VehicleInHand) -> list[tuple[int, int, int]]:
+    return [
+        (m.custom_mode, m.base_mode, m.system_status)
+        for _, link, m in vehicle.sent
+        if m.get_type() == "HEARTBEAT" and link == COMPANION
+    ]
+
+
+def test_heartbeat_shows_not_armable_then_standby_then_active() -> None:
+    vehicle = VehicleInHand()
+    vehicle.run(6.1)
+    vehicle.command(ARM, 1.0)
+    vehicle.run(1.1)
+    assert heartbeats(vehicle)[0] == (Mode.HOLD.custom_mode, 29, 0)
+    assert heartbeats(vehicle)[6] == (Mode.HOLD.custom_mode, 29, 3)
+    assert heartbeats(vehicle)[7] == (Mode.HOLD.custom_mode, 157, 4)
+
+
+def test_it_cannot_be_armed_before_it_is_ready() -> None:
+    vehicle = VehicleInHand(ready_after_s=5.0)
+    vehicle.run(4.0)
+    assert vehicle.command(ARM, 1.0) == [1]
+    vehicle.run(1.2)
+    assert vehicle.command(ARM, 1.0) == [0]
+
+
+def test_home_position_and_prearm_health_come_with_readiness() -> None:
+    vehicle = VehicleInHand(ready_after_s=2.0)
+    vehicle.run(1.8)
+    assert "HOME_POSITION" not in vehicle.types_sent(COMPANION)
+    vehicle.run(3.0)
+    assert "HOME_POSITION" in vehicle.types_sent(COMPANION)
+    health = [
+        bool(m.onboard_control_sensors_health & mavlink.MAV_SYS_STATUS_PREARM_CHECK)
+        for _, _, m in vehicle.sent
+        if m.get_type() == "SYS_STATUS"
+    ]
+    assert health[0] is False
+    assert health[-1] is True
+
+
+def test_mode_changes_while_disarmed_are_always_accepted() -> None:
+    vehicle = VehicleInHand()
+    vehicle.run(6.0)
+    for mode in (Mode.OFFBOARD, Mode.POSITION, Mode.MISSION, Mode.LAND, Mode.HOLD):
+        assert vehicle.set_mode(mode) == [0, 0]
+        assert vehicle.mode is mode
+
+
+@pytest.mark.parametrize("mode", [Mode.LAND, Mode.RETURN])
+def test_arming_is_refused_in_modes_that_end_on_the_ground(mode: Mode) -> None:
+    vehicle = VehicleInHand()
+    vehicle.run(6.0)
+    vehicle.set_mode(mode)
+    assert vehicle.command(ARM, 1.0) == [1]
+
+
+def test_position_mode_needs_sticks_once_armed() -> None:
+    vehicle = VehicleInHand()
+    vehicle.take_off()
+    assert vehicle.set_mode(Mode.POSITION) == [0, 1]
+    vehicle.run(0.1, sticks())
+    assert vehicle.set_mode(Mode.POSITION) == [0, 0]
+    vehicle.run(2.0, sticks())
+    assert vehicle.mode is Mode.POSITION
+    vehicle.run(1.0)  # sticks fall silent
+    assert vehicle.mode is Mode.RETURN
+
+
+def test_sticks_fly_it_in_position_mode() -> None:
+    vehicle = VehicleInHand()
+    vehicle.take_off()
+    vehicle.run(0.1, sticks())
+    vehicle.set_mode(Mode.POSITION)
+    vehicle.run(3.0, sticks(forward=0.1))
+    assert vehicle.body.v_north_m_s == pytest.approx(1.0, abs=0.15)
+    vehicle.run(4.0, sticks())
+    assert abs(vehicle.body.v_north_m_s) < 0.05
+
+
+def test_a_pilot_takes_over_from_offboard_while_setpoints_go_on() -> None:
+    vehicle = VehicleInHand()
+    vehicle.fly_offboard(setpoint(vx=0.5), 2.0)
+    vehicle.send(sticks(), GROUND)
+    vehicle.send(
+        mavlink.MAVLink_command_long_message(1, 1, SET_MODE, 0, 1, 3, 0, 0, 0, 0, 0), GROUND
+    )
+    for _ in range(75):
+        vehicle.send(sticks(), GROUND)
+        vehicle.run(0.04, setpoint(vx=0.5))
+    assert vehicle.mode is Mode.POSITION
+    assert abs(vehicle.body.v_north_m_s) < 0.05
+
+
+def test_unknown_commands_are_unsupported() -> None:
+    vehicle = VehicleInHand()
+    assert vehicle.command(31010) == [3]
+
+
+def test_a_mode_that_does_not_exist_is_rejected() -> None:
+    vehicle = VehicleInHand()
+    assert vehicle.command(SET_MODE, 1.0, 4.0, 77.0) == [0, 1]
+    assert vehicle.command(SET_MODE, NAN, NAN, NAN) == [0, 1]
+
+
+def test_disarming_in_the_air_is_refused_unless_forced() -> None:
+    vehicle = VehicleInHand()
+    vehicle.take_off()
+    assert vehicle.command(ARM, 0.0) == [1]
+    assert vehicle.px4.status.armed
+    assert vehicle.command(ARM, 0.0, 21196.0) == [0]
+    assert not vehicle.px4.status.armed
+
+
+def test_it_disarms_10_s_after_arming_without_take_off() -> None:
+    vehicle = VehicleInHand()
+    vehicle.run(6.0)
+    vehicle.command(ARM, 1.0)
+    seconds = vehicle.run_until(lambda: not vehicle.px4.status.armed, 12.0)
+    assert seconds == pytest.approx(10.0, abs=0.15)
+
+
+def test_take_off_climbs_to_the_altitude_above_sea_level_and_then_holds() -> None:
+    vehicle = VehicleInHand()
+    vehicle.take_off(height_m=3.0)
+    vehicle.run(5.0)
+    assert vehicle.mode is Mode.HOLD
+    assert vehicle.px4.config.ground_m - vehicle.body.down_m == pytest.approx(3.0, abs=0.05)
+    assert math.hypot(vehicle.body.north_m, vehicle.body.east_m) < 0.05
+
+
+def test_take_off_without_an_altitude_uses_the_parameter() -> None:
+    vehicle = VehicleInHand(parameters={"MIS_TAKEOFF_ALT": 1.5})
+    vehicle.run(6.0)
+    vehicle.command(ARM, 1.0)
+    vehicle.command(TAKEOFF, *[NAN] * 7)
+    vehicle.run(15.0)
+    assert vehicle.px4.config.ground_m - vehicle.body.down_m == pytest.approx(1.5, abs=0.05)
+
+
+def test_landing_from_5_m_takes_about_14_s_and_ends_disarmed() -> None:
+    vehicle = VehicleInHand()
+    vehicle.take_off(height_m=5.0)
+    assert vehicle.command(LAND) == [0]
+    seconds = vehicle.run_until(lambda: not vehicle.px4.status.armed, 20.0)
+    assert seconds == pytest.approx(14.0, abs=1.5)
+    times = {f["cause"]: t for t, kind, f in vehicle.record if kind == "state"}
+    wait_s = (times["disarmed: on the ground"] - times["landed"]) / 1e9
+    assert 2.0 <= wait_s <= 3.0
+
+
+def test_return_flies_home_and_lands_there() -> None:
+    vehicle = VehicleInHand()
+    vehicle.fly_offboard(setpoint(vx=1.0, vy=0.5), 6.0)
+    assert math.hypot(vehicle.body.north_m, vehicle.body.east_m) > 4.0
+    vehicle.set_mode(Mode.RETURN)
+    vehicle.run_until(lambda: not vehicle.px4.status.armed, 60.0)
+    assert math.hypot(vehicle.body.north_m, vehicle.body.east_m) < 0.5
+
+
+def test_hold_stops_and_keeps_the_place() -> None:
+    vehicle = VehicleInHand(wind_east_m_s=1.0)
+    vehicle.fly_offboard(setpoint(vx=1.0), 4.0)
+    vehicle.set_mode(Mode.HOLD)
+    vehicle.run(6.0)
+    here = vehicle.body.north_m, vehicle.body.east_m
+    vehicle.run(6.0)
+    there = vehicle.body.north_m, vehicle.body.east_m
+    assert math.dist(here, there) < 0.1
+
+
+def test_local_z_is_not_zero_on_the_ground() -> None:
+    vehicle = VehicleInHand()
+    vehicle.run(1.0)
+    z = [m.z for _, _, m in vehicle.sent if m.get_type() == "LOCAL_POSITION_NED"]
+    assert min(z) == max(z) != 0.0
+
+
+def test_texts_go_only_to_links_with_a_ground_stations_heartbeat() -> None:
+    vehicle = VehicleInHand()
+    vehicle.command(ARM, 1.0)
+    assert "STATUSTEXT" not in vehicle.types_sent(GROUND)
+    vehicle.hear_ground_station()
+    vehicle.command(ARM, 1.0)
+    assert "STATUSTEXT" in vehicle.types_sent(GROUND)
+    assert "STATUSTEXT" not in vehicle.types_sent(COMPANION)
+
+
+def test_a_companions_heartbeat_earns_no_texts() -> None:
+    vehicle = VehicleInHand()
+    vehicle.send(mavlink.MAVLink_heartbeat_message(18, 8, 0, 0, 4, 3))
+    vehicle.command(ARM, 1.0)
+    assert "STATUSTEXT" not in vehicle.types_sent(COMPANION)
+
+
+def test_acks_go_to_the_link_and_sender_of_the_command() -> None:
+    vehicle = VehicleInHand()
+    command = mavlink.MAVLink_command_long_message(1, 1, SET_MODE, 0, 1, 4, 3, 0, 0, 0, 0)
+    (first,) = vehicle.send(command, GROUND, component=190)
+    assert (first.target_system, first.target_component) == (1, 190)
+    vehicle.run(0.02)
+    links = [link for _, link, m in vehicle.sent if m.get_type() == "COMMAND_ACK"]
+    assert links == [GROUND]
+
+
+def test_messages_for_another_vehicle_are_not_heard() -> None:
+    vehicle = VehicleInHand()
+    other = mavlink.MAVLink_command_long_message(2, 1, ARM, 0, 1, 0, 0, 0, 0, 0, 0)
+    assert vehicle.send(other) == []
+
+
+def test_ping_and_timesync_are_answered() -> None:
+    vehicle = VehicleInHand()
+    (pong,) = vehicle.send(mavlink.MAVLink_ping_message(77, 5, 0, 0))
+    assert (pong.time_usec, pong.seq, pong.target_component) == (77, 5, 195)
+    (sync,) = vehicle.send(mavlink.MAVLink_timesync_message(0, 123))
+    assert (sync.tc1, sync.ts1) == (START_NS, 123)
+
+
+def test_home_is_where_it_was_armed() -> None:
+    vehicle = VehicleInHand(ground_m=0.3)
+    vehicle.take_off()
+    homes = [m for _, _, m in vehicle.sent if m.get_type() == "HOME_POSITION"]
+    assert homes[-1].z == pytest.approx(0.3)
+    assert homes[-1].altitude == pytest.approx(1000 * (488.0 - 0.3), abs=1)
+
+
+@pytest.mark.parametrize(
+    ("unit", "kind", "name"), [(100, 1, "battery"), (4, 1, "estimate"), (4, 4, "jump")]
+)
+def test_faults_are_injected_only_where_enabled(unit: int, kind: int, name: str) -> None:
+    vehicle = VehicleInHand()
+    vehicle.take_off()
+    assert vehicle.command(420, unit, kind, 0.0) == [2]
+    vehicle = VehicleInHand(parameters={"SYS_FAILURE_EN": 1})
+    vehicle.take_off()
+    before = vehicle.px4.flight.estimate.north_m
+    assert vehicle.command(420, unit, kind, 0.0) == [0]
+    vehicle.run(0.2)
+    if name == "battery":
+        left = [m.battery_remaining for _, _, m in vehicle.sent if m.get_type() == "SYS_STATUS"]
+        assert (left[0], left[-1]) == (100, 4)
+    elif name == "estimate":
+        assert vehicle.mode is Mode.LAND
+        assert vehicle.px4.status.system_status() == 5
+    else:
+        assert vehicle.px4.flight.estimate.north_m - before > 1.5
+
+
+def test_a_dropped_link_is_silent_both_ways_until_mended_over_the_other() -> None:
+    vehicle = VehicleInHand(parameters={"SYS_FAILURE_EN": 1})
+    vehicle.run(1.0)
+    assert vehicle.command(420, MAVLINK_SIGNAL, 1.0, 1.0, link=GROUND) == [0]
+    begin = vehicle.now_ns
+    vehicle.run(1.0, setpoint())
+    assert vehicle.types_sent(COMPANION, begin) == []
+    assert not [kind for _, kind, _ in vehicle.record if kind == "setpoint"]
+    vehicle.command(420, MAVLINK_SIGNAL, 0.0, 1.0, link=GROUND)
+    begin = vehicle.now_ns
+    vehicle.run(1.0)
+    assert "HEARTBEAT" in vehicle.types_sent(COMPANION, begin)
+
+
+def test_mode_and_arm_commands_are_recorded_with_their_sender() -> None:
+    vehicle = VehicleInHand()
+    vehicle.run(6.0)
+    vehicle.command(ARM, 1.0, link=GROUND)
+    vehicle.set_mode(Mode.OFFBOARD)
+    arm = [f for _, kind, f in vehicle.record if kind == "arm_command"]
+    mode = [f for _, kind, f in vehicle.record if kind == "mode_command"]
+    assert [(f["link"], f["result"]) for f in arm] == [(GROUND, 0)]
+    assert [(f["link"], f["mode"], f["result"]) for f in mode] == [(COMPANION, "OFFBOARD", 1)]
+
+
+def test_a_stall_of_the_loop_is_made_up_for_in_fixed_steps() -> None:
+    smooth, stalled = VehicleInHand(), VehicleInHand()
+    for vehicle in (smooth, stalled):
+        vehicle.fly_offboard(setpoint(vx=0.5), 2.0)
+    smooth.run(0.4)
+    stalled.now_ns += 400_000_000
+    stalled.px4.step(stalled.now_ns)
+    assert stalled.body.north_m == smooth.body.north_m

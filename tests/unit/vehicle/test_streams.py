@@ -1,0 +1,76 @@
+"""How often messages go out, and how that is changed."""
+
+from __future__ import annotations
+
+from collections import Counter
+
+import pytest
+from pymavlink.dialects.v20 import common as mavlink
+from vehicle_in_hand import VehicleInHand
+
+from dfvs_sim.vehicle.streams import COMPANION
+
+SET_INTERVAL, GET_INTERVAL, REQUEST = 511, 510, 512
+PX4_RATES_HZ = {
+    "HEARTBEAT": 1,
+    "ATTITUDE": 100,
+    "ATTITUDE_QUATERNION": 50,
+    "GLOBAL_POSITION_INT": 50,
+    "LOCAL_POSITION_NED": 30,
+    "ODOMETRY": 30,
+    "SYS_STATUS": 5,
+    "EXTENDED_SYS_STATE": 5,
+    "GPS_RAW_INT": 8,
+    "HOME_POSITION": 0.5,
+    "BATTERY_STATUS": 0.5,
+}
+
+
+def counted(vehicle: VehicleInHand, seconds: float) -> Counter[str]:
+    begin = vehicle.now_ns
+    vehicle.run(seconds)
+    return Counter(vehicle.types_sent(COMPANION, begin))
+
+
+def test_a_companion_gets_px4s_rates() -> None:
+    vehicle = VehicleInHand(ready_after_s=0.0)
+    vehicle.run(4.0)
+    counts = counted(vehicle, 20.0)
+    for name, rate in PX4_RATES_HZ.items():
+        # streams run on a grid of 4 ms and keep their own phase: no drift over 20 s
+        assert counts[name] == pytest.approx(20 * rate, abs=2), name
+
+
+def test_an_interval_is_set_stopped_and_restored() -> None:
+    vehicle = VehicleInHand()
+    assert vehicle.command(SET_INTERVAL, 32.0, 100_000.0) == [0]
+    assert counted(vehicle, 5.0)["LOCAL_POSITION_NED"] == pytest.approx(50, abs=1)
+    vehicle.command(SET_INTERVAL, 32.0, -1.0)
+    assert counted(vehicle, 2.0)["LOCAL_POSITION_NED"] == 0
+    vehicle.command(SET_INTERVAL, 32.0, 0.0)
+    assert counted(vehicle, 5.0)["LOCAL_POSITION_NED"] == pytest.approx(150, abs=2)
+
+
+def test_an_interval_is_told() -> None:
+    vehicle = VehicleInHand()
+    vehicle.command(GET_INTERVAL, 32.0)
+    (told,) = [m for _, _, m in vehicle.sent if m.get_type() == "MESSAGE_INTERVAL"]
+    assert (told.message_id, told.interval_us) == (32, 33333)
+
+
+def test_setting_an_interval_on_one_link_leaves_the_other_alone() -> None:
+    vehicle = VehicleInHand()
+    vehicle.command(SET_INTERVAL, 32.0, -1.0, link="ground")
+    assert counted(vehicle, 2.0)["LOCAL_POSITION_NED"] == pytest.approx(60, abs=1)
+
+
+def test_an_interval_for_an_unknown_message_fails() -> None:
+    assert VehicleInHand().command(SET_INTERVAL, 9999.0, 1000.0) == [4]
+
+
+def test_a_message_is_sent_on_request() -> None:
+    vehicle = VehicleInHand()
+    assert vehicle.command(REQUEST, float(mavlink.MAVLINK_MSG_ID_AUTOPILOT_VERSION)) == [0]
+    (version,) = [m for _, _, m in vehicle.sent if m.get_type() == "AUTOPILOT_VERSION"]
+    assert version.flight_sw_version >> 16 == 0x0111  # 1.17
+    assert vehicle.command(REQUEST, 9999.0) == [2]
