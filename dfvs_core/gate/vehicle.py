@@ -65,7 +65,7 @@ class VehiclePicture:
                 self.health = event
             case EstimatorState():
                 self.estimator = event
-            case ParametersRead():
+            case _:
                 self.parameters = event
 
     def _take_position(self, new: LocalPosition) -> None:

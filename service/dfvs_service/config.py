@@ -44,10 +44,10 @@ class VehicleSection:
 
 @dataclass(frozen=True, slots=True)
 class CameraSection:
-    """The camera that flies. Without intrinsics those of the goal's sidecar are taken."""
+    """The camera that flies; what is not set is taken from the goal and its sidecar."""
 
-    width: int = setting(640, "width of the frames, px", low=16, high=8192)
-    height: int = setting(480, "height of the frames, px", low=16, high=8192)
+    width: int | None = setting(None, "width of the frames, px", low=16, high=8192)
+    height: int | None = setting(None, "height of the frames, px", low=16, high=8192)
     horizontal_fov_rad: float | None = setting(
         None, "horizontal field of view of a pinhole camera", low=0.05, high=3.1
     )
@@ -69,19 +69,20 @@ class CameraSection:
         ConfigError
             If intrinsics are given in part, or twice.
         """
-        intrinsics = (self.fx, self.fy, self.cx, self.cy)
-        given = sum(value is not None for value in intrinsics)
+        fx, fy, cx, cy = self.fx, self.fy, self.cx, self.cy
+        given = sum(value is not None for value in (fx, fy, cx, cy))
+        if self.horizontal_fov_rad is None and not given and not self.distortion:
+            return None
+        if self.width is None or self.height is None:
+            raise ConfigError("camera has intrinsics but no size", "camera.width and camera.height")
         if self.horizontal_fov_rad is not None:
             if given or self.distortion:
                 raise ConfigError(
                     "camera has both horizontal_fov_deg and other intrinsics", "only one of them"
                 )
             return CameraModel.from_horizontal_fov(self.width, self.height, self.horizontal_fov_rad)
-        fx, fy, cx, cy = intrinsics
         if fx is None or fy is None or cx is None or cy is None:
-            if given or self.distortion:
-                raise ConfigError("camera has only some intrinsics", "all of fx, fy, cx, cy")
-            return None
+            raise ConfigError("camera has only some intrinsics", "all of fx, fy, cx, cy")
         return CameraModel(self.width, self.height, fx, fy, cx, cy, self.distortion)
 
 
@@ -252,23 +253,47 @@ class ServiceConfig:
             timing=timing,
         )
 
-    def with_camera_of(self, sidecar: GoalSidecar) -> ServiceConfig:
-        """Fill in what the settings do not say of the camera, from the goal's sidecar."""
-        camera = self.camera
-        model = camera.model() or sidecar.camera
-        filled = CameraSection(
-            model.width,
-            model.height,
-            None,
-            model.fx,
-            model.fy,
-            model.cx,
-            model.cy,
-            model.distortion,
-            camera.timeout_s,
-            camera.mount or sidecar.mount,
+    def with_camera(
+        self, size: tuple[int, int], sidecar: GoalSidecar | None
+    ) -> tuple[ServiceConfig, CameraModel]:
+        """Fill in what the settings do not say of the camera; return its model as well.
+
+        Parameters
+        ----------
+        size : (int, int)
+            Width and height of the goal picture in px, taken where no size is set.
+        sidecar : GoalSidecar or None
+            Gives intrinsics and mounting where none are set.
+
+        Raises
+        ------
+        ConfigError
+            If no intrinsics are known.
+        """
+        camera = dataclasses.replace(
+            self.camera, width=self.camera.width or size[0], height=self.camera.height or size[1]
         )
-        return dataclasses.replace(self, camera=filled)
+        model = camera.model() or (None if sidecar is None else sidecar.camera)
+        if model is None:
+            raise ConfigError(
+                "nothing is known of the camera's lens",
+                "camera.horizontal_fov_deg or fx, fy, cx, cy, or a goal with a sidecar",
+                "try --camera-fov DEGREES",
+            )
+        mount = Mount() if sidecar is None else sidecar.mount
+        filled = dataclasses.replace(
+            camera,
+            width=model.width,
+            height=model.height,
+            horizontal_fov_rad=None,
+            fx=model.fx,
+            fy=model.fy,
+            cx=model.cx,
+            cy=model.cy,
+            distortion=model.distortion,
+            mount=camera.mount or mount,
+        )
+        return dataclasses.replace(self, camera=filled), model
 
     def to_json(self) -> str:
         """Resolved settings as JSON, angles in rad, for the child processes."""

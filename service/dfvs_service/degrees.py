@@ -88,3 +88,17 @@ def to_radians(cls: type[T], view: Any) -> T:
             value = math.radians(value)
         values[field.name] = value
     return cls(**values)
+
+
+def to_degrees(config: Any) -> Any:
+    """Take a settings dataclass to its view in degrees."""
+    hints = typing.get_type_hints(type(config))
+    values: dict[str, Any] = {}
+    for field in dataclasses.fields(config):
+        value = getattr(config, field.name)
+        if value is not None and section_of(hints[field.name]) is not None:
+            value = to_degrees(value)
+        elif value is not None and _is_angle(field.name):
+            value = _degrees(value)
+        values[spelled(field.name)] = value
+    return degrees_view(type(config))(**values)

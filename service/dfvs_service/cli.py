@@ -1,0 +1,226 @@
+"""``dfvs-service``: fly to a goal picture, give orders to a flight, print the settings."""
+
+from __future__ import annotations
+
+import argparse
+import fcntl
+import shutil
+import sys
+import tempfile
+from collections.abc import Iterator, Sequence
+from contextlib import contextmanager
+from pathlib import Path
+from typing import Any
+
+from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.gate.config import Engage, OnDone
+from dfvs_core.gate.events import Action
+from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_service.config import ServiceConfig, load_config, parse_assignment
+from dfvs_service.config_text import toml_text
+from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine
+from dfvs_service.goal_file import checked_goal, read_picture, read_sidecar
+from dfvs_service.key_file import create_key, load_key
+from dfvs_service.parent import Programs, fly, furnish
+from dfvs_service.runtime import RuntimeFolder
+
+EXIT_OK, EXIT_ENDED, EXIT_CANNOT_RUN = 0, 1, 2
+
+_EXAMPLE = """\
+example, beside a running PX4 and a camera that publishes on dfvs/drone1/camera:
+  dfvs-service --goal goal.png --config service.toml
+
+other commands:
+  dfvs-service config                             print all settings as commented TOML
+  dfvs-service command new-key --key-file my.key  make a key for signed commands
+  dfvs-service command engage --key-file my.key   engage, hold or abort a running service
+
+exit code: 0 the goal was reached, 1 the flight ended otherwise, 2 cannot run
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    commands = {"config": _print_config, "command": _command}
+    chosen = commands.get(words[0]) if words else None
+    try:
+        return chosen(words[1:]) if chosen is not None else _fly(words)
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+
+
+# --- settings ---------------------------------------------------------------------------------
+
+
+def _add_settings(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument("--config", type=Path, metavar="FILE", help="settings in TOML")
+    parser.add_argument("--vehicle", metavar="NAME", help="name of the vehicle (vehicle.name)")
+    parser.add_argument(
+        "--set",
+        dest="assignments",
+        action="append",
+        default=[],
+        metavar="SECTION.KEY=VALUE",
+        help="any other setting; may be repeated (see: dfvs-service config)",
+    )
+
+
+def _settings(arguments: argparse.Namespace, shortcuts: dict[str, Any]) -> ServiceConfig:
+    """Settings of a file, under those of ``--set``, under those that have their own option."""
+    overrides = dict(parse_assignment(text) for text in arguments.assignments)
+    named = {"vehicle.name": arguments.vehicle, **shortcuts}
+    overrides.update({key: value for key, value in named.items() if value is not None})
+    return load_config(arguments.config, overrides)
+
+
+def _print_config(words: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-service config",
+        description="Print the settings as commented TOML, ready to be edited.",
+        epilog="example: dfvs-service config --set gate.engage=auto > service.toml",
+    )
+    _add_settings(parser)
+    print(toml_text(_settings(parser.parse_args(words), {})), end="")
+    return EXIT_OK
+
+
+# --- orders -----------------------------------------------------------------------------------
+
+
+def _command(words: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-service command",
+        description="Give a signed order to a running service, or make a key for that.",
+        epilog="example: dfvs-service command hold --key-file my.key --vehicle drone1",
+    )
+    parser.add_argument("order", choices=["new-key", *(str(action) for action in Action)])
+    parser.add_argument("--key-file", type=Path, required=True, metavar="FILE")
+    parser.add_argument("--timeout", type=float, default=3.0, metavar="S", help="(default: 3)")
+    _add_settings(parser)
+    arguments = parser.parse_args(words)
+    if arguments.order == "new-key":
+        create_key(arguments.key_file)
+        print(f"wrote {arguments.key_file}; give it to the service as gate.command_key_file")
+        return EXIT_OK
+    # Zenoh is needed here alone, and takes its time to load.
+    from dfvs_service.orders import give_order
+
+    config = _settings(arguments, {})
+    key = load_key(arguments.key_file)
+    answer = give_order(config, key, Action(arguments.order), arguments.timeout)
+    print(answer)
+    return EXIT_OK if answer.startswith("accepted") else EXIT_ENDED
+
+
+# --- flight -----------------------------------------------------------------------------------
+
+
+def _flight_parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-service",
+        description="Fly a PX4 drone to the view that a goal picture shows.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--goal", type=Path, required=True, metavar="PICTURE", help="PNG or JPEG")
+    _add_settings(parser)
+    parser.add_argument(
+        "--engage",
+        choices=[str(way) for way in Engage],
+        help="who engages: the pilot's switch to OFFBOARD (default), the service, or a command",
+    )
+    parser.add_argument("--mavlink", metavar="URL", help="connection (vehicle.mavlink)")
+    parser.add_argument("--model", metavar="NAME", help="'classical' or a model's folder")
+    parser.add_argument(
+        "--camera-fov", type=float, metavar="DEG", help="horizontal field of view of the camera"
+    )
+    parser.add_argument(
+        "--on-done", choices=[str(way) for way in OnDone], help="at the goal (default: zero)"
+    )
+    parser.add_argument(
+        "--exit-when-done", action="store_true", default=None, help="end when the flight is over"
+    )
+    parser.add_argument(
+        "--runtime-dir", type=Path, metavar="DIR", help="keep sockets and logs here"
+    )
+    parser.add_argument(
+        "--json-log", action="store_true", help="print the gate's log as JSON lines"
+    )
+    return parser
+
+
+def _fly(words: Sequence[str]) -> int:
+    arguments = _flight_parser().parse_args(words)
+    config = _settings(
+        arguments,
+        {
+            "gate.engage": arguments.engage,
+            "gate.on_done": arguments.on_done,
+            "gate.exit_when_done": arguments.exit_when_done,
+            "vehicle.mavlink": arguments.mavlink,
+            "flow.model": arguments.model,
+            "camera.horizontal_fov_deg": arguments.camera_fov,
+        },
+    )
+    config, goal = _resolve(config, arguments.goal)
+    _check_model(config)
+    if config.gate.command_key_file:
+        load_key(Path(config.gate.command_key_file))
+    with _runtime(arguments.runtime_dir) as runtime:
+        furnish(runtime, config, goal)
+        return fly(runtime, Programs(), _display(runtime, as_json=arguments.json_log))
+
+
+def _resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]:
+    """Settings with all that is known of the camera, and the goal, checked against it."""
+    image, sidecar = read_picture(picture), read_sidecar(picture)
+    height, width = image.shape[:2]
+    config, camera = config.with_camera((width, height), sidecar)
+    if sidecar is None:
+        sidecar = GoalSidecar(camera, mount=config.camera.mount or Mount())
+    return config, checked_goal(picture, image, sidecar)
+
+
+def _check_model(config: ServiceConfig) -> None:
+    """Load the model once, so that what is wrong with it is said before anything starts."""
+    # ONNX Runtime is needed here alone, and takes its time to load.
+    from dfvs_service.models.catalog import load_matcher
+
+    load_matcher(config.flow.model, config.flow.threads, config.flow.provider)
+
+
+@contextmanager
+def _runtime(folder: Path | None) -> Iterator[RuntimeFolder]:
+    """Private runtime folder: the given one, kept, or a temporary one."""
+    if folder is None:
+        temporary = Path(tempfile.mkdtemp(prefix="dfvs-"))
+        try:
+            yield RuntimeFolder(temporary)
+        finally:
+            shutil.rmtree(temporary, ignore_errors=True)
+        return
+    try:
+        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
+        lock = (folder / "lock").open("w")
+        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except OSError as error:
+        raise ConfigError(
+            f"the runtime folder {folder} cannot be used ({error.strerror})",
+            "a writable folder that no other service uses",
+        ) from error
+    with lock:
+        yield RuntimeFolder(folder)
+
+
+def _display(runtime: RuntimeFolder, *, as_json: bool) -> Display:
+    if as_json:
+        return JsonLines(runtime.gate_log, sys.stdout)
+    if sys.stderr.isatty():
+        return LiveLine(sys.stderr, shutil.get_terminal_size().columns)
+    return ChangeLines(sys.stderr)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

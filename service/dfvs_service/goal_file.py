@@ -1,0 +1,87 @@
+"""Reading a goal: the picture, and the sidecar beside it that says how it was taken."""
+
+from __future__ import annotations
+
+from pathlib import Path
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.errors import ConfigError, DfvsError, ImageError
+from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.wire.picture import MAX_PICTURE_BYTES, decode_picture
+
+
+def read_picture(path: Path) -> ImageArray:
+    """Read a PNG or JPEG file to (H, W, 3) uint8 RGB.
+
+    Raises
+    ------
+    ImageError
+        If the file is missing, too large, or not a picture.
+    """
+    try:
+        with path.open("rb") as file:
+            data = file.read(MAX_PICTURE_BYTES + 1)
+    except OSError as error:
+        raise ImageError(
+            f"cannot read the goal picture {path} ({error.strerror})", "a PNG or JPEG file"
+        ) from error
+    try:
+        return decode_picture(data)
+    except ImageError as error:
+        raise ImageError(f"the goal picture {path} cannot be used: {error}") from error
+
+
+def read_sidecar(picture: Path) -> GoalSidecar | None:
+    """Sidecar of a goal picture: the same name with ``.json``; None where there is none.
+
+    Raises
+    ------
+    ConfigError
+        If it is there but does not follow the format.
+    """
+    path = picture.with_suffix(".json")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot read the goal's sidecar {path} ({error})") from error
+    try:
+        return GoalSidecar.from_json(text)
+    except DfvsError as error:
+        raise ConfigError(f"the goal's sidecar {path} cannot be used: {error}") from error
+
+
+def load_goal(picture: Path) -> Goal:
+    """Goal from a picture with a sidecar beside it, of the same size.
+
+    Raises
+    ------
+    ImageError
+        If the picture cannot be read or has another size than its sidecar says.
+    ConfigError
+        If there is no sidecar or it cannot be used.
+    """
+    sidecar = read_sidecar(picture)
+    if sidecar is None:
+        raise ConfigError(f"{picture} has no sidecar", f"{picture.with_suffix('.json')}")
+    return checked_goal(picture, read_picture(picture), sidecar)
+
+
+def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
+    """Goal, after it was found that the picture has the size of its camera.
+
+    Raises
+    ------
+    ImageError
+        If it has not.
+    """
+    height, width = image.shape[:2]
+    camera = sidecar.camera
+    if (width, height) != camera.size:
+        raise ImageError(
+            f"the goal picture {path} has {width} x {height} px",
+            f"{camera.width} x {camera.height} px, the size of its camera",
+            "take the goal with the camera that flies, or correct the camera's settings",
+        )
+    return Goal(image, sidecar)

@@ -1,0 +1,73 @@
+"""``dfvs-service command``: sends a signed order over Zenoh and waits for what becomes of it."""
+
+from __future__ import annotations
+
+import json
+import queue
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import zenoh
+
+from dfvs_core.errors import DfvsError
+from dfvs_core.gate.events import Action
+from dfvs_core.topics import Topics
+from dfvs_core.wire.command import encode_command
+from dfvs_service.config import ServiceConfig, ZenohSection
+from dfvs_service.zenoh_session import open_session
+
+
+class OrderError(DfvsError):
+    """An order that could not be given, or was not answered."""
+
+
+def operators_zenoh(service: ZenohSection) -> ZenohSection:
+    """Settings with which an operator reaches the service: its router, or the service itself."""
+    endpoints = service.connect if service.mode == "client" else service.listen
+    return ZenohSection("client", endpoints, (), service.allow_plaintext)
+
+
+def give_order(config: ServiceConfig, key: bytes, action: Action, timeout_s: float) -> str:
+    """Sign an order with the service's present challenge, send it, and return the service's word.
+
+    Raises
+    ------
+    OrderError
+        If no service is heard, it accepts no orders, or it does not answer.
+    """
+    topics = Topics(config.vehicle.name)
+    states: queue.Queue[Mapping[str, Any]] = queue.Queue()
+
+    def on_state(sample: zenoh.Sample) -> None:
+        states.put(json.loads(sample.payload.to_bytes()))
+
+    with open_session(operators_zenoh(config.zenoh)) as session:
+        # Closing the session ends the subscription; the reference keeps it until then.
+        _subscriber = session.declare_subscriber(topics.telemetry("state"), on_state)
+        state = _next_state(states, time.monotonic() + timeout_s, topics)
+        challenge, count = str(state.get("challenge", "")), int(state.get("command_count", 0))
+        if not challenge:
+            raise OrderError(
+                f"the service of {config.vehicle.name!r} accepts no commands",
+                "one that was started with gate.command_key_file",
+            )
+        order = encode_command(key, config.vehicle.name, action, challenge)
+        session.put(topics.command, order, congestion_control=zenoh.CongestionControl.DROP)
+        deadline = time.monotonic() + timeout_s
+        while int(state.get("command_count", 0)) == count:
+            state = _next_state(states, deadline, topics)
+    return str(state.get("command_result", ""))
+
+
+def _next_state(
+    states: queue.Queue[Mapping[str, Any]], deadline: float, topics: Topics
+) -> Mapping[str, Any]:
+    try:
+        return states.get(timeout=max(deadline - time.monotonic(), 0.0))
+    except queue.Empty:
+        raise OrderError(
+            f"no answer on {topics.telemetry('state')}",
+            "a running service",
+            "check --vehicle and the zenoh section of --config",
+        ) from None
