@@ -18,6 +18,7 @@ from dfvs_core.correspondence import FlowField
 from dfvs_core.depth.keyframes import choose_earlier
 from dfvs_core.goal import Goal
 from dfvs_core.matching.matcher import Matcher, Prepared
+from dfvs_core.poses import invert_pose
 from dfvs_core.servo.exchange import (
     Attitude,
     EarlierMatch,
@@ -26,13 +27,17 @@ from dfvs_core.servo.exchange import (
     ServoState,
     Verdict,
 )
-from dfvs_core.servo.step import servo_step
+from dfvs_core.servo.step import observe_depth, servo_step
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
 from dfvs_core.wire.link import PerceptionReport
 
 KEPT_FRAMES = 24
+STAGES = ("prepare", "match", "servo")
+DEPTH_PERIOD_NS = 200_000_000
+"""Depth changes slowly: it is measured five times a second at most."""
+
 UNKNOWN_ERROR = 1e6
 """Stands for an error that could not be estimated: the wire carries finite numbers only."""
 
@@ -41,6 +46,7 @@ UNKNOWN_ERROR = 1e6
 class KeptFrame:
     """An earlier frame, ready to be matched, and where its camera was."""
 
+    t_capture_ns: int
     prepared: Prepared
     T_world_camera: FloatArray
 
@@ -49,7 +55,7 @@ class KeptFrame:
 class FrameOutcome:
     """What one frame gave.
 
-    ``stages_ns`` holds the time each stage took: prepare, match, depth_match, servo.
+    ``stages_ns`` holds the time that each of ``STAGES`` took.
     """
 
     report: PerceptionReport
@@ -85,6 +91,7 @@ class Pipeline:
         self._state = ServoState()
         self._last_flow: FlowField | None = None
         self._depth_m = task.config.constant_depth_m
+        self._digested_ns = 0
 
     def process(self, frame: Frame, motion: Motion, engaged: bool) -> FrameOutcome:
         """Work on one frame.
@@ -104,10 +111,11 @@ class Pipeline:
         marks.append(self._tick())
         flow = self._matcher.match(prepared, self._goal, self._last_flow)
         marks.append(self._tick())
-        earlier = self._match_earlier(prepared, T_world_camera)
-        marks.append(self._tick())
+        earlier = None
+        if self._task.config.depth == "flow" and self._kept:
+            earlier = self._compare(prepared, T_world_camera, len(self._kept) - 1)
         inputs = ServoInputs(
-            now_ns=marks[-1],
+            now_ns=self._tick(),
             t_capture_ns=frame.t_capture_ns,
             flow=flow,
             velocity=motion.level_velocity(),
@@ -118,23 +126,35 @@ class Pipeline:
         )
         result, self._state = servo_step(self._task, self._state, inputs)
         marks.append(self._tick())
-        self._remember(prepared, T_world_camera, flow, result)
-        names = ("prepare", "match", "depth_match", "servo")
-        stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(names)}
+        self._remember(frame, prepared, T_world_camera, flow, result)
+        stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
         return FrameOutcome(make_report(self._task, frame, result), result, flow, stages)
 
-    def _match_earlier(self, prepared: Prepared, T_world_camera: FloatArray) -> EarlierMatch | None:
-        """Match with an earlier frame where the depth source asks for one."""
-        if self._task.config.depth not in ("motion", "flow") or not self._kept:
-            return None
+    def digest(self) -> int:
+        """Compare the last frame with an earlier one to learn about depth; time taken, ns.
+
+        To be called once a frame's report is on its way. Most calls do nothing: a comparison is
+        made a few times a second, and only where the camera has moved far enough.
+        """
+        start_ns = self._tick()
+        if self._task.config.depth != "motion" or not self._kept:
+            return 0
+        last = self._kept[-1]
+        if last.t_capture_ns - self._digested_ns < DEPTH_PERIOD_NS:
+            return 0
         poses = [kept.T_world_camera for kept in self._kept]
-        chosen: int | None = len(poses) - 1
-        if self._task.config.depth == "motion":
-            chosen = choose_earlier(poses, T_world_camera, self._depth_m)
+        chosen = choose_earlier(poses[:-1], last.T_world_camera, self._depth_m)
         if chosen is None:
-            return None
-        kept = self._kept[chosen]
-        T_earlier_current = np.linalg.inv(kept.T_world_camera) @ T_world_camera
+            return 0
+        self._digested_ns = last.t_capture_ns
+        match = self._compare(last.prepared, last.T_world_camera, chosen)
+        self._state = observe_depth(self._task, self._state, match)
+        return self._tick() - start_ns
+
+    def _compare(self, prepared: Prepared, T_world_camera: FloatArray, index: int) -> EarlierMatch:
+        """Match a frame with one of those kept."""
+        kept = self._kept[index]
+        T_earlier_current = invert_pose(kept.T_world_camera) @ T_world_camera
         return EarlierMatch(self._matcher.match(prepared, kept.prepared), T_earlier_current)
 
     def _camera_motion(self, T_world_camera: FloatArray) -> tuple[float, float, float]:
@@ -146,9 +166,14 @@ class Pipeline:
         return float(x), float(y), float(z)
 
     def _remember(
-        self, prepared: Prepared, T_world_camera: FloatArray, flow: FlowField, result: ServoResult
+        self,
+        frame: Frame,
+        prepared: Prepared,
+        T_world_camera: FloatArray,
+        flow: FlowField,
+        result: ServoResult,
     ) -> None:
-        self._kept.append(KeptFrame(prepared, T_world_camera))
+        self._kept.append(KeptFrame(frame.t_capture_ns, prepared, T_world_camera))
         good = result.verdict in (Verdict.OK, Verdict.STUCK)
         self._last_flow = flow if good else None
         if result.depth_m > 0:

@@ -7,11 +7,11 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_core.correspondence import DepthMap
-from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState
+from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState, Memoryless
 
 
 @dataclass(frozen=True, slots=True)
-class FlowDepth:
+class FlowDepth(Memoryless):
     """``z = alpha / |flow(t, t-1)|`` (DFVS II-B.2), in normalised units, bounded.
 
     Flow caused by turning counts as if it came from moving, which is what makes it wrong for

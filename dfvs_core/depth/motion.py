@@ -52,15 +52,22 @@ class MotionDepth:
         self, inputs: DepthInputs, state: DepthState | None
     ) -> tuple[DepthMap, DepthState | None]:
         """Depth on the grid: predict, measure, fuse, fill."""
-        state = self._predict(inputs, state)
+        state = self._predict(inputs, self._memory(inputs.xy, state))
         if inputs.earlier is not None:
-            state = self._fuse(state, *self._measure(inputs.xy, inputs.earlier))
+            state = self.observe(inputs.xy, inputs.earlier, state)
         return self._fill(state), state
 
-    def _predict(self, inputs: DepthInputs, state: DepthState | None) -> DepthState:
-        shape = inputs.xy.shape[:2]
-        if state is None or state.rho.shape != shape:
-            return DepthState(np.full(shape, 1.0 / self.prior_m), np.full(shape, _UNKNOWN_VARIANCE))
+    def observe(self, xy: FloatArray, earlier: EarlierView, state: DepthState | None) -> DepthState:
+        """Measure against an earlier frame, and fuse."""
+        return self._fuse(self._memory(xy, state), *self._measure(xy, earlier))
+
+    def _memory(self, xy: FloatArray, state: DepthState | None) -> DepthState:
+        shape = xy.shape[:2]
+        if state is not None and state.rho.shape == shape:
+            return state
+        return DepthState(np.full(shape, 1.0 / self.prior_m), np.full(shape, _UNKNOWN_VARIANCE))
+
+    def _predict(self, inputs: DepthInputs, state: DepthState) -> DepthState:
         # Going forward brings the scene nearer; the rest of the motion shifts it over the grid.
         shrink = np.clip(1.0 - state.rho * inputs.motion_m[2], 0.5, 2.0)
         moved_m = float(np.linalg.norm(inputs.motion_m))

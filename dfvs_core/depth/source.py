@@ -73,9 +73,25 @@ class DepthSource(Protocol):
         """Depth on the grid, and the memory for the next frame."""
         ...
 
+    def observe(
+        self, xy: FloatArray, earlier: EarlierView, state: DepthState | None
+    ) -> DepthState | None:
+        """Memory after a comparison of the frame that was estimated last with an earlier one."""
+        ...
+
+
+class Memoryless:
+    """A source that knows nothing from one frame to the next."""
+
+    def observe(
+        self, xy: FloatArray, earlier: EarlierView, state: DepthState | None
+    ) -> DepthState | None:
+        """Learn nothing."""
+        return state
+
 
 @dataclass(frozen=True, slots=True)
-class GivenDepth:
+class GivenDepth(Memoryless):
     """Depth measured elsewhere: a sensor, the simulator's truth, a depth network."""
 
     def estimate(
@@ -94,7 +110,7 @@ class GivenDepth:
 
 
 @dataclass(frozen=True, slots=True)
-class ConstantDepth:
+class ConstantDepth(Memoryless):
     """The same depth everywhere: crude, yet a sound last resort."""
 
     z_m: float = 3.0

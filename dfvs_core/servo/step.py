@@ -147,6 +147,19 @@ def _feature_error_px(task: ServoTask, points: ServoPoints) -> float:
     return weighted_median(lengths, points.weight) * task.camera.fx
 
 
+def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> ServoState:
+    """Learn about depth from the frame of the last ``servo_step`` and an earlier one.
+
+    A comparison costs as much as the match with the goal; done after the velocity was sent, it
+    serves the frames to come and delays none.
+    """
+    samples = sample_grid(match.flow, task.config.stride_px)
+    xy = task.camera.normalise(samples.pixels)
+    source = depth_source(task.config, task.camera)
+    depth = source.observe(xy, _earlier_view(task, match), state.depth)
+    return ServoState(depth, state.T_current_goal, state.stop)
+
+
 def _estimate_depth(
     task: ServoTask, state: ServoState, inputs: ServoInputs, samples: GridSamples
 ) -> tuple[FloatArray, DepthState | None]:
@@ -154,7 +167,7 @@ def _estimate_depth(
     xy = task.camera.normalise(samples.pixels)
     depth_inputs = DepthInputs(
         xy=xy,
-        earlier=_earlier_view(task, inputs.earlier),
+        earlier=None if inputs.earlier is None else _earlier_view(task, inputs.earlier),
         motion_m=inputs.motion_m,
         given=_on_grid(inputs.given_depth, task.config.stride_px),
     )
@@ -162,9 +175,7 @@ def _estimate_depth(
     return depth.z_m.astype(np.float64), memory
 
 
-def _earlier_view(task: ServoTask, match: EarlierMatch | None) -> EarlierView | None:
-    if match is None:
-        return None
+def _earlier_view(task: ServoTask, match: EarlierMatch) -> EarlierView:
     samples = sample_grid(match.flow, task.config.stride_px)
     xy = task.camera.normalise(samples.pixels + samples.flow)
     return EarlierView(xy, samples.confidence, match.T_earlier_current)

@@ -100,6 +100,10 @@ class Eye:
         }
         return Glance(outcome.report, frame, outcome, stages)
 
+    def digest(self) -> int:
+        """Learn from the last frame what may wait until its report was sent; time taken, ns."""
+        return self._pipeline.digest()
+
     def _refuse(self, seq: int, t_capture_ns: int, reason: str) -> Glance:
         self.refused += 1
         return Glance(unhealthy_report(seq, max(t_capture_ns, 0), reason))

@@ -142,6 +142,7 @@ class PerceptionProcess:
             glance = self._eye.look(sample)
             self._send(glance.report)
             self._tell(telemetry, glance)
+            self._latency.add({"depth": self._eye.digest()})
         self._publish_state(telemetry)
 
     def _heed_gate(self) -> None:
