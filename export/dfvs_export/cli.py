@@ -13,6 +13,9 @@ _EXAMPLES = """examples:
   dfvs-export sheet --seed 3 --out sheet.png
   dfvs-export train flow --minutes 60 --out runs/flow
   dfvs-export train flow --resume runs/flow/last.pt --size 320x240 --minutes 60 --out runs/fine
+  dfvs-export flow --model dfvs-flow --checkpoint runs/fine/best.pt --size 320x240 --out bundle
+  dfvs-export check bundle --checkpoint runs/fine/best.pt --pairs pairs.npz
+  dfvs-export bench bundle other-bundle --size 320x240 --threads 2 --json bench.json
 """
 
 
@@ -58,6 +61,9 @@ def _parser() -> argparse.ArgumentParser:
     _add_sheet(commands)
     train = commands.add_parser("train", help="train a network of our own")
     _add_train_flow(train.add_subparsers(required=True, metavar="NETWORK"))
+    _add_flow(commands)
+    _add_check(commands)
+    _add_bench(commands)
     return parser
 
 
@@ -125,6 +131,56 @@ def _run_train_flow(arguments: argparse.Namespace) -> int:
     path = train_flow(settings, arguments.resume, lambda line: print(line, flush=True))
     print(f"wrote {path}")
     return 0
+
+
+def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    flow = commands.add_parser("flow", help="make a bundle of a flow network")
+    flow.add_argument("--model", default="dfvs-flow")
+    flow.add_argument("--checkpoint", type=Path, metavar="FILE.pt")
+    flow.add_argument("--size", default="320x240", metavar="WxH")
+    flow.add_argument("--precision", choices=("fp32", "int8"), default="fp32")
+    flow.add_argument("--calibration-pairs", type=int, default=24, help="for int8")
+    flow.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
+    flow.add_argument("--out", type=Path, required=True, metavar="FOLDER")
+    flow.set_defaults(run=_run_flow)
+
+
+def _run_flow(arguments: argparse.Namespace) -> int:
+    from dfvs_export.commands import run_flow
+
+    return run_flow(arguments, parse_size(arguments.size))
+
+
+def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    check = commands.add_parser("check", help="check a bundle's files, operators and accuracy")
+    check.add_argument("bundle", type=Path)
+    check.add_argument("--checkpoint", type=Path, help="compare with torch on drawn pairs")
+    check.add_argument("--count", type=int, default=4, help="pairs to compare on")
+    check.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
+    check.add_argument("--json", action="store_true", help="print one line of JSON")
+    check.set_defaults(run=_run_check)
+
+
+def _run_check(arguments: argparse.Namespace) -> int:
+    from dfvs_export.commands import run_check
+
+    return run_check(arguments)
+
+
+def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    bench = commands.add_parser("bench", help="time bundles side by side")
+    bench.add_argument("bundles", type=Path, nargs="+", metavar="BUNDLE")
+    bench.add_argument("--size", default="320x240", metavar="WxH")
+    bench.add_argument("--threads", type=int, default=2)
+    bench.add_argument("--runs", type=int, default=30)
+    bench.add_argument("--json", type=Path, metavar="FILE")
+    bench.set_defaults(run=_run_bench)
+
+
+def _run_bench(arguments: argparse.Namespace) -> int:
+    from dfvs_export.commands import run_bench
+
+    return run_bench(arguments, parse_size(arguments.size))
 
 
 if __name__ == "__main__":

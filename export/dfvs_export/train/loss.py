@@ -80,17 +80,18 @@ def matching_loss(similarity: Tensor, truth: Truth) -> Tensor:
     ty = (y + truth.flow[:, 1] / 8.0).flatten(1)
     inside = (tx > -0.5) & (tx < w - 0.5) & (ty > -0.5) & (ty < h - 0.5)
     valid = (truth.visible.flatten(1) > 0) & inside
-    rows = torch.logsumexp(similarity, dim=2, keepdim=True)
-    columns = torch.logsumexp(similarity, dim=1, keepdim=True)
-    log_shared = 2.0 * similarity - rows - columns
     x0, y0 = tx.floor(), ty.floor()
-    loss = torch.zeros_like(tx)
+    cells, weights = [], []
     for dx in (0, 1):
         for dy in (0, 1):
-            weight = (1.0 - (tx - x0 - dx).abs()) * (1.0 - (ty - y0 - dy).abs())
-            cell = (y0 + dy).clamp(0, h - 1) * w + (x0 + dx).clamp(0, w - 1)
-            picked = log_shared.gather(2, cell.long().unsqueeze(2)).squeeze(2)
-            loss = loss - weight * picked
+            weights.append((1.0 - (tx - x0 - dx).abs()) * (1.0 - (ty - y0 - dy).abs()))
+            cells.append((y0 + dy).clamp(0, h - 1) * w + (x0 + dx).clamp(0, w - 1))
+    cell = torch.stack(cells, 2).long()  # (N, h w, 4)
+    rows = torch.logsumexp(similarity, dim=2, keepdim=True)
+    columns = torch.logsumexp(similarity, dim=1)
+    column = columns.gather(1, cell.flatten(1)).reshape(cell.shape)
+    log_shared = 2.0 * similarity.gather(2, cell) - rows - column
+    loss = -(torch.stack(weights, 2) * log_shared).sum(2)
     return (loss * valid).sum() / valid.sum().clamp(min=1)
 
 

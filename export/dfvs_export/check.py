@@ -1,0 +1,109 @@
+"""Checking a bundle: files and operators, torch against ONNX Runtime, accuracy."""
+
+from __future__ import annotations
+
+import io
+from collections import Counter
+from collections.abc import Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import onnx
+import torch
+from numpy.typing import NDArray
+
+from dfvs_core.correspondence import FlowField
+from dfvs_core.errors import ModelError
+from dfvs_core.matching.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
+from dfvs_export.data.pairs import PairSettings, make_pair
+from dfvs_export.data.shards import TEXTURES_PER_SHARD
+from dfvs_export.data.textures import make_texture_bank
+from dfvs_export.networks.dfvs_flow import DfvsFlow
+from dfvs_export.running import FlowRunner
+from dfvs_export.train.validation import read_pairs
+
+ImagePair = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+
+
+@dataclass(frozen=True, slots=True)
+class Parity:
+    """Differences of flow between torch and ONNX Runtime over some pairs, px."""
+
+    greatest_px: float
+    mean_px: float
+    pairs: int
+
+
+def drawn_pairs(size: tuple[int, int], count: int, seed: int) -> list[ImagePair]:
+    """Draw pairs (H, W, 3) uint8 from the training generator, for calibration and parity."""
+    g = torch.Generator().manual_seed(seed)
+    bank = make_texture_bank(TEXTURES_PER_SHARD, g)
+    drawn = [make_pair(bank, PairSettings(*size), g) for _ in range(count)]
+    return [(_to_uint8(p.image_a), _to_uint8(p.image_b)) for p in drawn]
+
+
+def _to_uint8(image: torch.Tensor) -> NDArray[np.uint8]:
+    return np.asarray((image.clamp(0.0, 1.0) * 255.0).round().to(torch.uint8).numpy())
+
+
+def operators(contents: dict[str, bytes]) -> Counter[str]:
+    """Count the operators of all ONNX files.
+
+    Raises
+    ------
+    ModelError
+        If a file is not valid ONNX, or uses operators outside ONNX's own.
+    """
+    counts: Counter[str] = Counter()
+    for name, data in contents.items():
+        if not name.endswith(".onnx"):
+            continue
+        model = onnx.load_model(io.BytesIO(data))
+        try:
+            onnx.checker.check_model(model)
+        except onnx.checker.ValidationError as error:
+            raise ModelError(f"{name} is not valid ONNX: {error}") from error
+        foreign = {node.domain for node in model.graph.node} - {"", "ai.onnx"}
+        if foreign:
+            raise ModelError(f"{name} uses operators of {sorted(foreign)}", "ONNX's own only")
+        counts.update(node.op_type for node in model.graph.node)
+    return counts
+
+
+def parity(network: DfvsFlow, runner: FlowRunner, pairs: Iterable[ImagePair]) -> Parity:
+    """Compare torch with ONNX Runtime on pairs of the bundle's size."""
+    greatest, means = 0.0, []
+    for first, second in pairs:
+        field = runner.match(runner.encode(first), runner.encode(second))
+        with torch.no_grad():
+            features = [
+                network.encode(torch.from_numpy(runner.tensor(image))) for image in (first, second)
+            ]
+            flow = network.match(features[0], features[1]).flow[0].permute(1, 2, 0).numpy()
+        difference = np.abs(flow - field.flow)
+        greatest = max(greatest, float(difference.max()))
+        means.append(float(difference.mean()))
+    return Parity(greatest, float(np.mean(means)), len(means))
+
+
+def accuracy(runner: FlowRunner, path: Path) -> dict[str, LevelScore]:
+    """Score a bundle on a benchmark file, by level of motion."""
+    found: dict[str, list[PairScore]] = {}
+    for first, second, flow, visible, level in read_pairs(path):
+        field: FlowField = runner.match(
+            runner.encode(first.astype(np.uint8)), runner.encode(second.astype(np.uint8))
+        )
+        score = score_pair(field, flow.astype(np.float32), visible.astype(np.bool_))
+        found.setdefault(LEVELS[int(level)], []).append(score)
+    return {name: summarise(found[name]) for name in LEVELS if name in found}
+
+
+def accuracy_figures(scores: dict[str, LevelScore]) -> dict[str, float]:
+    """Return the figures that a manifest keeps."""
+    figures = {}
+    for level, score in scores.items():
+        figures[f"{level}_epe_px"] = round(score.epe_px, 3)
+        figures[f"{level}_under_3px"] = round(score.under_3px, 4)
+        figures[f"{level}_sure_half_epe_px"] = round(score.sure_half_epe_px, 3)
+    return figures
