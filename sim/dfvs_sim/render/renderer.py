@@ -78,21 +78,30 @@ class Renderer:
         T_world_camera = check_pose(T_world_camera, "T_world_camera")
         return self._render_pinhole(camera, T_world_camera, antialias)
 
+    def depth(self, camera: CameraModel, T_world_camera: FloatArray) -> Float32Array:
+        """Depth (H, W) m along the optical axis of a pinhole camera, as in ``View``; no colour.
+
+        Raises
+        ------
+        GeometryError
+            If the pose is not a rigid motion.
+        """
+        pose = check_pose(T_world_camera, "T_world_camera")
+        _, inverse_depth, ids = self._draw(camera, pose)
+        return _depth(inverse_depth, ids)
+
     def _render_pinhole(
         self, camera: CameraModel, T_world_camera: FloatArray, antialias: bool
     ) -> View:
         clip, inverse_depth, ids = self._draw(camera, T_world_camera)
-        with np.errstate(divide="ignore"):
-            depth = np.where(ids >= 0, 1.0 / inverse_depth, 0.0).astype(np.float32)
+        depth = _depth(inverse_depth, ids)
         image = np.empty((camera.height, camera.width, 3), np.uint8)
         if antialias:
             fine = camera.scaled(2 * camera.width, 2 * camera.height)
             _, _, ids = self._draw(fine, T_world_camera)
-            surface = self._surface(clip, ids)
-            shade_antialiased(surface, self._pack, ids, self._colours, image)
-        else:
-            surface = self._surface(clip, ids)
-            shade(surface, self._pack, ids, self._colours, image)
+        surface = self._surface(clip, ids)
+        paint = shade_antialiased if antialias else shade
+        paint(surface, self._pack, ids, self._colours, image)
         return View(image, depth)
 
     def _surface(self, clip: FloatArray, ids: Int32Array) -> tuple[FloatArray, Int32Array]:
@@ -135,3 +144,10 @@ class Renderer:
         distance = np.linalg.norm(nearest - eye, axis=1)
         order = np.argsort(distance, kind="stable")
         return np.ascontiguousarray(c.ranges[visible][order])
+
+
+def _depth(inverse_depth: FloatArray, ids: Int32Array) -> Float32Array:
+    """Depth (H, W) m from the z-buffer; 0 where no triangle is."""
+    depth = np.zeros(ids.shape)
+    np.divide(1.0, inverse_depth, out=depth, where=ids >= 0)
+    return depth.astype(np.float32)
