@@ -82,7 +82,9 @@ def _track(
     current: ClassicalPicture, other: ClassicalPicture, guess: FlowField
 ) -> FlowField | None:
     """Refine the flow of the frame before, or None where that does not hold any more."""
-    field = _refit(current, other, guess) if guess.confidence.shape == current.size else None
+    if guess.confidence.shape != current.size or not guess.is_finite():
+        return None
+    field = _refit(current, other, guess)
     needed = max(_LEAST_SHARE, _KEPT_SHARE * min(sure_share(guess), _COMMON_SHARE))
     return field if field is not None and sure_share(field) >= needed else None
 

@@ -28,6 +28,7 @@ _FIRST_SCALE_PX = 40.0
 _NOISE_PX = 2.0
 _PERSPECTIVE_PER_UNIT = 0.15
 _STRETCH = 0.3
+_IDENTITY = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
 @dataclass(frozen=True, slots=True)
@@ -59,7 +60,7 @@ def fit_motion(matches: Matches, size: tuple[int, int]) -> SmoothMotion:
 
     Iteratively reweighted least squares from a wide scale to a narrow one: no random sampling,
     so the same matches give the same motion. Needs one match or more; few matches give a
-    motion close to a similarity.
+    similarity, one alone a shift.
     """
     homography = _fit_homography(matches, size)
     rest = matches.other - _apply(homography, matches.current)
@@ -95,13 +96,14 @@ def _fit_homography(matches: Matches, size: tuple[int, int]) -> FloatArray:
     rows_u = np.stack([x, y, one, nil, nil, nil, -u * x, -u * y], axis=1)
     rows_v = np.stack([nil, nil, nil, x, y, one, -v * x, -v * y], axis=1)
     prior = _homography_prior(unit)
+    pull = prior @ _IDENTITY
     weight: FloatArray = one
     H: FloatArray = np.eye(3)
     for k in range(_HOMOGRAPHY_ROUNDS):
         depth = np.maximum(H[2, 0] * x + H[2, 1] * y + 1.0, 0.2)
         w = (weight / depth**2)[:, None]
         normal = (rows_u * w).T @ rows_u + (rows_v * w).T @ rows_v + prior
-        h = np.linalg.solve(normal, (rows_u * w).T @ u + (rows_v * w).T @ v)
+        h = np.linalg.solve(normal, (rows_u * w).T @ u + (rows_v * w).T @ v + pull)
         H = np.append(h, 1.0).reshape(3, 3)
         depth = np.maximum(H[2, 0] * x + H[2, 1] * y + 1.0, 0.2)
         miss_px = unit * np.hypot(rows_u @ h - u, rows_v @ h - v) / depth
@@ -111,9 +113,14 @@ def _fit_homography(matches: Matches, size: tuple[int, int]) -> FloatArray:
 
 
 def _homography_prior(unit: float) -> FloatArray:
-    """Normal matrix (8, 8) of the prior on a homography's entries, in units of ``unit`` px."""
+    """Normal matrix (8, 8) of the pull of a homography's entries to the identity's.
+
+    Entries are in units of ``unit`` px. The pull on scale and angle is next to nothing, that on
+    the shift nearer still.
+    """
     noise = _NOISE_PX / unit
-    prior = 1e-8 * np.eye(8)
+    prior = 1e-6 * np.eye(8)
+    prior[2, 2] = prior[5, 5] = 1e-9
     prior[6, 6] = prior[7, 7] = (noise / _PERSPECTIVE_PER_UNIT) ** 2
     stretch = np.zeros((2, 8))
     stretch[0, [0, 4]] = 1.0, -1.0
