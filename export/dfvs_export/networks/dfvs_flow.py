@@ -26,6 +26,7 @@ from torch.nn import functional
 
 _RIDGE = 0.02
 """Mean sureness in a window below which its correction is held back."""
+_MAX_SCALE = 40.0
 _SLOPE_RIDGE = 4e-5
 """The same for slopes: 0.02 matches that spread over some 5 % of the image."""
 
@@ -57,6 +58,15 @@ class Features:
 
 
 @dataclass(frozen=True, slots=True)
+class Look:
+    """A look-up: scaled similarities (N, K, h, w), the flow (N, 2, h, w) around it, px per cell."""
+
+    seen: Tensor
+    flow: Tensor
+    stride: int
+
+
+@dataclass(frozen=True, slots=True)
 class Match:
     """What ``match`` finds.
 
@@ -68,6 +78,8 @@ class Match:
         Logits: the point is visible in the second image too; the flow is good to about 2 px.
     stages : tuple of (N, 2, h, w)
         Flow after every stage, for training.
+    looks : tuple of Look
+        Every look-up, for training.
     similarity : (N, h8 w8, h8 w8)
         Scaled cosine similarity of all pairs of cells, for training.
     """
@@ -76,6 +88,7 @@ class Match:
     seen: Tensor
     sure: Tensor
     stages: tuple[Tensor, ...]
+    looks: tuple[Look, ...]
     similarity: Tensor
 
 
@@ -394,44 +407,73 @@ def _solve_at_centre(moments: Tensor, right: Tensor) -> Tensor:
     return (top / bottom.clamp(min=1e-4)).unsqueeze(1)
 
 
-class _Update8(nn.Module):
-    """One recurrent update at 1/8; hidden state (N, 64, h8, w8)."""
+class _Update(nn.Module):
+    """One recurrent update; hidden state (N, C, h, w).
 
-    def __init__(self, a: FlowArchitecture) -> None:
+    A softmax over the looked-up similarities proposes a step of its own, right from the start of
+    the training; what is learned is how far to trust it, and what to add.
+
+    Parameters
+    ----------
+    channels : int
+        Width C of the hidden state.
+    context : int
+        Channels that the hidden state starts from.
+    cues : int
+        Channels of motion cues besides the similarities.
+    radius, stride : int
+        Of the look-up, in cells, and px per cell.
+    """
+
+    offsets: Tensor
+
+    def __init__(self, channels: int, context: int, cues: int, radius: int, stride: int) -> None:
         super().__init__()
-        c = a.hidden8
-        self.start = nn.Conv2d(a.width16, c, 1)
-        self.look = nn.Conv2d(49 + 5, c, 1)
+        c = channels
+        looked = (2 * radius + 1) ** 2
+        self.stride = stride
+        self.start = nn.Conv2d(context, c, 1)
+        self.look = nn.Conv2d(looked + 2 + cues, c, 1)
         self.mix = nn.Conv2d(2 * c, c, 3, padding=1)
         self.step = nn.Conv2d(c, c, 3, padding=1)
-        self.flow = nn.Conv2d(c, 2, 3, padding=1)
+        self.flow = nn.Conv2d(c, 3, 3, padding=1)
+        nn.init.normal_(self.flow.weight, std=1e-3)
+        nn.init.constant_(self.flow.bias, 0.0)  # type: ignore[arg-type]
+        step = torch.arange(-radius, radius + 1, dtype=torch.float32) * stride
+        side = len(step)
+        kernel = torch.stack([torch.ones(looked), step.repeat(side), step.repeat_interleave(side)])
+        self.register_buffer("offsets", kernel.reshape(3, looked, 1, 1), persistent=False)
 
-    def forward(self, hidden: Tensor, seen: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
-        """Hidden state, correlations (N, 49, ...) and motion cues (N, 5, ...) to the next."""
-        x = functional.relu(self.look(torch.cat([seen, motion], 1)))
+    def forward(
+        self, hidden: Tensor, seen: Tensor, highest: Tensor, motion: Tensor
+    ) -> tuple[Tensor, Tensor]:
+        """Take the next step.
+
+        Parameters
+        ----------
+        hidden : (N, C, h, w)
+            State.
+        seen : (N, (2 radius + 1)^2, h, w) float32
+            Scaled similarities around the present estimate.
+        highest : scalar
+            Bound of their values.
+        motion : (N, cues, h, w)
+            Motion cues.
+
+        Returns
+        -------
+        tuple of Tensor
+            State, and flow to add (N, 2, h, w) px.
+        """
+        likely = torch.exp(seen - highest)
+        sums = functional.conv2d(likely.float(), self.offsets)  # (N, 3, h, w): 1, dx, dy
+        proposed = sums[:, 1:] / (sums[:, :1] + 1e-30)
+        cues = torch.cat([seen * 0.25, proposed / self.stride, motion], 1)
+        x = functional.relu(self.look(cues))
         x = functional.relu(self.mix(torch.cat([hidden, x], 1)))
         hidden = hidden + self.step(x)
-        return hidden, 8.0 * self.flow(functional.relu(hidden)).float()
-
-
-class _Update4(nn.Module):
-    """One recurrent update at 1/4; hidden state (N, 32, h4, w4)."""
-
-    def __init__(self, a: FlowArchitecture) -> None:
-        super().__init__()
-        c = a.hidden4
-        self.start = nn.Conv2d(a.fine_channels + a.hidden8, c, 1)
-        self.look = nn.Conv2d(25 + 2, c, 1)
-        self.mix = nn.Conv2d(2 * c, c, 3, padding=1)
-        self.step = nn.Conv2d(c, c, 3, padding=1)
-        self.flow = nn.Conv2d(c, 2, 3, padding=1)
-
-    def forward(self, hidden: Tensor, seen: Tensor, motion: Tensor) -> tuple[Tensor, Tensor]:
-        """Hidden state, correlations (N, 25, ...) and motion cues (N, 2, ...) to the next."""
-        x = functional.relu(self.look(torch.cat([seen, motion], 1)))
-        x = functional.relu(self.mix(torch.cat([hidden, x], 1)))
-        hidden = hidden + self.step(x)
-        return hidden, 4.0 * self.flow(functional.relu(hidden)).float()
+        out = self.flow(functional.relu(hidden)).float()
+        return hidden, self.stride * out[:, :2] + torch.sigmoid(out[:, 2:]) * proposed
 
 
 def local_correlation(first: Tensor, second: Tensor, radius: int) -> Tensor:
@@ -444,6 +486,12 @@ def local_correlation(first: Tensor, second: Tensor, radius: int) -> Tensor:
     # a product with a row of ones: runs much faster than a mean over the channels does
     values = [mean @ product.flatten(2) for product in products]
     return torch.cat(values, 1).reshape(n, -1, h, w)
+
+
+def _unit(features: Tensor) -> Tensor:
+    """Features (N, C, h, w) of length one."""
+    features = features.float()
+    return features * (features.square().sum(1, keepdim=True) + 1e-6).rsqrt()
 
 
 def _soft(flow: Tensor, scale: float) -> Tensor:
@@ -461,13 +509,11 @@ class DfvsFlow(nn.Module):
         self.encoder = Encoder(a)
         self.distinction = _Distinction(a)
         self.log_scale = nn.Parameter(torch.tensor(math.log(12.0)))
-        self.update8 = _Update8(a)
-        self.update4 = _Update4(a)
+        self.log_scale4 = nn.Parameter(torch.tensor(math.log(8.0)))
+        self.update8 = _Update(a.hidden8, a.width16, 5, 3, 8)
+        self.update4 = _Update(a.hidden4, a.fine_channels + a.hidden8, 2, 2, 4)
         self.mask = nn.Conv2d(a.hidden4, 9 * 16, 1)
         self.judge = nn.Conv2d(a.hidden4, 2, 3, padding=1)
-        for module in (self.update8.flow, self.update4.flow):
-            nn.init.normal_(module.weight, std=1e-3)
-            nn.init.zeros_(module.bias)  # type: ignore[arg-type]
 
     def encode(self, image: Tensor) -> Features:
         """Image (N, 3, H, W) in [0, 1] to features."""
@@ -483,36 +529,41 @@ class DfvsFlow(nn.Module):
             found, sureness = best_cells(similarity.detach(), centres)
             flow = spread_affine(found, sureness, centres)
         stages = [found, flow]
+        looks: list[Look] = []
         hidden = torch.tanh(self.update8.start(a))
-        volume = similarity * (1.0 / 12.0)
         for _ in range(self.architecture.updates8):
-            seen = _look_up(volume, centres + flow.detach(), 3)
+            seen = _look_up(similarity, centres + flow.detach(), 3)
+            looks.append(Look(seen, flow.detach(), 8))
             motion = torch.cat([_soft(flow, 64.0), _soft(found - flow, 8.0), sureness], 1).detach()
-            hidden, step = self.update8(hidden, seen, motion)
+            hidden, step = self.update8(hidden, seen, self._scale(), motion)
             flow = flow.detach() + step
             stages.append(flow)
-        return self._refine(first, second, (hidden, flow), (stages, similarity))
+        return self._refine(first, second, (hidden, flow), (stages, looks, similarity))
 
     def _similarity(self, a: Tensor, b: Tensor) -> Tensor:
         """Scaled cosines (N, h8 w8, h8 w8)."""
-        a, b = a.float().flatten(2), b.float().flatten(2)
-        a = a * (a.square().sum(1, keepdim=True) + 1e-6).rsqrt()
-        b = b * (b.square().sum(1, keepdim=True) + 1e-6).rsqrt()
-        return (a.transpose(1, 2) @ b).float() * self.log_scale.exp().clamp(max=60.0)
+        a, b = _unit(a).flatten(2), _unit(b).flatten(2)
+        return (a.transpose(1, 2) @ b).float() * self._scale()
+
+    def _scale(self) -> Tensor:
+        """Scale of the cosines at 1/8."""
+        return self.log_scale.exp().clamp(max=_MAX_SCALE)
 
     def _refine(
         self,
         first: Features,
         second: Features,
         state: tuple[Tensor, Tensor],
-        so_far: tuple[list[Tensor], Tensor],
+        so_far: tuple[list[Tensor], list[Look], Tensor],
     ) -> Match:
         """Refine at 1/4, judge and upsample."""
         hidden8, flow8 = state
-        stages, similarity = so_far
+        stages, looks, similarity = so_far
         channels = self.architecture.fine_channels
-        own, context = first.at4[:, :channels].float().contiguous(), first.at4[:, channels:]
-        other = second.at4[:, :channels].float().contiguous()
+        scale = self.log_scale4.exp().clamp(max=_MAX_SCALE)
+        own = _unit(first.at4[:, :channels]).contiguous() * (scale * channels)
+        context = first.at4[:, channels:]
+        other = _unit(second.at4[:, :channels]).contiguous()
         centres = cell_centres(first.at4, 4)
         flow = _double(flow8)
         hidden = torch.tanh(self.update4.start(torch.cat([context, _double(hidden8)], 1)))
@@ -520,12 +571,13 @@ class DfvsFlow(nn.Module):
             target = centres + flow.detach()
             warped = _sample(other, target[:, 0], target[:, 1], 4)
             seen = local_correlation(own, warped, 2)
-            hidden, step = self.update4(hidden, seen, _soft(flow.detach(), 64.0))
+            looks.append(Look(seen, flow.detach(), 4))
+            hidden, step = self.update4(hidden, seen, scale, _soft(flow.detach(), 64.0))
             flow = flow.detach() + step
             stages.append(flow)
         judged = self.judge(functional.relu(hidden)).float()
         full = convex_upsample(flow, self.mask(functional.relu(hidden)).float())
-        return Match(full, judged[:, :1], judged[:, 1:], tuple(stages), similarity)
+        return Match(full, judged[:, :1], judged[:, 1:], tuple(stages), tuple(looks), similarity)
 
 
 def convex_upsample(flow: Tensor, mask: Tensor) -> Tensor:

@@ -8,7 +8,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from dfvs_export.networks.dfvs_flow import Match
+from dfvs_export.networks.dfvs_flow import Look, Match
 
 _DECAY = 0.8
 _HIDDEN_WEIGHT = 0.05
@@ -50,7 +50,9 @@ def flow_loss(match: Match, truth: Truth) -> tuple[Tensor, dict[str, float]]:
     at8, at4 = truth.at(8), truth.at(4)
     matching = matching_loss(match.similarity, at8)
     total = 0.5 * matching
-    parts = {"matching": float(matching.detach())}
+    looking = torch.stack([look_loss(k, at8 if k.stride == 8 else at4) for k in match.looks]).mean()
+    total = total + looking
+    parts = {"matching": float(matching.detach()), "looking": float(looking.detach())}
     updates = match.stages[2:]
     for k, flow in enumerate(updates):
         there = at8 if flow.shape[2] == at8.flow.shape[2] else at4
@@ -93,6 +95,21 @@ def matching_loss(similarity: Tensor, truth: Truth) -> Tensor:
     log_shared = 2.0 * similarity.gather(2, cell) - rows - column
     loss = -(torch.stack(weights, 2) * log_shared).sum(2)
     return (loss * valid).sum() / valid.sum().clamp(min=1)
+
+
+def look_loss(look: Look, truth: Truth) -> Tensor:
+    """Cross-entropy of a look-up against the true (bilinear) place, where it lies within."""
+    looked = look.seen.shape[1]
+    radius = (round(looked**0.5) - 1) // 2
+    dx, dy = ((truth.flow - look.flow) / look.stride).unsqueeze(2).unbind(1)  # (N, 1, h, w)
+    step = torch.arange(-radius, radius + 1, device=dx.device, dtype=dx.dtype)
+    across = step.repeat(len(step)).reshape(1, looked, 1, 1)
+    down = step.repeat_interleave(len(step)).reshape(1, looked, 1, 1)
+    weight = (1.0 - (dx - across).abs()).clamp(min=0) * (1.0 - (dy - down).abs()).clamp(min=0)
+    inside = (dx.abs() < radius) & (dy.abs() < radius) & (truth.visible > 0)
+    loss = -(weight * torch.log_softmax(look.seen, dim=1)).sum(1, keepdim=True)
+    mean: Tensor = (loss * inside).sum() / inside.sum().clamp(min=1)
+    return mean
 
 
 def _judgement_loss(match: Match, truth: Truth) -> Tensor:
