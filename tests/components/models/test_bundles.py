@@ -1,0 +1,227 @@
+"""Bundles that are damaged, hostile or do not fit: each refused with one clear line."""
+
+import contextlib
+import os
+
+import numpy as np
+import onnx
+import pytest
+from lucas_kanade_network import HEIGHT, WIDTH, network, write_bundle
+from onnx import TensorProto, helper, numpy_helper
+
+from dfvs_core.errors import ModelError
+from dfvs_core.manifest import PictureInput, sha256
+from dfvs_core.matching.classical import ClassicalMatcher
+from dfvs_core.schema import dump
+from dfvs_service.models.bundle import read_bundle
+from dfvs_service.models.catalog import load_matcher
+from dfvs_service.models.onnx_file import check_onnx
+
+SHAPE = (1, 3, HEIGHT, WIDTH)
+
+
+@pytest.fixture
+def bundle(tmp_path):
+    return write_bundle(tmp_path / "bundle")
+
+
+def refusal(folder, provider="CPUExecutionProvider"):
+    with pytest.raises(ModelError) as caught:
+        load_matcher(str(folder), threads=1, provider=provider)
+    text = str(caught.value)
+    assert "\n" not in text
+    return text
+
+
+def one_node(kind="Add", domain="", inputs=(SHAPE, SHAPE), output=(1, 2, HEIGHT, WIDTH), **extra):
+    """A model of a single node; most such models are wrong in some way."""
+    names = ("current", "other")
+    graph = helper.make_graph(
+        [helper.make_node(kind, list(names), ["flow"], domain=domain)],
+        "g",
+        [
+            helper.make_tensor_value_info(n, extra.get("element", TensorProto.FLOAT), s)
+            for n, s in zip(names, inputs, strict=True)
+        ],
+        [helper.make_tensor_value_info("flow", extra.get("element", TensorProto.FLOAT), output)],
+    )
+    opsets = [helper.make_opsetid("", 17)]
+    if domain:
+        opsets.append(helper.make_opsetid(domain, 1))
+    return helper.make_model(graph, opset_imports=opsets, ir_version=8)
+
+
+def replace_network(folder, data):
+    """Put another network into a bundle, whose manifest then matches it byte for byte."""
+    old = (folder / "pair.onnx").read_bytes()
+    (folder / "pair.onnx").write_bytes(data)
+    manifest = folder / "manifest.json"
+    manifest.write_text(manifest.read_text().replace(sha256(old), sha256(data)))
+    return folder
+
+
+def rewrite(folder, model):
+    return replace_network(folder, model.SerializeToString())
+
+
+def test_classical_is_built_in():
+    assert isinstance(load_matcher("classical"), ClassicalMatcher)
+
+
+def test_an_unknown_name_is_answered_with_what_there_is(tmp_path):
+    text = refusal(tmp_path / "clasical")
+    assert "there is no model" in text
+    assert "'classical' or the folder of a bundle" in text
+
+
+def test_a_file_is_no_bundle(bundle):
+    assert "is not a folder" in refusal(bundle / "manifest.json")
+
+
+def test_a_folder_without_manifest_is_no_bundle(tmp_path):
+    assert "lacks the file 'manifest.json'" in refusal(tmp_path)
+
+
+def test_a_single_flipped_bit_in_the_weights_is_noticed(bundle):
+    data = bytearray((bundle / "pair.onnx").read_bytes())
+    data[len(data) // 2] ^= 1
+    (bundle / "pair.onnx").write_bytes(data)
+    assert "SHA-256" in refusal(bundle)
+
+
+def test_a_missing_network_is_noticed(bundle):
+    (bundle / "pair.onnx").unlink()
+    assert "lacks the file 'pair.onnx'" in refusal(bundle)
+
+
+def test_a_link_out_of_the_folder_is_not_followed(bundle, tmp_path):
+    (bundle / "pair.onnx").rename(tmp_path / "elsewhere.onnx")
+    os.symlink(tmp_path / "elsewhere.onnx", bundle / "pair.onnx")
+    assert "leads out of the bundle" in refusal(bundle)
+
+
+def test_a_name_out_of_the_folder_is_not_followed(bundle):
+    manifest = bundle / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"pair.onnx"', '"../pair.onnx"'))
+    assert "a plain name without folders" in refusal(bundle)
+
+
+def test_a_manifest_that_is_no_json_is_refused(bundle):
+    (bundle / "manifest.json").write_bytes(b"\x00\x01 nonsense")
+    assert "the manifest is not JSON" in refusal(bundle)
+
+
+def test_an_oversized_manifest_is_not_read(bundle):
+    (bundle / "manifest.json").write_bytes(b" " * (1024 * 1024 + 1))
+    assert "too large" in refusal(bundle)
+
+
+def test_a_network_of_another_size_than_declared_is_refused(tmp_path):
+    other = dump(PictureInput(WIDTH // 2, HEIGHT // 2))
+    text = refusal(write_bundle(tmp_path / "b", input=other))
+    assert "(1, 3, 120, 160)" in text
+    assert "(1, 3, 60, 80)" in text
+
+
+def test_inputs_of_other_names_than_declared_are_refused(bundle):
+    manifest = bundle / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('"other"', '"second"'))
+    assert "has the inputs ['current', 'other']" in refusal(bundle)
+
+
+def test_an_output_of_another_name_than_declared_is_refused(bundle):
+    manifest = bundle / "manifest.json"
+    manifest.write_text(manifest.read_text().replace('["flow"]', '["motion"]'))
+    assert "one named 'motion'" in refusal(bundle)
+
+
+def test_an_output_of_another_shape_than_declared_is_refused(tmp_path):
+    text = refusal(write_bundle(tmp_path / "b", flow={"stride": 4}))
+    assert "(1, 2, 120, 160); expected float32 of (1, 2, 30, 40)" in text
+
+
+def test_dynamic_shapes_are_refused(bundle):
+    dynamic = one_node(inputs=(("N", 3, HEIGHT, WIDTH), SHAPE), output=SHAPE)
+    assert "fixed sizes" in refusal(rewrite(bundle, dynamic))
+
+
+def test_other_element_types_are_refused(bundle):
+    doubles = one_node(output=SHAPE, element=TensorProto.DOUBLE)
+    assert "tensor(double)" in refusal(rewrite(bundle, doubles))
+
+
+def test_weights_that_are_not_numbers_are_noticed_at_the_start(bundle):
+    model = network()
+    for tensor in model.graph.initializer:
+        values = numpy_helper.to_array(tensor)
+        if values.dtype == np.float32 and values.ndim == 4:
+            tensor.CopyFrom(numpy_helper.from_array(np.full_like(values, np.nan), tensor.name))
+    assert "not finite" in refusal(rewrite(bundle, model))
+
+
+def test_custom_operators_are_refused(bundle):
+    custom = one_node("Steal", domain="evil.example")
+    text = refusal(rewrite(bundle, custom))
+    assert "'Steal' of the domain 'evil.example'" in text
+
+
+def test_custom_operators_in_a_branch_are_found():
+    inner = one_node("Steal", domain="evil.example").graph
+    branch = helper.make_node("If", ["c"], ["flow"], then_branch=inner, else_branch=inner)
+    outer = helper.make_graph([branch], "outer", [], [])
+    model = helper.make_model(outer, opset_imports=[helper.make_opsetid("", 17)])
+    with pytest.raises(ModelError, match="Steal"):
+        check_onnx(model.SerializeToString(), "net.onnx")
+
+
+def test_weights_outside_the_file_are_refused(bundle):
+    model = network()
+    tensor = model.graph.initializer[0]
+    onnx.external_data_helper.set_external_data(tensor, location="../../etc/passwd")
+    tensor.ClearField("raw_data")
+    assert "keeps weights in another file" in refusal(rewrite(bundle, model))
+
+
+def test_external_weights_in_an_attribute_are_found():
+    tensor = numpy_helper.from_array(np.zeros(4, np.float32), "w")
+    onnx.external_data_helper.set_external_data(tensor, location="weights.bin")
+    node = helper.make_node("Constant", [], ["w"], value=tensor)
+    model = helper.make_model(helper.make_graph([node], "g", [], []))
+    with pytest.raises(ModelError, match="another file"):
+        check_onnx(model.SerializeToString(), "net.onnx")
+
+
+@pytest.mark.parametrize("data", [b"", b"\xff" * 40, b"garbage that is no protocol buffer"])
+def test_files_that_are_no_networks_are_refused(bundle, data):
+    assert "pair.onnx" in refusal(replace_network(bundle, data))
+
+
+def test_a_network_cut_short_anywhere_never_crashes_the_check():
+    data = network().SerializeToString()
+    for length in range(1, len(data), max(1, len(data) // 200)):
+        with contextlib.suppress(ModelError):
+            check_onnx(data[:length], "net.onnx")
+
+
+def test_a_provider_that_is_not_there_is_refused_by_name(bundle):
+    text = refusal(bundle, provider="CUDAExecutionProvider")
+    assert "no provider 'CUDAExecutionProvider'" in text
+    assert "CPUExecutionProvider" in text
+
+
+@pytest.mark.parametrize("kind", ["encode-match", "mono"])
+def test_kinds_of_later_versions_are_named_as_not_supported_yet(tmp_path, kind):
+    graph = {"file": "pair.onnx", "inputs": ["x"], "outputs": ["y"]}
+    roles = {"encode-match": ("encode", "match"), "mono": ("mono",)}[kind]
+    changes = {"kind": kind, "graphs": dict.fromkeys(roles, graph)}
+    if kind == "mono":
+        changes["flow"] = None
+    text = refusal(write_bundle(tmp_path / "b", **changes))
+    assert f"kind {kind!r}, which is not supported yet by this version" in text
+
+
+def test_the_bytes_that_were_verified_are_the_bytes_that_are_kept(bundle):
+    before = (bundle / "pair.onnx").read_bytes()
+    read = read_bundle(bundle)
+    (bundle / "pair.onnx").write_bytes(b"swapped afterwards")
+    assert read.graph("pair") == before

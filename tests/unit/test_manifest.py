@@ -1,0 +1,115 @@
+"""The model contract: what a manifest must say, and what it must not."""
+
+import json
+
+import pytest
+
+from dfvs_core.errors import ModelError
+from dfvs_core.manifest import FlowOutput, Graph, Manifest, PictureInput, check_files, sha256
+
+ONNX = b"not really a network"
+
+
+def manifest(**changes):
+    fields = {
+        "format": "dfvs-bundle/1",
+        "name": "tiny",
+        "kind": "pair",
+        "input": PictureInput(64, 48),
+        "graphs": {"pair": Graph("net.onnx", ("a", "b"), ("flow",))},
+        "files": {"net.onnx": sha256(ONNX)},
+        "licence": "Apache-2.0",
+        "origin": "made by a test",
+        "flow": FlowOutput(stride=8),
+        "accuracy": {"small_epe_px": 0.8},
+    }
+    return Manifest(**(fields | changes))
+
+
+def document(**changes):
+    return json.loads(manifest().to_json()) | changes
+
+
+def test_a_manifest_survives_the_way_to_json_and_back():
+    assert Manifest.from_json(manifest().to_json().encode()) == manifest()
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"format": "dfvs-bundle/2"}, "format 'dfvs-bundle/2'"),
+        ({"kind": "triple"}, "kind = 'triple'"),
+        ({"licence": 7}, "licence = 7"),
+        ({"lisence": "MIT"}, "did you mean 'licence'"),
+        ({"files": {"net.onnx": "abc"}}, "64 hexadecimal"),
+        ({"files": {}}, "'net.onnx'; expected a file listed in 'files'"),
+        ({"graphs": {}}, r"has the graphs \[\]"),
+        ({"flow": None}, "lacks 'flow'"),
+        ({"flow": {"stride": 7}}, "flow stride 7"),
+        ({"flow": {"scale": 0.0}}, "scale is 0"),
+        ({"input": {"width": 60, "height": 48, "multiple_of": 8}}, "multiples of 8"),
+        ({"input": {"layout": "stack"}}, "2 inputs and 1 outputs; expected 1 and 1"),
+        ({"input": {"mean": [0.5, 0.5]}}, "mean has 2 values; expected 1 or 3"),
+        ({"input": {"std": [0.0]}}, "positive"),
+        ({"input": {"width": 9000}}, "out of range"),
+    ],
+)
+def test_a_manifest_that_contradicts_itself_is_refused(changes, message):
+    with pytest.raises(ModelError, match=message):
+        Manifest.from_json(json.dumps(document(**changes)).encode())
+
+
+@pytest.mark.parametrize(
+    "name", ["../net.onnx", "/etc/passwd", "sub/net.onnx", "..", ".hidden", "a\\b", "a\nb", ""]
+)
+def test_names_that_could_lead_out_of_the_folder_are_refused(name):
+    changed = document(files={name: "0" * 64})
+    with pytest.raises(ModelError, match="a plain name without folders"):
+        Manifest.from_json(json.dumps(changed).encode())
+
+
+@pytest.mark.parametrize("data", [b"", b"{", b"[]", b"\xff\xfe\x00", b"[" * 100_000])
+def test_what_is_no_json_object_is_refused(data):
+    with pytest.raises(ModelError):
+        Manifest.from_json(data)
+
+
+@pytest.mark.parametrize(
+    ("kind", "roles", "flow"),
+    [("encode-match", ("encode", "match"), FlowOutput(8)), ("mono", ("mono",), None)],
+)
+def test_kinds_of_later_versions_can_be_read(kind, roles, flow):
+    graphs = {role: Graph("net.onnx", ("x",), ("y",)) for role in roles}
+    made = manifest(kind=kind, graphs=graphs, flow=flow)
+    assert Manifest.from_json(made.to_json().encode()).kind == kind
+
+
+@pytest.mark.parametrize(
+    ("layout", "channels", "shapes"),
+    [
+        ("separate", "rgb", ((1, 3, 48, 64), (1, 3, 48, 64))),
+        ("channels", "rgb", ((1, 6, 48, 64),)),
+        ("stack", "grey", ((1, 2, 1, 48, 64),)),
+    ],
+)
+def test_the_layout_fixes_the_shapes_of_the_inputs(layout, channels, shapes):
+    assert PictureInput(64, 48, layout=layout, channels=channels).pair_shapes() == shapes
+
+
+def test_files_that_are_as_announced_are_accepted():
+    check_files(manifest(), {"net.onnx": ONNX})
+
+
+@pytest.mark.parametrize(
+    ("contents", "message"),
+    [
+        ({}, "lacks the file 'net.onnx'"),
+        ({"net.onnx": ONNX[:-1] + b"!"}, "SHA-256"),
+        ({"net.onnx": b""}, "SHA-256"),
+        ({"net.onnx": ONNX, "more.bin": b""}, "does not list"),
+    ],
+    ids=["missing", "one byte changed", "empty", "not announced"],
+)
+def test_files_that_differ_from_the_manifest_are_refused(contents, message):
+    with pytest.raises(ModelError, match=message):
+        check_files(manifest(), contents)
