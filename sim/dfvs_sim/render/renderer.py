@@ -129,9 +129,7 @@ class Renderer:
         rasterise(clip, self._clusters.triangles, ranges, NEAR_M, inverse_depth, ids)
         return clip, inverse_depth, ids
 
-    def _visible_ranges(
-        self, camera: CameraModel, P: FloatArray, eye: FloatArray
-    ) -> Int32Array:
+    def _visible_ranges(self, camera: CameraModel, P: FloatArray, eye: FloatArray) -> Int32Array:
         """Runs of triangles (C, 2) that may be in view, the nearest first."""
         c = self._clusters
         planes = np.stack(

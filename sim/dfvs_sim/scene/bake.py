@@ -127,7 +127,10 @@ class _Tracer:
         path = self._folder / f"{name}.ply"
         write_ply(path, vertices.astype(np.float32), triangles)
         return {
-            "type": "ply", "filename": str(path), "face_normals": True, "bsdf": _diffuse(albedo),
+            "type": "ply",
+            "filename": str(path),
+            "face_normals": True,
+            "bsdf": _diffuse(albedo),
         }
 
     def _add_lights(self, lamps: list[Part]) -> None:
@@ -180,7 +183,11 @@ class _Tracer:
         for first in range(0, len(points), _CHUNK):
             last = min(first + _CHUNK, len(points))
             place = (points[first:last], normals[first:last])
-            things = {**self._things, "plates": self._plates(*place), "meters": self._meters(*place)}
+            things = {
+                **self._things,
+                "plates": self._plates(*place),
+                "meters": self._meters(*place),
+            }
             scene = self._mi.load_dict(things)
             image = np.array(self._mi.render(scene, seed=self._settings.seed + first))
             values[first:last] = image.reshape(last - first, 3) / _PLATE_ALBEDO
@@ -191,7 +198,9 @@ class _Tracer:
         path = self._folder / "plates.ply"
         write_ply(path, *_triangles_at(points + _PLATE_HEIGHT_M * normals, normals, _PLATE_SIZE_M))
         return {
-            "type": "ply", "filename": str(path), "face_normals": True,
+            "type": "ply",
+            "filename": str(path),
+            "face_normals": True,
             "bsdf": _diffuse([_PLATE_ALBEDO] * 3),
         }
 
@@ -200,12 +209,18 @@ class _Tracer:
         above = points + _METER_HEIGHT_M * normals
         write_ply(path, *_triangles_at(above, -normals, _METER_SIZE_M))
         film = {
-            "type": "hdrfilm", "width": 1, "height": len(points), "rfilter": {"type": "box"},
-            "pixel_format": "rgb", "component_format": "float32",
+            "type": "hdrfilm",
+            "width": 1,
+            "height": len(points),
+            "rfilter": {"type": "box"},
+            "pixel_format": "rgb",
+            "component_format": "float32",
         }
         sampler = {"type": "multijitter", "sample_count": self._settings.samples}
         return {
-            "type": "ply", "filename": str(path), "face_normals": True,
+            "type": "ply",
+            "filename": str(path),
+            "face_normals": True,
             "bsdf": {"type": "null"},
             "sensor": {"type": "irradiancemeter", "film": film, "sampler": sampler},
         }
@@ -247,9 +262,7 @@ def _triangles_at(
     u /= np.linalg.norm(u, axis=1, keepdims=True)
     v = np.cross(normals, u)
     angles = np.radians([0.0, 120.0, 240.0])
-    corners = [
-        points + radius_m * (np.cos(a) * u + np.sin(a) * v) for a in angles
-    ]
+    corners = [points + radius_m * (np.cos(a) * u + np.sin(a) * v) for a in angles]
     vertices = np.stack(corners, axis=1).reshape(-1, 3).astype(np.float32)
     return vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
 
@@ -343,4 +356,3 @@ def write_ply(path: Path, vertices: Float32Array, triangles: Int32Array) -> None
     faces = np.empty(len(triangles), dtype=[("n", "u1"), ("v", "<i4", 3)])
     faces["n"], faces["v"] = 3, triangles
     path.write_bytes(header.encode() + vertices.astype("<f4").tobytes() + faces.tobytes())
-

@@ -51,9 +51,7 @@ def clock(radius: float, face: str, rim: str) -> list[Part]:
     return placed([dial, tilted(ring, (1, 0, 0), 90)], 0, -0.03, 0)
 
 
-def curtain(
-    rng: np.random.Generator, width: float, height: float, cloth: str
-) -> list[Part]:
+def curtain(rng: np.random.Generator, width: float, height: float, cloth: str) -> list[Part]:
     """Gathered curtain that hangs from z = height to just above the floor."""
     rows, columns = int(height / 0.16), int(width / 0.022)
     s = np.linspace(0.0, 1.0, columns + 1)[None, :]
@@ -84,9 +82,7 @@ def radiator(width: float, height: float, metal: str) -> list[Part]:
     count = int(width / 0.06)
     for k in range(count):
         x = -width / 2 + width * (k + 0.5) / count
-        parts += cushion(
-            (0.05, 0.10, height), (x, -0.10, 0.10), metal, power=6, edge_m=0.16
-        )
+        parts += cushion((0.05, 0.10, height), (x, -0.10, 0.10), metal, power=6, edge_m=0.16)
     for z in (0.16, height + 0.02):
         parts.append(tube((-width / 2, -0.10, z), (width / 2, -0.10, z), 0.016, metal, sides=8))
     for x in (-width / 2 + 0.1, width / 2 - 0.1):
@@ -98,13 +94,16 @@ def pot(radius: float, height: float, clay: str) -> list[Part]:
     """Flower pot with earth in it."""
     r = radius
     profile = [(0.02, 0.0), (0.70 * r, 0.0), (0.78 * r, 0.3 * height), (0.95 * r, 0.85 * height)]
-    profile += [(1.05 * r, 0.86 * height), (1.05 * r, height), (0.93 * r, height), (0.9 * r, 0.88 * height)]
+    profile += [
+        (1.05 * r, 0.86 * height),
+        (1.05 * r, height),
+        (0.93 * r, height),
+        (0.9 * r, 0.88 * height),
+    ]
     return [lathe(profile, clay, sides=24), disc(0.92 * r, (0, 0, 0.9 * height), "earth")]
 
 
-def _leaf(
-    length: float, width: float, droop: float, material: str, *, lobes: float = 0.0
-) -> Part:
+def _leaf(length: float, width: float, droop: float, material: str, *, lobes: float = 0.0) -> Part:
     """Leaf that starts at the origin along +x, rises and droops."""
     t = np.linspace(0.0, 1.0, 9)[:, None]
     s = np.linspace(-1.0, 1.0, 5)[None, :]
@@ -148,7 +147,14 @@ def pendant_lamp(drop: float, radius: float) -> list[Part]:
     """Opal globe that hangs ``drop`` m below the origin, which is on the ceiling."""
     globe = replace(sphere(radius, (0, 0, -drop), "globe", sides=28), emission=1.0)
     cord = tube((0, 0, -drop + radius), (0, 0, 0), 0.006, "black", sides=6)
-    cap = lathe([(0.05, -drop + radius - 0.015), (0.05, -drop + radius + 0.03), (0.006, -drop + radius + 0.05)], "brass")
+    cap = lathe(
+        [
+            (0.05, -drop + radius - 0.015),
+            (0.05, -drop + radius + 0.03),
+            (0.006, -drop + radius + 0.05),
+        ],
+        "brass",
+    )
     rose = lathe([(0.06, -0.03), (0.055, -0.005), (0.055, 0.0)], "brass")
     return [globe, cord, cap, rose]
 
@@ -163,7 +169,16 @@ def floor_lamp(height: float, shade: str) -> list[Part]:
 
 def table_lamp(shade: str) -> list[Part]:
     """Lamp with a turned foot and a cloth shade."""
-    profile = [(0.02, 0.0), (0.075, 0.0), (0.08, 0.015), (0.03, 0.05), (0.07, 0.13), (0.075, 0.18), (0.03, 0.26), (0.012, 0.29)]
+    profile = [
+        (0.02, 0.0),
+        (0.075, 0.0),
+        (0.08, 0.015),
+        (0.03, 0.05),
+        (0.07, 0.13),
+        (0.075, 0.18),
+        (0.03, 0.26),
+        (0.012, 0.29),
+    ]
     return [lathe(profile, "glaze", sides=20), *_shade(0.16, 0.11, 0.28, 0.50, shade)]
 
 
@@ -179,13 +194,32 @@ def _shade(lower: float, upper: float, bottom: float, top: float, cloth: str) ->
 def vase(height: float, glaze: str) -> Part:
     """Bellied vase."""
     h = height
-    profile = [(0.01, 0.0), (0.22 * h, 0.0), (0.34 * h, 0.25 * h), (0.30 * h, 0.55 * h), (0.13 * h, 0.80 * h), (0.15 * h, 0.96 * h), (0.17 * h, h), (0.12 * h, 0.97 * h)]
+    profile = [
+        (0.01, 0.0),
+        (0.22 * h, 0.0),
+        (0.34 * h, 0.25 * h),
+        (0.30 * h, 0.55 * h),
+        (0.13 * h, 0.80 * h),
+        (0.15 * h, 0.96 * h),
+        (0.17 * h, h),
+        (0.12 * h, 0.97 * h),
+    ]
     return lathe(profile, glaze, sides=22)
 
 
 def fruit_bowl(rng: np.random.Generator) -> list[Part]:
     """Bowl with oranges and apples."""
-    profile = [(0.01, 0.0), (0.06, 0.0), (0.07, 0.01), (0.14, 0.05), (0.17, 0.09), (0.165, 0.09), (0.13, 0.055), (0.05, 0.02), (0.005, 0.018)]
+    profile = [
+        (0.01, 0.0),
+        (0.06, 0.0),
+        (0.07, 0.01),
+        (0.14, 0.05),
+        (0.17, 0.09),
+        (0.165, 0.09),
+        (0.13, 0.055),
+        (0.05, 0.02),
+        (0.005, 0.018),
+    ]
     parts = [lathe(profile, "glaze", sides=26)]
     for k in range(7):
         angle, r = 2 * np.pi * k / 6, 0.075 if k < 6 else 0.0
@@ -197,7 +231,19 @@ def fruit_bowl(rng: np.random.Generator) -> list[Part]:
 
 def basket(radius: float, height: float) -> list[Part]:
     """Wicker basket with a folded blanket in it."""
-    parts = [lathe([(0.8 * radius, 0.0), (radius, 0.5 * height), (0.95 * radius, height), (0.90 * radius, height), (0.9 * radius, 0.7 * height)], "wicker", sides=24)]
+    parts = [
+        lathe(
+            [
+                (0.8 * radius, 0.0),
+                (radius, 0.5 * height),
+                (0.95 * radius, height),
+                (0.90 * radius, height),
+                (0.9 * radius, 0.7 * height),
+            ],
+            "wicker",
+            sides=24,
+        )
+    ]
     soft = cushion((1.3 * radius, 1.3 * radius, 0.16), (0, 0, height - 0.08), "ikat", power=3)
     return parts + soft
 

@@ -44,9 +44,7 @@ def table(size: tuple[float, float, float], top: str, legs: str) -> list[Part]:
     for x in (-1, 1):
         for y in (-1, 1):
             foot = (x * (width / 2 - 0.06), y * (depth / 2 - 0.06))
-            parts.append(
-                tube((*foot, 0.0), (*foot, height - 0.03), (0.018, 0.030), legs, sides=8)
-            )
+            parts.append(tube((*foot, 0.0), (*foot, height - 0.03), (0.018, 0.030), legs, sides=8))
     for y in (-1, 1):
         at = (0, y * (depth / 2 - 0.07), height - 0.105)
         parts += box((width - 0.16, 0.02, 0.07), at, legs, skip="+z", edge_m=0.12)
@@ -125,9 +123,7 @@ def book(
         if k > 0:
             u, v = 0.45 + 0.1 * u, 0.03 + 0.03 * v
         uv = np.stack([(which + 0.04 + 0.92 * u) / 24, v], axis=1)
-        parts.append(
-            Part(face.vertices, face.normals, uv, face.triangles, books, face.is_sheet)
-        )
+        parts.append(Part(face.vertices, face.normals, uv, face.triangles, books, face.is_sheet))
     return parts
 
 

@@ -27,9 +27,7 @@ from dfvs_sim.scene.texture import Texture, Wrap
 MAX_TEXTURE_PIXELS = 8192 * 8192
 _MAGIC, _JSON_CHUNK, _BINARY_CHUNK = 0x46546C67, 0x4E4F534A, 0x004E4942
 _TRIANGLES, _STRIP, _FAN = 4, 5, 6
-_SUPPORTED = frozenset(
-    {"KHR_materials_unlit", "KHR_mesh_quantization", "KHR_texture_transform"}
-)
+_SUPPORTED = frozenset({"KHR_materials_unlit", "KHR_mesh_quantization", "KHR_texture_transform"})
 _WRAP = {10497: Wrap.REPEAT, 33071: Wrap.CLAMP, 33648: Wrap.MIRROR}
 _PLAIN = "export it as plain GLB, without mesh or texture compression"
 

@@ -28,11 +28,17 @@ class _Writer:
         self.json: dict[str, Any] = {
             "asset": {"version": "2.0", "generator": generator},
             "extensionsUsed": [
-                "KHR_materials_unlit", "KHR_mesh_quantization", "KHR_texture_transform",
+                "KHR_materials_unlit",
+                "KHR_mesh_quantization",
+                "KHR_texture_transform",
             ],
             "extensionsRequired": ["KHR_mesh_quantization"],
-            "bufferViews": [], "accessors": [], "materials": [],
-            "images": [], "textures": [], "samplers": [],
+            "bufferViews": [],
+            "accessors": [],
+            "materials": [],
+            "images": [],
+            "textures": [],
+            "samplers": [],
         }
 
     def view(self, data: bytes, **fields: int) -> int:
@@ -99,9 +105,7 @@ def _primitive(
     writer: _Writer, scene: Scene, texture: int, box: tuple[FloatArray, float]
 ) -> dict[str, Any]:
     """Write the triangles of one texture."""
-    used, index = np.unique(
-        scene.triangles[scene.texture_index == texture], return_inverse=True
-    )
+    used, index = np.unique(scene.triangles[scene.texture_index == texture], return_inverse=True)
     low, scale = box
     positions = np.rint((gltf_from_ned(scene.vertices[used]) - low) / scale * _TOP)
     colours = np.rint(np.clip(scene.colours[used], 0.0, 1.0) * _TOP)
@@ -120,10 +124,15 @@ def _primitive(
         )
         transform = {"offset": origin.tolist(), "scale": span.tolist()}
         pbr["baseColorTexture"] = {
-            "index": texture, "extensions": {"KHR_texture_transform": transform}
+            "index": texture,
+            "extensions": {"KHR_texture_transform": transform},
         }
     writer.json["materials"].append(
-        {"pbrMetallicRoughness": pbr, "extensions": {"KHR_materials_unlit": {}}, "doubleSided": True}
+        {
+            "pbrMetallicRoughness": pbr,
+            "extensions": {"KHR_materials_unlit": {}},
+            "doubleSided": True,
+        }
     )
     small = len(used) <= _TOP
     data = index.reshape(-1).astype("<u2" if small else "<u4").tobytes()

@@ -72,7 +72,11 @@ class Scene:
 
     def _check_values(self) -> None:
         """Check finiteness and that no index points outside its array."""
-        for name, values in (("vertices", self.vertices), ("uv", self.uv), ("colours", self.colours)):
+        for name, values in (
+            ("vertices", self.vertices),
+            ("uv", self.uv),
+            ("colours", self.colours),
+        ):
             if not np.isfinite(values).all():
                 raise SceneError(f"scene {name} hold values that are not finite")
         if self.triangles.min() < 0 or self.triangles.max() >= len(self.vertices):

@@ -47,8 +47,12 @@ def wallpaper(rng: np.random.Generator, ground: Colour, motif: Colour) -> Float3
         stem = np.abs(dx - 0.018 * np.sin(18 * dy)) - 0.006
         out = np.maximum(out, smoothstep(0.004, -0.004, stem) * (np.abs(dy) > 0.12))
     wear = 0.88 + 0.12 * smoothstep(-1.5, 0.5, noise(rng, slope=0.8, band=(4.0, 120.0)))
-    image = blend(np.full((SIZE_PX, SIZE_PX, 3), ground, np.float32), motif, out.astype(np.float32) * wear)
-    paper = 1 + 0.025 * noise(rng, slope=0.2, band=(40.0, 256.0)) + 0.02 * noise(rng, band=(2.0, 12.0))
+    image = blend(
+        np.full((SIZE_PX, SIZE_PX, 3), ground, np.float32), motif, out.astype(np.float32) * wear
+    )
+    paper = (
+        1 + 0.025 * noise(rng, slope=0.2, band=(40.0, 256.0)) + 0.02 * noise(rng, band=(2.0, 12.0))
+    )
     return np.clip(image * paper[..., None], 0, 1).astype(np.float32)
 
 
@@ -58,7 +62,12 @@ def rug(rng: np.random.Generator) -> Float32Array:
     x, y = coordinates(shape)
     a, b = np.abs(x - 0.5) * 3.0, np.abs(y - 0.5) * 2.0
     edge = np.minimum(1.5 - a, 1.0 - b)
-    red, navy, cream, gold = (0.52, 0.13, 0.12), (0.10, 0.15, 0.28), (0.86, 0.78, 0.62), (0.72, 0.52, 0.24)
+    red, navy, cream, gold = (
+        (0.52, 0.13, 0.12),
+        (0.10, 0.15, 0.28),
+        (0.86, 0.78, 0.62),
+        (0.72, 0.52, 0.24),
+    )
     image = np.full((*shape, 3), red, np.float32)
     figure = np.sin(17 * a + 3 * np.sin(5 * b)) * np.sin(19 * b + 2 * np.sin(7 * a))
     figure = figure + 0.5 * np.cos(31 * a) * np.cos(29 * b)
@@ -67,7 +76,14 @@ def rug(rng: np.random.Generator) -> Float32Array:
     image = blend(image, cream, smoothstep(-0.62, -0.72, figure))
     angle, r = np.arctan2(b, a), np.hypot(a / 1.25, b)
     scallop = 0.50 + 0.05 * np.cos(12 * angle)
-    for size, colour in ((1.0, navy), (0.90, gold), (0.84, cream), (0.62, red), (0.34, navy), (0.16, gold)):
+    for size, colour in (
+        (1.0, navy),
+        (0.90, gold),
+        (0.84, cream),
+        (0.62, red),
+        (0.34, navy),
+        (0.16, gold),
+    ):
         image = blend(image, colour, smoothstep(0.012, -0.012, r - size * scallop))
     petals = np.cos(8 * angle) * np.sin(26 * r)
     image = blend(image, red, smoothstep(0.5, 0.6, petals) * (r < 0.46) * (r > 0.33))
@@ -103,11 +119,15 @@ def _rug_border(
 def landscape(rng: np.random.Generator, shape: tuple[int, int] = (384, 512)) -> Float32Array:
     """Hills behind hills under an evening sky."""
     x, y = coordinates(shape)
-    image = ramp(y * 1.5, [(0.20, 0.30, 0.52), (0.62, 0.55, 0.62), (0.96, 0.74, 0.50), (0.98, 0.86, 0.62)])
+    image = ramp(
+        y * 1.5, [(0.20, 0.30, 0.52), (0.62, 0.55, 0.62), (0.96, 0.74, 0.50), (0.98, 0.86, 0.62)]
+    )
     cx, cy = rng.uniform(0.3, 0.7), rng.uniform(0.36, 0.44)
     sun = np.hypot((x - cx) * 1.33, y - cy)
     image = blend(image, (1.0, 0.95, 0.78), smoothstep(0.062, 0.055, sun))
-    clouds = smoothstep(0.4, 1.6, noise(rng, shape, slope=1.2, band=(2.0, 60.0), stretch=(3.5, 1.0)))
+    clouds = smoothstep(
+        0.4, 1.6, noise(rng, shape, slope=1.2, band=(2.0, 60.0), stretch=(3.5, 1.0))
+    )
     image = blend(image, (0.98, 0.80, 0.72), 0.7 * clouds * (y < 0.5))
     for k in range(5):
         ridge = noise(rng, (1, shape[1] * 2), slope=1.3, band=(1.0, 80.0))[0, : shape[1]]
@@ -126,7 +146,13 @@ def rectangles(rng: np.random.Generator, shape: tuple[int, int] = (512, 384)) ->
     xs = np.sort(rng.choice(np.arange(1, 12), 4, replace=False)) * shape[1] // 12
     ys = np.sort(rng.choice(np.arange(1, 14), 5, replace=False)) * shape[0] // 14
     xs, ys = np.r_[0, xs, shape[1]], np.r_[0, ys, shape[0]]
-    palette = [(0.80, 0.12, 0.10), (0.08, 0.22, 0.55), (0.95, 0.78, 0.15), (0.1, 0.1, 0.1), (0.75, 0.74, 0.7)]
+    palette = [
+        (0.80, 0.12, 0.10),
+        (0.08, 0.22, 0.55),
+        (0.95, 0.78, 0.15),
+        (0.1, 0.1, 0.1),
+        (0.75, 0.74, 0.7),
+    ]
     for j in range(len(ys) - 1):
         for i in range(len(xs) - 1):
             if rng.random() < 0.45:
@@ -143,7 +169,17 @@ def contours(rng: np.random.Generator, shape: tuple[int, int] = (384, 512)) -> F
     """Topographic map with water, paths and names left out."""
     height = noise(rng, shape, slope=2.0, band=(1.0, 40.0))
     t = np.clip((height + 2.2) / 4.4, 0, 1)
-    image = ramp(t, [(0.42, 0.62, 0.70), (0.60, 0.76, 0.76), (0.80, 0.86, 0.68), (0.90, 0.82, 0.62), (0.78, 0.62, 0.48), (0.95, 0.94, 0.92)])
+    image = ramp(
+        t,
+        [
+            (0.42, 0.62, 0.70),
+            (0.60, 0.76, 0.76),
+            (0.80, 0.86, 0.68),
+            (0.90, 0.82, 0.62),
+            (0.78, 0.62, 0.48),
+            (0.95, 0.94, 0.92),
+        ],
+    )
     step = (height * 5.0) % 1.0
     slope = np.hypot(*np.gradient(height)) * 5.0
     line = smoothstep(1.6, 0.8, np.minimum(step, 1 - step) / np.maximum(slope, 1e-3))
@@ -157,10 +193,19 @@ def swirls(rng: np.random.Generator, shape: tuple[int, int] = (512, 512)) -> Flo
     """Marbled abstract."""
     field = noise(rng, shape, slope=1.7, band=(1.0, 24.0))
     for strength in (60.0, 40.0):
-        dx, dy = noise(rng, shape, slope=1.8, band=(1.0, 12.0)), noise(rng, shape, slope=1.8, band=(1.0, 12.0))
+        dx, dy = (
+            noise(rng, shape, slope=1.8, band=(1.0, 12.0)),
+            noise(rng, shape, slope=1.8, band=(1.0, 12.0)),
+        )
         field = warped(field, strength * dx, strength * dy)
     t = (0.5 + 0.5 * np.sin(4.2 * field)).astype(np.float32)
-    hues = [(0.07, 0.13, 0.25), (0.10, 0.38, 0.45), (0.85, 0.80, 0.66), (0.84, 0.45, 0.22), (0.42, 0.10, 0.14)]
+    hues = [
+        (0.07, 0.13, 0.25),
+        (0.10, 0.38, 0.45),
+        (0.85, 0.80, 0.66),
+        (0.84, 0.45, 0.22),
+        (0.42, 0.10, 0.14),
+    ]
     return _canvas(rng, ramp(t, hues))
 
 
@@ -168,7 +213,9 @@ def city(rng: np.random.Generator, shape: tuple[int, int] = (384, 512)) -> Float
     """Skyline at dusk with lit windows over water."""
     height, width = shape
     _, y = coordinates(shape)
-    image = ramp(y * 1.4, [(0.07, 0.08, 0.22), (0.25, 0.20, 0.42), (0.72, 0.38, 0.42), (0.95, 0.66, 0.40)])
+    image = ramp(
+        y * 1.4, [(0.07, 0.08, 0.22), (0.25, 0.20, 0.42), (0.72, 0.38, 0.42), (0.95, 0.66, 0.40)]
+    )
     horizon = int(0.72 * height)
     for layer in range(3):
         at = 0
@@ -205,14 +252,20 @@ def botanical(rng: np.random.Generator, shape: tuple[int, int] = (512, 384)) -> 
             tone = np.array((0.16, 0.34, 0.20)) * rng.uniform(0.8, 1.3)
             image = blend(image, (float(tone[0]), float(tone[1]), float(tone[2])), leaf)
     stem = np.abs(x - 0.5 - bend * (1 - y) ** 2) - 0.004
-    image = blend(image, (0.25, 0.30, 0.16), smoothstep(0.003, -0.003, stem) * (y > 0.1) * (y < 0.93))
+    image = blend(
+        image, (0.25, 0.30, 0.16), smoothstep(0.003, -0.003, stem) * (y > 0.1) * (y < 0.93)
+    )
     return _canvas(rng, image)
 
 
 def _canvas(rng: np.random.Generator, image: Float32Array) -> Float32Array:
     """Add the grain of paint on canvas."""
     shape = image.shape[:2]
-    grain = 1 + 0.05 * noise(rng, shape, slope=0.5, band=(10.0, 256.0)) + 0.03 * noise(rng, shape, slope=1.2)
+    grain = (
+        1
+        + 0.05 * noise(rng, shape, slope=0.5, band=(10.0, 256.0))
+        + 0.03 * noise(rng, shape, slope=1.2)
+    )
     return np.clip(image * grain[..., None], 0, 1).astype(np.float32)
 
 
@@ -222,8 +275,18 @@ def book_spines(rng: np.random.Generator, count: int = 24) -> Float32Array:
     image = np.zeros((height, width, 3), np.float32)
     bounds = np.linspace(0, width, count + 1).astype(int)
     hues = np.array(
-        [(0.45, 0.10, 0.10), (0.10, 0.20, 0.38), (0.12, 0.32, 0.22), (0.80, 0.72, 0.55), (0.15, 0.14, 0.15),
-         (0.62, 0.38, 0.14), (0.52, 0.50, 0.46), (0.30, 0.14, 0.30), (0.85, 0.84, 0.80), (0.70, 0.25, 0.12)]
+        [
+            (0.45, 0.10, 0.10),
+            (0.10, 0.20, 0.38),
+            (0.12, 0.32, 0.22),
+            (0.80, 0.72, 0.55),
+            (0.15, 0.14, 0.15),
+            (0.62, 0.38, 0.14),
+            (0.52, 0.50, 0.46),
+            (0.30, 0.14, 0.30),
+            (0.85, 0.84, 0.80),
+            (0.70, 0.25, 0.12),
+        ]
     )
     for a, b in zip(bounds[:-1], bounds[1:], strict=True):
         base = np.clip(hues[rng.integers(len(hues))] * rng.uniform(0.8, 1.2), 0, 1)
@@ -245,7 +308,9 @@ def book_spines(rng: np.random.Generator, count: int = 24) -> Float32Array:
     return np.clip(image * grain[..., None], 0, 1).astype(np.float32)
 
 
-def pattern_cloth(rng: np.random.Generator, kind: str, first: Colour, second: Colour) -> Float32Array:
+def pattern_cloth(
+    rng: np.random.Generator, kind: str, first: Colour, second: Colour
+) -> Float32Array:
     """Printed cloth: ``chevron``, ``dots``, ``stripes`` or ``ikat``."""
     x, y = coordinates((SIZE_PX, SIZE_PX))
     if kind == "chevron":
@@ -258,9 +323,13 @@ def pattern_cloth(rng: np.random.Generator, kind: str, first: Colour, second: Co
         mask = ((t < 0.4) | ((t > 0.5) & (t < 0.55)) | ((t > 0.85) & (t < 0.9))).astype(np.float32)
     else:
         d = np.abs((x * 4) % 1 - 0.5) + np.abs((y * 4) % 1 - 0.5)
-        mask = smoothstep(-0.2, 0.2, np.cos(2 * np.pi * 3 * d) + 0.3 * noise(rng, slope=0.5, band=(20, 200)))
+        mask = smoothstep(
+            -0.2, 0.2, np.cos(2 * np.pi * 3 * d) + 0.3 * noise(rng, slope=0.5, band=(20, 200))
+        )
     base = cloth(rng, (1.0, 1.0, 1.0), 128) * 0.92
-    image = blend(np.full((SIZE_PX, SIZE_PX, 3), first, np.float32), second, mask.astype(np.float32))
+    image = blend(
+        np.full((SIZE_PX, SIZE_PX, 3), first, np.float32), second, mask.astype(np.float32)
+    )
     return np.clip(image * base, 0, 1).astype(np.float32)
 
 
@@ -284,10 +353,18 @@ def garden(rng: np.random.Generator) -> Float32Array:
     """View out of the window: sky with clouds, far trees, a hedge and a lawn."""
     shape = (SIZE_PX, 2 * SIZE_PX)
     _, y = coordinates(shape)
-    image = ramp(y * 1.6, [(0.40, 0.60, 0.88), (0.62, 0.78, 0.94), (0.86, 0.91, 0.95), (0.90, 0.92, 0.92)])
-    clouds = smoothstep(0.2, 1.6, noise(rng, shape, slope=1.3, band=(2.0, 80.0), stretch=(2.0, 1.0)))
+    image = ramp(
+        y * 1.6, [(0.40, 0.60, 0.88), (0.62, 0.78, 0.94), (0.86, 0.91, 0.95), (0.90, 0.92, 0.92)]
+    )
+    clouds = smoothstep(
+        0.2, 1.6, noise(rng, shape, slope=1.3, band=(2.0, 80.0), stretch=(2.0, 1.0))
+    )
     image = blend(image, (0.98, 0.98, 0.98), 0.9 * clouds * smoothstep(0.65, 0.35, y))
-    lines = ((0.46, 0.05, (0.42, 0.52, 0.50)), (0.52, 0.07, (0.26, 0.40, 0.24)), (0.62, 0.03, (0.14, 0.27, 0.10)))
+    lines = (
+        (0.46, 0.05, (0.42, 0.52, 0.50)),
+        (0.52, 0.07, (0.26, 0.40, 0.24)),
+        (0.62, 0.03, (0.14, 0.27, 0.10)),
+    )
     for level, rough, colour in lines:
         crown = noise(rng, (1, shape[1]), slope=0.9, band=(2.0, 160.0))[0]
         leaves = 1 + 0.30 * noise(rng, shape, slope=0.5, band=(12.0, 300.0))

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 import cv2
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.camera import CameraModel
@@ -30,7 +31,7 @@ def camera_pose(
     return make_pose(R, np.array(position_ned, dtype=np.float64))
 
 
-def look_at(eye_gltf: FloatArray, target_gltf: FloatArray) -> FloatArray:
+def look_at(eye_gltf: ArrayLike, target_gltf: ArrayLike) -> FloatArray:
     """``T_world_camera`` (4, 4) in NED of a camera at eye that looks at target, its top upwards.
 
     Both points (3,) are in the scene file's axes: x right, y up, m.
@@ -40,12 +41,12 @@ def look_at(eye_gltf: FloatArray, target_gltf: FloatArray) -> FloatArray:
     GeometryError
         If the points coincide, or one lies straight above the other.
     """
-    eye, target = ned_from_gltf(eye_gltf), ned_from_gltf(target_gltf)
+    eye, target = ned_from_gltf(np.asarray(eye_gltf)), ned_from_gltf(np.asarray(target_gltf))
     forward = target - eye
     right = np.cross(_DOWN, forward)
     if np.linalg.norm(right) < 1e-6 * max(1.0, float(np.linalg.norm(forward))):
         raise GeometryError(
-            f"the view from {tuple(eye_gltf)} to {tuple(target_gltf)} has no direction in the plan",
+            f"the view from {eye_gltf} to {target_gltf} has no direction in the plan",
             "two points that are not straight above each other",
         )
     z = forward / np.linalg.norm(forward)

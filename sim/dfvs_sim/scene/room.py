@@ -36,6 +36,14 @@ LENGTH_M, WIDTH_M, HEIGHT_M = 7.0, 6.0, 2.8
 WINDOW = (-1.5, 1.1, 0.85, 2.35)
 """Window opening in the north wall: x from, to, z from, to, m."""
 
+VIEWS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] = {
+    "window": ((-2.6, 1.55, 2.35), (1.4, 1.05, -2.0)),
+    "dining": ((2.7, 1.6, 2.2), (-2.2, 0.95, -1.3)),
+    "sofa": ((2.4, 1.6, -2.3), (-1.4, 0.85, 2.2)),
+    "books": ((-2.4, 1.6, -2.3), (2.5, 0.95, 1.6)),
+}
+"""Good views: eye and point looked at, in the scene file's axes (x right, y up), m."""
+
 _EAST, _NORTH = LENGTH_M / 2, WIDTH_M / 2
 _WALL_EDGE_M, _FLOOR_EDGE_M, _CEILING_EDGE_M = 0.13, 0.085, 0.22
 
@@ -71,7 +79,10 @@ def room_materials(rng: np.random.Generator) -> dict[str, Material]:
     make = {
         "plaster": (partial(t.plaster, colour=(0.90, 0.86, 0.78)), 1.3),
         "ceiling": (partial(t.plaster, colour=(0.93, 0.92, 0.89), contrast=0.8), 1.6),
-        "wallpaper": (partial(p.wallpaper, ground=(0.66, 0.73, 0.68), motif=(0.42, 0.55, 0.50)), 0.72),
+        "wallpaper": (
+            partial(p.wallpaper, ground=(0.66, 0.73, 0.68), motif=(0.42, 0.55, 0.50)),
+            0.72,
+        ),
         "bricks": (t.bricks, 0.95),
         "planks": (t.planks, 1.9),
         "oak": (partial(t.wood, colours=t.OAK), 0.9),
@@ -79,15 +90,38 @@ def room_materials(rng: np.random.Generator) -> dict[str, Material]:
         "sofa": (partial(t.cloth, colour=(0.22, 0.36, 0.44)), 0.55),
         "armchair": (partial(t.cloth, colour=(0.72, 0.47, 0.22)), 0.55),
         "linen": (partial(t.cloth, colour=(0.82, 0.77, 0.68)), 0.5),
-        "chevron": (partial(p.pattern_cloth, kind="chevron", first=(0.86, 0.80, 0.68), second=(0.70, 0.32, 0.20)), 0.6),
-        "dots": (partial(p.pattern_cloth, kind="dots", first=(0.88, 0.72, 0.34), second=(0.96, 0.94, 0.88)), 0.7),
-        "ikat": (partial(p.pattern_cloth, kind="ikat", first=(0.14, 0.24, 0.36), second=(0.88, 0.82, 0.70)), 0.7),
-        "drape": (partial(p.pattern_cloth, kind="stripes", first=(0.82, 0.76, 0.64), second=(0.55, 0.60, 0.52)), 0.8),
+        "chevron": (
+            partial(
+                p.pattern_cloth, kind="chevron", first=(0.86, 0.80, 0.68), second=(0.70, 0.32, 0.20)
+            ),
+            0.6,
+        ),
+        "dots": (
+            partial(
+                p.pattern_cloth, kind="dots", first=(0.88, 0.72, 0.34), second=(0.96, 0.94, 0.88)
+            ),
+            0.7,
+        ),
+        "ikat": (
+            partial(
+                p.pattern_cloth, kind="ikat", first=(0.14, 0.24, 0.36), second=(0.88, 0.82, 0.70)
+            ),
+            0.7,
+        ),
+        "drape": (
+            partial(
+                p.pattern_cloth, kind="stripes", first=(0.82, 0.76, 0.64), second=(0.55, 0.60, 0.52)
+            ),
+            0.8,
+        ),
         "white": (partial(t.paint, colour=(0.88, 0.87, 0.83)), 0.6),
         "sage": (partial(t.paint, colour=(0.52, 0.60, 0.52)), 0.6),
         "black": (partial(t.paint, colour=(0.10, 0.10, 0.11)), 0.6),
         "brass": (partial(t.paint, colour=(0.72, 0.56, 0.28)), 0.3),
-        "gilt": (partial(t.wood, colours=((0.80, 0.64, 0.34), (0.68, 0.50, 0.24), (0.50, 0.36, 0.16))), 0.3),
+        "gilt": (
+            partial(t.wood, colours=((0.80, 0.64, 0.34), (0.68, 0.50, 0.24), (0.50, 0.36, 0.16))),
+            0.3,
+        ),
         "clay": (partial(t.earthenware, colour=(0.70, 0.40, 0.27)), 0.5),
         "glaze": (partial(t.earthenware, colour=(0.30, 0.48, 0.50)), 0.5),
         "earth": (partial(t.earthenware, colour=(0.22, 0.16, 0.12)), 0.4),
@@ -129,7 +163,9 @@ def _shell() -> list[Part]:
     ]
     for y in (-1, 1):
         at = (0, y * (n - 0.009), 0)
-        parts += box((2 * e, 0.018, 0.09), at, "white", skip="-x +x -z" + (" +y" if y > 0 else " -y"))
+        parts += box(
+            (2 * e, 0.018, 0.09), at, "white", skip="-x +x -z" + (" +y" if y > 0 else " -y")
+        )
     doorway = (1.05, 1.95)
     for a, b in ((-n, doorway[0] - 0.09), (doorway[1] + 0.09, n)):
         at = (-e + 0.009, (a + b) / 2, 0)
@@ -141,8 +177,20 @@ def _shell() -> list[Part]:
 def _north_wall() -> list[Part]:
     """Wall with the window's opening cut out, as one mesh without T-junctions, and its reveal."""
     x0, x1, z0, z1 = WINDOW
-    xs = np.concatenate([steps(-_EAST, x0, _WALL_EDGE_M), steps(x0, x1, _WALL_EDGE_M)[1:], steps(x1, _EAST, _WALL_EDGE_M)[1:]])
-    zs = np.concatenate([steps(0, z0, _WALL_EDGE_M), steps(z0, z1, _WALL_EDGE_M)[1:], steps(z1, HEIGHT_M, _WALL_EDGE_M)[1:]])
+    xs = np.concatenate(
+        [
+            steps(-_EAST, x0, _WALL_EDGE_M),
+            steps(x0, x1, _WALL_EDGE_M)[1:],
+            steps(x1, _EAST, _WALL_EDGE_M)[1:],
+        ]
+    )
+    zs = np.concatenate(
+        [
+            steps(0, z0, _WALL_EDGE_M),
+            steps(z0, z1, _WALL_EDGE_M)[1:],
+            steps(z1, HEIGHT_M, _WALL_EDGE_M)[1:],
+        ]
+    )
     gx, gz = np.meshgrid(xs, zs)
     points = np.stack([gx, np.full_like(gx, _NORTH), gz], -1)
     wall = sheet(points, np.stack([gx, -gz], -1), "plaster", is_sheet=False)
@@ -162,7 +210,9 @@ def _north_wall() -> list[Part]:
         panel((x1, y + deep, z0), (0, -deep, 0), (0, 0, h), "white"),
         panel((x0, y, z1), (0, deep, 0), (w, 0, 0), "white").moved(0, 0, 0),
     ]
-    sill = box((w + 0.12, deep + 0.14, 0.04), ((x0 + x1) / 2, y + deep / 2 - 0.07, z0 - 0.04), "white")
+    sill = box(
+        (w + 0.12, deep + 0.14, 0.04), ((x0 + x1) / 2, y + deep / 2 - 0.07, z0 - 0.04), "white"
+    )
     return [cut, *reveal, *sill]
 
 
@@ -179,7 +229,10 @@ def _window(rng: np.random.Generator) -> list[Part]:
         parts += box((0.055, 0.05, h), (x, y, z0), "white")
     s = np.linspace(-1.0, 1.0, 13)[None, :]
     z = np.linspace(-1.6, 4.2, 7)[:, None]
-    view = np.stack(np.broadcast_arrays(cx + 6.5 * np.sin(1.15 * s), _NORTH + 0.4 + 4.2 * np.cos(1.15 * s), z), -1)
+    view = np.stack(
+        np.broadcast_arrays(cx + 6.5 * np.sin(1.15 * s), _NORTH + 0.4 + 4.2 * np.cos(1.15 * s), z),
+        -1,
+    )
     uv = np.stack(np.broadcast_arrays(0.5 + 0.5 * s, (4.2 - z) / 5.8), -1)
     parts.append(sheet(view, uv, "garden"))
     for x in (x0 - 0.28, x1 + 0.28):
@@ -190,7 +243,9 @@ def _window(rng: np.random.Generator) -> list[Part]:
 
 def _rug() -> list[Part]:
     """Rug of 2.9 x 1.95 m, a little above the floor."""
-    top = panel((-1.45, -0.975, 0.012), (2.9, 0, 0), (0, 1.95, 0), "rug", edge_m=0.085, picture=True)
+    top = panel(
+        (-1.45, -0.975, 0.012), (2.9, 0, 0), (0, 1.95, 0), "rug", edge_m=0.085, picture=True
+    )
     return [top, *box((2.9, 1.95, 0.0118), (0, 0, 0), "linen", skip="+z -z", edge_m=0.2)]
 
 

@@ -51,9 +51,7 @@ class Part:
         """Turn anticlockwise about the vertical axis, then shift."""
         c, s = np.cos(np.radians(turn_deg)), np.sin(np.radians(turn_deg))
         R = np.array([[c, -s, 0.0], [s, c, 0.0], [0.0, 0.0, 1.0]])
-        return replace(
-            self, vertices=self.vertices @ R.T + [x, y, z], normals=self.normals @ R.T
-        )
+        return replace(self, vertices=self.vertices @ R.T + [x, y, z], normals=self.normals @ R.T)
 
     def of(self, material: str) -> Part:
         """Same shape of another material."""
@@ -129,11 +127,7 @@ def panel(
     u, v = steps(0.0, width, edge_m), steps(0.0, height, edge_m)
     gu, gv = np.meshgrid(u, v)
     points = o + gu[..., None] * a / width + gv[..., None] * b / height
-    uv = (
-        np.stack([gu / width, 1.0 - gv / height], -1)
-        if picture
-        else np.stack([gu, -gv], -1)
-    )
+    uv = np.stack([gu / width, 1.0 - gv / height], -1) if picture else np.stack([gu, -gv], -1)
     return sheet(points, uv, material, is_sheet=False)
 
 

@@ -83,7 +83,9 @@ def plaster(rng: np.random.Generator, colour: Colour, contrast: float = 1.0) -> 
     """Hand-trowelled plaster: broad clouds, strokes and grain."""
     clouds = noise(rng, slope=1.6, band=(2.0, 14.0))
     strokes = noise(rng, slope=1.0, band=(6.0, 110.0), stretch=(1.0, 2.6))
-    strokes = warped(strokes, 14.0 * noise(rng, band=(2.0, 9.0)), 14.0 * noise(rng, band=(2.0, 9.0)))
+    strokes = warped(
+        strokes, 14.0 * noise(rng, band=(2.0, 9.0)), 14.0 * noise(rng, band=(2.0, 9.0))
+    )
     grain = noise(rng, slope=0.2, band=(60.0, 256.0))
     light = 1.0 + contrast * (0.030 * clouds + 0.040 * strokes + 0.022 * grain)
     warm = 0.006 * contrast * noise(rng, band=(2.0, 10.0))
@@ -108,10 +110,20 @@ def bricks(rng: np.random.Generator) -> Float32Array:
     shade = rng.uniform(0.0, 1.0, (rows, columns))[row % rows, column % columns]
     colour = ramp(
         shade.astype(np.float32),
-        [(0.42, 0.20, 0.15), (0.58, 0.29, 0.21), (0.66, 0.37, 0.27), (0.55, 0.36, 0.29), (0.72, 0.47, 0.36)],
+        [
+            (0.42, 0.20, 0.15),
+            (0.58, 0.29, 0.21),
+            (0.66, 0.37, 0.27),
+            (0.55, 0.36, 0.29),
+            (0.72, 0.47, 0.36),
+        ],
     )
-    grain = 1 + 0.10 * noise(rng, slope=0.7, band=(8.0, 256.0)) + 0.08 * noise(rng, band=(2.0, 16.0))
-    mortar = np.array([0.66, 0.63, 0.58]) * (1 + 0.06 * noise(rng, slope=0.4, band=(20, 256)))[..., None]
+    grain = (
+        1 + 0.10 * noise(rng, slope=0.7, band=(8.0, 256.0)) + 0.08 * noise(rng, band=(2.0, 16.0))
+    )
+    mortar = (
+        np.array([0.66, 0.63, 0.58]) * (1 + 0.06 * noise(rng, slope=0.4, band=(20, 256)))[..., None]
+    )
     return blend(mortar.astype(np.float32), (colour * grain[..., None]).astype(np.float32), body)
 
 
@@ -145,7 +157,9 @@ def planks(rng: np.random.Generator, count: int = 12, size: int = 2 * SIZE_PX) -
             flip = 1 if rng.random() < 0.5 else -1
             piece = board[dy : dy + 2 * (y1 - y0) : 2][: y1 - y0][::flip]
             columns = np.arange(a, b) % size
-            tone = rng.normal(1.0, 0.10) * np.array([1.0, rng.normal(1.0, 0.02), rng.normal(0.98, 0.04)])
+            tone = rng.normal(1.0, 0.10) * np.array(
+                [1.0, rng.normal(1.0, 0.02), rng.normal(0.98, 0.04)]
+            )
             out[y0:y1, columns] = piece[:, dx : dx + b - a] * tone
             out[y0:y1, [a % size, (a + 1) % size]] *= 0.45
         out[y0] *= 0.40
@@ -210,8 +224,12 @@ def tiles(rng: np.random.Generator) -> Float32Array:
     count = 8
     y, x = np.mgrid[0:SIZE_PX, 0:SIZE_PX].astype(np.float32) / SIZE_PX * count
     tone = rng.uniform(0, 1, (count, count)).astype(np.float32)[y.astype(int), x.astype(int)]
-    colour = ramp(tone, [(0.16, 0.30, 0.42), (0.30, 0.50, 0.58), (0.72, 0.78, 0.74), (0.20, 0.42, 0.46)])
+    colour = ramp(
+        tone, [(0.16, 0.30, 0.42), (0.30, 0.50, 0.58), (0.72, 0.78, 0.74), (0.20, 0.42, 0.46)]
+    )
     edge = np.minimum(np.minimum(x % 1, 1 - x % 1), np.minimum(y % 1, 1 - y % 1))
     glaze = 1 + 0.06 * noise(rng, band=(3.0, 60.0))
     grout = np.full((SIZE_PX, SIZE_PX, 3), 0.78, np.float32)
-    return blend(grout, (colour * glaze[..., None]).astype(np.float32), smoothstep(0.025, 0.06, edge))
+    return blend(
+        grout, (colour * glaze[..., None]).astype(np.float32), smoothstep(0.025, 0.06, edge)
+    )

@@ -1,0 +1,142 @@
+"""``dfvs-sim goal``: the picture to fly to, and the sidecar that says how it was taken."""
+
+from __future__ import annotations
+
+import argparse
+import math
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError
+from dfvs_core.goal import GoalSidecar
+from dfvs_core.poses import R_BODY_FORWARD_CAMERA, euler_from_rotation
+from dfvs_core.wire.picture import encode_png
+from dfvs_sim.demo.plan import parse_camera_pose
+from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.scene.poses import look_at
+
+_DESCRIPTION = """Render a goal picture and write it with its sidecar (goal.png, goal.json).
+
+Say where the camera is in one of two ways:
+
+  --pose X,Y,Z,YAW   level, in the world frame, NED with the scene file's origin: metres north,
+                     east and down (so Z is negative above the origin), and the heading in
+                     degrees (0 north, 90 east). North is -z of the file, east +x, down -y.
+  --eye, --look-at   two points in the scene file's own axes, as any glTF viewer shows them:
+                     x right, y up, z towards the viewer, in metres. Look at a point of the same
+                     height for a level picture: a multirotor cannot hold any other.
+
+Values that begin with a minus sign need the equals sign: --pose=-1,0,-1.3,90"""
+
+_EPILOG = """examples:
+  dfvs-sim goal --pose 0.5,-1,-1.3,40 --out goal.png
+  dfvs-sim goal --pose=-1,0,-1.3,90 --size 640x480 --antialias --out goal.png
+  dfvs-sim goal --scene my_room.glb --eye 4.9,1.1,-2.2 --look-at 1,1.1,-1.2 --out goal.png
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add ``goal`` to the subcommands of ``dfvs-sim``."""
+    parser = subparsers.add_parser(
+        "goal",
+        help="render a goal picture with its sidecar",
+        description=_DESCRIPTION,
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_scene_option(parser)
+    add_camera_options(parser)
+    add = parser.add_argument
+    add("--pose", metavar="X,Y,Z,YAW", help="level camera pose: NED in m, heading in degrees")
+    add("--eye", metavar="X,Y,Z", help="camera position in the scene file's axes, m")
+    add("--look-at", metavar="X,Y,Z", help="point in the middle of the picture, same axes")
+    add("--out", type=Path, required=True, metavar="FILE", help="picture to write (.png)")
+    add("--antialias", action="store_true", help="four samples a pixel, as an optic would")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Render and write; exit code 0.
+
+    Raises
+    ------
+    DfvsError
+        If the pose, the scene or the output cannot be used.
+    """
+    if args.out.suffix.lower() != ".png":
+        raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .png")
+    T_world_camera = _pose(args)
+    camera = camera_from(args)
+    renderer = Renderer(load_glb(args.scene or builtin_room_path()))
+    view = renderer.render(camera, T_world_camera, antialias=args.antialias)
+    if not (view.depth_m > 0).any():
+        raise ConfigError("the camera sees nothing of the scene", "a pose inside the scene")
+    sidecar = _sidecar(camera, T_world_camera)
+    write_goal(args.out, encode_png(view.image), sidecar)
+    print(f"wrote {args.out} and {sidecar_path(args.out)}")
+    return 0
+
+
+def sidecar_path(picture: Path) -> Path:
+    """Where the sidecar of a goal picture lies."""
+    return picture.with_suffix(".json")
+
+
+def write_goal(picture: Path, png: bytes, sidecar: GoalSidecar) -> None:
+    """Write a goal's two files, each complete or not at all.
+
+    Raises
+    ------
+    ConfigError
+        If the folder cannot be written to.
+    """
+    contents = {sidecar_path(picture): sidecar.to_json().encode(), picture: png}
+    try:
+        for path, data in contents.items():
+            partial = path.with_name(path.name + ".part")
+            partial.write_bytes(data)
+            partial.replace(path)
+    except OSError as error:
+        raise ConfigError(
+            f"{picture} cannot be written ({error.strerror})", "a folder that exists", "check --out"
+        ) from error
+
+
+def _sidecar(camera: CameraModel, T_world_camera: FloatArray) -> GoalSidecar:
+    """Sidecar of a camera that looks straight ahead from its vehicle."""
+    roll, pitch, _ = euler_from_rotation(T_world_camera[:3, :3] @ R_BODY_FORWARD_CAMERA.T)
+    pose = tuple(float(v) for v in T_world_camera.reshape(-1))
+    return GoalSidecar(camera, roll_rad=roll + 0.0, pitch_rad=pitch + 0.0, pose_camera=pose)
+
+
+def _pose(args: argparse.Namespace) -> FloatArray:
+    """Camera pose (4, 4) from the command line."""
+    by_points = args.eye is not None or args.look_at is not None
+    if (args.pose is not None) == by_points:
+        raise ConfigError(
+            "the camera pose is not clear", "either --pose, or --eye together with --look-at"
+        )
+    if args.pose is not None:
+        return parse_camera_pose(args.pose, "--pose")
+    if args.eye is None or args.look_at is None:
+        missing = "--eye" if args.eye is None else "--look-at"
+        raise ConfigError(f"{missing} is missing", "--eye and --look-at together")
+    return look_at(_point(args.eye, "--eye"), _point(args.look_at, "--look-at"))
+
+
+def _point(text: str, option: str) -> FloatArray:
+    """Three numbers from ``X,Y,Z``."""
+    try:
+        numbers = [float(part) for part in text.split(",")]
+    except ValueError:
+        numbers = []
+    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
+        raise ConfigError(f"{option} is {text!r}", "X,Y,Z in m, in the scene file's axes")
+    return np.array(numbers)
