@@ -1,0 +1,94 @@
+"""The simulated vehicle, already hovering, with a pilot who obeys lines on standard input.
+
+Take-off is computed ahead of real time, so that a test need not wait for it. Lines: ``mode NAME``,
+``disarm``, ``mute`` (no more telemetry), ``battery SHARE``. Besides the vehicle's own record, every
+heartbeat that it sends is recorded.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import sys
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts, wait_for_data
+from dfvs_sim.vehicle.modes import Mode, mode_from_custom
+from dfvs_sim.vehicle.px4 import STEP_NS, Px4, VehicleConfig
+from dfvs_sim.vehicle.record import VehicleRecord
+from dfvs_sim.vehicle.streams import COMPANION
+
+AHEAD_NS = 25_000_000_000
+PARAMETERS = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 5}
+
+
+def take_off(px4: Px4, start_ns: int, end_ns: int) -> None:
+    """Fly from the ground to a hover, as fast as it can be computed."""
+    t_ns = start_ns
+    asked = False
+    while t_ns < end_ns:
+        t_ns += STEP_NS
+        px4.step(t_ns)
+        if not asked and px4.status.ready and px4.arm(t_ns) is None:
+            asked = True
+            px4.request_mode(Mode.TAKEOFF, t_ns)
+    if px4.status.mode is not Mode.HOLD or px4.status.landed:
+        raise RuntimeError(f"not hovering: {px4.status}")
+
+
+def obey(px4: Px4, line: str, now_ns: int) -> bool:
+    """Do what a line says; tells whether telemetry goes on."""
+    word, *rest = line.split()
+    if word == "mode":
+        px4.request_mode(Mode[rest[0]], now_ns)
+    elif word == "disarm":
+        px4.disarm(now_ns, "test", force=True)
+    elif word == "battery":
+        px4.status.battery = float(rest[0])
+    return word != "mute"
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--port", type=int, required=True)
+    parser.add_argument("--record", type=Path, required=True)
+    parser.add_argument("--on-ground", action="store_true")
+    args = parser.parse_args()
+    record = VehicleRecord(args.record)
+    begin_ns = time.monotonic_ns() - AHEAD_NS
+    journal: Callable[..., None] = record
+    config = VehicleConfig(parameters=PARAMETERS)
+    px4 = Px4(config, begin_ns, np.random.default_rng(1), journal)
+    if not args.on_ground:
+        take_off(px4, begin_ns, begin_ns + AHEAD_NS)
+    link = UdpLink(COMPANION, UdpPorts(0, args.port))
+    os.set_blocking(sys.stdin.fileno(), False)
+    print("ready", flush=True)
+    speaks, next_ns = True, time.monotonic_ns()
+    px4.step(next_ns)
+    while True:
+        wait_for_data([link], (next_ns - time.monotonic_ns()) / 1e9)
+        now_ns = time.monotonic_ns()
+        for message in link.receive():
+            for answer in px4.handle(message, COMPANION, now_ns):
+                link.send(answer)
+        for line in sys.stdin.readlines():
+            speaks = obey(px4, line, now_ns) and speaks
+        if now_ns < next_ns:
+            continue
+        next_ns = max(next_ns + STEP_NS, now_ns)
+        for name, message in px4.step(now_ns):
+            if name == COMPANION and speaks:
+                if message.get_type() == "HEARTBEAT":
+                    mode = mode_from_custom(message.custom_mode)
+                    fields = {"mode": mode.name if mode else "", "armed": message.base_mode >= 128}
+                    record(time.monotonic_ns(), "heartbeat_sent", fields)
+                link.send(message)
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,27 @@
+"""Starts the real parent with the given perception and gate programs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from pathlib import Path
+
+from dfvs_service.console import ChangeLines
+from dfvs_service.parent import Programs, fly
+from dfvs_service.runtime import RuntimeFolder
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--runtime", type=Path, required=True)
+    parser.add_argument("--gate", default="")
+    parser.add_argument("--perception", required=True)
+    args = parser.parse_args()
+    programs = Programs(perception=(sys.executable, *args.perception.split()))
+    if args.gate:
+        programs = Programs((sys.executable, *args.gate.split()), programs.perception)
+    sys.exit(fly(RuntimeFolder(args.runtime), programs, ChangeLines(sys.stderr)))
+
+
+if __name__ == "__main__":
+    main()

@@ -1,0 +1,226 @@
+"""The real gate and parent processes, with MAVSDK, beside the simulated vehicle.
+
+The vehicle records on its own side what reaches it. Times are monotonic and the same for all
+processes of a machine.
+"""
+
+import itertools
+import json
+import math
+import os
+import signal
+import subprocess
+import time
+
+import pytest
+from gate_flight import HoveringVehicle, hovering_vehicle, service_running, side_by_side, speed
+from vehicle_process import free_port
+
+from dfvs_core.gate.config import MS, S
+from dfvs_core.gate.events import Action
+from dfvs_core.wire.command import encode_command
+
+KEY = b"0123456789abcdef0123456789abcdef"
+
+
+@pytest.fixture(scope="module")
+def vehicle(tmp_path_factory):
+    """One vehicle for all tests here; it holds between them."""
+    with hovering_vehicle(tmp_path_factory.mktemp("vehicle")) as hovering:
+        yield hovering
+
+
+def assert_limits(setpoints):
+    """I1, on the vehicle's side; float32 on the wire rounds at 1e-7."""
+    for before, after in itertools.pairwise(setpoints):
+        vx, vy, vz = after["velocity"]
+        assert after["mask"] == 0x5C7
+        assert after["frame"] == 8
+        assert math.hypot(vx, vy) <= 0.5 + 1e-6
+        assert abs(vz) <= 0.3 + 1e-6
+        assert abs(after["yaw_rate_rad_s"]) <= math.radians(20) + 1e-6
+        if speed(after) > 0:
+            change = math.dist(after["velocity"], before["velocity"])
+            # One period of 20 ms; a late one may use up to 0.1 s.
+            assert change <= 0.5 * 0.1 + 1e-6
+
+
+def test_a_flight_reaches_its_goal_and_keeps_every_invariant(vehicle, tmp_path):
+    with service_running(vehicle, tmp_path, forward_m=0.25) as flight:
+        assert flight.end(30.0) == 0
+    setpoints = flight.setpoints()
+    assert_limits(setpoints)
+    times = [s["t_ns"] for s in setpoints]
+    assert max(b - a for a, b in itertools.pairwise(times)) <= 150 * MS
+    servo_ns = next(t["t_ns"] for t in flight.transitions() if t["target"] == "SERVO")
+    done_ns = next(t["t_ns"] for t in flight.transitions() if t["target"] == "DONE")
+    moving = [s["t_ns"] for s in setpoints if speed(s) > 0]
+    # A datagram reaches the vehicle's record within milliseconds of being sent.
+    assert servo_ns <= min(moving)
+    assert max(moving) <= done_ns + 50 * MS
+    assert flight.modes_asked() == ["OFFBOARD", "HOLD"]
+    assert not vehicle.events("arm_command")
+    chain = [(t["source"], t["target"]) for t in flight.transitions()]
+    names = ["IDLE", "PREFLIGHT", "READY", "ENGAGE", "SERVO", "DONE"]
+    assert chain == list(itertools.pairwise(names))
+    assert all(t["cause"] for t in flight.transitions())
+
+
+def test_a_takeover_ends_in_silence_within_50_ms_of_the_heartbeat_for_good(vehicle, tmp_path):
+    with service_running(vehicle, tmp_path, gate__exit_when_done=False) as flight:
+        flight.until("SERVO").settle()
+        ordered_ns = vehicle.order("mode LAND")
+        flight.until("RELEASED")
+        vehicle.order("mode HOLD")
+        flight.settle(1.5)
+        flight.parent.terminate()
+        assert flight.end() == 1
+    beats = vehicle.events("heartbeat_sent", ordered_ns)
+    beat_ns = next(b["t_ns"] for b in beats if b["mode"] == "LAND")
+    assert flight.states()[-1] == "RELEASED"
+    assert not flight.setpoints(beat_ns + 50 * MS)
+    assert flight.modes_asked() == ["OFFBOARD"]
+
+
+def test_the_service_ends_with_a_takeover_if_it_is_to_end_with_the_flight(vehicle, tmp_path):
+    with service_running(vehicle, tmp_path, gate__engage="pilot") as flight:
+        flight.until("READY").settle(0.3)
+        assert flight.setpoints()
+        vehicle.order("mode OFFBOARD")
+        flight.until("SERVO")
+        vehicle.order("mode HOLD")
+        assert flight.end() == 1
+    assert flight.modes_asked() == []
+    assert [t["cause"] for t in flight.transitions()][-3:] == [
+        "pilot selected OFFBOARD",
+        "OFFBOARD confirmed",
+        "mode left OFFBOARD",
+    ]
+
+
+def test_a_gate_that_dies_or_hangs_is_silent_at_once_and_not_restarted(tmp_path):
+    side_by_side(lose_the_gate, tmp_path, ("SIGKILL", "SIGSTOP", "held GIL"))
+
+
+def lose_the_gate(vehicle, folder, how):
+    gate = "gil_holding_gate.py" if how == "held GIL" else ""
+    with service_running(vehicle, folder, gate=gate) as flight:
+        flight.until("SERVO").settle()
+        assert speed(flight.setpoints()[-1]) > 0
+        pid = flight.pid("gate")
+        if how == "held GIL":
+            hung_ns = time.monotonic_ns()
+            (folder / "hold").touch()
+        else:
+            hung_ns = flight.signal("gate", signal.Signals[how])
+        assert flight.end() == 1
+        ended_ns = time.monotonic_ns()
+        with pytest.raises(ProcessLookupError):
+            os.kill(pid, 0)
+    flight.settle(1.0)
+    assert not flight.setpoints(hung_ns + 400 * MS)
+    assert flight.states().count("PREFLIGHT") == 1
+    if how != "SIGKILL":
+        assert "the gate hung and was killed" in flight.errors()
+        # 300 ms of missing heartbeats, then the end of the other processes.
+        assert ended_ns - hung_ns < 3 * S
+
+
+def test_a_perception_that_dies_or_hangs_ends_in_zero_and_abort(tmp_path):
+    side_by_side(lose_perception, tmp_path, ("SIGKILL", "SIGSTOP"))
+
+
+def lose_perception(vehicle, folder, how):
+    with service_running(vehicle, folder, gate__hold_s=1.0) as flight:
+        flight.until("SERVO").settle()
+        silent_ns = flight.signal("fake_perception", signal.Signals[how])
+        assert flight.end(12.0) == 1
+    # The last report's frame was captured 30 ms or more before the process was stopped.
+    after = flight.setpoints(silent_ns + 270 * MS)
+    assert after
+    assert all(speed(s) == 0 for s in after)
+    assert flight.states()[-2:] == ["HOLD", "ABORT"]
+    assert flight.modes_asked() == ["OFFBOARD", "HOLD"]
+
+
+def test_sigterm_brakes_asks_for_hold_and_ends_within_two_seconds(vehicle, tmp_path):
+    with service_running(vehicle, tmp_path) as flight:
+        flight.until("SERVO").settle()
+        flight.parent.terminate()
+        told_ns = time.monotonic_ns()
+        assert flight.end() == 1
+        assert time.monotonic_ns() - told_ns <= 2 * S
+    assert flight.modes_asked() == ["OFFBOARD", "HOLD"]
+    after = flight.setpoints(told_ns + 100 * MS)
+    assert all(speed(s) == 0 for s in after)
+    assert flight.states()[-1] == "ABORT"
+
+
+def test_a_gate_whose_parent_dies_or_hangs_aborts(tmp_path):
+    side_by_side(lose_the_parent, tmp_path, ("SIGKILL", "SIGSTOP"))
+
+
+def lose_the_parent(vehicle, folder, how):
+    with service_running(vehicle, folder) as flight:
+        flight.until("SERVO").settle()
+        pid = flight.pid("gate")
+        lost_ns = time.monotonic_ns()
+        flight.parent.send_signal(signal.Signals[how])
+        flight.until("ABORT", 3.0)
+        # One second without a sign of life when it hangs, at once when it is gone.
+        limit_ns = 200 * MS if how == "SIGKILL" else 1400 * MS
+        assert flight.transitions()[-1]["t_ns"] - lost_ns <= limit_ns
+        assert flight.transitions()[-1]["cause"] == "parent process silent"
+        flight.wait(lambda: flight.modes_asked() == ["OFFBOARD", "HOLD"])
+        flight.wait(lambda: ended(pid), 3.0)
+    assert all(speed(s) == 0 for s in flight.setpoints(lost_ns + limit_ns + 100 * MS))
+
+
+def ended(pid):
+    """Whether a process runs no more; an unreaped one does not count as running."""
+    try:
+        with open(f"/proc/{pid}/stat") as file:
+            return file.read().rsplit(")", 1)[1].split()[0] == "Z"
+    except FileNotFoundError:
+        return True
+
+
+def test_a_signed_command_engages_and_a_repeated_one_does_not_count(vehicle, tmp_path):
+    key_file = tmp_path / "key"
+    key_file.write_bytes(KEY)
+    key_file.chmod(0o600)
+    settings = {"gate__engage": "command", "gate__command_key_file": str(key_file)}
+    folder = tmp_path / "runtime"
+    with service_running(vehicle, folder, **settings) as flight:
+        flight.until("READY")
+        order = encode_command(
+            KEY, "drone1", Action.ENGAGE, (folder / "challenge").read_text()
+        ).decode()
+        forged = json.dumps({**json.loads(order), "action": "abort"})
+        for text in (forged, order, order):
+            before = len(commands(flight))
+            (folder / "command.new").write_text(text)
+            (folder / "command.new").rename(folder / "command")
+            flight.wait(lambda n=before: len(commands(flight)) > n)
+        flight.until("SERVO")
+    assert commands(flight) == [
+        "rejected: wrong signature",
+        "accepted: engage",
+        "rejected: its challenge was used or is too old",
+    ]
+
+
+def commands(flight):
+    return [record["result"] for record in flight.log() if record["kind"] == "command"]
+
+
+def test_no_vehicle_is_said_in_one_line(tmp_path):
+    vehicle = HoveringVehicle(subprocess.Popen(["cat"], stdin=subprocess.PIPE, text=True), 0, None)
+    url = f"udpin://127.0.0.1:{free_port()}"
+    settings = {"vehicle__mavlink": url, "vehicle__timeout_s": 1}
+    with service_running(vehicle, tmp_path, **settings) as flight:
+        assert flight.end() == 2
+    vehicle.process.kill()
+    errors = [line for line in flight.errors().splitlines() if line.startswith("error:")]
+    assert len(errors) == 1
+    assert f"no vehicle heard on {url} within 1 s" in errors[0]
