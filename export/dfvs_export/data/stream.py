@@ -93,7 +93,8 @@ class PairStream:
         round_, place = divmod(step, steps_per_round)
         if round_ != self._round:
             self._load(round_)
-        chosen = self._order[place * self._batch : (place + 1) * self._batch]
+        wanted = np.arange(place * self._batch, (place + 1) * self._batch)
+        chosen = self._order[wanted % len(self._order)]
         return to_batch({name: values[chosen] for name, values in self._pool.items()}, device)
 
     def _load(self, round_: int) -> None:

@@ -1,0 +1,145 @@
+from __future__ import annotations
+
+import json
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+torch = pytest.importorskip("torch")
+
+from dfvs_core.errors import ModelError  # noqa: E402
+from dfvs_export.bundles import read_bundle  # noqa: E402
+from dfvs_export.check import drawn_pairs, operators, parity  # noqa: E402
+from dfvs_export.cli import main  # noqa: E402
+from dfvs_export.networks.dfvs_flow import DfvsFlow  # noqa: E402
+from dfvs_export.running import FlowRunner  # noqa: E402
+from dfvs_export.train.checkpoint import (  # noqa: E402
+    Checkpoint,
+    load_network,
+    save_checkpoint,
+)
+
+SIZE = (96, 64)
+ALLOWED = {"GridSample", "ArgMax", "Conv", "MatMul", "Softmax", "Gather"}
+FORBIDDEN = {"Loop", "If", "Scan", "NonZero", "ScatterND"}
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory) -> Path:
+    torch.manual_seed(3)
+    network = DfvsFlow().eval()
+    state = network.state_dict()
+    path = tmp_path_factory.mktemp("weights") / "random.pt"
+    origin = {"settings": {"size": SIZE, "steps": 0, "minutes": 1.0, "pairs_per_step": 1}}
+    origin["settings"] |= {"learning_rate": 1e-3, "precision": "fp32", "seed": 0}
+    save_checkpoint(path, Checkpoint(state, state, {}, 0, (origin,), network.architecture))
+    return path
+
+
+@pytest.fixture(scope="module")
+def bundle(checkpoint, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("bundles") / "dfvs-flow"
+    arguments = ["flow", "--checkpoint", str(checkpoint), "--size", "96x64", "--out", str(out)]
+    assert main(arguments) == 0
+    return out
+
+
+def test_a_bundle_says_what_it_holds(bundle: Path) -> None:
+    manifest, contents = read_bundle(bundle)
+    assert manifest.kind == "encode-match"
+    assert (manifest.input.width, manifest.input.height) == SIZE
+    assert set(contents) == {"encode.onnx", "match.onnx", "MODEL_CARD.md"}
+    assert b"Not measured" in contents["MODEL_CARD.md"]
+
+
+def test_torch_and_onnx_runtime_agree_on_random_weights(bundle: Path, checkpoint: Path) -> None:
+    runner = FlowRunner(*read_bundle(bundle))
+    found = parity(load_network(checkpoint), runner, drawn_pairs(SIZE, 3, 11))
+    # the limit that every bundle has to keep; random weights make large and wild flow
+    assert found.mean_px < 1e-3
+
+
+def test_only_plain_operators_are_used(bundle: Path) -> None:
+    used = set(operators(read_bundle(bundle)[1]))
+    assert used >= ALLOWED
+    assert not used & FORBIDDEN
+
+
+def test_a_flipped_byte_is_refused(bundle: Path, tmp_path: Path) -> None:
+    damaged = tmp_path / "damaged"
+    damaged.mkdir()
+    for file in bundle.iterdir():
+        data = bytearray(file.read_bytes())
+        if file.name == "match.onnx":
+            data[len(data) // 2] ^= 1
+        (damaged / file.name).write_bytes(data)
+    with pytest.raises(ModelError, match="damaged"):
+        read_bundle(damaged)
+
+
+def test_8_bit_weights_are_a_third_in_size_and_run(checkpoint: Path, tmp_path: Path) -> None:
+    out = tmp_path / "int8"
+    common = ["flow", "--checkpoint", str(checkpoint), "--size", "96x64", "--out", str(out)]
+    assert main([*common, "--precision", "int8", "--calibration-pairs", "2"]) == 0
+    manifest, contents = read_bundle(out)
+    assert "QuantizeLinear" in operators(contents)
+    runner = FlowRunner(manifest, contents)
+    first, second = drawn_pairs(SIZE, 1, 12)[0]
+    assert runner.match(runner.encode(first), runner.encode(second)).is_finite()
+
+
+def test_bench_writes_one_entry_per_bundle(bundle: Path, tmp_path: Path) -> None:
+    file = tmp_path / "bench.json"
+    arguments = ["bench", str(bundle), str(bundle), "--size", "96x64", "--runs", "3"]
+    assert main([*arguments, "--json", str(file)]) == 0
+    entries = json.loads(file.read_text())
+    assert len(entries) == 2
+    assert set(entries[0]) == {"bundle", "precision", "median_ms", "p99_ms", "resident_mb"}
+    assert all(0 < e["median_ms"] <= e["p99_ms"] for e in entries)
+
+
+def test_check_reports_and_passes(bundle: Path, checkpoint: Path, capsys) -> None:
+    arguments = ["check", str(bundle), "--checkpoint", str(checkpoint), "--count", "1", "--json"]
+    assert main(arguments) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert report["mean_difference_px"] < 1e-3
+    assert report["operators"]["Conv"] > 20
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["flow", "--out", "x"], "no checkpoint given"),
+        (["flow", "--model", "raft", "--out", "x"], "model 'raft'"),
+        (["flow", "--checkpoint", "gone.pt", "--out", "x"], "no checkpoint at"),
+        (["flow", "--size", "100x64", "--out", "x"], "multiples of 16"),
+        (["check", "nowhere"], "is no bundle"),
+        (["bench", "nowhere"], "is no bundle"),
+    ],
+)
+def test_what_cannot_run_says_so_in_one_line(arguments, words, capsys) -> None:
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert words in error
+    assert error.count("\n") == 1
+
+
+def test_a_folder_that_is_no_bundle_is_not_overwritten(checkpoint: Path, tmp_path: Path) -> None:
+    (tmp_path / "precious.txt").write_text("keep me")
+    arguments = ["flow", "--checkpoint", str(checkpoint), "--size", "96x64"]
+    assert main([*arguments, "--out", str(tmp_path)]) == 2
+    assert (tmp_path / "precious.txt").read_text() == "keep me"
+
+
+def test_a_sheet_of_pairs_is_drawn(tmp_path: Path) -> None:
+    out = tmp_path / "sheet.png"
+    assert main(["sheet", "--pairs", "2", "--size", "96x64", "--out", str(out)]) == 0
+    assert out.stat().st_size > 10_000
+
+
+def test_pictures_of_another_size_are_refused(bundle: Path) -> None:
+    runner = FlowRunner(*read_bundle(bundle))
+    with pytest.raises(ModelError, match="shape"):
+        runner.encode(np.zeros((64, 64, 3), np.uint8))
