@@ -123,6 +123,8 @@ def load_pairs(path: Path) -> FlowPairs:
             raise ImageError(
                 f"{name} in {str(path)!r} has the shape {arrays[name].shape}", str(shape)
             )
+    if count == 0 or not np.isin(arrays["level"], range(len(LEVELS))).all():
+        raise ImageError(f"{str(path)!r} holds {count} pairs or an unknown level", "levels 0, 1, 2")
     return FlowPairs(
         arrays["IA"],
         arrays["IB"],

@@ -70,7 +70,8 @@ def test_another_exposure_changes_little(wall):
     truth = exact_flow(H)
     field = match(wall.picture(), wall.picture(H, gain=0.6, offset=25.0))
     visible = inside(truth, margin=8.0)
-    assert errors(field, truth)[visible].mean() < 0.3
+    # 0.04 px; three times as much where the brightness is not fitted
+    assert errors(field, truth)[visible].mean() < 0.08
 
 
 def test_what_leads_out_of_the_picture_is_not_trusted(wall):
@@ -88,7 +89,8 @@ def test_what_is_hidden_in_the_other_picture_is_not_trusted(wall, other_wall):
     field = match(wall.picture(), b)
     hidden = np.zeros((HEIGHT, WIDTH), bool)
     hidden[90:150, 110:210] = True
-    assert field.confidence[hidden].mean() < 0.25
+    # 0.006; fifteen times as much if only the likeness of the surroundings counted
+    assert field.confidence[hidden].mean() < 0.04
     assert field.confidence[:, :80].mean() > 0.8
 
 

@@ -38,6 +38,11 @@ def test_plain_areas_are_not_alike_however_equal(rng):
     assert alike[:, 110:].min() > 0.9
 
 
+def test_a_rare_flicker_of_one_grey_level_is_hardly_texture(rng):
+    picture = np.where(rng.random((HEIGHT, WIDTH)) < 0.04, 101, 100).astype(np.uint8)
+    assert looks_alike(picture, picture).mean() < 0.5
+
+
 def test_only_flow_that_ends_in_the_picture_stays_inside():
     inside = stays_inside(constant(100.0, 0.0))
     assert inside[:, :220].all()

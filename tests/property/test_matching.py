@@ -1,0 +1,90 @@
+"""Properties of matching on random motions of a textured wall."""
+
+import numpy as np
+import pytest
+from hypothesis import given, settings
+from hypothesis import strategies as st
+from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, texture, turned
+
+from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.classical import ClassicalMatcher
+from dfvs_core.matching.evaluation import score_pair
+from dfvs_core.matching.features import Matches
+from dfvs_core.matching.motion import fit_motion
+from dfvs_core.matching.trust import returns
+from dfvs_core.matching.warping import compose, homography_flow
+
+MATCHER = ClassicalMatcher()
+WALL = Wall(texture(np.random.default_rng(21)))
+MOTIONS = st.builds(
+    turned,
+    roll_deg=st.floats(-40, 40),
+    zoom=st.floats(0.75, 1.35),
+    shift=st.tuples(st.floats(-50, 50), st.floats(-40, 40)),
+    perspective=st.tuples(st.floats(-5e-4, 5e-4), st.floats(-5e-4, 5e-4)),
+)
+SLIGHT_MOTIONS = st.builds(
+    turned,
+    roll_deg=st.floats(-3, 3),
+    zoom=st.floats(0.97, 1.03),
+    shift=st.tuples(st.floats(-4, 4), st.floats(-4, 4)),
+)
+REPEATS = 12  # a match takes a tenth of a second
+
+
+@pytest.fixture(scope="module")
+def goal():
+    return MATCHER.prepare(WALL.picture())
+
+
+@settings(max_examples=REPEATS)
+@given(H=MOTIONS)
+def test_any_motion_in_reach_is_recovered(goal, H):
+    truth = exact_flow(H)
+    field = MATCHER.match(goal, MATCHER.prepare(WALL.picture(H)))
+    visible = inside(truth, margin=8.0)
+    assert np.mean(errors(field, truth)[visible] < 1.0) > 0.95
+    assert np.all((field.confidence >= 0.0) & (field.confidence <= 1.0))
+    assert field.is_finite()
+
+
+@settings(max_examples=REPEATS)
+@given(H=SLIGHT_MOTIONS)
+def test_slight_motion_is_recovered_to_a_tenth_of_a_pixel(goal, H):
+    truth = exact_flow(H)
+    field = MATCHER.match(goal, MATCHER.prepare(WALL.picture(H)))
+    sure = field.confidence > 0.5
+    assert sure.mean() > 0.8
+    assert np.abs((field.flow - truth)[sure].mean(axis=0)).max() < 0.05
+    assert errors(field, truth)[sure].mean() < 0.1
+
+
+@settings(max_examples=REPEATS)
+@given(H=MOTIONS)
+def test_there_and_back_is_where_it_began(H):
+    there = homography_flow(H, (HEIGHT, WIDTH))
+    back = homography_flow(np.linalg.inv(H), (HEIGHT, WIDTH))
+    seen = inside(there)
+    assert np.abs(compose(there, back)[seen]).max() < 0.05
+    assert returns(there, back)[seen].min() > 0.99
+
+
+@settings(max_examples=REPEATS)
+@given(H=MOTIONS, seed=st.integers(0, 1000))
+def test_exact_matches_give_the_motion_back(H, seed):
+    points = np.random.default_rng(seed).uniform((0, 0), (WIDTH, HEIGHT), (120, 2))
+    points = points.astype(np.float32)
+    grid = exact_flow(H)
+    pixels = np.floor(points).astype(int)
+    points = pixels.astype(np.float32)
+    targets = points + grid[pixels[:, 1], pixels[:, 0]].astype(np.float32)
+    flow = fit_motion(Matches(points, targets), (HEIGHT, WIDTH)).flow()
+    assert np.mean(np.linalg.norm(flow - grid, axis=-1) < 0.5) > 0.95
+
+
+@given(u=st.floats(-50, 50), v=st.floats(-50, 50))
+def test_a_flow_that_is_off_by_a_constant_has_its_length_as_error(u, v):
+    truth = np.zeros((8, 10, 2), np.float32)
+    field = FlowField(np.full_like(truth, (u, v), dtype=np.float32), np.ones((8, 10), np.float32))
+    score = score_pair(field, truth, np.ones((8, 10), bool))
+    assert score.epe_px == pytest.approx(np.hypot(u, v), rel=1e-5, abs=1e-6)
