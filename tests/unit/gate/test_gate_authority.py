@@ -1,0 +1,143 @@
+"""Signed orders: authentic, for this vehicle, fresh, and once."""
+
+import itertools
+import json
+
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dfvs_core.errors import WireError
+from dfvs_core.gate.authority import ROTATION_NS, Authority
+from dfvs_core.gate.events import Action
+from dfvs_core.wire.command import MAX_COMMAND_BYTES, decode_command, encode_command
+
+KEY, OTHER_KEY = b"k" * 32, b"K" * 32
+START_NS = 5_000_000_000
+
+
+def authority(key=KEY):
+    numbers = itertools.count()
+    return Authority(key, "drone1", lambda: f"challenge{next(numbers)}", START_NS)
+
+
+def order(challenge, action=Action.ENGAGE, vehicle="drone1", key=KEY):
+    return encode_command(key, vehicle, action, challenge)
+
+
+@pytest.mark.parametrize("action", list(Action))
+def test_an_authentic_order_is_accepted(action):
+    gate = authority()
+    verdict = gate.judge(order(gate.challenge(START_NS), action), START_NS)
+    assert verdict.action is action
+    assert verdict.text == f"accepted: {action}"
+
+
+def test_an_order_counts_once():
+    gate = authority()
+    data = order(gate.challenge(START_NS))
+    gate.judge(data, START_NS)
+    verdict = gate.judge(data, START_NS)
+    assert verdict.action is None
+    assert "used" in verdict.text
+
+
+def test_a_used_challenge_is_replaced_at_once():
+    gate = authority()
+    first = gate.challenge(START_NS)
+    gate.judge(order(first), START_NS)
+    second = gate.challenge(START_NS)
+    assert second != first
+    assert gate.judge(order(second, Action.ABORT), START_NS).action is Action.ABORT
+
+
+def test_the_challenge_of_the_last_period_is_accepted_once():
+    gate = authority()
+    old = gate.challenge(START_NS)
+    later = START_NS + ROTATION_NS
+    assert gate.challenge(later) != old
+    assert gate.judge(order(old), later).action is Action.ENGAGE
+    assert gate.judge(order(old), later).action is None
+
+
+def test_after_any_accepted_order_no_older_challenge_counts():
+    gate = authority()
+    old = gate.challenge(START_NS)
+    later = START_NS + ROTATION_NS
+    gate.judge(order(gate.challenge(later)), later)
+    assert gate.judge(order(old), later).action is None
+
+
+@pytest.mark.parametrize("periods", [2, 3, 1000])
+def test_an_older_challenge_is_too_old(periods):
+    gate = authority()
+    old = gate.challenge(START_NS)
+    assert gate.judge(order(old), START_NS + periods * ROTATION_NS).action is None
+
+
+def test_two_periods_one_by_one_make_a_challenge_too_old():
+    gate = authority()
+    old = gate.challenge(START_NS)
+    gate.challenge(START_NS + ROTATION_NS)
+    assert gate.judge(order(old), START_NS + 2 * ROTATION_NS).action is None
+
+
+@pytest.mark.parametrize(
+    ("changes", "reason"),
+    [
+        ({"vehicle": "drone2"}, "another vehicle"),
+        ({"key": OTHER_KEY}, "wrong signature"),
+        ({"challenge": "challenge9"}, "too old"),
+    ],
+)
+def test_what_is_not_for_us_is_rejected_with_its_reason(changes, reason):
+    gate = authority()
+    verdict = gate.judge(order(**{"challenge": gate.challenge(START_NS), **changes}), START_NS)
+    assert verdict.action is None
+    assert reason in verdict.text
+
+
+@pytest.mark.parametrize(
+    ("field", "value"),
+    [("action", "abort"), ("mac", "00"), ("mac", "\ud800"), ("mac", "")],
+)
+def test_a_changed_order_is_rejected_and_uses_nothing_up(field, value):
+    gate = authority()
+    data = order(gate.challenge(START_NS))
+    changed = json.dumps({**json.loads(data), field: value}).encode()
+    assert gate.judge(changed, START_NS).text == "rejected: wrong signature"
+    assert gate.judge(data, START_NS).action is Action.ENGAGE
+
+
+def test_without_a_key_nothing_is_accepted_and_no_challenge_is_shown():
+    gate = authority(key=None)
+    assert gate.challenge(START_NS) == ""
+    assert gate.judge(order("challenge0", key=b""), START_NS).action is None
+
+
+@given(st.binary(max_size=200))
+def test_garbage_is_rejected(data):
+    assert authority().judge(data, START_NS).action is None
+
+
+@pytest.mark.parametrize(
+    "data",
+    [
+        b"[]",
+        b"{}",
+        b'{"vehicle": "drone1"}',
+        b"[" * 1000,
+        b" " * (MAX_COMMAND_BYTES + 1),
+        json.dumps({**json.loads(order("c")), "format": "dfvs-command/2"}).encode(),
+        json.dumps({**json.loads(order("c")), "action": "arm"}).encode(),
+        json.dumps({**json.loads(order("c")), "extra": 1}).encode(),
+    ],
+)
+def test_what_does_not_follow_the_format_is_an_error(data):
+    with pytest.raises(WireError):
+        decode_command(data)
+
+
+def test_a_command_survives_the_wire():
+    command = decode_command(order("abc", Action.HOLD))
+    assert (command.vehicle, command.action, command.challenge) == ("drone1", Action.HOLD, "abc")

@@ -1,0 +1,288 @@
+import math
+from pathlib import Path
+
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.gate.config import Engage, GateConfig, OnDone, S
+from dfvs_core.goal import GoalSidecar, Mount
+from dfvs_service.config import (
+    ServiceConfig,
+    config_from_json,
+    load_config,
+    parse_assignment,
+)
+from dfvs_service.config_text import toml_text
+
+CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.2)
+
+
+def write(folder, text):
+    path = folder / "service.toml"
+    path.write_text(text)
+    return path
+
+
+def test_angles_are_degrees_in_the_file_and_radians_inside(tmp_path):
+    text = "[limits]\nyaw_deg_s = 10\n[camera.mount]\npitch_deg = -20\n[servo]\ntolerance_deg = 1\n"
+    config = load_config(write(tmp_path, text), {})
+    assert config.limits.yaw_rad_s == pytest.approx(math.radians(10))
+    assert config.camera.mount == Mount(pitch_rad=math.radians(-20))
+    assert config.servo.tolerance_rad == pytest.approx(math.radians(1))
+
+
+def test_the_command_line_wins_over_the_file(tmp_path):
+    path = write(tmp_path, '[gate]\nengage = "command"\non_done = "hold"\n')
+    config = load_config(path, {"gate.engage": "auto"})
+    assert (config.gate.engage, config.gate.on_done) == (Engage.AUTO, OnDone.HOLD)
+
+
+@pytest.mark.parametrize(
+    ("text", "words"),
+    [
+        ("[gatte]\n", ["unknown key 'gatte'", "did you mean 'gate'"]),
+        ("[gate]\nengaged = 1\n", ["'gate.engaged'", "did you mean 'engage'"]),
+        ("[limits]\nyaw_rad_s = 1\n", ["did you mean 'yaw_deg_s'"]),
+        ("[limits]\nyaw_deg_s = 500\n", ["limits.yaw_deg_s = 500", "1 to 120"]),
+        ("[limits]\nhorizontal_m_s = nan\n", ["a finite number"]),
+        ("[limits]\nhorizontal_m_s = '1'\n", ["limits.horizontal_m_s", "float"]),
+        ("[gate]\nengage = 'aut'\n", ["did you mean 'auto'"]),
+        ("[vehicle]\nname = 'My Drone'\n", ["'My Drone'"]),
+        ("gate = 3\n", ["gate is 3", "a table"]),
+        ("[gate\n", ["is not TOML"]),
+    ],
+)
+def test_what_is_wrong_in_a_file_is_said_in_one_line(tmp_path, text, words):
+    with pytest.raises(ConfigError) as error:
+        load_config(write(tmp_path, text), {})
+    for word in words:
+        assert word in str(error.value)
+    assert "\n" not in str(error.value)
+
+
+@pytest.mark.parametrize("name", ["nowhere.toml", "."])
+def test_a_file_that_cannot_be_read_is_an_error(tmp_path, name):
+    with pytest.raises(ConfigError, match="cannot read"):
+        load_config(tmp_path / name, {})
+
+
+def test_a_file_that_is_no_text_is_an_error(tmp_path):
+    (tmp_path / "x.toml").write_bytes(b"\xff\xfe")
+    with pytest.raises(ConfigError, match="not TOML"):
+        load_config(tmp_path / "x.toml", {})
+
+
+@pytest.mark.parametrize(
+    ("dotted", "value"), [("engage", "auto"), ("gate.engage.deep", 1), ("vehicle.name.x", 1)]
+)
+def test_an_override_must_name_a_setting(dotted, value):
+    with pytest.raises(ConfigError):
+        load_config(None, {"gate.engage": "auto", "vehicle.name": "a", dotted: value})
+
+
+@pytest.mark.parametrize(
+    ("text", "expected"),
+    [
+        ("gate.engage=auto", ("gate.engage", "auto")),
+        ("limits.slew_m_s2=0.3", ("limits.slew_m_s2", 0.3)),
+        ("zenoh.listen=['tcp/[::1]:1']", ("zenoh.listen", ["tcp/[::1]:1"])),
+        ("gate.exit_when_done = true", ("gate.exit_when_done", True)),
+        ("vehicle.mavlink=udpin://0.0.0.0:1", ("vehicle.mavlink", "udpin://0.0.0.0:1")),
+        ("vehicle.name=a=b", ("vehicle.name", "a=b")),
+    ],
+)
+def test_assignments_are_toml_or_bare_text(text, expected):
+    assert parse_assignment(text) == expected
+
+
+@pytest.mark.parametrize("text", ["gate.engage", "=1", ""])
+def test_an_assignment_needs_a_key_and_a_value(text):
+    with pytest.raises(ConfigError, match=r"section\.key=value"):
+        parse_assignment(text)
+
+
+def test_the_printed_settings_read_back_the_same(tmp_path):
+    config = load_config(
+        None,
+        {
+            "camera.horizontal_fov_deg": 77.7,
+            "camera.mount.pitch_deg": -12.3,
+            "limits.yaw_deg_s": 11.1,
+            "zenoh.listen": [],
+            "vehicle.mavlink": 'serial:///dev/"odd"',
+        },
+    )
+    again = load_config(write(tmp_path, toml_text(config)), {})
+    # Degrees are printed with twelve digits, which radians keep but for the last places.
+    assert toml_text(again) == toml_text(config)
+    assert again.vehicle == config.vehicle
+    assert again.limits.yaw_rad_s == pytest.approx(config.limits.yaw_rad_s, rel=1e-11)
+
+
+def test_the_printed_defaults_name_and_explain_every_setting(tmp_path):
+    text = toml_text(ServiceConfig())
+    assert load_config(write(tmp_path, text), {}) == load_config(None, {})
+    for line in (
+        "yaw_deg_s = 20.0",
+        "# camera.mount",
+        'engage = "pilot"',
+        "# horizontal_fov_deg =",
+    ):
+        assert line.replace("# camera.mount", "# [camera.mount]") in text
+
+
+def test_the_deployed_example_is_the_printed_default():
+    path = Path(__file__).parents[3] / "deploy" / "service.toml"
+    heading, text = path.read_text().split("\n\n", 1)
+    assert heading.startswith("#")
+    assert text == toml_text(ServiceConfig()), "renew its body with: dfvs-service config"
+
+
+def test_children_read_what_the_parent_wrote():
+    config = load_config(None, {"camera.mount.yaw_deg": 5, "gate.engage": "command"})
+    assert config_from_json(config.to_json()) == config
+
+
+# --- camera -----------------------------------------------------------------------------
+
+
+def test_a_field_of_view_makes_a_pinhole_of_the_goals_size():
+    config = load_config(None, {"camera.horizontal_fov_deg": 90})
+    _, camera = config.with_camera((320, 240), None)
+    assert camera.size == (320, 240)
+    assert camera.fx == pytest.approx(160.0)
+
+
+def test_without_intrinsics_the_goals_sidecar_gives_lens_and_mounting():
+    sidecar = GoalSidecar(CAMERA, mount=Mount(pitch_rad=0.3))
+    config, camera = ServiceConfig().with_camera((320, 240), sidecar)
+    assert camera == CAMERA
+    assert config.camera.model() == CAMERA
+    assert config.camera.mount == sidecar.mount
+
+
+def test_settings_win_over_the_sidecar():
+    sidecar = GoalSidecar(CAMERA, mount=Mount(pitch_rad=0.3))
+    config = load_config(None, {"camera.horizontal_fov_deg": 90, "camera.mount.x_m": 0.1})
+    config, camera = config.with_camera((320, 240), sidecar)
+    assert camera.fx == pytest.approx(160.0)
+    assert config.camera.mount == Mount(x_m=0.1)
+
+
+def test_without_anything_known_of_the_lens_there_is_no_flight():
+    with pytest.raises(ConfigError, match="--camera-fov"):
+        ServiceConfig().with_camera((320, 240), None)
+
+
+@pytest.mark.parametrize(
+    "settings",
+    [
+        {"camera.fx": 100.0},
+        {"camera.distortion": [0.1, 0.0, 0.0, 0.0]},
+        {"camera.horizontal_fov_deg": 90, "camera.fx": 100.0},
+        {"camera.horizontal_fov_deg": 90, "camera.distortion": [0.1, 0.0, 0.0, 0.0]},
+        {"camera.fx": 9.0, "camera.fy": 9.0, "camera.cx": 999.0, "camera.cy": 9.0},
+    ],
+)
+def test_half_given_or_impossible_intrinsics_are_refused(settings):
+    config = load_config(None, {"camera.width": 320, "camera.height": 240, **settings})
+    with pytest.raises(DfvsError):
+        config.camera.model()
+
+
+def test_intrinsics_without_a_size_are_refused():
+    with pytest.raises(ConfigError, match="size"):
+        load_config(None, {"camera.horizontal_fov_deg": 90}).camera.model()
+
+
+# --- zenoh ------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    [
+        "tcp/127.0.0.1:7447",
+        "tcp/127.1.2.3:1",
+        "tcp/[::1]:7447",
+        "tcp/localhost:7447",
+        "tls/drone.example:7447",
+        "quic/10.0.0.1:7447",
+        "unixsock-stream//run/dfvs.sock",
+    ],
+)
+def test_encrypted_and_local_endpoints_are_accepted(endpoint):
+    load_config(None, {"zenoh.connect": [endpoint]})
+
+
+@pytest.mark.parametrize(
+    "endpoint",
+    [
+        "tcp/10.0.0.1:7447",
+        "tcp/[::]:7447",
+        "tcp/0.0.0.0:7447",
+        "udp/192.168.0.1:7447",
+        "tcp/127.0.0.1.evil.example:7447",
+        "tcp/localhost.evil.example:7447",
+        "ws/10.0.0.1:80",
+        "tcp/",
+        "",
+    ],
+)
+@pytest.mark.parametrize("key", ["zenoh.connect", "zenoh.listen"])
+def test_plaintext_beyond_this_machine_needs_a_loud_setting(key, endpoint):
+    with pytest.raises(ConfigError, match="allow_plaintext"):
+        load_config(None, {key: [endpoint]})
+    load_config(None, {key: [endpoint], "zenoh.allow_plaintext": True})
+
+
+def test_a_client_needs_a_router():
+    with pytest.raises(ConfigError, match="connect"):
+        load_config(None, {"zenoh.mode": "client"})
+
+
+# --- gate -------------------------------------------------------------------------------
+
+
+def test_default_settings_are_the_gates_own_defaults():
+    assert load_config(None, {}).gate_config() == GateConfig()
+
+
+def test_gate_settings_reach_the_gate():
+    config = load_config(
+        None,
+        {
+            "gate.engage": "command",
+            "gate.hold_s": 2,
+            "gate.reached_s": 0.5,
+            "gate.proof_s": 0,
+            "gate.proof_m_s": 0.2,
+            "gate.min_overlap": 0.3,
+            "gate.min_battery": 0.4,
+            "gate.max_jump_m": 1.5,
+            "limits.horizontal_m_s": 0.7,
+            "limits.vertical_m_s": 0.2,
+            "limits.slew_m_s2": 0.4,
+            "limits.yaw_deg_s": 30,
+            "limits.yaw_slew_deg_s2": 90,
+            "limits.max_distance_m": 9,
+            "limits.max_engaged_s": 60,
+        },
+    ).gate_config()
+    assert config.engage is Engage.COMMAND
+    assert (config.timing.hold_ns, config.timing.reached_ns, config.timing.proof_ns) == (
+        2 * S,
+        S // 2,
+        0,
+    )
+    assert (config.proof_speed_m_s, config.min_overlap, config.min_battery) == (0.2, 0.3, 0.4)
+    assert (config.max_jump_m, config.max_distance_m, config.max_engaged_ns) == (1.5, 9.0, 60 * S)
+    velocity = config.velocity
+    assert (velocity.horizontal_m_s, velocity.vertical_m_s, velocity.slew_m_s2) == (0.7, 0.2, 0.4)
+    assert velocity.yaw_rad_s == pytest.approx(math.radians(30))
+    assert velocity.yaw_slew_rad_s2 == pytest.approx(math.radians(90))
+
+
+def test_a_service_that_ends_with_the_flight_leaves_the_vehicle_in_hold():
+    config = load_config(None, {"gate.exit_when_done": True, "gate.on_done": "zero"})
+    assert config.gate_config().on_done is OnDone.HOLD

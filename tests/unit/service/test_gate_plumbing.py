@@ -1,0 +1,129 @@
+"""Inbox, journal, beat, runtime folder and console: what carries things between processes."""
+
+import io
+import json
+import os
+import select
+from pathlib import Path
+
+import pytest
+
+from dfvs_core.errors import ConfigError, WireError
+from dfvs_core.gate.events import Battery
+from dfvs_service.beat import Beat
+from dfvs_service.console import ChangeLines, JsonLines, LiveLine, describe
+from dfvs_service.gate import inbox as inbox_module
+from dfvs_service.gate.inbox import Inbox
+from dfvs_service.gate.journal import MAX_WAITING, Journal
+from dfvs_service.runtime import RuntimeFolder
+
+SERVO = Beat(1, "SERVO", "OFFBOARD confirmed", error_m=0.5, error_rad=0.1)
+
+
+def wakes(inbox):
+    return bool(select.select([inbox], [], [], 0)[0])
+
+
+def test_an_event_wakes_the_loop_and_waits_in_order():
+    inbox = Inbox()
+    assert not wakes(inbox)
+    events = [Battery(i, 0.5) for i in range(3)]
+    for event in events:
+        inbox.put(event)
+    assert wakes(inbox)
+    assert inbox.take() == events
+    assert not wakes(inbox)
+    assert inbox.take() == []
+
+
+def test_a_full_inbox_drops_the_oldest_and_never_blocks():
+    inbox = Inbox()
+    count = 3 * inbox_module.MAX_WAITING + 70_000  # more wake-up bytes than a pipe holds
+    for i in range(count):
+        inbox.put(Battery(i, 0.5))
+    taken = inbox.take()
+    assert len(taken) == inbox_module.MAX_WAITING
+    assert taken[-1].t_ns == count - 1
+
+
+def test_the_journal_writes_json_lines(tmp_path):
+    journal = Journal(tmp_path / "log")
+    journal.add(5, "transition", source="IDLE", target="PREFLIGHT")
+    journal.close()
+    record = json.loads((tmp_path / "log").read_text())
+    assert record == {"t_ns": 5, "kind": "transition", "source": "IDLE", "target": "PREFLIGHT"}
+
+
+def test_a_full_disk_drops_records_and_stops_nobody():
+    journal = Journal(Path("/dev/full"))  # accepts no byte
+    for i in range(10):
+        journal.add(i, "note")
+    journal.close()
+    assert journal.dropped == 10
+
+
+def test_a_slow_disk_drops_records_and_blocks_nobody(tmp_path):
+    pipe = tmp_path / "pipe"
+    os.mkfifo(pipe)
+    reader = os.open(pipe, os.O_RDONLY | os.O_NONBLOCK)  # opened, and never read
+    journal = Journal(pipe)
+    for i in range(2 * MAX_WAITING):
+        journal.add(i, "note", text="x" * 200)
+    assert journal.dropped > 0
+    journal.close(0.05)
+    os.close(reader)
+
+
+def test_a_beat_survives_the_wire():
+    assert Beat.from_bytes(SERVO.to_bytes()) == SERVO
+
+
+@pytest.mark.parametrize("data", [b"", b"[]", b'{"t_ns": "x"}', b"\xff"])
+def test_what_is_no_beat_is_an_error(data):
+    with pytest.raises(WireError):
+        Beat.from_bytes(data)
+
+
+def test_a_runtime_folder_with_too_long_a_name_is_refused(tmp_path):
+    with pytest.raises(ConfigError, match="too long a name"):
+        RuntimeFolder(tmp_path / ("x" * 100))
+
+
+def test_a_state_is_described_in_one_line():
+    assert describe(SERVO) == "SERVO      error  0.500 m   5.7°  OFFBOARD confirmed"
+    assert describe(Beat(1, "IDLE", "")) == "IDLE"
+
+
+def test_without_a_terminal_every_change_of_state_is_a_line():
+    stream = io.StringIO()
+    display = ChangeLines(stream)
+    for state in ("IDLE", "IDLE", "READY", "READY", "IDLE"):
+        display.show(Beat(1, state, ""))
+    display.say("warning: x")
+    display.close()
+    assert stream.getvalue() == "IDLE\nREADY\nIDLE\nwarning: x\n"
+
+
+def test_a_terminal_gets_one_line_that_is_rewritten():
+    stream = io.StringIO()
+    display = LiveLine(stream, 20)
+    display.show(SERVO)
+    display.say("warning: x")
+    display.show(SERVO)
+    display.close()
+    clear = "\r\x1b[K"
+    line = describe(SERVO)[:19]
+    assert stream.getvalue() == f"{clear}{line}{clear}warning: x\n{clear}{line}\n"
+
+
+def test_the_log_is_passed_on_as_it_grows_whole_lines_only(tmp_path):
+    log, stream = tmp_path / "log", io.StringIO()
+    display = JsonLines(log, stream)
+    display.show(SERVO)
+    log.write_text('{"a": 1}\n{"b"')
+    display.show(SERVO)
+    assert stream.getvalue() == '{"a": 1}\n'
+    with log.open("a") as file:
+        file.write(": 2}\n")
+    display.close()
+    assert stream.getvalue() == '{"a": 1}\n{"b": 2}\n'

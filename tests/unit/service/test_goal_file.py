@@ -1,0 +1,72 @@
+import cv2
+import numpy as np
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError, ImageError
+from dfvs_core.goal import GoalSidecar
+from dfvs_service.goal_file import load_goal, read_picture, read_sidecar
+
+CAMERA = CameraModel.from_horizontal_fov(64, 48, 1.2)
+
+
+@pytest.fixture
+def picture(tmp_path, rng):
+    path = tmp_path / "goal.png"
+    cv2.imwrite(str(path), rng.integers(0, 255, (48, 64, 3), dtype=np.uint8))
+    return path
+
+
+def test_a_goal_is_a_picture_in_rgb_with_its_sidecar(picture):
+    sidecar = GoalSidecar(CAMERA, roll_rad=0.1)
+    picture.with_suffix(".json").write_text(sidecar.to_json())
+    goal = load_goal(picture)
+    assert goal.sidecar == sidecar
+    np.testing.assert_array_equal(goal.image[:, :, ::-1], cv2.imread(str(picture)))
+
+
+def test_a_picture_may_come_without_a_sidecar(picture):
+    assert read_sidecar(picture) is None
+    with pytest.raises(ConfigError, match="no sidecar"):
+        load_goal(picture)
+
+
+@pytest.mark.parametrize("content", [b"", b"not a picture", b"\x89PNG\r\n\x1a\n" + b"\0" * 40])
+def test_what_is_no_picture_is_refused(tmp_path, content):
+    path = tmp_path / "goal.png"
+    path.write_bytes(content)
+    with pytest.raises(ImageError, match=r"goal\.png"):
+        read_picture(path)
+
+
+def test_a_cut_picture_is_refused(picture):
+    data = picture.read_bytes()
+    picture.write_bytes(data[: len(data) // 2])
+    with pytest.raises(ImageError):
+        read_picture(picture)
+
+
+@pytest.mark.parametrize("name", ["none.png", "."])
+def test_a_picture_that_cannot_be_read_is_an_error(tmp_path, name):
+    with pytest.raises(ImageError, match="cannot read"):
+        read_picture(tmp_path / name)
+
+
+@pytest.mark.parametrize("text", ["", "{}", '{"camera": 3}', "[1]"])
+def test_a_sidecar_that_does_not_follow_the_format_is_refused(picture, text):
+    picture.with_suffix(".json").write_text(text)
+    with pytest.raises(ConfigError, match=r"goal\.json"):
+        read_sidecar(picture)
+
+
+def test_a_sidecar_that_cannot_be_read_is_an_error(picture):
+    picture.with_suffix(".json").mkdir()
+    with pytest.raises(ConfigError, match="cannot read"):
+        read_sidecar(picture)
+
+
+def test_a_picture_of_another_size_than_its_camera_is_refused(picture):
+    other = GoalSidecar(CameraModel.from_horizontal_fov(640, 480, 1.2))
+    picture.with_suffix(".json").write_text(other.to_json())
+    with pytest.raises(ImageError, match="640 x 480"):
+        load_goal(picture)

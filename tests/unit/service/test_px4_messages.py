@@ -1,0 +1,151 @@
+import json
+import math
+
+import numpy as np
+import pytest
+from hypothesis import given
+from hypothesis import strategies as st
+
+from dfvs_core.gate.events import ModeRequest, VehicleMode
+from dfvs_core.gate.limits import BodyVelocity
+from dfvs_core.poses import quaternion_from_rotation, rotation_from_euler
+from dfvs_service.gate import px4
+
+T_NS = 42
+
+
+@pytest.mark.parametrize(
+    ("main", "sub", "mode"),
+    [
+        (6, 0, VehicleMode.OFFBOARD),
+        (4, 3, VehicleMode.HOLD),
+        (4, 2, VehicleMode.TAKEOFF),
+        (4, 5, VehicleMode.RETURN),
+        (4, 6, VehicleMode.LAND),
+        (4, 4, VehicleMode.MISSION),
+        (4, 99, VehicleMode.OTHER),
+        (3, 0, VehicleMode.POSITION),
+        (3, 2, VehicleMode.POSITION),
+        (2, 0, VehicleMode.ALTITUDE),
+        (1, 0, VehicleMode.MANUAL),
+        (10, 0, VehicleMode.OTHER),
+        (0, 0, VehicleMode.OTHER),
+    ],
+)
+def test_a_heartbeat_tells_the_mode(main, sub, mode):
+    fields = {"custom_mode": main << 16 | sub << 24, "base_mode": 145, "system_status": 4}
+    assert px4.heartbeat(T_NS, fields).mode is mode
+
+
+@pytest.mark.parametrize(
+    ("base_mode", "armed"), [(1, False), (29, False), (145, True), (157, True)]
+)
+def test_a_heartbeat_tells_whether_the_vehicle_is_armed(base_mode, armed):
+    fields = {"custom_mode": 6 << 16, "base_mode": base_mode, "system_status": 4}
+    assert px4.heartbeat(T_NS, fields).armed is armed
+
+
+@pytest.mark.parametrize(("status", "failsafe"), [(3, False), (4, False), (5, True), (8, True)])
+def test_a_heartbeat_tells_of_a_failsafe(status, failsafe):
+    fields = {"custom_mode": 0, "base_mode": 0, "system_status": status}
+    assert px4.heartbeat(T_NS, fields).failsafe is failsafe
+
+
+angle = st.floats(-3.1, 3.1)
+
+
+@given(angle, st.floats(-1.5, 1.5), angle)
+def test_a_quaternion_becomes_aerospace_angles(roll, pitch, yaw):
+    q = quaternion_from_rotation(rotation_from_euler(roll, pitch, yaw))
+    event = px4.attitude(T_NS, {f"q{i + 1}": float(v) for i, v in enumerate(q)})
+    R = rotation_from_euler(event.roll_rad, event.pitch_rad, event.yaw_rad)
+    # Near 90 degrees of pitch the arc sine loses half the digits.
+    np.testing.assert_allclose(R, rotation_from_euler(roll, pitch, yaw), atol=1e-6)
+
+
+@pytest.mark.parametrize("value", [None, "NaN", math.nan, math.inf])
+def test_numbers_that_are_none_arrive_as_such(value):
+    attitude = px4.attitude(T_NS, {"q1": value, "q2": 0.0, "q3": value, "q4": 0.0})
+    assert not math.isfinite(attitude.pitch_rad)
+    fields = {**dict.fromkeys(("x", "y", "vx", "vy", "vz"), 1.0), "z": value}
+    position = px4.local_position(T_NS, fields)
+    assert not math.isfinite(position.position_m[2])
+    assert position.velocity_m_s == (1.0, 1.0, 1.0)
+
+
+@pytest.mark.parametrize(
+    ("landed", "in_air", "on_ground"),
+    [(0, False, False), (1, False, True), (2, True, False), (3, False, False), (4, False, False)],
+)
+def test_only_flying_counts_as_in_the_air(landed, in_air, on_ground):
+    event = px4.landed_state(T_NS, {"landed_state": landed})
+    assert (event.in_air, event.on_ground) == (in_air, on_ground)
+
+
+def status(battery=80, enabled=0x10200007, health=0x10200007):
+    return px4.system_status(
+        T_NS,
+        {
+            "battery_remaining": battery,
+            "onboard_control_sensors_enabled": enabled,
+            "onboard_control_sensors_health": health,
+        },
+    )
+
+
+@pytest.mark.parametrize(
+    ("percent", "remaining"), [(80, 0.8), (0, 0.0), (100, 1.0), (-1, None), (255, None)]
+)
+def test_the_battery_is_a_share_or_unknown(percent, remaining):
+    assert status(battery=percent)[0].remaining == remaining
+
+
+def test_only_what_is_enabled_must_be_healthy():
+    assert status()[1].ok
+    assert status(enabled=0x3, health=0x3)[1].ok
+    sick = status(health=0x10200006)[1]
+    assert (sick.ok, sick.detail) == (False, "not healthy: gyroscope")
+    assert "pre-arm checks" in status(health=0x7)[1].detail
+
+
+@pytest.mark.parametrize(
+    ("flags", "missing"),
+    [
+        (1 | 2 | 4 | 8, ""),
+        (1 | 2 | 4 | 16, ""),
+        (2 | 4 | 8, "attitude"),
+        (1 | 2 | 4, "horizontal position"),
+        (1 | 4 | 16, "horizontal velocity"),
+    ],
+)
+def test_the_estimator_names_what_it_lacks(flags, missing):
+    event = px4.estimator_status(T_NS, {"flags": flags})
+    assert event.valid is (not missing)
+    assert missing in event.detail
+
+
+def test_a_setpoint_is_a_body_velocity_with_a_yaw_rate():
+    fields = px4.velocity_fields(BodyVelocity(0.1, -0.2, 0.3, 0.4), 7, 5)
+    assert (fields["vx"], fields["vy"], fields["vz"]) == (0.1, -0.2, 0.3)
+    assert fields["yaw_rate"] == 0.4
+    assert (fields["coordinate_frame"], fields["type_mask"]) == (8, 0x5C7)
+    assert (fields["target_system"], fields["target_component"]) == (7, 1)
+    for name in ("coordinate_frame", "type_mask", "time_boot_ms", "target_system"):
+        assert type(fields[name]) is int
+    assert json.loads(json.dumps(fields)) == fields
+
+
+@pytest.mark.parametrize(
+    ("request_", "numbers"), [(ModeRequest.OFFBOARD, (6, 0)), (ModeRequest.HOLD, (4, 3))]
+)
+def test_a_mode_request_never_carries_the_flag_for_arming(request_, numbers):
+    fields = px4.mode_fields(request_, 1)
+    assert fields["command"] == 176
+    assert int(fields["param1"]) & 128 == 0
+    assert (fields["param2"], fields["param3"]) == numbers
+    assert len([name for name in fields if name.startswith("param")]) == 7
+
+
+def test_an_interval_is_asked_for_in_microseconds():
+    fields = px4.interval_fields(32, 20_000, 1)
+    assert (fields["command"], fields["param1"], fields["param2"]) == (511, 32.0, 20_000.0)

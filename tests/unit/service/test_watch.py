@@ -1,0 +1,46 @@
+from dfvs_service.watch import HEARTBEAT_LIMIT_NS, MS, STARTUP_LIMIT_NS, Watch
+
+START_NS = 77_000 * MS
+LOOK_NS = 20 * MS
+
+
+def overdue_after(watch, start_ns, limit_ns):
+    """Look every 20 ms; how long after the start the process counts as hung."""
+    now_ns = start_ns
+    while now_ns - start_ns <= limit_ns:
+        now_ns += LOOK_NS
+        if watch.is_overdue(now_ns):
+            return now_ns - start_ns
+    return None
+
+
+def test_a_process_that_falls_silent_is_overdue_after_300_ms():
+    watch = Watch(START_NS)
+    watch.is_overdue(START_NS + LOOK_NS)
+    watch.beat(START_NS + LOOK_NS)
+    silence_ns = overdue_after(watch, START_NS + LOOK_NS, 1000 * MS)
+    assert HEARTBEAT_LIMIT_NS < silence_ns <= HEARTBEAT_LIMIT_NS + LOOK_NS
+
+
+def test_a_process_that_beats_is_never_overdue():
+    watch, now_ns = Watch(START_NS), START_NS
+    for _ in range(1000):
+        now_ns += LOOK_NS
+        watch.beat(now_ns)
+        assert not watch.is_overdue(now_ns)
+
+
+def test_slow_imports_are_no_hang_but_an_endless_start_is():
+    watch = Watch(START_NS)
+    silence_ns = overdue_after(watch, START_NS, 100_000 * MS)
+    assert STARTUP_LIMIT_NS < silence_ns <= STARTUP_LIMIT_NS + LOOK_NS
+
+
+def test_a_watcher_that_was_away_itself_blames_nobody_for_that_time():
+    watch = Watch(START_NS)
+    watch.beat(START_NS)
+    back_ns = START_NS + 5000 * MS
+    assert not watch.is_overdue(back_ns)
+    silence_ns = overdue_after(watch, back_ns, 1000 * MS)
+    assert silence_ns is not None
+    assert silence_ns <= HEARTBEAT_LIMIT_NS + LOOK_NS
