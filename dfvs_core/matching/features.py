@@ -12,6 +12,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
+from dfvs_core.matching.products import outer_product
 
 _MEAN_SIGMA_PX = 12.0
 _SPREAD_SIGMA_PX = 16.0
@@ -101,7 +102,7 @@ class FeatureMatcher:
         self._current = current
         self._other = other
         self._radius_px = _AGREE_RADIUS_DIAGONALS * float(np.hypot(*size))
-        self._cosine = current.descriptors @ other.descriptors.T
+        self._cosine = _cosines(current.descriptors, other.descriptors)
 
     def match(self, ratio: float) -> Matches:
         """Mutual nearest descriptors that pass Lowe's ratio test and agree with neighbours."""
@@ -149,6 +150,12 @@ class FeatureMatcher:
         for _ in range(_AGREE_ROUNDS):
             kept &= votes[kept].sum(axis=0) >= _AGREE_COUNT
         return kept
+
+
+def _cosines(current: Float32Array, other: Float32Array) -> Float32Array:
+    if not len(current) or not len(other):
+        return np.zeros((len(current), len(other)), np.float32)
+    return outer_product(current, other)
 
 
 def _mutual_distinct(

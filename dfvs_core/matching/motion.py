@@ -15,6 +15,7 @@ import numpy as np
 
 from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.matching.features import Matches
+from dfvs_core.matching.products import inner_product, outer_product, product
 from dfvs_core.matching.warping import homography_flow
 
 _CELLS = (8, 6)
@@ -51,7 +52,8 @@ class SmoothMotion:
         """Flow (H, W, 2) px at every pixel."""
         along_u, along_v = _basis_axes(self.size)
         nodes = self.nodes.reshape(along_v.shape[1], along_u.shape[1], 2)
-        bend = np.stack([along_v @ nodes[..., k] @ along_u.T for k in (0, 1)], axis=-1)
+        rows = [product(along_v, np.ascontiguousarray(nodes[..., k])) for k in (0, 1)]
+        bend = cv2.merge([outer_product(row, along_u) for row in rows])
         return homography_flow(self.homography, self.size) + bend.astype(np.float32)
 
 
@@ -69,8 +71,8 @@ def fit_motion(matches: Matches, size: tuple[int, int]) -> SmoothMotion:
     nodes = np.zeros((basis.shape[1], 2), np.float64)
     for _ in range(_SPLINE_ROUNDS):
         weighted = basis * weight[:, None]
-        normal = weighted.T @ basis + _bending_penalty()
-        nodes = np.asarray(np.linalg.solve(normal, weighted.T @ rest), np.float64)
+        normal = inner_product(weighted, basis) + _bending_penalty()
+        nodes = np.asarray(np.linalg.solve(normal, inner_product(weighted, rest)), np.float64)
         weight = _robust_weight(np.linalg.norm(basis @ nodes - rest, axis=1), _SPLINE_SCALE_PX)
     return SmoothMotion(size, homography, nodes)
 
