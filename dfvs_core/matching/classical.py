@@ -1,7 +1,7 @@
 """The built-in matcher: SIFT and a robust smooth model bridge large motion, DIS does the rest.
 
-Warm, with the flow of the frame before, or after a quick glance that finds little moved: fit a
-smooth motion to that flow, refine it by dense inverse search, and see whether the result holds.
+Warm, with the flow of the frame before, or with what a quick glance shows where little moved: fit
+a smooth motion to that flow, refine it by dense inverse search, and see whether the result holds.
 Cold, where there is no such flow or it does not hold: match features that agree with their
 neighbours, fit a smooth motion, match again near its prediction, fit again, refine; then fit to
 that flow and refine once more.
@@ -34,7 +34,8 @@ _GUESS_CONFIDENCE = 0.3
 _FEWEST_SAMPLES = 12
 _KEPT_SHARE = 0.8
 _LEAST_SHARE = 0.15
-_AT_REST_SHARE = 0.35
+_GLANCE_SHARE = 0.1
+_SETTLED_SHARE = 0.65
 _COMMON_SHARE = 0.5
 
 
@@ -66,16 +67,22 @@ class ClassicalMatcher:
         check_same_size(current, other)
         if not (isinstance(current, ClassicalPicture) and isinstance(other, ClassicalPicture)):
             raise ImageError("pictures were prepared by another matcher", "the same matcher's")
-        if guess is None:
-            guess = glance(current.grey, other.grey)
-            if sure_share(guess) < _AT_REST_SHARE:
-                return _bridge(current, other)
-        return _track(current, other, guess) or _bridge(current, other)
+        near = _start_near(current, other) if guess is None else _track(current, other, guess)
+        return near or _bridge(current, other)
 
 
 def sure_share(field: FlowField) -> float:
     """Share of the picture whose flow is more likely right than wrong."""
     return float(np.mean(field.confidence > _SURE))
+
+
+def _start_near(current: ClassicalPicture, other: ClassicalPicture) -> FlowField | None:
+    """Match two pictures on the chance that little moved; None where the result is poor."""
+    guess = glance(current.grey, other.grey)
+    if sure_share(guess) < _GLANCE_SHARE:
+        return None
+    field = _refit(current, other, guess)
+    return field if field is not None and sure_share(field) >= _SETTLED_SHARE else None
 
 
 def _track(
