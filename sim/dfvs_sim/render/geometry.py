@@ -67,7 +67,7 @@ def edge_functions(clip: FloatArray, i0: int, i1: int, i2: int, e: FloatArray) -
         for i in range(3):
             for k in range(3):
                 e[i, k] = -e[i, k]
-    return abs(det)
+    return float(abs(det))
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -77,11 +77,9 @@ def pixel_range(low: float, high: float, size: int) -> tuple[int, int]:
     Empty (first > last) when there is none. The cut comes before the conversion: a float beyond
     the integers has no defined value as one.
     """
-    first = min(max(math.ceil(low - 0.5), 0.0), float(size))
-    last = min(max(math.floor(high - 0.5), -1.0), size - 1.0)
-    if not first <= last:
+    if not (low <= size and high >= 0.0):
         return 1, 0
-    return int(first), int(last)
+    return math.ceil(max(low, 0.5) - 0.5), math.floor(min(high, size - 0.5) - 0.5)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
@@ -123,11 +121,11 @@ def row_span(e: FloatArray, y: float, x0: int, x1: int) -> tuple[int, int]:
             return 1, 0
     if not low <= high:
         return 1, 0
-    return int(math.ceil(low - 0.5)), int(math.floor(high - 0.5))
+    return math.ceil(low - 0.5), math.floor(high - 0.5)
 
 
 @njit(cache=True, nogil=True, error_model="numpy")
-def rasterise(
+def rasterise(  # noqa: PLR0913
     clip: FloatArray,
     triangles: Int32Array,
     ranges: Int32Array,

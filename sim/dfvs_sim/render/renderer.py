@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+import cv2
 import numpy as np
 
 from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
@@ -11,12 +12,14 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.poses import check_pose, invert_pose
 from dfvs_sim.render.clusters import Clusters, build_clusters
 from dfvs_sim.render.geometry import cull_clusters, rasterise, transform_vertices
+from dfvs_sim.render.lens import Lens, lens_of
 from dfvs_sim.render.shading import attribute_planes, number_visible, shade, shade_antialiased
 from dfvs_sim.scene.mesh import Int32Array, Scene
 from dfvs_sim.scene.texture import linear_from_srgb, pack_textures, srgb_from_linear
 
 NEAR_M = 0.02
 _ENCODE_STEPS = 8192
+_PLANE_REACH = 1.02
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -49,7 +52,7 @@ class Renderer:
     def __init__(self, scene: Scene) -> None:
         self.scene = scene
         self._clusters: Clusters = build_clusters(scene)
-        steps = np.arange(_ENCODE_STEPS, dtype=np.float32) / (_ENCODE_STEPS - 1)
+        steps = np.linspace(0.0, 1.0, _ENCODE_STEPS, dtype=np.float32)
         encode = np.rint(srgb_from_linear(steps) * 255.0).astype(np.uint8)
         decode = linear_from_srgb(np.arange(256, dtype=np.float32) / 255.0)
         pack = pack_textures(scene.textures)
@@ -76,33 +79,68 @@ class Renderer:
             If the pose is not a rigid motion, or the camera sees too wide for a pinhole.
         """
         T_world_camera = check_pose(T_world_camera, "T_world_camera")
-        return self._render_pinhole(camera, T_world_camera, antialias)
+        if camera.distortion:
+            return self._render_distorted(lens_of(camera), T_world_camera, antialias)
+        clip, inverse_depth, ids = self._draw(camera, T_world_camera)
+        depth = _depth(inverse_depth, ids)
+        return View(self._paint(camera, T_world_camera, (clip, ids), antialias), depth)
 
     def depth(self, camera: CameraModel, T_world_camera: FloatArray) -> Float32Array:
-        """Depth (H, W) m along the optical axis of a pinhole camera, as in ``View``; no colour.
+        """Depth (H, W) m, as in ``View``, without the time for colour.
 
         Raises
         ------
         GeometryError
-            If the pose is not a rigid motion.
+            As ``render``.
         """
         pose = check_pose(T_world_camera, "T_world_camera")
+        if camera.distortion:
+            lens = lens_of(camera)
+            clip, _, ids = self._draw(lens.pinhole, pose)
+            return self._depth_through(lens, clip, ids)
         _, inverse_depth, ids = self._draw(camera, pose)
         return _depth(inverse_depth, ids)
 
-    def _render_pinhole(
-        self, camera: CameraModel, T_world_camera: FloatArray, antialias: bool
-    ) -> View:
-        clip, inverse_depth, ids = self._draw(camera, T_world_camera)
-        depth = _depth(inverse_depth, ids)
-        image = np.empty((camera.height, camera.width, 3), np.uint8)
+    def _render_distorted(self, lens: Lens, T_world_camera: FloatArray, antialias: bool) -> View:
+        """Render the pinhole picture behind a lens and look up the pixels in it."""
+        clip, _, ids = self._draw(lens.pinhole, T_world_camera)
+        depth = self._depth_through(lens, clip, ids.copy())
+        image = self._paint(lens.pinhole, T_world_camera, (clip, ids), antialias)
+        seen = cv2.remap(
+            image, lens.x - 0.5, lens.y - 0.5, cv2.INTER_LINEAR, borderMode=cv2.BORDER_REPLICATE
+        )
+        return View(np.asarray(seen, dtype=np.uint8), depth)
+
+    def _depth_through(self, lens: Lens, clip: FloatArray, ids: Int32Array) -> Float32Array:
+        """Depth (H, W) m of the triangles' planes just where a lens' pixels look."""
+        planes, _ = self._surface(clip, ids)
+        i, j = lens.x.astype(np.intp), lens.y.astype(np.intp)
+        numbers = ids[j, i]
+        if not len(planes):
+            return np.zeros(numbers.shape, np.float32)
+        S = planes[np.maximum(numbers, 0), 0]
+        at_centre = S[..., 0] * (i + 0.5) + S[..., 1] * (j + 0.5) + S[..., 2]
+        here = S[..., 0] * lens.x + S[..., 1] * lens.y + S[..., 2]
+        here = np.clip(here, at_centre / _PLANE_REACH, at_centre * _PLANE_REACH)
+        return _depth(here, numbers)
+
+    def _paint(
+        self,
+        camera: CameraModel,
+        T_world_camera: FloatArray,
+        drawn: tuple[FloatArray, Int32Array],
+        antialias: bool,
+    ) -> ImageArray:
+        """Colour a pinhole picture (H, W, 3) of vertices and ids; the ids are used up."""
+        clip, ids = drawn
         if antialias:
             fine = camera.scaled(2 * camera.width, 2 * camera.height)
             _, _, ids = self._draw(fine, T_world_camera)
         surface = self._surface(clip, ids)
+        image = np.empty((camera.height, camera.width, 3), np.uint8)
         paint = shade_antialiased if antialias else shade
         paint(surface, self._pack, ids, self._colours, image)
-        return View(image, depth)
+        return image
 
     def _surface(self, clip: FloatArray, ids: Int32Array) -> tuple[FloatArray, Int32Array]:
         """Attributes of the triangles in ids (H, W), which become numbers into them."""

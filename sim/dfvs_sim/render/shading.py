@@ -122,7 +122,7 @@ def footprint(
     if major <= 1.0:
         return u, v, du, dv, 1, 0.0
     ratio = math.sqrt(major / max(minor, 1e-12))
-    taps = max(1, int(math.ceil(min(ratio - 0.5, float(MAX_ANISOTROPY)))))
+    taps = max(1, math.ceil(min(ratio - 0.5, float(MAX_ANISOTROPY))))
     lod = 0.5 * math.log2(major / (taps * taps))
     return u, v, du, dv, taps, min(max(lod, 0.0), MAX_LEVELS - 2.0)
 
@@ -175,23 +175,27 @@ def number_visible(ids: Int32Array, numbers: Int32Array, visible: Int32Array) ->
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)
 def attribute_planes(mesh: Mesh, visible: Int32Array, planes: FloatArray) -> None:
-    """Write S, then F of u, v and the three colours, each (3,), of triangles to planes (V, 6, 3)."""
+    """Write S, then F of u, v and the three colours of triangles to planes (V, 6, 3).
+
+    S is scaled so that S . p is 1 / depth, in 1/m.
+    """
     clip, triangles, uv, colours = mesh
     e = np.empty((3, 3))
     for n in range(visible.shape[0]):
         t = visible[n]
-        edge_functions(clip, triangles[t, 0], triangles[t, 1], triangles[t, 2], e)
+        det = edge_functions(clip, triangles[t, 0], triangles[t, 1], triangles[t, 2], e)
         for k in range(3):
             for a in range(6):
                 planes[n, a, k] = 0.0
             for i in range(3):
                 vertex = triangles[t, i]
-                planes[n, 0, k] += e[i, k]
-                planes[n, 1, k] += e[i, k] * uv[vertex, 0]
-                planes[n, 2, k] += e[i, k] * uv[vertex, 1]
-                planes[n, 3, k] += e[i, k] * colours[vertex, 0]
-                planes[n, 4, k] += e[i, k] * colours[vertex, 1]
-                planes[n, 5, k] += e[i, k] * colours[vertex, 2]
+                weight = e[i, k] / det
+                planes[n, 0, k] += weight
+                planes[n, 1, k] += weight * uv[vertex, 0]
+                planes[n, 2, k] += weight * uv[vertex, 1]
+                planes[n, 3, k] += weight * colours[vertex, 0]
+                planes[n, 4, k] += weight * colours[vertex, 1]
+                planes[n, 5, k] += weight * colours[vertex, 2]
 
 
 @njit(inline="always")
@@ -205,7 +209,10 @@ def shade_point(
     """Linear light at one point, place = (number of the triangle, its texture, x, y)."""
     n, k, x, y = place
     sx, sy = planes[n, 0, 0], planes[n, 0, 1]
-    w = 1.0 / (sx * x + sy * y + planes[n, 0, 2])
+    w = sx * x + sy * y + planes[n, 0, 2]
+    if not w > 0.0:
+        return 0.0, 0.0, 0.0
+    w = 1.0 / w
     red = max((planes[n, 3, 0] * x + planes[n, 3, 1] * y + planes[n, 3, 2]) * w, 0.0)
     green = max((planes[n, 4, 0] * x + planes[n, 4, 1] * y + planes[n, 4, 2]) * w, 0.0)
     blue = max((planes[n, 5, 0] * x + planes[n, 5, 1] * y + planes[n, 5, 2]) * w, 0.0)
@@ -223,8 +230,10 @@ def shade_point(
 
 @njit(inline="always")
 def encoded(light: float, encode: ImageArray) -> int:
-    """SRGB code of linear light, through a table over 0 to 1."""
-    return encode[int(min(light, 1.0) * (encode.shape[0] - 1) + 0.5)]
+    """SRGB code of linear light, through a table over 0 to 1; 0 for what is no number."""
+    if not light > 0.0:
+        return 0
+    return int(encode[int(min(light, 1.0) * (encode.shape[0] - 1) + 0.5)])
 
 
 @njit(cache=True, nogil=True, error_model="numpy", fastmath=_FAST)

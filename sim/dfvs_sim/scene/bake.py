@@ -19,8 +19,10 @@ import numpy as np
 
 from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.errors import DfvsError
+from dfvs_sim.scene.exposure import exposed, filled, smoothed
+from dfvs_sim.scene.materials import Material
 from dfvs_sim.scene.mesh import Int32Array, Scene
-from dfvs_sim.scene.room import WIDTH_M, WINDOW, Material, Room
+from dfvs_sim.scene.room import WIDTH_M, WINDOW, Room
 from dfvs_sim.scene.solids import Part
 from dfvs_sim.scene.texture import Texture, linear_from_srgb
 
@@ -30,12 +32,8 @@ Progress = Callable[[int, int], None]
 _CHUNK = 2048
 _METER_SIZE_M, _METER_HEIGHT_M = 2.5e-4, 1.3e-3
 _PLATE_SIZE_M, _PLATE_HEIGHT_M, _PLATE_ALBEDO = 6e-3, 3e-4, 0.8
-_SKY_RADIANCE = (4.6, 5.3, 6.2)
-_LAMP_RADIANCE = (8.0, 7.0, 5.4)
-_WHITE_BALANCE = 0.7
-_WHITE_POINT = 6.0
-_SMOOTHING_ROUNDS, _SMOOTHING_CONTRAST = 3, 0.08
-_MIDDLE_LIGHT = 0.42
+_SKY_RADIANCE = (11.0, 12.2, 13.6)
+_LAMP_RADIANCE = (7.0, 6.2, 4.9)
 
 
 class BakeError(DfvsError):
@@ -96,7 +94,7 @@ def bake_room(room: Room, settings: BakeSettings, progress: Progress) -> Scene:
     with tempfile.TemporaryDirectory() as folder:
         tracer = _Tracer(mi, room, settings, Path(folder))
         irradiance = tracer.measure(progress)
-    return _scene(room, _exposed(room, irradiance))
+    return _scene(room, exposed(room, irradiance))
 
 
 def mean_albedo(material: Material) -> FloatArray:
@@ -151,7 +149,7 @@ class _Tracer:
         self._things["sky"] = {
             "type": "rectangle",
             "to_world": to_world().look_at(origin=sky, target=middle, up=[0, 0, 1])
-            @ to_world().scale([3.2, 1.9, 1.0]),
+            @ to_world().scale([4.0, 2.4, 1.0]),
             "emitter": _emitter(_SKY_RADIANCE),
         }
 
@@ -172,7 +170,7 @@ class _Tracer:
             if part.is_sheet:
                 value = 0.5 * (value + values[at : at + n])
                 at += n
-            result.append(_smoothed(part, _filled(part, value)))
+            result.append(smoothed(part, filled(part, value)))
         return result
 
     def _irradiance(
@@ -265,68 +263,6 @@ def _triangles_at(
     corners = [points + radius_m * (np.cos(a) * u + np.sin(a) * v) for a in angles]
     vertices = np.stack(corners, axis=1).reshape(-1, 3).astype(np.float32)
     return vertices, np.arange(len(vertices), dtype=np.int32).reshape(-1, 3)
-
-
-def _filled(part: Part, irradiance: FloatArray) -> FloatArray:
-    """Give vertices that lie inside other things the light of their neighbours."""
-    value = irradiance.copy()
-    dark = value.sum(axis=1) < 1e-6
-    edges = _edges(part)
-    for _ in range(3):
-        if not dark.any() or dark.all():
-            break
-        useful = dark[edges[:, 0]] & ~dark[edges[:, 1]]
-        total, count = np.zeros_like(value), np.zeros(len(value))
-        np.add.at(total, edges[useful, 0], value[edges[useful, 1]])
-        np.add.at(count, edges[useful, 0], 1.0)
-        found = count > 0
-        value[found] = total[found] / count[found, None]
-        dark = dark & ~found
-    return value
-
-
-def _edges(part: Part) -> Int32Array:
-    """Pairs (E, 2) of neighbouring vertices, each both ways."""
-    edges = np.concatenate([part.triangles[:, [a, b]] for a, b in ((0, 1), (1, 2), (2, 0))])
-    return np.concatenate([edges, edges[:, ::-1]])
-
-
-def _smoothed(part: Part, irradiance: FloatArray) -> FloatArray:
-    """Take out the sampler's noise, but not the edges of shadows."""
-    value, edges = irradiance, _edges(part)
-    a, b = edges.T
-    for _ in range(_SMOOTHING_ROUNDS):
-        level = value.sum(axis=1)
-        contrast = (level[a] - level[b]) / np.maximum(level[a] + level[b], 1e-9)
-        weight = np.exp(-((contrast / _SMOOTHING_CONTRAST) ** 2))[:, None]
-        total, count = value.copy(), np.ones((len(value), 1))
-        np.add.at(total, a, 0.5 * weight * value[b])
-        np.add.at(count, a, 0.5 * weight)
-        value = total / count
-    return value
-
-
-def _exposed(room: Room, irradiance: list[FloatArray]) -> list[Float32Array]:
-    """Take irradiance to vertex colours in 0 to 1, with a soft shoulder in the bright parts."""
-    walls = [
-        value
-        for part, value in zip(room.parts, irradiance, strict=True)
-        if part.material in ("plaster", "wallpaper", "bricks")
-    ]
-    usual = np.median(np.concatenate(walls), axis=0)
-    gain = (usual.mean() / usual) ** _WHITE_BALANCE
-    exposure = _MIDDLE_LIGHT / float(usual.mean()) * gain
-    colours = []
-    for part, value in zip(room.parts, irradiance, strict=True):
-        if room.materials[part.material].shines:
-            tint = (1.0, 0.92, 0.78) if part.emission > 0 else (1.0, 1.0, 1.0)
-            colours.append(np.tile(np.array(tint, np.float32), (len(value), 1)))
-            continue
-        light = exposure * value
-        peak = np.maximum(light.max(axis=1, keepdims=True), 1e-9)
-        shoulder = (1.0 + peak / _WHITE_POINT**2) / (1.0 + 0.55 * peak)
-        colours.append(np.clip(light * shoulder, 0.0, 1.0).astype(np.float32))
-    return colours
 
 
 def _scene(room: Room, colours: list[Float32Array]) -> Scene:

@@ -9,6 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
+from dfvs_sim.scene.furniture import book_row
 from dfvs_sim.scene.solids import (
     Part,
     box,
@@ -40,6 +41,16 @@ def framed_picture(width: float, height: float, picture: str, frame: str) -> lis
         x = side * (width + bar) / 2
         parts += box(upright, (x, -deep / 2, -height / 2), frame, skip="+y", edge_m=0.15)
     return parts
+
+
+def wall_shelf(rng: np.random.Generator, width: float, wood: str, books: str) -> list[Part]:
+    """Board on two brackets with books and a vase, its top at the origin."""
+    parts = box((width, 0.22, 0.025), (0, -0.11, -0.025), wood, edge_m=0.08)
+    for x in (-width / 2 + 0.12, width / 2 - 0.12):
+        parts += box((0.02, 0.17, 0.10), (x, -0.085, -0.125), "black", skip="+y +z")
+    row = book_row(rng, width * 0.6, 0.30, 0.22, books)
+    parts += placed(row, -width * 0.17, -0.11)
+    return [*parts, *placed([vase(0.22, "glaze")], width * 0.33, -0.11)]
 
 
 def clock(radius: float, face: str, rim: str) -> list[Part]:
@@ -115,15 +126,18 @@ def _leaf(length: float, width: float, droop: float, material: str, *, lobes: fl
     return sheet(np.stack([x, y + 0 * x, z], -1), uv, material)
 
 
-def palm(rng: np.random.Generator, height: float, leaf: str) -> list[Part]:
+def palm(
+    rng: np.random.Generator, height: float, leaf: str, pot_radius: float = 0.17
+) -> list[Part]:
     """Pot plant with long arching leaves that spring from its middle."""
-    parts = pot(0.17, 0.30, "clay")
-    for k in range(26):
+    parts = pot(pot_radius, 1.76 * pot_radius, "clay")
+    for k in range(26 if height > 0.4 else 14):
         length = height * float(rng.uniform(0.75, 1.25))
-        blade = _leaf(length, 0.028 + 0.012 * rng.random(), float(rng.uniform(0.3, 1.0)), leaf)
+        width = 0.04 * height + 0.012 * rng.random()
+        blade = _leaf(length, width, float(rng.uniform(0.3, 1.0)), leaf)
         turn = 137.5 * k + float(rng.uniform(-15, 15))
         lean = tilted(blade, (0, 1, 0), -float(rng.uniform(5, 38)))
-        parts.append(lean.moved(0.0, 0.0, 0.27, turn))
+        parts.append(lean.moved(0.0, 0.0, 1.6 * pot_radius, turn))
     return parts
 
 

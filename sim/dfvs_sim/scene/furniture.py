@@ -49,8 +49,8 @@ def table(size: tuple[float, float, float], top: str, legs: str) -> list[Part]:
         at = (0, y * (depth / 2 - 0.07), height - 0.105)
         parts += box((width - 0.16, 0.02, 0.07), at, legs, skip="+z", edge_m=0.12)
     for x in (-1, 1):
-        at = (x * (width / 2 - 0.07), 0, height - 0.105)
-        parts += box((0.02, depth - 0.16, 0.07), at, legs, skip="+z", edge_m=0.12)
+        end = (x * (width / 2 - 0.07), 0, height - 0.105)
+        parts += box((0.02, depth - 0.16, 0.07), end, legs, skip="+z", edge_m=0.12)
     return parts
 
 
@@ -65,6 +65,11 @@ def chair(wood: str, seat: str) -> list[Part]:
     for z, y in ((0.62, 0.215), (0.74, 0.232), (0.86, 0.25)):
         parts += box((0.38, 0.018, 0.055), (0, y, z), wood, edge_m=0.14)
     return parts
+
+
+def pouf(cloth: str) -> list[Part]:
+    """Round footstool."""
+    return cushion((0.52, 0.52, 0.36), (0, 0, 0), cloth, power=2.8, edge_m=0.07)
 
 
 def bookcase(
@@ -87,11 +92,11 @@ def bookcase(
         parts += box((inner, depth - 0.012, board), (0, -0.005, z), wood, skip="-x +x")
         if k + 1 < len(levels):
             room = float(levels[k + 1] - z - board)
-            parts += placed(_book_row(rng, inner - 0.02, room, depth, books), 0, 0, z + board)
+            parts += placed(book_row(rng, inner - 0.02, room, depth, books), 0, 0, z + board)
     return parts
 
 
-def _book_row(
+def book_row(
     rng: np.random.Generator, width: float, room: float, depth: float, books: str
 ) -> list[Part]:
     """Books on one shelf, standing, with a gap and perhaps a leaning one."""
@@ -121,7 +126,7 @@ def book(
         u = u / max(float(u.max()), 1e-9)
         v = v / max(float(v.max()), 1e-9)
         if k > 0:
-            u, v = 0.45 + 0.1 * u, 0.03 + 0.03 * v
+            u, v = 0.45 + 0.1 * u, 0.01 + 0.05 * v
         uv = np.stack([(which + 0.04 + 0.92 * u) / 24, v], axis=1)
         parts.append(Part(face.vertices, face.normals, uv, face.triangles, books, face.is_sheet))
     return parts
@@ -151,10 +156,10 @@ def sideboard(size: tuple[float, float, float], wood: str, doors: str) -> list[P
             parts.append(tube((*leg, 0.0), (*leg, foot), (0.014, 0.022), wood, sides=8))
     for k in range(3):
         w = (width - 0.08) / 3
-        x = -width / 2 + 0.04 + w * (k + 0.5)
-        at = (x, -depth / 2 - 0.009, foot + 0.04)
-        parts += box((w - 0.02, 0.018, height - foot - 0.08), at, doors, skip="+y")
-        knob = (x + (w / 2 - 0.05) * (1 if k < 2 else -1), -depth / 2 - 0.018, height - 0.18)
+        middle = -width / 2 + 0.04 + w * (k + 0.5)
+        at = (middle, -depth / 2 - 0.009, foot + 0.04)
+        parts += box((w - 0.008, 0.018, height - foot - 0.08), at, doors, skip="+y")
+        knob = (middle + (w / 2 - 0.05) * (1 if k < 2 else -1), -depth / 2 - 0.018, height - 0.18)
         parts.append(tube(knob, (knob[0], knob[1] - 0.025, knob[2]), 0.012, "brass", sides=10))
         parts += box((0.026, 0.006, 0.026), (knob[0], knob[1] - 0.026, knob[2] - 0.013), "brass")
     return parts

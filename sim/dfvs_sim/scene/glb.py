@@ -248,7 +248,7 @@ def _uv(
     c, s = np.cos(material.uv_rotation_rad), np.sin(material.uv_rotation_rad)
     scaled = uv * np.array(material.uv_scale)
     turned = scaled @ np.array([[c, s], [-s, c]]).T + np.array(material.uv_offset)
-    return turned.astype(np.float32)
+    return np.asarray(turned, dtype=np.float32)
 
 
 def _colours(
@@ -259,7 +259,7 @@ def _colours(
     if "COLOR_0" not in attributes:
         return np.tile(factor, (count, 1))
     colours = read_accessor(document, attributes["COLOR_0"])[:, :3]
-    return (colours * factor).astype(np.float32)
+    return np.asarray(colours * factor, dtype=np.float32)
 
 
 def _texture(document: Document, texture: dict[str, Any]) -> Texture:

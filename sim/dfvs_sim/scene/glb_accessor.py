@@ -73,5 +73,5 @@ def read_accessor(document: Document, index: int) -> NDArray[Any]:
     values: NDArray[Any] = np.ndarray((count, width), dtype, data, first, (stride, dtype.itemsize))
     if accessor.get("normalized", False) and dtype.kind in "iu":
         scaled = values.astype(np.float32) / np.float32(np.iinfo(dtype).max)
-        return np.maximum(scaled, np.float32(-1.0))
+        return np.asarray(np.maximum(scaled, np.float32(-1.0)))
     return values.copy()

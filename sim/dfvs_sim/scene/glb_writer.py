@@ -84,7 +84,7 @@ def save_glb(path: str | Path, scene: Scene, quality: int = 85) -> None:
     Colours must lie in 0 to 1. Textures become JPEG of the given quality (1 to 100).
     """
     writer = _Writer("dfvs")
-    corners = gltf_from_ned(scene.vertices[np.unique(scene.triangles)])
+    corners = gltf_from_ned(scene.vertices[np.unique(scene.triangles)].astype(np.float64))
     low = corners.min(axis=0)
     scale = float(np.max(corners.max(axis=0) - low)) or 1.0
     primitives = []

@@ -1,122 +1,25 @@
-"""Pictures that are used once: paintings, a rug, book spines, wallpaper, the view outside."""
+"""Pictures that hang or stand in a room: paintings, book spines, a dial, the view outside."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import itertools
 
 import numpy as np
 
 from dfvs_core.arrays import Float32Array
 from dfvs_sim.scene.textures import (
     SIZE_PX,
-    Colour,
     blend,
-    cloth,
+    coordinates,
     noise,
     ramp,
+    shaded,
     smoothstep,
     warped,
 )
 
 
-def coordinates(shape: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
-    """x and y (H, W) of pixel centres, 0 to 1, y downwards."""
-    y, x = np.mgrid[0 : shape[0], 0 : shape[1]].astype(np.float32)
-    return (x + 0.5) / shape[1], (y + 0.5) / shape[0]
-
-
-def wallpaper(rng: np.random.Generator, ground: Colour, motif: Colour) -> Float32Array:
-    """Mirrored tendrils and leaves in the manner of a damask, repeating."""
-    x, y = coordinates((SIZE_PX, SIZE_PX))
-    out = np.zeros((SIZE_PX, SIZE_PX), np.float32)
-    for cx, cy in ((0.25, 0.25), (0.75, 0.75)):
-        dx = np.abs((x - cx + 0.5) % 1.0 - 0.5)
-        dy = (y - cy + 0.5) % 1.0 - 0.5
-        r, angle = np.hypot(dx, dy), np.arctan2(dx, -dy)
-        flower = 0.105 + 0.050 * np.cos(5 * angle) + 0.018 * np.cos(10 * angle)
-        out = np.maximum(out, smoothstep(0.006, -0.006, r - flower))
-        out = np.minimum(out, 1 - smoothstep(0.006, -0.006, np.abs(r - 0.045) - 0.008))
-        for k, (lean, size) in enumerate(((0.75, 0.085), (1.5, 0.07), (2.35, 0.08))):
-            lx = dx - 0.17 * np.sin(lean) * (1 + 0.15 * k)
-            ly = -dy - 0.19 * np.cos(lean)
-            u = lx * np.sin(lean) + ly * np.cos(lean)
-            v = lx * np.cos(lean) - ly * np.sin(lean) + 1.5 * u * u
-            leaf = (u / size) ** 2 + (v / (0.38 * size * (1.15 - u / size))) ** 2 - 1
-            out = np.maximum(out, smoothstep(0.12, -0.12, leaf))
-            out = np.where(leaf < 0, out * smoothstep(0.002, 0.006, np.abs(v)), out)
-        stem = np.abs(dx - 0.018 * np.sin(18 * dy)) - 0.006
-        out = np.maximum(out, smoothstep(0.004, -0.004, stem) * (np.abs(dy) > 0.12))
-    wear = 0.88 + 0.12 * smoothstep(-1.5, 0.5, noise(rng, slope=0.8, band=(4.0, 120.0)))
-    image = blend(
-        np.full((SIZE_PX, SIZE_PX, 3), ground, np.float32), motif, out.astype(np.float32) * wear
-    )
-    paper = (
-        1 + 0.025 * noise(rng, slope=0.2, band=(40.0, 256.0)) + 0.02 * noise(rng, band=(2.0, 12.0))
-    )
-    return np.clip(image * paper[..., None], 0, 1).astype(np.float32)
-
-
-def rug(rng: np.random.Generator) -> Float32Array:
-    """Knotted rug with a medallion, a field of small figures and three borders."""
-    shape = (SIZE_PX, SIZE_PX * 3 // 2)
-    x, y = coordinates(shape)
-    a, b = np.abs(x - 0.5) * 3.0, np.abs(y - 0.5) * 2.0
-    edge = np.minimum(1.5 - a, 1.0 - b)
-    red, navy, cream, gold = (
-        (0.52, 0.13, 0.12),
-        (0.10, 0.15, 0.28),
-        (0.86, 0.78, 0.62),
-        (0.72, 0.52, 0.24),
-    )
-    image = np.full((*shape, 3), red, np.float32)
-    figure = np.sin(17 * a + 3 * np.sin(5 * b)) * np.sin(19 * b + 2 * np.sin(7 * a))
-    figure = figure + 0.5 * np.cos(31 * a) * np.cos(29 * b)
-    image = blend(image, navy, smoothstep(0.42, 0.52, figure))
-    image = blend(image, gold, smoothstep(0.85, 0.95, figure))
-    image = blend(image, cream, smoothstep(-0.62, -0.72, figure))
-    angle, r = np.arctan2(b, a), np.hypot(a / 1.25, b)
-    scallop = 0.50 + 0.05 * np.cos(12 * angle)
-    for size, colour in (
-        (1.0, navy),
-        (0.90, gold),
-        (0.84, cream),
-        (0.62, red),
-        (0.34, navy),
-        (0.16, gold),
-    ):
-        image = blend(image, colour, smoothstep(0.012, -0.012, r - size * scallop))
-    petals = np.cos(8 * angle) * np.sin(26 * r)
-    image = blend(image, red, smoothstep(0.5, 0.6, petals) * (r < 0.46) * (r > 0.33))
-    image = _rug_border(image, edge, (a, b), (navy, cream, gold, red))
-    knots = noise(rng, shape, slope=0.1, band=(60.0, 380.0))
-    abrash = noise(rng, shape, slope=1.2, band=(2.0, 40.0), stretch=(4.0, 1.0))
-    light = 1 + 0.10 * knots + 0.07 * abrash
-    return np.clip(image * light[..., None], 0, 1).astype(np.float32)
-
-
-def _rug_border(
-    image: Float32Array,
-    edge: Float32Array,
-    ab: tuple[Float32Array, Float32Array],
-    colours: Sequence[Colour],
-) -> Float32Array:
-    """Bands along the edge of the rug; edge (H, W) is the distance from it."""
-    navy, cream, gold, red = colours
-    a, b = ab
-    along = np.where(1.5 - a < 1.0 - b, b, a)
-    for width, colour in ((0.30, gold), (0.285, navy), (0.095, cream), (0.08, red), (0.03, navy)):
-        image = blend(image, colour, (edge < width).astype(np.float32))
-    across = (edge - 0.19) / 0.09
-    rosette = np.hypot(((along * 5.0) % 1.0 - 0.5) * 2.0, across)
-    inside = (np.abs(across) < 1.0).astype(np.float32)
-    image = blend(image, red, smoothstep(0.75, 0.68, rosette) * inside)
-    image = blend(image, cream, smoothstep(0.45, 0.40, rosette) * inside)
-    image = blend(image, gold, smoothstep(0.2, 0.15, rosette) * inside)
-    diamonds = np.abs((along * 20.0) % 1.0 - 0.5) + np.abs(edge - 0.055) / 0.05
-    return blend(image, cream, smoothstep(0.5, 0.42, diamonds))
-
-
-def landscape(rng: np.random.Generator, shape: tuple[int, int] = (384, 512)) -> Float32Array:
+def landscape(rng: np.random.Generator, shape: tuple[int, int] = (288, 384)) -> Float32Array:
     """Hills behind hills under an evening sky."""
     x, y = coordinates(shape)
     image = ramp(
@@ -140,7 +43,7 @@ def landscape(rng: np.random.Generator, shape: tuple[int, int] = (384, 512)) -> 
     return _canvas(rng, image)
 
 
-def rectangles(rng: np.random.Generator, shape: tuple[int, int] = (512, 384)) -> Float32Array:
+def rectangles(rng: np.random.Generator, shape: tuple[int, int] = (384, 288)) -> Float32Array:
     """Black lines and a few coloured fields."""
     image = np.full((*shape, 3), (0.93, 0.91, 0.86), np.float32)
     xs = np.sort(rng.choice(np.arange(1, 12), 4, replace=False)) * shape[1] // 12
@@ -159,13 +62,13 @@ def rectangles(rng: np.random.Generator, shape: tuple[int, int] = (512, 384)) ->
                 colour = palette[rng.integers(len(palette))]
                 image[ys[j] : ys[j + 1], xs[i] : xs[i + 1]] = colour
     for x in xs[1:-1]:
-        image[:, x - 4 : x + 4] = 0.06
+        image[:, x - 3 : x + 3] = 0.06
     for y in ys[1:-1]:
-        image[y - 4 : y + 4] = 0.06
+        image[y - 3 : y + 3] = 0.06
     return _canvas(rng, image)
 
 
-def contours(rng: np.random.Generator, shape: tuple[int, int] = (384, 512)) -> Float32Array:
+def contours(rng: np.random.Generator, shape: tuple[int, int] = (288, 384)) -> Float32Array:
     """Topographic map with water, paths and names left out."""
     height = noise(rng, shape, slope=2.0, band=(1.0, 40.0))
     t = np.clip((height + 2.2) / 4.4, 0, 1)
@@ -189,7 +92,7 @@ def contours(rng: np.random.Generator, shape: tuple[int, int] = (384, 512)) -> F
     return _canvas(rng, blend(image, (0.3, 0.35, 0.5), 0.6 * smoothstep(0.012, 0.006, grid)))
 
 
-def swirls(rng: np.random.Generator, shape: tuple[int, int] = (512, 512)) -> Float32Array:
+def swirls(rng: np.random.Generator, shape: tuple[int, int] = (384, 384)) -> Float32Array:
     """Marbled abstract."""
     field = noise(rng, shape, slope=1.7, band=(1.0, 24.0))
     for strength in (60.0, 40.0):
@@ -209,7 +112,7 @@ def swirls(rng: np.random.Generator, shape: tuple[int, int] = (512, 512)) -> Flo
     return _canvas(rng, ramp(t, hues))
 
 
-def city(rng: np.random.Generator, shape: tuple[int, int] = (384, 512)) -> Float32Array:
+def city(rng: np.random.Generator, shape: tuple[int, int] = (288, 384)) -> Float32Array:
     """Skyline at dusk with lit windows over water."""
     height, width = shape
     _, y = coordinates(shape)
@@ -220,7 +123,7 @@ def city(rng: np.random.Generator, shape: tuple[int, int] = (384, 512)) -> Float
     for layer in range(3):
         at = 0
         while at < width:
-            w, h = int(rng.integers(18, 52)), int(rng.integers(50, 190) * (1 - 0.2 * layer))
+            w, h = int(rng.integers(14, 40)), int(rng.integers(38, 145) * (1 - 0.2 * layer))
             tone = np.array((0.16, 0.15, 0.26)) * (1.5 - 0.45 * layer)
             image[horizon - h : horizon, at : at + w] = tone
             for wy in range(horizon - h + 6, horizon - 6, 9):
@@ -234,7 +137,7 @@ def city(rng: np.random.Generator, shape: tuple[int, int] = (384, 512)) -> Float
     return _canvas(rng, warped(image, ripple.astype(np.float32), 0.0 * ripple))
 
 
-def botanical(rng: np.random.Generator, shape: tuple[int, int] = (512, 384)) -> Float32Array:
+def botanical(rng: np.random.Generator, shape: tuple[int, int] = (384, 288)) -> Float32Array:
     """Fern pressed on old paper."""
     x, y = coordinates(shape)
     image = np.full((*shape, 3), (0.92, 0.88, 0.76), np.float32)
@@ -266,7 +169,7 @@ def _canvas(rng: np.random.Generator, image: Float32Array) -> Float32Array:
         + 0.05 * noise(rng, shape, slope=0.5, band=(10.0, 256.0))
         + 0.03 * noise(rng, shape, slope=1.2)
     )
-    return np.clip(image * grain[..., None], 0, 1).astype(np.float32)
+    return shaded(image, grain)
 
 
 def book_spines(rng: np.random.Generator, count: int = 24) -> Float32Array:
@@ -288,7 +191,7 @@ def book_spines(rng: np.random.Generator, count: int = 24) -> Float32Array:
             (0.70, 0.25, 0.12),
         ]
     )
-    for a, b in zip(bounds[:-1], bounds[1:], strict=True):
+    for a, b in itertools.pairwise(bounds):
         base = np.clip(hues[rng.integers(len(hues))] * rng.uniform(0.8, 1.2), 0, 1)
         image[:, a:b] = base
         ink = np.array((0.90, 0.78, 0.45)) if base.mean() < 0.5 else np.array((0.16, 0.12, 0.12))
@@ -305,32 +208,7 @@ def book_spines(rng: np.random.Generator, count: int = 24) -> Float32Array:
         u = np.abs(np.linspace(-1, 1, b - a))
         image[:, a:b] *= (1 - 0.45 * u**4)[None, :, None]
     grain = 1 + 0.06 * noise(rng, (height, width), slope=0.6, band=(8.0, 300.0))
-    return np.clip(image * grain[..., None], 0, 1).astype(np.float32)
-
-
-def pattern_cloth(
-    rng: np.random.Generator, kind: str, first: Colour, second: Colour
-) -> Float32Array:
-    """Printed cloth: ``chevron``, ``dots``, ``stripes`` or ``ikat``."""
-    x, y = coordinates((SIZE_PX, SIZE_PX))
-    if kind == "chevron":
-        mask = ((y * 10 + np.abs((x * 8) % 1 - 0.5)) % 1 < 0.5).astype(np.float32)
-    elif kind == "dots":
-        shift = 0.5 * (np.floor(y * 12) % 2)
-        mask = smoothstep(0.34, 0.28, np.hypot((x * 12 + shift) % 1 - 0.5, (y * 12) % 1 - 0.5))
-    elif kind == "stripes":
-        t = (y * 6) % 1
-        mask = ((t < 0.4) | ((t > 0.5) & (t < 0.55)) | ((t > 0.85) & (t < 0.9))).astype(np.float32)
-    else:
-        d = np.abs((x * 4) % 1 - 0.5) + np.abs((y * 4) % 1 - 0.5)
-        mask = smoothstep(
-            -0.2, 0.2, np.cos(2 * np.pi * 3 * d) + 0.3 * noise(rng, slope=0.5, band=(20, 200))
-        )
-    base = cloth(rng, (1.0, 1.0, 1.0), 128) * 0.92
-    image = blend(
-        np.full((SIZE_PX, SIZE_PX, 3), first, np.float32), second, mask.astype(np.float32)
-    )
-    return np.clip(image * base, 0, 1).astype(np.float32)
+    return shaded(image, grain)
 
 
 def clock_face(rng: np.random.Generator) -> Float32Array:

@@ -46,7 +46,7 @@ def look_at(eye_gltf: ArrayLike, target_gltf: ArrayLike) -> FloatArray:
     right = np.cross(_DOWN, forward)
     if np.linalg.norm(right) < 1e-6 * max(1.0, float(np.linalg.norm(forward))):
         raise GeometryError(
-            f"the view from {eye_gltf} to {target_gltf} has no direction in the plan",
+            f"the view from {eye} to {target} (NED) has no direction in the plan",
             "two points that are not straight above each other",
         )
     z = forward / np.linalg.norm(forward)
@@ -186,7 +186,7 @@ class _Judge:
             if near.any():
                 return False
         below = float(np.median(depth[12:20, 12:20]))
-        return 0.0 < below <= floor_m - point[2] + 2 * _LEVEL_STEP_M
+        return 0.0 < below <= float(floor_m - point[2]) + 2 * _LEVEL_STEP_M
 
     def is_good(self, view: View) -> bool:
         """Tell whether a view is neither too near nor too far, and has texture all over."""

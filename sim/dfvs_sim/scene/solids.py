@@ -109,7 +109,7 @@ def sheet(points: FloatArray, uv: FloatArray, material: str, *, is_sheet: bool =
     )
 
 
-def panel(
+def panel(  # noqa: PLR0913
     origin: Sequence[float],
     across: Sequence[float],
     up: Sequence[float],
@@ -172,9 +172,9 @@ def cushion(
 ) -> list[Part]:
     """Rounded box |x/a|^p + |y/b|^p + |z/c|^p = 1; the larger the power, the sharper the edges."""
     half = np.asarray(size, dtype=np.float64) / 2
-    centre = np.asarray(base, dtype=np.float64) + [0.0, 0.0, half[2]]
+    centre = np.asarray(base, dtype=np.float64) + np.array([0.0, 0.0, half[2]])
     parts = []
-    for part in box(2.0 * half, (0.0, 0.0, -half[2]), material, edge_m=edge_m):
+    for part in box(list(2.0 * half), (0.0, 0.0, -half[2]), material, edge_m=edge_m):
         q = part.vertices / half
         q = np.sign(q) * np.sin(np.abs(q) * np.pi / 4) / np.sin(np.pi / 4)
         q = q / np.sum(np.abs(q) ** power, axis=1, keepdims=True) ** (1.0 / power)
@@ -219,7 +219,7 @@ def lathe(
     return replace(part, normals=normals)
 
 
-def tube(
+def tube(  # noqa: PLR0913
     start: Sequence[float],
     end: Sequence[float],
     radius: float | tuple[float, float],

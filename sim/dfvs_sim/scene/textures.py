@@ -7,9 +7,11 @@ because their noise is made in the frequency domain.
 from __future__ import annotations
 
 from collections.abc import Sequence
+from typing import Any
 
 import cv2
 import numpy as np
+from numpy.typing import NDArray
 
 from dfvs_core.arrays import Float32Array, ImageArray
 
@@ -38,7 +40,13 @@ def noise(
     phase = rng.uniform(0.0, 2.0 * np.pi, f.shape)
     field = np.fft.irfft2(amplitude * np.exp(1j * phase), s=shape)
     field = (field - field.mean()) / max(float(field.std()), 1e-12)
-    return field.astype(np.float32)
+    return np.asarray(field, dtype=np.float32)
+
+
+def coordinates(shape: tuple[int, int]) -> tuple[Float32Array, Float32Array]:
+    """Positions x and y (H, W) of pixel centres, 0 to 1, y downwards."""
+    y, x = np.mgrid[0 : shape[0], 0 : shape[1]].astype(np.float32)
+    return (x + 0.5) / shape[1], (y + 0.5) / shape[0]
 
 
 def warped(field: Float32Array, dx: Float32Array, dy: Float32Array) -> Float32Array:
@@ -62,35 +70,40 @@ def ramp(t: Float32Array, colours: Sequence[Colour]) -> Float32Array:
     return np.stack([np.interp(t, at, stops[:, k]) for k in range(3)], -1).astype(np.float32)
 
 
-def smoothstep(low: float, high: float, x: Float32Array) -> Float32Array:
+def smoothstep(low: float, high: float, x: NDArray[np.floating[Any]]) -> Float32Array:
     """0 below low, 1 above high, smooth between."""
     t = np.clip((x - low) / (high - low), 0.0, 1.0)
-    return (t * t * (3.0 - 2.0 * t)).astype(np.float32)
+    return np.asarray(t * t * (3.0 - 2.0 * t), dtype=np.float32)
 
 
 def blend(under: Float32Array, over: Float32Array | Colour, mask: Float32Array) -> Float32Array:
     """Put ``over`` on ``under`` where mask (H, W) is 1."""
     m = mask[..., None]
-    return (under * (1.0 - m) + np.asarray(over, dtype=np.float32) * m).astype(np.float32)
+    mixed = under * (1.0 - m) + np.asarray(over, dtype=np.float32) * m
+    return np.asarray(mixed, dtype=np.float32)
+
+
+def shaded(colour: Float32Array | Colour, light: Float32Array) -> Float32Array:
+    """Colour (H, W, 3), or one for all, times light (H, W), cut to 0 to 1."""
+    product = np.asarray(colour, np.float32) * np.asarray(light, np.float32)[..., None]
+    return np.asarray(np.clip(product, 0.0, 1.0), dtype=np.float32)
 
 
 def pixels(image: Float32Array) -> ImageArray:
     """Picture as uint8 RGB."""
-    return np.rint(np.clip(image, 0.0, 1.0) * 255.0).astype(np.uint8)
+    return np.asarray(np.rint(np.clip(image, 0.0, 1.0) * 255.0), dtype=np.uint8)
 
 
 def plaster(rng: np.random.Generator, colour: Colour, contrast: float = 1.0) -> Float32Array:
-    """Hand-trowelled plaster: broad clouds, strokes and grain."""
-    clouds = noise(rng, slope=1.6, band=(2.0, 14.0))
-    strokes = noise(rng, slope=1.0, band=(6.0, 110.0), stretch=(1.0, 2.6))
-    strokes = warped(
-        strokes, 14.0 * noise(rng, band=(2.0, 9.0)), 14.0 * noise(rng, band=(2.0, 9.0))
-    )
-    grain = noise(rng, slope=0.2, band=(60.0, 256.0))
-    light = 1.0 + contrast * (0.030 * clouds + 0.040 * strokes + 0.022 * grain)
-    warm = 0.006 * contrast * noise(rng, band=(2.0, 10.0))
-    tint = np.stack([warm, np.zeros_like(warm), -warm], axis=-1)
-    return np.asarray(np.asarray(colour) * light[..., None] + tint, dtype=np.float32)
+    """Roughcast paint: fine stipple, short trowel strokes and faint clouds."""
+    clouds = noise(rng, slope=1.6, band=(2.0, 10.0))
+    strokes = noise(rng, slope=0.8, band=(10.0, 120.0), stretch=(1.0, 2.2))
+    shift = noise(rng, band=(3.0, 12.0))
+    strokes = warped(strokes, 9.0 * shift, -9.0 * shift)
+    stipple = noise(rng, slope=0.35, band=(24.0, 200.0))
+    pits = smoothstep(1.8, 2.6, noise(rng, slope=0.4, band=(16.0, 120.0)))
+    light = 1.0 + contrast * (0.010 * clouds + 0.026 * strokes + 0.032 * stipple - 0.10 * pits)
+    return shaded(colour, light)
 
 
 def bricks(rng: np.random.Generator) -> Float32Array:
@@ -146,7 +159,6 @@ WALNUT: tuple[Colour, ...] = ((0.50, 0.34, 0.23), (0.40, 0.26, 0.17), (0.27, 0.1
 def planks(rng: np.random.Generator, count: int = 12, size: int = 2 * SIZE_PX) -> Float32Array:
     """Oak floor, planks along x, each cut from another place of the tree."""
     board = np.tile(wood(rng, OAK), (2, 4, 1))
-    height = size // count
     out = np.empty((size, size, 3), np.float32)
     for k in range(count):
         y0, y1 = k * size // count, (k + 1) * size // count
@@ -157,7 +169,7 @@ def planks(rng: np.random.Generator, count: int = 12, size: int = 2 * SIZE_PX) -
             flip = 1 if rng.random() < 0.5 else -1
             piece = board[dy : dy + 2 * (y1 - y0) : 2][: y1 - y0][::flip]
             columns = np.arange(a, b) % size
-            tone = rng.normal(1.0, 0.10) * np.array(
+            tone = np.clip(rng.normal(1.0, 0.09), 0.8, 1.16) * np.array(
                 [1.0, rng.normal(1.0, 0.02), rng.normal(0.98, 0.04)]
             )
             out[y0:y1, columns] = piece[:, dx : dx + b - a] * tone
@@ -165,7 +177,6 @@ def planks(rng: np.random.Generator, count: int = 12, size: int = 2 * SIZE_PX) -
         out[y0] *= 0.40
         out[y0 + 1] *= 0.75
         out[y1 - 1] *= 0.85
-    del height
     return np.clip(out, 0.0, 1.0)
 
 
@@ -178,7 +189,7 @@ def cloth(rng: np.random.Generator, colour: Colour, threads: int = 96) -> Float3
     )
     clouds = noise(rng, slope=1.4, band=(2.0, 30.0))
     light = 1.0 + 0.06 * weave + 0.075 * slubs + 0.055 * clouds
-    return np.clip(np.asarray(colour, np.float32) * light[..., None], 0, 1).astype(np.float32)
+    return shaded(colour, light)
 
 
 def paint(rng: np.random.Generator, colour: Colour) -> Float32Array:
@@ -186,7 +197,7 @@ def paint(rng: np.random.Generator, colour: Colour) -> Float32Array:
     marks = noise(rng, slope=0.6, band=(4.0, 200.0), stretch=(8.0, 1.0))
     scuffs = smoothstep(1.6, 2.6, noise(rng, slope=0.8, band=(6.0, 120.0)))
     light = 1.0 + 0.020 * marks + 0.02 * noise(rng, band=(2.0, 20.0)) - 0.08 * scuffs
-    return np.clip(np.asarray(colour, np.float32) * light[..., None], 0, 1).astype(np.float32)
+    return shaded(colour, light)
 
 
 def earthenware(rng: np.random.Generator, colour: Colour) -> Float32Array:
@@ -194,7 +205,7 @@ def earthenware(rng: np.random.Generator, colour: Colour) -> Float32Array:
     rings = noise(rng, slope=0.6, band=(6.0, 90.0), stretch=(30.0, 1.0))
     grain = noise(rng, slope=0.5, band=(8.0, 256.0))
     light = 1.0 + 0.05 * rings + 0.07 * grain
-    return np.clip(np.asarray(colour, np.float32) * light[..., None], 0, 1).astype(np.float32)
+    return shaded(colour, light)
 
 
 def foliage(rng: np.random.Generator, colour: Colour) -> Float32Array:
@@ -205,7 +216,7 @@ def foliage(rng: np.random.Generator, colour: Colour) -> Float32Array:
     veins = np.exp(-(((slant - 0.5) / 0.09) ** 2))
     mottle = noise(rng, slope=1.0, band=(3.0, 80.0))
     light = 0.86 + 0.40 * rib + 0.20 * veins + 0.10 * mottle
-    return np.clip(np.asarray(colour, np.float32) * light[..., None], 0, 1).astype(np.float32)
+    return shaded(colour, light)
 
 
 def wicker(rng: np.random.Generator) -> Float32Array:
@@ -216,7 +227,7 @@ def wicker(rng: np.random.Generator) -> Float32Array:
     strand = np.sin(np.pi * ((y * rows) % 1.0)) ** 0.6
     bulge = np.where(over > 0, np.sin(np.pi * ((x * posts) % 1.0)), 0.45)
     light = strand * (0.45 + 0.6 * bulge) * (1 + 0.12 * noise(rng, slope=0.5, band=(8.0, 200.0)))
-    return np.clip(np.array([0.74, 0.56, 0.35]) * light[..., None], 0, 1).astype(np.float32)
+    return shaded((0.74, 0.56, 0.35), light)
 
 
 def tiles(rng: np.random.Generator) -> Float32Array:
