@@ -38,6 +38,8 @@ def zenoh_settings(
         },
         "listen/endpoints": list(listen),
         "scouting/multicast/enabled": False,
+        # What is kept for late subscribers must carry a time.
+        "timestamping/enabled": True,
         "transport/link/tx/lease": 2000,
         "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES,
     }

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import logging
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
@@ -11,6 +12,8 @@ import zenoh
 import zenoh.ext
 
 from dfvs_core.topics import Topics
+
+log = logging.getLogger("dfvs.telemetry")
 
 _CACHED = ("state", "config")
 
@@ -65,12 +68,17 @@ class Telemetry:
                 waiting, self._waiting = self._waiting, {}
                 closed = self._closed
             for stream, make in waiting.items():
-                note = make()
-                self._publisher(stream).put(
-                    note.payload, encoding=note.encoding, attachment=note.attachment
-                )
+                try:
+                    self._put(stream, make())
+                except zenoh.ZError as error:
+                    log.warning("telemetry %r not published: %s", stream, error)
             if closed:
                 return
+
+    def _put(self, stream: str, note: Note) -> None:
+        self._publisher(stream).put(
+            note.payload, encoding=note.encoding, attachment=note.attachment
+        )
 
     def _publisher(self, stream: str) -> zenoh.Publisher | zenoh.ext.AdvancedPublisher:
         if stream not in self._publishers:
