@@ -19,6 +19,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 import torch
 from torch import Tensor, nn
@@ -79,7 +80,7 @@ class Match:
     stages : tuple of (N, 2, h, w)
         Flow after every stage, for training.
     looks : tuple of Look
-        Every look-up, for training.
+        The look-ups at 1/4, for training.
     similarity : (N, h8 w8, h8 w8)
         Scaled cosine similarity of all pairs of cells, for training.
     """
@@ -477,15 +478,48 @@ class _Update(nn.Module):
 
 
 def local_correlation(first: Tensor, second: Tensor, radius: int) -> Tensor:
-    """Products (N, (2 radius + 1)^2, h, w) of features (N, C, h, w) with shifted ones."""
+    """Mean products (N, (2 radius + 1)^2, h, w) of features (N, C, h, w) with shifted ones."""
+    if torch.is_grad_enabled():
+        correlated: Tensor = _LocalCorrelation.apply(first, second, radius)  # type: ignore[no-untyped-call]
+        return correlated
     n, c, h, w = first.shape
-    padded = functional.pad(second, (radius, radius, radius, radius))
     mean = torch.full((n, 1, c), 1.0 / c, dtype=first.dtype, device=first.device)
-    side = range(2 * radius + 1)
-    products = [first * padded[:, :, i : i + h, j : j + w] for i in side for j in side]
     # a product with a row of ones: runs much faster than a mean over the channels does
-    values = [mean @ product.flatten(2) for product in products]
+    values = [mean @ (first * part).flatten(2) for part in _shifted(second, radius)]
     return torch.cat(values, 1).reshape(n, -1, h, w)
+
+
+def _shifted(features: Tensor, radius: int) -> list[Tensor]:
+    """Views of the features moved by up to ``radius`` cells, row by row; zeros come in."""
+    h, w = features.shape[2:]
+    padded = functional.pad(features, (radius, radius, radius, radius))
+    side = range(2 * radius + 1)
+    return [padded[:, :, i : i + h, j : j + w] for i in side for j in side]
+
+
+class _LocalCorrelation(torch.autograd.Function):
+    """The same with a gradient that adds in place: five times faster than autograd's own."""
+
+    @staticmethod
+    def forward(ctx: Any, first: Tensor, second: Tensor, radius: int) -> Tensor:
+        ctx.save_for_backward(first, second)
+        ctx.radius = radius
+        return torch.stack([(first * part).mean(1) for part in _shifted(second, radius)], 1)
+
+    @staticmethod
+    def backward(ctx: Any, grad: Tensor) -> tuple[Tensor, Tensor, None]:
+        first, second = ctx.saved_tensors
+        r = ctx.radius
+        to_first = torch.zeros_like(first)
+        to_padded = functional.pad(torch.zeros_like(second), (r, r, r, r))
+        h, w = second.shape[2:]
+        scaled = grad / first.shape[1]
+        for k, part in enumerate(_shifted(second, r)):
+            i, j = divmod(k, 2 * r + 1)
+            slope = scaled[:, k : k + 1]
+            to_first.addcmul_(slope, part)
+            to_padded[:, :, i : i + h, j : j + w].addcmul_(slope, first)
+        return to_first, to_padded[:, :, r : r + h, r : r + w], None
 
 
 def _unit(features: Tensor) -> Tensor:
@@ -532,8 +566,7 @@ class DfvsFlow(nn.Module):
         looks: list[Look] = []
         hidden = torch.tanh(self.update8.start(a))
         for _ in range(self.architecture.updates8):
-            seen = _look_up(similarity, centres + flow.detach(), 3)
-            looks.append(Look(seen, flow.detach(), 8))
+            seen = _look_up(similarity.detach(), centres + flow.detach(), 3)
             motion = torch.cat([_soft(flow, 64.0), _soft(found - flow, 8.0), sureness], 1).detach()
             hidden, step = self.update8(hidden, seen, self._scale(), motion)
             flow = flow.detach() + step

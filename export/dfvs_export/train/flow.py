@@ -31,15 +31,16 @@ from dfvs_export.train.validation import LevelScores, score_network
 _AVERAGE_DECAY = 0.998
 _FIRST_SHARD_WAIT_S = 600.0
 _REPORT_STEPS = 20
+_WARM_UP = 0.03
 _MAKER_SEED_STRIDE = 100_000
 _MAX_GRADIENT = 1.0
 
 
-def learning_rate(peak: float, progress: float) -> float:
-    """3 % of the run up to ``peak``, then a cosine down to 1 % of it; progress in [0, 1]."""
-    if progress < 0.03:
-        return peak * (0.05 + 0.95 * progress / 0.03)
-    turn = 0.5 * (1.0 + math.cos(math.pi * min(1.0, (progress - 0.03) / 0.97)))
+def learning_rate(peak: float, progress: float, warm_up: float) -> float:
+    """Rise to ``peak`` over the share ``warm_up`` of the run, then a cosine down to 1 % of it."""
+    if progress < warm_up:
+        return peak * (0.05 + 0.95 * progress / warm_up)
+    turn = 0.5 * (1.0 + math.cos(math.pi * min(1.0, (progress - warm_up) / (1.0 - warm_up))))
     return peak * (0.01 + 0.99 * turn)
 
 
@@ -76,6 +77,7 @@ class FlowTraining:
             self.network.parameters(), lr=settings.learning_rate, weight_decay=1e-4
         )
         self.step = 0
+        self.warm_up = 0.0 if checkpoint else _WARM_UP  # a resumed optimiser is warm
         self.origin: tuple[dict[str, Any], ...] = (describe(settings, architecture),)
         if checkpoint:
             self.network.load_state_dict(checkpoint.weights)
@@ -91,7 +93,7 @@ class FlowTraining:
         """Take one step and return the loss's parts."""
         torch.manual_seed(self.settings.seed * 1_000_003 + self.step)
         for group in self.optimiser.param_groups:
-            group["lr"] = learning_rate(self.settings.learning_rate, progress)
+            group["lr"] = learning_rate(self.settings.learning_rate, progress, self.warm_up)
         images = disturb(batch.images.flatten(0, 1)).reshape(batch.images.shape)
         device = torch.device(self.settings.device)
         half = self.settings.precision == "bf16"

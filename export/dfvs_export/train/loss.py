@@ -50,7 +50,7 @@ def flow_loss(match: Match, truth: Truth) -> tuple[Tensor, dict[str, float]]:
     at8, at4 = truth.at(8), truth.at(4)
     matching = matching_loss(match.similarity, at8)
     total = 0.5 * matching
-    looking = torch.stack([look_loss(k, at8 if k.stride == 8 else at4) for k in match.looks]).mean()
+    looking = torch.stack([look_loss(look, at4) for look in match.looks]).mean()
     total = total + looking
     parts = {"matching": float(matching.detach()), "looking": float(looking.detach())}
     updates = match.stages[2:]
