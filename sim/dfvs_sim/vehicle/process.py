@@ -86,7 +86,7 @@ def _loop(
         next_step_ns = max(next_step_ns + STEP_NS, now_ns)
         if now_ns >= next_pose_ns:
             next_pose_ns = max(next_pose_ns + _POSE_NS, now_ns)
-            journal(now_ns, "pose", true_pose(px4, config.start_m))
+            journal(px4.time_ns, "pose", true_pose(px4, config.start_m))
 
 
 def true_pose(px4: Px4, start_m: tuple[float, float, float]) -> dict[str, object]:

@@ -80,6 +80,11 @@ class Px4:
             "TIMESYNC": self._on_timesync,
         }
 
+    @property
+    def time_ns(self) -> int:
+        """Monotonic time of the present state: the last whole step."""
+        return self._time_ns
+
     # What comes in
 
     def handle(self, message: Message, link: str, now_ns: int) -> list[Message]:
@@ -263,7 +268,7 @@ class Px4:
             if link.gcs_ns is not None and now_ns - link.gcs_ns < _GCS_TIMEOUT_NS:
                 out.extend((name, _statustext(text)) for text in texts)
             for kind in link.schedule.due(now_ns):
-                message = self.telemetry.build(kind, now_ns)
+                message = self.telemetry.build(kind, self._time_ns)
                 if message is not None:
                     out.append((name, message))
         return [(name, message) for name, message in out if not self.links[name].dropped]

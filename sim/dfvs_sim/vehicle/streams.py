@@ -64,14 +64,14 @@ class Schedule:
         return self._interval[name] // 1000 if name in self._interval else -1
 
     def due(self, now_ns: int) -> list[str]:
-        """Names of the messages to send now; a late stream skips what it missed."""
+        """Names of the messages to send now; a late stream skips what it missed, in step."""
         if now_ns < self._soonest:
             return []
         names = [name for name, when in self._next.items() if when <= now_ns]
         for name in names:
             interval = self._interval[name]
-            when = self._next[name] + interval
-            self._next[name] = when if when > now_ns else now_ns + interval
+            missed = (now_ns - self._next[name]) // interval
+            self._next[name] += (missed + 1) * interval
         self._soonest = min(self._next.values(), default=now_ns + NS_PER_S)
         return names
 

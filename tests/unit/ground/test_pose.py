@@ -45,6 +45,16 @@ def test_the_smallest_delay_of_late_tells_the_difference_of_the_clocks() -> None
     assert clock.offset_ns == BOOT_NS + 3 * MS
 
 
+def test_the_offset_does_not_jump_when_a_window_ends() -> None:
+    clock = ClockMap()
+    offsets = []
+    for i in range(12 * 50):
+        delay_ms = 1 if i % 50 == 7 else 20
+        clock.update(i * 20 * MS, BOOT_NS + (i * 20 + delay_ms) * MS)
+        offsets.append(clock.offset_ns)
+    assert set(offsets[50:]) == {BOOT_NS + 1 * MS}
+
+
 def test_a_drifting_clock_is_followed_within_two_windows() -> None:
     clock = ClockMap()
     for i in range(30 * 50):  # 30 s at 50 Hz, the vehicle's clock slow by 1 in 1000

@@ -52,6 +52,17 @@ def test_offboard_begins_with_a_stop_until_the_next_setpoint() -> None:
     assert abs(vehicle.body.v_north_m_s) < 0.01
 
 
+def test_a_second_entry_does_not_follow_the_setpoint_of_the_first() -> None:
+    vehicle = VehicleInHand()
+    vehicle.fly_offboard(setpoint(vx=1.0), 2.0)
+    vehicle.set_mode(Mode.HOLD)
+    vehicle.run(8.0, setpoint(vx=1.0))
+    vehicle.set_mode(Mode.OFFBOARD)
+    vehicle.run(0.4)
+    assert vehicle.mode is Mode.OFFBOARD
+    assert abs(vehicle.body.v_north_m_s) < 0.03
+
+
 def test_arming_in_offboard_without_setpoints_is_refused() -> None:
     vehicle = VehicleInHand()
     vehicle.run(6.0)
@@ -154,12 +165,14 @@ def test_a_mode_command_during_the_failsafe_ends_re_entry() -> None:
     assert vehicle.mode is Mode.HOLD
 
 
-def test_nan_stops_the_vehicle_and_keeps_offboard() -> None:
+@pytest.mark.parametrize(("vx", "vz"), [(math.nan, 0.0), (1.0, math.nan)])
+def test_nan_on_an_axis_stops_the_vehicle_and_keeps_offboard(vx: float, vz: float) -> None:
     vehicle = VehicleInHand()
     vehicle.fly_offboard(setpoint(vx=1.0), 3.0)
-    vehicle.run(4.0, setpoint(vx=math.nan))
+    vehicle.run(4.0, setpoint(vx=vx, vz=vz))
     assert vehicle.mode is Mode.OFFBOARD
     assert vehicle.body.v_north_m_s < 0.15
+    assert abs(vehicle.body.v_down_m_s) < 0.02
 
 
 def test_a_message_without_valid_axis_does_not_keep_offboard() -> None:

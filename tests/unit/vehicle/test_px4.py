@@ -240,6 +240,15 @@ def test_home_is_where_it_was_armed() -> None:
     homes = [m for _, _, m in vehicle.sent if m.get_type() == "HOME_POSITION"]
     assert homes[-1].z == pytest.approx(0.3)
     assert homes[-1].altitude == pytest.approx(1000 * (488.0 - 0.3), abs=1)
+    vehicle.run(0.5, setpoint())
+    vehicle.set_mode(Mode.OFFBOARD)
+    vehicle.run(3.0, setpoint(vx=1.0))
+    vehicle.command(LAND)
+    vehicle.run_until(lambda: not vehicle.px4.status.armed, 30.0)
+    vehicle.set_mode(Mode.HOLD)
+    assert vehicle.command(ARM, 1.0) == [0]
+    assert vehicle.px4.status.home_m[0] == pytest.approx(vehicle.body.north_m, abs=0.01)
+    assert vehicle.body.north_m > 1.0
 
 
 @pytest.mark.parametrize(

@@ -8,7 +8,7 @@ import pytest
 from pymavlink.dialects.v20 import common as mavlink
 from vehicle_in_hand import VehicleInHand
 
-from dfvs_sim.vehicle.streams import COMPANION
+from dfvs_sim.vehicle.streams import COMPANION, Schedule
 
 SET_INTERVAL, GET_INTERVAL, REQUEST = 511, 510, 512
 PX4_RATES_HZ = {
@@ -66,6 +66,7 @@ def test_setting_an_interval_on_one_link_leaves_the_other_alone() -> None:
 
 def test_an_interval_for_an_unknown_message_fails() -> None:
     assert VehicleInHand().command(SET_INTERVAL, 9999.0, 1000.0) == [4]
+    assert VehicleInHand().command(SET_INTERVAL, 32.0, float("nan")) == [4]
 
 
 def test_a_message_is_sent_on_request() -> None:
@@ -74,3 +75,20 @@ def test_a_message_is_sent_on_request() -> None:
     (version,) = [m for _, _, m in vehicle.sent if m.get_type() == "AUTOPILOT_VERSION"]
     assert version.flight_sw_version >> 16 == 0x0111  # 1.17
     assert vehicle.command(REQUEST, 9999.0) == [2]
+
+
+def test_a_message_carries_the_time_of_the_state_and_not_of_its_sending() -> None:
+    vehicle = VehicleInHand()
+    vehicle.now_ns += 3_000_000  # between two steps of 4 ms
+    vehicle.run(1.0)
+    stamps = [m.time_boot_ms for _, _, m in vehicle.sent if m.get_type() == "ATTITUDE"]
+    assert len(stamps) > 50
+    assert all(stamp % 4 == 0 for stamp in stamps)
+
+
+def test_a_late_stream_skips_what_it_missed_and_keeps_its_phase() -> None:
+    schedule = Schedule({"ATTITUDE": 100.0}, 0)
+    sent = [t for t in range(0, 1000, 1) if t % 25 == 0 and schedule.due(t * 1_000_000)]
+    assert len(sent) == 40  # every 25 ms something is due; nothing is sent twice
+    assert schedule.due(979 * 1_000_000) == []
+    assert schedule.due(980 * 1_000_000) == ["ATTITUDE"]
