@@ -139,10 +139,10 @@ def service_running(
     folder: Path,
     *,
     gate: str = "",
-    forward_m: float = 30.0,
+    sees: str = "--forward 30",
     **settings: Any,
 ) -> Iterator[Flight]:
-    """The service with a perception that flies ``forward_m`` ahead; settings as section__key."""
+    """The service with a stand-in for perception (``sees``); settings as section__key."""
     folder.mkdir(exist_ok=True)
     overrides = {
         "camera.horizontal_fov_deg": 80,
@@ -157,7 +157,7 @@ def service_running(
     (folder / "config.json").write_text(load_config(None, overrides).to_json())
     vehicle.order("mode HOLD")
     command = [sys.executable, str(HERE / "run_parent.py"), "--runtime", str(folder)]
-    command += ["--perception", f"{HERE / 'fake_perception.py'} --forward {forward_m}"]
+    command += ["--perception", f"{HERE / 'fake_perception.py'} {sees}"]
     command += ["--gate", str(HERE / gate)] if gate else []
     start_ns = time.monotonic_ns()
     with (folder / "parent.err").open("w") as errors:

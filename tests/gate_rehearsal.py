@@ -41,6 +41,7 @@ class Vehicle:
     in_air: bool = True
     battery: float | None = 0.9
     healthy: bool = True
+    can_arm: bool = True
     position_m: tuple[float, float, float] = (1.0, 2.0, -3.0)
     velocity_m_s: tuple[float, float, float] = (0.0, 0.0, 0.0)
     roll_rad: float = 0.0
@@ -102,7 +103,7 @@ class Rehearsal:
         events: list[Event] = [
             LandedState(now, v.in_air, not v.in_air),
             Battery(now, v.battery),
-            Health(now, v.healthy, "" if v.healthy else "not healthy: gyroscope"),
+            Health(now, v.healthy, "" if v.healthy else "not healthy: gyroscope", v.can_arm),
             EstimatorState(now, valid=True),
             ParametersRead(now),
         ]

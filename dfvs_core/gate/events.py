@@ -81,11 +81,15 @@ class Battery:
 
 @dataclass(frozen=True, slots=True)
 class Health:
-    """Sensors and pre-arm checks of the autopilot; ``detail`` names what is not healthy."""
+    """Sensors of the autopilot; ``detail`` names what is not healthy.
+
+    ``can_arm`` tells whether its checks before arming pass, which counts on the ground alone.
+    """
 
     t_ns: int
     ok: bool
     detail: str = ""
+    can_arm: bool = True
 
 
 @dataclass(frozen=True, slots=True)

@@ -59,6 +59,8 @@ def _health(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Check:
         return Check("health", False, "no SYS_STATUS heard")
     if not vehicle.health.ok:
         return Check("health", False, vehicle.health.detail)
+    if not vehicle.is_armed and not vehicle.health.can_arm:
+        return Check("health", False, "the autopilot's checks before arming fail")
     if vehicle.landed.t_ns == NEVER:
         return Check("health", False, "no EXTENDED_SYS_STATE heard")
     return Check("health", True)

@@ -76,8 +76,9 @@ class GateStatus:
     ``t_ns`` is the monotonic time of sending. ``mode``, ``armed``, ``in_air`` and ``battery``
     (0 to 1, None if unknown) are the autopilot's, ``heartbeat_age_s`` says how old its heartbeat
     is. ``setpoint`` is the velocity that was last sent: forward, right, down in m/s and yaw rate
-    in rad/s. A signed command must carry ``challenge``; ``command_result`` says what became of
-    the last one, ``command_count`` how many came. ``warnings`` are for the operator.
+    in rad/s; ``distance_m`` says how far the vehicle is from where it was engaged. A signed
+    command must carry ``challenge``; ``command_result`` says what became of the last one,
+    ``command_count`` how many came. ``warnings`` are for the operator.
     """
 
     state: str
@@ -91,7 +92,7 @@ class GateStatus:
     battery: float | None = None
     heartbeat_age_s: float | None = None
     setpoint: tuple[float, float, float, float] = (0.0, 0.0, 0.0, 0.0)
-    distance_m: float = 0.0
+    distance_m: float | None = None
     challenge: str = ""
     command_result: str = ""
     command_count: int = 0

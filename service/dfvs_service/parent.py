@@ -32,7 +32,8 @@ EXIT_ENDED, EXIT_CANNOT_RUN = 1, 2
 _LOOK_S = 0.02
 _PING_NS = 100 * MS
 _SHOW_NS = 200 * MS
-_STOP_LIMIT_S = 2.0
+_STOP_LIMIT_S = 1.8
+_PERCEPTION_STOP_S = 0.4
 _NOTABLE = ("error: ", "warning: ")
 
 
@@ -88,6 +89,13 @@ class Parent:
         code = self._gate.code
         return code if code is not None and 0 <= code <= EXIT_CANNOT_RUN else EXIT_ENDED
 
+    def _lament(self) -> None:
+        """Say that the gate did not end by itself."""
+        code = self._gate.code
+        if code is not None and code < 0 and self._code is None and not self._stop_requested:
+            end = self._gate.describe_end()
+            self._say(f"error: the gate {end}; the autopilot's failsafe has the vehicle")
+
     def _turn(self) -> None:
         self._listen()
         now_ns = time.monotonic_ns()
@@ -104,7 +112,7 @@ class Parent:
                 child.ping()
         if now_ns >= self._next_show_ns:
             self._next_show_ns = now_ns + _SHOW_NS
-            self._display.show(self._beat)
+            self._show()
             self._pass_on_errors()
             self._heed_perception()
         if self._stop_requested:
@@ -131,6 +139,8 @@ class Parent:
     def _stop_gate(self) -> None:
         """Let the gate bring the vehicle to Hold; kill it if that takes too long."""
         self._gate.terminate()
+        # Perception has nothing to bring to an end, and the gate no more use for it.
+        self._perception.terminate()
         deadline = time.monotonic() + _STOP_LIMIT_S
         while self._gate.code is None and time.monotonic() < deadline:
             self._listen()
@@ -142,16 +152,20 @@ class Parent:
 
     def _end_all(self) -> None:
         """Leave no process behind, and no error unsaid."""
-        for child in self._children.values():
+        for child, limit_s in (
+            (self._gate, _STOP_LIMIT_S),
+            (self._perception, _PERCEPTION_STOP_S),
+        ):
             if child.code is None:
                 child.terminate()
-        for child in self._children.values():
-            if not child.wait(1.0):
+            if not child.wait(limit_s):
                 child.kill()
-                child.wait(1.0)
-        self._display.show(self._beat)
+                child.wait(limit_s)
+        self._show()
         self._pass_on_errors()
-        self._display.close()
+        self._lament()
+        with contextlib.suppress(OSError):
+            self._display.close()
         self._socket.close()
 
     def _pass_on_errors(self) -> None:
@@ -163,10 +177,16 @@ class Parent:
                 if line.startswith(_NOTABLE):
                     self._say(line)
 
+    def _show(self) -> None:
+        # A terminal that is gone must not end a flight.
+        with contextlib.suppress(OSError):
+            self._display.show(self._beat)
+
     def _say(self, line: str) -> None:
         if line not in self._told:
             self._told.add(line)
-            self._display.say(line)
+            with contextlib.suppress(OSError):
+                self._display.say(line)
 
 
 def fly(runtime: RuntimeFolder, programs: Programs, display: Display) -> int:

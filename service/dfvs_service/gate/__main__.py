@@ -6,13 +6,14 @@ import argparse
 import os
 import signal
 import sys
+import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_core.errors import DfvsError
 from dfvs_service.config import config_from_json
 from dfvs_service.gate.autopilot import Autopilot
-from dfvs_service.gate.process import EXIT_CANNOT_RUN, GateProcess, start_autopilot
+from dfvs_service.gate.process import EXIT_CANNOT_RUN, EXIT_ENDED, GateProcess, start_autopilot
 from dfvs_service.key_file import load_key
 from dfvs_service.runtime import RuntimeFolder
 
@@ -27,8 +28,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     key = load_key(Path(key_file)) if key_file else None
     gate = GateProcess(config, runtime, key, sys.stdin.fileno())
     signal.signal(signal.SIGTERM, gate.stop)
-    # The terminal's Ctrl-C goes to all processes; the parent passes it on as SIGTERM.
+    # A terminal's Ctrl-C and its closing reach all processes; the parent passes on SIGTERM.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     autopilot = Autopilot(gate.emit, gate.note)
     vehicle = config.vehicle
     start_autopilot(
@@ -47,6 +49,10 @@ def run() -> None:
     except DfvsError as error:
         print(f"error: {error}", file=sys.stderr)
         code = EXIT_CANNOT_RUN
+    except Exception as error:  # noqa: BLE001 - the one place; whatever it is, the end is silence
+        traceback.print_exc()
+        print(f"error: the gate failed and is silent ({error!r})", file=sys.stderr)
+        code = EXIT_ENDED
     sys.stderr.flush()
     # MAVSDK's threads need not be waited for: nothing of theirs sends setpoints.
     os._exit(code)

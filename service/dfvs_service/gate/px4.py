@@ -48,8 +48,8 @@ _SENSORS = {
     0x2: "accelerometer",
     0x4: "magnetometer",
     0x200000: "attitude and position estimate",
-    0x10000000: "pre-arm checks",
 }
+_PREARM_CHECK = 0x10000000
 _ESTIMATES = {
     1: "attitude",
     2: "horizontal velocity",
@@ -114,7 +114,8 @@ def system_status(t_ns: int, fields: Mapping[str, Any]) -> tuple[VehicleEvent, .
     missing = enabled & ~int(fields["onboard_control_sensors_health"])
     faults = [name for bit, name in _SENSORS.items() if missing & bit]
     detail = f"not healthy: {', '.join(faults)}" if faults else ""
-    return Battery(t_ns, remaining), Health(t_ns, not faults, detail)
+    health = Health(t_ns, not faults, detail, can_arm=not missing & _PREARM_CHECK)
+    return Battery(t_ns, remaining), health
 
 
 def estimator_status(t_ns: int, fields: Mapping[str, Any]) -> EstimatorState:

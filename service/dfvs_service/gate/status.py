@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from dfvs_core.gate.config import S
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.vehicle import NEVER, VehiclePicture
@@ -12,18 +14,16 @@ _MAX_WARNINGS = 4
 
 
 def vehicle_state(vehicle: VehiclePicture) -> VehicleState | None:
-    """Attitude with the newest velocity and position, None until both were heard."""
+    """Attitude with the newest velocity and position, None until both were heard.
+
+    Also None where a number is not finite: the wire carries none of those.
+    """
     attitude, position = vehicle.attitude, vehicle.position
-    if NEVER in (attitude.t_ns, position.t_ns):
+    angles = (attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad)
+    numbers = (*angles, *position.velocity_m_s, *position.position_m)
+    if NEVER in (attitude.t_ns, position.t_ns) or not all(map(math.isfinite, numbers)):
         return None
-    return VehicleState(
-        attitude.t_ns,
-        attitude.roll_rad,
-        attitude.pitch_rad,
-        attitude.yaw_rad,
-        position.velocity_m_s,
-        position.position_m,
-    )
+    return VehicleState(attitude.t_ns, *angles, position.velocity_m_s, position.position_m)
 
 
 def gate_status(
@@ -55,7 +55,7 @@ def gate_status(
             setpoint.down_m_s,
             setpoint.yaw_rad_s,
         ),
-        distance_m=machine.distance_m,
+        distance_m=machine.distance_m if math.isfinite(machine.distance_m) else None,
         challenge=challenge,
         command_result=command[0],
         command_count=command[1],

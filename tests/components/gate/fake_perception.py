@@ -8,6 +8,7 @@ in ``command``. Ends when the parent's pipe ends.
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import os
 import select
@@ -27,6 +28,18 @@ from dfvs_core.wire.link import (
 )
 
 GAIN = 0.8
+BLIND = PerceptionReport(
+    seq=0,
+    t_capture_ns=0,
+    velocity=(0.0, 0.0, 0.0, 0.0),
+    healthy=False,
+    reached=False,
+    lost=False,
+    reason="no camera frame on dfvs/drone1/camera",
+    error_m=1e6,
+    error_rad=1e6,
+    overlap=0.0,
+)
 
 
 def report(seq: int, vehicle: VehicleState, goal: tuple[float, float, float]) -> PerceptionReport:
@@ -50,43 +63,60 @@ def report(seq: int, vehicle: VehicleState, goal: tuple[float, float, float]) ->
     )
 
 
+class FakePerception:
+    def __init__(self, runtime: Path, ahead_m: float, *, blind: bool) -> None:
+        self.runtime = runtime
+        self.ahead_m = ahead_m
+        self.blind = blind
+        self.goal: tuple[float, float, float] | None = None
+        self.seq = 0
+        self.inbox = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.inbox.bind(str(runtime / "perception.sock"))
+        self.inbox.setblocking(False)
+
+    def newest_status(self) -> GateStatus | None:
+        status = None
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                status = from_datagram(GateStatus, self.inbox.recv(65536))
+        return status
+
+    def send(self, message: PerceptionReport | ForwardedCommand) -> None:
+        with contextlib.suppress(FileNotFoundError, ConnectionRefusedError, BlockingIOError):
+            self.inbox.sendto(to_datagram(message), str(self.runtime / "gate.sock"))
+
+    def turn(self) -> None:
+        status = self.newest_status()
+        if status is not None:
+            (self.runtime / "challenge").write_text(status.challenge)
+        command = self.runtime / "command"
+        if command.exists():
+            self.send(ForwardedCommand(command.read_text()))
+            command.unlink()
+        if self.blind:
+            self.send(BLIND)
+        elif status is not None and status.vehicle is not None:
+            self.seq += 1
+            self.goal = self.goal or ahead(status.vehicle, self.ahead_m)
+            self.send(report(self.seq, status.vehicle, self.goal))
+
+
+def ahead(vehicle: VehicleState, distance_m: float) -> tuple[float, float, float]:
+    (north, east, down), yaw = vehicle.position_m, vehicle.yaw_rad
+    return north + distance_m * math.cos(yaw), east + distance_m * math.sin(yaw), down
+
+
 def main() -> None:
     parser = argparse.ArgumentParser()
     parser.add_argument("--runtime", type=Path, required=True)
     parser.add_argument("--forward", type=float, default=30.0)
+    parser.add_argument("--blind", action="store_true", help="no frame ever arrives")
     args = parser.parse_args()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    inbox = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-    inbox.bind(str(args.runtime / "perception.sock"))
-    inbox.setblocking(False)
-    gate = str(args.runtime / "gate.sock")
-    seq, goal = 0, None
-    while True:
+    perception = FakePerception(args.runtime, args.forward, blind=args.blind)
+    while not select.select([sys.stdin], [], [], 0)[0] or os.read(0, 4096):
+        perception.turn()
         time.sleep(1 / 30)
-        if select.select([sys.stdin], [], [], 0)[0] and not os.read(0, 4096):
-            return
-        status = None
-        try:
-            while True:
-                status = from_datagram(GateStatus, inbox.recv(65536))
-        except BlockingIOError:
-            pass
-        if status is not None:
-            (args.runtime / "challenge").write_text(status.challenge)
-        if (args.runtime / "command").exists():
-            payload = (args.runtime / "command").read_text()
-            (args.runtime / "command").unlink()
-            inbox.sendto(to_datagram(ForwardedCommand(payload)), gate)
-        if status is None or status.vehicle is None:
-            continue
-        if goal is None:
-            (n, e, d), yaw = status.vehicle.position_m, status.vehicle.yaw_rad
-            goal = (n + args.forward * math.cos(yaw), e + args.forward * math.sin(yaw), d)
-        seq += 1
-        try:
-            inbox.sendto(to_datagram(report(seq, status.vehicle, goal)), gate)
-        except (FileNotFoundError, ConnectionRefusedError, BlockingIOError):
-            continue
 
 
 if __name__ == "__main__":

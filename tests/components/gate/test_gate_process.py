@@ -46,7 +46,7 @@ def assert_limits(setpoints):
 
 
 def test_a_flight_reaches_its_goal_and_keeps_every_invariant(vehicle, tmp_path):
-    with service_running(vehicle, tmp_path, forward_m=0.25) as flight:
+    with service_running(vehicle, tmp_path, sees="--forward 0.25") as flight:
         assert flight.end(30.0) == 0
     setpoints = flight.setpoints()
     assert_limits(setpoints)
@@ -212,6 +212,16 @@ def test_a_signed_command_engages_and_a_repeated_one_does_not_count(vehicle, tmp
 
 def commands(flight):
     return [record["result"] for record in flight.log() if record["kind"] == "command"]
+
+
+def test_no_camera_is_said_in_one_line_with_perceptions_reason(vehicle, tmp_path):
+    with service_running(vehicle, tmp_path, sees="--blind", camera__timeout_s=1) as flight:
+        assert flight.end() == 2
+    errors = [line for line in flight.errors().splitlines() if line.startswith("error:")]
+    assert len(errors) == 1
+    assert "no camera frame within 1 s" in errors[0]
+    assert "no camera frame on dfvs/drone1/camera" in errors[0]
+    assert not flight.setpoints()
 
 
 def test_no_vehicle_is_said_in_one_line(tmp_path):

@@ -35,6 +35,15 @@ def test_a_vehicle_that_is_not_fit_is_refused(attribute, value, reason):
     assert not gate.setpoints
 
 
+def test_checks_before_arming_count_on_the_ground_alone():
+    gate = Rehearsal(pilot_config())
+    gate.vehicle.can_arm = gate.vehicle.armed = False
+    gate.run(5.0)
+    assert "checks before arming" in gate.machine.reason
+    gate.beat(armed=True)
+    gate.until(GateState.READY)
+
+
 def test_an_estimate_that_the_autopilot_calls_invalid_is_refused():
     gate = Rehearsal(pilot_config())
     for _ in range(300):

@@ -105,7 +105,14 @@ def test_only_what_is_enabled_must_be_healthy():
     assert status(enabled=0x3, health=0x3)[1].ok
     sick = status(health=0x10200006)[1]
     assert (sick.ok, sick.detail) == (False, "not healthy: gyroscope")
-    assert "pre-arm checks" in status(health=0x7)[1].detail
+    assert "estimate" in status(health=0x10000007)[1].detail
+
+
+def test_the_checks_before_arming_are_told_apart():
+    assert status()[1].can_arm
+    unarmable = status(health=0x200007)[1]
+    assert unarmable.ok
+    assert not unarmable.can_arm
 
 
 @pytest.mark.parametrize(

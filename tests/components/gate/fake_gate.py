@@ -1,0 +1,48 @@
+"""Stands in for the gate: shows signs of life, and ends as it is told on the command line.
+
+``--code N`` ends with that code after half a second; ``--deaf`` ignores SIGTERM; ``--hang`` falls
+silent after half a second; ``--crash`` is killed then.
+"""
+
+from __future__ import annotations
+
+import argparse
+import os
+import signal
+import socket
+import sys
+import time
+from pathlib import Path
+
+from dfvs_service.beat import Beat
+
+
+def main() -> None:
+    parser = argparse.ArgumentParser()
+    parser.add_argument("--runtime", type=Path, required=True)
+    parser.add_argument("--code", type=int)
+    parser.add_argument("--deaf", action="store_true")
+    parser.add_argument("--hang", action="store_true")
+    parser.add_argument("--crash", action="store_true")
+    parser.add_argument("--state", default="PREFLIGHT")
+    args = parser.parse_args()
+    signal.signal(signal.SIGTERM, signal.SIG_IGN if args.deaf else lambda *_: sys.exit(1))
+    out = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+    with (args.runtime / "starts").open("a") as file:
+        file.write("started\n")
+    start = time.monotonic()
+    while True:
+        late = time.monotonic() - start > 0.5
+        if late and args.code is not None:
+            print("error: told to end", file=sys.stderr, flush=True)
+            sys.exit(args.code)
+        if late and args.crash:
+            os.kill(os.getpid(), signal.SIGKILL)
+        if not (late and args.hang):
+            beat = Beat(time.monotonic_ns(), args.state, "", warnings=("a parameter is odd",))
+            out.sendto(beat.to_bytes(), str(args.runtime / "parent.sock"))
+        time.sleep(0.02)
+
+
+if __name__ == "__main__":
+    main()

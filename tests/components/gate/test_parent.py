@@ -1,0 +1,82 @@
+"""The parent with stand-ins for its children: who is killed when, and what the user reads."""
+
+import io
+import signal
+import sys
+import threading
+import time
+from pathlib import Path
+
+import pytest
+
+from dfvs_service.console import ChangeLines
+from dfvs_service.parent import Parent, Programs
+from dfvs_service.runtime import RuntimeFolder
+
+FAKE_GATE = str(Path(__file__).parent / "fake_gate.py")
+IDLE = "import time; time.sleep(60)"
+BROKEN = "import sys; print('noise\\nerror: no such model', file=sys.stderr); sys.exit(2)"
+
+
+def run(folder, gate, perception=IDLE, stop_after_s=None):
+    """Exit code, what the user reads, and how long it took."""
+    programs = Programs((sys.executable, FAKE_GATE, *gate), (sys.executable, "-c", perception))
+    stream = io.StringIO()
+    parent = Parent(RuntimeFolder(folder), programs, ChangeLines(stream))
+    if stop_after_s is not None:
+        threading.Timer(stop_after_s, lambda: parent.stop(signal.SIGTERM, None)).start()
+    start = time.monotonic()
+    code = parent.run()
+    starts = folder / "starts"
+    assert not starts.exists() or starts.read_text() == "started\n"  # never a second time
+    return code, stream.getvalue().splitlines(), time.monotonic() - start
+
+
+@pytest.mark.parametrize("code", [0, 1, 2])
+def test_the_gates_exit_code_and_error_reach_the_user_once(tmp_path, code):
+    result, lines, _ = run(tmp_path, ["--code", str(code)])
+    assert result == code
+    assert lines.count("error: told to end") == 1
+    assert lines.count("warning: a parameter is odd") == 1
+
+
+def test_any_other_end_of_the_gate_is_a_flight_that_did_not_reach(tmp_path):
+    assert run(tmp_path, ["--code", "77"])[0] == 1
+
+
+def test_a_crash_of_the_gate_is_named(tmp_path):
+    code, lines, _ = run(tmp_path, ["--crash"])
+    assert code == 1
+    assert (
+        "error: the gate was killed by SIGKILL; the autopilot's failsafe has the vehicle" in lines
+    )
+
+
+def test_a_gate_that_hangs_is_killed(tmp_path):
+    code, lines, took_s = run(tmp_path, ["--hang", "--deaf"])
+    assert code == 1
+    assert any("hung and was killed" in line for line in lines)
+    # Start of Python, half a second of beats, 300 ms of silence, the end of the other child.
+    assert took_s < 4.0
+
+
+def test_a_gate_that_does_not_end_when_told_is_killed_within_two_seconds(tmp_path):
+    code, lines, took_s = run(tmp_path, ["--deaf"], stop_after_s=1.0)
+    assert code == 1
+    assert any("did not end in time" in line for line in lines)
+    assert took_s < 1.0 + 2.0 + 0.5
+
+
+def test_a_perception_that_cannot_run_ends_the_service_with_its_error(tmp_path):
+    code, lines, _ = run(tmp_path, [], BROKEN)
+    assert code == 2
+    assert lines.count("error: no such model") == 1
+    assert "noise" not in lines
+
+
+def test_a_perception_that_ends_in_flight_leaves_the_gate_to_its_own_judgement(tmp_path):
+    ends = "import time; time.sleep(0.8)"
+    code, lines, took_s = run(tmp_path, ["--state", "SERVO"], ends, stop_after_s=2.0)
+    assert code == 1
+    assert took_s >= 1.9  # it went on until it was told to stop
+    assert "warning: perception ended with code 0" in lines
