@@ -1,0 +1,111 @@
+"""``dfvs-service command`` over real Zenoh, against the gate's own judgement of orders."""
+
+import json
+import secrets
+import socket
+import threading
+import time
+
+import pytest
+
+from dfvs_core.gate.authority import Authority
+from dfvs_core.topics import Topics
+from dfvs_service import cli
+from dfvs_service.config import load_config
+from dfvs_service.key_file import create_key, load_key
+from dfvs_service.zenoh_session import open_session
+
+TOPICS = Topics("swift")
+
+
+class Service:
+    """Publishes its state at 10 Hz and judges what arrives, as perception and gate do together."""
+
+    def __init__(self, session, key):
+        now_ns = time.monotonic_ns()
+        self.authority = Authority(key, "swift", lambda: secrets.token_hex(8), now_ns)
+        self.results = []
+        self.stopped = threading.Event()
+        self.publisher = session.declare_publisher(TOPICS.telemetry("state"))
+        self.subscriber = session.declare_subscriber(TOPICS.command, self.on_command)
+        self.thread = threading.Thread(target=self.publish)
+        self.thread.start()
+
+    def on_command(self, sample):
+        verdict = self.authority.judge(sample.payload.to_bytes(), time.monotonic_ns())
+        self.results.append(verdict.text)
+
+    def publish(self):
+        while not self.stopped.wait(0.1):
+            state = {
+                "challenge": self.authority.challenge(time.monotonic_ns()),
+                "command_result": self.results[-1] if self.results else "",
+                "command_count": len(self.results),
+            }
+            self.publisher.put(json.dumps(state))
+
+    def stop(self):
+        self.stopped.set()
+        self.thread.join()
+
+
+@pytest.fixture
+def endpoint():
+    with socket.socket() as sock:
+        sock.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{sock.getsockname()[1]}"
+
+
+@pytest.fixture
+def key_file(tmp_path):
+    create_key(tmp_path / "key")
+    return tmp_path / "key"
+
+
+@pytest.fixture
+def listening(endpoint):
+    """Starts a service with a key, or with none."""
+    services = []
+    with open_session(load_config(None, {"zenoh.listen": [endpoint]}).zenoh) as session:
+
+        def start(key):
+            services.append(Service(session, key))
+            return services[-1]
+
+        yield start
+        for service in services:
+            service.stop()
+
+
+def order(endpoint, key_file, action, *words):
+    options = ["--vehicle", "swift", "--set", f"zenoh.listen=['{endpoint}']", "--timeout", "2"]
+    return cli.main(["command", action, "--key-file", str(key_file), *options, *words])
+
+
+def test_orders_are_accepted_one_after_the_other(endpoint, key_file, listening, capsys):
+    service = listening(load_key(key_file))
+    assert order(endpoint, key_file, "engage") == 0
+    assert order(endpoint, key_file, "abort") == 0
+    assert service.results == ["accepted: engage", "accepted: abort"]
+    assert capsys.readouterr().out.splitlines() == service.results
+
+
+def test_an_order_under_the_wrong_key_is_refused(endpoint, key_file, listening, tmp_path, capsys):
+    service = listening(load_key(key_file))
+    create_key(tmp_path / "other")
+    assert order(endpoint, tmp_path / "other", "hold") == 1
+    assert service.results == ["rejected: wrong signature"]
+    assert "wrong signature" in capsys.readouterr().out
+
+
+def test_a_service_without_a_key_says_so(endpoint, key_file, listening, capsys):
+    listening(None)
+    assert order(endpoint, key_file, "hold") == 2
+    assert "accepts no commands" in capsys.readouterr().err
+
+
+def test_no_service_is_said_in_one_line(endpoint, key_file, capsys):
+    assert order(endpoint, key_file, "hold") == 2
+    err = capsys.readouterr().err
+    assert err.startswith("error: ")
+    assert len(err.splitlines()) == 1
