@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import logging
-import socket
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -12,7 +11,6 @@ from types import FrameType
 import cv2
 import zenoh
 
-from dfvs_core.errors import WireError
 from dfvs_core.goal import Goal, Mount
 from dfvs_core.pipeline import Pipeline
 from dfvs_core.schema import dump
@@ -20,16 +18,11 @@ from dfvs_core.servo.task import ServoTask
 from dfvs_core.topics import Topics
 from dfvs_core.wire.command import MAX_COMMAND_BYTES
 from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
-from dfvs_core.wire.link import (
-    ForwardedCommand,
-    GateStatus,
-    PerceptionReport,
-    from_datagram,
-    to_datagram,
-)
+from dfvs_core.wire.link import ForwardedCommand, GateStatus, PerceptionReport
 from dfvs_service.config import ServiceConfig
 from dfvs_service.models.catalog import load_matcher
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
+from dfvs_service.perception.gate_link import GateLink
 from dfvs_service.perception.latency import LatencyWindow
 from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
@@ -75,10 +68,7 @@ class PerceptionProcess:
     def __init__(self, config: ServiceConfig, goal: Goal, runtime: RuntimeFolder) -> None:
         self._config = config
         self._topics = Topics(config.vehicle.name)
-        self._gate_address = str(runtime.gate_socket)
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._socket.bind(str(runtime.perception_socket))
-        self._socket.setblocking(False)
+        self._gate = GateLink(runtime)
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._latency = LatencyWindow()
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
@@ -102,10 +92,9 @@ class PerceptionProcess:
             log.info("listening for frames on %s", self._topics.camera)
             while not self._stopped:
                 self._turn(telemetry)
-            frames.undeclare()
-            orders.undeclare()
+            del frames, orders
             telemetry.close()
-        self._socket.close()
+        self._gate.close()
 
     def stop(self, _signal: int, _frame: FrameType | None) -> None:
         """Signal handler: end after the frame at hand."""
@@ -129,48 +118,33 @@ class PerceptionProcess:
         """Zenoh's thread: pass an operator's command on; the gate judges it."""
         payload = sample.payload.to_bytes()
         if len(payload) <= MAX_COMMAND_BYTES:
-            self._send(ForwardedCommand(payload.decode("utf-8", errors="replace")))
+            self._gate.send(ForwardedCommand(payload.decode("utf-8", errors="replace")))
 
     def _turn(self, telemetry: Telemetry) -> None:
         sample = self._mailbox.take(SILENCE_S)
         self._heed_gate()
         now_ns = time.monotonic_ns()
         if sample is None:
-            self._send(self._silence(now_ns))
+            self._gate.send(self._silence(now_ns))
         else:
             self._last_frame_ns = now_ns
             glance = self._eye.look(sample)
-            self._send(glance.report)
+            self._gate.send(glance.report)
             self._tell(telemetry, glance)
             self._latency.add({"depth": self._eye.digest()})
         self._publish_state(telemetry)
 
     def _heed_gate(self) -> None:
-        """Read everything the gate said since the last turn."""
-        while True:
-            try:
-                data = self._socket.recv(65536)
-            except BlockingIOError:
-                return
-            try:
-                self._status = from_datagram(GateStatus, data)
-            except WireError as error:
-                log.warning("datagram from the gate dropped: %s", error)
-                continue
-            self._eye.heed(self._status)
+        """Take in everything the gate said since the last turn."""
+        for status in self._gate.heard():
+            self._status = status
+            self._eye.heed(status)
 
     def _silence(self, now_ns: int) -> PerceptionReport:
         since_s = (now_ns - self._last_frame_ns) * 1e-9
         return unhealthy_report(
             0, 0, f"no camera frame on {self._topics.camera} for {since_s:.1f} s"
         )
-
-    def _send(self, message: PerceptionReport | ForwardedCommand) -> None:
-        """Send to the gate; one that is gone or slow is the gate's and the parent's matter."""
-        try:
-            self._socket.sendto(to_datagram(message), self._gate_address)
-        except (BlockingIOError, ConnectionRefusedError, FileNotFoundError) as error:
-            log.debug("message not delivered: %s", error)
 
     def _tell(self, telemetry: Telemetry, glance: Glance) -> None:
         """Hand one frame's results to the telemetry thread."""

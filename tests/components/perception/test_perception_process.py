@@ -1,0 +1,221 @@
+"""The perception process itself, between a real Zenoh and a stand-in for the gate."""
+
+import json
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import numpy as np
+import pytest
+import zenoh
+import zenoh.ext
+from textured_wall import Wall, texture
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.goal import GoalSidecar
+from dfvs_core.topics import Topics
+from dfvs_core.wire.frame import (
+    BOOT_ID_FILE,
+    Frame,
+    PixelFormat,
+    clock_identity,
+    decode_frame,
+    decode_header,
+    encode_frame,
+)
+from dfvs_core.wire.link import (
+    ForwardedCommand,
+    GateStatus,
+    PerceptionReport,
+    VehicleState,
+    from_datagram,
+    to_datagram,
+)
+from dfvs_core.wire.picture import encode_png
+from dfvs_core.wire.zenoh_settings import zenoh_settings
+from dfvs_service.config import load_config
+
+CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
+TOPICS = Topics("perceiver")
+CLOCK = clock_identity(Path(BOOT_ID_FILE).read_text())
+STARTUP_S = 30.0
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+class Rig:
+    """The process, a Zenoh peer beside it, and the gate's end of its socket."""
+
+    def __init__(self, folder, picture):
+        self.picture = picture
+        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        sidecar = GoalSidecar(CAMERA)
+        (folder / "goal.png").write_bytes(encode_png(picture))
+        (folder / "goal.json").write_text(sidecar.to_json())
+        overrides = {"vehicle.name": TOPICS.vehicle, "zenoh.listen": [endpoint]}
+        config, _ = load_config(None, overrides).with_camera((320, 240), sidecar)
+        (folder / "config.json").write_text(config.to_json())
+        self.gate = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self.gate.bind(str(folder / "gate.sock"))
+        self.gate.settimeout(STARTUP_S)
+        self.address = str(folder / "perception.sock")
+        command = [sys.executable, "-m", "dfvs_service.perception", "--runtime", str(folder)]
+        self.process = subprocess.Popen(command, stderr=subprocess.PIPE)
+        settings = zenoh.Config()
+        for key, value in zenoh_settings("peer", (endpoint,), ()):
+            settings.insert_json5(key, value)
+        self.session = zenoh.open(settings)
+        self.seq = 0
+
+    def close(self):
+        if self.process.poll() is None:
+            self.process.kill()
+        self.process.communicate()
+        self.session.close()
+        self.gate.close()
+
+    def report(self):
+        """Next report of the process."""
+        return from_datagram(PerceptionReport, self.gate.recv(65536))
+
+    def report_where(self, accept, within_s=STARTUP_S):
+        deadline = time.monotonic() + within_s
+        while time.monotonic() < deadline:
+            data = self.gate.recv(65536)
+            if b'"healthy"' in data and accept(report := from_datagram(PerceptionReport, data)):
+                return report
+        raise AssertionError("no such report")
+
+    def tell_vehicle(self, state="READY"):
+        vehicle = VehicleState(time.monotonic_ns(), 0.0, 0.0, 0.0, (0.0,) * 3, (0.0,) * 3)
+        self.gate.settimeout(STARTUP_S)
+        self.gate.sendto(to_datagram(GateStatus(state, "tested", vehicle)), self.address)
+
+    def shoot(self, rng, picture=None):
+        """Publish one noisy frame, with vehicle states around it."""
+        self.seq += 1
+        image = self.picture if picture is None else picture
+        noise = rng.integers(-2, 3, image.shape)
+        image = np.clip(image.astype(int) + noise, 0, 255).astype(np.uint8)
+        self.tell_vehicle()
+        frame = Frame(image, time.monotonic_ns(), self.seq)
+        payload, attachment = encode_frame(frame, PixelFormat.JPEG, CLOCK)
+        self.session.put(TOPICS.camera, payload, attachment=attachment)
+        self.tell_vehicle()
+
+    def shoot_until(self, rng, accept):
+        """Publish frames until one is reported as wanted."""
+        deadline = time.monotonic() + STARTUP_S
+        self.gate.settimeout(0.5)
+        while time.monotonic() < deadline:
+            self.shoot(rng)
+            report = from_datagram(PerceptionReport, self.gate.recv(65536))
+            if accept(report):
+                return report
+        raise AssertionError(f"last report: {report}")
+
+
+@pytest.fixture
+def rig(tmp_path, rng):
+    rig = Rig(tmp_path, Wall(texture(rng)).picture())
+    rig.report()  # it is up
+    yield rig
+    rig.close()
+
+
+def test_frames_become_reports_and_telemetry(rig, rng):
+    heard = {}
+    names = ("servo", "timing", "preview", "state")
+    subscribers = [
+        rig.session.declare_subscriber(
+            TOPICS.telemetry(name), lambda sample, name=name: heard.__setitem__(name, sample)
+        )
+        for name in names
+    ]
+    silent = rig.report()
+    assert not silent.healthy
+    assert "no camera frame" in silent.reason
+
+    report = rig.shoot_until(rng, lambda r: r.healthy and set(heard) == set(names))
+    assert report.reached  # the camera sees the goal picture itself
+    assert report.error_m < 0.02
+    servo = json.loads(heard["servo"].payload.to_bytes())
+    assert servo["verdict"] == "OK"
+    timing = json.loads(heard["timing"].payload.to_bytes())
+    assert timing["stages"]["capture_to_report"]["p50_ms"] > 0
+    state = json.loads(heard["state"].payload.to_bytes())
+    assert state["cause"] == "tested"
+    preview = heard["preview"]
+    header = decode_header(preview.attachment.to_bytes())
+    assert decode_frame(preview.payload.to_bytes(), header).image.shape == (240, 320, 3)
+    assert len(subscribers) == 4
+
+
+def test_late_joiners_are_told_the_configuration(rig, rng):
+    found = []
+    subscriber = zenoh.ext.declare_advanced_subscriber(
+        rig.session,
+        TOPICS.telemetry("config"),
+        lambda sample: found.append(json.loads(sample.payload.to_bytes())),
+        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+    )
+    rig.shoot_until(rng, lambda _: bool(found))
+    assert found[0]["vehicle"]["name"] == TOPICS.vehicle
+    subscriber.undeclare()
+
+
+def test_frames_faster_than_perception_are_skipped_not_queued(rig, rng):
+    """Newest wins: under a flood, no report is older than a few frames' work."""
+    rig.shoot_until(rng, lambda r: r.healthy)
+    late_s, seen = [], []
+    for _ in range(150):
+        rig.shoot(rng)
+        time.sleep(0.004)  # 250 frames a second: faster than any matching
+        rig.gate.setblocking(False)
+        while True:
+            try:
+                report = from_datagram(PerceptionReport, rig.gate.recv(65536))
+            except BlockingIOError:
+                break
+            if report.healthy:
+                late_s.append((time.monotonic_ns() - report.t_capture_ns) * 1e-9)
+                seen.append(report.seq)
+    assert len(seen) < 100
+    assert len(seen) > 3
+    # A queue would be a second behind by now; one slot is behind by the work on one frame.
+    assert late_s[-1] < 0.5
+
+
+def test_an_operator_s_command_is_passed_on_untouched(rig, rng):
+    rig.shoot_until(rng, lambda r: r.healthy)
+    rig.session.put(TOPICS.command, b'{"not": "for perception to judge"}')
+    rig.gate.settimeout(5.0)
+    deadline = time.monotonic() + 5.0
+    forwarded = None
+    while forwarded is None and time.monotonic() < deadline:
+        data = rig.gate.recv(65536)
+        if b"payload" in data:
+            forwarded = from_datagram(ForwardedCommand, data)
+    assert forwarded.payload == '{"not": "for perception to judge"}'
+
+
+def test_rubbish_on_the_camera_key_does_no_harm(rig, rng):
+    rig.shoot_until(rng, lambda r: r.healthy)
+    for payload, attachment in ((b"", b""), (b"x" * 9999, os.urandom(48)), (b"\xff" * 64, b"a")):
+        rig.session.put(TOPICS.camera, payload, attachment=attachment)
+        rig.gate.settimeout(5.0)
+        rig.report_where(lambda r: "cannot be read" in r.reason, 5.0)
+    assert rig.shoot_until(rng, lambda r: r.healthy).reached
+
+
+def test_sigterm_ends_it_at_once(rig):
+    rig.process.send_signal(signal.SIGTERM)
+    assert rig.process.wait(5.0) == 0

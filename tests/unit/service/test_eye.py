@@ -1,0 +1,146 @@
+"""What perception makes of raw samples, with a matcher that knows the answer."""
+
+import numpy as np
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import FlowField
+from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.matching.matcher import Prepared
+from dfvs_core.pipeline import Pipeline
+from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.task import ServoTask
+from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.wire.link import GateStatus, VehicleState
+from dfvs_service.perception.eye import Eye, RawSample
+
+CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
+MS = 1_000_000
+CLOCK = b"c" * 16
+
+
+class StillMatcher:
+    """Says that nothing moved, with full confidence."""
+
+    def prepare(self, image):
+        return Prepared(image.shape[:2])
+
+    def match(self, current, other, guess=None):
+        return FlowField(
+            np.zeros((*current.size, 2), np.float32), np.ones(current.size, np.float32)
+        )
+
+
+class Rig:
+    """An eye with a clock in hand."""
+
+    def __init__(self, rng):
+        self.now_ns = 5_000 * MS
+        self.picture = rng.integers(0, 255, (120, 160, 3)).astype(np.uint8)
+        self.seq = 0
+        goal = Goal(self.picture, GoalSidecar(CAMERA))
+        task = ServoTask(ServoConfig(), CAMERA, goal.sidecar, Mount())
+        pipeline = Pipeline(task, StillMatcher(), goal, lambda: self.now_ns)
+        self.eye = Eye(CAMERA, pipeline, CLOCK, lambda: self.now_ns)
+
+    def hear_vehicle(self, state="SERVO"):
+        for back_ms in (60, 40, 20, 0):
+            t_ns = self.now_ns - back_ms * MS
+            vehicle = VehicleState(t_ns, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+            self.eye.heed(GateStatus(state, "", vehicle))
+
+    def sample(self, image=None, t_ns=None, pixel_format=PixelFormat.RGB8, clock=CLOCK):
+        self.seq += 1
+        self.now_ns += 50 * MS
+        image = self.picture if image is None else image
+        frame = Frame(image, self.now_ns - 5 * MS if t_ns is None else t_ns, self.seq)
+        payload, attachment = encode_frame(frame, pixel_format, clock)
+        return RawSample(payload, attachment, self.now_ns)
+
+
+@pytest.fixture
+def rig(rng):
+    return Rig(rng)
+
+
+def test_a_good_frame_becomes_a_healthy_report(rig):
+    sample = rig.sample()
+    rig.hear_vehicle()
+    glance = rig.eye.look(sample)
+    assert glance.report.healthy
+    assert glance.report.reached
+    assert glance.report.t_capture_ns == rig.now_ns - 5 * MS
+    assert glance.stages_ns["transport"] == 5 * MS
+
+
+def test_without_the_vehicle_s_attitude_nothing_is_flown(rig):
+    report = rig.eye.look(rig.sample()).report
+    assert not report.healthy
+    assert "attitude" in report.reason
+
+
+def bad_size(rig):
+    return rig.sample(image=np.zeros((60, 80, 3), np.uint8))
+
+
+def black(rig):
+    return rig.sample(image=np.zeros((120, 160, 3), np.uint8))
+
+
+def old(rig):
+    return rig.sample(t_ns=rig.now_ns - 400 * MS)
+
+
+def future(rig):
+    return rig.sample(t_ns=rig.now_ns + 900 * MS)
+
+
+def no_attachment(rig):
+    return RawSample(b"x" * 99, b"", rig.now_ns)
+
+
+def cut_short(rig):
+    good = rig.sample(pixel_format=PixelFormat.JPEG)
+    return RawSample(good.payload[:50], good.attachment, good.t_arrival_ns)
+
+
+def other_clock(rig):
+    return rig.sample(clock=b"z" * 16)
+
+
+@pytest.mark.parametrize(
+    ("make", "reason"),
+    [
+        (bad_size, "size"),
+        (black, "black"),
+        (old, "old"),
+        (future, "still to come"),
+        (no_attachment, "attachment"),
+        (cut_short, "checksum"),
+        (other_clock, "another machine"),
+    ],
+)
+def test_a_bad_frame_becomes_an_unhealthy_report_with_its_reason(rig, make, reason):
+    sample = make(rig)
+    rig.hear_vehicle()
+    report = rig.eye.look(sample).report
+    assert not report.healthy
+    assert reason in report.reason
+    assert report.velocity == (0.0, 0.0, 0.0, 0.0)
+    assert rig.eye.refused == 1
+
+
+def test_a_frozen_camera_is_noticed_at_the_third_picture(rig):
+    healthy = []
+    for _ in range(4):
+        sample = rig.sample()
+        rig.hear_vehicle()
+        healthy.append(rig.eye.look(sample).report.healthy)
+    assert healthy == [True, True, False, False]
+
+
+def test_a_good_frame_after_bad_ones_is_flown_again(rig):
+    rig.eye.look(black(rig))
+    sample = rig.sample()
+    rig.hear_vehicle()
+    assert rig.eye.look(sample).report.healthy
