@@ -32,7 +32,7 @@ Progress = Callable[[int, int], None]
 _CHUNK = 2048
 _METER_SIZE_M, _METER_HEIGHT_M = 2.5e-4, 1.3e-3
 _PLATE_SIZE_M, _PLATE_HEIGHT_M, _PLATE_ALBEDO = 6e-3, 3e-4, 0.8
-_SKY_RADIANCE = (11.0, 12.2, 13.6)
+_SKY_BEHIND_WALL_M, _SKY_WEIGHT = 0.23, 0.5
 _LAMP_RADIANCE = (7.0, 6.2, 4.9)
 
 
@@ -52,11 +52,14 @@ class BakeSettings:
         Longest path.
     seed : int
         Seed of the sampler.
+    sky_radiance : tuple of float
+        Red, green and blue of the light in the window's opening, beside lamps of about 6.
     """
 
     samples: int = 256
     bounces: int = 7
     seed: int = 0
+    sky_radiance: tuple[float, float, float] = (8.0, 8.9, 9.9)
 
     def __post_init__(self) -> None:
         """Refuse what Mitsuba would stumble over."""
@@ -132,7 +135,7 @@ class _Tracer:
         }
 
     def _add_lights(self, lamps: list[Part]) -> None:
-        """Lamps of the room, a bright sky before the window, and a sun with soft edges."""
+        """Shining balls in the room's lamps, and the sky's light in the window's opening."""
         for k, lamp in enumerate(lamps):
             centre = lamp.vertices.mean(axis=0)
             radius = float(np.linalg.norm(lamp.vertices - centre, axis=1).max())
@@ -140,17 +143,17 @@ class _Tracer:
                 "type": "sphere",
                 "center": [float(x) for x in centre],
                 "radius": radius * 0.98,
-                "emitter": _emitter(np.multiply(_LAMP_RADIANCE, lamp.emission)),
+                "emitter": _emitter(np.multiply(_LAMP_RADIANCE, lamp.emission), radius),
             }
-        to_world = self._mi.ScalarTransform4f
         x0, x1, z0, z1 = WINDOW
-        middle = [(x0 + x1) / 2, WIDTH_M / 2, (z0 + z1) / 2]
-        sky = [middle[0], middle[1] + 2.2, middle[2] + 1.7]
+        middle = np.array([(x0 + x1) / 2, WIDTH_M / 2 + _SKY_BEHIND_WALL_M, (z0 + z1) / 2])
+        transform = self._mi.ScalarTransform4f
+        place = transform().look_at(origin=middle, target=middle - [0, 1, 0], up=[0, 0, 1])
+        size = transform().scale([(x1 - x0) / 2, (z1 - z0) / 2, 1.0])
         self._things["sky"] = {
             "type": "rectangle",
-            "to_world": to_world().look_at(origin=sky, target=middle, up=[0, 0, 1])
-            @ to_world().scale([4.0, 2.4, 1.0]),
-            "emitter": _emitter(_SKY_RADIANCE),
+            "to_world": place @ size,
+            "emitter": _emitter(self._settings.sky_radiance, _SKY_WEIGHT),
         }
 
     def measure(self, progress: Progress) -> list[FloatArray]:
@@ -229,8 +232,13 @@ def _diffuse(albedo: Any) -> dict[str, Any]:
     return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
 
 
-def _emitter(radiance: Any) -> dict[str, Any]:
-    return {"type": "area", "radiance": {"type": "rgb", "value": [float(x) for x in radiance]}}
+def _emitter(radiance: Any, weight: float) -> dict[str, Any]:
+    """Area light; lights of more weight are sampled more often."""
+    return {
+        "type": "area",
+        "radiance": {"type": "rgb", "value": [float(x) for x in radiance]},
+        "sampling_weight": weight,
+    }
 
 
 def _merged(parts: list[Part]) -> tuple[FloatArray, Int32Array]:
