@@ -16,6 +16,7 @@ import numpy as np
 from dfvs_core.arrays import FloatArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.depth.keyframes import choose_earlier
+from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.goal import Goal
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.poses import invert_pose
@@ -155,7 +156,13 @@ class Pipeline:
         """Match a frame with one of those kept."""
         kept = self._kept[index]
         T_earlier_current = invert_pose(kept.T_world_camera) @ T_world_camera
-        return EarlierMatch(self._matcher.match(prepared, kept.prepared), T_earlier_current)
+        guess = None
+        if self._state.depth_map is not None:
+            stride = self._task.config.stride_px
+            camera, depth = self._task.camera, self._state.depth_map
+            guess = predict_flow(camera, depth, stride, T_earlier_current)
+        flow = self._matcher.match(prepared, kept.prepared, guess)
+        return EarlierMatch(flow, T_earlier_current)
 
     def _camera_motion(self, T_world_camera: FloatArray) -> tuple[float, float, float]:
         """Motion since the last frame, in the optical axes of then, m."""

@@ -78,9 +78,10 @@ class ServoInputs:
 
 @dataclass(frozen=True, slots=True)
 class ServoState:
-    """Memory from frame to frame."""
+    """Memory from frame to frame; ``depth_map`` is the last frame's, on the grid."""
 
     depth: DepthState | None = None
+    depth_map: DepthMap | None = None
     T_current_goal: FloatArray | None = None
     stop: StopState = field(default_factory=StopState)
 

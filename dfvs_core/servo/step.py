@@ -5,6 +5,8 @@ The service, the simulator and the benchmark all call this one.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 
 from dfvs_core.arrays import Float32Array, FloatArray
@@ -58,13 +60,14 @@ def servo_step(
     # 1. Read the flow on a grid, and give every point a depth.
     samples = sample_grid(inputs.flow, task.config.stride_px)
     depth, depth_state = _estimate_depth(task, state, inputs, samples)
-    points = points_from_flow(samples, depth, task.camera, task.goal.camera)
+    z_m = depth.z_m.astype(np.float64)
+    points = points_from_flow(samples, z_m, task.camera, task.goal.camera)
 
     # 2. Take both views to the gravity-aligned virtual camera.
     points = _level(task, inputs.attitude, points)
     trusted = points.weight > task.config.min_confidence
     overlap = float(trusted.sum()) / samples.confidence.size
-    state = ServoState(depth_state, state.T_current_goal, state.stop)
+    state = ServoState(depth_state, depth, state.T_current_goal, state.stop)
     if overlap < task.config.min_overlap or trusted.sum() < _MIN_POINTS:
         return _refused(task, Verdict.NO_OVERLAP, overlap), state
     points = points.select(trusted)
@@ -99,7 +102,7 @@ def servo_step(
         depth_m=weighted_median(points.z_m, points.weight),
         reached=flown and residual_px < task.config.tolerance_px and is_reached(stop, speed),
     )
-    return result, ServoState(depth_state, pose.T_current_goal, stop)
+    return result, ServoState(depth_state, depth, pose.T_current_goal, stop)
 
 
 def _judge(
@@ -157,13 +160,13 @@ def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> Se
     xy = task.camera.normalise(samples.pixels)
     source = depth_source(task.config, task.camera)
     depth = source.observe(xy, _earlier_view(task, match), state.depth)
-    return ServoState(depth, state.T_current_goal, state.stop)
+    return replace(state, depth=depth)
 
 
 def _estimate_depth(
     task: ServoTask, state: ServoState, inputs: ServoInputs, samples: GridSamples
-) -> tuple[FloatArray, DepthState | None]:
-    """Depth (h, w) of the grid points, m, and the depth source's memory."""
+) -> tuple[DepthMap, DepthState | None]:
+    """Depth of the grid points, and the depth source's memory."""
     xy = task.camera.normalise(samples.pixels)
     depth_inputs = DepthInputs(
         xy=xy,
@@ -171,8 +174,7 @@ def _estimate_depth(
         motion_m=inputs.motion_m,
         given=_on_grid(inputs.given_depth, task.config.stride_px),
     )
-    depth, memory = depth_source(task.config, task.camera).estimate(depth_inputs, state.depth)
-    return depth.z_m.astype(np.float64), memory
+    return depth_source(task.config, task.camera).estimate(depth_inputs, state.depth)
 
 
 def _earlier_view(task: ServoTask, match: EarlierMatch) -> EarlierView:
