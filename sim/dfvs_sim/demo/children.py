@@ -2,12 +2,16 @@
 
 from __future__ import annotations
 
+import os
 import signal
 import subprocess
 import sys
 from pathlib import Path
 from types import TracebackType
 from typing import Self
+
+ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""The simulator's matrices are small: BLAS threads would only spin beside the real work."""
 
 _GRACE_S = 4.0
 _TAIL_LINES = 6
@@ -36,7 +40,11 @@ class Child:
         """Start it."""
         with self.log.open("wb") as output:
             self._process = subprocess.Popen(
-                self._arguments, stdin=subprocess.DEVNULL, stdout=output, stderr=output
+                self._arguments,
+                stdin=subprocess.DEVNULL,
+                stdout=output,
+                stderr=output,
+                env=os.environ | ONE_BLAS_THREAD,
             )
         return self
 
