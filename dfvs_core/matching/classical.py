@@ -81,7 +81,7 @@ def _start_near(current: ClassicalPicture, other: ClassicalPicture) -> FlowField
     guess = glance(current.grey, other.grey)
     if sure_share(guess) < _GLANCE_SHARE:
         return None
-    field = _refit(current, other, guess)
+    field = refit(current, other, guess)
     return field if field is not None and sure_share(field) >= _SETTLED_SHARE else None
 
 
@@ -91,12 +91,12 @@ def _track(
     """Refine the flow of the frame before, or None where that does not hold any more."""
     if guess.confidence.shape != current.size or not guess.is_finite():
         return None
-    field = _refit(current, other, guess)
+    field = refit(current, other, guess)
     needed = max(_LEAST_SHARE, _KEPT_SHARE * min(sure_share(guess), _COMMON_SHARE))
     return field if field is not None and sure_share(field) >= needed else None
 
 
-def _refit(
+def refit(
     current: ClassicalPicture, other: ClassicalPicture, guess: FlowField
 ) -> FlowField | None:
     """Fit a smooth motion to what is trusted of a flow and refine it; None if that is little."""
@@ -121,7 +121,7 @@ def _bridge(current: ClassicalPicture, other: ClassicalPicture) -> FlowField:
         nothing = np.zeros((*current.size, 2), np.float32)
         return FlowField(nothing, np.zeros(current.size, np.float32))
     first = refine(current.grey, other.grey, motion.flow())
-    second = _refit(current, other, first)
+    second = refit(current, other, first)
     if second is None or sure_share(second) < sure_share(first):
         return first
     return second

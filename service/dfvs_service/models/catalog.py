@@ -9,18 +9,23 @@ import cv2
 from dfvs_core.errors import ModelError
 from dfvs_core.manifest import MANIFEST_NAME
 from dfvs_core.matching.classical import ClassicalMatcher
+from dfvs_core.matching.hybrid import HybridMatcher
 from dfvs_core.matching.matcher import Matcher
 from dfvs_service.models.bundle import read_bundle
+from dfvs_service.models.encode_match import EncodeMatchMatcher
 from dfvs_service.models.onnx_session import Execution
 from dfvs_service.models.pair import PairMatcher
 
 CLASSICAL = "classical"
+HYBRID_PREFIX = "hybrid:"
 
 
 def load_matcher(
     name_or_path: str, threads: int = 2, provider: str = "CPUExecutionProvider"
 ) -> Matcher:
-    """Load the matcher ``"classical"``, or a model bundle by its folder.
+    """Load the matcher ``"classical"``, a model bundle by its folder, or ``"hybrid:FOLDER"``.
+
+    A hybrid is the classical matcher that asks the bundle's network where it is at a loss.
 
     ``threads`` goes to ONNX Runtime and, being what the classical parts run on, to OpenCV,
     where it holds for the whole process.
@@ -33,6 +38,9 @@ def load_matcher(
     cv2.setNumThreads(threads)
     if name_or_path == CLASSICAL:
         return ClassicalMatcher()
+    if name_or_path.startswith(HYBRID_PREFIX):
+        network = load_matcher(name_or_path.removeprefix(HYBRID_PREFIX), threads, provider)
+        return HybridMatcher(network)
     folder = Path(name_or_path)
     if not folder.exists():
         raise ModelError(
@@ -41,10 +49,12 @@ def load_matcher(
         )
     bundle = read_bundle(folder)
     kind = bundle.manifest.kind
-    if kind != "pair":
+    if kind == "mono":
         raise ModelError(
-            f"bundle {bundle.manifest.name!r} is of the kind {kind!r}, "
-            "which is not supported yet by this version",
-            f"the kind 'pair', or {CLASSICAL!r}",
+            f"bundle {bundle.manifest.name!r} is of the kind {kind!r}, which gives depth",
+            f"the kinds 'pair' or 'encode-match', or {CLASSICAL!r}",
         )
-    return PairMatcher(bundle, Execution(threads, provider))
+    execution = Execution(threads, provider)
+    if kind == "encode-match":
+        return EncodeMatchMatcher(bundle, execution)
+    return PairMatcher(bundle, execution)

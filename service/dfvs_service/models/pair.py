@@ -161,3 +161,9 @@ def picture_flow(
     full = cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR)
     to_picture = np.array([width / spec.width, height / spec.height], np.float32)
     return np.asarray(full * to_picture, np.float32)
+
+
+def picture_map(values: Float32Array, size: tuple[int, int]) -> Float32Array:
+    """Map (H, W) of pictures of ``size`` from the network's (h, w)."""
+    resized = cv2.resize(values, (size[1], size[0]), interpolation=cv2.INTER_LINEAR)
+    return np.asarray(resized, np.float32)

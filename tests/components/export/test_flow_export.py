@@ -9,6 +9,7 @@ import pytest
 torch = pytest.importorskip("torch")
 
 from dfvs_core.errors import ModelError  # noqa: E402
+from dfvs_core.matching.hybrid import HybridMatcher  # noqa: E402
 from dfvs_export.bundles import read_bundle  # noqa: E402
 from dfvs_export.check import drawn_pairs, operators, parity  # noqa: E402
 from dfvs_export.cli import main  # noqa: E402
@@ -16,9 +17,11 @@ from dfvs_export.networks.dfvs_flow import DfvsFlow  # noqa: E402
 from dfvs_export.running import FlowRunner  # noqa: E402
 from dfvs_export.train.checkpoint import (  # noqa: E402
     Checkpoint,
+    load_checkpoint,
     load_network,
     save_checkpoint,
 )
+from dfvs_service.models.catalog import load_matcher  # noqa: E402
 
 SIZE = (96, 64)
 ALLOWED = {"GridSample", "ArgMax", "Conv", "MatMul", "Softmax", "Gather"}
@@ -143,3 +146,44 @@ def test_pictures_of_another_size_are_refused(bundle: Path) -> None:
     runner = FlowRunner(*read_bundle(bundle))
     with pytest.raises(ModelError, match="shape"):
         runner.encode(np.zeros((64, 64, 3), np.uint8))
+
+
+def test_the_service_runs_the_bundle_and_gives_the_same_flow(bundle: Path) -> None:
+    matcher = load_matcher(str(bundle))
+    runner = FlowRunner(*read_bundle(bundle))
+    first, second = drawn_pairs(SIZE, 1, 13)[0]
+    field = matcher.match(matcher.prepare(first), matcher.prepare(second))
+    expected = runner.match(runner.encode(first), runner.encode(second))
+    np.testing.assert_allclose(field.flow, expected.flow, atol=1e-4)
+    np.testing.assert_allclose(field.confidence, expected.confidence, atol=1e-4)
+
+
+def test_the_service_gives_flow_in_the_pixels_of_larger_pictures(bundle: Path) -> None:
+    matcher = load_matcher(str(bundle))
+    first, second = drawn_pairs(SIZE, 1, 14)[0]
+    small = matcher.match(matcher.prepare(first), matcher.prepare(second))
+    doubled = [np.repeat(np.repeat(image, 2, axis=0), 2, axis=1) for image in (first, second)]
+    large = matcher.match(*(matcher.prepare(image) for image in doubled))
+    assert large.flow.shape == (2 * SIZE[1], 2 * SIZE[0], 2)
+    middle = large.flow.reshape(SIZE[1], 2, SIZE[0], 2, 2).mean(axis=(1, 3))
+    # random weights make flow that jumps from pixel to pixel, so compare the middle of many
+    assert np.median(np.abs(middle - 2 * small.flow)) < 0.5 < np.median(np.abs(middle))
+
+
+def test_damaged_weights_are_refused_by_the_service(checkpoint: Path, tmp_path: Path) -> None:
+    found = load_checkpoint(checkpoint)
+    found.average["mask.weight"].fill_(float("nan"))
+    path = tmp_path / "nan.pt"
+    save_checkpoint(path, found)
+    out = tmp_path / "bundle"
+    arguments = ["flow", "--checkpoint", str(path), "--size", "96x64", "--out", str(out)]
+    assert main(arguments) == 0
+    with pytest.raises(ModelError, match="not finite"):
+        load_matcher(str(out))
+
+
+def test_a_hybrid_is_asked_for_by_name(bundle: Path) -> None:
+    matcher = load_matcher(f"hybrid:{bundle}")
+    plain = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
+    assert isinstance(matcher, HybridMatcher)
+    assert matcher.match(matcher.prepare(plain), matcher.prepare(plain)).is_finite()

@@ -134,7 +134,7 @@ def test_a_hostile_checkpoint_never_runs(tmp_path: Path) -> None:
 
 
 def test_the_learning_rate_climbs_then_falls() -> None:
-    rates = [learning_rate(1.0, p) for p in np.linspace(0, 1, 101)]
+    rates = [learning_rate(1.0, p, 0.03) for p in np.linspace(0, 1, 101)]
     assert rates[0] < 0.1
     assert max(rates) == pytest.approx(1.0, abs=1e-3)
     assert rates[-1] == pytest.approx(0.01)

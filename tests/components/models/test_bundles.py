@@ -209,15 +209,17 @@ def test_a_provider_that_is_not_there_is_refused_by_name(bundle):
     assert "CPUExecutionProvider" in text
 
 
-@pytest.mark.parametrize("kind", ["encode-match", "mono"])
-def test_kinds_of_later_versions_are_named_as_not_supported_yet(tmp_path, kind):
+def test_a_network_that_gives_depth_is_no_matcher(tmp_path):
     graph = {"file": "pair.onnx", "inputs": ["x"], "outputs": ["y"]}
-    roles = {"encode-match": ("encode", "match"), "mono": ("mono",)}[kind]
-    changes = {"kind": kind, "graphs": dict.fromkeys(roles, graph)}
-    if kind == "mono":
-        changes["flow"] = None
-    text = refusal(write_bundle(tmp_path / "b", **changes))
-    assert f"kind {kind!r}, which is not supported yet by this version" in text
+    text = refusal(write_bundle(tmp_path / "b", kind="mono", graphs={"mono": graph}, flow=None))
+    assert "kind 'mono', which gives depth" in text
+
+
+def test_graphs_that_are_not_what_an_encode_match_manifest_says_are_refused(tmp_path):
+    graph = {"file": "pair.onnx", "inputs": ["x"], "outputs": ["y"]}
+    graphs = dict.fromkeys(("encode", "match"), graph)
+    text = refusal(write_bundle(tmp_path / "b", kind="encode-match", graphs=graphs))
+    assert "has the inputs" in text
 
 
 def test_the_bytes_that_were_verified_are_the_bytes_that_are_kept(bundle):

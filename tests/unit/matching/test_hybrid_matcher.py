@@ -1,0 +1,90 @@
+"""The classical matcher with a network to ask: who is asked when, and whose flow is taken."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+from textured_wall import Wall, exact_flow, texture, turned
+
+from dfvs_core.correspondence import FlowField
+from dfvs_core.errors import ImageError
+from dfvs_core.matching.classical import ClassicalMatcher
+from dfvs_core.matching.hybrid import HybridMatcher
+from dfvs_core.matching.matcher import Prepared
+
+SIZE = (240, 320)
+
+
+class Oracle:
+    """A matcher that always says the same, and counts how often it is asked."""
+
+    def __init__(self, flow: np.ndarray, confidence: float) -> None:
+        self.field = FlowField(flow, np.full(SIZE, confidence, np.float32))
+        self.prepared = self.asked = 0
+
+    def prepare(self, image: np.ndarray) -> Prepared:
+        self.prepared += 1
+        return Prepared(image.shape[:2])
+
+    def match(self, current: Prepared, other: Prepared, guess: FlowField | None = None):
+        self.asked += 1
+        return self.field
+
+
+@pytest.fixture(scope="module")
+def wall():
+    return Wall(texture(np.random.default_rng(11), finest_px=6))
+
+
+def constant_flow(u: float, v: float) -> np.ndarray:
+    return np.full((*SIZE, 2), (u, v), np.float32)
+
+
+def match(matcher, a, b):
+    return matcher.match(matcher.prepare(a), matcher.prepare(b))
+
+
+def test_the_network_is_not_run_where_the_classical_matcher_is_sure(wall) -> None:
+    a, b = wall.picture(), wall.picture(turned(roll_deg=8.0, shift=(10.0, -6.0)))
+    oracle = Oracle(constant_flow(0.0, 0.0), 1.0)
+    field = match(HybridMatcher(oracle), a, b)
+    assert oracle.asked == oracle.prepared == 0
+    np.testing.assert_array_equal(field.flow, match(ClassicalMatcher(), a, b).flow)
+
+
+def test_on_plain_pictures_the_networks_own_flow_is_the_answer() -> None:
+    plain = np.full((*SIZE, 3), 90, np.uint8)
+    oracle = Oracle(constant_flow(12.0, -5.0), 0.4)
+    field = match(HybridMatcher(oracle), plain, plain)
+    assert oracle.asked == 1
+    np.testing.assert_array_equal(field.flow, oracle.field.flow)
+
+
+def test_a_networks_coarse_flow_is_refined_where_features_fail(wall, monkeypatch) -> None:
+    """As on repeated texture: no features, but enough texture to refine a good start."""
+    monkeypatch.setattr("dfvs_core.matching.classical._motion_from_features", lambda a, b: None)
+    H = turned(roll_deg=25.0, shift=(20.0, 10.0))
+    a, b = wall.picture(), wall.picture(H)
+    truth = exact_flow(H).astype(np.float32)
+    oracle = Oracle(truth + np.float32(2.0), 0.9)
+    field = match(HybridMatcher(oracle), a, b)
+    error = np.linalg.norm(field.flow - truth, axis=-1)[field.confidence > 0.5]
+    assert len(error) > 0.2 * field.confidence.size
+    # the network was off by 2.8 px
+    assert np.median(error) < 0.5
+
+
+def test_a_wrong_network_does_not_displace_a_better_classical_result(wall, monkeypatch) -> None:
+    monkeypatch.setattr("dfvs_core.matching.hybrid._AT_LOSS_SHARE", 1.1)  # ask it every time
+    a, b = wall.picture(), wall.picture(turned(shift=(6.0, 3.0)))
+    oracle = Oracle(constant_flow(-80.0, 60.0), 1.0)
+    field = match(HybridMatcher(oracle), a, b)
+    assert oracle.asked == 1
+    np.testing.assert_array_equal(field.flow, match(ClassicalMatcher(), a, b).flow)
+
+
+def test_pictures_prepared_by_another_matcher_are_refused(wall) -> None:
+    picture = wall.picture()
+    hybrid = HybridMatcher(Oracle(constant_flow(0.0, 0.0), 1.0))
+    with pytest.raises(ImageError, match="another matcher"):
+        hybrid.match(hybrid.prepare(picture), ClassicalMatcher().prepare(picture))
