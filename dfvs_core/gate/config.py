@@ -38,7 +38,10 @@ class GateTiming:
     heartbeat_age_ns: int = 2 * S
     telemetry_age_ns: int = 500 * MS
     health_age_ns: int = 2 * S
-    stall_ns: int = 100 * MS
+    stall_ns: int = 150 * MS
+    """A gate that was away for longer let the stream pause, and stops."""
+    slew_step_ns: int = 100 * MS
+    """Time that one setpoint's change of velocity may use up, however late it is."""
     ready_after_ns: int = 1 * S
     ready_grace_ns: int = 500 * MS
     engage_zero_ns: int = 1 * S

@@ -43,7 +43,7 @@ class SetpointStream:
         limits = self._config.velocity
         if proof is not None:
             limits = limits.capped(self._config.proof_speed_m_s)
-        dt_s = min(gap_ns, self._config.timing.stall_ns) / S
+        dt_s = min(gap_ns, self._config.timing.slew_step_ns) / S
         setpoint = slew(self.last, saturate(wanted, limits), dt_s, limits)
         if proof is not None:
             proof.move(setpoint, dt_s)
@@ -55,7 +55,7 @@ class SetpointStream:
 
     def _gap_ns(self, now_ns: int) -> int:
         """Time since the last setpoint; before the first one, long enough."""
-        return self._config.timing.stall_ns if self._sent_ns is None else now_ns - self._sent_ns
+        return self._config.timing.slew_step_ns if self._sent_ns is None else now_ns - self._sent_ns
 
     def _send(self, setpoint: BodyVelocity, now_ns: int) -> BodyVelocity:
         self.last = setpoint

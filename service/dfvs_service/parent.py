@@ -24,6 +24,7 @@ from dfvs_service.beat import Beat
 from dfvs_service.child import Child
 from dfvs_service.config import ServiceConfig
 from dfvs_service.console import Display
+from dfvs_service.priority import prefer_this_process
 from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.watch import MS, Watch
 
@@ -65,6 +66,7 @@ class Parent:
         place = ("--runtime", str(runtime.path))
         self._gate = Child((*programs.gate, *place), runtime.stderr("gate"))
         self._perception = Child((*programs.perception, *place), runtime.stderr("perception"))
+        prefer_this_process()  # after the start of the children, which would inherit it
         self._children = {"gate": self._gate, "perception": self._perception}
         self._watch = Watch(time.monotonic_ns())
         self._beat = Beat(0, str(GateState.IDLE), "starting")

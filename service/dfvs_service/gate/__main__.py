@@ -15,6 +15,7 @@ from dfvs_service.config import config_from_json
 from dfvs_service.gate.autopilot import Autopilot
 from dfvs_service.gate.process import EXIT_CANNOT_RUN, EXIT_ENDED, GateProcess, start_autopilot
 from dfvs_service.key_file import load_key
+from dfvs_service.priority import prefer_this_process
 from dfvs_service.runtime import RuntimeFolder
 
 
@@ -26,6 +27,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     config = config_from_json(runtime.config.read_text(encoding="utf-8"))
     key_file = config.gate.command_key_file
     key = load_key(Path(key_file)) if key_file else None
+    prefer_this_process()
     gate = GateProcess(config, runtime, key, sys.stdin.fileno())
     signal.signal(signal.SIGTERM, gate.stop)
     # A terminal's Ctrl-C and its closing reach all processes; the parent passes on SIGTERM.

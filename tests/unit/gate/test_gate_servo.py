@@ -125,7 +125,7 @@ def test_a_datagram_that_is_no_report_stops():
 
 def test_a_gate_that_stalled_stops():
     gate = flying()
-    gate.now_ns += 101 * MS
+    gate.now_ns += 151 * MS
     output = gate.send([])
     assert output.setpoint == ZERO
     assert gate.last.cause is Cause.GATE_STALLED
