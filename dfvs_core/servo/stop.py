@@ -15,7 +15,7 @@ _STILL_FALLING = 0.75
 _WELL_INSIDE = 0.4
 _PROGRESS_FACTOR = 0.95
 _NEARLY_THERE = 3.0
-_AT_REST_M_S = 0.12
+_AT_REST_M_S = 0.05
 
 
 @dataclass(frozen=True, slots=True)

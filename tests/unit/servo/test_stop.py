@@ -31,7 +31,7 @@ def test_a_small_steady_error_at_rest_is_reached():
 
 
 def test_nothing_is_reached_in_passing():
-    assert not is_reached(after([0.8] * 20), speed_m_s=0.3)
+    assert not is_reached(after([0.8] * 20), speed_m_s=0.1)
 
 
 def test_an_error_that_still_falls_is_waited_for():
