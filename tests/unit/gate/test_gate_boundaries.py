@@ -1,0 +1,175 @@
+"""Limits to the nanosecond: what is exactly at a limit passes, one more does not."""
+
+import dataclasses
+
+import pytest
+from gate_rehearsal import Rehearsal
+
+from dfvs_core.gate.config import MS, GateConfig, GateTiming, S
+from dfvs_core.gate.engagement import Engagement, cap
+from dfvs_core.gate.events import (
+    Attitude,
+    Battery,
+    Health,
+    Heartbeat,
+    LandedState,
+    LocalPosition,
+    ParametersRead,
+    VehicleMode,
+)
+from dfvs_core.gate.limits import VelocityLimits
+from dfvs_core.gate.preflight import failures, preflight
+from dfvs_core.gate.sight import Sight
+from dfvs_core.gate.states import Cause
+from dfvs_core.gate.vehicle import (
+    VehiclePicture,
+    battery_fault,
+    estimate_fault,
+    flight_fault,
+    link_fault,
+)
+
+NOW_NS = 10**12
+CONFIG = GateConfig()
+
+
+def picture(heartbeat_ns=0, attitude_ns=0, position_ns=0, health_ns=0, position=(0.0, 0.0, 0.0)):
+    """A sound vehicle, its messages as old as said."""
+    vehicle = VehiclePicture()
+    for event in (
+        Heartbeat(NOW_NS - heartbeat_ns, VehicleMode.OFFBOARD, armed=True),
+        Attitude(NOW_NS - attitude_ns, 0.0, 0.0, 0.0),
+        LocalPosition(NOW_NS - position_ns, position, (0.0, 0.0, 0.0)),
+        LandedState(NOW_NS, in_air=True, on_ground=False),
+        Battery(NOW_NS, 0.2),
+        Health(NOW_NS - health_ns, ok=True),
+        ParametersRead(NOW_NS),
+    ):
+        vehicle.take(event)
+    return vehicle
+
+
+def test_these_are_the_times_and_limits_that_safety_rests_on():
+    assert dataclasses.asdict(GateTiming()) == {
+        "setpoint_gap_ns": 15 * MS,
+        "frame_age_ns": 250 * MS,
+        "result_age_ns": 200 * MS,
+        "clock_skew_ns": 5 * MS,
+        "heartbeat_age_ns": 2 * S,
+        "telemetry_age_ns": 500 * MS,
+        "health_age_ns": 2 * S,
+        "stall_ns": 150 * MS,
+        "slew_step_ns": 100 * MS,
+        "ready_after_ns": 1 * S,
+        "ready_grace_ns": 500 * MS,
+        "engage_zero_ns": 1 * S,
+        "confirm_ns": 2 * S,
+        "good_data_ns": 1 * S,
+        "hold_ns": 3 * S,
+        "reached_ns": 1 * S,
+        "proof_ns": 1 * S,
+        "mode_known_ns": 1500 * MS,
+        "order_valid_ns": 5 * S,
+    }
+    limits = dataclasses.astuple(VelocityLimits())
+    assert limits == pytest.approx((0.5, 0.3, 0.349066, 0.5, 1.047198), abs=1e-6)
+    assert (CONFIG.proof_speed_m_s, CONFIG.max_distance_m) == (0.1, 5.0)
+    assert (CONFIG.max_engaged_ns, CONFIG.max_jump_m) == (120 * S, 0.5)
+    assert (CONFIG.min_overlap, CONFIG.min_battery) == (0.15, 0.2)
+
+
+@pytest.mark.parametrize(
+    ("message", "limit_ns"),
+    [("heartbeat_ns", 2 * S), ("attitude_ns", 500 * MS), ("position_ns", 500 * MS)],
+)
+def test_the_link(message, limit_ns):
+    assert link_fault(picture(**{message: limit_ns}), CONFIG, NOW_NS) is None
+    assert link_fault(picture(**{message: limit_ns + 1}), CONFIG, NOW_NS) is not None
+
+
+def test_the_age_of_the_health_report():
+    sight = Sight(CONFIG.timing)
+    fresh = preflight(picture(health_ns=2 * S), sight, CONFIG, NOW_NS)
+    stale = preflight(picture(health_ns=2 * S + 1), sight, CONFIG, NOW_NS)
+    assert "health" not in failures(fresh)
+    assert "health" in failures(stale)
+
+
+def test_the_battery():
+    vehicle = picture()
+    assert battery_fault(vehicle, CONFIG) is None
+    vehicle.take(Battery(NOW_NS, 0.1999))
+    assert battery_fault(vehicle, CONFIG) == (Cause.BATTERY_LOW, "20% left, 20% needed")
+
+
+@pytest.mark.parametrize(("step_m", "speed_m_s"), [(0.5, 0.0), (0.75, 2.5), (0.75, -2.5)])
+def test_a_jump_of_the_position(step_m, speed_m_s):
+    vehicle = picture()
+    later_ns = NOW_NS + 100 * MS
+    vehicle.take(LocalPosition(later_ns, (step_m, 0.0, 0.0), (speed_m_s, 0.0, 0.0)))
+    assert estimate_fault(vehicle, CONFIG) is None
+    vehicle.take(LocalPosition(later_ns, (2 * step_m + 0.01, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    cause, detail = estimate_fault(vehicle, CONFIG)
+    assert cause is Cause.ESTIMATOR_JUMP
+    assert detail == f"by {step_m + 0.01:.2f} m"
+
+
+def test_a_jump_back_does_not_undo_a_jump():
+    vehicle = picture()
+    for x in (3.0, 3.0, 0.0, 0.0):
+        vehicle.take(LocalPosition(NOW_NS, (x, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    assert estimate_fault(vehicle, CONFIG) == (Cause.ESTIMATOR_JUMP, "by 3.00 m")
+
+
+def test_a_vehicle_that_is_neither_in_the_air_nor_on_the_ground_may_fly_on():
+    vehicle = picture()
+    vehicle.take(LandedState(NOW_NS, in_air=False, on_ground=False))
+    assert flight_fault(vehicle, CONFIG, NOW_NS) is None
+
+
+def engaged(start_ns):
+    return Engagement(start_ns, (0.0, 0.0, 0.0), VehicleMode.HOLD, is_confirmed=True)
+
+
+def test_the_distance_from_the_start():
+    assert cap(engaged(NOW_NS), picture(position=(3.0, 4.0, 0.0)), CONFIG, NOW_NS) is None
+    far = cap(engaged(NOW_NS), picture(position=(3.0, 4.0, 0.01)), CONFIG, NOW_NS)
+    assert far == (Cause.DISTANCE_CAP, "5.00 m, 5 m allowed")
+
+
+def test_the_time_engaged():
+    assert cap(engaged(NOW_NS - 120 * S), picture(), CONFIG, NOW_NS) is None
+    late = cap(engaged(NOW_NS - 120 * S - 1), picture(), CONFIG, NOW_NS)
+    assert late == (Cause.TIME_CAP, "120 s allowed")
+
+
+def test_the_age_of_the_last_good_frame():
+    report = Rehearsal().report(t_capture_ns=NOW_NS).report
+    sight = Sight(CONFIG.timing)
+    assert sight.take(report, NOW_NS) is None
+    assert sight.stale(NOW_NS + 250 * MS) is None
+    assert sight.good is not None
+    assert sight.stale(NOW_NS + 250 * MS + 1) == (Cause.FRAME_OLD, "250 ms")
+    assert sight.stale(NOW_NS) is not None  # once too old, it stays so
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"velocity": (6.0, 8.0, 0.0, 0.0)},
+        {"velocity": (0.0, 0.0, 0.0, -10.0)},
+        {"error_m": 0.0, "error_rad": 0.0, "overlap": 0.0},
+        {"overlap": 1.0, "feature_error": 0.0},
+    ],
+)
+def test_numbers_that_are_just_believed(changes):
+    report = Rehearsal().report(t_capture_ns=NOW_NS, **changes).report
+    assert Sight(CONFIG.timing).take(report, NOW_NS) is None
+
+
+def test_the_overlap():
+    sight = Sight(CONFIG.timing)
+    sight.take(Rehearsal().report(t_capture_ns=NOW_NS, overlap=0.15).report, NOW_NS)
+    assert failures(preflight(picture(), sight, CONFIG, NOW_NS)) == ""
+    sight.take(Rehearsal().report(t_capture_ns=NOW_NS + 1, overlap=0.149).report, NOW_NS + 1)
+    assert "goal: overlap 15%" in failures(preflight(picture(), sight, CONFIG, NOW_NS))
