@@ -14,6 +14,7 @@ _EXAMPLES = """examples:
   dfvs-export train flow --minutes 60 --out runs/flow
   dfvs-export train flow --resume runs/flow/last.pt --size 320x240 --minutes 60 --out runs/fine
   dfvs-export flow --model dfvs-flow --checkpoint runs/fine/best.pt --size 320x240 --out bundle
+  dfvs-export flow --model ptlflow:rapidflow_it3 --weights things --sha256 HEX --out rapidflow
   dfvs-export check bundle --checkpoint runs/fine/best.pt --pairs pairs.npz
   dfvs-export bench bundle other-bundle --size 320x240 --threads 2 --json bench.json
 """
@@ -135,8 +136,10 @@ def _run_train_flow(arguments: argparse.Namespace) -> int:
 
 def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     flow = commands.add_parser("flow", help="make a bundle of a flow network")
-    flow.add_argument("--model", default="dfvs-flow")
-    flow.add_argument("--checkpoint", type=Path, metavar="FILE.pt")
+    flow.add_argument("--model", default="dfvs-flow", help="dfvs-flow or ptlflow:NAME")
+    flow.add_argument("--checkpoint", type=Path, metavar="FILE.pt", help="of dfvs-flow")
+    flow.add_argument("--weights", metavar="NAME|FILE", help="of a published network")
+    flow.add_argument("--sha256", metavar="HEX", help="what these weights have to hash to")
     flow.add_argument("--size", default="320x240", metavar="WxH")
     flow.add_argument("--precision", choices=("fp32", "int8"), default="fp32")
     flow.add_argument("--calibration-pairs", type=int, default=24, help="for int8")

@@ -11,6 +11,7 @@ from dfvs_export.bench import bench
 from dfvs_export.bundles import BundleText, read_bundle, write_flow_bundle
 from dfvs_export.card import model_card
 from dfvs_export.check import accuracy, accuracy_figures, drawn_pairs, operators, parity
+from dfvs_export.foreign import PREFIX, ForeignWeights, write_foreign_bundle
 from dfvs_export.graphs import to_onnx
 from dfvs_export.quantise import quantise
 from dfvs_export.running import FlowRunner
@@ -29,8 +30,10 @@ def run_flow(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
     ConfigError, ModelError
         If the model is unknown or the checkpoint cannot be used.
     """
+    if arguments.model.startswith(PREFIX):
+        return _run_foreign(arguments, size)
     if arguments.model != "dfvs-flow":
-        raise ConfigError(f"model {arguments.model!r}", "'dfvs-flow'")
+        raise ConfigError(f"model {arguments.model!r}", f"'dfvs-flow' or '{PREFIX}NAME'")
     if arguments.checkpoint is None:
         raise ConfigError("no checkpoint given", "--checkpoint FILE.pt of a training run")
     checkpoint = load_checkpoint(arguments.checkpoint)
@@ -52,6 +55,25 @@ def run_flow(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
     )
     text = BundleText(name, origin, accuracy_figures(scores), card)
     write_flow_bundle(arguments.out, onnx_pair, size, text)
+    print(f"wrote {arguments.out}")
+    return 0
+
+
+def _run_foreign(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
+    """Convert a published network.
+
+    Raises
+    ------
+    ConfigError
+        If another precision is asked for than its own.
+    """
+    if arguments.precision != "fp32":
+        raise ConfigError(f"precision {arguments.precision!r}", "fp32 for published networks")
+    weights = ForeignWeights(arguments.weights, arguments.sha256)
+    name = arguments.model.removeprefix(PREFIX)
+    write_foreign_bundle(arguments.out, name, size, weights)
+    if arguments.weights is None:
+        print("warning: these weights are random; name --weights to use the network")
     print(f"wrote {arguments.out}")
     return 0
 

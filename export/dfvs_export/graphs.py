@@ -64,16 +64,17 @@ def to_onnx(network: DfvsFlow, size: tuple[int, int]) -> OnnxPair:
     with torch.no_grad():
         features = encode(image)
     return OnnxPair(
-        _trace(encode, (image,), (ENCODE_INPUTS, ENCODE_OUTPUTS)),
-        _trace(match, (*features, *features), (MATCH_INPUTS, MATCH_OUTPUTS)),
+        trace(encode, (image,), (ENCODE_INPUTS, ENCODE_OUTPUTS)),
+        trace(match, (*features, *features), (MATCH_INPUTS, MATCH_OUTPUTS)),
     )
 
 
-def _trace(
+def trace(
     graph: nn.Module,
     inputs: tuple[Tensor, ...],
     names: tuple[tuple[str, ...], tuple[str, ...]],
 ) -> bytes:
+    """Trace a graph with these inputs; ``names`` are those of its inputs and outputs."""
     file = io.BytesIO()
     with warnings.catch_warnings(), torch.no_grad():
         # the tracing exporter is the one whose files were measured to be small and fast here

@@ -1,0 +1,183 @@
+"""Published flow networks from ptlflow, as ``pair`` graphs; their weights loaded without trust.
+
+A checkpoint of a stranger is a pickle, and a pickle runs code if let. So it is read as plain
+tensors only (``weights_only=True``), and only if its SHA-256 is the one that the user names.
+"""
+
+from __future__ import annotations
+
+import importlib
+import io
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import torch
+from torch import Tensor, nn
+
+from dfvs_core.errors import ConfigError, ModelError
+from dfvs_core.manifest import BUNDLE_FORMAT, FlowOutput, Graph, Manifest, PictureInput, sha256
+from dfvs_export.bundles import CARD_NAME, write_bundle
+from dfvs_export.graphs import trace
+
+PREFIX = "ptlflow:"
+_FILE = "pair.onnx"
+_INPUTS = ("first", "second")
+_OUTPUTS = ("flow",)
+_MULTIPLE = 16
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignWeights:
+    """Where weights come from: a file, or a name that ptlflow knows; and the hash to expect.
+
+    With neither, weights are drawn from ``seed``: good for trying the path, not for flying.
+    """
+
+    source: str | None = None
+    sha256: str | None = None
+    seed: int = 0
+
+
+class PairGraph(nn.Module):
+    """Two pictures (1, 3, H, W), BGR from 0 to 1, to flow (1, 2, H, W) px."""
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, first: Tensor, second: Tensor) -> Tensor:
+        """Stack the pictures as ptlflow wants them and take its flow."""
+        flows: Tensor = self.network({"images": torch.stack([first, second], dim=1)})["flows"]
+        return flows[:, 0]
+
+
+def load_foreign(name: str, weights: ForeignWeights) -> nn.Module:
+    """Network ``name`` of ptlflow in evaluation mode.
+
+    Raises
+    ------
+    ConfigError
+        If ptlflow is not installed, or has no such network or weights.
+    ModelError
+        If the weights are not what was announced, or hold more than tensors.
+    """
+    ptlflow = _ptlflow()
+    torch.manual_seed(weights.seed)
+    try:
+        reference = ptlflow.get_model_reference(name)
+    except ValueError as error:
+        raise ConfigError(f"ptlflow has no network {name!r}", "a name that it lists") from error
+    network: nn.Module = ptlflow.get_model(name)
+    if weights.source is not None:
+        data = _read_weights(reference, weights)
+        try:
+            network.load_state_dict(read_state(data, weights.source))
+        except RuntimeError as error:
+            raise ModelError(f"{weights.source} does not fit {name}", "weights for it") from error
+    return network.eval()
+
+
+def _ptlflow() -> Any:
+    try:
+        return importlib.import_module("ptlflow")
+    except ImportError as error:
+        raise ConfigError(
+            f"ptlflow cannot be imported ({error})", "it, with torchvision", "pip install ptlflow"
+        ) from error
+
+
+def _read_weights(reference: Any, weights: ForeignWeights) -> bytes:
+    """Bytes of a checkpoint, whose hash was checked."""
+    source = str(weights.source)
+    if Path(source).is_file():
+        data = Path(source).read_bytes()
+    else:
+        data = _download(getattr(reference, "pretrained_checkpoints", {}), source)
+    found = sha256(data)
+    if weights.sha256 is None:
+        raise ModelError(
+            f"{source} has SHA-256 {found}",
+            "the hash to be named beforehand",
+            f"check where the file comes from, then add --sha256 {found}",
+        )
+    if found != weights.sha256.lower():
+        raise ModelError(f"{source} has SHA-256 {found}", weights.sha256.lower())
+    return data
+
+
+def _download(known: dict[str, str], name: str) -> bytes:
+    if name not in known:
+        listed = ", ".join(known) or "none"
+        raise ConfigError(f"no weights {name!r}", f"a file, or one of: {listed}")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "weights"
+        try:
+            torch.hub.download_url_to_file(known[name], str(path), progress=True)
+        except OSError as error:
+            raise ModelError(
+                f"{known[name]} cannot be fetched ({error})", "an internet connection"
+            ) from error
+        return path.read_bytes()
+
+
+def read_state(data: bytes, name: str) -> dict[str, Tensor]:
+    """Weights of a checkpoint, from its bytes, as plain tensors.
+
+    Raises
+    ------
+    ModelError
+        If it holds anything but plain data, or no weights.
+    """
+    try:
+        found = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+    except Exception as error:  # torch raises a dozen kinds for a bad file
+        raise ModelError(
+            f"{name} is no plain checkpoint: {type(error).__name__}", "tensors and nothing else"
+        ) from error
+    state = found.get("state_dict", found) if isinstance(found, dict) else None
+    if not isinstance(state, dict) or not all(isinstance(v, Tensor) for v in state.values()):
+        raise ModelError(f"{name} holds no weights", "a state_dict of tensors")
+    return state
+
+
+def write_foreign_bundle(
+    folder: Path, name: str, size: tuple[int, int], weights: ForeignWeights
+) -> Manifest:
+    """Convert a network to a ``pair`` bundle.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        See ``load_foreign``; also if torch cannot trace the network.
+    """
+    graph = PairGraph(load_foreign(name, weights)).eval()
+    width, height = size
+    g = torch.Generator().manual_seed(0)
+    pictures = tuple(torch.rand(1, 3, height, width, generator=g) for _ in _INPUTS)
+    try:
+        onnx = trace(graph, pictures, (_INPUTS, _OUTPUTS))
+    except RuntimeError as error:
+        reason = str(error).splitlines()[0]
+        raise ModelError(
+            f"{name} cannot be exported: {reason}", "operators that ONNX has"
+        ) from error
+    origin = f"ptlflow {name}, "
+    origin += f"weights {weights.source}" if weights.source else "RANDOM weights, only to try out"
+    card = f"# {name}\n\nA published network, converted through ptlflow ({origin}).\n\n"
+    card += "Its licence, and that of its weights, is its authors': look there before you use it.\n"
+    contents = {_FILE: onnx, CARD_NAME: card.encode()}
+    manifest = Manifest(
+        format=BUNDLE_FORMAT,
+        name=name,
+        kind="pair",
+        input=PictureInput(width, height, _MULTIPLE, "separate", "bgr"),
+        graphs={"pair": Graph(_FILE, _INPUTS, _OUTPUTS)},
+        files={file: sha256(data) for file, data in contents.items()},
+        licence="see its authors",
+        origin=origin,
+        flow=FlowOutput(),
+    )
+    write_bundle(folder, manifest, contents)
+    return manifest
