@@ -11,7 +11,7 @@ from dataclasses import dataclass
 from dfvs_core.servo.config import ServoConfig
 
 SETTLE_WINDOW_NS = 600_000_000
-_STILL_FALLING = 0.75
+_STEADY = 0.2
 _WELL_INSIDE = 0.4
 _PROGRESS_FACTOR = 0.95
 _NEARLY_THERE = 3.0
@@ -50,14 +50,17 @@ def update_stop(state: StopState, now: ErrorScore, engaged: bool) -> StopState:
 
 
 def is_reached(state: StopState, speed_m_s: float) -> bool:
-    """Tell whether the goal is reached: inside tolerance, at rest, and not still improving."""
+    """Tell whether the goal is reached: inside tolerance, at rest, and no longer on the move.
+
+    An error that grows again is an overshoot in progress; one that still falls gets better.
+    """
     if not state.recent:
         return False
     oldest, newest = state.recent[0], state.recent[-1]
     if newest.score > 1.0 or speed_m_s > _AT_REST_M_S:
         return False
-    still_falling = newest.score < _STILL_FALLING * oldest.score
-    return newest.score < _WELL_INSIDE or not still_falling
+    change = abs(newest.score - oldest.score)
+    return newest.score < _WELL_INSIDE or change < _STEADY
 
 
 def is_stuck(state: StopState, progress_s: float) -> bool:

@@ -65,3 +65,9 @@ def test_hovering_just_outside_the_tolerance_is_not_being_stuck():
 
 def test_before_engaging_nobody_asks_for_progress():
     assert not is_stuck(after([20.0] * 200, engaged=False), progress_s=5.0)
+
+
+def test_an_overshoot_in_progress_is_not_the_goal():
+    rising = [0.45 + 0.03 * k for k in range(14)]
+    assert rising[-1] < 1.0
+    assert not is_reached(after(rising), speed_m_s=0.01)
