@@ -36,7 +36,7 @@ from dfvs_core.gate.events import (
 )
 from dfvs_core.gate.flight import Moment, decide
 from dfvs_core.gate.limits import BodyVelocity
-from dfvs_core.gate.preflight import Check, failures, preflight
+from dfvs_core.gate.preflight import Check, failures, preflight, sole_commander
 from dfvs_core.gate.proof import MotionProof
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import ENDED, ENGAGED, FLYING, Cause, GateState, Transition
@@ -88,10 +88,8 @@ class GateMachine:
     def checks(self) -> tuple[Check, ...]:
         """Preflight list of this moment."""
         listed = preflight(self.vehicle, self.sight, self.config, self._now)
-        awaited = self.state is GateState.READY and self.config.engage is Engage.PILOT
-        foreign = self.vehicle.is_offboard and self.vehicle.is_armed and not awaited
-        detail = "the vehicle is in OFFBOARD, but not by this service" if foreign else ""
-        return (*listed, Check("sole commander", not foreign, detail))
+        awaits_pilot = self.state is GateState.READY and self.config.engage is Engage.PILOT
+        return listed if awaits_pilot else (*listed, sole_commander(self.vehicle))
 
     def step(self, t_ns: int, events: Sequence[Event] = ()) -> GateOutput:
         """Take the events since the last step; say what to send and what to log.

@@ -40,6 +40,13 @@ def preflight(
     )
 
 
+def sole_commander(vehicle: VehiclePicture) -> Check:
+    """Refuse a vehicle that somebody else flies by setpoints."""
+    foreign = vehicle.is_offboard and vehicle.is_armed
+    detail = "the vehicle is in OFFBOARD, but not by this service" if foreign else ""
+    return Check("sole commander", not foreign, detail)
+
+
 def failures(checks: tuple[Check, ...]) -> str:
     """One line that names every failed check, empty where there is none."""
     return "; ".join(f"{c.name}: {c.detail}" for c in checks if not c.ok)

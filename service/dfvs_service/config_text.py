@@ -13,6 +13,10 @@ from dfvs_service.config import ServiceConfig
 from dfvs_service.degrees import degrees_view, section_of, to_degrees
 
 _WIDTH = 92
+_HEADING = """\
+# Settings of dfvs-service, as printed by: dfvs-service config
+# What is commented out is not set. Angles are in degrees.
+"""
 
 
 def toml_text(config: ServiceConfig) -> str:
@@ -23,7 +27,7 @@ def toml_text(config: ServiceConfig) -> str:
         _section(field.name, getattr(view, field.name), typing.get_type_hints(view_class))
         for field in dataclasses.fields(view_class)
     ]
-    return "\n".join(parts)
+    return "\n".join([_HEADING, *parts])
 
 
 def _section(path: str, section: Any, hints: dict[str, Any]) -> str:

@@ -9,6 +9,7 @@ from hypothesis import strategies as st
 
 from dfvs_core.errors import WireError
 from dfvs_core.gate.authority import ROTATION_NS, Authority
+from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
 from dfvs_core.wire.command import MAX_COMMAND_BYTES, decode_command, encode_command
 
@@ -58,6 +59,15 @@ def test_the_challenge_of_the_last_period_is_accepted_once():
     assert gate.challenge(later) != old
     assert gate.judge(order(old), later).action is Action.ENGAGE
     assert gate.judge(order(old), later).action is None
+
+
+def test_a_challenge_lives_ten_seconds_from_when_it_was_drawn():
+    gate = authority()
+    used_ns = START_NS + 9 * S
+    gate.judge(order(gate.challenge(used_ns)), used_ns)
+    fresh = gate.challenge(used_ns)
+    assert gate.challenge(used_ns + 10 * S - 1) == fresh
+    assert gate.challenge(used_ns + 10 * S) != fresh
 
 
 def test_after_any_accepted_order_no_older_challenge_counts():

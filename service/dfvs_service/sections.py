@@ -1,0 +1,204 @@
+"""Sections of the service's settings: one frozen dataclass each, angles in rad."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+from typing import Literal
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError
+from dfvs_core.gate.config import Engage, GateConfig, OnDone, S
+from dfvs_core.gate.limits import VelocityLimits
+from dfvs_core.goal import Mount
+from dfvs_core.schema import setting
+from dfvs_core.topics import Topics
+
+_VELOCITY = VelocityLimits()
+_GATE = GateConfig()
+
+
+@dataclass(frozen=True, slots=True)
+class VehicleSection:
+    """The vehicle and the way to its autopilot."""
+
+    name: str = setting("drone1", "name of the vehicle, part of every Zenoh key")
+    mavlink: str = setting(
+        "udpin://127.0.0.1:14540", "MAVLink connection, e.g. serial:///dev/ttyACM0:921600"
+    )
+    timeout_s: float = setting(
+        10.0, "give up if no autopilot is heard for so long, s", low=1.0, high=600.0
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse a name that no Zenoh key can hold."""
+        Topics(self.name)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraSection:
+    """The camera that flies; what is not set is taken from the goal and its sidecar."""
+
+    width: int | None = setting(None, "width of the frames, px", low=16, high=8192)
+    height: int | None = setting(None, "height of the frames, px", low=16, high=8192)
+    horizontal_fov_rad: float | None = setting(
+        None, "horizontal field of view of a pinhole camera", low=0.05, high=3.1
+    )
+    fx: float | None = setting(None, "focal length, px", low=1.0)
+    fy: float | None = setting(None, "focal length, px", low=1.0)
+    cx: float | None = setting(None, "principal point, px; first pixel's centre is 0.5", low=0.0)
+    cy: float | None = setting(None, "principal point, px; first pixel's centre is 0.5", low=0.0)
+    distortion: tuple[float, ...] = setting((), "OpenCV's k1, k2, p1, p2[, k3[, k4, k5, k6]]")
+    timeout_s: float = setting(
+        15.0, "give up if no frame arrives for so long after the start, s", low=1.0, high=600.0
+    )
+    mount: Mount | None = None
+
+    def model(self) -> CameraModel | None:
+        """Camera model of these settings, None where they hold no intrinsics.
+
+        Raises
+        ------
+        ConfigError
+            If intrinsics are given in part, or twice.
+        """
+        fx, fy, cx, cy = self.fx, self.fy, self.cx, self.cy
+        given = sum(value is not None for value in (fx, fy, cx, cy))
+        if self.horizontal_fov_rad is None and not given and not self.distortion:
+            return None
+        if self.width is None or self.height is None:
+            raise ConfigError("camera has intrinsics but no size", "camera.width and camera.height")
+        if self.horizontal_fov_rad is not None:
+            if given or self.distortion:
+                raise ConfigError(
+                    "camera has both horizontal_fov_deg and other intrinsics", "only one of them"
+                )
+            return CameraModel.from_horizontal_fov(self.width, self.height, self.horizontal_fov_rad)
+        if fx is None or fy is None or cx is None or cy is None:
+            raise ConfigError("camera has only some intrinsics", "all of fx, fy, cx, cy")
+        return CameraModel(self.width, self.height, fx, fy, cx, cy, self.distortion)
+
+
+@dataclass(frozen=True, slots=True)
+class ZenohSection:
+    """Where frames come from and telemetry goes to."""
+
+    mode: Literal["peer", "client"] = setting(
+        "peer", "client where a router is used: two peers do not talk through one"
+    )
+    connect: tuple[str, ...] = setting((), "endpoints to connect to, e.g. tcp/127.0.0.1:7447")
+    listen: tuple[str, ...] = setting(("tcp/127.0.0.1:7447",), "endpoints to listen on (peer)")
+    allow_plaintext: bool = setting(
+        False, "true: allow unencrypted connections beyond this machine (anyone may then listen)"
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse unencrypted endpoints beyond this machine, and a client without a router."""
+        if self.mode == "client" and not self.connect:
+            raise ConfigError("zenoh.mode = 'client' without zenoh.connect", "a router's endpoint")
+        if self.allow_plaintext:
+            return
+        for endpoint in (*self.connect, *self.listen):
+            if not _is_private(endpoint):
+                raise ConfigError(
+                    f"zenoh endpoint {endpoint!r} is unencrypted and leaves this machine",
+                    "tls/... or a loopback address",
+                    "set zenoh.allow_plaintext = true to accept that anyone may listen and inject",
+                )
+
+
+def _is_private(endpoint: str) -> bool:
+    """Tell whether an endpoint is encrypted or stays on this machine."""
+    protocol, _, rest = endpoint.partition("/")
+    if protocol in ("tls", "quic", "unixsock-stream", "unixpipe"):
+        return True
+    address = rest.split("#")[0].split("?")[0]
+    host = address.rsplit(":", 1)[0].strip("[]")
+    return host in ("localhost", "::1") or _is_loopback_v4(host)
+
+
+def _is_loopback_v4(host: str) -> bool:
+    parts = host.split(".")
+    return len(parts) == 4 and parts[0] == "127" and all(part.isdecimal() for part in parts)
+
+
+@dataclass(frozen=True, slots=True)
+class FlowSection:
+    """Where correspondences come from."""
+
+    model: str = setting("classical", "'classical' or the folder of a model bundle")
+    threads: int = setting(2, "threads for the network", low=1, high=64)
+    provider: str = setting("CPUExecutionProvider", "ONNX Runtime's execution provider")
+
+
+@dataclass(frozen=True, slots=True)
+class LimitsSection:
+    """What no setpoint ever exceeds, whatever perception asks for."""
+
+    horizontal_m_s: float = setting(
+        _VELOCITY.horizontal_m_s, "speed over ground, m/s", low=0.01, high=5.0
+    )
+    vertical_m_s: float = setting(_VELOCITY.vertical_m_s, "vertical speed", low=0.01, high=3.0)
+    yaw_rad_s: float = setting(
+        _VELOCITY.yaw_rad_s, "turn rate, per s", low=math.radians(1), high=math.radians(120)
+    )
+    slew_m_s2: float = setting(_VELOCITY.slew_m_s2, "change of velocity", low=0.05, high=5.0)
+    yaw_slew_rad_s2: float = setting(
+        _VELOCITY.yaw_slew_rad_s2,
+        "change of turn rate",
+        low=math.radians(5),
+        high=math.radians(720),
+    )
+    max_distance_m: float = setting(
+        _GATE.max_distance_m, "distance from the start that ends the flight", low=0.1, high=1000.0
+    )
+    max_engaged_s: float = setting(
+        _GATE.max_engaged_ns / S, "time engaged that ends the flight, s", low=1.0, high=3600.0
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class GateSection:
+    """How the gate engages, judges and ends."""
+
+    engage: Engage = setting(Engage.PILOT, "who engages: pilot, auto or command")
+    on_done: OnDone = setting(
+        OnDone.ZERO, "at the goal: zero setpoints for ever, or the autopilot's hold"
+    )
+    exit_when_done: bool = setting(
+        False, "true: end the service when the flight is over; at the goal the autopilot holds"
+    )
+    command_key_file: str = setting("", "key of signed commands (mode 0600); empty: none accepted")
+    min_overlap: float = setting(
+        _GATE.min_overlap, "share of the view that must show the goal to start", low=0.0, high=1.0
+    )
+    min_battery: float = setting(
+        _GATE.min_battery, "share of the charge below which the flight ends", low=0.0, high=1.0
+    )
+    max_jump_m: float = setting(
+        _GATE.max_jump_m, "jump of the position estimate that ends the flight", low=0.05, high=100.0
+    )
+    hold_s: float = setting(
+        _GATE.timing.hold_ns / S, "time in HOLD that ends the flight, s", low=1.0, high=60.0
+    )
+    reached_s: float = setting(
+        _GATE.timing.reached_ns / S, "time in tolerance that counts as reached", low=0.1, high=30.0
+    )
+    proof_s: float = setting(
+        _GATE.timing.proof_ns / S,
+        "time at a crawl until the error must have fallen, s; 0: no such proof (not advised)",
+        low=0.0,
+        high=5.0,
+    )
+    proof_m_s: float = setting(
+        _GATE.proof_speed_m_s, "largest speed during that time", low=0.02, high=0.5
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class TelemetrySection:
+    """What the service publishes."""
+
+    state_hz: float = setting(10.0, "rate of the state", low=0.1, high=50.0)
+    preview_hz: float = setting(5.0, "rate of the preview picture; 0: none", low=0.0, high=30.0)
+    preview_quality: int = setting(70, "JPEG quality of the preview", low=1, high=100)
