@@ -25,6 +25,7 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
+_GLOBAL_RIDGE = 1e-3
 _RIDGE = 0.02
 """Mean sureness in a window below which its correction is held back."""
 _MAX_SCALE = 40.0
@@ -291,33 +292,6 @@ def best_cells(similarity: Tensor, centres: Tensor) -> tuple[Tensor, Tensor]:
     return target + offset / (total + 1e-6) - centres, total.clamp(max=1.0)
 
 
-def _solve(moments: Tensor, right: Tensor, ridge: float) -> Tensor:
-    """Solve symmetric 3 x 3 systems in closed form.
-
-    Parameters
-    ----------
-    moments : (N, 6, h, w)
-        The matrix's entries 11, 12, 13, 22, 23, 33; ``ridge`` is added to its diagonal.
-    right : (N, 3, h, w)
-        Right-hand side.
-    """
-    a, b, c, d, e, f = moments.unbind(1)
-    a, d, f = a + ridge, d + ridge, f + ridge
-    cof_a, cof_b, cof_c = d * f - e * e, c * e - b * f, b * e - c * d
-    cof_d, cof_e, cof_f = a * f - c * c, b * c - a * e, a * d - b * b
-    determinant = a * cof_a + b * cof_b + c * cof_c
-    r0, r1, r2 = right.unbind(1)
-    solution = torch.stack(
-        [
-            cof_a * r0 + cof_b * r1 + cof_c * r2,
-            cof_b * r0 + cof_d * r1 + cof_e * r2,
-            cof_c * r0 + cof_e * r1 + cof_f * r2,
-        ],
-        1,
-    )
-    return solution / determinant.unsqueeze(1)
-
-
 def spread_affine(flow: Tensor, weight: Tensor, centres: Tensor) -> Tensor:
     """Moving least squares of affine flows, coarse to fine: sure cells speak for plain ones.
 
@@ -334,42 +308,48 @@ def spread_affine(flow: Tensor, weight: Tensor, centres: Tensor) -> Tensor:
         px.
     """
     scale = centres.amax()
-    x, y = (2.0 * centres / scale - 1.0).unbind(1)
-    one = torch.ones_like(x)
-    basis = torch.stack([one, x, y], 1)  # (1, 3, h, w)
-    products = torch.stack([one, x, y, x * x, x * y, y * y], 1)  # (1, 6, h, w)
+    place = 2.0 * centres / scale - 1.0  # (1, 2, h, w) in [-1, 1]
     spread = torch.zeros_like(flow)
     robust = weight
     for width in (0.0, 0.25, 0.1):  # shares of the image
         if width > 0:
-            error = ((flow - spread) ** 2).sum(1, keepdim=True)
-            robust = weight / (1.0 + error / (width * scale) ** 2) ** 2
-        moments = (robust * products).mean((2, 3), keepdim=True)
-        size = moments[:, :1] + 1e-6
-        parts = []
-        for k in range(2):
-            right = (robust * basis * flow[:, k : k + 1]).mean((2, 3), keepdim=True)
-            parts.append((_solve(moments / size, right / size, 1e-3) * basis).sum(1, keepdim=True))
-        spread = torch.cat(parts, 1)
-    return _spread_locally(flow, weight, spread, (basis, products, scale))
-
-
-def _spread_locally(
-    flow: Tensor, weight: Tensor, spread: Tensor, frame: tuple[Tensor, Tensor, Tensor]
-) -> Tensor:
-    """Return the flow after the windowed corrections of ``spread_affine``."""
-    basis, products, scale = frame
+            robust = _robust(weight, flow - spread, width * scale)
+        spread = _fit_globally(_moments(robust, flow, place).mean((2, 3), keepdim=True), place)
     for window, width in ((17, 0.1), (9, 0.06), (5, 0.04)):
         rest = flow - spread
-        error = (rest**2).sum(1, keepdim=True)
-        robust = weight / (1.0 + error / (width * scale) ** 2) ** 2
-        ones = robust * products
-        sums = torch.cat([ones, robust * basis * rest[:, :1], robust * basis * rest[:, 1:]], 1)
-        sums = _box(sums, window)
-        moments, right_u, right_v = _about_centre(sums, basis)
-        correction = [_solve_at_centre(moments, right) for right in (right_u, right_v)]
-        spread = spread + torch.cat(correction, 1)
+        robust = _robust(weight, rest, width * scale)
+        spread = spread + _fit_locally(_box(_moments(robust, rest, place), window), place)
     return spread
+
+
+def _robust(weight: Tensor, rest: Tensor, width: Tensor) -> Tensor:
+    """Geman and McClure's weights (N, 1, h, w) for residuals (N, 2, h, w) px."""
+    error = (rest * rest).sum(1, keepdim=True)
+    share = 1.0 / (1.0 + error / (width * width))
+    return weight * share * share
+
+
+def _moments(weight: Tensor, flow: Tensor, place: Tensor) -> Tensor:
+    """Integrands (N, 12, h, w): w (1, x, y, xx, xy, yy), then w (u, v), w x (u, v), w y (u, v)."""
+    x, y = place[:, :1], place[:, 1:]
+    powers = torch.cat([torch.ones_like(x), x, y, x * x, x * y, y * y], 1)
+    weighted = weight * flow
+    return torch.cat([weight * powers, weighted, weighted * x, weighted * y], 1)
+
+
+def _fit_globally(moments: Tensor, place: Tensor) -> Tensor:
+    """Flow (N, 2, h, w) of the affine fit to moments (N, 12, 1, 1): 3 x 3 in closed form."""
+    moments = moments / (moments[:, :1] + 1e-6)
+    a, b, c, d, e, f = torch.split(moments[:, :6], 1, 1)
+    a, d, f = a + _GLOBAL_RIDGE, d + _GLOBAL_RIDGE, f + _GLOBAL_RIDGE
+    right, right_x, right_y = torch.split(moments[:, 6:], 2, 1)  # (N, 2, 1, 1) each
+    cof_a, cof_b, cof_c = d * f - e * e, c * e - b * f, b * e - c * d
+    cof_d, cof_e, cof_f = a * f - c * c, b * c - a * e, a * d - b * b
+    determinant = a * cof_a + b * cof_b + c * cof_c
+    middle = (cof_a * right + cof_b * right_x + cof_c * right_y) / determinant
+    slope_x = (cof_b * right + cof_d * right_x + cof_e * right_y) / determinant
+    slope_y = (cof_c * right + cof_e * right_x + cof_f * right_y) / determinant
+    return middle + slope_x * place[:, :1] + slope_y * place[:, 1:]
 
 
 def _box(x: Tensor, window: int) -> Tensor:
@@ -379,33 +359,23 @@ def _box(x: Tensor, window: int) -> Tensor:
     return functional.avg_pool2d(x, (1, window), 1, (0, half))
 
 
-def _about_centre(sums: Tensor, basis: Tensor) -> tuple[Tensor, Tensor, Tensor]:
-    """Take moments about the origin to moments about each cell's own place."""
-    m, mx, my, mxx, mxy, myy = sums[:, :6].unbind(1)
-    x, y = basis[:, 1], basis[:, 2]
+def _fit_locally(moments: Tensor, place: Tensor) -> Tensor:
+    """Value (N, 2, h, w) at each cell of the ridge-held affine fit to its own moments."""
+    m, mx, my, mxx, mxy, myy = torch.split(moments[:, :6], 1, 1)
+    x, y = place[:, :1], place[:, 1:]
+    # moments about the cell's own place
     cx, cy = mx - x * m, my - y * m
-    cxx = mxx - 2 * x * mx + x * x * m
-    cxy = mxy - x * my - y * mx + x * y * m
-    cyy = myy - 2 * y * my + y * y * m
-    moments = torch.stack([m, cx, cy, cxx, cxy, cyy], 1)
-    rights = []
-    for k in (6, 9):
-        r, rx, ry = sums[:, k : k + 3].unbind(1)
-        rights.append(torch.stack([r, rx - x * r, ry - y * r], 1))
-    return moments, rights[0], rights[1]
-
-
-def _solve_at_centre(moments: Tensor, right: Tensor) -> Tensor:
-    """Value (N, 1, h, w) of the ridge-held affine fit at each cell's own place."""
-    m, cx, cy, cxx, cxy, cyy = moments.unbind(1)
-    m, cxx, cyy = m + _RIDGE, cxx + _SLOPE_RIDGE, cyy + _SLOPE_RIDGE
-    r, rx, ry = right.unbind(1)
-    determinant_xy = cxx * cyy - cxy * cxy
-    slope_x = (cx * cyy - cy * cxy) / determinant_xy
-    slope_y = (cy * cxx - cx * cxy) / determinant_xy
-    top = r - slope_x * rx - slope_y * ry
-    bottom = m - slope_x * cx - slope_y * cy
-    return (top / bottom.clamp(min=1e-4)).unsqueeze(1)
+    cxx = mxx - x * (mx + cx) + _SLOPE_RIDGE
+    cxy = mxy - x * my - y * cx
+    cyy = myy - y * (my + cy) + _SLOPE_RIDGE
+    right, right_x, right_y = torch.split(moments[:, 6:], 2, 1)  # (N, 2, h, w) each
+    right_x, right_y = right_x - x * right, right_y - y * right
+    determinant = cxx * cyy - cxy * cxy
+    slope_x = (cx * cyy - cy * cxy) / determinant
+    slope_y = (cy * cxx - cx * cxy) / determinant
+    top = right - slope_x * right_x - slope_y * right_y
+    bottom = m + _RIDGE - slope_x * cx - slope_y * cy
+    return top / bottom.clamp(min=1e-4)
 
 
 class _Update(nn.Module):

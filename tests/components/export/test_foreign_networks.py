@@ -1,4 +1,4 @@
-"""Published networks: the path, the parity and the contract. Weights are random; there is no net."""
+"""Published networks: path, parity and contract. Weights are random: there is no internet here."""
 
 from __future__ import annotations
 
