@@ -6,46 +6,39 @@ it says. Nothing in the loop waits for anything else.
 
 from __future__ import annotations
 
-import contextlib
-import os
 import secrets
 import selectors
 import signal
-import socket
 import threading
 import time
 from collections.abc import Callable
-from pathlib import Path
 from types import FrameType
 from typing import Protocol
 
-from dfvs_core.errors import DfvsError, WireError
+from dfvs_core.errors import DfvsError
 from dfvs_core.gate.authority import Authority
 from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import (
-    BadReport,
     Event,
     GateOutput,
     ModeRequest,
-    Order,
     ParametersRead,
-    Report,
     Stop,
     VehicleEvent,
 )
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import GateState
-from dfvs_core.wire.link import ForwardedCommand, from_perception, to_datagram
 from dfvs_service.beat import Beat
 from dfvs_service.config import ServiceConfig
 from dfvs_service.gate.inbox import Inbox
 from dfvs_service.gate.journal import Journal
+from dfvs_service.gate.lifeline import Lifeline
+from dfvs_service.gate.post import Post
 from dfvs_service.gate.status import gate_status
 from dfvs_service.runtime import RuntimeFolder
 
 TICK_NS = 20 * MS
-PARENT_SILENCE_NS = 1 * S
 
 EXIT_REACHED, EXIT_ENDED, EXIT_CANNOT_RUN = 0, 1, 2
 
@@ -80,29 +73,19 @@ class GateProcess:
     ) -> None:
         now_ns = time.monotonic_ns()
         self._config = config
-        self._runtime = runtime
-        self._parent = parent
         self._inbox = Inbox()
         self._journal = Journal(runtime.gate_log)
         self._machine = GateMachine(config.gate_config(), now_ns)
         name = config.vehicle.name
         self._authority = Authority(key, name, lambda: secrets.token_hex(16), now_ns)
-        self._command_result = ""
-        self._command_count = 0
+        self._post = Post(runtime, self._authority, self.note)
+        self._lifeline = Lifeline(parent, now_ns)
         self._warnings: tuple[str, ...] = ()
         self._fatal: DfvsError | None = None
         self._stopping = False
-        self._start_ns = now_ns
         self._heard_ns: int | None = None
-        self._frame_seen = False
-        self._parent_ns = now_ns
-        self._parent_gone = False
-        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._socket.bind(str(runtime.gate_socket))
-        self._socket.setblocking(False)
-        os.set_blocking(parent, False)
         self._selector = selectors.DefaultSelector()
-        for source in (self._inbox, self._socket, parent):
+        for source in (self._inbox, self._post, self._lifeline):
             self._selector.register(source, selectors.EVENT_READ)
 
     # --- other threads and signals --------------------------------------------------------
@@ -151,60 +134,15 @@ class GateProcess:
     def _collect(self, wait_s: float) -> list[Event]:
         """Wait for something to arrive; return all that has, as events."""
         self._selector.select(wait_s)
-        events = self._inbox.take()
-        self._heed_parent(events)
-        while True:
-            try:
-                data = self._socket.recv(65536)
-            except BlockingIOError:
-                break
-            if (event := self._read(data)) is not None:
-                events.append(event)
+        events = [*self._inbox.take(), *self._post.collect(time.monotonic_ns)]
+        if (stop := self._lifeline.heed(time.monotonic_ns())) is not None:
+            self._stopping = True
+            self._selector.unregister(self._lifeline)
+            events.append(stop)
         for event in events:
             if isinstance(event, ParametersRead):
                 self._warn(event)
         return events
-
-    def _heed_parent(self, events: list[Event]) -> None:
-        """Read the parent's signs of life; its end or silence ends the flight."""
-        now_ns = time.monotonic_ns()
-        if self._parent_gone:
-            return
-        try:
-            data = os.read(self._parent, 4096)
-        except BlockingIOError:
-            if now_ns - self._parent_ns > PARENT_SILENCE_NS:
-                self._orphan(events, now_ns, f"for {PARENT_SILENCE_NS / S:g} s")
-            return
-        self._parent_ns = now_ns
-        if not data:
-            self._orphan(events, now_ns, "it has ended")
-
-    def _orphan(self, events: list[Event], now_ns: int, detail: str) -> None:
-        self._parent_gone = True
-        self._stopping = True
-        self._selector.unregister(self._parent)
-        events.append(Stop(now_ns, detail, unsupervised=True))
-
-    def _read(self, data: bytes) -> Event | None:
-        """Event of a datagram from perception."""
-        now_ns = time.monotonic_ns()
-        try:
-            message = from_perception(data)
-        except WireError as error:
-            return BadReport(now_ns, str(error)[:200])
-        if isinstance(message, ForwardedCommand):
-            return self._judge_command(message, now_ns)
-        self._frame_seen = self._frame_seen or message.t_capture_ns > 0
-        return Report(now_ns, message)
-
-    def _judge_command(self, command: ForwardedCommand, now_ns: int) -> Order | None:
-        payload = command.payload.encode(errors="replace")
-        verdict = self._authority.judge(payload, now_ns)
-        self._command_count += 1
-        self._command_result = verdict.text[:200]
-        self._journal.add(now_ns, "command", result=verdict.text)
-        return None if verdict.action is None else Order(now_ns, verdict.action)
 
     def _warn(self, event: ParametersRead) -> None:
         self._warnings = event.advice
@@ -230,15 +168,14 @@ class GateProcess:
 
     def _tell(self, now_ns: int) -> None:
         """Tell perception how the vehicle moves, and the parent that the loop turns."""
-        challenge = self._authority.challenge(now_ns)
+        post = self._post
         status = gate_status(
             self._machine,
             now_ns,
-            challenge=challenge,
-            command=(self._command_result, self._command_count),
+            challenge=self._authority.challenge(now_ns),
+            command=(post.command_result, post.command_count),
             warnings=self._warnings,
         )
-        self._send(to_datagram(status), self._runtime.perception_socket)
         good = self._machine.sight.good
         beat = Beat(
             now_ns,
@@ -246,15 +183,10 @@ class GateProcess:
             status.cause,
             None if good is None else good.error_m,
             None if good is None else good.error_rad,
-            self._machine.has_reached,
-            self._warnings,
+            status.reached,
+            status.warnings,
         )
-        self._send(beat.to_bytes(), self._runtime.parent_socket)
-
-    def _send(self, data: bytes, address: Path) -> None:
-        # A reader that is gone or slow is noticed by other means; the loop never waits for it.
-        with contextlib.suppress(BlockingIOError, ConnectionRefusedError, FileNotFoundError):
-            self._socket.sendto(data, str(address))
+        post.send(status, beat)
 
     # --- the end --------------------------------------------------------------------------
 
@@ -274,7 +206,7 @@ class GateProcess:
     def _startup_problem(self, now_ns: int) -> DfvsError | None:
         """Say that no frame ever came although there was time enough."""
         machine, timeout_s = self._machine, self._config.camera.timeout_s
-        if self._frame_seen or machine.state is not GateState.PREFLIGHT:
+        if self._post.has_seen_frame or machine.state is not GateState.PREFLIGHT:
             return None
         self._heard_ns = now_ns if self._heard_ns is None else self._heard_ns
         if now_ns - self._heard_ns < timeout_s * S:

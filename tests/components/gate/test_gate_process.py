@@ -211,7 +211,7 @@ def test_a_signed_command_engages_and_a_repeated_one_does_not_count(vehicle, tmp
 
 
 def commands(flight):
-    return [record["result"] for record in flight.log() if record["kind"] == "command"]
+    return [record["text"] for record in flight.log() if record["kind"] == "command"]
 
 
 def test_no_camera_is_said_in_one_line_with_perceptions_reason(vehicle, tmp_path):
