@@ -144,14 +144,20 @@ def test_frames_become_reports_and_telemetry(rig, rng):
     assert not silent.healthy
     assert "no camera frame" in silent.reason
 
-    report = rig.shoot_until(rng, lambda r: r.healthy and set(heard) == set(names))
+    def all_told(report):
+        return report.healthy and set(heard) == set(names) and b"servo" in told("timing")
+
+    def told(name):
+        return heard[name].payload.to_bytes()
+
+    report = rig.shoot_until(rng, all_told)
     assert report.reached  # the camera sees the goal picture itself
     assert report.error_m < 0.02
-    servo = json.loads(heard["servo"].payload.to_bytes())
+    servo = json.loads(told("servo"))
     assert servo["verdict"] == "OK"
-    timing = json.loads(heard["timing"].payload.to_bytes())
+    timing = json.loads(told("timing"))
     assert timing["stages"]["capture_to_report"]["p50_ms"] > 0
-    state = json.loads(heard["state"].payload.to_bytes())
+    state = json.loads(told("state"))
     assert state["cause"] == "tested"
     preview = heard["preview"]
     header = decode_header(preview.attachment.to_bytes())
