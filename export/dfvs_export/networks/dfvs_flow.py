@@ -149,16 +149,23 @@ def normalise(image: Tensor) -> Tensor:
     Three channels are normalised over the image, the fourth over a neighbourhood of some 24 px,
     where dark plain walls show what texture they have.
     """
-    mean = image.mean((1, 2, 3), keepdim=True)
-    deviation = ((image - mean) ** 2).mean((1, 2, 3), keepdim=True).sqrt()
+    mean = _mean(image)
+    deviation = _mean((image - mean) ** 2).sqrt()
     grey = image.mean(1, keepdim=True)
-    blocks = functional.avg_pool2d(torch.cat([grey, grey * grey], 1), 8)
-    blocks = functional.avg_pool2d(blocks, 3, stride=1, padding=1, count_include_pad=False)
-    local = functional.interpolate(blocks, scale_factor=8.0, mode="bilinear", align_corners=False)
-    local_mean, local_square = local[:, :1], local[:, 1:]
-    variance = (local_square - local_mean * local_mean).clamp(min=0.0)
-    contrast = (grey - local_mean) / (variance + 2e-4).sqrt()
+    centred = grey - _blurred(grey)
+    contrast = centred / (_blurred(centred * centred) + 2e-4).sqrt()
     return torch.cat([(image - mean) / (deviation + 0.03), contrast], 1)
+
+
+def _mean(x: Tensor) -> Tensor:
+    """Mean (N, 1, 1, 1) of x, by way of blocks: long sums in float32 differ between runtimes."""
+    return functional.avg_pool2d(x, 8).mean((1, 2, 3), keepdim=True)
+
+
+def _blurred(x: Tensor) -> Tensor:
+    """Mean of x (N, 1, H, W) over some 24 px, by way of 1/8 of the resolution."""
+    blocks = functional.avg_pool2d(functional.avg_pool2d(x, 8), 3, 1, 1, count_include_pad=False)
+    return functional.interpolate(blocks, scale_factor=8.0, mode="bilinear", align_corners=False)
 
 
 class _Attention(nn.Module):
