@@ -18,6 +18,7 @@ from dfvs_service.models.pair import PairMatcher
 
 CLASSICAL = "classical"
 HYBRID_PREFIX = "hybrid:"
+_PACKAGED = Path(__file__).parent.parent / "assets" / "models"
 
 
 def load_matcher(
@@ -25,7 +26,8 @@ def load_matcher(
 ) -> Matcher:
     """Load the matcher ``"classical"``, a model bundle by its folder, or ``"hybrid:FOLDER"``.
 
-    A hybrid is the classical matcher that asks the bundle's network where it is at a loss.
+    A hybrid is the classical matcher that asks the bundle's network where it is at a loss. Bundles
+    that come with this package go by their names alone, such as ``"hybrid:dfvs-flow"``.
 
     ``threads`` goes to ONNX Runtime and, being what the classical parts run on, to OpenCV,
     where it holds for the whole process.
@@ -41,12 +43,7 @@ def load_matcher(
     if name_or_path.startswith(HYBRID_PREFIX):
         network = load_matcher(name_or_path.removeprefix(HYBRID_PREFIX), threads, provider)
         return HybridMatcher(network)
-    folder = Path(name_or_path)
-    if not folder.exists():
-        raise ModelError(
-            f"there is no model {name_or_path!r}",
-            f"{CLASSICAL!r} or the folder of a bundle ({MANIFEST_NAME} and its ONNX files)",
-        )
+    folder = _folder(name_or_path)
     bundle = read_bundle(folder)
     kind = bundle.manifest.kind
     if kind == "mono":
@@ -58,3 +55,22 @@ def load_matcher(
     if kind == "encode-match":
         return EncodeMatchMatcher(bundle, execution)
     return PairMatcher(bundle, execution)
+
+
+def packaged_bundles() -> dict[str, Path]:
+    """Bundles that come with this package, by name."""
+    return {path.parent.name: path.parent for path in sorted(_PACKAGED.glob(f"*/{MANIFEST_NAME}"))}
+
+
+def _folder(name_or_path: str) -> Path:
+    packaged = packaged_bundles()  # a folder of the same name is asked for as ./NAME
+    if name_or_path in packaged:
+        return packaged[name_or_path]
+    folder = Path(name_or_path)
+    if not folder.exists():
+        raise ModelError(
+            f"there is no model {name_or_path!r}",
+            f"{CLASSICAL!r} or the folder of a bundle ({MANIFEST_NAME} and its ONNX files)",
+            f"bundles in this package: {', '.join(packaged) or 'none'}",
+        )
+    return folder
