@@ -30,6 +30,9 @@ def draw_flow(image: ImageArray, flow: FlowField, min_confidence: float) -> Imag
         colour = _SURE if confidence > 0.5 * (1.0 + min_confidence) else _DOUBTFUL
         a = (int(start[0]), int(start[1]))
         b = (int(np.clip(end[0], -999, 9999)), int(np.clip(end[1], -999, 9999)))
+        if a == b:
+            cv2.circle(canvas, a, 1, colour, -1, cv2.LINE_AA)
+            continue
         cv2.arrowedLine(canvas, a, b, _OUTLINE, 2, cv2.LINE_AA, tipLength=0.25)
         cv2.arrowedLine(canvas, a, b, colour, 1, cv2.LINE_AA, tipLength=0.25)
     return canvas

@@ -70,9 +70,8 @@ def _filmstrip(log: FlightLog, goal: ImageArray) -> ImageArray:
         degrees = np.degrees(flown[i].error_rad)
         caption = f"{seconds:.1f} s: {flown[i].error_m:.2f} m, {degrees:.1f} deg"
         captions.append((caption, _view(log, flown[i].T_scene_camera)))
-    captions.append(("goal", goal))
-    while len(captions) % 4:
-        captions.append(("", np.full_like(goal, 250)))
+    captions.append(("goal picture", goal))
+    captions.append(("last view - goal", _difference(captions[-2][1], goal)))
     rows = [_side_by_side(captions[i : i + 4]) for i in range(0, len(captions), 4)]
     return np.concatenate(rows, axis=0)
 

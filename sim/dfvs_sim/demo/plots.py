@@ -8,6 +8,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from dfvs_sim.demo.flight import FlightLog
 
@@ -72,7 +73,7 @@ def _velocities(axes: Any, t: Any, servo: list[dict[str, Any]]) -> None:
         axes.plot(t, velocity[:, i], color=colour, label=f"{name} (m/s)")
     axes.plot(t, velocity[:, 3], color=_RED, ls="--", label="yaw (rad/s)")
     _label(axes, "Commanded velocity", "m/s, rad/s")
-    axes.legend(ncols=2)
+    axes.legend(ncols=2, loc="best")
 
 
 def _quality(axes: Any, t: Any, servo: list[dict[str, Any]]) -> None:
@@ -81,11 +82,11 @@ def _quality(axes: Any, t: Any, servo: list[dict[str, Any]]) -> None:
     axes.set_ylim(0, 1.05)
     _label(axes, "Correspondences and depth", "share")
     depth = axes.twinx()
-    depth.plot(t, _series(servo, "depth_m"), color=_ORANGE)
+    depth.plot(t, _series(servo, "depth_m"), color=_ORANGE, label="depth")
     depth.set_ylabel("median depth (m)", color=_ORANGE)
     depth.set_ylim(bottom=0)
     depth.grid(visible=False)
-    axes.legend(loc="lower right")
+    axes.legend(loc="lower right", bbox_to_anchor=(1.0, 0.05))
 
 
 def _distance(axes: Any, t: tuple[Any, Any], flown: list[Any], servo: list[dict[str, Any]]) -> None:
@@ -121,6 +122,10 @@ def _path(axes: Any, log: FlightLog, flown: list[Any]) -> None:
     axes.set_ylabel("north (m)")
     axes.set_zlabel("up (m)")
     axes.set_aspect("equal")
+    # The flight is nearly level: two ticks are all that the vertical axis has room for.
+    axes.zaxis.set_major_locator(MaxNLocator(2))
+    for axis in (axes.xaxis, axes.yaxis):
+        axis.set_major_locator(MaxNLocator(4))
     axes.legend(loc="upper left")
 
 

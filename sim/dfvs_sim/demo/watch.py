@@ -11,6 +11,8 @@ import zenoh
 
 from dfvs_core.topics import Topics
 
+_FLYING = frozenset({"ENGAGE", "SERVO"})
+
 
 class TelemetryWatch:
     """Keeps every state and servo document and the newest timing and preview of one vehicle."""
@@ -23,6 +25,7 @@ class TelemetryWatch:
         self.status: dict[str, Any] = {}
         self.timing: dict[str, Any] = {}
         self.preview: bytes | None = None
+        """JPEG of the first view that was flown by, with its flow."""
         streams = {
             "state": self._on_state,
             "servo": self._on_servo,
@@ -65,4 +68,5 @@ class TelemetryWatch:
         self.timing = json.loads(sample.payload.to_bytes())
 
     def _on_preview(self, sample: zenoh.Sample) -> None:
-        self.preview = sample.payload.to_bytes()
+        if self.preview is None and self.state in _FLYING:
+            self.preview = sample.payload.to_bytes()
