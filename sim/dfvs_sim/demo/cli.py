@@ -63,6 +63,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--goal", metavar="X,Y,Z,YAW", help="goal of the camera, likewise")
     add("--rate", type=float, default=20.0, metavar="HZ", help="frames a second")
     add("--timeout", type=float, default=90.0, metavar="S", help="give up a flight after so long")
+    add("--ready", type=float, default=40.0, metavar="S", help="wait so long for the service")
     add("--autopilot", metavar="URL", help="MAVLink of a running autopilot, not the stand-in")
     add("--ground", metavar="URL", help="its ground-station link (default udpin on 14550)")
     add("--service", default="", metavar="WORDS", help="further words for dfvs-service")
@@ -113,6 +114,7 @@ def _fly_one(
     )
     options = FlightOptions(
         timeout_s=args.timeout,
+        ready_s=args.ready,
         rate_hz=args.rate,
         autopilot=args.autopilot,
         ground=args.ground,

@@ -41,6 +41,7 @@ class FlightError(DfvsError):
 class FlightOptions:
     """How to fly.
 
+    ``ready_s`` is how long the service may take to be ready, ``timeout_s`` how long to arrive.
     ``autopilot`` is the MAVLink URL of a vehicle that runs already, and ``ground`` that of its
     ground-station link; None starts the simulated one. ``service`` holds further words for
     ``dfvs-service``.
@@ -48,6 +49,7 @@ class FlightOptions:
 
     height_m: float = 1.5
     timeout_s: float = 90.0
+    ready_s: float = 40.0
     rate_hz: float = 20.0
     autopilot: str | None = None
     ground: str | None = None
@@ -194,14 +196,14 @@ class Flight:
         return MockCamera(config, self._plan.renderer, T_scene_camera, publish)
 
     def _await_ready(self, watch: TelemetryWatch, service: Child) -> None:
-        deadline = time.monotonic() + _STARTUP_S
+        deadline = time.monotonic() + self._options.ready_s
         while time.monotonic() < deadline:
             if watch.wait_for_state(READY, 0.5) is not None:
                 return
             if service.exit_code is not None:
                 raise FlightError(f"dfvs-service ended at once:\n{service.last_lines()}")
         raise FlightError(
-            f"dfvs-service is not ready after {_STARTUP_S:g} s "
+            f"dfvs-service is not ready after {self._options.ready_s:g} s "
             f"(state {watch.state or 'unknown'}: {watch.cause or service.last_lines()})"
         )
 

@@ -1,0 +1,105 @@
+"""The demo as a user runs it: every process, the real links, one flight."""
+
+import json
+import math
+import subprocess
+import sys
+
+import pytest
+
+from dfvs_sim.vehicle.record import read_record
+
+FLIGHT_S = 240
+
+
+def demo(folder, *words):
+    command = [sys.executable, "-m", "dfvs_sim.demo.cli", "--out", str(folder), *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=FLIGHT_S, check=False)
+
+
+@pytest.fixture(scope="module")
+def flight(tmp_path_factory):
+    """One flight, and what it left behind."""
+    folder = tmp_path_factory.mktemp("demo")
+    done = demo(folder / "flight", "--seed", "0", "--json", str(folder / "summary.json"))
+    assert done.returncode in (0, 1), done.stderr
+    return done, folder / "flight", json.loads((folder / "summary.json").read_text())
+
+
+def setpoints(folder):
+    return [e for e in read_record(folder / "vehicle.jsonl") if e["kind"] == "setpoint"]
+
+
+@pytest.mark.slow
+def test_it_flies_to_the_goal_and_says_so(flight):
+    done, _, summary = flight
+    assert summary["converged"], f"{summary}\n{done.stderr}"
+    assert done.returncode == 0
+    assert summary["initial_translation_m"] > 0.8
+    assert summary["initial_rotation_deg"] > 20
+    assert summary["final_translation_m"] < 0.05
+    assert summary["final_rotation_deg"] < 1.0
+    assert summary["path_ratio"] <= 1.3
+    assert summary["states"][-1] == "DONE"
+
+
+@pytest.mark.slow
+def test_it_leaves_pictures_plots_and_a_summary(flight):
+    _, folder, summary = flight
+    names = ("goal.png", "first.png", "last.png", "difference.png", "filmstrip.png", "plots.png")
+    for name in names:
+        assert (folder / name).stat().st_size > 5_000, name
+    assert json.loads((folder / "summary.json").read_text()) == summary
+
+
+@pytest.mark.slow
+def test_latency_and_setpoint_gap_are_measured(flight):
+    _, _, summary = flight
+    assert 0 < summary["latency_ms"]["p50"] <= summary["latency_ms"]["p99"]
+    assert 0 < summary["max_setpoint_gap_ms"] <= 150  # invariant I3
+
+
+@pytest.mark.slow
+def test_the_vehicle_s_own_record_shows_no_setpoint_beyond_the_limits(flight):
+    """Invariant I1, as the vehicle saw it."""
+    _, folder, _ = flight
+    seen = setpoints(folder)
+    assert len(seen) > 200
+    for event in seen:
+        vx, vy, vz = event["velocity"]
+        assert all(map(math.isfinite, (vx, vy, vz, event["yaw_rate_rad_s"])))
+        assert math.hypot(vx, vy) <= 0.5 + 1e-6
+        assert abs(vz) <= 0.3 + 1e-6
+        assert abs(event["yaw_rate_rad_s"]) <= math.radians(20) + 1e-6
+
+
+@pytest.mark.slow
+def test_a_goal_that_is_nowhere_in_sight_is_never_flown_to(tmp_path):
+    """The goal looks the other way: the service stays in PREFLIGHT and says why."""
+    words = ("--start=0,0,-1.3,0", "--goal=0,0,-1.3,180", "--ready", "12")
+    done = demo(tmp_path / "lost", *words)
+    assert done.returncode == 2
+    assert "PREFLIGHT" in done.stderr
+    assert "goal" in done.stderr
+    moving = [e for e in setpoints(tmp_path / "lost") if any(e["velocity"])]
+    assert not moving
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--start", "1,2,3"), "--start is '1,2,3'"),
+        (("--goal", "0,0,-1.3,0"), "--start is missing"),
+        (("--scene", "nowhere.glb"), "nowhere.glb"),
+        (("--size", "big"), "--size is 'big'"),
+        (("--fov", "200"), "field of view"),
+        (("--runs", "0"), "--runs is 0"),
+        (("--json", "/nowhere/at/all.json"), "--json"),
+    ],
+)
+def test_bad_words_are_one_clear_line(tmp_path, words, message):
+    done = demo(tmp_path / "out", *words)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert "Traceback" not in done.stderr
+    assert len(done.stderr.strip().splitlines()) == 1
