@@ -37,6 +37,7 @@ Footprint: TypeAlias = tuple[float, float, float, float, int, float]
 MAX_ANISOTROPY = 4
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
 _FARTHEST_UV = 1e6
+_SOFTNESS = 0.5  # mip levels; a lens blurs about as much, and textures do not shimmer in flight
 _LEVEL_BLEND = 1.6  # blend two mip levels only around the middle between them: one is faster
 _CLAMP, _MIRROR = 1, 2
 
@@ -119,11 +120,11 @@ def footprint(
         du, dv = along_y
     if not (abs(u) < _FARTHEST_UV and abs(v) < _FARTHEST_UV and major < _FARTHEST_UV**2):
         return 0.5, 0.5, 0.0, 0.0, 1, MAX_LEVELS - 2.0
-    if major <= 1.0:
+    if major <= 0.5:
         return u, v, du, dv, 1, 0.0
     ratio = math.sqrt(major / max(minor, 1e-12))
     taps = max(1, math.ceil(min(ratio - 0.5, float(MAX_ANISOTROPY))))
-    lod = 0.5 * math.log2(major / (taps * taps))
+    lod = 0.5 * math.log2(major / (taps * taps)) + _SOFTNESS
     return u, v, du, dv, taps, min(max(lod, 0.0), MAX_LEVELS - 2.0)
 
 

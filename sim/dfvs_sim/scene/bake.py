@@ -93,11 +93,20 @@ def bake_room(room: Room, settings: BakeSettings, progress: Progress) -> Scene:
     BakeError
         If Mitsuba is not installed.
     """
+    return _scene(room, exposed(room, measure_irradiance(room, settings, progress)))
+
+
+def measure_irradiance(room: Room, settings: BakeSettings, progress: Progress) -> list[FloatArray]:
+    """Irradiance (N, 3) at the vertices of each of a room's parts; sheets: mean of both sides.
+
+    Raises
+    ------
+    BakeError
+        If Mitsuba is not installed.
+    """
     mi = load_mitsuba()
     with tempfile.TemporaryDirectory() as folder:
-        tracer = _Tracer(mi, room, settings, Path(folder))
-        irradiance = tracer.measure(progress)
-    return _scene(room, exposed(room, irradiance))
+        return _Tracer(mi, room, settings, Path(folder)).measure(progress)
 
 
 def mean_albedo(material: Material) -> FloatArray:
@@ -145,6 +154,8 @@ class _Tracer:
                 "radius": radius * 0.98,
                 "emitter": _emitter(np.multiply(_LAMP_RADIANCE, lamp.emission), radius),
             }
+        if not any(self._settings.sky_radiance):
+            return
         x0, x1, z0, z1 = WINDOW
         middle = np.array([(x0 + x1) / 2, WIDTH_M / 2 + _SKY_BEHIND_WALL_M, (z0 + z1) / 2])
         transform = self._mi.ScalarTransform4f
@@ -222,7 +233,7 @@ class _Tracer:
             "type": "ply",
             "filename": str(path),
             "face_normals": True,
-            "bsdf": {"type": "null"},
+            "bsdf": _diffuse([0.0] * 3),
             "sensor": {"type": "irradiancemeter", "film": film, "sampler": sampler},
         }
 

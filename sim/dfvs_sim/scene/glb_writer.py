@@ -78,7 +78,7 @@ class _Writer:
         partial.replace(path)
 
 
-def save_glb(path: str | Path, scene: Scene, quality: int = 85) -> None:
+def save_glb(path: str | Path, scene: Scene, quality: int = 70) -> None:
     """Write a scene; ``load_glb`` gives it back to within 1/65535 of its extent and colours.
 
     Colours must lie in 0 to 1. Textures become JPEG of the given quality (1 to 100).

@@ -13,6 +13,11 @@ from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_sim.scene import patterns, pictures, textures
 from dfvs_sim.scene.textures import Colour
 
+_ON_SMALL_THINGS = frozenset(
+    ["ikat", "chevron", "dots", "linen", "wicker", "orange", "apple", "clay", "glaze", "earth", "gilt", "brass", "black", "fern", "rubber"]
+)
+"""Materials that never fill a picture: half the texels will do."""
+
 _Draw: TypeAlias = Callable[[np.random.Generator], Float32Array]
 
 
@@ -40,10 +45,11 @@ def room_materials(rng: np.random.Generator) -> dict[str, Material]:
     recipes = {**_surfaces(), **_wood_and_paint(), **_cloths(), **_ceramics_and_plants()}
     recipes |= {name: (draw, 1.0) for name, draw in _pictures().items()}
     streams = rng.spawn(len(recipes) + 1)
-    drawn = {
-        name: Material(textures.pixels(draw(stream)), span_m)
-        for (name, (draw, span_m)), stream in zip(recipes.items(), streams[1:], strict=True)
-    }
+    drawn = {}
+    for (name, (draw, span_m)), stream in zip(recipes.items(), streams[1:], strict=True):
+        picture = draw(stream)
+        small = textures.halved(picture) if name in _ON_SMALL_THINGS else picture
+        drawn[name] = Material(textures.pixels(small), span_m)
     drawn["globe"] = Material(np.full((4, 4, 3), 255, np.uint8), shines=True)
     drawn["garden"] = Material(textures.pixels(pictures.garden(streams[0])), shines=True)
     return drawn

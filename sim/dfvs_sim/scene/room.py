@@ -66,10 +66,14 @@ class Room:
 
 def furnished_room(seed: int) -> Room:
     """Furnish the living room; the seed chooses patterns, paintings, books and plants."""
-    rng = np.random.default_rng(seed)
-    materials = room_materials(rng)
-    parts = _shell() + _window(rng) + _furniture(rng) + _wall_decor(rng) + _plants_and_lamps(rng)
-    return Room(tuple(parts), materials)
+    materials, parts = np.random.default_rng(seed).spawn(2)
+    return Room(room_parts(parts), room_materials(materials))
+
+
+def room_parts(rng: np.random.Generator) -> tuple[Part, ...]:
+    """Build the shell and all that is in it, in room axes."""
+    parts = _shell() + _window(rng) + _furniture(rng) + _wall_decor(rng)
+    return tuple(parts + _plants_and_lamps(rng))
 
 
 def _shell() -> list[Part]:

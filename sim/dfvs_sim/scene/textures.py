@@ -89,6 +89,13 @@ def shaded(colour: Float32Array | Colour, light: Float32Array) -> Float32Array:
     return np.asarray(np.clip(product, 0.0, 1.0), dtype=np.float32)
 
 
+def halved(image: Float32Array) -> Float32Array:
+    """Picture (H, W, 3) at half the size, averaged; repeats as before."""
+    height, width = image.shape[:2]
+    mean = image.reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3))
+    return np.asarray(mean, dtype=np.float32)
+
+
 def pixels(image: Float32Array) -> ImageArray:
     """Picture as uint8 RGB."""
     return np.asarray(np.rint(np.clip(image, 0.0, 1.0) * 255.0), dtype=np.uint8)
@@ -228,19 +235,3 @@ def wicker(rng: np.random.Generator) -> Float32Array:
     bulge = np.where(over > 0, np.sin(np.pi * ((x * posts) % 1.0)), 0.45)
     light = strand * (0.45 + 0.6 * bulge) * (1 + 0.12 * noise(rng, slope=0.5, band=(8.0, 200.0)))
     return shaded((0.74, 0.56, 0.35), light)
-
-
-def tiles(rng: np.random.Generator) -> Float32Array:
-    """Small glazed tiles in several blues, for a table top or a hearth."""
-    count = 8
-    y, x = np.mgrid[0:SIZE_PX, 0:SIZE_PX].astype(np.float32) / SIZE_PX * count
-    tone = rng.uniform(0, 1, (count, count)).astype(np.float32)[y.astype(int), x.astype(int)]
-    colour = ramp(
-        tone, [(0.16, 0.30, 0.42), (0.30, 0.50, 0.58), (0.72, 0.78, 0.74), (0.20, 0.42, 0.46)]
-    )
-    edge = np.minimum(np.minimum(x % 1, 1 - x % 1), np.minimum(y % 1, 1 - y % 1))
-    glaze = 1 + 0.06 * noise(rng, band=(3.0, 60.0))
-    grout = np.full((SIZE_PX, SIZE_PX, 3), 0.78, np.float32)
-    return blend(
-        grout, (colour * glaze[..., None]).astype(np.float32), smoothstep(0.025, 0.06, edge)
-    )
