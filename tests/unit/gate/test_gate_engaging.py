@@ -20,6 +20,22 @@ def test_nothing_is_sent_before_a_vehicle_is_heard():
     assert not gate.requests
 
 
+def test_a_gate_begins_with_nothing_to_tell():
+    machine = Rehearsal().machine
+    assert (machine.state, machine.reason, machine.has_reached) == (GateState.IDLE, "", False)
+    assert not machine.is_finished
+
+
+def test_every_change_of_state_is_told_once():
+    gate = Rehearsal().until(GateState.SERVO).run(1.0)
+    assert [(str(t.source), str(t.target)) for t in gate.transitions] == [
+        ("IDLE", "PREFLIGHT"),
+        ("PREFLIGHT", "READY"),
+        ("READY", "ENGAGE"),
+        ("ENGAGE", "SERVO"),
+    ]
+
+
 def test_the_first_heartbeat_starts_the_preflight():
     gate = Rehearsal().until(GateState.PREFLIGHT)
     assert [t.cause for t in gate.transitions] == [Cause.VEHICLE_HEARD]

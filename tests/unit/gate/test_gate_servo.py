@@ -131,6 +131,23 @@ def test_a_gate_that_stalled_stops():
     assert gate.last.cause is Cause.GATE_STALLED
 
 
+def test_a_good_report_right_after_a_fault_does_not_undo_it():
+    for fault in (Rehearsal().report(healthy=False), BadReport(0, "not JSON")):
+        gate = flying()
+        gate.now_ns += 5 * MS
+        output = gate.send([fault, gate.report()])
+        assert output.setpoint == ZERO
+        assert gate.state is GateState.HOLD
+
+
+def test_a_good_report_right_after_a_stall_does_not_undo_it():
+    gate = flying()
+    gate.now_ns += 151 * MS
+    gate.send([gate.report()])
+    assert (gate.state, gate.last.cause) == (GateState.HOLD, Cause.GATE_STALLED)
+    assert gate.last.detail == "for 151 ms"
+
+
 def test_after_a_second_of_good_data_hold_moves_again_from_zero():
     gate = flying()
     gate.send([gate.report(healthy=False)])
