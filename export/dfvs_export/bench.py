@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import multiprocessing
 import resource
 import time
@@ -125,10 +126,11 @@ def _work(pipe: Connection, folder: Path, size: tuple[int, int], threads: int) -
     goal = runner.encode(images[1])
     for _ in range(_WARM_UP):
         runner.match(runner.encode(images[0]), goal)
-    pipe.send(0.0)
-    while pipe.recv() == "run":
-        start = time.perf_counter()
-        runner.match(runner.encode(images[0]), goal)
-        pipe.send(time.perf_counter() - start)
-    usage = resource.getrusage(resource.RUSAGE_SELF)
-    pipe.send(usage.ru_maxrss / _KILOBYTES_PER_MEGABYTE)
+    with contextlib.suppress(EOFError, OSError):  # another worker failed, and so all end
+        pipe.send(0.0)
+        while pipe.recv() == "run":
+            start = time.perf_counter()
+            runner.match(runner.encode(images[0]), goal)
+            pipe.send(time.perf_counter() - start)
+        usage = resource.getrusage(resource.RUSAGE_SELF)
+        pipe.send(usage.ru_maxrss / _KILOBYTES_PER_MEGABYTE)

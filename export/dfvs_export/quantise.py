@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import re
 import tempfile
 from collections.abc import Iterator, Sequence
 from pathlib import Path
@@ -22,8 +23,9 @@ from dfvs_export.check import ImagePair
 from dfvs_export.graphs import ENCODE_INPUTS, MATCH_INPUTS, OnnxPair
 from dfvs_export.running import FlowRunner
 
-_KEPT_FLOAT = ("/flow/", "/judge/", "/mask/", "flow/Conv", "judge/Conv", "mask/Conv", "/stem/")
-"""Parts of node names of the convolutions that stay as they are: the last ones and the first."""
+_KEPT_FLOAT = re.compile(r"/(flow|judge|mask|stem)(\.\d+|_\d+)*/|/update\d(_\d+)?/Conv")
+"""Convolutions that stay as they are: the last ones, the first, and the sums of the look-ups'
+softmax, whose terms span dozens of orders of magnitude."""
 
 Feeds = dict[str, NDArray[np.float32]]
 
@@ -59,7 +61,7 @@ def _quantise(data: bytes, feeds: Sequence[Feeds]) -> bytes:
         plain.write_bytes(data)
         quant_pre_process(str(plain), str(ready), skip_symbolic_shape=True)
         nodes = onnx.load_model(str(ready)).graph.node
-        kept = [n.name for n in nodes if any(part in n.name for part in _KEPT_FLOAT)]
+        kept = [n.name for n in nodes if _KEPT_FLOAT.search(n.name)]
         quantize_static(
             str(ready),
             str(done),

@@ -1,6 +1,7 @@
 from __future__ import annotations
 
 import json
+import math
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,9 @@ FORBIDDEN = {"Loop", "If", "Scan", "NonZero", "ScatterND"}
 def checkpoint(tmp_path_factory) -> Path:
     torch.manual_seed(3)
     network = DfvsFlow().eval()
+    with torch.no_grad():  # as sharp as trained ones become: what overflows shows up
+        network.log_scale.fill_(math.log(40.0))
+        network.log_scale4.fill_(math.log(40.0))
     state = network.state_dict()
     path = tmp_path_factory.mktemp("weights") / "random.pt"
     origin = {"settings": {"size": SIZE, "steps": 0, "minutes": 1.0, "pairs_per_step": 1}}
@@ -81,7 +85,9 @@ def test_a_flipped_byte_is_refused(bundle: Path, tmp_path: Path) -> None:
         read_bundle(damaged)
 
 
-def test_8_bit_weights_are_a_third_in_size_and_run(checkpoint: Path, tmp_path: Path) -> None:
+def test_8_bit_bundles_run_and_find_about_the_same(
+    bundle: Path, checkpoint: Path, tmp_path: Path
+) -> None:
     out = tmp_path / "int8"
     common = ["flow", "--checkpoint", str(checkpoint), "--size", "96x64", "--out", str(out)]
     assert main([*common, "--precision", "int8", "--calibration-pairs", "2"]) == 0
@@ -89,7 +95,12 @@ def test_8_bit_weights_are_a_third_in_size_and_run(checkpoint: Path, tmp_path: P
     assert "QuantizeLinear" in operators(contents)
     runner = FlowRunner(manifest, contents)
     first, second = drawn_pairs(SIZE, 1, 12)[0]
-    assert runner.match(runner.encode(first), runner.encode(second)).is_finite()
+    field = runner.match(runner.encode(first), runner.encode(second))
+    assert field.is_finite()
+    exact = FlowRunner(*read_bundle(bundle))
+    expected = exact.match(exact.encode(first), exact.encode(second))
+    # rounding moves some cells' best match, but not most
+    assert np.median(np.abs(field.flow - expected.flow)) < 8.0
 
 
 def test_bench_writes_one_entry_per_bundle(bundle: Path, tmp_path: Path) -> None:
