@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import multiprocessing
-import resource
 import time
 from collections.abc import Sequence
 from dataclasses import asdict, dataclass
@@ -132,5 +131,15 @@ def _work(pipe: Connection, folder: Path, size: tuple[int, int], threads: int) -
             start = time.perf_counter()
             runner.match(runner.encode(images[0]), goal)
             pipe.send(time.perf_counter() - start)
-        usage = resource.getrusage(resource.RUSAGE_SELF)
-        pipe.send(usage.ru_maxrss / _KILOBYTES_PER_MEGABYTE)
+        pipe.send(_most_memory_mb())
+
+
+def _most_memory_mb() -> float:
+    """Return the most memory, MB, that this process held since it began to run this program.
+
+    ``getrusage`` would count what its parent held before that.
+    """
+    for line in Path("/proc/self/status").read_text().splitlines():
+        if line.startswith("VmHWM:"):
+            return float(line.split()[1]) / _KILOBYTES_PER_MEGABYTE
+    raise ModelError("this system does not tell how much memory a process holds", "Linux")

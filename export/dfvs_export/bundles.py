@@ -18,7 +18,7 @@ from dfvs_core.manifest import (
     check_files,
     sha256,
 )
-from dfvs_export.graphs import (
+from dfvs_export.onnx_pair import (
     ENCODE_INPUTS,
     ENCODE_OUTPUTS,
     MATCH_INPUTS,

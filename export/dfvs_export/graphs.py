@@ -4,19 +4,21 @@ from __future__ import annotations
 
 import io
 import warnings
-from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
 from dfvs_export.networks.dfvs_flow import DfvsFlow, Features
+from dfvs_export.onnx_pair import (
+    ENCODE_INPUTS,
+    ENCODE_OUTPUTS,
+    MATCH_INPUTS,
+    MATCH_OUTPUTS,
+    OnnxPair,
+)
 
 OPSET = 17
-ENCODE_INPUTS = ("image",)
-ENCODE_OUTPUTS = ("features_16", "features_8", "features_4")
-MATCH_INPUTS = tuple(f"{side}_{name}" for side in ("first", "second") for name in ENCODE_OUTPUTS)
-MATCH_OUTPUTS = ("flow", "confidence")
 
 
 class EncodeGraph(nn.Module):
@@ -45,14 +47,6 @@ class MatchGraph(nn.Module):
         confidence = torch.sigmoid(match.seen) * torch.sigmoid(match.sure)
         full = functional.interpolate(confidence, scale_factor=4.0, mode="bilinear")
         return match.flow, full
-
-
-@dataclass(frozen=True, slots=True)
-class OnnxPair:
-    """Bytes of the two ONNX files."""
-
-    encode: bytes
-    match: bytes
 
 
 def to_onnx(network: DfvsFlow, size: tuple[int, int]) -> OnnxPair:

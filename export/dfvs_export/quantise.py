@@ -20,7 +20,7 @@ from onnxruntime.quantization import (
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
 from dfvs_export.check import ImagePair
-from dfvs_export.graphs import ENCODE_INPUTS, MATCH_INPUTS, OnnxPair
+from dfvs_export.onnx_pair import ENCODE_INPUTS, MATCH_INPUTS, OnnxPair
 from dfvs_export.running import FlowRunner
 
 _KEPT_FLOAT = re.compile(r"/(flow|judge|mask|stem)(\.\d+|_\d+)*/|/update\d(_\d+)?/Conv")
