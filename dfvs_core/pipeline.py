@@ -129,7 +129,7 @@ class Pipeline:
         marks.append(self._tick())
         self._remember(frame, prepared, T_world_camera, flow, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
-        return FrameOutcome(make_report(self._task, frame, result), result, flow, stages)
+        return FrameOutcome(make_report(frame, result), result, flow, stages)
 
     def digest(self) -> int:
         """Compare the last frame with an earlier one to learn about depth; time taken, ns.
@@ -187,7 +187,7 @@ class Pipeline:
             self._depth_m = result.depth_m
 
 
-def make_report(task: ServoTask, frame: Frame, result: ServoResult) -> PerceptionReport:
+def make_report(frame: Frame, result: ServoResult) -> PerceptionReport:
     """What the gate is told about a frame."""
     ok = result.verdict is Verdict.OK
     forward, right, down, yaw_rate = (float(v) for v in result.velocity)
@@ -202,7 +202,7 @@ def make_report(task: ServoTask, frame: Frame, result: ServoResult) -> Perceptio
         error_m=_finite(result.error_m),
         error_rad=_finite(result.error_rad),
         overlap=result.overlap,
-        feature_error=_finite(result.feature_error_px / task.camera.fx),
+        feature_error=_finite(result.scale_free_error),
     )
 
 

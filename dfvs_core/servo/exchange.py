@@ -102,6 +102,9 @@ class ServoResult:
         Length of the translation and angle of the rotation in ``motion``.
     feature_error_px : float
         Weighted median length of the flow to the goal, after taking both views level.
+    scale_free_error : float
+        Distance over depth plus angle, with all points taken at the same depth: it falls whenever
+        the vehicle nears the goal, while ``error_m`` may jump as depth becomes known.
     residual_px : float
         Weighted median reprojection error of the estimated motion.
     inlier_share, overlap : float
@@ -120,6 +123,7 @@ class ServoResult:
     error_m: float
     error_rad: float
     feature_error_px: float
+    scale_free_error: float
     residual_px: float
     inlier_share: float
     overlap: float

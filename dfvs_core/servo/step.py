@@ -25,7 +25,7 @@ from dfvs_core.servo.freedom import rotate_rays, virtual_rotation
 from dfvs_core.servo.law import NormalEquations
 from dfvs_core.servo.motion import distance_and_angle, find_goal, wanted_motion
 from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
-from dfvs_core.servo.pose import GoalPose
+from dfvs_core.servo.pose import GoalPose, estimate_goal_pose
 from dfvs_core.servo.stop import (
     ErrorScore,
     StopState,
@@ -95,6 +95,7 @@ def servo_step(
         error_m=error_m,
         error_rad=error_rad,
         feature_error_px=feature_error_px,
+        scale_free_error=_scale_free_error(task, points),
         residual_px=residual_px,
         inlier_share=pose.inlier_share,
         overlap=overlap,
@@ -136,6 +137,7 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
         error_m=unknown,
         error_rad=unknown,
         feature_error_px=unknown,
+        scale_free_error=unknown,
         residual_px=unknown,
         inlier_share=0.0,
         overlap=overlap,
@@ -143,6 +145,14 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
         depth_m=0.0,
         reached=False,
     )
+
+
+def _scale_free_error(task: ServoTask, points: ServoPoints) -> float:
+    """Distance over depth plus angle to the goal, of a scene taken for a wall at one metre."""
+    wall = ServoPoints(points.xy, points.xy_goal, np.ones(len(points.xy)), points.weight)
+    noise = task.config.flow_noise_px / task.camera.fx
+    distance, angle = distance_and_angle(task, estimate_goal_pose(wall, task.basis, noise))
+    return distance + angle
 
 
 def _feature_error_px(task: ServoTask, points: ServoPoints) -> float:
