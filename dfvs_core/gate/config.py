@@ -50,6 +50,8 @@ class GateTiming:
     hold_ns: int = 3 * S
     reached_ns: int = 1 * S
     proof_ns: int = 1 * S
+    proof_limit_ns: int = 3 * S
+    """Time at a crawl for an error that neither fell nor rose."""
     mode_known_ns: int = 1500 * MS
     """A heartbeat older than this says nothing about the mode any more."""
     order_valid_ns: int = 5 * S

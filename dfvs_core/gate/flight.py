@@ -78,11 +78,14 @@ def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:
     if reached_ns >= timing.reached_ns:
         return Decision(GateState.DONE, (Cause.GOAL_REACHED, ""))
     proof = engagement.proof
-    if proof is None or moment.now_ns - proof.start_ns < timing.proof_ns:
+    waited_ns = 0 if proof is None else moment.now_ns - proof.start_ns
+    if proof is None or waited_ns < timing.proof_ns:
+        return None
+    objection = proof.objection()
+    if objection is not None and proof.is_open() and waited_ns < timing.proof_limit_ns:
         return None
     engagement.proof = None
     engagement.is_proven = True
-    objection = proof.objection()
     if objection is None:
         return None
     return Decision(GateState.ABORT, (Cause.ERROR_NOT_FALLING, objection))
