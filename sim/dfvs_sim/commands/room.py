@@ -12,8 +12,9 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
 from dfvs_core.wire.picture import encode_png
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene.bake import BakeSettings, bake_room, load_mitsuba
+from dfvs_sim.scene.bake import bake_room
 from dfvs_sim.scene.glb_writer import save_glb
+from dfvs_sim.scene.light import BakeSettings, load_mitsuba
 from dfvs_sim.scene.mesh import Scene
 from dfvs_sim.scene.poses import look_at
 from dfvs_sim.scene.room import HEIGHT_M, LENGTH_M, VIEWS, WIDTH_M, furnished_room

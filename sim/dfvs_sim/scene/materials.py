@@ -14,7 +14,10 @@ from dfvs_sim.scene import patterns, pictures, textures
 from dfvs_sim.scene.textures import Colour
 
 _ON_SMALL_THINGS = frozenset(
-    ["ikat", "chevron", "dots", "linen", "wicker", "orange", "apple", "clay", "glaze", "earth", "gilt", "brass", "black", "fern", "rubber"]
+    (
+        *("ikat", "chevron", "dots", "linen", "wicker", "gilt", "brass", "black"),
+        *("orange", "apple", "clay", "glaze", "earth", "fern", "rubber"),
+    )
 )
 """Materials that never fill a picture: half the texels will do."""
 

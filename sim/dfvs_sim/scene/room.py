@@ -166,10 +166,11 @@ def _window(rng: np.random.Generator) -> list[Part]:
     for x in (x0 + 0.03, x0 + w / 3, x0 + 2 * w / 3, x1 - 0.03):
         parts += box((0.055, 0.05, h), (x, y, z0), "white")
     s = np.linspace(-1.0, 1.0, 13)[None, :]
-    level = np.linspace(-1.6, 4.2, 7)[:, None]
+    level = np.array([-1.6, -0.3, 1.0, 2.2, 3.8, 5.4, 7.0])[:, None]
     bend = (cx + 6.5 * np.sin(1.15 * s), _NORTH + 0.4 + 4.2 * np.cos(1.15 * s))
     view = np.stack(np.broadcast_arrays(*bend, level), -1)
-    uv = np.stack(np.broadcast_arrays(0.5 + 0.5 * s, (4.2 - level) / 5.8), -1)
+    rise = np.interp(level, [-1.6, 2.2, 7.0], [1.0, 0.345, 0.0])
+    uv = np.stack(np.broadcast_arrays(0.5 + 0.5 * s, rise), -1)
     parts.append(sheet(view, uv, "garden"))
     for x in (x0 - 0.28, x1 + 0.28):
         parts += placed(curtain(rng, 0.62, 2.42, "drape"), x, _NORTH - 0.13)

@@ -34,6 +34,19 @@ class TestDepth:
         assert not inside[v < 0].any()
         np.testing.assert_allclose(depth[inside], expected[inside], rtol=1e-5)
 
+    def test_of_a_floor_ends_at_its_far_edge(self):
+        a, b, c, d = (-50, -90, 1.5), (-50, 90, 1.5), (10, 90, 1.5), (10, -90, 1.5)
+        depth = seen(np.array([(a, b, c), (c, d, a)], dtype=float)).depth_m
+        rows = CAMERA.grid()[:, 0, 1] - CAMERA.cy
+        below = rows > 1.5 * CAMERA.fy / 10.0
+        np.testing.assert_array_equal((depth > 0).any(axis=1), below)
+
+    def test_is_never_less_than_the_near_plane(self):
+        floor = np.array([[(-90, -90, 0.005), (90, -90, 0.005), (0, 300, 0.005)]], dtype=float)
+        depth = seen(floor).depth_m
+        assert (depth > 0).any()
+        assert depth[depth > 0].min() >= NEAR_M
+
     def test_is_zero_where_nothing_is(self):
         view = seen(wall(3.0, 0.5, 0.5))
         sky = view.depth_m == 0
@@ -148,7 +161,11 @@ except IndexError:
         "PYTHONPATH": os.pathsep.join(sys.path),
     }
     done = subprocess.run(
-        [sys.executable, "-c", program], env=environment, capture_output=True, text=True, check=False
+        [sys.executable, "-c", program],
+        env=environment,
+        capture_output=True,
+        text=True,
+        check=False,
     )
     assert done.returncode == 0, done.stderr
     assert done.stdout.strip() == "checked"

@@ -58,7 +58,12 @@ class TestAFileByHand:
         half = np.sqrt(0.5)
         file.json["nodes"] = [
             {"children": [1], "matrix": shift.T.reshape(-1).tolist()},
-            {"mesh": 0, "rotation": [0, 0, half, half], "scale": [2, 2, 2], "translation": [0, 5, 0]},
+            {
+                "mesh": 0,
+                "rotation": [0, 0, half, half],
+                "scale": [2, 2, 2],
+                "translation": [0, 5, 0],
+            },
         ]
         expected = [(10, 7, 0), (8, 5, 0), (10, 5, 2)]
         np.testing.assert_allclose(points_of(loaded(file, tmp_path))[0], expected, atol=1e-6)
@@ -106,9 +111,7 @@ class TestAFileByHand:
         transform = {"offset": [0.5, 0.25], "rotation": np.pi / 2, "scale": [2.0, 4.0]}
         info = {"index": texture, "extensions": {"KHR_texture_transform": transform}}
         uv = file.accessor(np.array([(1, 0), (0, 1), (0, 0)], np.float32))
-        file.triangle(
-            attributes={"TEXCOORD_0": uv}, material=file.material(baseColorTexture=info)
-        )
+        file.triangle(attributes={"TEXCOORD_0": uv}, material=file.material(baseColorTexture=info))
         # offset + rotation * scale * uv; the rotation takes (1, 0) to (0, -1)
         expected = [(0.5, 0.25 - 2.0), (0.5 + 4.0, 0.25), (0.5, 0.25)]
         np.testing.assert_allclose(loaded(file, tmp_path).uv, expected, atol=1e-6)
@@ -223,7 +226,11 @@ class TestOurOwnFiles:
         save_glb(tmp_path / "room.glb", scene)
         back = load_glb(tmp_path / "room.glb")
         half_step = 0.5 * 7.0 / 65535
-        for name, tolerance in (("vertices", half_step), ("colours", 0.5 / 65535), ("uv", half_step)):
+        for name, tolerance in (
+            ("vertices", half_step),
+            ("colours", 0.5 / 65535),
+            ("uv", half_step),
+        ):
             expected = getattr(scene, name)[scene.triangles]
             if name == "uv":
                 expected[:50] = 0.0  # of no use without a texture, so not stored

@@ -29,7 +29,10 @@ class TestAScene:
         good = scene_of(wall(2.0))
         with pytest.raises(SceneError, match="float64"):
             Scene(
-                good.vertices.astype(float), good.triangles, good.uv, good.colours,
+                good.vertices.astype(float),
+                good.triangles,
+                good.uv,
+                good.colours,
                 good.texture_index,
             )
 
@@ -40,7 +43,7 @@ class TestAScene:
     def test_has_its_floor_below_tables_and_ceiling(self):
         def level(down_m, half):
             corners = wall(0.0, half, half)[..., [1, 2, 0]]
-            return corners + [0.0, 0.0, down_m]
+            return corners + np.array([0.0, 0.0, down_m])
 
         scene = scene_of(np.concatenate([level(-2.8, 3.0), level(-0.7, 0.6), level(0.1, 3.0)]))
         floor_m, low, high = floor_of(scene)

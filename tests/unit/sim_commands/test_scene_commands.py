@@ -1,0 +1,115 @@
+import argparse
+import json
+import sys
+
+import numpy as np
+import pytest
+
+from dfvs_core.errors import DfvsError
+from dfvs_core.goal import GoalSidecar
+from dfvs_core.wire.picture import decode_picture
+from dfvs_sim.commands import bench_renderer, goal, room
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.scene.poses import camera_pose
+
+
+def run(command, *words):
+    parser = argparse.ArgumentParser()
+    command.add_parser(parser.add_subparsers())
+    args = parser.parse_args([command.__name__.rpartition(".")[2].replace("_", "-"), *words])
+    return args.run(args)
+
+
+class TestGoal:
+    def test_writes_what_the_camera_sees_and_how_it_stood(self, tmp_path):
+        out = tmp_path / "goal.png"
+        words = ["--pose", "0.5,-1,-1.3,40", "--size", "160x120", "--fov", "60"]
+        assert run(goal, *words, "--out", str(out)) == 0
+        sidecar = GoalSidecar.from_json((tmp_path / "goal.json").read_text())
+        assert sidecar.camera.size == (160, 120)
+        assert sidecar.camera.fx == pytest.approx(80 / np.tan(np.radians(30)))
+        assert (sidecar.roll_rad, sidecar.pitch_rad) == pytest.approx((0, 0), abs=1e-12)
+        pose = np.array(sidecar.pose_camera).reshape(4, 4)
+        np.testing.assert_allclose(pose, camera_pose((0.5, -1.0, -1.3), np.radians(40)))
+        expected = Renderer(load_glb(builtin_room_path())).render(sidecar.camera, pose).image
+        np.testing.assert_array_equal(decode_picture(out.read_bytes()), expected)
+        assert sorted(p.name for p in tmp_path.iterdir()) == ["goal.json", "goal.png"]
+
+    def test_takes_points_in_the_axes_of_the_file(self, tmp_path):
+        # file (-1, 1.3, -0.5) is 0.5 m north, 1 m west, 1.3 m up; the target is south-east of it
+        words = ["--eye=-1,1.3,-0.5", "--look-at", "0,1.3,0.5", "--size", "64x48"]
+        assert run(goal, *words, "--out", str(tmp_path / "g.png")) == 0
+        sidecar = GoalSidecar.from_json((tmp_path / "g.json").read_text())
+        pose = np.array(sidecar.pose_camera).reshape(4, 4)
+        np.testing.assert_allclose(
+            pose, camera_pose((0.5, -1.0, -1.3), np.radians(135)), atol=1e-12
+        )
+
+    def test_notes_the_pitch_of_a_view_that_looks_down(self, tmp_path):
+        words = ["--eye", "0,1.5,0", "--look-at", "0,0.5,-1", "--size", "64x48"]
+        run(goal, *words, "--out", str(tmp_path / "g.png"))
+        sidecar = GoalSidecar.from_json((tmp_path / "g.json").read_text())
+        assert sidecar.pitch_rad == pytest.approx(-np.pi / 4)
+
+    @pytest.mark.parametrize(
+        ("words", "match"),
+        [
+            ([], "either --pose, or --eye together with --look-at"),
+            (["--pose", "0,0,-1,0", "--eye", "0,1,0"], "either --pose"),
+            (["--eye", "0,1,0"], "--look-at is missing"),
+            (["--pose", "0,0,-1"], "X,Y,Z,YAW"),
+            (["--eye", "0,1,nan", "--look-at", "0,1,1"], "--eye is '0,1,nan'"),
+            (["--pose", "0,0,-900,0"], "sees nothing"),
+            (["--pose", "0,0,-1,0", "--scene", "none.glb"], "none.glb cannot be read"),
+            (["--pose", "0,0,-1,0", "--size", "10000"], "--size"),
+        ],
+    )
+    def test_says_what_is_wrong(self, tmp_path, words, match):
+        with pytest.raises(DfvsError, match=match):
+            run(goal, *words, "--out", str(tmp_path / "goal.png"))
+        assert not list(tmp_path.iterdir())
+
+    def test_wants_a_png_in_a_folder_that_exists(self, tmp_path):
+        pose = ["--pose", "0,0,-1.2,0"]
+        with pytest.raises(DfvsError, match=r"ends in \.png"):
+            run(goal, *pose, "--out", str(tmp_path / "goal.jpg"))
+        with pytest.raises(DfvsError, match="cannot be written"):
+            run(goal, *pose, "--out", str(tmp_path / "none" / "goal.png"))
+
+
+class TestBenchRenderer:
+    def test_prints_and_writes_the_time_of_every_kind(self, tmp_path, capsys):
+        out = tmp_path / "times.json"
+        assert run(bench_renderer, "--frames", "3", "--json", str(out)) == 0
+        rows = json.loads(out.read_text())["results"]
+        kinds = {(row["width"], row["height"], row["antialias"]) for row in rows}
+        assert len(kinds) == 4
+        assert all(0 < row["median_ms"] <= row["p99_ms"] for row in rows)
+        assert "640 x 480" in capsys.readouterr().out
+
+    def test_wants_frames_to_time(self):
+        with pytest.raises(DfvsError, match="--frames is 1"):
+            run(bench_renderer, "--frames", "1")
+
+
+class TestRoom:
+    def test_without_mitsuba_says_how_to_get_it(self, tmp_path, monkeypatch):
+        monkeypatch.setitem(sys.modules, "mitsuba", None)
+        with pytest.raises(DfvsError, match=r"pip install 'dfvs\[bake\]'"):
+            run(room, "--seed", "1", "--out", str(tmp_path / "room.glb"))
+
+    @pytest.mark.parametrize(
+        ("words", "match"),
+        [
+            (["--seed", "1", "--out", "room.obj"], r"ends in \.glb"),
+            (["--seed", "-1", "--out", "room.glb"], "--seed is -1"),
+            (["--seed", "1", "--out", "none/room.glb"], "lies in no folder"),
+            (["--seed", "1", "--out", "room.glb", "--samples", "0"], "0 light paths"),
+        ],
+    )
+    def test_says_what_is_wrong_before_the_work(self, tmp_path, monkeypatch, words, match):
+        monkeypatch.chdir(tmp_path)
+        with pytest.raises(DfvsError, match=match):
+            run(room, *words)
