@@ -2,10 +2,13 @@
 
 from __future__ import annotations
 
+import bisect
 import itertools
 import math
 from dataclasses import asdict, dataclass
 from typing import Any
+
+import numpy as np
 
 from dfvs_sim.demo.flight import FlightLog
 from dfvs_sim.demo.track import path_length_m, settled_error
@@ -22,7 +25,9 @@ class FlightSummary:
 
     ``converged``: the service says DONE, and the camera truly is within 5 cm and 1 degree.
     ``path_ratio``: length flown over the straight line. ``latency_ms``: from a frame's capture
-    to the report for the gate, p50 and p99. ``max_setpoint_gap_ms``: by the simulated vehicle's
+    to the first setpoint after it that reached the vehicle, by the vehicle's record, p50 and p99
+    (beside a foreign autopilot: to the report for the gate); ``stages_ms``: where that time went.
+    ``max_setpoint_gap_ms``: by the simulated vehicle's
     own record, while engaged; None beside a foreign autopilot. ``states``: the gate's, in order.
     """
 
@@ -38,6 +43,7 @@ class FlightSummary:
     path_ratio: float
     frames: int
     latency_ms: dict[str, float]
+    stages_ms: dict[str, dict[str, float]]
     max_setpoint_gap_ms: float | None
     states: list[str]
 
@@ -57,7 +63,7 @@ def summarise(log: FlightLog) -> FlightSummary:
         (flown[0].error_m, flown[0].error_rad) if flown else (math.nan, math.nan)
     )
     final_m, final_rad = settled_error(settled)
-    latency = log.watch.timing.get("stages", {}).get("capture_to_report", {})
+    setpoints = _engaged_setpoints_ns(log)
     done = log.end_state == "DONE"
     close = final_m < CONVERGED_M and math.degrees(final_rad) < CONVERGED_DEG
     return FlightSummary(
@@ -72,8 +78,9 @@ def summarise(log: FlightLog) -> FlightSummary:
         duration_s=_round((log.ended_ns - log.engaged_ns) * 1e-9, 2),
         path_ratio=_round(path_length_m(flown) / initial_m if flown else math.nan, 3),
         frames=len(log.watch.servo),
-        latency_ms={"p50": latency.get("p50_ms", 0.0), "p99": latency.get("p99_ms", 0.0)},
-        max_setpoint_gap_ms=_max_setpoint_gap_ms(log),
+        latency_ms=_latency_ms(log, setpoints),
+        stages_ms=log.watch.timing.get("stages", {}),
+        max_setpoint_gap_ms=_max_setpoint_gap_ms(setpoints),
         states=[state for _, state in log.watch.states],
     )
 
@@ -82,8 +89,8 @@ def _round(value: float, digits: int) -> float:
     return round(value, digits) if math.isfinite(value) else value
 
 
-def _max_setpoint_gap_ms(log: FlightLog) -> float | None:
-    """Longest pause between setpoints that reached the vehicle while engaged."""
+def _engaged_setpoints_ns(log: FlightLog) -> list[int] | None:
+    """When setpoints reached the vehicle while engaged, by its own record."""
     if log.vehicle_record is None:
         return None
     end_ns = log.ended_ns
@@ -91,12 +98,29 @@ def _max_setpoint_gap_ms(log: FlightLog) -> float | None:
         if t_ns > log.engaged_ns and state not in _ENGAGED_STATES and state != "READY":
             end_ns = t_ns
             break
-    times = [
+    return [
         event["t_ns"]
         for event in read_record(log.vehicle_record)
         if event["kind"] == "setpoint" and log.engaged_ns <= event["t_ns"] <= end_ns
     ]
-    if len(times) < 2:
+
+
+def _max_setpoint_gap_ms(setpoints: list[int] | None) -> float | None:
+    """Longest pause between setpoints."""
+    if setpoints is None or len(setpoints) < 2:
         return None
-    gaps = [b - a for a, b in itertools.pairwise(times)]
-    return _round(max(gaps) * 1e-6, 2)
+    return _round(max(b - a for a, b in itertools.pairwise(setpoints)) * 1e-6, 2)
+
+
+def _latency_ms(log: FlightLog, setpoints: list[int] | None) -> dict[str, float]:
+    """p50 and p99 of the time from capture to the setpoint that follows the frame's report."""
+    if not setpoints:
+        stage = log.watch.timing.get("stages", {}).get("capture_to_report", {})
+        return {"p50": stage.get("p50_ms", 0.0), "p99": stage.get("p99_ms", 0.0)}
+    latencies = []
+    for document in log.watch.servo:
+        i = bisect.bisect_left(setpoints, document["t_ns"])
+        if document["t_capture_ns"] >= log.engaged_ns and i < len(setpoints):
+            latencies.append((setpoints[i] - document["t_capture_ns"]) * 1e-6)
+    p50, p99 = np.percentile(latencies, [50, 99]) if latencies else (0.0, 0.0)
+    return {"p50": _round(float(p50), 2), "p99": _round(float(p99), 2)}
