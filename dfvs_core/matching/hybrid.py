@@ -10,11 +10,14 @@ from __future__ import annotations
 
 from functools import cached_property
 
+import numpy as np
+
 from dfvs_core.arrays import ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.classical import ClassicalMatcher, refit, sure_share
 from dfvs_core.matching.matcher import Matcher, Prepared, check_same_size
+from dfvs_core.matching.trust import returns, stays_inside
 
 _AT_LOSS_SHARE = 0.35
 """Share of sure pixels under which the network is asked."""
@@ -22,6 +25,8 @@ _BETTER = 1.2
 """How much surer the refined network flow must be than the classical result."""
 _NOTHING_SHARE = 0.06
 """Share of sure pixels under which a result is as good as none."""
+_UNCONFIRMED = 0.5
+"""Factor on the confidence of a network's flow that no refinement has confirmed."""
 
 
 class HybridPicture(Prepared):
@@ -66,8 +71,17 @@ class HybridMatcher:
         share = sure_share(field)
         if share >= _AT_LOSS_SHARE:
             return field
-        coarse = self._network.match(current.features, other.features)
+        coarse = self._ask(current, other)
         refined = refit(current.classical, other.classical, coarse)
         if refined is not None and sure_share(refined) > _BETTER * share:
             field, share = refined, sure_share(refined)
-        return coarse if share < _NOTHING_SHARE else field
+        if share >= _NOTHING_SHARE:
+            return field
+        return FlowField(coarse.flow, np.float32(_UNCONFIRMED) * coarse.confidence)
+
+    def _ask(self, current: HybridPicture, other: HybridPicture) -> FlowField:
+        """Flow of the network; it is as sure as it says where it also finds the way back."""
+        there = self._network.match(current.features, other.features)
+        back = self._network.match(other.features, current.features)
+        agrees = returns(there.flow, back.flow) * stays_inside(there.flow)
+        return FlowField(there.flow, there.confidence * agrees)

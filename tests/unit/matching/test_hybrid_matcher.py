@@ -16,19 +16,24 @@ SIZE = (240, 320)
 
 
 class Oracle:
-    """A matcher that always says the same, and counts how often it is asked."""
+    """A matcher that says what it was told to, there and back, and counts how often it is asked.
 
-    def __init__(self, flow: np.ndarray, confidence: float) -> None:
-        self.field = FlowField(flow, np.full(SIZE, confidence, np.float32))
-        self.prepared = self.asked = 0
+    It knows the way back by the order of its pictures: the first one prepared is the current one.
+    """
+
+    def __init__(self, there: np.ndarray, back: np.ndarray, confidence: float) -> None:
+        sure = np.full(SIZE, confidence, np.float32)
+        self.there, self.back = FlowField(there, sure), FlowField(back, sure)
+        self.pictures: list[Prepared] = []
+        self.asked = 0
 
     def prepare(self, image: np.ndarray) -> Prepared:
-        self.prepared += 1
-        return Prepared(image.shape[:2])
+        self.pictures.append(Prepared(image.shape[:2]))
+        return self.pictures[-1]
 
     def match(self, current: Prepared, other: Prepared, guess: FlowField | None = None):
         self.asked += 1
-        return self.field
+        return self.there if current is self.pictures[0] else self.back
 
 
 @pytest.fixture(scope="module")
@@ -46,18 +51,27 @@ def match(matcher, a, b):
 
 def test_the_network_is_not_run_where_the_classical_matcher_is_sure(wall) -> None:
     a, b = wall.picture(), wall.picture(turned(roll_deg=8.0, shift=(10.0, -6.0)))
-    oracle = Oracle(constant_flow(0.0, 0.0), 1.0)
+    oracle = Oracle(constant_flow(0.0, 0.0), constant_flow(0.0, 0.0), 1.0)
     field = match(HybridMatcher(oracle), a, b)
-    assert oracle.asked == oracle.prepared == 0
+    assert oracle.asked == len(oracle.pictures) == 0
     np.testing.assert_array_equal(field.flow, match(ClassicalMatcher(), a, b).flow)
 
 
-def test_on_plain_pictures_the_networks_own_flow_is_the_answer() -> None:
+def test_on_plain_pictures_the_networks_own_flow_is_the_answer_but_never_sure() -> None:
     plain = np.full((*SIZE, 3), 90, np.uint8)
-    oracle = Oracle(constant_flow(12.0, -5.0), 0.4)
+    oracle = Oracle(constant_flow(12.0, -5.0), constant_flow(-12.0, 5.0), 1.0)
     field = match(HybridMatcher(oracle), plain, plain)
-    assert oracle.asked == 1
-    np.testing.assert_array_equal(field.flow, oracle.field.flow)
+    np.testing.assert_array_equal(field.flow, constant_flow(12.0, -5.0))
+    assert field.confidence[120, 160] == pytest.approx(0.5)
+    assert not (field.confidence > 0.5).any()
+    assert field.confidence[120, 315] == 0.0  # leads out of the picture
+
+
+def test_a_network_that_does_not_find_the_way_back_is_not_trusted() -> None:
+    plain = np.full((*SIZE, 3), 90, np.uint8)
+    oracle = Oracle(constant_flow(12.0, -5.0), constant_flow(30.0, 5.0), 1.0)
+    field = match(HybridMatcher(oracle), plain, plain)
+    assert field.confidence.max() < 0.01
 
 
 def test_a_networks_coarse_flow_is_refined_where_features_fail(wall, monkeypatch) -> None:
@@ -66,25 +80,26 @@ def test_a_networks_coarse_flow_is_refined_where_features_fail(wall, monkeypatch
     H = turned(roll_deg=25.0, shift=(20.0, 10.0))
     a, b = wall.picture(), wall.picture(H)
     truth = exact_flow(H).astype(np.float32)
-    oracle = Oracle(truth + np.float32(2.0), 0.9)
+    way_back = exact_flow(np.linalg.inv(H)).astype(np.float32)
+    oracle = Oracle(truth + np.float32(0.7), way_back, 0.9)
     field = match(HybridMatcher(oracle), a, b)
     error = np.linalg.norm(field.flow - truth, axis=-1)[field.confidence > 0.5]
     assert len(error) > 0.2 * field.confidence.size
-    # the network was off by 2.8 px
+    # the network was off by 1 px
     assert np.median(error) < 0.5
 
 
 def test_a_wrong_network_does_not_displace_a_better_classical_result(wall, monkeypatch) -> None:
     monkeypatch.setattr("dfvs_core.matching.hybrid._AT_LOSS_SHARE", 1.1)  # ask it every time
     a, b = wall.picture(), wall.picture(turned(shift=(6.0, 3.0)))
-    oracle = Oracle(constant_flow(-80.0, 60.0), 1.0)
+    oracle = Oracle(constant_flow(-80.0, 60.0), constant_flow(80.0, -60.0), 1.0)
     field = match(HybridMatcher(oracle), a, b)
-    assert oracle.asked == 1
+    assert oracle.asked == 2  # there and back
     np.testing.assert_array_equal(field.flow, match(ClassicalMatcher(), a, b).flow)
 
 
 def test_pictures_prepared_by_another_matcher_are_refused(wall) -> None:
     picture = wall.picture()
-    hybrid = HybridMatcher(Oracle(constant_flow(0.0, 0.0), 1.0))
+    hybrid = HybridMatcher(Oracle(constant_flow(0.0, 0.0), constant_flow(0.0, 0.0), 1.0))
     with pytest.raises(ImageError, match="another matcher"):
         hybrid.match(hybrid.prepare(picture), ClassicalMatcher().prepare(picture))
