@@ -265,10 +265,9 @@ class GateMachine:
             self._go(GateState.ABORT, cause)
 
     def _go(self, target: GateState, cause: Fault) -> None:
-        """Change the state and log why; what the old state wanted is forgotten."""
+        """Change the state and log why."""
         record = Transition(self._now, self.state, target, cause[0], cause[1])
         self._transitions.append(record)
-        self._request = None
         self._enter(target)
         self.state = target
         self.reason = record.reason
@@ -284,7 +283,6 @@ class GateMachine:
             self._engagement = begin(self.vehicle, self._now)
             self.stream.is_silent = False
             self.has_reached = False
-            self._ordered_ns = None
         elif target is GateState.SERVO:
             needs_proof = not self._engagement.is_proven and self.config.timing.proof_ns > 0
             self._engagement.proof = MotionProof(self._now) if needs_proof else None

@@ -226,6 +226,27 @@ def test_failing_checks_lead_back_to_preflight_after_half_a_second():
     assert "battery" in gate.last.detail
 
 
+def test_checks_that_fail_for_moments_do_not_add_up():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    for _ in range(5):
+        gate.vehicle.battery = 0.1
+        gate.run(0.4)
+        gate.vehicle.battery = 0.9
+        gate.tick()
+    assert gate.state is GateState.READY
+
+
+def test_an_old_failure_does_not_count_when_ready_again():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    gate.vehicle.battery = 0.1
+    gate.until(GateState.PREFLIGHT)
+    gate.vehicle.battery = 0.9
+    gate.until(GateState.READY)
+    gate.vehicle.battery = 0.1
+    gate.run(0.4)
+    assert gate.state is GateState.READY
+
+
 def test_zeros_go_on_until_a_heartbeat_could_tell_of_the_pilots_switch():
     gate = Rehearsal(pilot_config()).until(GateState.READY)
     gate.vehicle.battery = 0.1

@@ -6,7 +6,7 @@ import math
 import pytest
 from gate_rehearsal import TICK_NS, Rehearsal, auto_config, pilot_config
 
-from dfvs_core.gate.config import MS, GateTiming, OnDone, S
+from dfvs_core.gate.config import MS, Engage, GateTiming, OnDone, S
 from dfvs_core.gate.events import (
     Action,
     BadReport,
@@ -120,7 +120,7 @@ def test_a_datagram_that_is_no_report_stops():
     gate = flying()
     output = gate.send([BadReport(gate.now_ns, "not JSON")])
     assert output.setpoint == ZERO
-    assert gate.last.reason == "report rejected: not JSON"
+    assert gate.last.reason == gate.machine.reason == "report rejected: not JSON"
 
 
 def test_a_gate_that_stalled_stops():
@@ -464,6 +464,21 @@ def test_the_operator_may_engage_again(state):
     gate.until(GateState.READY)
     gate.beat(mode=VehicleMode.OFFBOARD)
     gate.until(GateState.SERVO)
+
+
+def test_one_order_engages_again_where_orders_engage():
+    config = auto_config(engage=Engage.COMMAND, timing=GateTiming(proof_ns=0))
+    gate = Rehearsal(config).until(GateState.READY)
+    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.until(GateState.SERVO)
+    gate.changes = {"reached": True}
+    gate.until(GateState.DONE)
+    gate.beat(mode=VehicleMode.HOLD)
+    assert gate.machine.has_reached
+    gate.run(0.2)
+    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.until(GateState.ENGAGE)
+    assert not gate.machine.has_reached
 
 
 def test_engaging_again_must_wait_until_the_abort_is_over():
