@@ -127,9 +127,7 @@ def test_a_free_camera_uses_all_six_degrees():
     T_goal = body_pose(0.4, -0.2, 0.1, 8.0, 10.0, -7.0) @ Mount().T_body_camera()
     T_cam, state = body_pose(0, 0, 0, 0) @ Mount().T_body_camera(), ServoState()
     for k in range(400):
-        step = inputs(
-            k, ROOM.flow(T_cam, T_goal), np.zeros(6), given_depth=ROOM.depth_map(T_cam)
-        )
+        step = inputs(k, ROOM.flow(T_cam, T_goal), np.zeros(6), given_depth=ROOM.depth_map(T_cam))
         result, state = servo_step(task, state, step)
         T_cam = T_cam @ se3_exp(result.velocity * FRAME_NS * 1e-9)
     translation_m, rotation_rad = pose_error(T_cam, T_goal)
