@@ -66,6 +66,20 @@ def test_a_tenth_of_false_matches_does_not_bend_the_spread_flow() -> None:
     assert float((spread - truth).norm(dim=1).median()) < 1.5
 
 
+def test_two_planes_keep_their_own_motions() -> None:
+    torch.manual_seed(0)
+    centres = cell_centres(torch.zeros(1, 1, 30, 40), 8)
+    left = (centres[:, :1] < 160.0).float()
+    motions = torch.tensor([[12.0, 0.0], [-8.0, 4.0]]).reshape(2, 1, 2, 1, 1)
+    truth = left * motions[0] + (1.0 - left) * motions[1]
+    weight = (torch.rand(1, 1, 30, 40) < 0.3).float()
+    spread = spread_affine(torch.where(weight > 0, truth, 0.0 * truth), weight, centres)
+    error = (spread - truth).norm(dim=1)[0]
+    # one affine motion for both would be off by some 5 px; the seam itself may blur
+    assert float(error[:, :16].mean()) < 1.0
+    assert float(error[:, 24:].mean()) < 1.0
+
+
 def test_the_best_cell_is_found_to_a_fraction_of_a_cell() -> None:
     centres = cell_centres(torch.zeros(1, 1, 6, 8), 8)
     index = torch.arange(48)
@@ -117,6 +131,17 @@ def test_the_matching_loss_is_least_for_the_true_cells() -> None:
     assert float(matching_loss(right, truth)) < 1e-3 < 10.0 < float(matching_loss(wrong, truth))
 
 
+def test_the_matching_loss_wants_a_cell_to_have_one_partner_only() -> None:
+    ones = torch.ones(1, 1, 4, 4)
+    visible = ones.clone()
+    visible[0, 0, 1, 1] = 0.0  # the row of this cell is not asked for
+    truth = Truth(torch.zeros(1, 2, 4, 4), visible, ones)
+    single = 20.0 * torch.eye(16).unsqueeze(0)
+    contested = single.clone()
+    contested[0, 5, 3] = 20.0  # it claims the partner of another cell
+    assert float(matching_loss(contested, truth)) > float(matching_loss(single, truth)) + 0.02
+
+
 def test_the_whole_loss_reaches_every_weight(network) -> None:
     torch.manual_seed(0)
     learner = DfvsFlow().train()
@@ -140,3 +165,10 @@ def test_the_look_up_loss_asks_for_the_true_place() -> None:
     far = Truth(look.flow + 50.0, ones, ones)
     assert float(look_loss(look, at_hand)) > 0.0
     assert float(look_loss(look, far)) == 0.0  # out of reach: nothing to ask for
+    mixed = look.flow + 2.0
+    mixed[:, :, :, 8:] += 50.0
+    near = ones.clone()
+    near[:, :, :, 8:] = 0.0
+    # what is out of reach does not thin out what is asked of the rest
+    expected = float(look_loss(look, Truth(look.flow + 2.0, near, ones)))
+    assert float(look_loss(look, Truth(mixed, ones, ones))) == pytest.approx(expected, rel=1e-5)
