@@ -166,7 +166,7 @@ def test_the_look_up_loss_asks_for_the_true_place() -> None:
     assert float(look_loss(look, at_hand)) > 0.0
     assert float(look_loss(look, far)) == 0.0  # out of reach: nothing to ask for
     mixed = look.flow + 2.0
-    mixed[:, :, :, 8:] += 50.0
+    mixed[:, :1, :, 8:] += 50.0
     near = ones.clone()
     near[:, :, :, 8:] = 0.0
     # what is out of reach does not thin out what is asked of the rest
