@@ -96,9 +96,7 @@ def _track(
     return field if field is not None and sure_share(field) >= needed else None
 
 
-def refit(
-    current: ClassicalPicture, other: ClassicalPicture, guess: FlowField
-) -> FlowField | None:
+def refit(current: ClassicalPicture, other: ClassicalPicture, guess: FlowField) -> FlowField | None:
     """Fit a smooth motion to what is trusted of a flow and refine it; None if that is little."""
     samples = _sample_flow(guess)
     if len(samples) < _FEWEST_SAMPLES:

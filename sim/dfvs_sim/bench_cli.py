@@ -6,10 +6,9 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from dfvs_core.errors import DfvsError
+from dfvs_sim.command_line import run_command
 from dfvs_sim.commands import bench_flow
 
-EXIT_CANNOT_RUN = 2
 _EPILOG = """example:
   dfvs-bench flow pairs.npz --bundle classical --json flow.json
 """
@@ -25,14 +24,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     bench_flow.add_parser(subparsers)
-    args = parser.parse_args(argv)
-    try:
-        return int(args.run(args))
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
-    except KeyboardInterrupt:
-        return 130
+    return run_command(parser, argv)
 
 
 if __name__ == "__main__":

@@ -6,10 +6,9 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from dfvs_core.errors import DfvsError
+from dfvs_sim.command_line import run_command
 from dfvs_sim.commands import bench_renderer, camera, goal, room, vehicle, world
 
-EXIT_CANNOT_RUN = 2
 _EPILOG = """examples:
   dfvs-sim                                            vehicle and camera together
   dfvs-sim goal --pose 0.5,-1,-1.3,40 --out goal.png  a goal picture with its sidecar
@@ -31,14 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for command in (vehicle, camera, goal, room, bench_renderer):
         command.add_parser(subparsers)
     world.add_options(parser)
-    args = parser.parse_args(argv)
-    try:
-        return int(args.run(args))
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
-    except KeyboardInterrupt:
-        return 130
+    return run_command(parser, argv)
 
 
 if __name__ == "__main__":
