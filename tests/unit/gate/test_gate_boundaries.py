@@ -88,6 +88,13 @@ def test_the_link(message, limit_ns):
     assert link_fault(picture(**{message: limit_ns + 1}), CONFIG, NOW_NS) is not None
 
 
+def test_a_lost_link_says_since_when():
+    assert link_fault(picture(heartbeat_ns=2500 * MS), CONFIG, NOW_NS) == (
+        Cause.HEARTBEAT_LOST,
+        "last one 2.50 s ago",
+    )
+
+
 def test_the_age_of_the_health_report():
     sight = Sight(CONFIG.timing)
     fresh = preflight(picture(health_ns=2 * S), sight, CONFIG, NOW_NS)
@@ -113,6 +120,15 @@ def test_a_jump_of_the_position(step_m, speed_m_s):
     cause, detail = estimate_fault(vehicle, CONFIG)
     assert cause is Cause.ESTIMATOR_JUMP
     assert detail == f"by {step_m + 0.01:.2f} m"
+
+
+def test_a_jump_is_judged_by_how_far_the_velocity_could_have_led():
+    vehicle = picture()
+    slow = (1.0, 0.0, 0.0)
+    vehicle.take(LocalPosition(NOW_NS + 100 * MS, (0.59, 0.0, 0.0), slow))
+    assert estimate_fault(vehicle, CONFIG) is None
+    vehicle.take(LocalPosition(NOW_NS + 200 * MS, (1.21, 0.0, 0.0), slow))
+    assert estimate_fault(vehicle, CONFIG) == (Cause.ESTIMATOR_JUMP, "by 0.52 m")
 
 
 def test_a_jump_back_does_not_undo_a_jump():
@@ -157,7 +173,7 @@ def test_the_age_of_the_last_good_frame():
 @pytest.mark.parametrize(
     "changes",
     [
-        {"velocity": (6.0, 8.0, 0.0, 0.0)},
+        {"velocity": (6.0, 8.0, 0.0, 1.0)},
         {"velocity": (0.0, 0.0, 0.0, -10.0)},
         {"error_m": 0.0, "error_rad": 0.0, "overlap": 0.0},
         {"overlap": 1.0, "feature_error": 0.0},
@@ -174,3 +190,26 @@ def test_the_overlap():
     assert failures(preflight(picture(), sight, CONFIG, NOW_NS)) == ""
     sight.take(Rehearsal().report(t_capture_ns=NOW_NS + 1, overlap=0.149).report, NOW_NS + 1)
     assert "goal: overlap 15%" in failures(preflight(picture(), sight, CONFIG, NOW_NS))
+
+
+def test_a_repeated_or_older_capture_is_never_flown_by():
+    sight = Sight(CONFIG.timing)
+    old, new = (
+        Rehearsal().report(t_capture_ns=NOW_NS - age_ns, velocity=(speed, 0.0, 0.0, 0.0)).report
+        for age_ns, speed in ((50 * MS, 0.4), (20 * MS, 0.2))
+    )
+    sight.take(new, NOW_NS)
+    sight.take(old, NOW_NS)
+    assert sight.velocity().forward_m_s == 0.2
+    sight.spoil((Cause.GATE_STALLED, ""))
+    sight.take(new, NOW_NS)
+    sight.take(old, NOW_NS)
+    assert sight.good is None
+    assert sight.stale(NOW_NS) == (Cause.GATE_STALLED, "")
+
+
+def test_why_nothing_may_be_flown_by_is_one_line():
+    sight = Sight(CONFIG.timing)
+    assert sight.reason == "no good data: no report yet"
+    sight.spoil((Cause.GATE_STALLED, ""))
+    assert sight.reason == "gate stalled"

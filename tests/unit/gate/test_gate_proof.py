@@ -49,6 +49,14 @@ def test_errors_must_fall_in_what_was_moved(path_m, turn_rad, errors, objects_to
     assert objection is None if objects_to is None else objects_to in objection
 
 
+def test_motion_is_speed_times_time():
+    out = MotionProof(0)
+    for _ in range(50):
+        out.move(BodyVelocity(0.06, 0.0, -0.08, -0.2), 0.02)
+    assert out.path_m == pytest.approx(0.1)
+    assert out.turn_rad == pytest.approx(0.2)
+
+
 def test_a_single_wild_report_decides_nothing():
     errors = triples(distance=(1.0, 0.95))
     errors[0] = (0.1, 0.3, None)
