@@ -56,7 +56,7 @@ class Renderer:
         encode = np.rint(srgb_from_linear(steps) * 255.0).astype(np.uint8)
         decode = linear_from_srgb(np.arange(256, dtype=np.float32) / 255.0)
         pack = pack_textures(scene.textures)
-        self._pack = (pack.texels, pack.levels, decode)
+        self._pack = (pack.texels, pack.levels, decode.astype(np.float64))
         self._colours = (np.array(scene.sky, dtype=np.float64), encode)
 
     def render(

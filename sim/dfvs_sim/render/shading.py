@@ -19,13 +19,13 @@ from numba import njit
 from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
 from dfvs_sim.render.geometry import edge_functions
 from dfvs_sim.scene.mesh import Int32Array
-from dfvs_sim.scene.texture import MAX_LEVELS, Int64Array
+from dfvs_sim.scene.texture import MAX_LEVELS, Int64Array, Wrap
 
 Mesh: TypeAlias = tuple[FloatArray, Int32Array, Float32Array, Float32Array]
 """Vertices as (X, Y, W), triangles, uv, vertex colours."""
 Surface: TypeAlias = tuple[FloatArray, Int32Array]
 """Attribute planes (V, 6, 3) and texture (V,) of the visible triangles."""
-Pack: TypeAlias = tuple[ImageArray, Int64Array, Float32Array]
+Pack: TypeAlias = tuple[ImageArray, Int64Array, FloatArray]
 """Texels and levels (``TexturePack``), and the sRGB decoding table."""
 Colours: TypeAlias = tuple[FloatArray, ImageArray]
 """Sky (3,) in linear light, and the sRGB encoding table over 0 to 1."""
@@ -38,63 +38,63 @@ MAX_ANISOTROPY = 4
 _FAST = {"contract", "arcp", "nsz", "reassoc"}
 _FARTHEST_UV = 1e6
 _SOFTNESS = 0.5  # mip levels; a lens blurs about as much, and textures do not shimmer in flight
-_LEVEL_BLEND = 1.6  # blend two mip levels only around the middle between them: one is faster
-_CLAMP, _MIRROR = 1, 2
+_LEVEL_BLEND = 2.0  # blend two mip levels only around the middle between them: one is faster
+_REPEAT, _CLAMP = int(Wrap.REPEAT), int(Wrap.CLAMP)
+_G, _B = np.uint64(1), np.uint64(2)
 
 
 @njit(inline="always")
-def wrap_coordinate(u: float, mode: int) -> float:
-    """Texture coordinate taken to [0, 1] by repeating, clamping or mirroring."""
-    if mode == _CLAMP:
-        return min(max(u, 0.0), 1.0)
-    if mode == _MIRROR:
-        u -= 2.0 * math.floor(0.5 * u)
-        return 2.0 - u if u > 1.0 else u
-    return u - math.floor(u)
-
-
-@njit(inline="always")
-def neighbour_texels(x: float, size: int, mode: int) -> tuple[int, int, float]:
-    """Two texels around x (in texels, 0 .. size) and the weight of the second."""
-    x -= 0.5
+def neighbour_texels(u: float, size: int, mode: int) -> tuple[int, int, float]:
+    """Two texels around u, of ``size`` along the texture, and the weight of the second."""
+    x = u * size - 0.5
     floor = math.floor(x)
-    fraction = x - floor
     first = int(floor)
     second = first + 1
-    if mode == 0:
-        if first < 0:
-            first += size
-        if second >= size:
-            second -= size
+    if mode == _REPEAT:
+        if size & (size - 1) == 0:
+            first &= size - 1
+            second &= size - 1
+        else:
+            first %= size
+            second %= size
+    elif mode == _CLAMP:
+        first = min(max(first, 0), size - 1)
+        second = min(max(second, 0), size - 1)
     else:
-        first = max(first, 0)
-        second = min(second, size - 1)
-    return first, second, fraction
+        first %= 2 * size
+        second %= 2 * size
+        first = min(first, 2 * size - 1 - first)
+        second = min(second, 2 * size - 1 - second)
+    return first, second, x - floor
 
 
 @njit(inline="always")
 def bilinear(
     texels: ImageArray,
-    decode: Float32Array,
+    decode: FloatArray,
     levels: Int64Array,
     place: tuple[int, int],
     uv: tuple[float, float],
 ) -> Light:
-    """Linear light at uv of one mip level, place = (texture, level)."""
+    """Linear light at uv of one mip level, place = (texture, level).
+
+    The indices are unsigned: numba would check signed ones for being negative.
+    """
     k, n = place
     first, width, height = levels[k, n, 0], levels[k, n, 1], levels[k, n, 2]
-    mode_u, mode_v = levels[k, n, 3], levels[k, n, 4]
-    i0, i1, fx = neighbour_texels(wrap_coordinate(uv[0], mode_u) * width, width, mode_u)
-    j0, j1, fy = neighbour_texels(wrap_coordinate(uv[1], mode_v) * height, height, mode_v)
-    a, b = 3 * (first + j0 * width + i0), 3 * (first + j0 * width + i1)
-    c, d = 3 * (first + j1 * width + i0), 3 * (first + j1 * width + i1)
-    wa, wb, wc, wd = (1.0 - fx) * (1.0 - fy), fx * (1.0 - fy), (1.0 - fx) * fy, fx * fy
+    i0, i1, fx = neighbour_texels(uv[0], width, levels[k, n, 3])
+    j0, j1, fy = neighbour_texels(uv[1], height, levels[k, n, 4])
+    top, bottom = first + j0 * width, first + j1 * width
+    a, b = np.uint64(3 * (top + i0)), np.uint64(3 * (top + i1))
+    c, d = np.uint64(3 * (bottom + i0)), np.uint64(3 * (bottom + i1))
+    wb, wd = fx * (1.0 - fy), fx * fy
+    wa, wc = 1.0 - fy - wb, fy - wd
     red = wa * decode[texels[a]] + wb * decode[texels[b]]
-    green = wa * decode[texels[a + 1]] + wb * decode[texels[b + 1]]
-    blue = wa * decode[texels[a + 2]] + wb * decode[texels[b + 2]]
+    green = wa * decode[texels[a + _G]] + wb * decode[texels[b + _G]]
+    blue = wa * decode[texels[a + _B]] + wb * decode[texels[b + _B]]
     red += wc * decode[texels[c]] + wd * decode[texels[d]]
-    green += wc * decode[texels[c + 1]] + wd * decode[texels[d + 1]]
-    blue += wc * decode[texels[c + 2]] + wd * decode[texels[d + 2]]
+    green += wc * decode[texels[c + _G]] + wd * decode[texels[d + _G]]
+    blue += wc * decode[texels[c + _B]] + wd * decode[texels[d + _B]]
     return red, green, blue
 
 
@@ -122,15 +122,20 @@ def footprint(
         return 0.5, 0.5, 0.0, 0.0, 1, MAX_LEVELS - 2.0
     if major <= 0.5:
         return u, v, du, dv, 1, 0.0
-    ratio = math.sqrt(major / max(minor, 1e-12))
-    taps = max(1, math.ceil(min(ratio - 0.5, float(MAX_ANISOTROPY))))
+    taps = 1
+    if major > 1.5**2 * minor:
+        taps = 2
+    if major > 2.5**2 * minor:
+        taps = 3
+    if major > 3.5**2 * minor:
+        taps = MAX_ANISOTROPY
     lod = 0.5 * math.log2(major / (taps * taps)) + _SOFTNESS
     return u, v, du, dv, taps, min(max(lod, 0.0), MAX_LEVELS - 2.0)
 
 
 @njit(inline="always")
 def sample_texture(
-    texels: ImageArray, decode: Float32Array, levels: Int64Array, k: int, area: Footprint
+    texels: ImageArray, decode: FloatArray, levels: Int64Array, k: int, area: Footprint
 ) -> Light:
     """Linear light of texture k over a footprint."""
     u, v, du, dv, taps, lod = area
@@ -202,7 +207,7 @@ def attribute_planes(mesh: Mesh, visible: Int32Array, planes: FloatArray) -> Non
 @njit(inline="always")
 def shade_point(
     texels: ImageArray,
-    decode: Float32Array,
+    decode: FloatArray,
     levels: Int64Array,
     planes: FloatArray,
     place: tuple[int, int, float, float],

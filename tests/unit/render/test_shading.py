@@ -97,6 +97,19 @@ class TestTextures:
         # a column's centre may lie half a pixel, 4 % of a texel, off the texel's centre
         assert np.abs(image[30, columns, 0] - expected).max() < 60
 
+    @pytest.mark.parametrize("width", [3, 4])
+    def test_repeat_whatever_their_width(self, width):
+        texels = np.linspace(0, 255, width).astype(np.uint8)
+        image = np.repeat(np.tile(texels, (2, 1))[..., None], 3, axis=2)
+        camera = CameraModel(192, 32, 96.0, 96.0, 96.0, 16.0)
+        got = picture(
+            wall(1.0, 1.0, 1.0), uv=WALL_UV * [4, 1], texture=Texture(image), camera=camera
+        )
+        step = 192 // (4 * width)  # px for a texel
+        centres = np.arange(4 * width) * step + step // 2
+        # a pixel's centre lies up to half a pixel beside the texel's
+        assert np.abs(got[16, centres, 0] - np.tile(texels, 4)).max() < 30
+
 
 class TestAntialiasing:
     def test_mixes_light_at_an_edge_and_nothing_else(self):
