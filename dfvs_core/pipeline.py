@@ -149,20 +149,22 @@ class Pipeline:
             return 0
         self._digested_ns = last.t_capture_ns
         match = self._compare(last.prepared, last.T_world_camera, chosen)
-        self._state = observe_depth(self._task, self._state, match)
+        if match is not None:
+            self._state = observe_depth(self._task, self._state, match)
         return self._tick() - start_ns
 
-    def _compare(self, prepared: Prepared, T_world_camera: FloatArray, index: int) -> EarlierMatch:
-        """Match a frame with one of those kept."""
+    def _compare(
+        self, prepared: Prepared, T_world_camera: FloatArray, index: int
+    ) -> EarlierMatch | None:
+        """Match a frame with one of those kept, by the flow that depth and motion foretell."""
         kept = self._kept[index]
         T_earlier_current = invert_pose(kept.T_world_camera) @ T_world_camera
-        guess = None
-        if self._state.depth_map is not None:
-            stride = self._task.config.stride_px
-            camera, depth = self._task.camera, self._state.depth_map
-            guess = predict_flow(camera, depth, stride, T_earlier_current)
-        flow = self._matcher.match(prepared, kept.prepared, guess)
-        return EarlierMatch(flow, T_earlier_current)
+        if self._state.depth_map is None:
+            return None
+        stride, camera = self._task.config.stride_px, self._task.camera
+        guess = predict_flow(camera, self._state.depth_map, stride, T_earlier_current)
+        flow = self._matcher.track(prepared, kept.prepared, guess)
+        return None if flow is None else EarlierMatch(flow, T_earlier_current)
 
     def _camera_motion(self, T_world_camera: FloatArray) -> tuple[float, float, float]:
         """Motion since the last frame, in the optical axes of then, m."""

@@ -19,7 +19,7 @@ MIN_PATH_M = 0.03
 MIN_TURN_RAD = 0.05
 """Commanded motion below which the error need not show a change: the goal is near already."""
 
-_CERTAIN_RISE = 0.02
+_CERTAIN_RISE = 0.08
 """A larger rise, relative to the first error, is no noise: the motion goes the wrong way."""
 
 _MEDIAN_OF = 5

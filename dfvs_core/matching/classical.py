@@ -32,8 +32,8 @@ _SURE = 0.5
 _GUESS_STRIDE = 16
 _GUESS_CONFIDENCE = 0.3
 _FEWEST_SAMPLES = 12
-_KEPT_SHARE = 0.8
-_LEAST_SHARE = 0.15
+_KEPT_SHARE = 0.7
+_LEAST_SHARE = 0.08
 _GLANCE_SHARE = 0.1
 _SETTLED_SHARE = 0.65
 _COMMON_SHARE = 0.5
@@ -64,11 +64,21 @@ class ClassicalMatcher:
         self, current: Prepared, other: Prepared, guess: FlowField | None = None
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
-        check_same_size(current, other)
-        if not (isinstance(current, ClassicalPicture) and isinstance(other, ClassicalPicture)):
-            raise ImageError("pictures were prepared by another matcher", "the same matcher's")
+        current, other = _check_pair(current, other)
         near = _start_near(current, other) if guess is None else _track(current, other, guess)
         return near or _bridge(current, other)
+
+    def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
+        """Flow by a good guess alone; see :class:`Matcher`."""
+        return _track(*_check_pair(current, other), guess)
+
+
+def _check_pair(current: Prepared, other: Prepared) -> tuple[ClassicalPicture, ClassicalPicture]:
+    """Refuse pictures of different sizes or of another matcher."""
+    check_same_size(current, other)
+    if not (isinstance(current, ClassicalPicture) and isinstance(other, ClassicalPicture)):
+        raise ImageError("pictures were prepared by another matcher", "the same matcher's")
+    return current, other
 
 
 def sure_share(field: FlowField) -> float:

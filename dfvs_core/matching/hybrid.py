@@ -64,9 +64,7 @@ class HybridMatcher:
         self, current: Prepared, other: Prepared, guess: FlowField | None = None
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
-        check_same_size(current, other)
-        if not (isinstance(current, HybridPicture) and isinstance(other, HybridPicture)):
-            raise ImageError("pictures were prepared by another matcher", "the same matcher's")
+        current, other = _check_pair(current, other)
         field = self._classical.match(current.classical, other.classical, guess)
         share = sure_share(field)
         if share >= _AT_LOSS_SHARE:
@@ -79,9 +77,22 @@ class HybridMatcher:
             return field
         return FlowField(coarse.flow, np.float32(_UNCONFIRMED) * coarse.confidence)
 
+    def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
+        """Flow by a good guess alone, without the network; see :class:`Matcher`."""
+        current, other = _check_pair(current, other)
+        return self._classical.track(current.classical, other.classical, guess)
+
     def _ask(self, current: HybridPicture, other: HybridPicture) -> FlowField:
         """Flow of the network; it is as sure as it says where it also finds the way back."""
         there = self._network.match(current.features, other.features)
         back = self._network.match(other.features, current.features)
         agrees = returns(there.flow, back.flow) * stays_inside(there.flow)
         return FlowField(there.flow, there.confidence * agrees)
+
+
+def _check_pair(current: Prepared, other: Prepared) -> tuple[HybridPicture, HybridPicture]:
+    """Refuse pictures of different sizes or of another matcher."""
+    check_same_size(current, other)
+    if not (isinstance(current, HybridPicture) and isinstance(other, HybridPicture)):
+        raise ImageError("pictures were prepared by another matcher", "the same matcher's")
+    return current, other

@@ -47,6 +47,10 @@ class Matcher(Protocol):
         """
         ...
 
+    def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
+        """Flow by a good guess alone: never slower than that takes, None where it does not hold."""
+        ...
+
 
 def check_image(image: ImageArray) -> None:
     """Refuse what is not an RGB picture that can be matched.

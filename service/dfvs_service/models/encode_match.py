@@ -75,6 +75,10 @@ class EncodeMatchMatcher:
         confidence = picture_map(sureness[0, 0], current.size)
         return FlowField(flow, np.clip(confidence, 0.0, 1.0))
 
+    def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
+        """Flow of the network, which takes as long with a guess as without."""
+        return self.match(current, other, guess)
+
     def _run(self, current: EncodedPicture, other: EncodedPicture) -> list[Float32Array]:
         return self._match.run([*current.features, *other.features], self._roles[_MATCH].outputs)
 

@@ -542,7 +542,7 @@ def test_the_first_second_is_a_crawl():
     assert gate.setpoints[-1][1].speed_m_s == pytest.approx(0.4)
 
 
-@pytest.mark.parametrize(("fall_m_s", "within_ns"), [(-0.03, 1 * S), (-0.01, 3 * S), (0.0, 3 * S)])
+@pytest.mark.parametrize(("fall_m_s", "within_ns"), [(-0.15, 1 * S), (-0.01, 3 * S), (0.0, 3 * S)])
 def test_an_error_that_rises_aborts_within_a_second_one_that_stays_within_three(
     fall_m_s, within_ns
 ):
