@@ -123,6 +123,8 @@ def _fly_one(
     log = Flight(plan, options, folder, lambda text: progress.say(f"  {text}")).run(progress.show)
     summary = summarise(log)
     _replace(folder / "summary.json", summary.to_json())
+    lines = (json.dumps(document) + "\n" for document in log.watch.servo)
+    (folder / "servo.jsonl").write_text("".join(lines), encoding="utf-8")
     write_pictures(log, folder)
     write_plots(log, folder / "plots.png")
     verdict = "converged" if summary.converged else f"{summary.end_state}: {summary.end_cause}"
