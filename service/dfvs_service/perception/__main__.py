@@ -26,6 +26,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
     # The terminal's Ctrl-C goes to all processes; the parent passes it on as SIGTERM.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         config = config_from_json(runtime.config.read_text(encoding="utf-8"))
         process = PerceptionProcess(config, load_goal(runtime.goal_picture), runtime)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import logging
+import os
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -80,17 +81,18 @@ class PerceptionProcess:
         self._preview_pace = Pace(round(1e9 / preview_hz) if preview_hz > 0 else 0)
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
         self._frames = 0
+        self._parent = os.getppid()
         self._stopped = False
 
     def run(self) -> None:
-        """Work until told to stop."""
+        """Work until told to stop, or until the service that started this is gone."""
         with open_session(self._config.zenoh) as session:
             telemetry = Telemetry(session, self._topics)
             telemetry.offer_json("config", dump(self._config))
             frames = session.declare_subscriber(self._topics.camera, self._on_frame)
             orders = session.declare_subscriber(self._topics.command, self._on_command)
             log.info("listening for frames on %s", self._topics.camera)
-            while not self._stopped:
+            while not self._stopped and os.getppid() == self._parent:
                 self._turn(telemetry)
             del frames, orders
             telemetry.close()

@@ -54,7 +54,7 @@ def free_port():
 class Rig:
     """The process, a Zenoh peer beside it, and the gate's end of its socket."""
 
-    def __init__(self, folder, picture):
+    def __init__(self, folder, picture, launcher=()):
         self.picture = picture
         endpoint = f"tcp/127.0.0.1:{free_port()}"
         sidecar = GoalSidecar(CAMERA)
@@ -68,7 +68,7 @@ class Rig:
         self.gate.settimeout(STARTUP_S)
         self.address = str(folder / "perception.sock")
         command = [sys.executable, "-m", "dfvs_service.perception", "--runtime", str(folder)]
-        self.process = subprocess.Popen(command, stderr=subprocess.PIPE)
+        self.process = subprocess.Popen([*launcher, *command], stderr=subprocess.PIPE)
         settings = zenoh.Config()
         for key, value in zenoh_settings("peer", (endpoint,), ()):
             settings.insert_json5(key, value)
@@ -225,3 +225,15 @@ def test_rubbish_on_the_camera_key_does_no_harm(rig, rng):
 def test_sigterm_ends_it_at_once(rig):
     rig.process.send_signal(signal.SIGTERM)
     assert rig.process.wait(5.0) == 0
+
+
+def test_it_does_not_outlive_the_service_that_started_it(tmp_path, rng):
+    code = "import subprocess, sys; subprocess.call(sys.argv[1:])"
+    rig = Rig(tmp_path, Wall(texture(rng)).picture(), launcher=(sys.executable, "-c", code))
+    try:
+        rig.report()  # it is up
+        rig.process.kill()
+        # Its end of the error pipe closes when it is gone, and no sooner.
+        rig.process.communicate(timeout=5.0)
+    finally:
+        rig.close()
