@@ -7,7 +7,6 @@ Eq. (1) as printed lacks L transposed in front of the error; what is solved here
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
 
 import numpy as np
 
@@ -15,8 +14,6 @@ from dfvs_core.arrays import FloatArray
 from dfvs_core.servo.freedom import MotionBasis
 from dfvs_core.servo.interaction import interaction_matrix
 from dfvs_core.servo.points import ServoPoints
-
-Jacobian = Literal["current", "mean"]
 
 
 @dataclass(frozen=True, slots=True)

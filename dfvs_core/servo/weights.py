@@ -6,9 +6,6 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray
 
-MAD_TO_SIGMA = 1.4826
-"""Standard deviation of a normal distribution over its median absolute deviation."""
-
 TUKEY_CONSTANT = 4.685
 """Tukey's c for 95 % efficiency on normal noise."""
 

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray, ImageArray
+from dfvs_core.arrays import FloatArray
 from dfvs_core.poses import pose_error
 
 _RATE_HZ = 20.0
@@ -25,14 +25,6 @@ class TrackPoint:
     T_scene_camera: FloatArray
     error_m: float
     error_rad: float
-
-
-@dataclass(frozen=True, slots=True)
-class KeptView:
-    """A picture of the flight, with its time."""
-
-    t_ns: int
-    image: ImageArray
 
 
 class Track:
