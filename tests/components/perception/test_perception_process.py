@@ -78,7 +78,8 @@ class Rig:
     def close(self):
         if self.process.poll() is None:
             self.process.kill()
-        self.process.communicate()
+        self.process.wait()
+        self.process.stderr.close()  # not read to its end: an orphan may hold the other one
         self.session.close()
         self.gate.close()
 
