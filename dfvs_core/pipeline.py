@@ -56,13 +56,15 @@ class KeptFrame:
 class FrameOutcome:
     """What one frame gave.
 
-    ``stages_ns`` holds the time that each of ``STAGES`` took.
+    ``stages_ns`` holds the time that each of ``STAGES`` took; ``now_ns`` is the time at which the
+    servo step judged the frame's age.
     """
 
     report: PerceptionReport
     result: ServoResult
     flow: FlowField
     stages_ns: dict[str, int]
+    now_ns: int
 
 
 class Pipeline:
@@ -129,7 +131,7 @@ class Pipeline:
         marks.append(self._tick())
         self._remember(frame, prepared, T_world_camera, flow, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
-        return FrameOutcome(make_report(frame, result), result, flow, stages)
+        return FrameOutcome(make_report(frame, result), result, flow, stages, inputs.now_ns)
 
     def digest(self) -> int:
         """Compare the last frame with an earlier one to learn about depth; time taken, ns.

@@ -27,9 +27,13 @@ class RawSample:
 
 @dataclass(frozen=True, slots=True)
 class Glance:
-    """What became of one sample: a report always, frame and outcome where it was usable."""
+    """What became of one sample: a report always, frame and outcome where it was usable.
+
+    ``t_look_ns`` is the time at which the frame's age was judged.
+    """
 
     report: PerceptionReport
+    t_look_ns: int
     frame: Frame | None = None
     outcome: FrameOutcome | None = None
     stages_ns: dict[str, int] | None = None
@@ -77,18 +81,17 @@ class Eye:
                 self._guard, header, self._camera, t_start, self._clock
             )
             if fault is not None:
-                return self._refuse(header.seq, header.t_capture_ns, fault.value)
+                return self._refuse(t_start, header.seq, header.t_capture_ns, fault.value)
             frame = decode_frame(sample.payload, header)
         except DfvsError as error:
-            return self._refuse(0, 0, f"the frame cannot be read: {error}")
+            return self._refuse(t_start, 0, 0, f"the frame cannot be read: {error}")
         fault = check_picture(frame.image)
         if fault is not None:
-            return self._refuse(frame.seq, frame.t_capture_ns, fault.value)
+            return self._refuse(t_start, frame.seq, frame.t_capture_ns, fault.value)
         motion = self._history.at(frame.t_capture_ns)
         if motion is None:
-            return self._refuse(
-                frame.seq, frame.t_capture_ns, "the vehicle's attitude at capture is not known"
-            )
+            reason = "the vehicle's attitude at capture is not known"
+            return self._refuse(t_start, frame.seq, frame.t_capture_ns, reason)
         t_decoded = self._tick()
         outcome = self._pipeline.process(frame, motion, self._engaged)
         stages = {
@@ -98,15 +101,15 @@ class Eye:
             **outcome.stages_ns,
             "capture_to_report": self._tick() - frame.t_capture_ns,
         }
-        return Glance(outcome.report, frame, outcome, stages)
+        return Glance(outcome.report, t_start, frame, outcome, stages)
 
     def digest(self) -> int:
         """Learn from the last frame what may wait until its report was sent; time taken, ns."""
         return self._pipeline.digest()
 
-    def _refuse(self, seq: int, t_capture_ns: int, reason: str) -> Glance:
+    def _refuse(self, t_look_ns: int, seq: int, t_capture_ns: int, reason: str) -> Glance:
         self.refused += 1
-        return Glance(unhealthy_report(seq, max(t_capture_ns, 0), reason))
+        return Glance(unhealthy_report(seq, max(t_capture_ns, 0), reason), t_look_ns)
 
 
 def unhealthy_report(seq: int, t_capture_ns: int, reason: str) -> PerceptionReport:
