@@ -7,7 +7,7 @@ from pathlib import Path
 import cv2
 
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import MANIFEST_NAME
+from dfvs_core.manifest import MANIFEST_NAME, sha256
 from dfvs_core.matching.classical import ClassicalMatcher
 from dfvs_core.matching.hybrid import HybridMatcher
 from dfvs_core.matching.matcher import Matcher
@@ -55,6 +55,23 @@ def load_matcher(
     if kind == "encode-match":
         return EncodeMatchMatcher(bundle, execution)
     return PairMatcher(bundle, execution)
+
+
+def model_files(name_or_path: str) -> dict[str, str]:
+    """SHA-256 of every file that a matcher of :func:`load_matcher` consists of, by name.
+
+    Empty for ``"classical"``, which is part of this package.
+
+    Raises
+    ------
+    ModelError
+        If there is no such matcher, or its bundle cannot be used.
+    """
+    name_or_path = name_or_path.removeprefix(HYBRID_PREFIX)
+    if name_or_path == CLASSICAL:
+        return {}
+    manifest = read_bundle(_folder(name_or_path)).manifest
+    return {MANIFEST_NAME: sha256(manifest.to_json().encode()), **manifest.files}
 
 
 def packaged_bundles() -> dict[str, Path]:

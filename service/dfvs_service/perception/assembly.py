@@ -1,0 +1,34 @@
+"""Perception put together from settings: the same for a flight and for its replay."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dfvs_core.goal import Goal, Mount
+from dfvs_core.matching.matcher import Matcher
+from dfvs_core.pipeline import Pipeline
+from dfvs_core.servo.task import ServoTask
+from dfvs_service.config import ServiceConfig
+from dfvs_service.perception.eye import Eye
+
+
+@dataclass(frozen=True, slots=True)
+class Clocks:
+    """Where perception reads the time: monotonic ns, of the clock with the identity ``identity``.
+
+    ``look`` is read when a frame is first judged, ``servo`` in the pipeline. In flight both are
+    the same; a replay puts recorded times into either.
+    """
+
+    identity: bytes
+    look: Callable[[], int]
+    servo: Callable[[], int]
+
+
+def build_eye(config: ServiceConfig, goal: Goal, matcher: Matcher, clocks: Clocks) -> Eye:
+    """Perception of a goal, with resolved settings."""
+    camera = config.camera.model() or goal.sidecar.camera
+    task = ServoTask(config.servo, camera, goal.sidecar, config.camera.mount or Mount())
+    pipeline = Pipeline(task, matcher, goal, clocks.servo)
+    return Eye(camera, pipeline, clocks.identity, clocks.look)

@@ -1,0 +1,65 @@
+"""What a recording has to begin with, so that the flight can be rerun from it."""
+
+from __future__ import annotations
+
+import importlib.metadata
+import platform
+import time
+from typing import Any
+
+import cv2
+
+from dfvs_core.goal import Goal
+from dfvs_core.schema import dump
+from dfvs_core.wire.turn import Opening
+from dfvs_service.config import ServiceConfig
+from dfvs_service.models.catalog import model_files
+
+_PACKAGES = ("dfvs", "numpy", "onnxruntime")
+
+
+def build_versions() -> dict[str, str]:
+    """Versions of all that perception's numbers depend on."""
+    packages = {name: importlib.metadata.version(name) for name in _PACKAGES}
+    return {
+        **packages,
+        "opencv": cv2.__version__,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "processor": _processor(),
+    }
+
+
+def make_opening(
+    config: ServiceConfig, goal: Goal, clock: bytes, number: int = 0, first_turn: int = 0
+) -> Opening:
+    """Opening of perception's work on a goal.
+
+    Raises
+    ------
+    ModelError
+        If the model's files cannot be read.
+    """
+    sidecar: dict[str, Any] = dump(goal.sidecar)
+    settings: dict[str, Any] = dump(config)
+    return Opening(
+        vehicle=config.vehicle.name,
+        number=number,
+        first_turn=first_turn,
+        clock=clock.hex(),
+        unix_offset_ns=time.time_ns() - time.monotonic_ns(),
+        build=build_versions(),
+        model=model_files(config.flow.model),
+        settings=settings,
+        sidecar=sidecar,
+    )
+
+
+def _processor() -> str:
+    """Name of the processor: its instruction set decides on the last bits of some sums."""
+    try:
+        with open("/proc/cpuinfo", encoding="utf-8") as file:
+            names = [line.partition(":")[2].strip() for line in file if line.startswith("model n")]
+    except OSError:
+        names = []
+    return names[0] if names else platform.processor()
