@@ -21,10 +21,14 @@ class Topics:
     state      service       10 Hz   JSON: gate state, cause, vehicle mode and battery
     servo      service       frame   JSON: error, velocity, inliers, conditioning, depth
     timing     service       1 Hz    JSON: latency of each stage, p50 and p99, in ms
-    preview    service       5 Hz    JPEG: current view with the flow drawn on it
+    preview    service       5 Hz    JPEG: current view with the flow drawn on it [1]_
+    flow       service       10 Hz   coarse grid of flow and confidence: ``wire.flow_grid`` [1]_
+    goal       service       change  JPEG: goal picture (cached); attachment: ``wire.frame``
     config     service       once    JSON: resolved configuration (cached for late joiners)
     command    operator      --      JSON: signed engage, hold, abort
     ========== ============= ======= ==========================================================
+
+    .. [1] Made only while somebody subscribes.
     """
 
     vehicle: str = "drone1"
@@ -40,10 +44,15 @@ class Topics:
         return f"dfvs/{self.vehicle}/camera"
 
     @property
+    def calibration(self) -> str:
+        """Key of the camera's intrinsics, as JSON, kept for subscribers that join later."""
+        return f"{self.camera}/calibration"
+
+    @property
     def command(self) -> str:
         """Key of signed operator commands."""
         return f"dfvs/{self.vehicle}/command"
 
     def telemetry(self, name: str) -> str:
-        """Key of one of the service's streams: state, servo, timing, preview or config."""
+        """Key of one of the service's streams, such as ``state``: see the table."""
         return f"dfvs/{self.vehicle}/{name}"

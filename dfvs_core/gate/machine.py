@@ -81,6 +81,11 @@ class GateMachine:
         return self.stream.is_silent and self.state in ENDED
 
     @property
+    def since_ns(self) -> int:
+        """Monotonic time at which the present state was entered."""
+        return self._since
+
+    @property
     def distance_m(self) -> float:
         """Distance from where the gate was engaged last."""
         return math.dist(self.vehicle.position.position_m, self._engagement.start_m)

@@ -73,11 +73,12 @@ class ForwardedCommand:
 class GateStatus:
     """The gate's state with its cause, and the vehicle's state (None before the first one).
 
-    ``t_ns`` is the monotonic time of sending. ``mode``, ``armed``, ``in_air`` and ``battery``
-    (0 to 1, None if unknown) are the autopilot's, ``heartbeat_age_s`` says how old its heartbeat
-    is. ``setpoint`` is the velocity that was last sent: forward, right, down in m/s and yaw rate
-    in rad/s; ``distance_m`` says how far the vehicle is from where it was engaged. A signed
-    command must carry ``challenge``; ``command_result`` says what became of the last one,
+    ``t_ns`` is the monotonic time of sending, ``since_ns`` that of entering the state. ``mode``,
+    ``armed``, ``in_air`` and ``battery`` (0 to 1, None if unknown) are the autopilot's,
+    ``heartbeat_age_s`` says how old its heartbeat is. ``setpoint`` is the velocity that was last
+    sent: forward, right, down in m/s and yaw rate in rad/s; ``distance_m`` says how far the
+    vehicle is from where it was engaged. A signed command must carry ``challenge``;
+    ``command_result`` says what became of the last one,
     ``command_count`` how many came. ``warnings`` are for the operator.
     """
 
@@ -97,6 +98,7 @@ class GateStatus:
     command_result: str = ""
     command_count: int = 0
     warnings: tuple[str, ...] = ()
+    since_ns: int = 0
 
 
 def to_datagram(message: PerceptionReport | ForwardedCommand | GateStatus) -> bytes:

@@ -18,7 +18,7 @@ from dfvs_core.schema import dump
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.topics import Topics
 from dfvs_core.wire.command import MAX_COMMAND_BYTES
-from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.wire.frame import BOOT_ID_FILE, clock_identity
 from dfvs_core.wire.link import ForwardedCommand, GateStatus, PerceptionReport
 from dfvs_service.config import ServiceConfig
 from dfvs_service.models.catalog import load_matcher
@@ -27,8 +27,8 @@ from dfvs_service.perception.gate_link import GateLink
 from dfvs_service.perception.latency import LatencyWindow
 from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
-from dfvs_service.perception.preview import draw_flow
-from dfvs_service.perception.telemetry import Note, Telemetry
+from dfvs_service.perception.pictures import Pictures
+from dfvs_service.perception.telemetry import Telemetry
 from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.zenoh_session import open_session
 
@@ -44,6 +44,11 @@ class Pace:
 
     period_ns: int
     next_ns: int = 0
+
+    @classmethod
+    def of_rate(cls, rate_hz: float) -> Pace:
+        """So many times a second; never where that is 0."""
+        return cls(round(1e9 / rate_hz) if rate_hz > 0 else 0)
 
     def due(self, now_ns: int) -> bool:
         """Tell whether it is time, and start the next period if so."""
@@ -73,12 +78,15 @@ class PerceptionProcess:
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._latency = LatencyWindow()
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self._goal_image = goal.image
         self._eye = self._build_eye(goal)
         self._status: GateStatus | None = None
         self._last_frame_ns = self._started_ns = time.monotonic_ns()
-        self._state_pace = Pace(round(1e9 / config.telemetry.state_hz))
-        preview_hz = config.telemetry.preview_hz
-        self._preview_pace = Pace(round(1e9 / preview_hz) if preview_hz > 0 else 0)
+        told = config.telemetry
+        self._pictures = Pictures(self._clock, config.servo.min_confidence, told.preview_quality)
+        self._state_pace = Pace.of_rate(told.state_hz)
+        self._preview_pace = Pace.of_rate(told.preview_hz)
+        self._flow_pace = Pace.of_rate(told.flow_hz)
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
         self._frames = 0
         self._parent = os.getppid()
@@ -89,6 +97,8 @@ class PerceptionProcess:
         with open_session(self._config.zenoh) as session:
             telemetry = Telemetry(session, self._topics)
             telemetry.offer_json("config", dump(self._config))
+            goal_ns = time.monotonic_ns()
+            telemetry.offer("goal", lambda: self._pictures.goal(self._goal_image, goal_ns))
             frames = session.declare_subscriber(self._topics.camera, self._on_frame)
             orders = session.declare_subscriber(self._topics.command, self._on_command)
             log.info("listening for frames on %s", self._topics.camera)
@@ -168,18 +178,9 @@ class PerceptionProcess:
         self._frames += 1
         telemetry.offer_json("servo", servo_document(frame, outcome, now_ns))
         if self._preview_pace.due(now_ns):
-            telemetry.offer("preview", lambda: self._preview(frame, glance))
-
-    def _preview(self, frame: Frame, glance: Glance) -> Note:
-        """JPEG of the view with the flow, as a frame on the wire (telemetry thread)."""
-        image = frame.image
-        if glance.outcome is not None:
-            least = self._config.servo.min_confidence
-            image = draw_flow(image, glance.outcome.flow, least)
-        drawn = Frame(image, frame.t_capture_ns, frame.seq)
-        quality = self._config.telemetry.preview_quality
-        payload, attachment = encode_frame(drawn, PixelFormat.JPEG, self._clock, quality)
-        return Note(payload, "image/jpeg", attachment)
+            telemetry.offer("preview", lambda: self._pictures.preview(frame, outcome.flow))
+        if self._flow_pace.due(now_ns):
+            telemetry.offer("flow", lambda: self._pictures.flow(frame, outcome.flow))
 
     def _publish_state(self, telemetry: Telemetry) -> None:
         if self._status is not None and self._state_pace.due(time.monotonic_ns()):

@@ -7,6 +7,7 @@ import logging
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
+from typing import Any
 
 import zenoh
 import zenoh.ext
@@ -15,7 +16,8 @@ from dfvs_core.topics import Topics
 
 log = logging.getLogger("dfvs.telemetry")
 
-_CACHED = ("state", "config")
+_CACHED = ("state", "config", "goal")
+_ON_DEMAND = ("preview", "flow")
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,7 +32,8 @@ class Note:
 class Telemetry:
     """Publishes the newest note of every stream; older ones that were not sent are dropped.
 
-    ``state`` and ``config`` are kept for subscribers that join later.
+    ``state``, ``config`` and ``goal`` are kept for subscribers that join later; ``preview`` and
+    ``flow``, which cost time to make, are made only while somebody subscribes.
     """
 
     def __init__(self, session: zenoh.Session, topics: Topics) -> None:
@@ -69,11 +72,19 @@ class Telemetry:
                 closed = self._closed
             for stream, make in waiting.items():
                 try:
-                    self._put(stream, make())
+                    if self._is_wanted(stream):
+                        self._put(stream, make())
                 except zenoh.ZError as error:
                     log.warning("telemetry %r not published: %s", stream, error)
             if closed:
                 return
+
+    def _is_wanted(self, stream: str) -> bool:
+        if stream not in _ON_DEMAND:
+            return True
+        # Zenoh's own type hint says bool, which it is not.
+        status: Any = self._publisher(stream).matching_status  # type: ignore[union-attr]
+        return bool(status.matching)
 
     def _put(self, stream: str, note: Note) -> None:
         self._publisher(stream).put(

@@ -18,6 +18,7 @@ from textured_wall import Wall, texture
 from dfvs_core.camera import CameraModel
 from dfvs_core.goal import GoalSidecar
 from dfvs_core.topics import Topics
+from dfvs_core.wire.flow_grid import decode_flow_grid
 from dfvs_core.wire.frame import (
     BOOT_ID_FILE,
     Frame,
@@ -177,6 +178,27 @@ def test_late_joiners_are_told_the_configuration(rig, rng):
     rig.shoot_until(rng, lambda _: bool(found))
     assert found[0]["vehicle"]["name"] == TOPICS.vehicle
     subscriber.undeclare()
+
+
+def test_late_joiners_are_shown_the_goal_and_the_flow_while_they_look(rig, rng):
+    goals, grids = [], []
+    goal = zenoh.ext.declare_advanced_subscriber(
+        rig.session,
+        TOPICS.telemetry("goal"),
+        lambda sample: goals.append(sample),
+        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+    )
+    flow = rig.session.declare_subscriber(
+        TOPICS.telemetry("flow"), lambda sample: grids.append(sample.payload.to_bytes())
+    )
+    rig.shoot_until(rng, lambda r: r.healthy and goals and grids)
+    header = decode_header(goals[0].attachment.to_bytes())
+    shown = decode_frame(goals[0].payload.to_bytes(), header).image
+    assert np.abs(shown.astype(int) - rig.picture).mean() < 10
+    grid = decode_flow_grid(grids[-1])
+    assert np.median(np.abs(grid.flow[grid.confidence > 0.5])) < 1.0
+    goal.undeclare()
+    flow.undeclare()
 
 
 def test_frames_faster_than_perception_are_skipped_not_queued(rig, rng):

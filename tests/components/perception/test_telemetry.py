@@ -1,0 +1,53 @@
+"""The telemetry thread over real Zenoh: what nobody looks at is not made."""
+
+import socket
+import threading
+import time
+
+import pytest
+
+from dfvs_core.topics import Topics
+from dfvs_service.config import load_config
+from dfvs_service.orders import operators_zenoh
+from dfvs_service.perception.telemetry import Note, Telemetry
+from dfvs_service.zenoh_session import open_session
+
+TOPICS = Topics("watched")
+
+
+@pytest.fixture
+def zenoh_config():
+    with socket.socket() as sock:
+        sock.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{sock.getsockname()[1]}"
+    return load_config(None, {"zenoh.listen": [endpoint]}).zenoh
+
+
+def eventually(condition, timeout_s=5.0):
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        assert time.monotonic() < deadline
+        time.sleep(0.01)
+
+
+def test_flow_and_preview_are_made_only_while_somebody_looks(zenoh_config):
+    made, heard = [], threading.Event()
+
+    def make():
+        made.append(1)
+        return Note(b"grid")
+
+    with open_session(zenoh_config) as session:
+        telemetry = Telemetry(session, TOPICS)
+        for stream in ("flow", "preview"):
+            telemetry.offer(stream, make)
+        told = threading.Event()
+        telemetry.offer("servo", lambda: told.set() or Note(b"{}"))
+        assert told.wait(5.0)  # made though nobody looks: it costs nothing
+        assert not made
+        with open_session(operators_zenoh(zenoh_config)) as viewer:
+            subscriber = viewer.declare_subscriber(TOPICS.telemetry("flow"), lambda _: heard.set())
+            eventually(lambda: telemetry.offer("flow", make) or heard.is_set())
+            subscriber.undeclare()
+        telemetry.close()
+    assert made
