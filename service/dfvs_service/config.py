@@ -23,6 +23,7 @@ from dfvs_service.sections import (
     FlowSection,
     GateSection,
     LimitsSection,
+    RecordSection,
     TelemetrySection,
     VehicleSection,
     ZenohSection,
@@ -33,6 +34,7 @@ __all__ = [
     "FlowSection",
     "GateSection",
     "LimitsSection",
+    "RecordSection",
     "ServiceConfig",
     "TelemetrySection",
     "VehicleSection",
@@ -55,6 +57,7 @@ class ServiceConfig:
     limits: LimitsSection = field(default_factory=LimitsSection)
     gate: GateSection = field(default_factory=GateSection)
     telemetry: TelemetrySection = field(default_factory=TelemetrySection)
+    record: RecordSection = field(default_factory=RecordSection)
 
     def gate_config(self) -> GateConfig:
         """Settings of the gate's core."""

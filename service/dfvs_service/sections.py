@@ -52,6 +52,9 @@ class CameraSection:
     timeout_s: float = setting(
         15.0, "give up if no frame arrives for so long after the start, s", low=1.0, high=600.0
     )
+    calibration_file: str = setting(
+        "", "file of dfvs-camera calibrate, in place of the intrinsics above; empty: none"
+    )
     mount: Mount | None = None
 
     def model(self) -> CameraModel | None:
@@ -186,7 +189,8 @@ class GateSection:
     )
     proof_s: float = setting(
         _GATE.timing.proof_ns / S,
-        "time at a crawl until the error must have fallen, s; 0: no such proof (not advised)",
+        "time from the first motion, at a crawl, until the error must have fallen, s; 0: no such "
+        "proof (not advised)",
         low=0.0,
         high=5.0,
     )
@@ -204,4 +208,23 @@ class TelemetrySection:
     preview_quality: int = setting(70, "JPEG quality of the preview", low=1, high=100)
     flow_hz: float = setting(
         10.0, "rate of the flow for the dashboard; 0: none", low=0.0, high=30.0
+    )
+
+
+@dataclass(frozen=True, slots=True)
+class RecordSection:
+    """Recordings of flights; see docs/recording.md."""
+
+    folder: str = setting("", "where recordings go; empty: none are made")
+    max_file_mb: float = setting(
+        1000.0, "size at which the next file of a recording begins, MB", low=1.0, high=100_000.0
+    )
+    max_total_mb: float = setting(
+        20_000.0,
+        "size of a recording beyond which its oldest file goes",
+        low=2.0,
+        high=10_000_000.0,
+    )
+    min_free_mb: float = setting(
+        500.0, "free space that is left on the disk: no more is written", low=0.0, high=1_000_000.0
     )

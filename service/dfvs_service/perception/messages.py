@@ -10,7 +10,9 @@ from dfvs_core.pipeline import FrameOutcome
 from dfvs_core.wire.frame import Frame
 
 
-def servo_document(frame: Frame, outcome: FrameOutcome, t_ns: int) -> dict[str, Any]:
+def servo_document(
+    frame: Frame, outcome: FrameOutcome, t_ns: int, stages_ns: Mapping[str, int]
+) -> dict[str, Any]:
     """One frame's result; lengths in m, angles in rad, px where the name says so."""
     result = outcome.result
     return {
@@ -30,6 +32,7 @@ def servo_document(frame: Frame, outcome: FrameOutcome, t_ns: int) -> dict[str, 
         "condition": _number(result.condition),
         "depth_m": result.depth_m,
         "reached": result.reached,
+        "stages_ms": {name: duration * 1e-6 for name, duration in stages_ns.items()},
     }
 
 

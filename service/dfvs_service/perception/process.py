@@ -8,32 +8,36 @@ import time
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
+from typing import Any
 
-import cv2
 import zenoh
 
-from dfvs_core.goal import Goal, Mount
-from dfvs_core.pipeline import Pipeline
+from dfvs_core.goal import Goal
 from dfvs_core.schema import dump
-from dfvs_core.servo.task import ServoTask
 from dfvs_core.topics import Topics
 from dfvs_core.wire.command import MAX_COMMAND_BYTES
 from dfvs_core.wire.frame import BOOT_ID_FILE, clock_identity
 from dfvs_core.wire.link import ForwardedCommand, GateStatus, PerceptionReport
+from dfvs_core.wire.picture import encode_png
 from dfvs_service.config import ServiceConfig
 from dfvs_service.models.catalog import load_matcher
+from dfvs_service.perception.assembly import Clocks, build_eye
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.gate_link import GateLink
 from dfvs_service.perception.latency import LatencyWindow
 from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
+from dfvs_service.perception.opening import make_opening
 from dfvs_service.perception.pictures import Pictures
 from dfvs_service.perception.telemetry import Telemetry
+from dfvs_service.perception.turn_book import TurnBook
+from dfvs_service.perception.turn_feed import TurnFeed
 from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.zenoh_session import open_session
 
 SILENCE_S = 0.1
 _TIMING_PERIOD_NS = 1_000_000_000
+_RECORDER_PATIENCE_S = 10.0
 
 log = logging.getLogger("dfvs.perception")
 
@@ -78,7 +82,7 @@ class PerceptionProcess:
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._latency = LatencyWindow()
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
-        self._goal_image = goal.image
+        self._goal = goal
         self._eye = self._build_eye(goal)
         self._status: GateStatus | None = None
         self._last_frame_ns = self._started_ns = time.monotonic_ns()
@@ -89,6 +93,7 @@ class PerceptionProcess:
         self._flow_pace = Pace.of_rate(told.flow_hz)
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
         self._frames = 0
+        self._book = TurnBook()
         self._parent = os.getppid()
         self._stopped = False
 
@@ -96,15 +101,19 @@ class PerceptionProcess:
         """Work until told to stop, or until the service that started this is gone."""
         with open_session(self._config.zenoh) as session:
             telemetry = Telemetry(session, self._topics)
+            patience_s = _RECORDER_PATIENCE_S if self._config.record.folder else 0.0
+            feed = TurnFeed(session, self._topics, patience_s)
             telemetry.offer_json("config", dump(self._config))
+            self._open_record(feed)
             goal_ns = time.monotonic_ns()
-            telemetry.offer("goal", lambda: self._pictures.goal(self._goal_image, goal_ns))
+            telemetry.offer("goal", lambda: self._pictures.goal(self._goal.image, goal_ns))
             frames = session.declare_subscriber(self._topics.camera, self._on_frame)
             orders = session.declare_subscriber(self._topics.command, self._on_command)
             log.info("listening for frames on %s", self._topics.camera)
             while not self._stopped and os.getppid() == self._parent:
-                self._turn(telemetry)
+                self._turn(telemetry, feed)
             del frames, orders
+            feed.close()
             telemetry.close()
         self._gate.close()
 
@@ -113,13 +122,16 @@ class PerceptionProcess:
         self._stopped = True
 
     def _build_eye(self, goal: Goal) -> Eye:
-        config = self._config
-        cv2.setNumThreads(config.flow.threads)
-        camera = config.camera.model() or goal.sidecar.camera
-        task = ServoTask(config.servo, camera, goal.sidecar, config.camera.mount or Mount())
-        matcher = load_matcher(config.flow.model, config.flow.threads, config.flow.provider)
-        pipeline = Pipeline(task, matcher, goal, time.monotonic_ns)
-        return Eye(camera, pipeline, self._clock, time.monotonic_ns)
+        flow = self._config.flow
+        matcher = load_matcher(flow.model, flow.threads, flow.provider)
+        clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)
+        return build_eye(self._config, goal, matcher, clocks)
+
+    def _open_record(self, feed: TurnFeed) -> None:
+        """Tell recorders with what the turns from here on work."""
+        number, first = self._book.open(), self._book.next_turn
+        opening = make_opening(self._config, self._goal, self._clock, number, first)
+        feed.offer(opening, encode_png(self._goal.image))
 
     def _on_frame(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: keep the newest sample, do nothing else."""
@@ -132,25 +144,30 @@ class PerceptionProcess:
         if len(payload) <= MAX_COMMAND_BYTES:
             self._gate.send(ForwardedCommand(payload.decode("utf-8", errors="replace")))
 
-    def _turn(self, telemetry: Telemetry) -> None:
+    def _turn(self, telemetry: Telemetry, feed: TurnFeed) -> None:
         sample = self._mailbox.take(SILENCE_S)
-        self._heed_gate()
+        heard = self._heed_gate()
         now_ns = time.monotonic_ns()
         if sample is None:
-            self._gate.send(self._silence(now_ns))
+            report = self._silence(now_ns)
+            self._gate.send(report)
+            feed.offer(self._book.silent(now_ns, heard, report))
         else:
             self._last_frame_ns = now_ns
             glance = self._eye.look(sample)
             self._gate.send(glance.report)
-            self._tell(telemetry, glance)
+            servo = self._tell(telemetry, glance)
+            feed.offer(self._book.looked(sample, heard, glance, servo), sample.payload)
             self._latency.add({"depth": self._eye.digest()})
         self._publish_state(telemetry)
 
-    def _heed_gate(self) -> None:
-        """Take in everything the gate said since the last turn."""
-        for status in self._gate.heard():
+    def _heed_gate(self) -> list[GateStatus]:
+        """Take in everything the gate said since the last turn, and return it."""
+        heard = self._gate.heard()
+        for status in heard:
             self._status = status
             self._eye.heed(status)
+        return heard
 
     def _silence(self, now_ns: int) -> PerceptionReport:
         since_s = (now_ns - self._last_frame_ns) * 1e-9
@@ -158,8 +175,8 @@ class PerceptionProcess:
             0, 0, f"no camera frame on {self._topics.camera} for {since_s:.1f} s"
         )
 
-    def _tell(self, telemetry: Telemetry, glance: Glance) -> None:
-        """Hand one frame's results to the telemetry thread."""
+    def _tell(self, telemetry: Telemetry, glance: Glance) -> dict[str, Any]:
+        """Hand one frame's results to the telemetry thread; return its servo document."""
         now_ns = time.monotonic_ns()
         frame, outcome = glance.frame, glance.outcome
         if glance.stages_ns is not None:
@@ -174,13 +191,15 @@ class PerceptionProcess:
                 "timing", timing_document(self._latency.summary(), now_ns, counters)
             )
         if frame is None or outcome is None:
-            return
+            return {}
         self._frames += 1
-        telemetry.offer_json("servo", servo_document(frame, outcome, now_ns))
+        servo = servo_document(frame, outcome, now_ns, glance.stages_ns or {})
+        telemetry.offer_json("servo", servo)
         if self._preview_pace.due(now_ns):
             telemetry.offer("preview", lambda: self._pictures.preview(frame, outcome.flow))
         if self._flow_pace.due(now_ns):
             telemetry.offer("flow", lambda: self._pictures.flow(frame, outcome.flow))
+        return servo
 
     def _publish_state(self, telemetry: Telemetry) -> None:
         if self._status is not None and self._state_pace.due(time.monotonic_ns()):
