@@ -16,6 +16,7 @@ from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, OnDone
 from dfvs_core.gate.events import Action
 from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_service.calibration_file import with_calibration
 from dfvs_service.config import ServiceConfig, load_config, parse_assignment
 from dfvs_service.config_text import toml_text
 from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine
@@ -177,7 +178,7 @@ def _resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]
     """Settings with all that is known of the camera, and the goal, checked against it."""
     image, sidecar = read_picture(picture), read_sidecar(picture)
     height, width = image.shape[:2]
-    config, camera = config.with_camera((width, height), sidecar)
+    config, camera = with_calibration(config).with_camera((width, height), sidecar)
     if sidecar is None:
         sidecar = GoalSidecar(camera, mount=config.camera.mount or Mount())
     return config, checked_goal(picture, image, sidecar)

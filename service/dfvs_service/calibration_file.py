@@ -1,0 +1,99 @@
+"""A camera's calibration as a settings file: what ``dfvs-camera calibrate`` writes.
+
+It holds the ``[camera]`` section of the service's settings and nothing else, so it can be given
+as ``--config``, copied into a larger file, or named there as ``camera.calibration_file``.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import os
+from collections.abc import Sequence
+from pathlib import Path
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError
+from dfvs_service.config import ServiceConfig, load_config
+
+
+def write_calibration(path: Path, camera: CameraModel, remarks: Sequence[str]) -> None:
+    """Write a calibration, complete or not at all, with remarks as comments.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be written.
+    """
+    numbers = ", ".join(repr(float(value)) for value in camera.distortion)
+    lines = [
+        *(f"# {remark}" for remark in remarks),
+        "[camera]",
+        f"width = {camera.width}",
+        f"height = {camera.height}",
+        *(f"{name} = {float(getattr(camera, name))!r}" for name in ("fx", "fy", "cx", "cy")),
+        f"distortion = [{numbers}]",
+    ]
+    replace_file(path, ("\n".join(lines) + "\n").encode())
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file, complete or not at all.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be written.
+    """
+    partial = path.with_name(path.name + ".part")
+    try:
+        partial.write_bytes(data)
+        os.replace(partial, path)
+    except OSError as error:
+        partial.unlink(missing_ok=True)
+        raise ConfigError(
+            f"{path} cannot be written ({error.strerror})", "a folder that exists and is writable"
+        ) from error
+
+
+def read_calibration(path: Path) -> CameraModel:
+    """Camera of a settings file with a ``[camera]`` section.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read or holds no intrinsics.
+    """
+    camera = load_config(path, {}).camera.model()
+    if camera is None:
+        raise ConfigError(
+            f"{path} holds no calibration",
+            "[camera] with width, height, fx, fy, cx, cy",
+            "make one with dfvs-camera calibrate",
+        )
+    return camera
+
+
+def with_calibration(config: ServiceConfig) -> ServiceConfig:
+    """Settings in which ``camera.calibration_file``, where one is named, has been read.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be used, or the settings hold other intrinsics as well.
+    """
+    section = config.camera
+    if not section.calibration_file:
+        return config
+    if section.model() is not None:
+        raise ConfigError("camera has both a calibration_file and intrinsics", "only one of them")
+    camera = read_calibration(Path(section.calibration_file))
+    for name, given, read in (
+        ("width", section.width, camera.width),
+        ("height", section.height, camera.height),
+    ):
+        if given not in (None, read):
+            raise ConfigError(
+                f"camera.{name} is {given}", f"{read}, as {section.calibration_file} says"
+            )
+    filled = dataclasses.replace(section, calibration_file="", **dataclasses.asdict(camera))
+    return dataclasses.replace(config, camera=filled)

@@ -1,0 +1,39 @@
+"""``dfvs-camera``: publish a camera, calibrate it, take goal pictures with it."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable, Sequence
+
+from dfvs_core.errors import DfvsError
+
+EXIT_CANNOT_RUN, EXIT_INTERRUPTED = 2, 130
+
+
+def _publish(words: Sequence[str]) -> int:
+    from dfvs_service.camera.publish import run
+
+    return run(words)
+
+
+_COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {}
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; 0 when it worked, 2 when it cannot run, with one line that says why."""
+    from dfvs_service.camera.options import quiet_libraries
+
+    quiet_libraries()
+    words = list(sys.argv[1:] if argv is None else argv)
+    command = _COMMANDS.get(words[0]) if words else None
+    try:
+        return _publish(words) if command is None else command(words[1:])
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+
+
+if __name__ == "__main__":
+    sys.exit(main())

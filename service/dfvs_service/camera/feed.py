@@ -1,0 +1,154 @@
+"""Shots at the pace at which they are to be published, live or recorded."""
+
+from __future__ import annotations
+
+import contextlib
+import threading
+import time
+from collections.abc import Callable
+from typing import Protocol
+
+from dfvs_core.errors import DfvsError
+from dfvs_service.camera.source import Shot, Source
+from dfvs_service.camera.spec import SourceLostError
+from dfvs_service.perception.mailbox import Mailbox
+
+RETRY_S = 1.0
+DEFAULT_RATE_HZ = 20.0
+
+Opener = Callable[[], Source]
+Say = Callable[[str], None]
+
+
+class Feed(Protocol):
+    """Where shots are taken from."""
+
+    ended: bool
+    """No more shots will come."""
+
+    def take(self, timeout_s: float) -> Shot | None:
+        """Next shot, None if none came within about the timeout."""
+
+    def close(self) -> None:
+        """End it."""
+
+
+class LiveFeed:
+    """The newest shot of a live source, read on a thread of its own and reopened when lost.
+
+    Parameters
+    ----------
+    opener : callable
+        Opens the source; raises SourceLostError where trying again may help.
+    say : callable
+        Takes a line for the user whenever the source is lost or back.
+    retry_s : float
+        Pause between two attempts.
+    """
+
+    ended = False
+
+    def __init__(self, opener: Opener, say: Say, retry_s: float = RETRY_S) -> None:
+        self._opener = opener
+        self._say = say
+        self._retry_s = retry_s
+        self._mailbox: Mailbox[Shot | DfvsError] = Mailbox()
+        self._stop = threading.Event()
+        self._trouble = ""
+        self._thread = threading.Thread(target=self._work, name="camera", daemon=True)
+        self._thread.start()
+
+    @property
+    def dropped(self) -> int:
+        """Shots that were replaced by newer ones before they were taken."""
+        return self._mailbox.dropped
+
+    def take(self, timeout_s: float) -> Shot | None:
+        """Newest shot.
+
+        Raises
+        ------
+        DfvsError
+            If the source cannot be used and trying again would not help.
+        """
+        item = self._mailbox.take(timeout_s)
+        if isinstance(item, DfvsError):
+            raise item
+        return item
+
+    def close(self) -> None:
+        """Stop reading; a source that blocks is left to the end of the process."""
+        self._stop.set()
+        self._thread.join(timeout=1.0)
+
+    def _work(self) -> None:
+        while not self._stop.is_set():
+            try:
+                self._read_until_lost()
+            except SourceLostError as error:
+                self._complain(str(error))
+                self._stop.wait(self._retry_s)
+            except DfvsError as error:
+                self._mailbox.put(error)
+                return
+
+    def _read_until_lost(self) -> None:
+        with contextlib.closing(self._opener()) as source:
+            while not self._stop.is_set():
+                shot = source.read()
+                if shot is None:
+                    raise SourceLostError("the source has ended")
+                self._mailbox.put(shot)
+                if self._trouble:
+                    self._trouble = ""
+                    self._say("the source is back")
+
+    def _complain(self, problem: str) -> None:
+        """Say what is wrong once, not once a second."""
+        if problem != self._trouble:
+            self._trouble = problem
+            self._say(f"{problem}; trying again every {self._retry_s:g} s")
+
+
+class RecordedFeed:
+    """Shots of a file at its own rate or a given one, once or over and over.
+
+    Every shot is stamped anew when it is due: a recording is flown by as if it were live.
+    """
+
+    def __init__(self, opener: Opener, rate_hz: float | None, *, loop: bool) -> None:
+        self._opener = opener
+        self._source = opener()
+        self._loop = loop
+        self._period_s = 1.0 / (rate_hz or self._source.rate_hz or DEFAULT_RATE_HZ)
+        self._due_s = time.monotonic()
+        self.ended = False
+
+    def take(self, timeout_s: float) -> Shot | None:
+        """Next shot when it is due.
+
+        Raises
+        ------
+        DfvsError
+            If a picture cannot be read.
+        """
+        wait_s = self._due_s - time.monotonic()
+        if wait_s > timeout_s:
+            time.sleep(timeout_s)
+            return None
+        shot = self._source.read()
+        if shot is None and self._loop:
+            self._source.close()
+            self._source = self._opener()
+            shot = self._source.read()
+        if shot is None:
+            self.ended = True
+            return None
+        time.sleep(max(self._due_s - time.monotonic(), 0.0))
+        now_s = time.monotonic()
+        self._due_s = max(self._due_s + self._period_s, now_s)
+        return Shot(shot.image, time.monotonic_ns())
+
+    def close(self) -> None:
+        """Close the file."""
+        self._source.close()

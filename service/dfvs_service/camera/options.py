@@ -1,0 +1,175 @@
+"""Options that the camera's commands share: the source, and the way to the service."""
+
+from __future__ import annotations
+
+import argparse
+import os
+import re
+import sys
+import threading
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import cv2
+import zenoh
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError
+from dfvs_service.calibration_file import read_calibration
+from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
+from dfvs_service.camera.source import Source, SourceOptions, open_source
+from dfvs_service.camera.spec import SourceSpec, parse_source
+from dfvs_service.config import ServiceConfig, ZenohSection, load_config
+from dfvs_service.zenoh_session import open_session
+
+_SIZE = re.compile(r"(\d{2,4})x(\d{2,4})")
+_RETRY_S = 1.0
+
+Say = Callable[[str], None]
+
+
+def say(text: str) -> None:
+    """Tell the user something on standard error."""
+    print(f"camera: {text}", file=sys.stderr, flush=True)
+
+
+def add_source_options(parser: argparse.ArgumentParser, *, required: bool) -> None:
+    """Add ``--source`` and how to open it."""
+    parser.add_argument(
+        "--source",
+        required=required,
+        metavar="SOURCE",
+        help="0 or /dev/video0, rtsp://..., gst:PIPELINE, picamera, a video, picture or folder",
+    )
+    parser.add_argument("--size", metavar="WxH", help="picture size to ask the camera for, px")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="pictures a second")
+    parser.add_argument("--loop", action="store_true", help="repeat a recording for ever")
+    parser.add_argument(
+        "--latency-ms",
+        type=float,
+        default=0.0,
+        metavar="MS",
+        help="time from capture to arrival of a network stream, as measured (default: 0)",
+    )
+
+
+def add_zenoh_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--vehicle``, ``--config`` and ``--connect``."""
+    parser.add_argument("--vehicle", metavar="NAME", help="name of the vehicle (default: drone1)")
+    parser.add_argument("--config", type=Path, metavar="FILE", help="the service's settings")
+    parser.add_argument(
+        "--connect",
+        metavar="ENDPOINT",
+        help="Zenoh endpoint of the service (default: what the settings say it listens on)",
+    )
+
+
+def add_calibration_option(parser: argparse.ArgumentParser) -> None:
+    """Add ``--calibration``."""
+    parser.add_argument(
+        "--calibration", type=Path, metavar="FILE", help="what dfvs-camera calibrate wrote"
+    )
+
+
+def settings_of(arguments: argparse.Namespace) -> ServiceConfig:
+    """Settings of the service that the camera works for."""
+    overrides = {} if arguments.vehicle is None else {"vehicle.name": arguments.vehicle}
+    return load_config(arguments.config, overrides)
+
+
+def calibration_of(arguments: argparse.Namespace) -> CameraModel | None:
+    """Calibration that was named, None where none was."""
+    return None if arguments.calibration is None else read_calibration(arguments.calibration)
+
+
+def source_options(arguments: argparse.Namespace, wanted: tuple[int, int] | None) -> SourceOptions:
+    """How to open the source; ``wanted`` is the calibration's size.
+
+    Raises
+    ------
+    ConfigError
+        If an option is out of range or contradicts the calibration.
+    """
+    rate = arguments.rate
+    if rate is not None and not 0.1 <= rate <= 1000:
+        raise ConfigError(f"--rate is {rate:g}", "0.1 to 1000 pictures a second")
+    if not 0 <= arguments.latency_ms <= 1000:
+        raise ConfigError(f"--latency-ms is {arguments.latency_ms:g}", "0 to 1000")
+    size = wanted
+    if arguments.size is not None:
+        match = _SIZE.fullmatch(arguments.size.lower())
+        if match is None:
+            raise ConfigError(f"--size is {arguments.size!r}", "WIDTHxHEIGHT such as 640x480")
+        size = int(match[1]), int(match[2])
+        if wanted not in (None, size):
+            raise ConfigError(
+                f"--size is {arguments.size}",
+                f"{wanted[0]}x{wanted[1]}, the calibration's size" if wanted else "",
+            )
+    return SourceOptions(size, rate, round(arguments.latency_ms * 1e6))
+
+
+def open_feed(spec: SourceSpec, options: SourceOptions, *, loop: bool) -> Feed:
+    """Start to take pictures from a source.
+
+    Raises
+    ------
+    DfvsError
+        If a recording cannot be opened.
+    """
+
+    def opener() -> Source:
+        return open_source(spec, options)
+
+    if spec.is_live:
+        return LiveFeed(opener, say)
+    return RecordedFeed(opener, options.rate_hz, loop=loop)
+
+
+def feed_of(arguments: argparse.Namespace, wanted: tuple[int, int] | None) -> Feed:
+    """Pictures of ``--source``.
+
+    Raises
+    ------
+    DfvsError
+        If there is no such source, or an option is wrong.
+    """
+    options = source_options(arguments, wanted)
+    return open_feed(parse_source(arguments.source), options, loop=arguments.loop)
+
+
+def quiet_libraries() -> None:
+    """Keep OpenCV and FFmpeg from writing beside our own words; to be called first."""
+    os.environ.setdefault("OPENCV_FFMPEG_LOGLEVEL", "-8")
+    cv2.utils.logging.setLogLevel(cv2.utils.logging.LOG_LEVEL_SILENT)
+
+
+def cameras_zenoh(service: ZenohSection, connect: str | None) -> ZenohSection:
+    """Settings with which a camera reaches the service: its router, or the service itself."""
+    endpoints = service.connect if service.mode == "client" else service.listen
+    if connect is not None:
+        endpoints = (connect,)
+    return ZenohSection(service.mode, endpoints, (), service.allow_plaintext)
+
+
+def open_patiently(section: ZenohSection, stop: threading.Event) -> zenoh.Session | None:
+    """Open a session, however long its router stays away; None if stopped before.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be opened and trying again would not help.
+    """
+    told = False
+    while not stop.is_set():
+        try:
+            return open_session(section)
+        except ConfigError as error:
+            if section.mode != "client":
+                raise
+            if not told:
+                say(f"{error}; trying again every {_RETRY_S:g} s")
+                told = True
+            time.sleep(_RETRY_S)
+    return None

@@ -1,0 +1,115 @@
+"""``dfvs-camera``: publish a camera, a stream, a video or pictures to the service."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import signal
+import threading
+import time
+from collections.abc import Sequence
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.topics import Topics
+from dfvs_service.camera.options import (
+    add_calibration_option,
+    add_source_options,
+    add_zenoh_options,
+    calibration_of,
+    cameras_zenoh,
+    feed_of,
+    open_patiently,
+    say,
+    settings_of,
+    source_options,
+)
+from dfvs_service.camera.publisher import (
+    FORMATS,
+    FramePublisher,
+    PublishOptions,
+    publish_feed,
+)
+
+_EPILOG = """\
+examples:
+  dfvs-camera --source 0 --size 640x480 --rate 30 --calibration camera.toml
+  dfvs-camera --source rtsp://192.168.144.25:8554/main.264 --latency-ms 120
+  dfvs-camera --source flight.mp4 --loop
+
+other commands:
+  dfvs-camera board      draw a calibration board, ready to be printed
+  dfvs-camera calibrate  find the camera's intrinsics from pictures of a board
+  dfvs-camera goal       take a goal picture with its sidecar
+
+A live source that is lost is opened again every second. Exit code: 0 ended, 2 cannot run.
+"""
+
+
+def parser() -> argparse.ArgumentParser:
+    """Options of publishing."""
+    made = argparse.ArgumentParser(
+        prog="dfvs-camera",
+        description="Publish pictures to the service: JPEG or raw, with the time of capture and "
+        "the camera's calibration.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_source_options(made, required=True)
+    add_calibration_option(made)
+    add_zenoh_options(made)
+    made.add_argument("--format", choices=sorted(FORMATS), default="jpeg", help="(default: jpeg)")
+    made.add_argument("--quality", type=int, default=90, metavar="Q", help="of JPEG, 1 to 100")
+    made.add_argument("--frames", type=int, metavar="N", help="end after N frames")
+    made.add_argument("--json", action="store_true", help="print what was published at the end")
+    return made
+
+
+def run(words: Sequence[str]) -> int:
+    """Publish until interrupted or until a recording ends; exit code 0.
+
+    Raises
+    ------
+    DfvsError
+        If the source or an option cannot be used.
+    """
+    arguments = parser().parse_args(words)
+    options = _publish_options(arguments)
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    started_s = time.monotonic()
+    with contextlib.closing(feed_of(arguments, options.wanted_size)) as feed:
+        section = cameras_zenoh(settings_of(arguments).zenoh, arguments.connect)
+        session = open_patiently(section, stop)
+        if session is None:
+            return 0
+        with session:
+            publisher = FramePublisher(session, options)
+            say(f"publishing on {Topics(options.vehicle).camera}")
+            publish_feed(feed, publisher, options, stop, say)
+    if arguments.json:
+        summary = {
+            "frames": publisher.count,
+            "bytes": publisher.bytes,
+            "seconds": round(time.monotonic() - started_s, 3),
+        }
+        print(json.dumps(summary))
+    return 0
+
+
+def _publish_options(arguments: argparse.Namespace) -> PublishOptions:
+    if not 1 <= arguments.quality <= 100:
+        raise ConfigError(f"--quality is {arguments.quality}", "1 to 100")
+    if arguments.frames is not None and arguments.frames < 1:
+        raise ConfigError(f"--frames is {arguments.frames}", "1 or more")
+    camera = calibration_of(arguments)
+    asked = source_options(arguments, camera.size if camera else None)
+    return PublishOptions(
+        vehicle=settings_of(arguments).vehicle.name,
+        pixel_format=FORMATS[arguments.format],
+        quality=arguments.quality,
+        camera=camera,
+        size=asked.size,
+        max_frames=arguments.frames,
+    )

@@ -1,0 +1,155 @@
+"""Publishing a camera over Zenoh, as perception reads it."""
+
+from __future__ import annotations
+
+import json
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import zenoh
+import zenoh.ext
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.schema import dump
+from dfvs_core.topics import Topics
+from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_service.camera.feed import Feed, Say
+from dfvs_service.camera.source import Shot, check_size
+
+FORMATS = {
+    "jpeg": PixelFormat.JPEG,
+    "png": PixelFormat.PNG,
+    "raw": PixelFormat.RGB8,
+    "mono": PixelFormat.MONO8,
+}
+_ENCODINGS = {PixelFormat.JPEG: "image/jpeg", PixelFormat.PNG: "image/png"}
+_RAW_ENCODING = "application/octet-stream"
+_TAKE_S = 0.25
+_REPORT_S = 5.0
+_SILENCE_S = 2.0
+
+
+@dataclass(frozen=True, slots=True)
+class PublishOptions:
+    """What is published; ``camera`` is the calibration where one is known."""
+
+    vehicle: str
+    pixel_format: PixelFormat = PixelFormat.JPEG
+    quality: int = 90
+    camera: CameraModel | None = None
+    size: tuple[int, int] | None = None
+    max_frames: int | None = None
+
+    @property
+    def wanted_size(self) -> tuple[int, int] | None:
+        """Size (width, height) px that every picture must have, None for any."""
+        return self.size if self.camera is None else self.camera.size
+
+
+class FramePublisher:
+    """Puts frames on the vehicle's camera key, and its calibration for whoever asks.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+    options : PublishOptions
+    """
+
+    def __init__(self, session: zenoh.Session, options: PublishOptions) -> None:
+        topics = Topics(options.vehicle)
+        drop = zenoh.CongestionControl.DROP
+        self._options = options
+        self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self._frames = session.declare_publisher(topics.camera, congestion_control=drop)
+        self._calibration: zenoh.ext.AdvancedPublisher | None = None
+        if options.camera is not None:
+            self._calibration = zenoh.ext.declare_advanced_publisher(
+                session,
+                topics.calibration,
+                congestion_control=drop,
+                cache=zenoh.ext.CacheConfig(max_samples=1),
+                publisher_detection=True,
+            )
+            document = json.dumps(dump(options.camera)).encode()
+            self._calibration.put(document, encoding="application/json")
+        self.count = 0
+        self.bytes = 0
+
+    def publish(self, shot: Shot) -> None:
+        """Publish one shot.
+
+        Raises
+        ------
+        CameraError
+            If it has not the size of the calibration.
+        """
+        check_size(shot, self._options.wanted_size, "the camera")
+        pixel_format = self._options.pixel_format
+        frame = Frame(shot.image, shot.t_capture_ns, self.count)
+        payload, attachment = encode_frame(frame, pixel_format, self._clock, self._options.quality)
+        encoding = _ENCODINGS.get(pixel_format, _RAW_ENCODING)
+        self._frames.put(payload, encoding=encoding, attachment=attachment)
+        self.count += 1
+        self.bytes += len(payload)
+
+
+@dataclass(slots=True)
+class RateReport:
+    """Says how many frames go out, and when they cease to."""
+
+    say: Say
+    next_s: float
+    last_frame_s: float
+    count: int = 0
+    bytes: int = 0
+    is_silent: bool = False
+
+    def frame(self, now_s: float, size: int) -> None:
+        """Count a frame of so many bytes."""
+        self.count += 1
+        self.bytes += size
+        self.last_frame_s = now_s
+        self.is_silent = False
+
+    def look(self, now_s: float) -> None:
+        """Say what there is to be said by now."""
+        if now_s - self.last_frame_s > _SILENCE_S and not self.is_silent:
+            self.is_silent = True
+            self.say(f"no picture for {now_s - self.last_frame_s:.1f} s")
+        if now_s < self.next_s:
+            return
+        if self.count:
+            rate, size = self.count / _REPORT_S, self.bytes / self.count
+            self.say(f"{rate:.1f} frames a second, {size / 1000:.0f} kB each")
+        self.next_s = now_s + _REPORT_S
+        self.count = self.bytes = 0
+
+
+def publish_feed(
+    feed: Feed,
+    publisher: FramePublisher,
+    options: PublishOptions,
+    stop: threading.Event,
+    say: Callable[[str], None],
+) -> None:
+    """Publish until stopped, until the recording ends, or until enough frames went out.
+
+    Raises
+    ------
+    DfvsError
+        If the source cannot be used.
+    """
+    now_s = time.monotonic()
+    report = RateReport(say, now_s + _REPORT_S, now_s)
+    while not stop.is_set() and not feed.ended:
+        shot = feed.take(_TAKE_S)
+        if shot is not None:
+            before = publisher.bytes
+            publisher.publish(shot)
+            report.frame(time.monotonic(), publisher.bytes - before)
+            if options.max_frames is not None and publisher.count >= options.max_frames:
+                return
+        report.look(time.monotonic())

@@ -1,0 +1,92 @@
+"""What every source is, and how one is opened."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from dfvs_core.arrays import ImageArray
+from dfvs_service.camera.spec import CameraError, SourceKind, SourceSpec
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """A picture (H, W, 3) uint8 RGB; when it was taken, on the monotonic clock."""
+
+    image: ImageArray
+    t_capture_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class SourceOptions:
+    """How a source is to be opened.
+
+    ``size`` (width, height) px and ``rate_hz`` are asked of a camera where they are not None.
+    ``latency_ns`` is what is known to pass between capture and arrival where a source does not
+    tell the time of capture (a network stream).
+    """
+
+    size: tuple[int, int] | None = None
+    rate_hz: float | None = None
+    latency_ns: int = 0
+
+
+class Source(Protocol):
+    """An open source."""
+
+    rate_hz: float
+    """Pictures a second that it says to have; 0 where it does not say."""
+
+    def read(self) -> Shot | None:
+        """Wait for the next picture; None at the end of a recording.
+
+        Raises
+        ------
+        SourceLostError
+            If a live source gives no more pictures.
+        CameraError
+            If what it gives cannot be used.
+        """
+
+    def close(self) -> None:
+        """Give the device or file back."""
+
+
+def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
+    """Open a source.
+
+    Raises
+    ------
+    SourceLostError
+        If a live source cannot be reached right now.
+    CameraError
+        If it can never be opened like this.
+    """
+    if spec.kind is SourceKind.PICAMERA:
+        from dfvs_service.camera.picamera import PicameraSource
+
+        return PicameraSource(int(spec.place), options)
+    if spec.kind is SourceKind.PICTURES:
+        from dfvs_service.camera.pictures import PictureSource
+
+        return PictureSource(spec.place)
+    from dfvs_service.camera.capture import CaptureSource
+
+    return CaptureSource(spec, options)
+
+
+def check_size(shot: Shot, wanted: tuple[int, int] | None, who: str) -> None:
+    """Refuse a picture of another size than the one that was asked for.
+
+    Raises
+    ------
+    CameraError
+        If it has another size.
+    """
+    height, width = shot.image.shape[:2]
+    if wanted is not None and (width, height) != wanted:
+        raise CameraError(
+            f"{who} gives pictures of {width} x {height} px",
+            f"{wanted[0]} x {wanted[1]} px, as --size or the calibration says",
+            "choose a size that the camera has",
+        )

@@ -1,0 +1,132 @@
+"""Which source a word means, and what is said of one that cannot be used."""
+
+import cv2
+import numpy as np
+import pytest
+
+from dfvs_core.wire.picture import encode_png
+from dfvs_service.camera.capture import CaptureSource, buffer_time_ns
+from dfvs_service.camera.pictures import PictureSource
+from dfvs_service.camera.source import Shot, SourceOptions, check_size, open_source
+from dfvs_service.camera.spec import (
+    CameraError,
+    SourceKind,
+    SourceLostError,
+    SourceSpec,
+    parse_source,
+)
+
+S = 1_000_000_000
+
+
+@pytest.fixture
+def video(tmp_path, rng):
+    """Twelve grey pictures at 25 Hz, each brighter than the one before."""
+    path = tmp_path / "clip.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 25.0, (64, 48))
+    for level in range(12):
+        writer.write(np.full((48, 64, 3), 20 * level, np.uint8))
+    writer.release()
+    return path
+
+
+@pytest.mark.parametrize(
+    ("word", "kind", "place"),
+    [
+        ("0", SourceKind.V4L2, "0"),
+        ("/dev/video12", SourceKind.V4L2, "12"),
+        ("rtsp://192.168.1.2:8554/main", SourceKind.STREAM, "rtsp://192.168.1.2:8554/main"),
+        ("HTTP://host/x.mjpg", SourceKind.STREAM, "HTTP://host/x.mjpg"),
+        ("picamera", SourceKind.PICAMERA, "0"),
+        ("picamera2:1", SourceKind.PICAMERA, "1"),
+        ("gst:videotestsrc", SourceKind.GSTREAMER, "videotestsrc"),
+        ("videotestsrc ! appsink", SourceKind.GSTREAMER, "videotestsrc ! appsink"),
+    ],
+)
+def test_a_word_names_a_source(word, kind, place):
+    assert parse_source(word) == SourceSpec(kind, place)
+
+
+def test_files_are_told_from_folders_and_pictures(tmp_path, video):
+    picture = tmp_path / "a.PNG"
+    picture.write_bytes(b"x")
+    assert parse_source(str(tmp_path)).kind is SourceKind.PICTURES
+    assert parse_source(str(picture)).kind is SourceKind.PICTURES
+    assert parse_source(str(video)).kind is SourceKind.VIDEO
+
+
+def test_a_word_that_names_nothing_is_refused():
+    with pytest.raises(CameraError, match=r"no source 'camera0'.*rtsp"):
+        parse_source("camera0")
+
+
+def test_a_camera_that_is_not_plugged_in_may_come_back():
+    with pytest.raises(SourceLostError, match=r"there is no camera /dev/video97"):
+        open_source(parse_source("97"), SourceOptions())
+
+
+def test_a_stream_that_nobody_serves_may_come_back():
+    with pytest.raises(SourceLostError, match=r"rtsp://127\.0\.0\.1:9/x cannot be opened"):
+        open_source(parse_source("rtsp://127.0.0.1:9/x"), SourceOptions())
+
+
+@pytest.mark.skipif(
+    "GStreamer:                   YES" in cv2.getBuildInformation(), reason="has GStreamer"
+)
+def test_opencv_without_gstreamer_is_named_as_the_cause():
+    with pytest.raises(CameraError, match=r"built without GStreamer.*PyPI"):
+        open_source(parse_source("gst:videotestsrc ! appsink"), SourceOptions())
+
+
+def test_picamera2_that_is_not_installed_is_named_as_the_cause():
+    with pytest.raises(CameraError, match="Picamera2 is not installed"):
+        open_source(parse_source("picamera"), SourceOptions())
+
+
+def test_a_file_that_is_no_video_is_refused(tmp_path):
+    path = tmp_path / "clip.mp4"
+    path.write_bytes(b"no video" * 99)
+    with pytest.raises(CameraError, match=r"clip\.mp4 cannot be read"):
+        open_source(parse_source(str(path)), SourceOptions())
+
+
+def test_a_video_gives_all_its_pictures_in_order_and_then_ends(video):
+    source = CaptureSource(parse_source(str(video)), SourceOptions())
+    levels = []
+    while (shot := source.read()) is not None:
+        assert shot.image.shape == (48, 64, 3)
+        levels.append(float(shot.image.mean()))
+    source.close()
+    assert source.rate_hz == pytest.approx(25.0)
+    assert levels == pytest.approx([20.0 * i for i in range(12)], abs=2.0)
+
+
+def test_a_folder_gives_its_pictures_by_name(tmp_path):
+    for name, level in (("b.png", 200), ("a.png", 100), ("notes.txt", 0)):
+        (tmp_path / name).write_bytes(encode_png(np.full((16, 16, 3), level, np.uint8)))
+    source = PictureSource(str(tmp_path))
+    assert [int(source.read().image[0, 0, 0]) for _ in range(2)] == [100, 200]
+    assert source.read() is None
+
+
+def test_an_empty_folder_and_a_damaged_picture_are_named(tmp_path):
+    with pytest.raises(CameraError, match="no pictures in"):
+        PictureSource(str(tmp_path))
+    (tmp_path / "x.jpg").write_bytes(b"\xff\xd8\xff nothing")
+    with pytest.raises(CameraError, match=r"x\.jpg cannot be used"):
+        PictureSource(str(tmp_path)).read()
+
+
+def test_a_driver_s_stamp_is_believed_only_if_it_can_be_true():
+    now_ns = 1000 * S
+    assert buffer_time_ns(999_980.0, now_ns) == 999_980 * 1_000_000
+    for nonsense_ms in (0.0, -1.0, 1_000_001.0, 990_000.0, 1.7e12):
+        assert buffer_time_ns(nonsense_ms, now_ns) == now_ns
+
+
+def test_a_picture_of_another_size_is_refused_with_both_sizes():
+    shot = Shot(np.zeros((48, 64, 3), np.uint8), 0)
+    check_size(shot, (64, 48), "the camera")
+    check_size(shot, None, "the camera")
+    with pytest.raises(CameraError, match=r"64 x 48 px; expected 640 x 480"):
+        check_size(shot, (640, 480), "the camera")
