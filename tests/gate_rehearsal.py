@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 
@@ -49,6 +50,8 @@ class Vehicle:
     sends_attitude: bool = True
     sends_position: bool = True
     obeys: bool = True
+    follows: float = 1.0
+    """Share of a setpoint that it flies, at once."""
 
 
 @dataclass
@@ -64,6 +67,8 @@ class Rehearsal:
     fall_m_s: float = 0.05
     latency_ns: int = 40 * MS
     changes: dict[str, object] = field(default_factory=dict)
+    follows_goal: bool = True
+    """Perception looks for the goal that was ordered."""
     setpoints: list[tuple[int, BodyVelocity]] = field(default_factory=list)
     requests: list[tuple[int, ModeRequest]] = field(default_factory=list)
     transitions: list[Transition] = field(default_factory=list)
@@ -72,6 +77,9 @@ class Rehearsal:
         self.machine = GateMachine(self.config, self.now_ns)
         self._seq = 0
         self._beat_ns = self.now_ns
+        self.flown = ZERO
+        """Velocity that the vehicle flies, on top of ``vehicle.velocity_m_s``."""
+        self.yaw_rad = 0.0
 
     @property
     def state(self) -> GateState:
@@ -94,8 +102,19 @@ class Rehearsal:
             error_m=self.error_m,
             error_rad=0.1,
             overlap=0.8,
+            goal=self.machine.sight.goal if self.follows_goal else "",
         )
         return Report(self.now_ns, dataclasses.replace(report, **{**self.changes, **changes}))
+
+    def velocity_ned(self) -> tuple[float, float, float]:
+        """What the vehicle says of its own velocity."""
+        north, east, down = self.vehicle.velocity_m_s
+        c, s, f = math.cos(self.yaw_rad), math.sin(self.yaw_rad), self.flown
+        return (
+            north + c * f.forward_m_s - s * f.right_m_s,
+            east + s * f.forward_m_s + c * f.right_m_s,
+            down + f.down_m_s,
+        )
 
     def nominal(self) -> list[Event]:
         """Everything that arrives in one tick of an undisturbed flight."""
@@ -108,9 +127,9 @@ class Rehearsal:
             ParametersRead(now),
         ]
         if v.sends_attitude:
-            events.append(Attitude(now, v.roll_rad, 0.0, 0.0))
+            events.append(Attitude(now, v.roll_rad, 0.0, self.yaw_rad))
         if v.sends_position:
-            events.append(LocalPosition(now, v.position_m, v.velocity_m_s))
+            events.append(LocalPosition(now, v.position_m, self.velocity_ned()))
         if v.sends_heartbeat and now - self._beat_ns >= S:
             self._beat_ns = now
             events.append(self.heartbeat())
@@ -121,6 +140,7 @@ class Rehearsal:
     def tick(self, *extra: Event) -> GateOutput:
         """One undisturbed tick, and what else arrives in it."""
         self.now_ns += TICK_NS
+        self.yaw_rad += self.flown.yaw_rad_s * TICK_NS / S
         if self.state is GateState.SERVO:
             self.error_m = max(self.error_m - self.fall_m_s * TICK_NS / S, 0.0)
         return self.send([*self.nominal(), *extra])
@@ -130,6 +150,7 @@ class Rehearsal:
         output = self.machine.step(self.now_ns, events)
         if output.setpoint is not None:
             self.setpoints.append((self.now_ns, output.setpoint))
+            self.flown = output.setpoint.scaled(self.vehicle.follows)
         if output.mode_request is not None:
             self.requests.append((self.now_ns, output.mode_request))
             if self.vehicle.obeys:

@@ -49,9 +49,10 @@ class GateTiming:
     good_data_ns: int = 1 * S
     hold_ns: int = 3 * S
     reached_ns: int = 1 * S
-    proof_ns: int = 1 * S
+    proof_ns: int = 800 * MS
+    """Time from the vehicle's first motion until the error must have fallen."""
     proof_limit_ns: int = 3 * S
-    """Time at a crawl for an error that neither fell nor rose."""
+    """Time for the vehicle to begin to move as asked."""
     mode_known_ns: int = 1500 * MS
     """A heartbeat older than this says nothing about the mode any more."""
     order_valid_ns: int = 5 * S

@@ -6,6 +6,7 @@ from dataclasses import dataclass
 
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.engagement import Engagement, cap
+from dfvs_core.gate.proof import Proof
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import Fault, VehiclePicture, flight_fault
@@ -78,17 +79,14 @@ def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:
     if reached_ns >= timing.reached_ns:
         return Decision(GateState.DONE, (Cause.GOAL_REACHED, ""))
     proof = engagement.proof
-    waited_ns = 0 if proof is None else moment.now_ns - proof.start_ns
-    if proof is None or waited_ns < timing.proof_ns:
-        return None
-    objection = proof.objection()
-    if objection is not None and proof.is_open() and waited_ns < timing.proof_limit_ns:
+    verdict = Proof.OPEN if proof is None else proof.judge(moment.now_ns, timing)
+    if proof is None or verdict is Proof.OPEN:
         return None
     engagement.proof = None
     engagement.is_proven = True
-    if objection is None:
+    if verdict is Proof.GIVEN:
         return None
-    return Decision(GateState.ABORT, (Cause.ERROR_NOT_FALLING, objection))
+    return Decision(GateState.ABORT, (Cause.ERROR_NOT_FALLING, proof.objection))
 
 
 def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:

@@ -303,5 +303,8 @@ class GateMachine:
 
     def _next_setpoint(self) -> BodyVelocity | None:
         if self.state is GateState.SERVO:
-            return self.stream.move(self.sight.velocity(), self._engagement.proof, self._now)
+            proof = self._engagement.proof
+            if proof is not None:
+                proof.follow(self.stream.last, self.vehicle.own_motion, self._now)
+            return self.stream.move(self.sight.velocity(), self._now, crawls=proof is not None)
         return self.stream.zero(self._now)

@@ -1,72 +1,152 @@
-"""Proof of the first second: moving slowly, the error must fall.
+"""Proof of the first motion: at a crawl, the error must fall as the vehicle moves.
 
 A camera mounted the wrong way round, a flipped axis or a wrong goal make the law push away from
 the goal. So the vehicle first moves at a crawl, and flies on only if the error fell while it
-did. An error that rose for certain ends the flight after a second; one that has hardly changed,
-because the vehicle answers late, gets two more seconds at a crawl. Errors are compared as medians
-of a few reports, since a single one is noisy.
+did. What counts as motion is what the vehicle's own estimate shows in the direction that it was
+asked for: a vehicle answers late, and an error that stays while nothing has moved yet proves
+nothing. From the moment it moves it has less than a second; it has three to begin. Errors are
+compared as medians of a few reports, since a single one is noisy.
 """
 
 from __future__ import annotations
 
+import enum
+import math
 import statistics
 from dataclasses import dataclass, field
 
+from dfvs_core.gate.config import GateTiming, S
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.wire.link import PerceptionReport
 
+BEGUN_M = 0.01
+BEGUN_RAD = 0.02
+"""Motion in the wanted direction that is no jitter of the estimate (0.02 m/s at rest)."""
+
 MIN_PATH_M = 0.03
 MIN_TURN_RAD = 0.05
-"""Commanded motion below which the error need not show a change: the goal is near already."""
+"""Motion below which the error need not show a change."""
 
-_CERTAIN_RISE = 0.08
-"""A larger rise, relative to the first error, is no noise: the motion goes the wrong way."""
+ASKED_M = 0.1
+ASKED_RAD = 0.15
+"""Motion that was asked for and that a vehicle which follows would have begun."""
 
+_LONGEST_STEP_S = 0.1
 _MEDIAN_OF = 5
 _MIN_REPORTS = 4
 
 
+class Proof(enum.Enum):
+    """What the first motion has shown so far."""
+
+    OPEN = "open"
+    GIVEN = "given"
+    FAILED = "failed"
+
+
+@dataclass(frozen=True, slots=True)
+class OwnMotion:
+    """How the vehicle moves by its own estimate: velocity NED in m/s and heading in rad."""
+
+    velocity_m_s: tuple[float, float, float]
+    yaw_rad: float
+
+
 @dataclass(slots=True)
 class MotionProof:
-    """Errors seen and motion commanded since the vehicle began to move."""
+    """Errors seen, motion asked for and motion made since the vehicle was let go.
+
+    Vectors are (forward, right, down) in m, angles in rad.
+    """
 
     start_ns: int
     errors: list[tuple[float, float, float | None]] = field(default_factory=list)
-    path_m: float = 0.0
-    turn_rad: float = 0.0
+    asked_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    asked_rad: float = 0.0
+    moved_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    turned_rad: float = 0.0
+    begun_ns: int | None = None
+    """When the vehicle was first seen to move as asked."""
+    objection: str = ""
+    """Why the proof failed."""
+    _last_ns: int | None = None
+    _last_yaw_rad: float = 0.0
 
     def see(self, report: PerceptionReport) -> None:
         """Take the errors of a good report."""
         self.errors.append((report.error_m, report.error_rad, report.feature_error))
 
-    def move(self, setpoint: BodyVelocity, dt_s: float) -> None:
-        """Count the motion that a setpoint asks for during ``dt_s``."""
-        self.path_m += setpoint.speed_m_s * dt_s
-        self.turn_rad += abs(setpoint.yaw_rad_s) * dt_s
+    def follow(self, setpoint: BodyVelocity, own: OwnMotion, now_ns: int) -> None:
+        """Count what was asked for and what was done since the last call."""
+        if self._last_ns is not None:
+            dt_s = min((now_ns - self._last_ns) / S, _LONGEST_STEP_S)
+            asked = (setpoint.forward_m_s, setpoint.right_m_s, setpoint.down_m_s)
+            self.asked_m = _advance(self.asked_m, asked, dt_s)
+            self.asked_rad += setpoint.yaw_rad_s * dt_s
+            self.moved_m = _advance(self.moved_m, _in_body(own), dt_s)
+            self.turned_rad += math.remainder(own.yaw_rad - self._last_yaw_rad, math.tau)
+        self._last_ns, self._last_yaw_rad = now_ns, own.yaw_rad
+        has_begun = self.followed_m >= BEGUN_M or self.followed_rad >= BEGUN_RAD
+        if self.begun_ns is None and has_begun:
+            self.begun_ns = now_ns
 
-    def objection(self) -> str | None:
-        """Say which error did not fall although the vehicle was told to move."""
-        return self._verdict(rise=0.0)
+    @property
+    def followed_m(self) -> float:
+        """How far the vehicle went in the direction that it was asked for, m."""
+        length = math.hypot(*self.asked_m)
+        dot = sum(a * m for a, m in zip(self.asked_m, self.moved_m, strict=True))
+        return dot / length if length > 0.0 else 0.0
 
-    def is_open(self) -> bool:
-        """Tell whether no error has risen for certain: the vehicle has hardly moved yet."""
-        return len(self.errors) >= _MIN_REPORTS and self._verdict(rise=_CERTAIN_RISE) is None
+    @property
+    def followed_rad(self) -> float:
+        """How far the vehicle turned to the side that it was asked to, rad."""
+        return math.copysign(1.0, self.asked_rad) * self.turned_rad if self.asked_rad else 0.0
 
-    def _verdict(self, rise: float) -> str | None:
-        """Name the error whose change is more than ``rise`` of what it was at first."""
+    def judge(self, now_ns: int, timing: GateTiming) -> Proof:
+        """Tell what is proven; ``objection`` says why where the proof failed."""
+        if self.begun_ns is None:
+            was_asked = math.hypot(*self.asked_m) >= ASKED_M or abs(self.asked_rad) >= ASKED_RAD
+            if not was_asked or now_ns - self.start_ns < timing.proof_limit_ns:
+                return Proof.OPEN
+            self.objection = (
+                f"the vehicle moved {self.followed_m:.2f} m and {self.followed_rad:.2f} rad "
+                f"of {math.hypot(*self.asked_m):.2f} m and {abs(self.asked_rad):.2f} rad"
+            )
+            return Proof.FAILED
+        has_shown = self.followed_m >= MIN_PATH_M or self.followed_rad >= MIN_TURN_RAD
+        if not has_shown or now_ns - self.begun_ns < timing.proof_ns:
+            return Proof.OPEN
+        self.objection = self._not_fallen()
+        return Proof.FAILED if self.objection else Proof.GIVEN
+
+    def _not_fallen(self) -> str:
+        """Name the error that did not fall although the vehicle moved."""
         if len(self.errors) < _MIN_REPORTS:
             return f"only {len(self.errors)} reports to judge by"
-        moved, turned = self.path_m >= MIN_PATH_M, self.turn_rad >= MIN_TURN_RAD
+        moved, turned = self.followed_m >= MIN_PATH_M, self.followed_rad >= MIN_TURN_RAD
         features = [e[2] for e in self.errors if e[2] is not None]
         if len(features) == len(self.errors):
-            return _not_falling("feature error", features, rise) if moved or turned else None
-        if moved and (text := _not_falling("distance", [e[0] for e in self.errors], rise)):
+            return _not_falling("feature error", features)
+        if moved and (text := _not_falling("distance", [e[0] for e in self.errors])):
             return text
-        return _not_falling("angle", [e[1] for e in self.errors], rise) if turned else None
+        return _not_falling("angle", [e[1] for e in self.errors]) if turned else ""
 
 
-def _not_falling(name: str, errors: list[float], rise: float) -> str | None:
+def _advance(
+    vector: tuple[float, float, float], velocity: tuple[float, float, float], dt_s: float
+) -> tuple[float, float, float]:
+    x, y, z = (a + v * dt_s for a, v in zip(vector, velocity, strict=True))
+    return x, y, z
+
+
+def _in_body(own: OwnMotion) -> tuple[float, float, float]:
+    """Velocity forward, right and down in the level body frame."""
+    north, east, down = own.velocity_m_s
+    c, s = math.cos(own.yaw_rad), math.sin(own.yaw_rad)
+    return c * north + s * east, c * east - s * north, down
+
+
+def _not_falling(name: str, errors: list[float]) -> str:
     count = min(_MEDIAN_OF, len(errors) // 2)
     first, last = statistics.median(errors[:count]), statistics.median(errors[-count:])
-    falls = last < first * (1.0 + rise)
-    return None if falls else f"{name} went from {first:.4f} to {last:.4f}"
+    return "" if last < first else f"{name} went from {first:.4f} to {last:.4f}"

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.limits import ZERO, BodyVelocity, saturate, slew
-from dfvs_core.gate.proof import MotionProof
 
 
 class SetpointStream:
@@ -33,21 +32,16 @@ class SetpointStream:
             return None
         return self._send(ZERO, now_ns)
 
-    def move(
-        self, wanted: BodyVelocity, proof: MotionProof | None, now_ns: int
-    ) -> BodyVelocity | None:
-        """Next setpoint towards the wanted velocity, if one is due; at a crawl while proving."""
+    def move(self, wanted: BodyVelocity, now_ns: int, *, crawls: bool) -> BodyVelocity | None:
+        """Next setpoint towards the wanted velocity, if one is due."""
         gap_ns = self._gap_ns(now_ns)
         if self.is_silent or gap_ns < self._least_gap_ns:
             return None
         limits = self._config.velocity
-        if proof is not None:
+        if crawls:
             limits = limits.capped(self._config.proof_speed_m_s)
         dt_s = min(gap_ns, self._config.timing.slew_step_ns) / S
-        setpoint = slew(self.last, saturate(wanted, limits), dt_s, limits)
-        if proof is not None:
-            proof.move(setpoint, dt_s)
-        return self._send(setpoint, now_ns)
+        return self._send(slew(self.last, saturate(wanted, limits), dt_s, limits), now_ns)
 
     @property
     def _least_gap_ns(self) -> int:

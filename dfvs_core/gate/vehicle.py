@@ -18,6 +18,7 @@ from dfvs_core.gate.events import (
     VehicleEvent,
     VehicleMode,
 )
+from dfvs_core.gate.proof import OwnMotion
 from dfvs_core.gate.states import Cause
 
 Fault = tuple[Cause, str]
@@ -77,6 +78,11 @@ class VehiclePicture:
         speed = max(math.hypot(*old.velocity_m_s), math.hypot(*new.velocity_m_s))
         jump = math.dist(old.position_m, new.position_m) - speed * dt_s
         self.jump_m = max(self.jump_m, jump) if math.isfinite(jump) else math.inf
+
+    @property
+    def own_motion(self) -> OwnMotion:
+        """Velocity and heading by the vehicle's own estimate."""
+        return OwnMotion(self.position.velocity_m_s, self.attitude.yaw_rad)
 
     @property
     def is_offboard(self) -> bool:

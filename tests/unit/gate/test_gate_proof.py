@@ -1,22 +1,48 @@
 import dataclasses
+import math
 
 import pytest
 from gate_rehearsal import Rehearsal
 
+from dfvs_core.gate.config import MS, GateTiming, S
 from dfvs_core.gate.limits import BodyVelocity
-from dfvs_core.gate.proof import MotionProof
+from dfvs_core.gate.proof import MotionProof, OwnMotion, Proof
+
+TIMING = GateTiming()
+STEP_NS = 20 * MS
 
 
-def proof(path_m, turn_rad, errors):
-    """Proof after a second of motion, with (distance, angle, feature error) triples."""
-    out = MotionProof(0)
-    out.move(BodyVelocity(path_m, 0.0, 0.0, turn_rad), 1.0)
-    report = Rehearsal().report().report
-    for error_m, error_rad, feature in errors:
-        out.see(
-            dataclasses.replace(report, error_m=error_m, error_rad=error_rad, feature_error=feature)
-        )
-    return out.objection()
+class Rehearsed:
+    """A proof that is followed at 50 Hz by a vehicle at a heading."""
+
+    def __init__(self, yaw_rad=0.0):
+        self.proof = MotionProof(0)
+        self.now_ns = 0
+        self.yaw_rad = yaw_rad
+
+    def run(self, seconds, asked=(0.1, 0.0, 0.0, 0.0), share=1.0):
+        """Ask for a velocity; the vehicle flies a share of it."""
+        for _ in range(round(seconds * S / STEP_NS)):
+            f, r, d, w = (share * v for v in asked)
+            c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+            own = OwnMotion((c * f - s * r, s * f + c * r, d), self.yaw_rad)
+            self.proof.follow(BodyVelocity(*asked), own, self.now_ns)
+            self.now_ns += STEP_NS
+            self.yaw_rad += w * STEP_NS / S
+        return self
+
+    def see(self, errors):
+        report = Rehearsal().report().report
+        for error_m, error_rad, feature in errors:
+            self.proof.see(
+                dataclasses.replace(
+                    report, error_m=error_m, error_rad=error_rad, feature_error=feature
+                )
+            )
+        return self
+
+    def judge(self):
+        return self.proof.judge(self.now_ns, TIMING)
 
 
 def falling(a, b, n=10):
@@ -28,47 +54,112 @@ def triples(distance=(1.0, 1.0), angle=(0.3, 0.3), feature=None):
     return list(zip(falling(*distance), falling(*angle), features, strict=True))
 
 
+STRAIGHT = (0.1, 0.0, 0.0, 0.0)
+TURN = (0.0, 0.0, 0.0, -0.2)
+BOTH = (0.1, 0.0, 0.0, 0.2)
+
+
 @pytest.mark.parametrize(
-    ("path_m", "turn_rad", "errors", "objects_to"),
+    ("asked", "errors", "objects_to"),
     [
-        (0.08, 0.0, triples(distance=(1.0, 0.95)), None),
-        (0.08, 0.0, triples(distance=(1.0, 1.05)), "distance"),
-        (0.08, 0.0, triples(), "distance"),
-        (0.08, 0.2, triples(distance=(1.0, 0.95)), "angle"),
-        (0.0, 0.2, triples(angle=(0.3, 0.2)), None),
-        (0.0, 0.2, triples(angle=(0.3, 0.4)), "angle"),
-        (0.0, 0.0, triples(distance=(1.0, 1.5), angle=(0.3, 0.5)), None),
-        (0.08, 0.2, triples(feature=(0.3, 0.2)), None),
-        (0.08, 0.0, triples(distance=(1.0, 0.9), feature=(0.3, 0.31)), "feature"),
-        (0.0, 0.2, triples(feature=(0.3, 0.31)), "feature"),
-        (0.0, 0.0, triples(feature=(0.3, 0.31)), None),
+        (STRAIGHT, triples(distance=(1.0, 0.95)), None),
+        (STRAIGHT, triples(distance=(1.0, 1.05)), "distance"),
+        (STRAIGHT, triples(), "distance"),
+        (BOTH, triples(distance=(1.0, 0.95)), "angle"),
+        (TURN, triples(angle=(0.3, 0.2)), None),
+        (TURN, triples(angle=(0.3, 0.4)), "angle"),
+        (BOTH, triples(feature=(0.3, 0.2)), None),
+        (STRAIGHT, triples(distance=(1.0, 0.9), feature=(0.3, 0.31)), "feature"),
+        (TURN, triples(feature=(0.3, 0.31)), "feature"),
     ],
 )
-def test_errors_must_fall_in_what_was_moved(path_m, turn_rad, errors, objects_to):
-    objection = proof(path_m, turn_rad, errors)
-    assert objection is None if objects_to is None else objects_to in objection
+def test_errors_must_fall_in_what_was_moved(asked, errors, objects_to):
+    rehearsed = Rehearsed().run(1.2, asked).see(errors)
+    assert rehearsed.judge() is (Proof.GIVEN if objects_to is None else Proof.FAILED)
+    assert (objects_to or "") in rehearsed.proof.objection
+    assert bool(rehearsed.proof.objection) is (objects_to is not None)
 
 
-def test_motion_is_speed_times_time():
-    out = MotionProof(0)
-    for _ in range(50):
-        out.move(BodyVelocity(0.06, 0.0, -0.08, -0.2), 0.02)
-    assert out.path_m == pytest.approx(0.1)
-    assert out.turn_rad == pytest.approx(0.2)
+@pytest.mark.parametrize("yaw_rad", [0.0, 2.0, 3.1, -1.5])
+def test_motion_counts_in_the_direction_that_was_asked_for(yaw_rad):
+    rehearsed = Rehearsed(yaw_rad).run(1.02, (0.06, 0.0, -0.08, 0.3), share=0.5)
+    # The vehicle turns meanwhile, but the law asks anew in its body frame at every step.
+    assert rehearsed.proof.followed_m == pytest.approx(0.05, rel=1e-6)
+    assert rehearsed.proof.followed_rad == pytest.approx(0.15, rel=1e-6)
+
+
+@pytest.mark.parametrize("asked", [STRAIGHT, TURN])
+def test_motion_the_other_way_is_no_beginning(asked):
+    rehearsed = Rehearsed().run(2.9, asked, share=-1.0).see(triples(distance=(1.0, 0.5)))
+    assert rehearsed.judge() is Proof.OPEN
+    assert rehearsed.run(0.2, asked, share=-1.0).judge() is Proof.FAILED
+    assert " -0." in rehearsed.proof.objection
+
+
+def test_a_pause_counts_for_a_tenth_of_a_second_at_most():
+    proof = MotionProof(0)
+    for now_ns in (0, 5 * S):
+        proof.follow(BodyVelocity(0.1), OwnMotion((0.1, 0.0, 0.0), 0.0), now_ns)
+    assert proof.followed_m == pytest.approx(0.01)
+
+
+def test_the_error_has_its_time_from_the_first_motion_on():
+    rehearsed = Rehearsed().run(2.0, share=0.0).see(triples())
+    assert rehearsed.proof.begun_ns is None
+    rehearsed.run(0.14)
+    begun_ns = rehearsed.proof.begun_ns
+    # A centimetre at 0.1 m/s, the step between the two runs included.
+    assert begun_ns == 2080 * MS
+    rehearsed.now_ns = begun_ns
+    assert rehearsed.run(0.8).judge() is Proof.FAILED
+    rehearsed.now_ns -= 1
+    assert rehearsed.judge() is Proof.OPEN
+
+
+def test_a_step_of_centimetres_shows_nothing_yet():
+    rehearsed = Rehearsed().run(2.0, (0.01, 0.0, 0.0, 0.0)).see(triples())
+    assert rehearsed.proof.begun_ns is not None
+    assert rehearsed.judge() is Proof.OPEN
+    assert rehearsed.run(1.2, (0.01, 0.0, 0.0, 0.0)).judge() is Proof.FAILED
+
+
+def test_who_is_asked_for_nothing_need_not_begin():
+    rehearsed = Rehearsed().run(10.0, (0.009, 0.0, 0.0, 0.014), share=0.0)
+    assert rehearsed.judge() is Proof.OPEN
+    for asked in ((0.011, 0.0, 0.0, 0.0), (0.0, 0.0, 0.0, 0.016)):
+        assert Rehearsed().run(10.0, asked, share=0.0).judge() is Proof.FAILED
+
+
+def test_asking_to_and_fro_is_asking_for_nothing():
+    rehearsed = Rehearsed()
+    for _ in range(30):
+        rehearsed.run(0.1, share=0.0).run(0.1, (-0.1, 0.0, 0.0, 0.0), share=0.0)
+    assert rehearsed.judge() is Proof.OPEN
+
+
+def test_a_turn_across_south_is_a_small_one():
+    rehearsed = Rehearsed(yaw_rad=3.1).run(0.52, (0.0, 0.0, 0.0, 0.2))
+    assert rehearsed.proof.followed_rad == pytest.approx(0.1)
+    proof = MotionProof(0)
+    for i, yaw in enumerate((3.1, -3.1)):
+        proof.follow(BodyVelocity(0, 0, 0, 0.1), OwnMotion((0, 0, 0), yaw), i * STEP_NS)
+    assert proof.turned_rad == pytest.approx(math.tau - 6.2)
 
 
 def test_a_single_wild_report_decides_nothing():
     errors = triples(distance=(1.0, 0.95))
     errors[0] = (0.1, 0.3, None)
     errors[-1] = (9.0, 0.3, None)
-    assert proof(0.08, 0.0, errors) is None
+    assert Rehearsed().run(1.2).see(errors).judge() is Proof.GIVEN
 
 
 def test_too_few_reports_prove_nothing():
-    assert proof(0.08, 0.0, triples(distance=(1.0, 0.5))[:3]) == "only 3 reports to judge by"
+    rehearsed = Rehearsed().run(1.2).see(triples(distance=(1.0, 0.5))[:3])
+    assert rehearsed.judge() is Proof.FAILED
+    assert rehearsed.proof.objection == "only 3 reports to judge by"
 
 
 def test_a_feature_error_counts_only_if_every_report_has_it():
     errors = triples(distance=(1.0, 0.95), feature=(0.3, 0.31))
     errors[3] = (errors[3][0], errors[3][1], None)
-    assert proof(0.08, 0.0, errors) is None
+    assert Rehearsed().run(1.2).see(errors).judge() is Proof.GIVEN
