@@ -38,13 +38,14 @@ class Invariants:
     taken_over: bool = False
     newest_healthy_ns: int = -1
     hold_requests: int = 0
+    goal: str = ""
     seen: set[GateState] = field(default_factory=set)
 
     def watch(
         self, now_ns: int, events: Sequence[Event], output: GateOutput, state: GateState
     ) -> None:
         now_ns = max(now_ns, self.stepped_ns)
-        self._hear(now_ns, events)
+        self._hear(now_ns, events, refused=bool(output.refusal))
         self._check_log(now_ns, output, state)
         self._check_takeover(output)
         self._check_requests(output, state)
@@ -52,16 +53,21 @@ class Invariants:
         self._check_rhythm(now_ns, output, state)
         self._remember(now_ns, output, state)
 
-    def _hear(self, now_ns: int, events: Sequence[Event]) -> None:
+    def _hear(self, now_ns: int, events: Sequence[Event], *, refused: bool) -> None:
         for event in events:
             if isinstance(event, Heartbeat):
                 self._hear_heartbeat(event)
-            elif isinstance(event, Report) and event.report.healthy:
+            elif isinstance(event, Report) and self._may_fly_by(event):
                 self.newest_healthy_ns = max(
                     self.newest_healthy_ns, min(event.report.t_capture_ns, now_ns + 5 * MS)
                 )
             elif isinstance(event, Order) and event.action is Action.ENGAGE:
                 self.taken_over = False
+            elif isinstance(event, Order) and event.action is Action.GOAL and not refused:
+                self.goal, self.newest_healthy_ns = event.argument, -1
+
+    def _may_fly_by(self, event: Report) -> bool:
+        return event.report.healthy and event.report.goal == self.goal
 
     def _hear_heartbeat(self, event: Heartbeat) -> None:
         self.mode = event.mode
@@ -141,6 +147,8 @@ class Invariants:
                 self.awaits_hold = False
             if change.target is GateState.PREFLIGHT:
                 self.awaits_hold = False
+            if change.source is GateState.DONE and change.target is GateState.HOLD:
+                self.engaged_ns = now_ns  # an operator's order begins a new engagement
         if output.mode_request is ModeRequest.HOLD and state is GateState.DONE:
             self.awaits_hold = True
         if output.setpoint is not None:

@@ -9,17 +9,18 @@ from dataclasses import dataclass
 from dfvs_core.errors import WireError
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
-from dfvs_core.wire.command import command_mac, decode_command
+from dfvs_core.wire.command import SignedCommand, command_mac, decode_command
 
 ROTATION_NS = 10 * S
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What became of a command: the action if it is authentic, and one line for the log."""
+    """What became of a command: what it orders if it is authentic, and one line for the log."""
 
     action: Action | None
     text: str
+    argument: str = ""
 
 
 class Authority:
@@ -65,11 +66,16 @@ class Authority:
             return Verdict(None, f"rejected: command for another vehicle, {command.vehicle!r}")
         if command.challenge not in (self._current, self._previous):
             return Verdict(None, "rejected: its challenge was used or is too old")
-        mac = command_mac(self._key, command.vehicle, command.action, command.challenge)
-        if not hmac.compare_digest(mac.encode(), command.mac.encode(errors="replace")):
+        if not self._is_signed(self._key, command):
             return Verdict(None, "rejected: wrong signature")
         self._use_up(command.challenge, now_ns)
-        return Verdict(command.action, f"accepted: {command.action}")
+        return Verdict(command.action, f"accepted: {command.action}", command.argument)
+
+    @staticmethod
+    def _is_signed(key: bytes, command: SignedCommand) -> bool:
+        challenge, argument = command.challenge, command.argument
+        mac = command_mac(key, command.vehicle, command.action, challenge, argument)
+        return hmac.compare_digest(mac.encode(), command.mac.encode(errors="replace"))
 
     def _rotate(self, now_ns: int) -> None:
         passed = (now_ns - self._drawn_ns) // ROTATION_NS

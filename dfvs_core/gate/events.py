@@ -31,6 +31,8 @@ class Action(enum.StrEnum):
     ENGAGE = "engage"
     HOLD = "hold"
     ABORT = "abort"
+    GOAL = "goal"
+    """Fly to another goal from now on."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -127,10 +129,11 @@ class BadReport:
 
 @dataclass(frozen=True, slots=True)
 class Order:
-    """An operator's command, found authentic."""
+    """An operator's command, found authentic; ``argument`` is the digest of a new goal."""
 
     t_ns: int
     action: Action
+    argument: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -164,8 +167,12 @@ class ModeRequest(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class GateOutput:
-    """What the gate wants sent and logged after one step."""
+    """What the gate wants sent and logged after one step.
+
+    ``refusal`` says why an authentic order was not obeyed, where there was one.
+    """
 
     setpoint: BodyVelocity | None = None
     mode_request: ModeRequest | None = None
     transitions: tuple[Transition, ...] = ()
+    refusal: str = ""

@@ -74,6 +74,7 @@ class GateMachine:
         self._hold_asked = False
         self._transitions: list[Transition] = []
         self._request: ModeRequest | None = None
+        self._refusal = ""
 
     @property
     def is_finished(self) -> bool:
@@ -109,12 +110,14 @@ class GateMachine:
         pause, self._now = t_ns - self._now, max(self._now, t_ns)
         self._transitions = []
         self._request = None
+        self._refusal = ""
         if pause > self.config.timing.stall_ns:
             self._blind((Cause.GATE_STALLED, f"for {pause / MS:.0f} ms"))
         for event in events:
             self._take(event)
         self._judge()
-        return GateOutput(self._next_setpoint(), self._request, tuple(self._transitions))
+        setpoint, changes = self._next_setpoint(), tuple(self._transitions)
+        return GateOutput(setpoint, self._request, changes, self._refusal)
 
     # --- events ---------------------------------------------------------------------------
 
@@ -130,7 +133,7 @@ class GateMachine:
             case BadReport():
                 self._blind((Cause.REPORT_REJECTED, event.detail))
             case Order():
-                self._take_order(event.action)
+                self._take_order(event)
             case Stop():
                 cause = Cause.UNSUPERVISED if event.unsupervised else Cause.STOPPED
                 self._abort((cause, event.detail))
@@ -154,16 +157,18 @@ class GateMachine:
 
     def _take_report(self, event: Report) -> None:
         fault = self.sight.take(event.report, event.t_ns)
-        if event.report.lost and self.state in FLYING:
+        if self.sight.lost and self.state in FLYING:
             self._abort((Cause.GOAL_LOST, event.report.reason))
         elif fault is not None:
             self._hold_servo(fault)
         elif self.state is GateState.SERVO and self._engagement.proof is not None:
             self._engagement.proof.see(event.report)
 
-    def _take_order(self, action: Action) -> None:
-        engagement = self._engagement
-        if action is Action.ABORT:
+    def _take_order(self, order: Order) -> None:
+        engagement, action = self._engagement, order.action
+        if action is Action.GOAL:
+            self._take_goal(order.argument)
+        elif action is Action.ABORT:
             self._abort((Cause.OPERATOR_ABORT, ""))
         elif action is Action.HOLD:
             self._ordered_ns = None
@@ -177,6 +182,25 @@ class GateMachine:
         elif self.state in FLYING and engagement.is_held:
             engagement.is_held = False
             self._since = self._now
+
+    def _take_goal(self, goal: str) -> None:
+        """Look for another goal, where nothing moves: checks, overlap and proof begin anew."""
+        hands_over = self._engagement.hold_requested and not self._engagement.handed_over
+        is_done = self.state is GateState.DONE
+        if self.state in (GateState.ENGAGE, GateState.SERVO) or (is_done and hands_over):
+            self._refusal = f"rejected: the goal cannot change in {self.state}, order hold first"
+            return
+        cause = (Cause.OPERATOR_GOAL, goal[:12])
+        self.sight.look_for(goal, cause)
+        if self.state is GateState.READY:
+            self._go(GateState.PREFLIGHT, cause)
+        elif self.state is GateState.HOLD:
+            self._engagement.is_proven = False
+            self._since = self._now
+        elif is_done and not self.stream.is_silent:
+            self._engagement = begin(self.vehicle, self._now)
+            self.has_reached = False
+            self._go(GateState.HOLD, cause)
 
     def _blind(self, fault: Fault) -> None:
         """Forget what perception said last, and stop."""

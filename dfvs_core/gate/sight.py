@@ -16,6 +16,9 @@ MAX_BELIEVED_YAW_RAD_S = 10.0
 """A servo law that asks for more is broken; what is merely too fast gets scaled down."""
 
 
+_OTHER_GOAL: Fault = (Cause.REPORT_REJECTED, "it is about another goal")
+
+
 def report_fault(report: PerceptionReport, t_ns: int, timing: GateTiming) -> Fault | None:
     """Name the first thing that forbids to fly by a report that arrived at ``t_ns``."""
     if nonsense := _nonsense(report):
@@ -59,11 +62,21 @@ class Sight:
     """Why nothing may be flown by, where ``good`` is None."""
     overlap: float = 0.0
     lost: bool = False
+    goal: str = ""
+    """Digest of the goal that the operator ordered, empty for the one at the start."""
+
+    def look_for(self, goal: str, fault: Fault) -> None:
+        """Believe reports about another goal alone from now on."""
+        self.goal = goal
+        self.overlap = 0.0
+        self.lost = False
+        self.spoil(fault)
 
     def take(self, report: PerceptionReport, t_ns: int) -> Fault | None:
         """Judge a report; a fault ends the good time, a repeated capture refreshes nothing."""
-        fault = report_fault(report, t_ns, self.timing)
-        self.lost = report.lost
+        about_ours = report.goal == self.goal
+        fault = report_fault(report, t_ns, self.timing) if about_ours else _OTHER_GOAL
+        self.lost = report.lost and about_ours
         if fault is not None:
             self.spoil(fault)
             return fault

@@ -47,11 +47,12 @@ TRANSITIONS: dict[GateState, frozenset[GateState]] = {
     _S.ENGAGE: frozenset({_S.SERVO, _S.HOLD, _S.ABORT, _S.RELEASED}),
     _S.SERVO: frozenset({_S.HOLD, _S.DONE, _S.ABORT, _S.RELEASED}),
     _S.HOLD: frozenset({_S.SERVO, _S.ABORT, _S.RELEASED}),
-    _S.DONE: frozenset({_S.PREFLIGHT, _S.ABORT, _S.RELEASED}),
+    _S.DONE: frozenset({_S.PREFLIGHT, _S.HOLD, _S.ABORT, _S.RELEASED}),
     _S.ABORT: frozenset({_S.PREFLIGHT}),
     _S.RELEASED: frozenset({_S.PREFLIGHT}),
 }
-"""What may follow what. Back to PREFLIGHT from the last three only by the operator's order."""
+"""What may follow what. From the last three only an operator's order leads on: back to PREFLIGHT,
+or from DONE to HOLD with another goal."""
 
 
 class Cause(enum.StrEnum):
@@ -91,6 +92,7 @@ class Cause(enum.StrEnum):
     OPERATOR_HOLD = "operator ordered to hold"
     OPERATOR_ABORT = "operator ordered to abort"
     OPERATOR_AGAIN = "operator engages again"
+    OPERATOR_GOAL = "operator changed the goal"
     STOPPED = "service stops"
     UNSUPERVISED = "parent process silent"
 

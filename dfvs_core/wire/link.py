@@ -30,7 +30,8 @@ class PerceptionReport:
     of the current view that shows the goal, 0 to 1. ``feature_error`` is the distance
     over the scene's depth plus the angle, free of what is believed about depth: the gate proves by
     it that the first motion goes the right way (by ``error_m`` and ``error_rad`` where
-    it is None). Before the first frame ``t_capture_ns`` is 0.
+    it is None). Before the first frame ``t_capture_ns`` is 0. ``goal`` is the digest of the goal
+    that an operator ordered, empty while it is the one of the start.
     """
 
     seq: int
@@ -44,6 +45,7 @@ class PerceptionReport:
     error_rad: float
     overlap: float
     feature_error: float | None = None
+    goal: str = ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,7 +81,8 @@ class GateStatus:
     sent: forward, right, down in m/s and yaw rate in rad/s; ``distance_m`` says how far the
     vehicle is from where it was engaged. A signed command must carry ``challenge``;
     ``command_result`` says what became of the last one,
-    ``command_count`` how many came. ``warnings`` are for the operator.
+    ``command_count`` how many came. ``warnings`` are for the operator. ``goal`` is the digest of
+    the goal that an operator ordered, empty while it is the one of the start.
     """
 
     state: str
@@ -98,6 +101,7 @@ class GateStatus:
     command_result: str = ""
     command_count: int = 0
     warnings: tuple[str, ...] = ()
+    goal: str = ""
     since_ns: int = 0
 
 

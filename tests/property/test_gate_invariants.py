@@ -58,6 +58,7 @@ def reports(draw, t_ns):
         error_rad=draw(number),
         overlap=draw(number),
         feature_error=draw(st.none() | number),
+        goal=draw(st.sampled_from(["", "ab" * 32])),
     )
 
 
@@ -75,7 +76,7 @@ def wild_events(now_ns):
         st.builds(EstimatorState, t_ns, flag),
         st.builds(ParametersRead, t_ns),
         st.builds(BadReport, t_ns, st.just("garbage")),
-        st.builds(Order, t_ns, st.sampled_from(Action)),
+        st.builds(Order, t_ns, st.sampled_from(Action), st.sampled_from(["", "ab" * 32])),
         st.builds(Stop, t_ns, st.just(""), flag),
         st.builds(Report, t_ns, reports(now_ns)),
     )
@@ -126,6 +127,7 @@ def fly_again(gate):
     """Mend everything, bring the vehicle to Hold, and let a new engagement begin."""
     gate.vehicle = type(gate.vehicle)()
     gate.sees, gate.changes, gate.asked = True, {}, (0.3, 0.1, 0.0, 0.1)
+    gate.follows_goal = True
     gate.latency_ns, gate.error_m = 40 * MS, 2.0
     gate.run(3.0)
     gate.tick(Order(gate.now_ns, Action.ENGAGE))
@@ -137,7 +139,7 @@ def mend(gate, rng):
     old = gate.vehicle
     gate.vehicle = dataclasses.replace(type(old)(), mode=old.mode, position_m=old.position_m)
     gate.sees, gate.changes = True, {"reached": bool(rng.random() < 0.2)}
-    gate.latency_ns = 40 * MS
+    gate.latency_ns, gate.follows_goal = 40 * MS, True
 
 
 def change_vehicle(gate, rng):
@@ -163,6 +165,7 @@ def change_sight(gate, rng):
         ("asked", tuple(rng.choice([0.0, 0.3, -5.0, math.nan, math.inf, 1e300], 4))),
         ("asked", tuple(rng.normal(0.0, 0.4, 4))),
         ("changes", {"healthy": False}),
+        ("follows_goal", False),
     ]
     name, value = pick(rng, changes)
     setattr(gate, name, value)
@@ -173,7 +176,9 @@ def leap(gate, rng):
 
 
 def order(gate, rng):
-    gate.tick(Order(gate.now_ns, pick(rng, list(Action))))
+    action = pick(rng, list(Action))
+    argument = pick(rng, ["ab" * 32, "cd" * 32]) if action is Action.GOAL else ""
+    gate.tick(Order(gate.now_ns, action, argument))
 
 
 def disturb(gate, rng):

@@ -74,7 +74,13 @@ class Post:
         self.command_count += 1
         self.command_result = verdict.text[:_MAX_TEXT]
         self._note("command", self.command_result)
-        return None if verdict.action is None else Order(now_ns, verdict.action)
+        action = verdict.action
+        return None if action is None else Order(now_ns, action, verdict.argument)
+
+    def answer(self, text: str) -> None:
+        """Say what became of the last command, after the state machine heard of it."""
+        self.command_result = text[:_MAX_TEXT]
+        self._note("command", self.command_result)
 
     def send(self, status: GateStatus, beat: Beat) -> None:
         """Tell perception how the vehicle moves, and the parent that the loop turns."""

@@ -156,6 +156,8 @@ class GateProcess:
         if output.mode_request is not None:
             link.request_mode(output.mode_request)
             self._journal.add(now_ns, "mode_request", mode=str(output.mode_request))
+        if output.refusal:
+            self._post.answer(output.refusal)
         for change in output.transitions:
             self._journal.add(
                 change.t_ns,

@@ -60,5 +60,6 @@ def gate_status(
         command_result=command[0],
         command_count=command[1],
         warnings=tuple(line[:200] for line in warnings[:_MAX_WARNINGS]),
+        goal=machine.sight.goal,
         since_ns=machine.since_ns,
     )

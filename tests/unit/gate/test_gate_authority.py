@@ -14,6 +14,7 @@ from dfvs_core.gate.events import Action
 from dfvs_core.wire.command import MAX_COMMAND_BYTES, decode_command, encode_command
 
 KEY, OTHER_KEY = b"k" * 32, b"K" * 32
+DIGEST = "0123456789abcdef" * 4
 START_NS = 5_000_000_000
 
 
@@ -23,7 +24,8 @@ def authority(key=KEY):
 
 
 def order(challenge, action=Action.ENGAGE, vehicle="drone1", key=KEY):
-    return encode_command(key, vehicle, action, challenge)
+    argument = DIGEST if action is Action.GOAL else ""
+    return encode_command(key, vehicle, action, challenge, argument)
 
 
 @pytest.mark.parametrize("action", list(Action))
@@ -32,6 +34,7 @@ def test_an_authentic_order_is_accepted(action):
     verdict = gate.judge(order(gate.challenge(START_NS), action), START_NS)
     assert verdict.action is action
     assert verdict.text == f"accepted: {action}"
+    assert verdict.argument == (DIGEST if action is Action.GOAL else "")
 
 
 def test_an_order_counts_once():
@@ -119,6 +122,14 @@ def test_a_changed_order_is_rejected_and_uses_nothing_up(field, value):
     assert gate.judge(data, START_NS).action is Action.ENGAGE
 
 
+def test_a_signed_order_for_one_goal_is_none_for_another():
+    gate = authority()
+    data = order(gate.challenge(START_NS), Action.GOAL)
+    changed = json.dumps({**json.loads(data), "argument": DIGEST[::-1]}).encode()
+    assert gate.judge(changed, START_NS).text == "rejected: wrong signature"
+    assert gate.judge(data, START_NS).argument == DIGEST
+
+
 def test_without_a_key_nothing_is_accepted_and_no_challenge_is_shown():
     gate = authority(key=None)
     assert gate.challenge(START_NS) == ""
@@ -138,9 +149,12 @@ def test_garbage_is_rejected(data):
         b'{"vehicle": "drone1"}',
         b"[" * 1000,
         b" " * (MAX_COMMAND_BYTES + 1),
-        json.dumps({**json.loads(order("c")), "format": "dfvs-command/2"}).encode(),
+        json.dumps({**json.loads(order("c")), "format": "dfvs-command/1"}).encode(),
         json.dumps({**json.loads(order("c")), "action": "arm"}).encode(),
         json.dumps({**json.loads(order("c")), "extra": 1}).encode(),
+        json.dumps({**json.loads(order("c")), "argument": DIGEST}).encode(),
+        json.dumps({**json.loads(order("c")), "action": "goal"}).encode(),
+        json.dumps({**json.loads(order("c", Action.GOAL)), "argument": DIGEST.upper()}).encode(),
     ],
 )
 def test_what_does_not_follow_the_format_is_an_error(data):

@@ -292,4 +292,6 @@ def test_zero_setpoints_keep_their_rhythm():
 
 def test_the_table_of_transitions_never_leads_into_motion_from_an_end():
     for end in (GateState.DONE, GateState.ABORT, GateState.RELEASED):
-        assert not TRANSITIONS[end] & {GateState.ENGAGE, GateState.SERVO, GateState.HOLD}
+        assert not TRANSITIONS[end] & {GateState.ENGAGE, GateState.SERVO}
+    for end in (GateState.ABORT, GateState.RELEASED):
+        assert GateState.HOLD not in TRANSITIONS[end]

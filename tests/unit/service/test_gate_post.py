@@ -62,6 +62,18 @@ def test_only_an_authentic_command_becomes_an_order(post, tmp_path):
     assert post.command_result == "accepted: hold"
 
 
+def test_an_order_for_a_goal_says_which(post, tmp_path):
+    data = encode_command(KEY, "drone1", Action.GOAL, "c", "ab" * 32).decode()
+    send(tmp_path, to_datagram(ForwardedCommand(data)))
+    assert collected(post) == [Order(42, Action.GOAL, "ab" * 32)]
+
+
+def test_an_order_that_the_state_forbids_is_answered_so(post):
+    post.answer("rejected: not now" + "!" * 300)
+    assert post.command_result.startswith("rejected: not now!")
+    assert len(post.command_result) == 200
+
+
 def test_sending_never_waits_for_a_reader_that_is_not_there_or_does_not_read(post, tmp_path):
     post.send(STATUS, BEAT)
     with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as deaf:
