@@ -10,15 +10,17 @@ from __future__ import annotations
 import hashlib
 import json
 import re
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
-from typing import Literal
+from typing import Literal, TypeVar
 
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.schema import dump, parse, setting
 
 BUNDLE_FORMAT = "dfvs-bundle/1"
 MANIFEST_NAME = "manifest.json"
+
+T = TypeVar("T")
 
 _FILE_NAME = re.compile(r"[A-Za-z0-9][A-Za-z0-9._-]{0,127}")
 _SHA256 = re.compile(r"[0-9a-f]{64}")
@@ -144,6 +146,26 @@ class Manifest:
             )
         if self.kind == "pair":
             self._check_pair()
+
+    def match_feeds(self, first: Sequence[T], second: Sequence[T]) -> dict[str, T]:
+        """Name what goes into the graph ``match``: outputs of ``encode`` of both pictures.
+
+        An input of ``match`` has the name of an output of ``encode`` after ``first_`` (the
+        picture that the flow starts from) or ``second_``.
+
+        Raises
+        ------
+        ModelError
+            If an input has another name.
+        """
+        made: dict[str, T] = {}
+        for side, features in (("first_", first), ("second_", second)):
+            names = self.graphs["encode"].outputs
+            made |= {side + name: x for name, x in zip(names, features, strict=True)}
+        wanted = self.graphs["match"].inputs
+        if unknown := sorted(set(wanted) - set(made)):
+            raise ModelError(f"graph 'match' takes {unknown}", f"some of {sorted(made)}")
+        return {name: made[name] for name in wanted}
 
     def _check_pair(self) -> None:
         graph, flow = self.graphs["pair"], self.flow

@@ -100,6 +100,9 @@ def _add_train_flow(networks: argparse._SubParsersAction[argparse.ArgumentParser
     flow.add_argument("--makers", type=int, default=1, help="processes that make pairs")
     flow.add_argument("--pairs", type=Path, help="folder of shards (default: OUT/pairs)")
     flow.add_argument("--keep-shards", type=int, default=120)
+    flow.add_argument(
+        "--keep-norms", action="store_true", help="keep the statistics of batch normalisation"
+    )
     flow.add_argument("--precision", choices=("bf16", "fp32"), default="bf16")
     flow.add_argument("--device", default="cpu", help="cpu, cuda, ...")
     flow.add_argument("--threads", type=int, default=2)
@@ -127,6 +130,7 @@ def _run_train_flow(arguments: argparse.Namespace) -> int:
         pairs=arguments.pairs,
         keep_shards=arguments.keep_shards,
         validation=arguments.validation,
+        keep_norms=arguments.keep_norms,
         checkpoint_minutes=arguments.checkpoint_minutes,
     )
     path = train_flow(settings, arguments.resume, lambda line: print(line, flush=True))

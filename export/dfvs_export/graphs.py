@@ -22,16 +22,16 @@ OPSET = 17
 
 
 class EncodeGraph(nn.Module):
-    """Image (1, 3, H, W) in [0, 1] to features at 1/16, 1/8 and 1/4 (see ``Features``)."""
+    """Image (1, 3, H, W) in [0, 1] to ``Features``."""
 
     def __init__(self, network: DfvsFlow) -> None:
         super().__init__()
         self.network = network
 
-    def forward(self, image: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+    def forward(self, image: Tensor) -> tuple[Tensor, ...]:
         """Features as a tuple, which is what ONNX knows."""
         features = self.network.encode(image)
-        return features.at16, features.at8, features.at4
+        return features.at16, features.at8, features.at4, features.image
 
 
 class MatchGraph(nn.Module):
@@ -42,10 +42,12 @@ class MatchGraph(nn.Module):
         self.network = network
 
     def forward(self, *features: Tensor) -> tuple[Tensor, Tensor]:
-        """Flow and confidence from three feature maps of the first image, three of the second."""
-        match = self.network.match(Features(*features[:3]), Features(*features[3:]))
-        confidence = torch.sigmoid(match.seen) * torch.sigmoid(match.sure)
-        full = functional.interpolate(confidence, scale_factor=4.0, mode="bilinear")
+        """Flow and confidence from the features of the first image, then of the second."""
+        at16, at8, at4 = features[:3]
+        second = Features(*features[3:])
+        first = Features(at16, at8, at4, second.image)  # the first image is not looked at
+        match = self.network.match(first, second)
+        full = functional.interpolate(match.confidence(), scale_factor=4.0, mode="bilinear")
         return match.flow, full
 
 
@@ -59,7 +61,7 @@ def to_onnx(network: DfvsFlow, size: tuple[int, int]) -> OnnxPair:
         features = encode(image)
     return OnnxPair(
         trace(encode, (image,), (ENCODE_INPUTS, ENCODE_OUTPUTS)),
-        trace(match, (*features, *features), (MATCH_INPUTS, MATCH_OUTPUTS)),
+        trace(match, (*features[:3], *features), (MATCH_INPUTS, MATCH_OUTPUTS)),
     )
 
 

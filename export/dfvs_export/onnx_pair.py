@@ -5,8 +5,11 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 ENCODE_INPUTS = ("image",)
-ENCODE_OUTPUTS = ("features_16", "features_8", "features_4")
-MATCH_INPUTS = tuple(f"{side}_{name}" for side in ("first", "second") for name in ENCODE_OUTPUTS)
+ENCODE_OUTPUTS = ("features_16", "features_8", "features_4", "normalised")
+MATCH_INPUTS = (  # of the first image all but the image itself
+    *(f"first_{name}" for name in ENCODE_OUTPUTS[:3]),
+    *(f"second_{name}" for name in ENCODE_OUTPUTS),
+)
 MATCH_OUTPUTS = ("flow", "confidence")
 
 

@@ -20,7 +20,7 @@ from onnxruntime.quantization import (
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
 from dfvs_export.check import ImagePair
-from dfvs_export.onnx_pair import ENCODE_INPUTS, MATCH_INPUTS, OnnxPair
+from dfvs_export.onnx_pair import ENCODE_INPUTS, OnnxPair
 from dfvs_export.running import FlowRunner
 
 _KEPT_FLOAT = re.compile(r"/(flow|judge|mask|stem)(\.\d+|_\d+)*/|/update\d(_\d+)?/Conv")
@@ -48,8 +48,8 @@ def quantise(onnx_pair: OnnxPair, runner: FlowRunner, pairs: Sequence[ImagePair]
     for first, second in pairs:
         tensors = [runner.tensor(first), runner.tensor(second)]
         encode_feeds += [{ENCODE_INPUTS[0]: t} for t in tensors]
-        features = [*runner.encode(first), *runner.encode(second)]
-        match_feeds.append(dict(zip(MATCH_INPUTS, features, strict=True)))
+        features = runner.encode(first), runner.encode(second)
+        match_feeds.append(runner.manifest.match_feeds(*features))
     return OnnxPair(
         _quantise(onnx_pair.encode, encode_feeds), _quantise(onnx_pair.match, match_feeds)
     )

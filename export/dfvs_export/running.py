@@ -64,7 +64,7 @@ class FlowRunner:
         if self.manifest.kind == "pair":
             return self._pair(first[0], second[0])
         graph = self.manifest.graphs["match"]
-        feeds = dict(zip(graph.inputs, [*first, *second], strict=True))
+        feeds = self.manifest.match_feeds(first, second)
         flow, confidence = self.sessions["match"].run(list(graph.outputs), feeds)
         return FlowField(np.ascontiguousarray(flow[0].transpose(1, 2, 0)), confidence[0, 0])
 

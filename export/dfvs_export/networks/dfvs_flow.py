@@ -8,7 +8,9 @@
 3. moving least squares of affine motions, weighted by that sureness, carry the sure matches over
    plain walls (the prior: rooms are made of planes);
 4. recurrent updates look up the correlation around the estimate, at 1/8 and then at 1/4;
-5. a convex combination of neighbours takes the flow to full resolution.
+5. what is judged sure is spread once more, the second image is warped by the result and encoded
+   anew, so that turned and scaled things look alike, and two more updates compare it at 1/4;
+6. a convex combination of neighbours takes the flow to full resolution.
 
 Shapes: N images, H x W px (multiples of 16), h8 = H / 8 and so on. Flow is in px of the full
 image at every stage, as (x, y); cell (i, j) of a level of stride s has its centre at
@@ -45,27 +47,42 @@ class FlowArchitecture:
     heads: int = 4
     hidden8: int = 64
     hidden4: int = 32
-    updates8: int = 3
+    updates8: int = 2
     updates4: int = 2
+    updates_warped: int = 2
     fine_channels: int = 32
 
 
 @dataclass(frozen=True, slots=True)
 class Features:
-    """What ``encode`` returns: (N, 128, h16, w16), (N, 96, h8, w8) and (N, 64, h4, w4)."""
+    """What ``encode`` returns.
+
+    (N, 128, h16, w16), (N, 96, h8, w8), (N, 64, h4, w4) and the normalised image (N, 4, H, W),
+    which is warped and encoded anew at 1/4.
+    """
 
     at16: Tensor
     at8: Tensor
     at4: Tensor
+    image: Tensor
+
+    def __getitem__(self, which: Tensor) -> Features:
+        """Features of some of the images."""
+        return Features(self.at16[which], self.at8[which], self.at4[which], self.image[which])
 
 
 @dataclass(frozen=True, slots=True)
 class Look:
-    """A look-up: scaled similarities (N, K, h, w), the flow (N, 2, h, w) around it, px per cell."""
+    """A look-up: scaled similarities (N, K, h, w), the flow (N, 2, h, w) around it, px per cell.
+
+    ``base`` is the flow (N, 2, h, w) that the second image was warped by; ``flow`` then leads to
+    a place of the warped image.
+    """
 
     seen: Tensor
     flow: Tensor
     stride: int
+    base: Tensor | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,8 +93,9 @@ class Match:
     ----------
     flow : (N, 2, H, W)
         px, first image to second.
-    seen, sure : (N, 1, h4, w4)
-        Logits: the point is visible in the second image too; the flow is good to about 2 px.
+    judged : tuple of (N, 2, h4, w4)
+        Logits, before and after the warp: the point is visible in the second image too; the flow
+        is good to about 2 px.
     stages : tuple of (N, 2, h, w)
         Flow after every stage, for training.
     looks : tuple of Look
@@ -87,11 +105,20 @@ class Match:
     """
 
     flow: Tensor
-    seen: Tensor
-    sure: Tensor
+    judged: tuple[Tensor, ...]
     stages: tuple[Tensor, ...]
     looks: tuple[Look, ...]
     similarity: Tensor
+
+    def confidence(self) -> Tensor:
+        """Probability (N, 1, h4, w4) that the point is seen in both and its flow is good."""
+        return confidence_of(self.judged[-1])
+
+
+def confidence_of(judged: Tensor) -> Tensor:
+    """Product (N, 1, h, w) of the probabilities of two logits (N, 2, h, w)."""
+    probability = torch.sigmoid(judged)
+    return probability[:, :1] * probability[:, 1:]
 
 
 def _conv(channels: int, out: int, kernel: int, stride: int = 1) -> nn.Sequential:
@@ -137,10 +164,15 @@ class Encoder(nn.Module):
 
     def forward(self, image: Tensor) -> Features:
         """Image (N, 3, H, W) in [0, 1] to features."""
-        x4 = self.to4(self.stem(normalise(image)))
+        normal = normalise(image)
+        x8, fine = self.encode_finely(normal)
+        return Features(self.to16(x8), x8, fine, normal)
+
+    def encode_finely(self, image: Tensor) -> tuple[Tensor, Tensor]:
+        """Features at 1/8 and 1/4 of a normalised image (N, 4, H, W)."""
+        x4 = self.to4(self.stem(image))
         x8 = self.to8(x4)
-        fine = self.fine(functional.relu(self.lateral4(x4) + _double(self.lateral8(x8))))
-        return Features(self.to16(x8), x8, fine)
+        return x8, self.fine(functional.relu(self.lateral4(x4) + _double(self.lateral8(x8))))
 
 
 def normalise(image: Tensor) -> Tensor:
@@ -284,13 +316,14 @@ def best_cells(similarity: Tensor, centres: Tensor) -> tuple[Tensor, Tensor]:
     h, w = centres.shape[2:]
     # one exponential for both softmaxes; scaled cosines lie within +-60 of each other's maximum
     likely = torch.exp(similarity - similarity.amax(dim=(1, 2), keepdim=True))
-    rows = likely.sum(2, keepdim=True) + 1e-30
-    columns = likely.sum(1, keepdim=True) + 1e-30
-    shared = (likely / rows) * (likely / columns)
+    ones = torch.ones(n, 1, cells, dtype=likely.dtype, device=likely.device)
+    rows = likely.sum(2).reshape(n, 1, h, w) + 1e-30
+    columns = ones @ likely + 1e-30  # as a product: runtimes sum over rows slowly
+    shared = likely * (likely * (1.0 / columns))  # not yet divided by the rows' sums
     best = shared.argmax(dim=2)  # (N, h w)
     table = centres.reshape(2, cells)
     target = torch.stack([table[0][best], table[1][best]], 1).reshape(n, 2, h, w)
-    near = _look_up(shared, target, 1)  # (N, 9, h, w)
+    near = _look_up(shared, target, 1) / rows  # (N, 9, h, w)
     total = near.sum(1, keepdim=True)
     step = torch.arange(-1, 2, device=near.device, dtype=near.dtype) * 8.0
     dx = step.repeat(3).reshape(1, 9, 1, 1)
@@ -534,60 +567,137 @@ class DfvsFlow(nn.Module):
     def match(self, first: Features, second: Features) -> Match:
         """Flow from the first image to the second."""
         a, b = self.distinction(first, second)  # (N, 128, h8, w8)
-        centres = cell_centres(a, 8)
         similarity = self._similarity(a, b)
-        with torch.no_grad():
-            found, sureness = best_cells(similarity.detach(), centres)
-            flow = spread_affine(found, sureness, centres)
-        stages = [found, flow]
-        looks: list[Look] = []
-        hidden = torch.tanh(self.update8.start(a))
-        for _ in range(self.architecture.updates8):
-            seen = _look_up(similarity.detach(), centres + flow.detach(), 3)
-            motion = torch.cat([_soft(flow, 64.0), _soft(found - flow, 8.0), sureness], 1).detach()
-            hidden, step = self.update8(hidden, seen, self._scale(), motion)
-            flow = flow.detach() + step
-            stages.append(flow)
-        return self._refine(first, second, (hidden, flow), (stages, looks, similarity))
+        course = _Course(similarity)
+        hidden8 = self._match_cells(a, course)
+        fine = self._fine(first, hidden8)
+        hidden = self._refine(fine, second, course)
+        course.judge(self.judge(functional.relu(hidden)))
+        course.flow = self._spread_again(course)
+        hidden = self._refine_warped(fine, hidden, second, course)
+        course.judge(self.judge(functional.relu(hidden)))
+        full = convex_upsample(course.flow, self.mask(functional.relu(hidden)).float())
+        return Match(
+            full, tuple(course.judged), tuple(course.stages), tuple(course.looks), similarity
+        )
 
     def _similarity(self, a: Tensor, b: Tensor) -> Tensor:
         """Scaled cosines (N, h8 w8, h8 w8)."""
-        a, b = _unit(a).flatten(2), _unit(b).flatten(2)
-        return (a.transpose(1, 2) @ b).float() * self._scale()
+        a, b = _unit(a) * self._scale(), _unit(b)
+        return (a.flatten(2).transpose(1, 2).contiguous() @ b.flatten(2)).float()
 
     def _scale(self) -> Tensor:
         """Scale of the cosines at 1/8."""
         return self.log_scale.exp().clamp(max=_MAX_SCALE)
 
-    def _refine(
-        self,
-        first: Features,
-        second: Features,
-        state: tuple[Tensor, Tensor],
-        so_far: tuple[list[Tensor], list[Look], Tensor],
-    ) -> Match:
-        """Refine at 1/4, judge and upsample."""
-        hidden8, flow8 = state
-        stages, looks, similarity = so_far
+    def _match_cells(self, a: Tensor, course: _Course) -> Tensor:
+        """Match cells at 1/8, spread what is sure, update; return the hidden state."""
+        centres = cell_centres(a, 8)
+        similarity = course.similarity.detach()
+        with torch.no_grad():
+            found, sureness = best_cells(similarity, centres)
+            flow = spread_affine(found, sureness, centres)
+        course.stages += [found, flow]
+        hidden = torch.tanh(self.update8.start(a))
+        for _ in range(self.architecture.updates8):
+            seen = _look_up(similarity, centres + flow.detach(), 3)
+            motion = torch.cat([_soft(flow, 64.0), _soft(found - flow, 8.0), sureness], 1).detach()
+            hidden, step = self.update8(hidden, seen, self._scale(), motion)
+            flow = flow.detach() + step
+            course.stages.append(flow)
+        course.flow = _double(flow)
+        return hidden
+
+    def _fine(self, first: Features, hidden8: Tensor) -> _Fine:
+        """Prepare what the updates at 1/4 start from."""
         channels = self.architecture.fine_channels
         scale = self.log_scale4.exp().clamp(max=_MAX_SCALE)
         own = _unit(first.at4[:, :channels]).contiguous() * (scale * channels)
-        context = first.at4[:, channels:]
-        other = _unit(second.at4[:, :channels]).contiguous()
-        centres = cell_centres(first.at4, 4)
-        flow = _double(flow8)
-        hidden = torch.tanh(self.update4.start(torch.cat([context, _double(hidden8)], 1)))
+        context = torch.cat([first.at4[:, channels:], _double(hidden8)], 1)
+        return _Fine(own, torch.tanh(self.update4.start(context)), scale)
+
+    def _refine(self, fine: _Fine, second: Features, course: _Course) -> Tensor:
+        """Update at 1/4 against the second image as it is; return the hidden state."""
+        other = _unit(second.at4[:, : self.architecture.fine_channels]).contiguous()
+        centres = cell_centres(other, 4)
+        hidden, flow = fine.start, course.flow
         for _ in range(self.architecture.updates4):
             target = centres + flow.detach()
-            warped = _sample(other, target[:, 0], target[:, 1], 4)
-            seen = local_correlation(own, warped, 2)
-            looks.append(Look(seen, flow.detach(), 4))
-            hidden, step = self.update4(hidden, seen, scale, _soft(flow.detach(), 64.0))
+            there = _sample(other, target[:, 0], target[:, 1], 4)
+            seen = local_correlation(fine.own, there, 2)
+            course.looks.append(Look(seen, flow.detach(), 4))
+            hidden, step = self.update4(hidden, seen, fine.scale, _soft(flow.detach(), 64.0))
             flow = flow.detach() + step
-            stages.append(flow)
-        judged = self.judge(functional.relu(hidden)).float()
-        full = convex_upsample(flow, self.mask(functional.relu(hidden)).float())
-        return Match(full, judged[:, :1], judged[:, 1:], tuple(stages), tuple(looks), similarity)
+            course.stages.append(flow)
+        course.flow = flow
+        return hidden
+
+    @torch.no_grad()
+    def _spread_again(self, course: _Course) -> Tensor:
+        """Flow (N, 2, h4, w4): its own where it is sure, what its surroundings say elsewhere."""
+        sure, flow = confidence_of(course.judged[-1]), course.flow
+        weight = functional.avg_pool2d(sure, 2)
+        mean = functional.avg_pool2d(sure * flow, 2) / (weight + 1e-6)
+        spread = _double(spread_affine(mean, weight, cell_centres(weight, 8)))
+        return sure * flow + (1.0 - sure) * spread
+
+    def _refine_warped(
+        self, fine: _Fine, hidden: Tensor, second: Features, course: _Course
+    ) -> Tensor:
+        """Update at 1/4 against the second image warped by the flow so far."""
+        base = course.flow
+        full = functional.interpolate(base, scale_factor=4.0, mode="bilinear")
+        target = cell_centres(full, 1) + full
+        warped = _sample(second.image, target[:, 0], target[:, 1], 1)
+        channels = self.architecture.fine_channels
+        other = _unit(self.encoder.encode_finely(warped)[1][:, :channels]).contiguous()
+        centres = cell_centres(other, 4)
+        rest = torch.zeros_like(base)
+        for _ in range(self.architecture.updates_warped):
+            target = centres + rest.detach()
+            there = _sample(other, target[:, 0], target[:, 1], 4)
+            seen = local_correlation(fine.own, there, 2)
+            course.looks.append(Look(seen, rest.detach(), 4, base))
+            motion = _soft(course.flow.detach(), 64.0)
+            hidden, step = self.update4(hidden, seen, fine.scale, motion)
+            rest = rest.detach() + step
+            course.flow = chained(rest, base)
+            course.stages.append(course.flow)
+        return hidden
+
+
+@dataclass(frozen=True, slots=True)
+class _Fine:
+    """Scaled own features (N, C, h4, w4), the first hidden state and the similarities' bound."""
+
+    own: Tensor
+    start: Tensor
+    scale: Tensor
+
+
+class _Course:
+    """The flow's way through the stages; ``similarity`` is (N, h8 w8, h8 w8)."""
+
+    flow: Tensor
+
+    def __init__(self, similarity: Tensor) -> None:
+        self.similarity = similarity
+        self.stages: list[Tensor] = []
+        self.looks: list[Look] = []
+        self.judged: list[Tensor] = []
+
+    def judge(self, logits: Tensor) -> None:
+        """Add a judgement (N, 2, h4, w4)."""
+        self.judged.append(logits.float())
+
+
+def chained(first: Tensor, second: Tensor) -> Tensor:
+    """Flow (N, 2, h4, w4) px of going ``first`` and from there ``second``, both at 1/4."""
+    h, w = second.shape[2:]
+    target = cell_centres(second, 4) + first
+    x = target[:, 0].clamp(2.0, 4.0 * w - 2.0)
+    y = target[:, 1].clamp(2.0, 4.0 * h - 2.0)
+    return first + _sample(second, x, y, 4)
 
 
 def convex_upsample(flow: Tensor, mask: Tensor) -> Tensor:

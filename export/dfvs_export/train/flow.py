@@ -16,7 +16,7 @@ from torch import Tensor
 from dfvs_export.data.photometric import disturb
 from dfvs_export.data.shards import Batch
 from dfvs_export.data.stream import PairMakers, PairStream
-from dfvs_export.networks.dfvs_flow import DfvsFlow, Features, FlowArchitecture, Match
+from dfvs_export.networks.dfvs_flow import DfvsFlow, FlowArchitecture, Match
 from dfvs_export.train.checkpoint import (
     Checkpoint,
     RunningAverage,
@@ -50,8 +50,7 @@ def match_both_ways(network: DfvsFlow, images: Tensor) -> Match:
     flat = images.flatten(0, 1).contiguous(memory_format=torch.channels_last)
     features = network.encode(flat)
     swap = torch.arange(2 * n, device=images.device).reshape(n, 2).flip(1).flatten()
-    other = Features(features.at16[swap], features.at8[swap], features.at4[swap])
-    return network.match(features, other)
+    return network.match(features, features[swap])
 
 
 def truth_of(batch: Batch) -> Truth:
@@ -84,6 +83,10 @@ class FlowTraining:
             self.optimiser.load_state_dict(checkpoint.optimiser)
             self.step = checkpoint.step
             self.origin = checkpoint.origin + self.origin
+        if settings.keep_norms:
+            for module in self.network.modules():
+                if isinstance(module, torch.nn.BatchNorm2d):
+                    module.eval()
         self.average = RunningAverage(self.network, _AVERAGE_DECAY)
         if checkpoint:
             for name, value in checkpoint.average.items():

@@ -8,11 +8,13 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from dfvs_export.networks.dfvs_flow import Look, Match
+from dfvs_export.networks.dfvs_flow import Look, Match, chained
 
 _DECAY = 0.8
 _HIDDEN_WEIGHT = 0.05
 _GOOD_PX = 2.0
+_NEWTON_STEPS = 3
+_NEWTON_REACH_PX = 8.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -101,7 +103,8 @@ def look_loss(look: Look, truth: Truth) -> Tensor:
     """Cross-entropy of a look-up against the true (bilinear) place, where it lies within."""
     looked = look.seen.shape[1]
     radius = (round(looked**0.5) - 1) // 2
-    dx, dy = ((truth.flow - look.flow) / look.stride).unsqueeze(2).unbind(1)  # (N, 1, h, w)
+    place = truth.flow if look.base is None else before_warp(truth.flow, look.base)
+    dx, dy = ((place - look.flow) / look.stride).unsqueeze(2).unbind(1)  # (N, 1, h, w)
     step = torch.arange(-radius, radius + 1, device=dx.device, dtype=dx.dtype)
     across = step.repeat(len(step)).reshape(1, looked, 1, 1)
     down = step.repeat_interleave(len(step)).reshape(1, looked, 1, 1)
@@ -112,10 +115,45 @@ def look_loss(look: Look, truth: Truth) -> Tensor:
     return mean
 
 
+@torch.no_grad()
+def before_warp(flow: Tensor, base: Tensor) -> Tensor:
+    """Displacement d (N, 2, h, w) px with d + base(x + d) = flow, by Newton's method.
+
+    That is where, in an image warped by ``base``, the point is that ``flow`` leads to.
+    """
+    d = torch.zeros_like(flow)
+    for _ in range(_NEWTON_STEPS):
+        here = chained(d, base)
+        right = chained(d + _unit_step(d, 0), base) - here  # columns of the Jacobian, per px
+        down = chained(d + _unit_step(d, 1), base) - here
+        miss = flow - here
+        determinant = right[:, 0] * down[:, 1] - right[:, 1] * down[:, 0]
+        determinant = torch.where(determinant.abs() < 0.2, 0.2, determinant)
+        x = (miss[:, 0] * down[:, 1] - miss[:, 1] * down[:, 0]) / determinant
+        y = (right[:, 0] * miss[:, 1] - right[:, 1] * miss[:, 0]) / determinant
+        d = d + torch.stack([x, y], 1).clamp(-_NEWTON_REACH_PX, _NEWTON_REACH_PX)
+    return torch.where((chained(d, base) - flow).norm(dim=1, keepdim=True) < 0.5, d, torch.inf)
+
+
+def _unit_step(like: Tensor, axis: int) -> Tensor:
+    """One px along an axis, broadcastable to (N, 2, h, w)."""
+    step = torch.zeros(1, 2, 1, 1, dtype=like.dtype, device=like.device)
+    step[0, axis] = 1.0
+    return step
+
+
 def _judgement_loss(match: Match, truth: Truth) -> Tensor:
-    """Cross-entropy of both judgements: seen in both, and flow good to some 2 px."""
-    seen = functional.binary_cross_entropy_with_logits(match.seen, truth.visible)
-    error = (match.stages[-1].detach() - truth.flow).norm(dim=1, keepdim=True)
-    good = torch.exp(-((error / _GOOD_PX) ** 2))
-    sure = functional.binary_cross_entropy_with_logits(match.sure, good, reduction="none")
-    return seen + (sure * truth.visible).sum() / truth.visible.sum().clamp(min=1.0)
+    """Cross-entropy of both judgements: seen in both, and flow good to some 2 px.
+
+    The first judgement is of the last stage before the warp, the second of the very last.
+    """
+    stages = [s for s in match.stages if s.shape[2] == truth.flow.shape[2]]
+    warped = sum(look.base is not None for look in match.looks)
+    total = torch.zeros((), device=truth.flow.device)
+    for judged, flow in zip(match.judged, (stages[-1 - warped], stages[-1]), strict=True):
+        seen = functional.binary_cross_entropy_with_logits(judged[:, :1], truth.visible)
+        error = (flow.detach() - truth.flow).norm(dim=1, keepdim=True)
+        good = torch.exp(-((error / _GOOD_PX) ** 2))
+        sure = functional.binary_cross_entropy_with_logits(judged[:, 1:], good, reduction="none")
+        total = total + seen + (sure * truth.visible).sum() / truth.visible.sum().clamp(min=1.0)
+    return total

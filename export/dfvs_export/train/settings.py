@@ -43,6 +43,8 @@ class TrainSettings:
         Shards kept on disk; older ones are deleted when makers run.
     validation : Path or None
         Pairs in the benchmark's ``.npz`` layout to measure every checkpoint on.
+    keep_norms : bool
+        Leave the statistics of batch normalisation as they are in the checkpoint.
     checkpoint_minutes : float
         Time between checkpoints.
     """
@@ -61,6 +63,7 @@ class TrainSettings:
     pairs: Path | None = None
     keep_shards: int = 120
     validation: Path | None = None
+    keep_norms: bool = False
     checkpoint_minutes: float = 5.0
 
     def __post_init__(self) -> None:

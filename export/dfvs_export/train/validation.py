@@ -74,8 +74,7 @@ def score_network(network: DfvsFlow, path: Path) -> tuple[LevelScores, ...]:
         images = stack.permute(0, 3, 1, 2).float() / 255.0
         with torch.no_grad():
             match = network.match(network.encode(images[:1]), network.encode(images[1:]))
-        sure = torch.sigmoid(match.seen) * torch.sigmoid(match.sure)
-        sure = functional.interpolate(sure, scale_factor=4.0, mode="bilinear")[0, 0]
+        sure = functional.interpolate(match.confidence(), scale_factor=4.0, mode="bilinear")[0, 0]
         estimate = match.flow[0].permute(1, 2, 0).cpu().numpy()
         seen = visible.astype(np.bool_)
         error = np.linalg.norm(estimate - flow.astype(np.float32), axis=2)[seen]

@@ -17,7 +17,7 @@ _ENCODE, _MATCH = "encode", "match"
 
 
 class EncodedPicture(Prepared):
-    """A picture's features, in the order of the ``match`` graph's inputs."""
+    """A picture's features, in the order of the ``encode`` graph's outputs."""
 
     def __init__(self, size: tuple[int, int], features: list[Float32Array]) -> None:
         super().__init__(size)
@@ -40,6 +40,7 @@ class EncodeMatchMatcher:
         manifest = bundle.manifest
         if manifest.kind != "encode-match" or manifest.flow is None:
             raise ModelError(f"bundle {manifest.name!r} is {manifest.kind!r}", "'encode-match'")
+        self._manifest = manifest
         self._input: PictureInput = manifest.input
         self._flow: FlowOutput = manifest.flow
         self._roles = manifest.graphs
@@ -80,7 +81,11 @@ class EncodeMatchMatcher:
         return self.match(current, other, guess)
 
     def _run(self, current: EncodedPicture, other: EncodedPicture) -> list[Float32Array]:
-        return self._match.run([*current.features, *other.features], self._roles[_MATCH].outputs)
+        return self._match.run(self._both(current, other), self._roles[_MATCH].outputs)
+
+    def _both(self, current: EncodedPicture, other: EncodedPicture) -> list[Float32Array]:
+        """Features of both pictures in the order of the ``match`` graph's inputs."""
+        return list(self._manifest.match_feeds(current.features, other.features).values())
 
     def _check_tensors(self) -> None:
         """Check names, and that pictures and features have the shapes that they have to have."""
@@ -108,7 +113,7 @@ class EncodeMatchMatcher:
         ramp = np.add.outer(np.arange(height), np.arange(width)) % 256
         picture = self.prepare(np.repeat(ramp[..., None], 3, axis=2).astype(np.uint8))
         expected = [spec.shape for spec in self._match.inputs]
-        given = [feature.shape for feature in 2 * picture.features]
+        given = [feature.shape for feature in self._both(picture, picture)]
         if given != expected:
             raise ModelError(f"graph 'match' takes {expected}", f"what 'encode' gives: {given}")
         raw, sureness = self._run(picture, picture)
