@@ -52,6 +52,8 @@ class Flight:
         self._parameters = parameters
         self._status = status
         self._setpoint = STOP
+        self.demand = STOP
+        """What the controller was told in the last step."""
         self._controller = Controller(parameters.gains())
         self._liftoff = Liftoff(parameters)
         self._land_detector = LandDetector()
@@ -87,7 +89,7 @@ class Flight:
     def step(self, dt_s: float) -> bool:
         """One step of control, motion and estimation; returns whether the vehicle is landed."""
         s, lift = self._status, self._liftoff
-        demand = self._demand(dt_s)
+        demand = self.demand = self._demand(dt_s)
         spinning = s.armed and s.mode is not Mode.TERMINATION
         lift.update(dt_s, armed=spinning, landed=s.landed, wants_up=self._wants_up(demand))
         self._controller.climb_limit_m_s = lift.climb_limit_m_s

@@ -8,6 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import common as mavlink
 
+from dfvs_sim.vehicle.control import Demand
 from dfvs_sim.vehicle.estimator import Estimate
 from dfvs_sim.vehicle.status import Status
 
@@ -23,6 +24,10 @@ _NAN = math.nan
 _GYRO, _ACCEL, _MAG, _BARO, _GPS = 1, 2, 4, 8, 32
 _ATTITUDE, _POSITION = 0x800 | 0x1000, 0x4000 | 0x2000
 _MOTORS, _AHRS, _BATTERY, _PREARM = 0x8000, 0x200000, 0x2000000, 0x10000000
+_LEVEL_ESTIMATES = 1 | 4 | 32
+"""ESTIMATOR_STATUS: attitude, vertical velocity and height."""
+_PLACE_ESTIMATES = 2 | 8 | 16
+"""Horizontal velocity and position."""
 _SENSORS = _GYRO | _ACCEL | _MAG | _BARO | _GPS | _ATTITUDE | _POSITION | _MOTORS | _AHRS | _BATTERY
 
 
@@ -47,11 +52,12 @@ def _geodetic(north_m: float, east_m: float) -> tuple[int, int]:
 
 
 class Telemetry:
-    """Builds each streamed message from the status and the estimate."""
+    """Builds each streamed message from the status, the estimate and the demand that is flown."""
 
-    def __init__(self, status: Status, estimate: Estimate) -> None:
+    def __init__(self, status: Status, estimate: Estimate, demand: Callable[[], Demand]) -> None:
         self._status = status
         self._e = estimate
+        self._demand = demand
         self.builders: dict[str, Callable[[int], Message | None]] = {
             "HEARTBEAT": self._heartbeat,
             "ATTITUDE": self._attitude,
@@ -66,6 +72,8 @@ class Telemetry:
             "HOME_POSITION": self._home_position,
             "BATTERY_STATUS": self._battery,
             "AUTOPILOT_VERSION": self._version,
+            "ESTIMATOR_STATUS": self._estimator_status,
+            "POSITION_TARGET_LOCAL_NED": self._position_target,
         }
 
     def build(self, name: str, now_ns: int) -> Message | None:
@@ -179,6 +187,23 @@ class Telemetry:
             round(100 * math.hypot(e.v_north_m_s, e.v_east_m_s)),
             65535,
             10 if fixed else 0,
+        )
+
+    def _estimator_status(self, now_ns: int) -> Message:
+        flags = _LEVEL_ESTIMATES | (_PLACE_ESTIMATES if self._status.estimator_ok else 0)
+        return mavlink.MAVLink_estimator_status_message(
+            self._us(now_ns), flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.3
+        )
+
+    def _position_target(self, now_ns: int) -> Message:
+        """What the position controller is told; what it is not told is masked out."""
+        demand = self._demand()
+        yaws = (demand.yaw_rad, demand.yaw_rate_rad_s)
+        values = (*demand.position, *demand.velocity, *demand.acceleration)
+        mask = sum(1 << i for i, v in enumerate(values) if not math.isfinite(v))
+        mask |= sum(1 << i for i, v in enumerate(yaws, start=10) if not math.isfinite(v))
+        return mavlink.MAVLink_position_target_local_ned_message(
+            self._ms(now_ns), mavlink.MAV_FRAME_LOCAL_NED, mask, *values, *yaws
         )
 
     def _sys_status(self, _: int) -> Message:
