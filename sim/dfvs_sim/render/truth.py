@@ -43,7 +43,8 @@ def visibility(
     """Tell which pixels (H, W) of view a show a point that view b sees as well.
 
     A point counts as seen if its depth in b agrees, to within 5 mm or 1 %, with one of the four
-    pixels of b around it: that forgives sampling, but not another surface in front.
+    pixels of b around it, or with the plane through them (1 / depth is affine on a plane): that
+    forgives sampling, also of a surface seen aslant, but not another surface in front.
 
     Parameters
     ----------
@@ -63,11 +64,16 @@ def visibility(
     u, v, z = pixel[inside, 0] - 0.5, pixel[inside, 1] - 0.5, z_b[inside]
     tolerance = np.maximum(DEPTH_TOLERANCE_M, DEPTH_TOLERANCE_RELATIVE * z)
     agrees = np.zeros(len(z), np.bool_)
+    inverse = np.zeros(len(z))
     for dv in (0, 1):
         for du in (0, 1):
             i = np.clip(np.floor(u).astype(np.intp) + du, 0, camera.width - 1)
             j = np.clip(np.floor(v).astype(np.intp) + dv, 0, camera.height - 1)
-            agrees |= np.abs(depth_b[j, i] - z) <= tolerance
+            there = depth_b[j, i]
+            agrees |= np.abs(there - z) <= tolerance
+            weight = np.abs(1 - du - u % 1.0) * np.abs(1 - dv - v % 1.0)
+            inverse += weight / np.where(there > 0, there, np.inf)
+    agrees |= np.abs(1.0 - z * inverse) * z <= tolerance
     seen = np.zeros(depth_a.shape, np.bool_)
     seen[inside] = agrees
     return seen

@@ -4,10 +4,12 @@ from __future__ import annotations
 
 import numpy as np
 
-from dfvs_core.arrays import Float32Array
+from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_sim.scene.exposure import exposed, filled, smoothed
+from dfvs_sim.scene.frames import ned_from_room
 from dfvs_sim.scene.light import BakeSettings, Progress, measure_irradiance, merged
 from dfvs_sim.scene.mesh import Scene
+from dfvs_sim.scene.quick_light import quick_irradiance
 from dfvs_sim.scene.room import Room
 from dfvs_sim.scene.texture import Texture
 
@@ -20,8 +22,17 @@ def bake_room(room: Room, settings: BakeSettings, progress: Progress) -> Scene:
     BakeError
         If Mitsuba is not installed.
     """
-    measured = measure_irradiance(room, settings, progress)
-    pairs = zip(room.parts, measured, strict=True)
+    return lit_scene(room, measure_irradiance(room, settings, progress))
+
+
+def light_room(room: Room, seed: int) -> Scene:
+    """Light a room within seconds, roughly, and return it as a scene; no Mitsuba needed."""
+    return lit_scene(room, quick_irradiance(room, seed))
+
+
+def lit_scene(room: Room, irradiance: list[FloatArray]) -> Scene:
+    """Turn a room and the irradiance (N, 3) of each part's vertices into a scene."""
+    pairs = zip(room.parts, irradiance, strict=True)
     light = [smoothed(part, filled(part, value)) for part, value in pairs]
     return _scene(room, exposed(room, light))
 
@@ -34,7 +45,7 @@ def _scene(room: Room, colours: list[Float32Array]) -> Scene:
     uv = [p.uv / room.materials[p.material].span_m for p in parts]
     textures = [np.full(len(p.triangles), names.index(p.material), np.int32) for p in parts]
     return Scene(
-        vertices=(vertices[:, [1, 0, 2]] * [1.0, 1.0, -1.0]).astype(np.float32),
+        vertices=ned_from_room(vertices).astype(np.float32),
         triangles=triangles,
         uv=np.concatenate([u - np.floor(u.min(axis=0)) for u in uv]).astype(np.float32),
         colours=np.concatenate(colours),

@@ -9,7 +9,6 @@ from dfvs_sim.scene.mesh import Int32Array
 from dfvs_sim.scene.room import Room
 from dfvs_sim.scene.solids import Part
 
-_WALLS = ("plaster", "wallpaper", "bricks")
 _WHITE_BALANCE = 0.7
 _WHITE_POINT = 6.0
 _MIDDLE_LIGHT = 0.5
@@ -58,7 +57,7 @@ def smoothed(part: Part, irradiance: FloatArray) -> FloatArray:
 def exposed(room: Room, irradiance: list[FloatArray]) -> list[Float32Array]:
     """Take irradiance to vertex colours in 0 to 1, with a soft shoulder in the bright parts."""
     pairs = zip(room.parts, irradiance, strict=True)
-    walls = [value for part, value in pairs if part.material in _WALLS] or irradiance
+    walls = [value for part, value in pairs if part.material in room.walls] or irradiance
     usual = np.median(np.concatenate(walls), axis=0)
     gain = (usual.mean() / usual) ** _WHITE_BALANCE
     exposure = _MIDDLE_LIGHT / float(usual.mean()) * gain

@@ -35,3 +35,8 @@ def ned_pose_from_gltf(T_gltf_camera: FloatArray) -> FloatArray:
 def gltf_pose_from_ned(T_world_camera: FloatArray) -> FloatArray:
     """Camera pose (4, 4) in the scene file's axes of ``T_world_camera`` in NED."""
     return make_pose(R_NED_GLTF.T, np.zeros(3)) @ T_world_camera
+
+
+def ned_from_room(points: FloatArray) -> FloatArray:
+    """NED coordinates (..., 3) of points or directions (..., 3) in room axes (solids.py)."""
+    return np.asarray(points, dtype=np.float64)[..., [1, 0, 2]] * [1.0, 1.0, -1.0]

@@ -21,7 +21,7 @@ from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.errors import DfvsError
 from dfvs_sim.scene.materials import Material
 from dfvs_sim.scene.mesh import Int32Array
-from dfvs_sim.scene.room import WIDTH_M, WINDOW, Room
+from dfvs_sim.scene.room import Opening, Room
 from dfvs_sim.scene.solids import Part
 from dfvs_sim.scene.texture import linear_from_srgb
 
@@ -31,8 +31,9 @@ Progress = Callable[[int, int], None]
 _CHUNK = 2048
 _METER_SIZE_M, _METER_HEIGHT_M = 2.5e-4, 1.3e-3
 _PLATE_SIZE_M, _PLATE_HEIGHT_M, _PLATE_ALBEDO = 6e-3, 3e-4, 0.8
-_SKY_BEHIND_WALL_M, _SKY_WEIGHT = 0.23, 0.5
-_LAMP_RADIANCE = (7.0, 6.2, 4.9)
+_SKY_WEIGHT = 0.5
+LAMP_RADIANCE = (7.0, 6.2, 4.9)
+"""Red, green and blue of a lamp of emission 1."""
 
 
 class BakeError(DfvsError):
@@ -117,7 +118,7 @@ class _Tracer:
             parts = [p for p in self._lit if p.material == name]
             if parts:
                 self._things[name] = self._shape(name, parts, mean_albedo(material))
-        self._add_lights([p for p in room.parts if p.emission > 0])
+        self._add_lights([p for p in room.parts if p.emission > 0], room.openings)
         self._parts = room.parts
 
     def _integrator(self) -> dict[str, Any]:
@@ -134,8 +135,8 @@ class _Tracer:
             "bsdf": _diffuse(albedo),
         }
 
-    def _add_lights(self, lamps: list[Part]) -> None:
-        """Shining balls in the room's lamps, and the sky's light in the window's opening."""
+    def _add_lights(self, lamps: list[Part], openings: tuple[Opening, ...]) -> None:
+        """Shining balls in the room's lamps, and the sky's light in the windows' openings."""
         for k, lamp in enumerate(lamps):
             centre = lamp.vertices.mean(axis=0)
             radius = float(np.linalg.norm(lamp.vertices - centre, axis=1).max())
@@ -143,33 +144,33 @@ class _Tracer:
                 "type": "sphere",
                 "center": [float(x) for x in centre],
                 "radius": radius * 0.98,
-                "emitter": _emitter(np.multiply(_LAMP_RADIANCE, lamp.emission), radius),
+                "emitter": _emitter(np.multiply(LAMP_RADIANCE, lamp.emission), radius),
             }
         if not any(self._settings.sky_radiance):
             return
-        x0, x1, z0, z1 = WINDOW
-        middle = np.array([(x0 + x1) / 2, WIDTH_M / 2 + _SKY_BEHIND_WALL_M, (z0 + z1) / 2])
         transform = self._mi.ScalarTransform4f
-        place = transform().look_at(origin=middle, target=middle - [0, 1, 0], up=[0, 0, 1])
-        size = transform().scale([(x1 - x0) / 2, (z1 - z0) / 2, 1.0])
-        self._things["sky"] = {
-            "type": "rectangle",
-            "to_world": place @ size,
-            "emitter": _emitter(self._settings.sky_radiance, _SKY_WEIGHT),
-        }
+        for k, sky in enumerate(openings):
+            middle = np.array(sky.middle_m)
+            towards = transform().look_at(origin=middle, target=middle + sky.inwards, up=[0, 0, 1])
+            size = transform().scale([sky.size_m[0] / 2, sky.size_m[1] / 2, 1.0])
+            self._things[f"sky{k}"] = {
+                "type": "rectangle",
+                "to_world": towards @ size,
+                "emitter": _emitter(self._settings.sky_radiance, _SKY_WEIGHT),
+            }
 
     def measure(self, progress: Progress) -> list[FloatArray]:
         """Irradiance (N, 3) at the vertices of each part, 0 for what shines by itself."""
         points, normals = [], []
         for part in self._lit:
-            pulled = _pulled_inwards(part)
-            for side in _sides(part):
+            pulled = pulled_inwards(part)
+            for side in sides(part):
                 points.append(pulled)
                 normals.append(side * part.normals)
         values = self._irradiance(np.concatenate(points), np.concatenate(normals), progress)
         result, at = {}, 0
         for part in self._lit:
-            shape = (len(_sides(part)), len(part.vertices), 3)
+            shape = (len(sides(part)), len(part.vertices), 3)
             block = values[at : at + shape[0] * shape[1]].reshape(shape)
             at += shape[0] * shape[1]
             result[id(part)] = block.mean(axis=0)
@@ -240,7 +241,7 @@ def _emitter(radiance: Any, weight: float) -> dict[str, Any]:
     }
 
 
-def _sides(part: Part) -> tuple[float, ...]:
+def sides(part: Part) -> tuple[float, ...]:
     """Sides on which light falls, as signs of the normal."""
     return (1.0, -1.0) if part.is_sheet else (1.0,)
 
@@ -252,7 +253,7 @@ def merged(parts: list[Part]) -> tuple[FloatArray, Int32Array]:
     return np.concatenate([p.vertices for p in parts]), np.concatenate(triangles).astype(np.int32)
 
 
-def _pulled_inwards(part: Part) -> FloatArray:
+def pulled_inwards(part: Part) -> FloatArray:
     """Vertices moved along the surface towards their triangles, so away from its borders."""
     middle = part.vertices[part.triangles].mean(axis=1)
     total, count = np.zeros_like(part.vertices), np.zeros(len(part.vertices))

@@ -7,9 +7,11 @@ airspace except at the walls.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Self
 
 import numpy as np
 
+from dfvs_core.arrays import FloatArray
 from dfvs_sim.scene.decor import (
     basket,
     clock,
@@ -37,6 +39,7 @@ from dfvs_sim.scene.furniture import (
     sofa,
     table,
 )
+from dfvs_sim.scene.layout import Wall
 from dfvs_sim.scene.materials import Material, room_materials
 from dfvs_sim.scene.solids import Part, box, panel, placed, sheet, steps
 
@@ -54,20 +57,71 @@ VIEWS: dict[str, tuple[tuple[float, float, float], tuple[float, float, float]]] 
 
 _EAST, _NORTH = LENGTH_M / 2, WIDTH_M / 2
 _WALL_EDGE_M, _FLOOR_EDGE_M, _CEILING_EDGE_M = 0.13, 0.085, 0.20
+_SKY_BEHIND_WALL_M = 0.23
+_WALLS = frozenset(("plaster", "wallpaper", "bricks"))
+OPENING_BEFORE_WALL_M = 0.07
+"""Skylight of a window on a wall shines from here, m: before its frame."""
+
+
+@dataclass(frozen=True, slots=True)
+class Opening:
+    """A rectangle of skylight that looks into the room, in room axes.
+
+    Parameters
+    ----------
+    middle_m : tuple of float
+        Its middle (3,), m.
+    turn_deg : float
+        Turn of the wall that it is in, as of things that stand against it; 0 is the north wall.
+    size_m : tuple of float
+        Width and height, m.
+    """
+
+    middle_m: tuple[float, float, float]
+    turn_deg: float
+    size_m: tuple[float, float]
+
+    @classmethod
+    def on_wall(cls, wall: Wall, place_m: tuple[float, float], size_m: tuple[float, float]) -> Self:
+        """Skylight just before a wall, at place (along the wall, height), m."""
+        c, s = np.cos(np.radians(wall.turn_deg)), np.sin(np.radians(wall.turn_deg))
+        along, out = place_m[0], wall.distance_m - OPENING_BEFORE_WALL_M
+        middle = (float(c * along - s * out), float(s * along + c * out), place_m[1])
+        return cls(middle, wall.turn_deg, size_m)
+
+    @property
+    def inwards(self) -> FloatArray:
+        """Unit vector (3,) into the room."""
+        turn = np.radians(self.turn_deg)
+        return np.array([np.sin(turn), -np.cos(turn), 0.0])
+
+    @property
+    def across(self) -> FloatArray:
+        """Unit vector (3,) along the wall."""
+        turn = np.radians(self.turn_deg)
+        return np.array([np.cos(turn), np.sin(turn), 0.0])
 
 
 @dataclass(frozen=True, slots=True)
 class Room:
-    """Parts of a room in room axes, and their materials by name."""
+    """Parts of a room in room axes, and their materials by name.
+
+    ``walls`` are the materials whose light sets the exposure (all, where it is empty).
+    """
 
     parts: tuple[Part, ...]
     materials: dict[str, Material]
+    walls: frozenset[str] = frozenset()
+    openings: tuple[Opening, ...] = ()
 
 
 def furnished_room(seed: int) -> Room:
     """Furnish the living room; the seed chooses patterns, paintings, books and plants."""
     materials, parts = np.random.default_rng(seed).spawn(2)
-    return Room(room_parts(parts), room_materials(materials))
+    x0, x1, z0, z1 = WINDOW
+    middle = ((x0 + x1) / 2, WIDTH_M / 2 + _SKY_BEHIND_WALL_M, (z0 + z1) / 2)
+    sky = Opening(middle, 0.0, (x1 - x0, z1 - z0))
+    return Room(room_parts(parts), room_materials(materials), _WALLS, (sky,))
 
 
 def room_parts(rng: np.random.Generator) -> tuple[Part, ...]:

@@ -1,0 +1,1 @@
+"""Pairs of views with exact flow: to measure correspondences by, and to train networks on."""

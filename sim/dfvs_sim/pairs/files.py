@@ -1,0 +1,70 @@
+"""Pairs as files: evaluation files and training shards (``dfvs_core.pair_files``)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfvs_core.arrays import BoolArray
+from dfvs_core.errors import ConfigError
+from dfvs_core.matching.evaluation import LEVELS
+from dfvs_core.pair_files import MAX_FLOW_SIDES
+from dfvs_sim.pairs.drawing import ViewPair
+from dfvs_sim.scene.frames import gltf_pose_from_ned
+
+Arrays = dict[str, NDArray[Any]]
+
+
+def shard_arrays(pairs: Sequence[ViewPair]) -> Arrays:
+    """Arrays of a shard of pairs of one size."""
+    height, width = pairs[0].flows[0].shape[:2]
+    limit = MAX_FLOW_SIDES * max(height, width)
+    flows = np.stack([np.stack(pair.flows) for pair in pairs])
+    solid: BoolArray = np.isfinite(flows[..., 0]) & np.isfinite(flows[..., 1])
+    cut = np.clip(np.where(solid[..., None], flows, 0.0), -limit, limit)
+    images = np.stack([np.stack([view.image for view in pair.views]) for pair in pairs])
+    return {
+        "images": np.ascontiguousarray(images.transpose(0, 1, 4, 2, 3)),
+        "flows": np.ascontiguousarray(cut.transpose(0, 1, 4, 2, 3)).astype(np.float16),
+        "visible": np.stack([np.stack(pair.visible) for pair in pairs]),
+        "solid": solid,
+    }
+
+
+def evaluation_arrays(pairs: Sequence[ViewPair], levels: Sequence[str]) -> Arrays:
+    """Arrays of an evaluation file of pairs and their levels; flow is 0 where it means nothing."""
+    flow = np.stack([pair.flows[0] for pair in pairs])
+    return {
+        "IA": np.stack([pair.views[0].image for pair in pairs]),
+        "IB": np.stack([pair.views[1].image for pair in pairs]),
+        "flow": np.nan_to_num(flow, nan=0.0).astype(np.float16),
+        "vis": np.stack([pair.visible[0] for pair in pairs]),
+        "depth": np.stack([pair.views[0].depth_m for pair in pairs]).astype(np.float16),
+        "TA": np.stack([gltf_pose_from_ned(pair.poses[0]) for pair in pairs]),
+        "TB": np.stack([gltf_pose_from_ned(pair.poses[1]) for pair in pairs]),
+        "level": np.array([LEVELS.index(level) for level in levels], np.int64),
+    }
+
+
+def write_arrays(path: Path, arrays: Arrays, *, compressed: bool) -> None:
+    """Write an ``.npz`` and put it in place whole, so that a reader never sees half of it.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be written.
+    """
+    part = path.with_name(f".{path.name}.{os.getpid()}.part")
+    save = np.savez_compressed if compressed else np.savez
+    try:
+        with part.open("wb") as file:
+            save(file, allow_pickle=False, **arrays)
+        part.replace(path)
+    except OSError as error:
+        part.unlink(missing_ok=True)
+        raise ConfigError(f"{path} cannot be written ({error})", "a writable folder") from error
