@@ -26,6 +26,7 @@ class Topics:
     goal       service       change  JPEG: goal picture (cached); attachment: ``wire.frame``
     config     service       once    JSON: resolved configuration (cached for late joiners)
     command    operator      --      JSON: signed engage, hold, abort
+    new_goal   operator      --      ``wire.goal_order``; attachment: signed command for it
     ========== ============= ======= ==========================================================
 
     .. [1] Made only while somebody subscribes.
@@ -52,6 +53,11 @@ class Topics:
     def command(self) -> str:
         """Key of signed operator commands."""
         return f"dfvs/{self.vehicle}/command"
+
+    @property
+    def new_goal(self) -> str:
+        """Key of new goals, each with the signed command that orders it."""
+        return f"dfvs/{self.vehicle}/new_goal"
 
     def telemetry(self, name: str) -> str:
         """Key of one of the service's streams, such as ``state``: see the table."""

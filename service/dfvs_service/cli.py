@@ -20,7 +20,7 @@ from dfvs_service.calibration_file import with_calibration
 from dfvs_service.config import ServiceConfig, load_config, parse_assignment
 from dfvs_service.config_text import toml_text
 from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine
-from dfvs_service.goal_file import checked_goal, read_picture, read_sidecar
+from dfvs_service.goal_file import checked_goal, goal_order, read_picture, read_sidecar
 from dfvs_service.key_file import create_key, load_key
 from dfvs_service.parent import Programs, fly, furnish
 from dfvs_service.runtime import RuntimeFolder
@@ -35,6 +35,7 @@ other commands:
   dfvs-service config                             print all settings as commented TOML
   dfvs-service command new-key --key-file my.key  make a key for signed commands
   dfvs-service command engage --key-file my.key   engage, hold or abort a running service
+  dfvs-service command goal --goal b.png --key-file my.key   give it another goal
 
 exit code: 0 the goal was reached, 1 the flight ended otherwise, 2 cannot run
 """
@@ -98,6 +99,7 @@ def _command(words: Sequence[str]) -> int:
     )
     parser.add_argument("order", choices=["new-key", *(str(action) for action in Action)])
     parser.add_argument("--key-file", type=Path, required=True, metavar="FILE")
+    parser.add_argument("--goal", type=Path, metavar="PICTURE", help="the new goal, for 'goal'")
     parser.add_argument("--timeout", type=float, default=3.0, metavar="S", help="(default: 3)")
     _add_settings(parser)
     arguments = parser.parse_args(words)
@@ -109,8 +111,14 @@ def _command(words: Sequence[str]) -> int:
     from dfvs_service.orders import give_order
 
     config = _settings(arguments, {})
-    key = load_key(arguments.key_file)
-    answer = give_order(config, key, Action(arguments.order), arguments.timeout)
+    action, picture = Action(arguments.order), arguments.goal
+    if (action is Action.GOAL) != (picture is not None):
+        raise ConfigError(
+            f"order {arguments.order!r} {'without' if picture is None else 'with'} --goal",
+            "--goal PICTURE with the order 'goal', and with no other",
+        )
+    goal = None if picture is None else goal_order(picture)
+    answer = give_order(config, load_key(arguments.key_file), action, arguments.timeout, goal)
     print(answer)
     return EXIT_OK if answer.startswith("accepted") else EXIT_ENDED
 

@@ -7,6 +7,7 @@ from pathlib import Path
 from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import ConfigError, DfvsError, ImageError
 from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.wire.goal_order import GoalOrder
 from dfvs_core.wire.picture import MAX_PICTURE_BYTES, decode_picture
 
 
@@ -85,3 +86,39 @@ def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
             "take the goal with the camera that flies, or correct the camera's settings",
         )
     return Goal(image, sidecar)
+
+
+def goal_order(picture: Path) -> GoalOrder:
+    """Goal picture and its sidecar as they are sent to a running service.
+
+    Raises
+    ------
+    ImageError
+        If the picture cannot be read, or is not of its sidecar's size.
+    ConfigError
+        If the sidecar cannot be used.
+    """
+    image, sidecar = read_picture(picture), read_sidecar(picture)
+    if sidecar is not None:
+        checked_goal(picture, image, sidecar)
+    return GoalOrder(picture.read_bytes(), "" if sidecar is None else sidecar.to_json())
+
+
+def ordered_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:
+    """Goal of an order that was found signed; without a sidecar it counts as ``flown`` says.
+
+    Raises
+    ------
+    ImageError
+        If the picture cannot be read, or is not of the flying camera's size.
+    ConfigError
+        If the sidecar cannot be used.
+    """
+    image = decode_picture(order.picture)
+    sidecar = GoalSidecar.from_json(order.sidecar) if order.sidecar else flown
+    if sidecar.camera.size != flown.camera.size:
+        raise ImageError(
+            f"the new goal is of a camera of {sidecar.camera.width} x {sidecar.camera.height} px",
+            f"{flown.camera.width} x {flown.camera.height} px, the size of the camera that flies",
+        )
+    return checked_goal(Path("new goal"), image, sidecar)

@@ -14,6 +14,7 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.gate.events import Action
 from dfvs_core.topics import Topics
 from dfvs_core.wire.command import encode_command
+from dfvs_core.wire.goal_order import GoalOrder, goal_digest
 from dfvs_service.config import ServiceConfig, ZenohSection
 from dfvs_service.zenoh_session import open_session
 
@@ -28,14 +29,36 @@ def operators_zenoh(service: ZenohSection) -> ZenohSection:
     return ZenohSection("client", endpoints, (), service.allow_plaintext)
 
 
-def give_order(config: ServiceConfig, key: bytes, action: Action, timeout_s: float) -> str:
+def give_order(
+    config: ServiceConfig,
+    key: bytes,
+    action: Action,
+    timeout_s: float,
+    goal: GoalOrder | None = None,
+) -> str:
     """Sign an order with the service's present challenge, send it, and return the service's word.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+        Name of the vehicle, and the way to it.
+    key : bytes
+        Secret that the service knows as well.
+    action : Action
+        What to do.
+    timeout_s : float
+        How long to wait for the service, and then for its answer.
+    goal : GoalOrder, optional
+        Where to fly to, for ``Action.GOAL``.
 
     Raises
     ------
     OrderError
         If no service is heard, it accepts no orders, or it does not answer.
+    WireError
+        If the goal is too large.
     """
+    data = b"" if goal is None else goal.to_bytes()
     topics = Topics(config.vehicle.name)
     states: queue.Queue[Mapping[str, Any]] = queue.Queue()
 
@@ -52,8 +75,13 @@ def give_order(config: ServiceConfig, key: bytes, action: Action, timeout_s: flo
                 f"the service of {config.vehicle.name!r} accepts no commands",
                 "one that was started with gate.command_key_file",
             )
-        order = encode_command(key, config.vehicle.name, action, challenge)
-        session.put(topics.command, order, congestion_control=zenoh.CongestionControl.DROP)
+        argument = "" if goal is None else goal_digest(data)
+        order = encode_command(key, config.vehicle.name, action, challenge, argument)
+        drop = zenoh.CongestionControl.DROP
+        if goal is None:
+            session.put(topics.command, order, congestion_control=drop)
+        else:
+            session.put(topics.new_goal, data, attachment=order, congestion_control=drop)
         deadline = time.monotonic() + timeout_s
         while int(state.get("command_count", 0)) == count:
             state = _next_state(states, deadline, topics)

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import logging
 import os
 import time
@@ -12,14 +13,16 @@ from typing import Any
 
 import zenoh
 
-from dfvs_core.goal import Goal
+from dfvs_core.errors import DfvsError
+from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.schema import dump
 from dfvs_core.topics import Topics
-from dfvs_core.wire.command import MAX_COMMAND_BYTES
 from dfvs_core.wire.frame import BOOT_ID_FILE, clock_identity
-from dfvs_core.wire.link import ForwardedCommand, GateStatus, PerceptionReport
+from dfvs_core.wire.goal_order import GoalOrder
+from dfvs_core.wire.link import GateStatus, PerceptionReport
 from dfvs_core.wire.picture import encode_png
 from dfvs_service.config import ServiceConfig
+from dfvs_service.goal_file import ordered_goal
 from dfvs_service.models.catalog import load_matcher
 from dfvs_service.perception.assembly import Clocks, build_eye
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
@@ -28,6 +31,7 @@ from dfvs_service.perception.latency import LatencyWindow
 from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.perception.opening import make_opening
+from dfvs_service.perception.order_desk import OrderDesk
 from dfvs_service.perception.pictures import Pictures
 from dfvs_service.perception.telemetry import Telemetry
 from dfvs_service.perception.turn_book import TurnBook
@@ -82,10 +86,14 @@ class PerceptionProcess:
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._latency = LatencyWindow()
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        flow = config.flow
+        self._matcher = load_matcher(flow.model, flow.threads, flow.provider)
         self._goal = goal
+        self._goal_digest = self._goal_flaw = ""
         self._eye = self._build_eye(goal)
         self._status: GateStatus | None = None
         self._last_frame_ns = self._started_ns = time.monotonic_ns()
+        self._desk = OrderDesk(self._started_ns)
         told = config.telemetry
         self._pictures = Pictures(self._clock, config.servo.min_confidence, told.preview_quality)
         self._state_pace = Pace.of_rate(told.state_hz)
@@ -104,15 +112,14 @@ class PerceptionProcess:
             patience_s = _RECORDER_PATIENCE_S if self._config.record.folder else 0.0
             feed = TurnFeed(session, self._topics, patience_s)
             telemetry.offer_json("config", dump(self._config))
-            self._open_record(feed)
-            goal_ns = time.monotonic_ns()
-            telemetry.offer("goal", lambda: self._pictures.goal(self._goal.image, goal_ns))
+            self._tell_goal(telemetry, feed)
             frames = session.declare_subscriber(self._topics.camera, self._on_frame)
             orders = session.declare_subscriber(self._topics.command, self._on_command)
+            goals = session.declare_subscriber(self._topics.new_goal, self._on_goal)
             log.info("listening for frames on %s", self._topics.camera)
             while not self._stopped and os.getppid() == self._parent:
                 self._turn(telemetry, feed)
-            del frames, orders
+            del frames, orders, goals
             feed.close()
             telemetry.close()
         self._gate.close()
@@ -122,16 +129,33 @@ class PerceptionProcess:
         self._stopped = True
 
     def _build_eye(self, goal: Goal) -> Eye:
-        flow = self._config.flow
-        matcher = load_matcher(flow.model, flow.threads, flow.provider)
         clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)
-        return build_eye(self._config, goal, matcher, clocks)
+        return build_eye(self._config, goal, self._matcher, clocks)
 
-    def _open_record(self, feed: TurnFeed) -> None:
-        """Tell recorders with what the turns from here on work."""
+    def _tell_goal(self, telemetry: Telemetry, feed: TurnFeed) -> None:
+        """Tell recorders with what the turns from here on work, and everybody the goal."""
         number, first = self._book.open(), self._book.next_turn
         opening = make_opening(self._config, self._goal, self._clock, number, first)
         feed.offer(opening, encode_png(self._goal.image))
+        image, now_ns = self._goal.image, time.monotonic_ns()
+        telemetry.offer("goal", lambda: self._pictures.goal(image, now_ns))
+
+    def _change_goal(self, digest: str, telemetry: Telemetry, feed: TurnFeed) -> None:
+        """Look for the goal that the gate accepted; one that is unusable is none, and said so."""
+        self._goal_digest, self._goal_flaw = digest, ""
+        settings = self._config.camera
+        camera = settings.model() or self._goal.sidecar.camera
+        flown = GoalSidecar(camera, mount=settings.mount or Mount())
+        try:
+            order = GoalOrder.from_bytes(self._desk.hand_out(digest))
+            self._goal = ordered_goal(order, flown)
+        except DfvsError as error:
+            self._goal_flaw = f"the new goal cannot be used: {error}"
+            log.warning("%s", self._goal_flaw)
+            return
+        self._eye = self._build_eye(self._goal)
+        self._tell_goal(telemetry, feed)
+        log.info("looking for the goal %s", digest[:12])
 
     def _on_frame(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: keep the newest sample, do nothing else."""
@@ -140,26 +164,39 @@ class PerceptionProcess:
 
     def _on_command(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: pass an operator's command on; the gate judges it."""
-        payload = sample.payload.to_bytes()
-        if len(payload) <= MAX_COMMAND_BYTES:
-            self._gate.send(ForwardedCommand(payload.decode("utf-8", errors="replace")))
+        command = self._desk.take_command(sample.payload.to_bytes(), time.monotonic_ns())
+        if command is not None:
+            self._gate.send(command)
+
+    def _on_goal(self, sample: zenoh.Sample) -> None:
+        """Zenoh's thread: keep a new goal unopened, and let the gate judge its command."""
+        signed = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        command = self._desk.take_goal(sample.payload.to_bytes(), signed, time.monotonic_ns())
+        if command is not None:
+            self._gate.send(command)
 
     def _turn(self, telemetry: Telemetry, feed: TurnFeed) -> None:
         sample = self._mailbox.take(SILENCE_S)
         heard = self._heed_gate()
+        if heard and heard[-1].goal != self._goal_digest:
+            self._change_goal(heard[-1].goal, telemetry, feed)
         now_ns = time.monotonic_ns()
-        if sample is None:
+        if sample is None or self._goal_flaw:
             report = self._silence(now_ns)
-            self._gate.send(report)
+            self._send(report)
             feed.offer(self._book.silent(now_ns, heard, report))
         else:
             self._last_frame_ns = now_ns
             glance = self._eye.look(sample)
-            self._gate.send(glance.report)
+            self._send(glance.report)
             servo = self._tell(telemetry, glance)
             feed.offer(self._book.looked(sample, heard, glance, servo), sample.payload)
             self._latency.add({"depth": self._eye.digest()})
         self._publish_state(telemetry)
+
+    def _send(self, report: PerceptionReport) -> None:
+        """Tell the gate, and about which goal it is."""
+        self._gate.send(dataclasses.replace(report, goal=self._goal_digest))
 
     def _heed_gate(self) -> list[GateStatus]:
         """Take in everything the gate said since the last turn, and return it."""
@@ -170,6 +207,8 @@ class PerceptionProcess:
         return heard
 
     def _silence(self, now_ns: int) -> PerceptionReport:
+        if self._goal_flaw:
+            return unhealthy_report(0, 0, self._goal_flaw)
         since_s = (now_ns - self._last_frame_ns) * 1e-9
         return unhealthy_report(
             0, 0, f"no camera frame on {self._topics.camera} for {since_s:.1f} s"
@@ -186,6 +225,7 @@ class PerceptionProcess:
                 "frames": self._frames,
                 "refused": self._eye.refused,
                 "overtaken": self._mailbox.dropped,
+                "orders_dropped": self._desk.dropped,
             }
             telemetry.offer_json(
                 "timing", timing_document(self._latency.summary(), now_ns, counters)

@@ -16,8 +16,10 @@ import zenoh.ext
 from textured_wall import Wall, texture
 
 from dfvs_core.camera import CameraModel
+from dfvs_core.gate.events import Action
 from dfvs_core.goal import GoalSidecar
 from dfvs_core.topics import Topics
+from dfvs_core.wire.command import encode_command
 from dfvs_core.wire.flow_grid import decode_flow_grid
 from dfvs_core.wire.frame import (
     BOOT_ID_FILE,
@@ -28,6 +30,7 @@ from dfvs_core.wire.frame import (
     decode_header,
     encode_frame,
 )
+from dfvs_core.wire.goal_order import GoalOrder, goal_digest
 from dfvs_core.wire.link import (
     ForwardedCommand,
     GateStatus,
@@ -57,6 +60,7 @@ class Rig:
 
     def __init__(self, folder, picture, launcher=()):
         self.picture = picture
+        self.goal = ""
         endpoint = f"tcp/127.0.0.1:{free_port()}"
         sidecar = GoalSidecar(CAMERA)
         (folder / "goal.png").write_bytes(encode_png(picture))
@@ -99,7 +103,26 @@ class Rig:
     def tell_vehicle(self, state="READY"):
         vehicle = VehicleState(time.monotonic_ns(), 0.0, 0.0, 0.0, (0.0,) * 3, (0.0,) * 3)
         self.gate.settimeout(STARTUP_S)
-        self.gate.sendto(to_datagram(GateStatus(state, "tested", vehicle)), self.address)
+        status = GateStatus(state, "tested", vehicle, goal=self.goal)
+        self.gate.sendto(to_datagram(status), self.address)
+
+    def forwarded(self, within_s=5.0):
+        """Next command that the process passes on."""
+        deadline = time.monotonic() + within_s
+        self.gate.settimeout(within_s)
+        while time.monotonic() < deadline:
+            if (data := self.gate.recv(65536)).startswith(b'{"payload"'):
+                return from_datagram(ForwardedCommand, data)
+        raise AssertionError("no command")
+
+    def offer(self, picture):
+        """Send a new goal as an operator does; its digest, once its command was passed on."""
+        data = GoalOrder(picture).to_bytes()
+        digest = goal_digest(data)
+        command = encode_command(b"k" * 32, TOPICS.vehicle, Action.GOAL, "c", digest)
+        self.session.put(TOPICS.new_goal, data, attachment=command)
+        assert self.forwarded().payload == command.decode()
+        return digest
 
     def shoot(self, rng, picture=None):
         """Publish one noisy frame, with vehicle states around it."""
@@ -226,14 +249,28 @@ def test_frames_faster_than_perception_are_skipped_not_queued(rig, rng):
 def test_an_operator_s_command_is_passed_on_untouched(rig, rng):
     rig.shoot_until(rng, lambda r: r.healthy)
     rig.session.put(TOPICS.command, b'{"not": "for perception to judge"}')
-    rig.gate.settimeout(5.0)
-    deadline = time.monotonic() + 5.0
-    forwarded = None
-    while forwarded is None and time.monotonic() < deadline:
-        data = rig.gate.recv(65536)
-        if b"payload" in data:
-            forwarded = from_datagram(ForwardedCommand, data)
-    assert forwarded.payload == '{"not": "for perception to judge"}'
+    assert rig.forwarded().payload == '{"not": "for perception to judge"}'
+
+
+def test_a_new_goal_is_looked_for_only_after_the_gate_accepted_it(rig, rng):
+    rig.shoot_until(rng, lambda r: r.healthy)
+    other = Wall(texture(rng)).picture()
+    digest = rig.offer(encode_png(other))
+    old = rig.shoot_until(rng, lambda r: r.healthy)
+    assert (old.goal, old.reached) == ("", True)
+    rig.goal = digest
+    # The camera still shows the old goal, which has nothing in common with the new one.
+    assert not rig.shoot_until(rng, lambda r: r.goal == digest and r.t_capture_ns > 0).healthy
+    rig.picture = other
+    assert rig.shoot_until(rng, lambda r: r.healthy).reached
+
+
+def test_a_signed_goal_that_is_no_picture_is_said_and_flown_by_nothing(rig, rng):
+    rig.shoot_until(rng, lambda r: r.healthy)
+    rig.goal = rig.offer(b"GIF89a")
+    report = rig.shoot_until(rng, lambda r: r.goal == rig.goal)
+    assert not report.healthy
+    assert "the new goal cannot be used" in report.reason
 
 
 def test_rubbish_on_the_camera_key_does_no_harm(rig, rng):

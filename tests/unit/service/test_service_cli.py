@@ -36,6 +36,14 @@ def refused(capsys, *words):
     return lines[0]
 
 
+@pytest.mark.parametrize(
+    "words", [["goal"], ["hold", "--goal", "goal.png"]], ids=["goal without", "hold with"]
+)
+def test_an_order_has_a_picture_only_if_it_is_for_a_goal(words, goal, capsys):
+    line = refused(capsys, "command", *words, "--key-file", "my.key")
+    assert "--goal PICTURE" in line
+
+
 def test_a_missing_goal_picture(tmp_path, goal, capsys):
     assert "No such file" in refused(capsys, "--goal", str(tmp_path / "none.png"))
 
