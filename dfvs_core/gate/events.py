@@ -112,6 +112,31 @@ class ParametersRead:
 
 
 @dataclass(frozen=True, slots=True)
+class VelocityTarget:
+    """Velocity (NED, m/s) that the autopilot flies, where it flies a velocity and no position."""
+
+    t_ns: int
+    velocity_m_s: tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignSetpoint:
+    """Somebody else's setpoint for this vehicle was heard; ``detail`` says whose."""
+
+    t_ns: int
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
+class OtherServices:
+    """Names of the other services that hold a lease on this vehicle's name at present."""
+
+    t_ns: int
+    standing_by: tuple[str, ...] = ()
+    engaged: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
     """A report of perception arrived."""
 
@@ -154,6 +179,9 @@ VehicleEvent = (
     | Health
     | EstimatorState
     | ParametersRead
+    | VelocityTarget
+    | ForeignSetpoint
+    | OtherServices
 )
 Event = VehicleEvent | Report | BadReport | Order | Stop
 

@@ -37,6 +37,8 @@ def decide(engagement: Engagement, moment: Moment) -> Decision | None:
     if engagement.handed_over:
         return None
     fault = flight_fault(moment.vehicle, moment.config, moment.now_ns)
+    if fault is None:
+        fault = moment.vehicle.rivals.flight_fault(engagement.start_ns)
     if fault is None and moment.state is not GateState.DONE:
         fault = cap(engagement, moment.vehicle, moment.config, moment.now_ns)
     if fault is not None:

@@ -95,7 +95,8 @@ class GateMachine:
         """Preflight list of this moment."""
         listed = preflight(self.vehicle, self.sight, self.config, self._now)
         awaits_pilot = self.state is GateState.READY and self.config.engage is Engage.PILOT
-        return listed if awaits_pilot else (*listed, sole_commander(self.vehicle))
+        sole = sole_commander(self.vehicle, self._now, may_be_offboard=awaits_pilot)
+        return (*listed, sole)
 
     def step(self, t_ns: int, events: Sequence[Event] = ()) -> GateOutput:
         """Take the events since the last step; say what to send and what to log.
@@ -310,6 +311,7 @@ class GateMachine:
             self.stream.is_silent = self.config.engage is not Engage.PILOT
         elif target is GateState.ENGAGE:
             self._engagement = begin(self.vehicle, self._now)
+            self.vehicle.rivals.forget_targets()
             self.stream.is_silent = False
             self.has_reached = False
         elif target is GateState.SERVO:
@@ -326,9 +328,14 @@ class GateMachine:
             self.stream.silence()
 
     def _next_setpoint(self) -> BodyVelocity | None:
-        if self.state is GateState.SERVO:
+        if self.state is not GateState.SERVO:
+            setpoint = self.stream.zero(self._now)
+        else:
             proof = self._engagement.proof
             if proof is not None:
                 proof.follow(self.stream.last, self.vehicle.own_motion, self._now)
-            return self.stream.move(self.sight.velocity(), self._now, crawls=proof is not None)
-        return self.stream.zero(self._now)
+            wanted = self.sight.velocity()
+            setpoint = self.stream.move(wanted, self._now, crawls=proof is not None)
+        if setpoint is not None:
+            self.vehicle.rivals.sent(setpoint, self._now)
+        return setpoint

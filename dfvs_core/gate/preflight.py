@@ -40,11 +40,16 @@ def preflight(
     )
 
 
-def sole_commander(vehicle: VehiclePicture) -> Check:
-    """Refuse a vehicle that somebody else flies by setpoints."""
-    foreign = vehicle.is_offboard and vehicle.is_armed
-    detail = "the vehicle is in OFFBOARD, but not by this service" if foreign else ""
-    return Check("sole commander", not foreign, detail)
+def sole_commander(vehicle: VehiclePicture, now_ns: int, *, may_be_offboard: bool) -> Check:
+    """Refuse a vehicle that somebody else commands, or stands by to.
+
+    ``may_be_offboard`` is for the moment in which the pilot's switch to OFFBOARD is awaited.
+    """
+    if vehicle.is_offboard and vehicle.is_armed and not may_be_offboard:
+        detail = "the vehicle is in OFFBOARD, but not by this service"
+    else:
+        detail = vehicle.rivals.preflight_fault(now_ns)
+    return Check("sole commander", not detail, detail)
 
 
 def failures(checks: tuple[Check, ...]) -> str:

@@ -88,6 +88,7 @@ class Cause(enum.StrEnum):
     FAILSAFE = "autopilot in failsafe"
     LANDED = "vehicle on the ground"
     TAKEOVER = "mode left OFFBOARD"
+    TWO_COMMANDERS = "another commander"
     DISARMED = "vehicle disarmed"
     OPERATOR_HOLD = "operator ordered to hold"
     OPERATOR_ABORT = "operator ordered to abort"

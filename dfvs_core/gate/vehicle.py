@@ -19,6 +19,7 @@ from dfvs_core.gate.events import (
     VehicleMode,
 )
 from dfvs_core.gate.proof import OwnMotion
+from dfvs_core.gate.rivals import Rivals
 from dfvs_core.gate.states import Cause
 
 Fault = tuple[Cause, str]
@@ -46,6 +47,7 @@ class VehiclePicture:
     health: Health = field(default_factory=lambda: Health(NEVER, ok=False))
     estimator: EstimatorState = field(default_factory=lambda: EstimatorState(NEVER, valid=True))
     parameters: ParametersRead = field(default_factory=lambda: ParametersRead(NEVER))
+    rivals: Rivals = field(default_factory=Rivals)
     jump_m: float = 0.0
     """Largest step of the position estimate that its velocity does not explain."""
 
@@ -54,6 +56,7 @@ class VehiclePicture:
         match event:
             case Heartbeat():
                 self.heartbeat = event
+                self.rivals.hear(event, is_offboard=self.is_offboard)
             case Attitude():
                 self.attitude = event
             case LocalPosition():
@@ -66,8 +69,10 @@ class VehiclePicture:
                 self.health = event
             case EstimatorState():
                 self.estimator = event
-            case _:
+            case ParametersRead():
                 self.parameters = event
+            case _:
+                self.rivals.take(event, self.attitude.yaw_rad)
 
     def _take_position(self, new: LocalPosition) -> None:
         old = self.position

@@ -16,7 +16,7 @@ import time
 from collections.abc import Callable, Mapping
 from typing import Any
 
-from mavsdk import (  # type: ignore[import-untyped]
+from mavsdk import (
     ComponentType,
     Configuration,
     LogLevel,
@@ -24,12 +24,12 @@ from mavsdk import (  # type: ignore[import-untyped]
     MavsdkError,
     log_subscribe,
 )
-from mavsdk.plugins.mavlink_direct.mavlink_direct import (  # type: ignore[import-untyped]
+from mavsdk.plugins.mavlink_direct.mavlink_direct import (
     MavlinkDirect,
     MavlinkMessage,
 )
-from mavsdk.plugins.param.param import Param  # type: ignore[import-untyped]
-from mavsdk.system import System  # type: ignore[import-untyped]
+from mavsdk.plugins.param.param import Param
+from mavsdk.system import System
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.events import ModeRequest, ParametersRead, VehicleEvent
@@ -44,6 +44,7 @@ _LOSS_ACTION = ("COM_OBL_RC_ACT", 5.0, "what that failsafe does; 5 is Hold")
 
 Emit = Callable[[VehicleEvent], None]
 Note = Callable[[str, str], None]
+_Convert = Callable[[int, Mapping[str, Any]], VehicleEvent | None]
 
 
 class VehicleError(DfvsError):
@@ -120,17 +121,20 @@ class Autopilot:
 
     def _subscribe(self, direct: MavlinkDirect) -> None:
         """Subscribe to every message that the gate judges by."""
-        single: dict[str, Callable[[int, Mapping[str, Any]], VehicleEvent]] = {
+        single: dict[str, _Convert] = {
             "HEARTBEAT": px4.heartbeat,
             "ATTITUDE_QUATERNION": px4.attitude,
             "LOCAL_POSITION_NED": px4.local_position,
             "EXTENDED_SYS_STATE": px4.landed_state,
             "ESTIMATOR_STATUS": px4.estimator_status,
+            "POSITION_TARGET_LOCAL_NED": px4.velocity_target,
         }
         for name, convert in single.items():
             self._listen(direct, name, functools.partial(self._take_single, convert))
         self._listen(direct, "SYS_STATUS", self._take_system_status)
         self._listen(direct, "COMMAND_ACK", self._take_ack)
+        for name in px4.FOREIGN_SETPOINTS:
+            direct.subscribe_message(name, self._take_foreign)
 
     def _listen(
         self,
@@ -145,13 +149,20 @@ class Autopilot:
 
         direct.subscribe_message(name, on_message)
 
-    def _take_single(
-        self,
-        convert: Callable[[int, Mapping[str, Any]], VehicleEvent],
-        t_ns: int,
-        fields: Mapping[str, Any],
-    ) -> None:
-        self._emit(convert(t_ns, fields))
+    def _take_single(self, convert: _Convert, t_ns: int, fields: Mapping[str, Any]) -> None:
+        event = convert(t_ns, fields)
+        if event is not None:
+            self._emit(event)
+
+    def _take_foreign(self, message: MavlinkMessage, _user_data: object) -> None:
+        """Take a commander's message from whoever sent it: what we send does not come back."""
+        sender = (int(message.system_id), int(message.component_id))
+        fields = json.loads(message.fields_json)
+        event = px4.foreign_setpoint(
+            time.monotonic_ns(), message.message_name, sender, fields, self._system_id
+        )
+        if event is not None:
+            self._emit(event)
 
     def _take_system_status(self, t_ns: int, fields: Mapping[str, Any]) -> None:
         for event in px4.system_status(t_ns, fields):

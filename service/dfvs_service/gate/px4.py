@@ -10,6 +10,7 @@ from dfvs_core.gate.events import (
     Attitude,
     Battery,
     EstimatorState,
+    ForeignSetpoint,
     Health,
     Heartbeat,
     LandedState,
@@ -17,6 +18,7 @@ from dfvs_core.gate.events import (
     ModeRequest,
     VehicleEvent,
     VehicleMode,
+    VelocityTarget,
 )
 from dfvs_core.gate.limits import BodyVelocity
 
@@ -62,8 +64,19 @@ _VELOCITY_AND_YAW_RATE = 0x5C7
 _DO_SET_MODE = 176
 _SET_MESSAGE_INTERVAL = 511
 
-MESSAGE_INTERVALS_US = {31: 10_000, 32: 20_000}
-"""ATTITUDE_QUATERNION at 100 Hz and LOCAL_POSITION_NED at 50 Hz."""
+_POSITION_IGNORED = 1 | 2 | 4
+_VELOCITY_IGNORED = 8 | 16 | 32
+
+MESSAGE_INTERVALS_US = {31: 10_000, 32: 20_000, 85: 100_000, 230: 50_000}
+"""ATTITUDE_QUATERNION at 100 Hz, LOCAL_POSITION_NED at 50 Hz, POSITION_TARGET_LOCAL_NED at 10 Hz
+and ESTIMATOR_STATUS at 20 Hz."""
+
+FOREIGN_SETPOINTS = (
+    "SET_POSITION_TARGET_LOCAL_NED",
+    "SET_POSITION_TARGET_GLOBAL_INT",
+    "SET_ATTITUDE_TARGET",
+)
+"""Messages that only a commander sends; the autopilot forwards them where it joins links."""
 
 
 def mode_of(custom_mode: int) -> VehicleMode:
@@ -125,6 +138,24 @@ def estimator_status(t_ns: int, fields: Mapping[str, Any]) -> EstimatorState:
     if not flags & _POSITION_FLAGS:
         missing.append("horizontal position")
     return EstimatorState(t_ns, not missing, f"no {', '.join(missing)}" if missing else "")
+
+
+def velocity_target(t_ns: int, fields: Mapping[str, Any]) -> VelocityTarget | None:
+    """Event of POSITION_TARGET_LOCAL_NED, None where the autopilot flies to a position."""
+    mask = int(fields["type_mask"])
+    if mask & _POSITION_IGNORED != _POSITION_IGNORED or mask & _VELOCITY_IGNORED:
+        return None
+    vx, vy, vz = (_number(fields[name]) for name in ("vx", "vy", "vz"))
+    return VelocityTarget(t_ns, (vx, vy, vz))
+
+
+def foreign_setpoint(
+    t_ns: int, name: str, sender: tuple[int, int], fields: Mapping[str, Any], system_id: int
+) -> ForeignSetpoint | None:
+    """Event of a setpoint from (system, component), None where it is for another vehicle."""
+    if int(fields.get("target_system", 0)) not in (0, system_id):
+        return None
+    return ForeignSetpoint(t_ns, f"{name} of system {sender[0]}, component {sender[1]}")
 
 
 def velocity_fields(velocity: BodyVelocity, system_id: int, time_boot_ms: int) -> dict[str, Any]:

@@ -156,3 +156,32 @@ def test_a_mode_request_never_carries_the_flag_for_arming(request_, numbers):
 def test_an_interval_is_asked_for_in_microseconds():
     fields = px4.interval_fields(32, 20_000, 1)
     assert (fields["command"], fields["param1"], fields["param2"]) == (511, 32.0, 20_000.0)
+
+
+@pytest.mark.parametrize(
+    ("mask", "is_velocity"),
+    [(7 | 0x1C0, True), (7, True), (0, False), (3, False), (7 | 8, False), (7 | 32, False)],
+)
+def test_a_target_counts_where_a_velocity_is_flown_and_no_position(mask, is_velocity):
+    fields = {"type_mask": mask, "vx": 0.1, "vy": -0.2, "vz": None}
+    event = px4.velocity_target(T_NS, fields)
+    assert (event is not None) is is_velocity
+    if event is not None:
+        assert event.velocity_m_s[:2] == (0.1, -0.2)
+        assert math.isnan(event.velocity_m_s[2])
+
+
+@pytest.mark.parametrize(
+    ("target", "is_ours"),
+    [
+        ({"target_system": 1}, True),
+        ({}, True),
+        ({"target_system": 0}, True),
+        ({"target_system": 2}, False),
+    ],
+)
+def test_a_foreign_setpoint_names_its_sender(target, is_ours):
+    event = px4.foreign_setpoint(T_NS, "SET_ATTITUDE_TARGET", (1, 196), target, 1)
+    assert (event is not None) is is_ours
+    if event is not None:
+        assert event.detail == "SET_ATTITUDE_TARGET of system 1, component 196"

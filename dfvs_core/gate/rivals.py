@@ -1,0 +1,121 @@
+"""Who else commands the vehicle, or stands by to (invariant I6).
+
+Three signs: another service's lease on the vehicle's name, a setpoint that somebody else sends
+over the same MAVLink link, and a velocity that the autopilot says it flies and that was never
+asked for here. The last one is what the first second of a pilot's takeover looks like as well,
+before a heartbeat tells, so it counts only once a later heartbeat still shows OFFBOARD: to ask
+for Hold at that moment would take the vehicle out of the pilot's hands.
+"""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from dataclasses import dataclass, field
+
+from dfvs_core.gate.config import MS, S
+from dfvs_core.gate.events import ForeignSetpoint, Heartbeat, OtherServices, VelocityTarget
+from dfvs_core.gate.limits import BodyVelocity
+from dfvs_core.gate.states import Cause
+
+SEEN_NS = 5 * S
+"""A foreign setpoint forbids to engage for so long."""
+
+MAX_ODD_M_S = 0.2
+"""Difference from every velocity that was sent lately; yaw changes and delays explain less."""
+
+ODD_TARGETS = 5
+_ODD_LAPSE_NS = 1 * S
+_SENT_NS = 500 * MS
+_NEVER = -(1 << 62)
+
+RivalEvent = OtherServices | ForeignSetpoint | VelocityTarget
+
+
+@dataclass(slots=True)
+class Rivals:
+    """What was seen of others."""
+
+    services: OtherServices = field(default_factory=lambda: OtherServices(_NEVER))
+    setpoint: ForeignSetpoint = field(default_factory=lambda: ForeignSetpoint(_NEVER, ""))
+    _sent: deque[tuple[int, BodyVelocity]] = field(default_factory=deque)
+    _first_odd_ns: int | None = None
+    _last_odd_ns: int = _NEVER
+    _confirmed: bool = False
+    """A heartbeat later than the first odd target showed OFFBOARD."""
+    _odd: int = 0
+    """Odd targets since then."""
+    _detail: str = ""
+
+    def sent(self, setpoint: BodyVelocity, now_ns: int) -> None:
+        """Remember a setpoint of ours."""
+        self._sent.append((now_ns, setpoint))
+        while len(self._sent) > 1 and self._sent[1][0] < now_ns - _SENT_NS:
+            self._sent.popleft()
+
+    def forget_targets(self) -> None:
+        """Judge the autopilot's targets anew: another engagement begins."""
+        self._sent.clear()
+        self._lapse()
+
+    def hear(self, heartbeat: Heartbeat, *, is_offboard: bool) -> None:
+        """Take a heartbeat, which tells whether an odd target was a change of the mode."""
+        if not is_offboard:
+            self._lapse()
+        elif self._first_odd_ns is not None and heartbeat.t_ns > self._first_odd_ns:
+            self._confirmed = True
+
+    def take(self, event: RivalEvent, yaw_rad: float) -> None:
+        """Remember an event; ``yaw_rad`` is the vehicle's heading."""
+        match event:
+            case OtherServices():
+                self.services = event
+            case ForeignSetpoint():
+                self.setpoint = event
+            case VelocityTarget():
+                self._compare(event, yaw_rad)
+
+    def _compare(self, target: VelocityTarget, yaw_rad: float) -> None:
+        """Compare the velocity that the autopilot flies with those that were sent lately."""
+        if not self._sent or not all(math.isfinite(v) for v in (*target.velocity_m_s, yaw_rad)):
+            return
+        miss = min(_miss(target, v, yaw_rad) for _, v in self._sent)
+        if miss <= MAX_ODD_M_S:
+            if target.t_ns - self._last_odd_ns > _ODD_LAPSE_NS:
+                self._lapse()
+            return
+        self._last_odd_ns = target.t_ns
+        if self._first_odd_ns is None:
+            self._first_odd_ns = target.t_ns
+        self._odd += self._confirmed
+        self._detail = f"the autopilot flies a velocity that is {miss:.2f} m/s from any of ours"
+
+    def preflight_fault(self, now_ns: int) -> str:
+        """Say why nobody may engage now, empty where somebody may."""
+        if names := self.services.standing_by + self.services.engaged:
+            return f"another service for this vehicle runs ({', '.join(names)}): stop one of them"
+        if now_ns - self.setpoint.t_ns <= SEEN_NS:
+            return f"somebody else sends setpoints ({self.setpoint.detail})"
+        return ""
+
+    def flight_fault(self, engaged_ns: int) -> tuple[Cause, str] | None:
+        """Name another commander that was seen since the engagement began."""
+        if self.services.engaged:
+            names = ", ".join(self.services.engaged)
+            return Cause.TWO_COMMANDERS, f"another service is engaged ({names})"
+        if self.setpoint.t_ns >= engaged_ns:
+            return Cause.TWO_COMMANDERS, f"setpoints of somebody else ({self.setpoint.detail})"
+        if self._odd >= ODD_TARGETS:
+            return Cause.TWO_COMMANDERS, self._detail
+        return None
+
+    def _lapse(self) -> None:
+        self._first_odd_ns, self._confirmed, self._odd = None, False, 0
+
+
+def _miss(target: VelocityTarget, sent: BodyVelocity, yaw_rad: float) -> float:
+    """Length of the difference between a target (NED) and a setpoint (body), m/s."""
+    c, s = math.cos(yaw_rad), math.sin(yaw_rad)
+    north = c * sent.forward_m_s - s * sent.right_m_s
+    east = s * sent.forward_m_s + c * sent.right_m_s
+    return math.dist(target.velocity_m_s, (north, east, sent.down_m_s))

@@ -1,0 +1,174 @@
+import math
+
+import pytest
+from gate_rehearsal import Rehearsal, auto_config, pilot_config
+
+from dfvs_core.gate.config import MS, GateTiming, S
+from dfvs_core.gate.events import (
+    ForeignSetpoint,
+    Heartbeat,
+    ModeRequest,
+    OtherServices,
+    VehicleMode,
+    VelocityTarget,
+)
+from dfvs_core.gate.limits import ZERO, BodyVelocity
+from dfvs_core.gate.rivals import ODD_TARGETS, SEEN_NS, Rivals
+from dfvs_core.gate.states import Cause, GateState
+
+NO_PROOF = GateTiming(proof_ns=0)
+
+
+def flying(**changes):
+    return Rehearsal(auto_config(timing=NO_PROOF), **changes).until(GateState.SERVO).run(1.1)
+
+
+def target(gate, velocity=(0.5, 0.5, 0.0)):
+    return VelocityTarget(gate.now_ns, velocity)
+
+
+@pytest.mark.parametrize("place", ["standing_by", "engaged"])
+def test_a_second_service_keeps_both_from_engaging(place):
+    gate = Rehearsal(auto_config())
+    gate.send([OtherServices(gate.now_ns, **{place: ("b7",)})])
+    gate.run(3.0)
+    assert gate.state is GateState.PREFLIGHT
+    assert "another service for this vehicle runs (b7): stop one of them" in gate.machine.reason
+    gate.send([OtherServices(gate.now_ns)])
+    gate.until(GateState.SERVO)
+
+
+def test_a_service_that_comes_up_takes_ready_back():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    gate.send([OtherServices(gate.now_ns, standing_by=("b7",))])
+    gate.run(0.6)
+    assert (gate.state, gate.last.cause) == (GateState.PREFLIGHT, Cause.CHECKS_FAILED)
+
+
+def test_a_service_that_stands_by_does_not_end_a_flight_one_that_is_engaged_does():
+    gate = flying()
+    gate.send([OtherServices(gate.now_ns, standing_by=("b7",))])
+    gate.run(1.0)
+    assert gate.state is GateState.SERVO
+    output = gate.send([OtherServices(gate.now_ns, engaged=("b7",))])
+    assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.TWO_COMMANDERS)
+    assert "b7" in gate.last.detail
+    assert output.setpoint == ZERO
+    assert output.mode_request is ModeRequest.HOLD
+
+
+@pytest.mark.parametrize("state", [GateState.ENGAGE, GateState.SERVO, GateState.HOLD])
+def test_a_foreign_setpoint_aborts_at_once(state):
+    gate = Rehearsal(auto_config(timing=NO_PROOF)).until(GateState.SERVO).run(1.1)
+    if state is GateState.ENGAGE:
+        gate = Rehearsal(auto_config()).until(GateState.ENGAGE)
+    if state is GateState.HOLD:
+        gate.send([gate.report(healthy=False)])
+    assert gate.state is state
+    gate.send([ForeignSetpoint(gate.now_ns, "SET_ATTITUDE_TARGET of system 1, component 196")])
+    assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.TWO_COMMANDERS)
+    assert "component 196" in gate.last.detail
+
+
+def test_a_foreign_setpoint_forbids_to_engage_for_five_seconds():
+    gate = Rehearsal(auto_config()).run(0.5)
+    gate.send([ForeignSetpoint(gate.now_ns, "x")])
+    heard_ns = gate.now_ns
+    gate.until(GateState.READY)
+    assert gate.now_ns - heard_ns >= SEEN_NS + 1 * S
+    assert gate.until(GateState.SERVO).state is GateState.SERVO  # an old one counts no more
+
+
+def odd_targets(gate, count):
+    for _ in range(count):
+        gate.now_ns += 20 * MS
+        gate.send([*gate.nominal(), target(gate)])
+
+
+def test_a_velocity_never_asked_for_aborts_once_a_heartbeat_still_shows_offboard():
+    gate = flying()
+    odd_targets(gate, 20)
+    assert gate.state is GateState.SERVO  # it may be a pilot's takeover
+    gate.beat()
+    odd_targets(gate, ODD_TARGETS - 1)
+    assert gate.state is GateState.SERVO
+    odd_targets(gate, 1)
+    assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.TWO_COMMANDERS)
+    assert "m/s from any of ours" in gate.last.detail
+
+
+def test_a_takeover_is_no_second_commander():
+    gate = flying()
+    odd_targets(gate, 20)
+    gate.forget().beat(mode=VehicleMode.POSITION)
+    assert (gate.state, gate.last.cause) == (GateState.RELEASED, Cause.TAKEOVER)
+    assert not gate.requests
+
+
+def test_the_velocity_that_was_asked_for_is_nobody_elses():
+    gate = flying(asked=(0.3, 0.2, -0.1, 0.2))
+    for i in range(150):
+        gate.tick()
+        north, east, down = gate.velocity_ned()
+        gate.send([target(gate, (north + 0.05, east, down))])
+        if i % 50 == 0:
+            gate.beat()
+    assert gate.state is GateState.SERVO
+
+
+def judged(velocity, sent, yaw_rad=0.0, age_ns=0):
+    """Whether a target counts as odd, against setpoints of which the last one is older."""
+    rivals = Rivals()
+    now_ns = 10 * S
+    for setpoint in sent:
+        rivals.sent(setpoint, now_ns - age_ns)
+    rivals.take(VelocityTarget(now_ns, velocity), yaw_rad)
+    rivals.hear(Heartbeat(now_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    for i in range(ODD_TARGETS):
+        rivals.take(VelocityTarget(now_ns + 2 + i, velocity), yaw_rad)
+    return rivals.flight_fault(0) is not None
+
+
+@pytest.mark.parametrize(
+    ("velocity", "yaw_rad", "is_odd"),
+    [
+        ((0.4, 0.0, 0.0), 0.0, False),
+        ((0.59, 0.0, 0.0), 0.0, False),
+        ((0.61, 0.0, 0.0), 0.0, True),
+        ((0.4, 0.0, 0.21), 0.0, True),
+        ((0.0, 0.4, 0.0), math.pi / 2, False),
+        ((0.4, 0.0, 0.0), math.pi / 2, True),
+        ((math.nan, 0.0, 0.0), 0.0, False),
+        ((0.9, 0.0, 0.0), math.nan, False),
+    ],
+)
+def test_a_target_is_compared_in_the_vehicles_heading(velocity, yaw_rad, is_odd):
+    assert judged(velocity, [BodyVelocity(0.4)], yaw_rad) is is_odd
+
+
+@pytest.mark.parametrize(("forward", "is_odd"), [(0.99, False), (0.55, False), (0.5, True)])
+def test_any_setpoint_of_the_last_half_second_explains_a_target(forward, is_odd):
+    rivals = Rivals()
+    for i in range(100):
+        rivals.sent(BodyVelocity(0.01 * i), i * 20 * MS)
+    now_ns = 99 * 20 * MS
+    rivals.take(VelocityTarget(now_ns, (forward, 0.0, 0.0)), 0.0)
+    rivals.hear(Heartbeat(now_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    for i in range(ODD_TARGETS):
+        rivals.take(VelocityTarget(now_ns + 2 + i, (forward, 0.0, 0.0)), 0.0)
+    assert (rivals.flight_fault(0) is not None) is is_odd
+
+
+def test_without_a_setpoint_of_ours_no_target_is_odd():
+    assert judged((5.0, 0.0, 0.0), []) is False
+
+
+def test_odd_targets_lapse_when_none_came_for_a_second():
+    rivals = Rivals()
+    rivals.sent(ZERO, 0)
+    rivals.take(VelocityTarget(1, (1.0, 0.0, 0.0)), 0.0)
+    rivals.hear(Heartbeat(2, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    rivals.take(VelocityTarget(1 * S + 2, (0.0, 0.0, 0.0)), 0.0)  # a good one, a second later
+    for i in range(ODD_TARGETS):
+        rivals.take(VelocityTarget(1 * S + 3 + i, (1.0, 0.0, 0.0)), 0.0)
+    assert rivals.flight_fault(0) is None
