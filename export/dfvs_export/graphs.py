@@ -9,7 +9,8 @@ import torch
 from torch import Tensor, nn
 from torch.nn import functional
 
-from dfvs_export.networks.dfvs_flow import DfvsFlow, Features
+from dfvs_export.networks.dfvs_flow import DfvsFlow
+from dfvs_export.networks.encoder import Features
 from dfvs_export.onnx_pair import (
     ENCODE_INPUTS,
     ENCODE_OUTPUTS,

@@ -10,7 +10,8 @@ import torch
 from torch import nn
 
 from dfvs_core.errors import ModelError
-from dfvs_export.networks.dfvs_flow import DfvsFlow, FlowArchitecture
+from dfvs_export.networks.architecture import FlowArchitecture
+from dfvs_export.networks.dfvs_flow import DfvsFlow
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,8 @@ from torch import Tensor
 from dfvs_export.data.photometric import disturb
 from dfvs_export.data.shards import Batch
 from dfvs_export.data.stream import PairMakers, PairStream
-from dfvs_export.networks.dfvs_flow import DfvsFlow, FlowArchitecture, Match
+from dfvs_export.networks.architecture import FlowArchitecture
+from dfvs_export.networks.dfvs_flow import DfvsFlow, Match
 from dfvs_export.train.checkpoint import (
     Checkpoint,
     RunningAverage,

@@ -8,7 +8,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from dfvs_export.networks.dfvs_flow import Look, Match, chained
+from dfvs_export.networks.dfvs_flow import Look, Match
+from dfvs_export.networks.sampling import chained
 
 _DECAY = 0.8
 _HIDDEN_WEIGHT = 0.05

@@ -8,7 +8,7 @@ from typing import Any
 
 from dfvs_core.errors import ConfigError
 from dfvs_export.data.pairs import PairSettings
-from dfvs_export.networks.dfvs_flow import FlowArchitecture
+from dfvs_export.networks.architecture import FlowArchitecture
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,15 +4,21 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
-from dfvs_export.networks.dfvs_flow import (  # noqa: E402
-    DfvsFlow,
-    best_cells,
+from dfvs_export.networks.dfvs_flow import DfvsFlow, best_cells  # noqa: E402
+from dfvs_export.networks.least_squares import spread_affine  # noqa: E402
+from dfvs_export.networks.sampling import (  # noqa: E402
     cell_centres,
+    chained,
     convex_upsample,
     local_correlation,
-    spread_affine,
 )
-from dfvs_export.train.loss import Truth, flow_loss, look_loss, matching_loss  # noqa: E402
+from dfvs_export.train.loss import (  # noqa: E402
+    Truth,
+    before_warp,
+    flow_loss,
+    look_loss,
+    matching_loss,
+)
 
 
 @pytest.fixture(scope="module")
@@ -33,7 +39,7 @@ def test_any_multiple_of_16_gives_flow_of_the_full_size(network, width: int, hei
         first, second = (network.encode(torch.rand(1, 3, height, width)) for _ in range(2))
         match = network.match(first, second)
     assert match.flow.shape == (1, 2, height, width)
-    assert match.seen.shape == match.sure.shape == (1, 1, height // 4, width // 4)
+    assert match.confidence().shape == (1, 1, height // 4, width // 4)
     assert torch.isfinite(match.flow).all()
 
 
@@ -172,3 +178,16 @@ def test_the_look_up_loss_asks_for_the_true_place() -> None:
     # what is out of reach does not thin out what is asked of the rest
     expected = float(look_loss(look, Truth(look.flow + 2.0, near, ones)))
     assert float(look_loss(look, Truth(mixed, ones, ones))) == pytest.approx(expected, rel=1e-5)
+
+
+def test_a_place_in_a_picture_warped_by_a_half_turn_leads_to_the_flow() -> None:
+    centres = cell_centres(torch.zeros(1, 1, 30, 40), 4)
+    turn = torch.tensor([[-0.2, -0.8], [0.8, -0.2]])  # base(x) of a roll of about 45 degrees
+    base = torch.einsum("ij,njhw->nihw", turn, centres - 80.0)
+    flow = base + torch.tensor([3.0, -2.0]).reshape(1, 2, 1, 1)
+    place = before_warp(flow, base)
+    inner = (slice(None), slice(None), slice(5, -5), slice(5, -5))
+    assert torch.isfinite(place[inner]).all()
+    assert float((chained(place, base) - flow)[inner].abs().max()) < 0.01
+    # the warped picture is turned back, so the way there is not that of the flow's difference
+    assert float((place - (flow - base))[inner].abs().min()) > 0.5
