@@ -12,8 +12,8 @@ import cv2
 from dfvs_core.goal import Goal
 from dfvs_core.schema import dump
 from dfvs_core.wire.turn import Opening
+from dfvs_models.catalog import model_files
 from dfvs_service.config import ServiceConfig
-from dfvs_service.models.catalog import model_files
 
 _PACKAGES = ("dfvs", "numpy", "onnxruntime")
 

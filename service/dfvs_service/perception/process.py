@@ -21,9 +21,9 @@ from dfvs_core.wire.frame import BOOT_ID_FILE, clock_identity
 from dfvs_core.wire.goal_order import GoalOrder
 from dfvs_core.wire.link import GateStatus, PerceptionReport
 from dfvs_core.wire.picture import encode_png
+from dfvs_models.catalog import load_matcher
 from dfvs_service.config import ServiceConfig
 from dfvs_service.goal_file import ordered_goal
-from dfvs_service.models.catalog import load_matcher
 from dfvs_service.perception.assembly import Clocks, build_eye
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.gate_link import GateLink

@@ -22,7 +22,7 @@ from dfvs_export.train.checkpoint import (  # noqa: E402
     load_network,
     save_checkpoint,
 )
-from dfvs_service.models.catalog import load_matcher  # noqa: E402
+from dfvs_models.catalog import load_matcher  # noqa: E402
 
 SIZE = (96, 64)
 ALLOWED = {"GridSample", "ArgMax", "Conv", "MatMul", "Softmax", "Gather"}

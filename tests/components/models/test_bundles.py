@@ -13,9 +13,9 @@ from dfvs_core.errors import ModelError
 from dfvs_core.manifest import PictureInput, sha256
 from dfvs_core.matching.classical import ClassicalMatcher
 from dfvs_core.schema import dump
-from dfvs_service.models.bundle import read_bundle
-from dfvs_service.models.catalog import load_matcher
-from dfvs_service.models.onnx_file import check_onnx
+from dfvs_models.bundle import read_bundle
+from dfvs_models.catalog import load_matcher
+from dfvs_models.onnx_file import check_onnx
 
 SHAPE = (1, 3, HEIGHT, WIDTH)
 

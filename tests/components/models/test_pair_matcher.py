@@ -9,9 +9,9 @@ from textured_wall import Wall, exact_flow, texture, turned
 from dfvs_core.errors import ImageError
 from dfvs_core.manifest import FlowOutput
 from dfvs_core.matching.classical import ClassicalMatcher
-from dfvs_service.models.bundle import read_bundle
-from dfvs_service.models.catalog import load_matcher
-from dfvs_service.models.onnx_session import Execution, OnnxGraph
+from dfvs_models.bundle import read_bundle
+from dfvs_models.catalog import load_matcher
+from dfvs_models.onnx_session import Execution, OnnxGraph
 
 
 @pytest.fixture(scope="module")

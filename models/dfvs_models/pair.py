@@ -14,8 +14,8 @@ from dfvs_core.manifest import FlowOutput, PictureInput
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
 from dfvs_core.matching.trust import looks_alike, returns, stays_inside
 from dfvs_core.matching.warping import pixel_grid, sample
-from dfvs_service.models.bundle import Bundle
-from dfvs_service.models.onnx_session import Execution, OnnxGraph
+from dfvs_models.bundle import Bundle
+from dfvs_models.onnx_session import Execution, OnnxGraph
 
 _ROLE = "pair"
 

@@ -11,14 +11,14 @@ from dfvs_core.manifest import MANIFEST_NAME, sha256
 from dfvs_core.matching.classical import ClassicalMatcher
 from dfvs_core.matching.hybrid import HybridMatcher
 from dfvs_core.matching.matcher import Matcher
-from dfvs_service.models.bundle import read_bundle
-from dfvs_service.models.encode_match import EncodeMatchMatcher
-from dfvs_service.models.onnx_session import Execution
-from dfvs_service.models.pair import PairMatcher
+from dfvs_models.bundle import read_bundle
+from dfvs_models.encode_match import EncodeMatchMatcher
+from dfvs_models.onnx_session import Execution
+from dfvs_models.pair import PairMatcher
 
 CLASSICAL = "classical"
 HYBRID_PREFIX = "hybrid:"
-_PACKAGED = Path(__file__).parent.parent / "assets" / "models"
+_PACKAGED = Path(__file__).parent / "assets"
 
 
 def load_matcher(

@@ -9,9 +9,9 @@ from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError, ModelError
 from dfvs_core.manifest import FlowOutput, PictureInput
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
-from dfvs_service.models.bundle import Bundle
-from dfvs_service.models.onnx_session import Execution, OnnxGraph
-from dfvs_service.models.pair import picture_flow, picture_map, picture_tensor
+from dfvs_models.bundle import Bundle
+from dfvs_models.onnx_session import Execution, OnnxGraph
+from dfvs_models.pair import picture_flow, picture_map, picture_tensor
 
 _ENCODE, _MATCH = "encode", "match"
 

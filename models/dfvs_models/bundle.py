@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dfvs_core.errors import ModelError
 from dfvs_core.manifest import MANIFEST_NAME, Manifest, check_files
-from dfvs_service.models.onnx_file import check_onnx
+from dfvs_models.onnx_file import check_onnx
 
 MAX_MANIFEST_BYTES = 1024 * 1024
 MAX_FILE_BYTES = 2 * 1024**3
