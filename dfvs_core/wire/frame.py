@@ -95,18 +95,25 @@ def encode_frame(
     else:
         payload = frame.image.tobytes()
     height, width = frame.image.shape[:2]
-    attachment = _HEADER.pack(
+    header = FrameHeader(
+        width, height, pixel_format, frame.seq, frame.t_capture_ns, zlib.crc32(payload), clock
+    )
+    return payload, encode_header(header)
+
+
+def encode_header(header: FrameHeader) -> bytes:
+    """Attachment that says what is known of a frame."""
+    return _HEADER.pack(
         _MAGIC,
         _VERSION,
-        int(pixel_format),
-        width,
-        height,
-        zlib.crc32(payload),
-        frame.seq,
-        frame.t_capture_ns,
-        clock,
+        int(header.pixel_format),
+        header.width,
+        header.height,
+        header.checksum,
+        header.seq,
+        header.t_capture_ns,
+        header.clock,
     )
-    return payload, attachment
 
 
 def decode_header(attachment: bytes) -> FrameHeader:

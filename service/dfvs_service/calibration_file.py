@@ -87,13 +87,25 @@ def with_calibration(config: ServiceConfig) -> ServiceConfig:
     if section.model() is not None:
         raise ConfigError("camera has both a calibration_file and intrinsics", "only one of them")
     camera = read_calibration(Path(section.calibration_file))
+    return with_intrinsics(config, camera, section.calibration_file)
+
+
+def with_intrinsics(
+    config: ServiceConfig, camera: CameraModel, origin: str = "the camera"
+) -> ServiceConfig:
+    """Settings with a camera's intrinsics; ``origin`` is who says them.
+
+    Raises
+    ------
+    ConfigError
+        If the settings name another size.
+    """
+    section = config.camera
     for name, given, read in (
         ("width", section.width, camera.width),
         ("height", section.height, camera.height),
     ):
         if given not in (None, read):
-            raise ConfigError(
-                f"camera.{name} is {given}", f"{read}, as {section.calibration_file} says"
-            )
+            raise ConfigError(f"camera.{name} is {given}", f"{read}, as {origin} says")
     filled = dataclasses.replace(section, calibration_file="", **dataclasses.asdict(camera))
     return dataclasses.replace(config, camera=filled)

@@ -10,20 +10,21 @@ import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from pathlib import Path
-from typing import Any
 
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, OnDone
 from dfvs_core.gate.events import Action
 from dfvs_core.goal import Goal, GoalSidecar, Mount
-from dfvs_service.calibration_file import with_calibration
-from dfvs_service.config import ServiceConfig, load_config, parse_assignment
+from dfvs_service.calibration_file import with_calibration, with_intrinsics
+from dfvs_service.config import ServiceConfig
 from dfvs_service.config_text import toml_text
 from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine
 from dfvs_service.goal_file import checked_goal, goal_order, read_picture, read_sidecar
 from dfvs_service.key_file import create_key, load_key
 from dfvs_service.parent import Programs, fly, furnish
+from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings_options import add_settings_options, settings_from
 
 EXIT_OK, EXIT_ENDED, EXIT_CANNOT_RUN = 0, 1, 2
 
@@ -56,35 +57,14 @@ def main(argv: Sequence[str] | None = None) -> int:
 # --- settings ---------------------------------------------------------------------------------
 
 
-def _add_settings(parser: argparse.ArgumentParser) -> None:
-    parser.add_argument("--config", type=Path, metavar="FILE", help="settings in TOML")
-    parser.add_argument("--vehicle", metavar="NAME", help="name of the vehicle (vehicle.name)")
-    parser.add_argument(
-        "--set",
-        dest="assignments",
-        action="append",
-        default=[],
-        metavar="SECTION.KEY=VALUE",
-        help="any other setting; may be repeated (see: dfvs-service config)",
-    )
-
-
-def _settings(arguments: argparse.Namespace, shortcuts: dict[str, Any]) -> ServiceConfig:
-    """Settings of a file, under those of ``--set``, under those that have their own option."""
-    overrides = dict(parse_assignment(text) for text in arguments.assignments)
-    named = {"vehicle.name": arguments.vehicle, **shortcuts}
-    overrides.update({key: value for key, value in named.items() if value is not None})
-    return load_config(arguments.config, overrides)
-
-
 def _print_config(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="dfvs-service config",
         description="Print the settings as commented TOML, ready to be edited.",
         epilog="example: dfvs-service config --set gate.engage=auto > service.toml",
     )
-    _add_settings(parser)
-    print(toml_text(_settings(parser.parse_args(words), {})), end="")
+    add_settings_options(parser)
+    print(toml_text(settings_from(parser.parse_args(words))), end="")
     return EXIT_OK
 
 
@@ -101,7 +81,7 @@ def _command(words: Sequence[str]) -> int:
     parser.add_argument("--key-file", type=Path, required=True, metavar="FILE")
     parser.add_argument("--goal", type=Path, metavar="PICTURE", help="the new goal, for 'goal'")
     parser.add_argument("--timeout", type=float, default=3.0, metavar="S", help="(default: 3)")
-    _add_settings(parser)
+    add_settings_options(parser)
     arguments = parser.parse_args(words)
     if arguments.order == "new-key":
         create_key(arguments.key_file)
@@ -110,7 +90,7 @@ def _command(words: Sequence[str]) -> int:
     # Zenoh is needed here alone, and takes its time to load.
     from dfvs_service.orders import give_order
 
-    config = _settings(arguments, {})
+    config = settings_from(arguments)
     action, picture = Action(arguments.order), arguments.goal
     if (action is Action.GOAL) != (picture is not None):
         raise ConfigError(
@@ -134,7 +114,7 @@ def _flight_parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     parser.add_argument("--goal", type=Path, required=True, metavar="PICTURE", help="PNG or JPEG")
-    _add_settings(parser)
+    add_settings_options(parser)
     parser.add_argument(
         "--engage",
         choices=[str(way) for way in Engage],
@@ -152,6 +132,9 @@ def _flight_parser() -> argparse.ArgumentParser:
         "--exit-when-done", action="store_true", default=None, help="end when the flight is over"
     )
     parser.add_argument(
+        "--record", type=Path, metavar="DIR", help="record the flight as MCAP (record.folder)"
+    )
+    parser.add_argument(
         "--runtime-dir", type=Path, metavar="DIR", help="keep sockets and logs here"
     )
     parser.add_argument(
@@ -162,7 +145,7 @@ def _flight_parser() -> argparse.ArgumentParser:
 
 def _fly(words: Sequence[str]) -> int:
     arguments = _flight_parser().parse_args(words)
-    config = _settings(
+    config = settings_from(
         arguments,
         {
             "gate.engage": arguments.engage,
@@ -171,6 +154,7 @@ def _fly(words: Sequence[str]) -> int:
             "vehicle.mavlink": arguments.mavlink,
             "flow.model": arguments.model,
             "camera.horizontal_fov_deg": arguments.camera_fov,
+            "record.folder": None if arguments.record is None else str(arguments.record.absolute()),
         },
     )
     config, goal = _resolve(config, arguments.goal)
@@ -179,23 +163,50 @@ def _fly(words: Sequence[str]) -> int:
         load_key(Path(config.gate.command_key_file))
     with _runtime(arguments.runtime_dir) as runtime:
         furnish(runtime, config, goal)
-        return fly(runtime, Programs(), _display(runtime, as_json=arguments.json_log))
+        return fly(runtime, _programs(config), _display(runtime, as_json=arguments.json_log))
 
 
 def _resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]:
     """Settings with all that is known of the camera, and the goal, checked against it."""
     image, sidecar = read_picture(picture), read_sidecar(picture)
     height, width = image.shape[:2]
-    config, camera = with_calibration(config).with_camera((width, height), sidecar)
+    config = _with_announced(with_calibration(config), sidecar)
+    config, camera = config.with_camera((width, height), sidecar)
     if sidecar is None:
         sidecar = GoalSidecar(camera, mount=config.camera.mount or Mount())
     return config, checked_goal(picture, image, sidecar)
 
 
+def _with_announced(config: ServiceConfig, sidecar: GoalSidecar | None) -> ServiceConfig:
+    """Settings with the intrinsics that the camera announces, where nothing else tells them."""
+    if config.camera.announced_s <= 0 or sidecar is not None or config.camera.model() is not None:
+        return config
+    # Zenoh is needed here alone, and takes its time to load.
+    from dfvs_service.perception.announced import await_camera
+
+    camera = await_camera(config)
+    return config if camera is None else with_intrinsics(config, camera)
+
+
+def _programs(config: ServiceConfig) -> Programs:
+    """Programs of the flight, with a recorder where a recording is asked for.
+
+    Raises
+    ------
+    ConfigError
+        If recordings cannot be made here.
+    """
+    if not config.record.folder:
+        return Programs()
+    require_record_extra()
+    prepare_folder(Path(config.record.folder))
+    return Programs(recorder=(sys.executable, "-m", "dfvs_service.record"))
+
+
 def _check_model(config: ServiceConfig) -> None:
     """Load the model once, so that what is wrong with it is said before anything starts."""
     # ONNX Runtime is needed here alone, and takes its time to load.
-    from dfvs_models.catalog import load_matcher
+    from dfvs_service.models.catalog import load_matcher
 
     load_matcher(config.flow.model, config.flow.threads, config.flow.provider)
 

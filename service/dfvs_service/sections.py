@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Literal
 
 from dfvs_core.camera import CameraModel
@@ -13,6 +13,8 @@ from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.goal import Mount
 from dfvs_core.schema import setting
 from dfvs_core.topics import Topics
+
+CameraSource = Literal["dfvs", "ros2-rmw", "ros2-bridge"]
 
 _VELOCITY = VelocityLimits()
 _GATE = GateConfig()
@@ -36,9 +38,24 @@ class VehicleSection:
 
 
 @dataclass(frozen=True, slots=True)
+class Ros2CameraSection:
+    """A camera of ROS 2, where ``camera.source`` names one of its links."""
+
+    topic: str = setting("camera/image_raw", "image topic, with its namespaces")
+    compressed: bool = setting(False, "true: the topic carries CompressedImage, not Image")
+    info_topic: str = setting("", "CameraInfo's topic; empty: camera_info beside the image topic")
+    domain: int = setting(0, "ROS domain (rmw_zenoh only)", low=0, high=232)
+
+
+@dataclass(frozen=True, slots=True)
 class CameraSection:
     """The camera that flies; what is not set is taken from the goal and its sidecar."""
 
+    source: CameraSource = setting(
+        "dfvs",
+        "whose frames: dfvs (dfvs-camera), ros2-rmw (rmw_zenoh) or ros2-bridge "
+        "(zenoh-bridge-ros2dds)",
+    )
     width: int | None = setting(None, "width of the frames, px", low=16, high=8192)
     height: int | None = setting(None, "height of the frames, px", low=16, high=8192)
     horizontal_fov_rad: float | None = setting(
@@ -55,6 +72,13 @@ class CameraSection:
     calibration_file: str = setting(
         "", "file of dfvs-camera calibrate, in place of the intrinsics above; empty: none"
     )
+    announced_s: float = setting(
+        0.0,
+        "wait so long for the camera to announce its calibration where none is known; 0: do not",
+        low=0.0,
+        high=60.0,
+    )
+    ros2: Ros2CameraSection = field(default_factory=Ros2CameraSection)
     mount: Mount | None = None
 
     def model(self) -> CameraModel | None:

@@ -1,0 +1,68 @@
+"""What cameras announce of their calibration."""
+
+from __future__ import annotations
+
+import queue
+from collections.abc import Callable
+from pathlib import Path
+
+import zenoh
+import zenoh.ext
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import DfvsError
+from dfvs_core.wire.frame import BOOT_ID_FILE, clock_identity
+from dfvs_service.config import ServiceConfig
+from dfvs_service.perception.intake import Intake, make_intake
+from dfvs_service.zenoh_session import open_session
+
+OnCamera = Callable[[CameraModel | DfvsError], None]
+
+
+def watch_calibration(
+    session: zenoh.Session, intake: Intake, on_camera: OnCamera
+) -> zenoh.ext.AdvancedSubscriber[None]:
+    """Call back, on Zenoh's thread, for every calibration or what is wrong with it.
+
+    One that was announced before is asked for. A camera that is not calibrated is passed over.
+    """
+
+    def on_sample(sample: zenoh.Sample) -> None:
+        try:
+            camera = intake.camera(sample.payload.to_bytes())
+        except DfvsError as error:
+            on_camera(error)
+            return
+        if camera is not None:
+            on_camera(camera)
+
+    return zenoh.ext.declare_advanced_subscriber(
+        session,
+        intake.calibration_key,
+        on_sample,
+        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+    )
+
+
+def await_camera(config: ServiceConfig) -> CameraModel | None:
+    """Camera that announces itself within ``camera.announced_s``, None if none does.
+
+    Raises
+    ------
+    DfvsError
+        If what it announces cannot be used, or Zenoh cannot be opened.
+    """
+    if config.camera.announced_s <= 0:
+        return None
+    intake = make_intake(config, clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii")))
+    heard: queue.Queue[CameraModel | DfvsError] = queue.Queue()
+    with open_session(config.zenoh) as session:
+        # Closing the session ends the subscription; the reference keeps it until then.
+        _subscriber = watch_calibration(session, intake, heard.put)
+        try:
+            announced = heard.get(timeout=config.camera.announced_s)
+        except queue.Empty:
+            return None
+    if isinstance(announced, DfvsError):
+        raise announced
+    return announced
