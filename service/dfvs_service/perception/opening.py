@@ -30,10 +30,8 @@ def build_versions() -> dict[str, str]:
     }
 
 
-def make_opening(
-    config: ServiceConfig, goal: Goal, clock: bytes, number: int = 0, first_turn: int = 0
-) -> Opening:
-    """Opening of perception's work on a goal.
+def make_opening(config: ServiceConfig, goal: Goal, clock: bytes, first_turn: int = 0) -> Opening:
+    """Opening, as of now, of perception's work on a goal.
 
     Raises
     ------
@@ -42,12 +40,13 @@ def make_opening(
     """
     sidecar: dict[str, Any] = dump(goal.sidecar)
     settings: dict[str, Any] = dump(config)
+    now_ns = time.monotonic_ns()
     return Opening(
         vehicle=config.vehicle.name,
-        number=number,
         first_turn=first_turn,
+        opened_ns=now_ns,
         clock=clock.hex(),
-        unix_offset_ns=time.time_ns() - time.monotonic_ns(),
+        unix_offset_ns=time.time_ns() - now_ns,
         build=build_versions(),
         model=model_files(config.flow.model),
         settings=settings,

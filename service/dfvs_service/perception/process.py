@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import logging
 import os
+import sys
 import time
 from dataclasses import dataclass
 from pathlib import Path
@@ -13,6 +14,7 @@ from typing import Any
 
 import zenoh
 
+from dfvs_core.camera import CameraModel
 from dfvs_core.errors import DfvsError
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.schema import dump
@@ -24,9 +26,11 @@ from dfvs_core.wire.picture import encode_png
 from dfvs_models.catalog import load_matcher
 from dfvs_service.config import ServiceConfig
 from dfvs_service.goal_file import ordered_goal
+from dfvs_service.perception.announced import watch_calibration
 from dfvs_service.perception.assembly import Clocks, build_eye
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.gate_link import GateLink
+from dfvs_service.perception.intake import disagreement, make_intake
 from dfvs_service.perception.latency import LatencyWindow
 from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
@@ -42,6 +46,7 @@ from dfvs_service.zenoh_session import open_session
 SILENCE_S = 0.1
 _TIMING_PERIOD_NS = 1_000_000_000
 _RECORDER_PATIENCE_S = 10.0
+_MOST_WARNINGS = 8
 
 log = logging.getLogger("dfvs.perception")
 
@@ -86,6 +91,9 @@ class PerceptionProcess:
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._latency = LatencyWindow()
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self._intake = make_intake(config, self._clock)
+        self._camera = config.camera.model() or goal.sidecar.camera
+        self._told_cameras: set[str] = set()
         flow = config.flow
         self._matcher = load_matcher(flow.model, flow.threads, flow.provider)
         self._goal = goal
@@ -113,13 +121,14 @@ class PerceptionProcess:
             feed = TurnFeed(session, self._topics, patience_s)
             telemetry.offer_json("config", dump(self._config))
             self._tell_goal(telemetry, feed)
-            frames = session.declare_subscriber(self._topics.camera, self._on_frame)
+            frames = session.declare_subscriber(self._intake.key, self._on_frame)
+            camera = watch_calibration(session, self._intake, self._on_camera)
             orders = session.declare_subscriber(self._topics.command, self._on_command)
             goals = session.declare_subscriber(self._topics.new_goal, self._on_goal)
-            log.info("listening for frames on %s", self._topics.camera)
+            log.info("listening for frames on %s", self._intake.key)
             while not self._stopped and os.getppid() == self._parent:
                 self._turn(telemetry, feed)
-            del frames, orders, goals
+            del frames, camera, orders, goals
             feed.close()
             telemetry.close()
         self._gate.close()
@@ -134,14 +143,15 @@ class PerceptionProcess:
 
     def _tell_goal(self, telemetry: Telemetry, feed: TurnFeed) -> None:
         """Tell recorders with what the turns from here on work, and everybody the goal."""
-        number, first = self._book.open(), self._book.next_turn
-        opening = make_opening(self._config, self._goal, self._clock, number, first)
+        opening = make_opening(self._config, self._goal, self._clock, self._book.next_turn)
+        self._book.open(opening)
         feed.offer(opening, encode_png(self._goal.image))
         image, now_ns = self._goal.image, time.monotonic_ns()
         telemetry.offer("goal", lambda: self._pictures.goal(image, now_ns))
 
-    def _change_goal(self, digest: str, telemetry: Telemetry, feed: TurnFeed) -> None:
+    def _change_goal(self, heard: list[GateStatus], telemetry: Telemetry, feed: TurnFeed) -> None:
         """Look for the goal that the gate accepted; one that is unusable is none, and said so."""
+        digest = heard[-1].goal
         self._goal_digest, self._goal_flaw = digest, ""
         settings = self._config.camera
         camera = settings.model() or self._goal.sidecar.camera
@@ -154,6 +164,8 @@ class PerceptionProcess:
             log.warning("%s", self._goal_flaw)
             return
         self._eye = self._build_eye(self._goal)
+        for status in heard:  # the opening that follows holds for this turn already
+            self._eye.heed(status)
         self._tell_goal(telemetry, feed)
         log.info("looking for the goal %s", digest[:12])
 
@@ -161,6 +173,17 @@ class PerceptionProcess:
         """Zenoh's thread: keep the newest sample, do nothing else."""
         attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
         self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, time.monotonic_ns()))
+
+    def _on_camera(self, announced: CameraModel | DfvsError) -> None:
+        """Zenoh's thread: warn, once, of a camera that is not the one in the settings."""
+        if isinstance(announced, DfvsError):
+            problem = str(announced)
+        else:
+            problem = disagreement(self._camera, announced)
+        fresh = problem not in self._told_cameras and len(self._told_cameras) < _MOST_WARNINGS
+        if problem and fresh:
+            self._told_cameras.add(problem)
+            print(f"warning: {problem}", file=sys.stderr, flush=True)
 
     def _on_command(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: pass an operator's command on; the gate judges it."""
@@ -176,13 +199,13 @@ class PerceptionProcess:
             self._gate.send(command)
 
     def _turn(self, telemetry: Telemetry, feed: TurnFeed) -> None:
-        sample = self._mailbox.take(SILENCE_S)
+        sample = self._next_sample()
         heard = self._heed_gate()
         if heard and heard[-1].goal != self._goal_digest:
-            self._change_goal(heard[-1].goal, telemetry, feed)
+            self._change_goal(heard, telemetry, feed)
         now_ns = time.monotonic_ns()
-        if sample is None or self._goal_flaw:
-            report = self._silence(now_ns)
+        if isinstance(sample, str):
+            report = unhealthy_report(0, 0, sample)
             self._send(report)
             feed.offer(self._book.silent(now_ns, heard, report))
         else:
@@ -206,13 +229,18 @@ class PerceptionProcess:
             self._eye.heed(status)
         return heard
 
-    def _silence(self, now_ns: int) -> PerceptionReport:
+    def _next_sample(self) -> RawSample | str:
+        """Newest sample in our own wire format, or why there is none to look at."""
+        sample = self._mailbox.take(SILENCE_S)
         if self._goal_flaw:
-            return unhealthy_report(0, 0, self._goal_flaw)
-        since_s = (now_ns - self._last_frame_ns) * 1e-9
-        return unhealthy_report(
-            0, 0, f"no camera frame on {self._topics.camera} for {since_s:.1f} s"
-        )
+            return self._goal_flaw
+        if sample is None:
+            since_s = (time.monotonic_ns() - self._last_frame_ns) * 1e-9
+            return f"no camera frame on {self._intake.key} for {since_s:.1f} s"
+        try:
+            return self._intake.translate(sample)
+        except DfvsError as error:
+            return f"the frame cannot be read: {error}"
 
     def _tell(self, telemetry: Telemetry, glance: Glance) -> dict[str, Any]:
         """Hand one frame's results to the telemetry thread; return its servo document."""

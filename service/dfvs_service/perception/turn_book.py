@@ -6,21 +6,20 @@ from collections.abc import Mapping, Sequence
 from typing import Any
 
 from dfvs_core.wire.link import GateStatus, PerceptionReport
-from dfvs_core.wire.turn import Sight, Turn
+from dfvs_core.wire.turn import Opening, Sight, Turn
 from dfvs_service.perception.eye import Glance, RawSample
 
 
 class TurnBook:
-    """Numbers turns and openings from 0, without gaps."""
+    """Numbers turns from 0, without gaps, and remembers which opening holds."""
 
     def __init__(self) -> None:
         self.next_turn = 0
-        self._opening = -1
+        self._opening = 0
 
-    def open(self) -> int:
-        """Number of a new opening, which holds for the turns that follow."""
-        self._opening += 1
-        return self._opening
+    def open(self, opening: Opening) -> None:
+        """Take the opening that holds for the turns to come."""
+        self._opening = opening.opened_ns
 
     def silent(self, now_ns: int, heard: Sequence[GateStatus], report: PerceptionReport) -> Turn:
         """Turn for which no sample came."""
