@@ -35,15 +35,17 @@ _PING_NS = 100 * MS
 _SHOW_NS = 200 * MS
 _STOP_LIMIT_S = 1.8
 _PERCEPTION_STOP_S = 0.4
+_RECORDER_STOP_S = 0.8
 _NOTABLE = ("error: ", "warning: ")
 
 
 @dataclass(frozen=True, slots=True)
 class Programs:
-    """Commands that start the two processes; ``--runtime DIR`` is added."""
+    """Commands that start the processes; ``--runtime DIR`` is added. No recorder: no recording."""
 
     gate: Sequence[str] = (sys.executable, "-m", "dfvs_service.gate")
     perception: Sequence[str] = (sys.executable, "-m", "dfvs_service.perception")
+    recorder: Sequence[str] = ()
 
 
 def furnish(runtime: RuntimeFolder, config: ServiceConfig, goal: Goal) -> None:
@@ -66,8 +68,11 @@ class Parent:
         place = ("--runtime", str(runtime.path))
         self._gate = Child((*programs.gate, *place), runtime.stderr("gate"))
         self._perception = Child((*programs.perception, *place), runtime.stderr("perception"))
-        prefer_this_process()  # after the start of the children, which would inherit it
         self._children = {"gate": self._gate, "perception": self._perception}
+        if programs.recorder:
+            recorder = Child((*programs.recorder, *place), runtime.stderr("recorder"))
+            self._children["recorder"] = recorder
+        prefer_this_process()  # after the start of the children, which would inherit it
         self._watch = Watch(time.monotonic_ns())
         self._beat = Beat(0, str(GateState.IDLE), "starting")
         self._told: set[str] = set()
@@ -117,6 +122,7 @@ class Parent:
             self._show()
             self._pass_on_errors()
             self._heed_perception()
+            self._heed_recorder()
         if self._stop_requested:
             self._stop_gate()
 
@@ -138,6 +144,12 @@ class Parent:
             self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_ENDED
             self._stop_requested = True
 
+    def _heed_recorder(self) -> None:
+        """Say that a recorder is gone; the flight goes on without."""
+        recorder = self._children.get("recorder")
+        if recorder is not None and recorder.code is not None:
+            self._say(f"warning: the recorder {recorder.describe_end()}; nothing more is recorded")
+
     def _stop_gate(self) -> None:
         """Let the gate bring the vehicle to Hold; kill it if that takes too long."""
         self._gate.terminate()
@@ -154,10 +166,9 @@ class Parent:
 
     def _end_all(self) -> None:
         """Leave no process behind, and no error unsaid."""
-        for child, limit_s in (
-            (self._gate, _STOP_LIMIT_S),
-            (self._perception, _PERCEPTION_STOP_S),
-        ):
+        # The recorder last: the others have something to say until their end.
+        limits_s = (_STOP_LIMIT_S, _PERCEPTION_STOP_S, _RECORDER_STOP_S)
+        for child, limit_s in zip(self._children.values(), limits_s, strict=False):
             if child.code is None:
                 child.terminate()
             if not child.wait(limit_s):

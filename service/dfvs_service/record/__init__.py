@@ -1,0 +1,1 @@
+"""Recordings of flights as MCAP files, which Foxglove opens and ``dfvs-replay`` reruns."""

@@ -1,0 +1,44 @@
+"""``python -m dfvs_service.record --runtime DIR``: started by the service, not by hand."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from dfvs_core.errors import DfvsError
+from dfvs_service.config import config_from_json
+from dfvs_service.record.preparation import prepare_folder
+from dfvs_service.record.process import RecordProcess
+from dfvs_service.runtime import RuntimeFolder
+
+EXIT_CANNOT_RUN = 2
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Record until SIGTERM."""
+    parser = argparse.ArgumentParser(prog="dfvs_service.record", description=__doc__)
+    parser.add_argument("--runtime", type=Path, required=True)
+    runtime = RuntimeFolder(parser.parse_args(argv).runtime)
+    # The terminal's Ctrl-C goes to all processes; the parent passes it on as SIGTERM.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        config = config_from_json(runtime.config.read_text(encoding="utf-8"))
+        process = RecordProcess(config, prepare_folder(Path(config.record.folder)))
+        signal.signal(signal.SIGTERM, process.stop)
+        summary = process.run(lambda _: None)
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    counts = summary.counts
+    if counts.missing or counts.dropped:
+        lost = counts.missing + counts.dropped
+        print(f"warning: the recording lacks {lost} of its turns", file=sys.stderr)
+    return 0
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,97 @@
+"""``dfvs-record``: record a running service's flight as MCAP, or mend a recording."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from dfvs_core.errors import DfvsError
+from dfvs_service.record.preparation import prepare_folder, require_record_extra
+from dfvs_service.settings_options import add_settings_options, settings_from
+
+EXIT_OK, EXIT_NOTHING, EXIT_CANNOT_RUN = 0, 1, 2
+
+_EXAMPLE = """\
+example, beside a running dfvs-service:
+  dfvs-record --out flights
+  dfvs-record --out flights --vehicle drone2 --set zenoh.listen='["tcp/192.168.1.7:7447"]'
+
+after a crash:
+  dfvs-record recover flights/drone1-20260102T101112Z-000.mcap
+
+To record a flight from its first frame on, start the service with --record DIR instead.
+exit code: 0 recorded, 1 nothing came, 2 cannot run
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        return _recover(words[1:]) if words[:1] == ["recover"] else _record(words)
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+
+
+def _record(words: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-record",
+        description="Record what a running dfvs-service sees, decides and sends, as MCAP files "
+        "that Foxglove opens and dfvs-replay reruns. Ends with Ctrl-C.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where files go")
+    parser.add_argument("--json", action="store_true", help="print what was recorded as JSON")
+    add_settings_options(parser)
+    arguments = parser.parse_args(words)
+    config = settings_from(arguments)
+    # Zenoh, MCAP and protobuf are needed from here on, and take their time to load.
+    require_record_extra()
+    from dfvs_service.record.process import RecordProcess, handle_signals
+    from dfvs_service.record.progress import ProgressLine
+
+    process = RecordProcess(config, prepare_folder(arguments.out))
+    handle_signals(process)
+    progress = ProgressLine(sys.stderr)
+    summary = process.run(progress.show)
+    progress.close()
+    counts = summary.counts
+    if arguments.json:
+        print(json.dumps(dataclasses.asdict(summary)))
+    else:
+        print(
+            f"{counts.turns} turns, {summary.size_bytes / 1e6:.1f} MB in {summary.folder}/"
+            f"{summary.name}-*.mcap; {counts.missing} missing, {counts.dropped} dropped"
+        )
+    return EXIT_OK if counts.turns else EXIT_NOTHING
+
+
+def _recover(words: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-record recover",
+        description="Give a recording that was cut short its index, so that every tool opens it.",
+        epilog="example: dfvs-record recover flights/drone1-20260102T101112Z-000.mcap",
+    )
+    parser.add_argument("file", type=Path, metavar="FILE")
+    parser.add_argument(
+        "--out", type=Path, metavar="FILE", help="mended file (default: FILE's name + -recovered)"
+    )
+    arguments = parser.parse_args(words)
+    require_record_extra()
+    from dfvs_service.record.recovery import recover
+
+    source: Path = arguments.file
+    target = arguments.out or source.with_name(f"{source.stem}-recovered.mcap")
+    count = recover(source, target)
+    print(f"{count} messages in {target}")
+    return EXIT_OK if count else EXIT_NOTHING
+
+
+if __name__ == "__main__":
+    sys.exit(main())

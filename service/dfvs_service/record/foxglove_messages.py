@@ -1,0 +1,140 @@
+"""Bytes of Foxglove's standard messages (protobuf). Times are Unix ns.
+
+Frames: ``world`` has its z axis up, as Foxglove draws it; ``ned`` is the same origin north, east,
+down; ``body`` is forward, right, down; ``camera`` is optical.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.Pose_pb2 import Pose
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
+from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
+from google.protobuf.timestamp_pb2 import Timestamp
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.goal import Mount
+from dfvs_core.poses import quaternion_from_rotation, rotation_from_euler
+from dfvs_core.wire.link import VehicleState
+
+_HALF_PX = 0.5
+"""Foxglove and ROS count pixels from the first one's centre, we from its corner."""
+
+_R_WORLD_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
+"""North, east, down to east, north, up."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawLayout:
+    """Size in px and encoding of raw pixels."""
+
+    width: int
+    height: int
+    encoding: str
+    bytes_per_px: int
+
+
+def compressed_image(t_ns: int, frame: str, data: bytes, image_format: str) -> bytes:
+    """``foxglove.CompressedImage`` of a JPEG or PNG."""
+    message = CompressedImage(timestamp=_time(t_ns), frame_id=frame, data=data, format=image_format)
+    return message.SerializeToString()
+
+
+def raw_image(t_ns: int, data: bytes, layout: RawLayout) -> bytes:
+    """``foxglove.RawImage`` of the camera."""
+    message = RawImage(
+        timestamp=_time(t_ns),
+        frame_id="camera",
+        width=layout.width,
+        height=layout.height,
+        encoding=layout.encoding,
+        step=layout.width * layout.bytes_per_px,
+        data=data,
+    )
+    return message.SerializeToString()
+
+
+def calibration(t_ns: int, camera: CameraModel) -> bytes:
+    """``foxglove.CameraCalibration`` of the camera that flies."""
+    cx, cy = camera.cx - _HALF_PX, camera.cy - _HALF_PX
+    rational = len(camera.distortion) > 5
+    message = CameraCalibration(
+        timestamp=_time(t_ns),
+        frame_id="camera",
+        width=camera.width,
+        height=camera.height,
+        distortion_model="rational_polynomial" if rational else "plumb_bob",
+        D=camera.distortion or (0.0,) * 5,
+        K=(camera.fx, 0.0, cx, 0.0, camera.fy, cy, 0.0, 0.0, 1.0),
+        R=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
+        P=(camera.fx, 0.0, cx, 0.0, 0.0, camera.fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0),
+    )
+    return message.SerializeToString()
+
+
+def pose(t_ns: int, vehicle: VehicleState) -> bytes:
+    """``foxglove.PoseInFrame`` of the body, by the autopilot's position and attitude."""
+    turn = _quaternion(_R_ned_body(vehicle))
+    message = PoseInFrame(
+        timestamp=_time(t_ns),
+        frame_id="ned",
+        pose=Pose(position=_vector(vehicle.position_m), orientation=turn),
+    )
+    return message.SerializeToString()
+
+
+def body_transform(t_ns: int, vehicle: VehicleState) -> bytes:
+    """``foxglove.FrameTransforms``: where the body is."""
+    moving = _transform(t_ns, ("ned", "body"), _R_ned_body(vehicle), vehicle.position_m)
+    return FrameTransforms(transforms=[moving]).SerializeToString()
+
+
+def still_transforms(t_ns: int, mount: Mount) -> bytes:
+    """``foxglove.FrameTransforms``: what does not move."""
+    T_body_camera = mount.T_body_camera()
+    lens = (mount.x_m, mount.y_m, mount.z_m)
+    still = [
+        _transform(t_ns, ("world", "ned"), _R_WORLD_NED, (0.0, 0.0, 0.0)),
+        _transform(t_ns, ("body", "camera"), T_body_camera[:3, :3], lens),
+    ]
+    return FrameTransforms(transforms=still).SerializeToString()
+
+
+def _R_ned_body(vehicle: VehicleState) -> FloatArray:
+    return rotation_from_euler(vehicle.roll_rad, vehicle.pitch_rad, vehicle.yaw_rad)
+
+
+def _transform(
+    t_ns: int, frames: tuple[str, str], R: FloatArray, t_m: tuple[float, float, float]
+) -> FrameTransform:
+    parent, child = frames
+    return FrameTransform(
+        timestamp=_time(t_ns),
+        parent_frame_id=parent,
+        child_frame_id=child,
+        translation=_vector(t_m),
+        rotation=_quaternion(R),
+    )
+
+
+def _time(t_ns: int) -> Timestamp:
+    seconds, nanos = divmod(t_ns, 1_000_000_000)
+    return Timestamp(seconds=seconds, nanos=nanos)
+
+
+def _vector(xyz: tuple[float, float, float]) -> Vector3:
+    return Vector3(x=xyz[0], y=xyz[1], z=xyz[2])
+
+
+def _quaternion(R: FloatArray) -> Quaternion:
+    w, x, y, z = (float(v) for v in quaternion_from_rotation(R))
+    return Quaternion(x=x, y=y, z=z, w=w)

@@ -1,0 +1,109 @@
+"""Openings and turns as they come over Zenoh, put in order for whoever records or shows them."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Iterator
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from dfvs_core.errors import WireError
+from dfvs_core.topics import Topics
+from dfvs_core.wire.turn import Opening, Turn, unpack
+
+MAX_WAITING_BYTES = 128 * 1024 * 1024
+
+Event = tuple[Opening | Turn, bytes]
+"""What was told, and the bytes beside it: a goal's picture, or a sample's payload."""
+
+
+class TurnListener:
+    """Takes in what perception tells, and keeps it until it is asked for.
+
+    The callbacks only queue: a Zenoh thread that waits would hold up its whole session.
+    """
+
+    def __init__(self, session: zenoh.Session, topics: Topics) -> None:
+        self._condition = threading.Condition()
+        self._waiting: deque[tuple[type[Opening] | type[Turn], bytes]] = deque()
+        self._waiting_bytes = 0
+        self.dropped = 0
+        self._order = TurnOrder()
+        # Zenoh's subscribers carry no types where they are undeclared.
+        self._openings: Any = zenoh.ext.declare_advanced_subscriber(
+            session,
+            topics.telemetry("opening"),
+            lambda sample: self._put(Opening, sample.payload.to_bytes()),
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+        )
+        self._turns: Any = session.declare_subscriber(
+            topics.telemetry("turn"), lambda sample: self._put(Turn, sample.payload.to_bytes())
+        )
+
+    def take(self, timeout_s: float) -> list[Event]:
+        """Everything that came since, in order; waits at most so long for something to come."""
+        with self._condition:
+            if not self._waiting:
+                self._condition.wait(timeout_s)
+            waiting, self._waiting = self._waiting, deque()
+            self._waiting_bytes = 0
+        events: list[Event] = []
+        for kind, data in waiting:
+            try:
+                message, payload = unpack(kind, data)
+            except WireError:
+                self.dropped += 1
+                continue
+            events += self._order.put(message, payload)
+        return events
+
+    def close(self) -> None:
+        """Stop listening."""
+        self._openings.undeclare()
+        self._turns.undeclare()
+
+    def _put(self, kind: type[Opening] | type[Turn], data: bytes) -> None:
+        """Zenoh's thread: queue what fits."""
+        with self._condition:
+            if self._waiting_bytes + len(data) > MAX_WAITING_BYTES:
+                self.dropped += 1
+                return
+            self._waiting.append((kind, data))
+            self._waiting_bytes += len(data)
+            self._condition.notify()
+
+
+class TurnOrder:
+    """Gives every opening right before the first turn that it holds for.
+
+    The two come on different keys, so either may overtake the other.
+    """
+
+    _MOST_OPENINGS = 8
+    _MOST_TURNS = 256
+
+    def __init__(self) -> None:
+        self._openings: dict[int, tuple[Opening, bytes]] = {}
+        self._current: int | None = None
+        self._early: deque[tuple[Turn, bytes]] = deque(maxlen=self._MOST_TURNS)
+
+    def put(self, message: Opening | Turn, payload: bytes) -> Iterator[Event]:
+        """Take a message; gives what can be passed on now."""
+        if isinstance(message, Opening):
+            self._openings[message.opened_ns] = (message, payload)
+            while len(self._openings) > self._MOST_OPENINGS:
+                del self._openings[next(iter(self._openings))]
+        else:
+            self._early.append((message, payload))
+        while self._early and self._is_known(self._early[0][0].opening):
+            turn, data = self._early.popleft()
+            if turn.opening != self._current:
+                self._current = turn.opening
+                yield self._openings[turn.opening]
+            yield turn, data
+
+    def _is_known(self, opening: int) -> bool:
+        return opening == self._current or opening in self._openings

@@ -1,0 +1,47 @@
+"""What has to be there before anything is recorded: libraries, and a folder."""
+
+from __future__ import annotations
+
+import importlib.util
+import os
+from pathlib import Path
+
+from dfvs_core.errors import ConfigError
+
+_MODULES = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
+
+
+def require_record_extra() -> None:
+    """Say what is missing before anything is started.
+
+    Raises
+    ------
+    ConfigError
+        If one of the libraries is not installed.
+    """
+    for name in _MODULES:
+        if importlib.util.find_spec(name) is None:
+            raise ConfigError(
+                f"recordings need the Python package {name!r}",
+                "the extra 'record'",
+                "pip install 'dfvs[record]'",
+            )
+
+
+def prepare_folder(path: Path) -> Path:
+    """Make the folder for recordings, and see that it can be written to.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot.
+    """
+    try:
+        path.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(
+            f"the folder for recordings {path} cannot be made ({error.strerror})", "a folder"
+        ) from error
+    if not os.access(path, os.W_OK | os.X_OK):
+        raise ConfigError(f"the folder for recordings {path} cannot be written to")
+    return path

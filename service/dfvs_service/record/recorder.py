@@ -1,0 +1,218 @@
+"""A recording: a row of MCAP files, each of which opens and begins with all it needs.
+
+Never raises for want of a disk: what cannot be written is dropped and counted, and a new file is
+tried every few seconds.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import shutil
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from pathlib import Path
+
+from dfvs_core.wire.turn import Opening, Turn
+from dfvs_service.record.channels import Message
+from dfvs_service.record.mcap_file import McapFile
+from dfvs_service.record.translation import Translation
+
+MB = 1_000_000
+_SYNC_NS = 1_000_000_000
+_RETRY_NS = 5_000_000_000
+
+
+@dataclass(frozen=True, slots=True)
+class RecordLimits:
+    """Size of one file, size of a recording, and space to be left on the disk, bytes."""
+
+    file_bytes: int = 1000 * MB
+    total_bytes: int = 20_000 * MB
+    free_bytes: int = 500 * MB
+
+
+@dataclass(slots=True)
+class RecordCounts:
+    """What became of what was to be recorded.
+
+    ``missing`` turns never arrived, ``dropped`` ones could not be written, ``files_removed`` made
+    room for newer ones.
+    """
+
+    turns: int = 0
+    missing: int = 0
+    dropped: int = 0
+    files_removed: int = 0
+
+
+class Recorder:
+    """Writes one recording.
+
+    Parameters
+    ----------
+    folder : Path
+        Exists.
+    name : str
+        Files are called ``NAME-000.mcap``, ``NAME-001.mcap``, ...
+    limits : RecordLimits
+        When to begin the next file and when to drop the oldest.
+    tick : callable
+        Monotonic time, ns.
+    warn : callable
+        Takes one line for the user.
+    """
+
+    def __init__(
+        self,
+        folder: Path,
+        name: str,
+        limits: RecordLimits,
+        tick: Callable[[], int],
+        warn: Callable[[str], None],
+    ) -> None:
+        self._folder = folder
+        self._name = name
+        self._limits = limits
+        self._tick = tick
+        self._warn = warn
+        self._opening: tuple[Opening, bytes] | None = None
+        self._translation: Translation | None = None
+        self._file: McapFile | None = None
+        self._written: list[Path] = []
+        self._begun = 0
+        self._next_turn: int | None = None
+        self._next_sync_ns = self._retry_ns = 0
+        self.counts = RecordCounts()
+
+    @property
+    def path(self) -> Path | None:
+        """File that is being written, None where none can be."""
+        return None if self._file is None else self._file.path
+
+    @property
+    def size_bytes(self) -> int:
+        """Size of the recording's files."""
+        current = 0 if self._file is None else self._file.size_bytes
+        return current + sum(map(_size, self._written))
+
+    def open(self, opening: Opening, picture: bytes) -> None:
+        """Take the opening that holds for the turns to come."""
+        if self._opening is not None:
+            self._next_turn = opening.first_turn
+        self._opening = (opening, picture)
+        self._translation = Translation(opening)
+        if self._file is not None:
+            self._write(self._translation.opening(picture), first=True)
+
+    def add(self, turn: Turn, payload: bytes) -> None:
+        """Take a turn; one without its opening cannot be told apart from noise and is dropped."""
+        if self._translation is None:
+            self.counts.dropped += 1
+            return
+        if self._next_turn is not None and turn.number > self._next_turn:
+            self.counts.missing += turn.number - self._next_turn
+        self._next_turn = turn.number + 1
+        if self._file is None and not self._begin():
+            self.counts.dropped += 1
+            return
+        if self._write(self._translation.turn(turn, payload)):
+            self.counts.turns += 1
+        else:
+            self.counts.dropped += 1
+
+    def close(self) -> None:
+        """Bring the recording to its end."""
+        self._finish()
+
+    # --- files ----------------------------------------------------------------------------
+
+    def _write(self, messages: Iterable[Message], *, first: bool = False) -> bool:
+        """Write to the file, and whatever is due then; tell whether that went well."""
+        file, now_ns = self._file, self._tick()
+        if file is None:
+            return False
+        try:
+            file.write(messages)
+            if first:
+                file.flush()
+            if now_ns >= self._next_sync_ns:
+                self._next_sync_ns = now_ns + _SYNC_NS
+                file.sync()
+                if not self._has_room():
+                    self._finish()
+                    self._pause(f"less than {self._limits.free_bytes // MB} MB are free")
+                    return True
+        except OSError as error:
+            self._pause(f"{file.path}: {error.strerror}")
+            return False
+        if file.size_bytes >= self._limits.file_bytes:
+            self._finish()
+        return True
+
+    def _begin(self) -> bool:
+        """Begin the next file; tell whether there is one."""
+        if self._opening is None or self._translation is None or self._tick() < self._retry_ns:
+            return False
+        if not self._has_room():
+            self._pause(f"less than {self._limits.free_bytes // MB} MB are free")
+            return False
+        opening, picture = self._opening
+        path = self._folder / f"{self._name}-{self._begun:03d}.mcap"
+        try:
+            self._file = McapFile(path, _notes(opening))
+        except OSError as error:
+            self._pause(f"{path}: {error.strerror}")
+            return False
+        self._begun += 1
+        self._make_room()
+        return self._write(self._translation.opening(picture), first=True)
+
+    def _finish(self) -> None:
+        if self._file is None:
+            return
+        file, self._file = self._file, None
+        try:
+            file.finish()
+        except OSError as error:
+            self._warn(f"{file.path} could not be ended: {error.strerror}")
+        self._written.append(file.path)
+
+    def _pause(self, why: str) -> None:
+        """Write nothing for a while; what was written stays."""
+        self._retry_ns = self._tick() + _RETRY_NS
+        self._warn(f"recording pauses, {self.counts.dropped} turns dropped so far: {why}")
+        if self._file is not None:
+            self._written.append(self._file.path)
+            self._file.abandon()
+            self._file = None
+
+    def _make_room(self) -> None:
+        """Remove this recording's oldest files while it would grow beyond its limit."""
+        while self._written and (
+            sum(map(_size, self._written)) + self._limits.file_bytes > self._limits.total_bytes
+        ):
+            with contextlib.suppress(OSError):
+                self._written.pop(0).unlink()
+            self.counts.files_removed += 1
+
+    def _has_room(self) -> bool:
+        try:
+            return shutil.disk_usage(self._folder).free >= self._limits.free_bytes
+        except OSError:
+            return False
+
+
+def _size(path: Path) -> int:
+    try:
+        return path.stat().st_size
+    except OSError:
+        return 0
+
+
+def _notes(opening: Opening) -> dict[str, dict[str, str]]:
+    """Metadata of a file: what somebody asks first who finds it."""
+    return {
+        "dfvs": {"vehicle": opening.vehicle, "format": opening.format},
+        "dfvs.build": opening.build,
+        "dfvs.model": {"name": str(opening.settings["flow"]["model"]), **opening.model},
+    }

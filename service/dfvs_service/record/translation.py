@@ -1,0 +1,128 @@
+"""Openings and turns as messages of a recording: what is needed to rerun, and what is to be seen.
+
+``/dfvs/turn`` with the picture of the same sequence number holds all that a replay needs. The
+other channels say the same in Foxglove's standard schemas and as plain JSON, for people.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from dfvs_core.errors import WireError
+from dfvs_core.goal import GoalSidecar, Mount
+from dfvs_core.schema import dump, parse
+from dfvs_core.wire.frame import FrameHeader, PixelFormat, decode_header
+from dfvs_core.wire.link import GateStatus, PerceptionReport, VehicleState
+from dfvs_core.wire.turn import Opening, Sight, Turn, to_json
+from dfvs_service.config import CameraSection
+from dfvs_service.record import channels, foxglove_messages
+from dfvs_service.record.channels import Channel, Message, json_channel
+
+_NO_VEHICLE = VehicleState(0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+_NO_REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0, 0.0)
+
+STATE = json_channel("/gate/state", "dfvs.GateStatus", dump(GateStatus("", "", _NO_VEHICLE)))
+SETPOINT = json_channel(
+    "/gate/setpoint",
+    "dfvs.Setpoint",
+    dict.fromkeys(("forward_m_s", "right_m_s", "down_m_s", "yaw_rad_s"), 0.0),
+)
+REPORT = json_channel("/perception/report", "dfvs.PerceptionReport", dump(_NO_REPORT))
+_COMPRESSED = {PixelFormat.JPEG: "jpeg", PixelFormat.PNG: "png"}
+_RAW = {
+    PixelFormat.RGB8: ("rgb8", 3),
+    PixelFormat.BGR8: ("bgr8", 3),
+    PixelFormat.MONO8: ("mono8", 1),
+}
+
+
+class Translation:
+    """Messages of one opening and of the turns that follow from it."""
+
+    def __init__(self, opening: Opening) -> None:
+        self._opening = opening
+        sidecar = parse(GoalSidecar, opening.sidecar)
+        camera = parse(CameraSection, opening.settings["camera"])
+        self._camera = camera.model() or sidecar.camera
+        self._mount = camera.mount or Mount()
+        self._servo: Channel | None = None
+
+    def opening(self, picture: bytes) -> Iterator[Message]:
+        """Settings, goal picture (PNG), calibration and the frames that stand still."""
+        opening = self._opening
+        t_ns = self._unix(opening.opened_ns)
+        goal = foxglove_messages.compressed_image(t_ns, "goal", picture, "png")
+        calibration = foxglove_messages.calibration(t_ns, self._camera)
+        transforms = foxglove_messages.still_transforms(t_ns, self._mount)
+        for channel, data in (
+            (channels.OPENING, to_json(opening)),
+            (channels.GOAL_IMAGE, goal),
+            (channels.CALIBRATION, calibration),
+            (channels.TRANSFORMS, transforms),
+        ):
+            yield Message(channel, t_ns, opening.first_turn, data)
+
+    def turn(self, turn: Turn, payload: bytes) -> Iterator[Message]:
+        """One turn with its sample's payload."""
+        t_ns = self._unix(turn.t_ns)
+        yield Message(channels.TURN, t_ns, turn.number, to_json(turn))
+        for status in turn.heard:
+            yield from self._status(status, turn.number)
+        yield self._json(REPORT, t_ns, turn.number, dump(turn.report))
+        if turn.sight is not None:
+            yield self._picture(turn.sight, payload, t_ns, turn.number)
+        if turn.servo:
+            yield self._json(self._servo_channel(turn.servo), t_ns, turn.number, turn.servo)
+
+    def _status(self, status: GateStatus, number: int) -> Iterator[Message]:
+        t_ns = self._unix(status.t_ns)
+        yield self._json(STATE, t_ns, number, dump(status))
+        forward, right, down, yaw = status.setpoint
+        setpoint = {
+            "forward_m_s": forward,
+            "right_m_s": right,
+            "down_m_s": down,
+            "yaw_rad_s": yaw,
+        }
+        yield self._json(SETPOINT, t_ns, number, setpoint)
+        vehicle = status.vehicle
+        if vehicle is not None:
+            at_ns = self._unix(vehicle.t_ns)
+            pose = foxglove_messages.pose(at_ns, vehicle)
+            yield Message(channels.POSE, t_ns, number, pose)
+            transform = foxglove_messages.body_transform(at_ns, vehicle)
+            yield Message(channels.TRANSFORMS, t_ns, number, transform)
+
+    def _picture(self, sight: Sight, payload: bytes, t_ns: int, number: int) -> Message:
+        """Sample as it came; where not even its header can be read, as bare bytes."""
+        try:
+            header = decode_header(bytes.fromhex(sight.attachment))
+        except WireError:
+            return Message(channels.UNREADABLE, t_ns, number, payload)
+        channel, data = self._image(header, payload)
+        return Message(channel, t_ns, number, data)
+
+    def _image(self, header: FrameHeader, payload: bytes) -> tuple[Channel, bytes]:
+        t_ns = self._unix(header.t_capture_ns)
+        compressed = _COMPRESSED.get(header.pixel_format)
+        if compressed is not None:
+            image = foxglove_messages.compressed_image(t_ns, "camera", payload, compressed)
+            return channels.COMPRESSED_IMAGE, image
+        encoding, bytes_per_px = _RAW[header.pixel_format]
+        layout = foxglove_messages.RawLayout(header.width, header.height, encoding, bytes_per_px)
+        return channels.RAW_IMAGE, foxglove_messages.raw_image(t_ns, payload, layout)
+
+    def _servo_channel(self, document: dict[str, Any]) -> Channel:
+        """Channel of the servo documents, its schema made from the first of them."""
+        if self._servo is None:
+            self._servo = json_channel("/perception/servo", "dfvs.Servo", document)
+        return self._servo
+
+    def _json(self, channel: Channel, t_ns: int, number: int, document: object) -> Message:
+        return Message(channel, t_ns, number, json.dumps(document, separators=(",", ":")).encode())
+
+    def _unix(self, t_ns: int) -> int:
+        """Unix time of a monotonic one; MCAP knows no negative times."""
+        return max(t_ns + self._opening.unix_offset_ns, 0)
