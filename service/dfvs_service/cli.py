@@ -206,7 +206,7 @@ def _programs(config: ServiceConfig) -> Programs:
 def _check_model(config: ServiceConfig) -> None:
     """Load the model once, so that what is wrong with it is said before anything starts."""
     # ONNX Runtime is needed here alone, and takes its time to load.
-    from dfvs_service.models.catalog import load_matcher
+    from dfvs_models.catalog import load_matcher
 
     load_matcher(config.flow.model, config.flow.threads, config.flow.provider)
 
