@@ -1,10 +1,12 @@
-"""Command-line options that several commands share: the scene and the camera."""
+"""Command-line options that several commands share: the scene, the camera, a file of figures."""
 
 from __future__ import annotations
 
 import argparse
+import json
 import math
 from pathlib import Path
+from typing import Any
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
@@ -37,3 +39,19 @@ def camera_from(args: argparse.Namespace) -> CameraModel:
     if not (width.isdecimal() and height.isdecimal()):
         raise ConfigError(f"--size is {args.size!r}", "WIDTHxHEIGHT such as 320x240")
     return CameraModel.from_horizontal_fov(int(width), int(height), math.radians(args.fov))
+
+
+def write_json(path: Path, document: Any) -> None:
+    """Write what ``--json`` asks for.
+
+    Raises
+    ------
+    ConfigError
+        If the file cannot be written.
+    """
+    try:
+        path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(
+            f"--json {path} cannot be written ({error.strerror})", "a file in an existing folder"
+        ) from error

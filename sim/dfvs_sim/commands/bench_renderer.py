@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import time
 from pathlib import Path
 from typing import Any
@@ -13,7 +12,7 @@ import numpy as np
 from dfvs_core.arrays import FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_sim.options import add_scene_option
+from dfvs_sim.options import add_scene_option, write_json
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
@@ -72,7 +71,7 @@ def run(args: argparse.Namespace) -> int:
         size, smooth = f"{row['width']} x {row['height']}", "yes" if row["antialias"] else "no"
         print(f"{size:>10}  {smooth:>9}  {row['median_ms']:9.1f}  {row['p99_ms']:7.1f}")
     if args.json is not None:
-        _write(args.json, {"triangles": len(renderer.scene.triangles), "results": rows})
+        write_json(args.json, {"triangles": len(renderer.scene.triangles), "results": rows})
     return 0
 
 
@@ -100,12 +99,3 @@ def _poses(renderer: Renderer, count: int, rng: np.random.Generator) -> list[Flo
         yaw_rad = float(rng.uniform(-np.pi, np.pi))
         poses.append(camera_pose((north, east, floor_m - _EYE_HEIGHT_M), yaw_rad))
     return poses
-
-
-def _write(path: Path, content: dict[str, Any]) -> None:
-    try:
-        path.write_text(json.dumps(content, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(
-            f"--json {path} cannot be written ({error.strerror})", "a file in an existing folder"
-        ) from error

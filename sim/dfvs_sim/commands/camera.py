@@ -10,6 +10,7 @@ import threading
 from typing import Any
 
 import numpy as np
+import zenoh
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.errors import ConfigError
@@ -17,7 +18,8 @@ from dfvs_core.goal import Mount
 from dfvs_core.poses import make_pose, rotation_from_euler
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import PixelFormat
-from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, zenoh_publisher
+from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, Publish, zenoh_publisher
+from dfvs_sim.camera.ros2 import Ros2CameraConfig, Ros2Publisher
 from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
 from dfvs_sim.ground.pose import PoseTracker
 from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
@@ -32,8 +34,9 @@ _FORMATS = {
     "raw": PixelFormat.RGB8,
     "mono": PixelFormat.MONO8,
 }
-_EPILOG = """example:
+_EPILOG = """examples:
   dfvs-sim camera --mavlink udpin://127.0.0.1:14550 --origin 0,-1,0,40 --size 640x480
+  dfvs-sim camera --ros2 rmw --format raw
 """
 
 
@@ -61,6 +64,7 @@ def add_parser(subparsers: Any) -> None:
     add("--rate", type=float, default=20.0, metavar="HZ", help="frames a second")
     add("--format", choices=sorted(_FORMATS), default="jpeg", help="pixels on the wire")
     add("--noise", type=float, default=1.5, help="sensor noise, grey levels")
+    add("--ros2", choices=("rmw", "bridge"), help="publish ROS 2 messages instead")
     add("--mount-pitch", type=float, default=0.0, metavar="DEG", help="camera pitch, up positive")
     add("--vehicle", default="drone1", help="vehicle name in the Zenoh keys")
     add(
@@ -95,10 +99,21 @@ def run(args: argparse.Namespace) -> int:
 
         print(f"camera: waiting for a vehicle on {args.mavlink}", file=sys.stderr, flush=True)
         tracker.start()
-        print(f"camera: publishing on {Topics(args.vehicle).camera}", file=sys.stderr, flush=True)
-        publish = zenoh_publisher(session, args.vehicle)
+        publish, key = _publisher(args, config, session)
+        print(f"camera: publishing on {key}", file=sys.stderr, flush=True)
         MockCamera(config, renderer, T_scene_camera, publish).run(stop)
     return 0
+
+
+def _publisher(
+    args: argparse.Namespace, config: MockCameraConfig, session: zenoh.Session
+) -> tuple[Publish, str]:
+    """What publishes a frame, and on which key."""
+    if args.ros2 is None:
+        return zenoh_publisher(session, args.vehicle), Topics(args.vehicle).camera
+    name = f"{args.vehicle}/camera"
+    ros2 = Ros2CameraConfig(args.ros2, config.camera, config.pixel_format, name)
+    return Ros2Publisher(session, ros2).publish, ros2.image.key(args.ros2)
 
 
 def _origin(text: str) -> FloatArray:

@@ -1,4 +1,4 @@
-"""``dfvs-sim room``: make a furnished room with path-traced light."""
+"""``dfvs-sim room``: make a furnished room with its light baked in."""
 
 from __future__ import annotations
 
@@ -6,23 +6,39 @@ import argparse
 import json
 import sys
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeAlias
 
+import numpy as np
+
+from dfvs_core.arrays import FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
 from dfvs_core.wire.picture import encode_png
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene.bake import bake_room
+from dfvs_sim.scene.bake import bake_room, light_room
+from dfvs_sim.scene.frames import gltf_from_ned
 from dfvs_sim.scene.glb_writer import save_glb
+from dfvs_sim.scene.interior import KINDS, drawn_interior
 from dfvs_sim.scene.light import BakeSettings, load_mitsuba
 from dfvs_sim.scene.mesh import Scene
-from dfvs_sim.scene.poses import look_at
+from dfvs_sim.scene.poses import floor_of, look_at
 from dfvs_sim.scene.room import HEIGHT_M, LENGTH_M, VIEWS, WIDTH_M, furnished_room
 
+_View: TypeAlias = tuple[tuple[float, float, float], tuple[float, float, float]]
+"""Eye and point looked at, in the scene file's axes, m."""
+_LIVING_ROOM = "living-room"
+_EYE_HEIGHT_M, _LOOK_HEIGHT_M = 1.6, 1.0
+_CORNERS = {
+    "north-east": np.array([1.0, 1.0]),
+    "south-east": np.array([-1.0, 1.0]),
+    "south-west": np.array([-1.0, -1.0]),
+    "north-west": np.array([1.0, -1.0]),
+}
 _PREVIEW_SIZE = (1280, 960)
 _PREVIEW_FOV_RAD = 1.309
-_EPILOG = """example:
+_EPILOG = """examples:
   dfvs-sim room --seed 3 --samples 256 --out room.glb --preview room.png
+  dfvs-sim room --kind hall --seed 5 --light quick --out hall.glb
 """
 
 
@@ -30,16 +46,20 @@ def add_parser(subparsers: Any) -> None:
     """Add ``room`` to the subcommands of ``dfvs-sim``."""
     parser = subparsers.add_parser(
         "room",
-        help="make a furnished room (needs the extra [bake])",
-        description="Furnish a living room from a seed, trace its light with Mitsuba 3 and write "
-        "it as GLB, with a JSON file of its size and good views beside it. Minutes of work.",
+        help="make a furnished room",
+        description="Furnish a room from a seed, light it and write it as GLB, with a JSON file of "
+        "its size and good views beside it. Traced light takes minutes and Mitsuba 3 (the extra "
+        "[bake]), quick light seconds. The living room is one plan in many patterns; everything "
+        "in the other kinds is drawn.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--seed", type=int, required=True, help="chooses patterns, paintings, books and plants")
+    add("--kind", choices=(_LIVING_ROOM, *sorted(KINDS)), default=_LIVING_ROOM)
+    add("--seed", type=int, required=True, help="chooses patterns and furniture")
     add("--out", type=Path, required=True, metavar="FILE", help="scene to write (.glb)")
-    add("--samples", type=int, default=256, metavar="N", help="light paths a vertex")
+    add("--light", choices=("traced", "quick"), default="traced", help="default: traced")
+    add("--samples", type=int, default=256, metavar="N", help="traced light paths a vertex")
     add("--preview", type=Path, metavar="FILE", help="picture of the room to write (.png)")
     parser.set_defaults(run=run)
 
@@ -56,18 +76,31 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--seed is {args.seed}", "0 or more")
     for path, ending in ((args.out, ".glb"), (args.preview, ".png")):
         _check_output(path, ending)
-    settings = BakeSettings(samples=args.samples, seed=args.seed)
-    load_mitsuba()
-    scene = bake_room(furnished_room(args.seed), settings, _show_progress)
-    print(file=sys.stderr)
+    scene = _lit(args)
     save_glb(args.out, scene)
+    views = VIEWS if args.kind == _LIVING_ROOM else _corner_views(scene)
     description = args.out.with_suffix(".json")
-    description.write_text(json.dumps(_description(args), indent=2) + "\n", encoding="utf-8")
+    text = json.dumps(_description(args, scene, views), indent=2)
+    description.write_text(text + "\n", encoding="utf-8")
     print(f"wrote {args.out} ({len(scene.triangles)} triangles) and {description}")
     if args.preview is not None:
-        args.preview.write_bytes(_preview(scene))
+        args.preview.write_bytes(_preview(scene, next(iter(views.values()))))
         print(f"wrote {args.preview}")
     return 0
+
+
+def _lit(args: argparse.Namespace) -> Scene:
+    """Make the room that was asked for, with its light."""
+    settings = BakeSettings(samples=args.samples, seed=args.seed)
+    if args.light == "traced":
+        load_mitsuba()
+    living = args.kind == _LIVING_ROOM
+    room = furnished_room(args.seed) if living else drawn_interior(args.seed, args.kind)
+    if args.light == "quick":
+        return light_room(room, args.seed)
+    scene = bake_room(room, settings, _show_progress)
+    print(file=sys.stderr)
+    return scene
 
 
 def _check_output(path: Path | None, ending: str) -> None:
@@ -84,23 +117,49 @@ def _show_progress(done: int, total: int) -> None:
     print(f"\rlight: {done} of {total} points", end="", file=sys.stderr, flush=True)
 
 
-def _description(args: argparse.Namespace) -> dict[str, Any]:
+def _corner_views(scene: Scene) -> dict[str, _View]:
+    """Views of a drawn interior from above its corners to its middle."""
+    floor_m, low, high = floor_of(scene)
+    middle, reach = 0.5 * (low + high), 0.42 * (high - low)
+    target = gltf_from_ned(np.array([*middle, floor_m - _LOOK_HEIGHT_M]))
+    views = {}
+    for name, corner in _CORNERS.items():
+        eye = gltf_from_ned(np.array([*(middle + reach * corner), floor_m - _EYE_HEIGHT_M]))
+        views[name] = (_triple(eye), _triple(target))
+    return views
+
+
+def _triple(point: FloatArray) -> tuple[float, float, float]:
+    x, y, z = (round(float(v), 3) for v in point)
+    return x, y, z
+
+
+def _description(args: argparse.Namespace, scene: Scene, views: dict[str, _View]) -> dict[str, Any]:
     """What stands in the JSON file beside a room."""
+    floor_m, low, high = floor_of(scene)
+    size = {"east_west": float(high[1] - low[1]), "north_south": float(high[0] - low[0])}
+    height = float(floor_m - scene.bounds[0][2])
+    if args.kind == _LIVING_ROOM:  # its view outside reaches beyond its walls
+        size, height = {"east_west": LENGTH_M, "north_south": WIDTH_M}, HEIGHT_M
     return {
+        "kind": args.kind,
         "seed": args.seed,
-        "samples": args.samples,
-        "size_m": {"east_west": LENGTH_M, "north_south": WIDTH_M, "height": HEIGHT_M},
+        "light": args.light,
+        "samples": args.samples if args.light == "traced" else None,
+        "size_m": {
+            **{name: round(value, 3) for name, value in size.items()},
+            "height": round(height, 3),
+        },
         "floor_down_m": 0.0,
         "views": {
             name: {"eye_gltf_m": eye, "look_at_gltf_m": target}
-            for name, (eye, target) in VIEWS.items()
+            for name, (eye, target) in views.items()
         },
     }
 
 
-def _preview(scene: Scene) -> bytes:
-    """PNG of the first view."""
-    eye, target = next(iter(VIEWS.values()))
+def _preview(scene: Scene, view: _View) -> bytes:
+    """PNG of a view."""
     camera = CameraModel.from_horizontal_fov(*_PREVIEW_SIZE, _PREVIEW_FOV_RAD)
-    view = Renderer(scene).render(camera, look_at(eye, target), antialias=True)
-    return encode_png(view.image)
+    image = Renderer(scene).render(camera, look_at(*view), antialias=True).image
+    return encode_png(image)

@@ -1,0 +1,208 @@
+"""The gate under random inputs, and proof that the checker notices a gate that is broken."""
+
+import argparse
+import dataclasses
+import json
+import math
+
+import pytest
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.gate import flight, machine, stream
+from dfvs_core.gate.config import MS, GateConfig, S
+from dfvs_core.gate.engagement import Engagement
+from dfvs_core.gate.events import Attitude, GateOutput, ModeRequest
+from dfvs_core.gate.limits import BodyVelocity
+from dfvs_core.gate.machine import GateMachine
+from dfvs_core.gate.preflight import Check
+from dfvs_core.gate.proof import Proof
+from dfvs_core.gate.sight import Sight
+from dfvs_core.gate.states import GateState
+from dfvs_core.gate.stream import SetpointStream
+from dfvs_sim.commands import fuzz
+from dfvs_sim.fuzz.campaign import Job, do
+from dfvs_sim.fuzz.gate_fuzz import Finding, Tally, live, relive
+from dfvs_sim.fuzz.gate_life import Life
+from dfvs_sim.fuzz.invariants import InvariantChecker, InvariantError
+from dfvs_sim.fuzz.replay import read_life, write_finding
+from dfvs_sim.fuzz.shrink import shrink, shrink_list
+
+
+def run(*words):
+    parser = argparse.ArgumentParser()
+    fuzz.add_parser(parser.add_subparsers())
+    args = parser.parse_args(["fuzz", "gate", *map(str, words)])
+    return args.run(args)
+
+
+def test_a_hundred_thousand_events_violate_nothing_and_reach_every_state(tmp_path, capsys):
+    path = tmp_path / "figures.json"
+    assert run("--events", 100_000, "--seed", 7, "--json", path) == 0
+    figures = json.loads(path.read_text())
+    assert figures["events"] >= 100_000
+    assert figures["violations"] == []
+    flying = {"ENGAGE", "SERVO", "HOLD", "DONE", "ABORT", "RELEASED"}
+    # A walk that hardly ever flies would prove little.
+    assert all(figures["steps_by_state"][state] > 300 for state in flying)
+    assert figures["steps_that_move"] > 3000
+    assert len(figures["transitions"]) >= 20
+    assert "0 violations" in capsys.readouterr().out
+
+
+# --- a broken gate is noticed -------------------------------------------------------------
+
+
+def forever(value):
+    return lambda *args, **kwargs: value
+
+
+def sends_faster(old):
+    return lambda self, *args, **kwargs: (
+        None if (v := old(self, *args, **kwargs)) is None else dataclasses.replace(v, down_m_s=0.9)
+    )
+
+
+def keeps_moving(self, now_ns):
+    return None if self.is_silent else BodyVelocity(0.1)
+
+
+def pauses(old):
+    return lambda self, now_ns: old(self, now_ns) if now_ns % S < 600 * MS else None
+
+
+def asks_again(old):
+    def step(self, t_ns, events=()):
+        output = old(self, t_ns, events)
+        again = self.state is GateState.ABORT and self.vehicle.is_offboard
+        return dataclasses.replace(output, mode_request=ModeRequest.HOLD) if again else output
+
+    return step
+
+
+def looks_at_the_hour(old):
+    def step(self, t_ns, events=()):
+        output = old(self, t_ns, events)
+        odd = t_ns // S % 2 and output.mode_request is ModeRequest.OFFBOARD
+        return dataclasses.replace(output, mode_request=None) if odd else output
+
+    return step
+
+
+def forgets_to_log(old):
+    return lambda *args: dataclasses.replace(old(*args), transitions=())
+
+
+def leaves_an_end_by_itself(old):
+    def judge(self):
+        if self.state is GateState.RELEASED:
+            self._go(GateState.PREFLIGHT, (machine.Cause.OPERATOR_AGAIN, ""))
+        old(self)
+
+    return judge
+
+
+BROKEN = [
+    ("I1", stream, "saturate", lambda old: lambda velocity, limits: velocity),
+    ("I1", stream, "slew", lambda old: lambda last, target, dt_s, limits: target),
+    ("I1", SetpointStream, "move", sends_faster),
+    ("I1", flight, "cap", lambda old: forever(None)),
+    ("I1", machine.MotionProof, "judge", lambda old: forever(Proof.GIVEN)),
+    ("I2", SetpointStream, "zero", lambda old: keeps_moving),
+    ("I3", SetpointStream, "zero", pauses),
+    ("I4", Sight, "stale", lambda old: forever(None)),
+    ("I4", flight, "flight_fault", lambda old: forever(None)),
+    ("I4", GateMachine, "_blind", lambda old: forever(None)),
+    ("I4", GateMachine, "_hold_servo", lambda old: forever(None)),
+    ("I5", Engagement, "heed", lambda old: forever(None)),
+    ("I5", GateMachine, "_judge", leaves_an_end_by_itself),
+    ("I6", machine, "sole_commander", lambda old: forever(Check("sole commander", True))),
+    ("I7", GateMachine, "step", looks_at_the_hour),
+    ("I8", GateMachine, "step", asks_again),
+    ("I9", GateMachine, "step", forgets_to_log),
+]
+
+
+@pytest.mark.parametrize(("rule", "owner", "name", "breaking"), BROKEN)
+def test_a_broken_gate_is_found_out(rule, owner, name, breaking, monkeypatch):
+    monkeypatch.setattr(owner, name, breaking(getattr(owner, name)))
+    rules = set()
+    for number in range(0, 800, 20):  # of these each is lived twice, as I7 needs it
+        finding = live((0, number), Tally())
+        rules.add(finding and finding.rule)
+        if rule in rules:
+            return
+    pytest.fail(f"{rule} was not found violated, only {rules}")
+
+
+# --- violations are kept ------------------------------------------------------------------
+
+
+@pytest.fixture
+def finding(monkeypatch):
+    """A violation of a gate that is broken for the whole test."""
+    monkeypatch.setattr(Engagement, "heed", forever(None))
+    found = (live((0, number), Tally()) for number in range(40))
+    return shrink(next(f for f in found if f is not None and f.rule == "I5"))
+
+
+def test_a_violation_is_shrunk_to_what_it_needs(finding):
+    assert len(finding.life.steps) <= 60
+    assert relive(finding.life).rule == "I5"
+    for i in range(len(finding.life.steps)):
+        steps = finding.life.steps[:i] + finding.life.steps[i + 1 :]
+        violation = relive(dataclasses.replace(finding.life, steps=steps))
+        assert violation is None or violation.rule != "I5"
+
+
+def test_a_saved_violation_is_violated_again_until_the_gate_is_mended(
+    finding, tmp_path, capsys, monkeypatch
+):
+    path = tmp_path / "finding.json"
+    write_finding(finding, path)
+    assert run("--replay", path) == 1
+    assert "violated: I5" in capsys.readouterr().out
+    monkeypatch.undo()
+    assert run("--replay", path) == 0
+
+
+def test_numbers_that_are_none_survive_the_file(tmp_path):
+    steps = [(5, (Attitude(3, math.nan, math.inf, -math.inf),)), (6, ())]
+    write_finding(Finding(Life(GateConfig(), 4, steps), "I1", ""), tmp_path / "f.json")
+    life = read_life(tmp_path / "f.json")
+    assert (life.config, life.born_ns) == (GateConfig(), 4)
+    assert repr(life.steps) == repr(steps)  # NaN does not equal itself
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "x"}', "\xff"])
+def test_a_file_that_is_no_replay_is_refused(tmp_path, text):
+    path = tmp_path / "bad.json"
+    path.write_text(text, encoding="latin-1")
+    with pytest.raises(ConfigError):
+        read_life(path)
+    with pytest.raises(ConfigError, match="cannot read"):
+        read_life(tmp_path / "nowhere.json")
+
+
+@pytest.mark.parametrize(
+    "words", [("--events", 0), ("--workers", 0), ("--seed", -1), ("--out", "/nowhere")]
+)
+def test_impossible_options_are_refused(words):
+    with pytest.raises(ConfigError, match=words[0]):
+        run(*words)
+
+
+def test_lists_are_shrunk_to_what_still_fails():
+    assert shrink_list(list(range(100)), lambda some: {13, 77} <= set(some)) == [13, 77]
+
+
+def test_a_life_is_the_same_whoever_lives_it():
+    one, two = Tally(), Tally()
+    live((3, 11), one)
+    two.add(do(Job(3, 11, count=1)).tally)
+    assert one == two
+
+
+def test_the_checker_demands_a_log_of_every_change():
+    checker = InvariantChecker(GateConfig(), 0)
+    with pytest.raises(InvariantError, match="I9"):
+        checker.check(1, [], GateOutput(), GateState.PREFLIGHT)
