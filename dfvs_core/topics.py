@@ -27,6 +27,7 @@ class Topics:
     config     service       once    JSON: resolved configuration (cached for late joiners)
     command    operator      --      JSON: signed engage, hold, abort
     new_goal   operator      --      ``wire.goal_order``; attachment: signed command for it
+    lease      service       --      liveliness tokens: who stands by, who is engaged
     ========== ============= ======= ==========================================================
 
     .. [1] Made only while somebody subscribes.
@@ -58,6 +59,10 @@ class Topics:
     def new_goal(self) -> str:
         """Key of new goals, each with the signed command that orders it."""
         return f"dfvs/{self.vehicle}/new_goal"
+
+    def lease(self, part: str, service: str) -> str:
+        """Key of a service's liveliness token; ``part`` is standby or engaged, ``*`` is any."""
+        return f"dfvs/{self.vehicle}/lease/{part}/{service}"
 
     def telemetry(self, name: str) -> str:
         """Key of one of the service's streams, such as ``state``: see the table."""

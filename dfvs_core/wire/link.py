@@ -72,6 +72,14 @@ class ForwardedCommand:
 
 
 @dataclass(frozen=True, slots=True)
+class LeaseHolders:
+    """Other services for the same vehicle, as perception sees them on the network."""
+
+    standing_by: tuple[str, ...] = ()
+    engaged: tuple[str, ...] = ()
+
+
+@dataclass(frozen=True, slots=True)
 class GateStatus:
     """The gate's state with its cause, and the vehicle's state (None before the first one).
 
@@ -105,7 +113,10 @@ class GateStatus:
     since_ns: int = 0
 
 
-def to_datagram(message: PerceptionReport | ForwardedCommand | GateStatus) -> bytes:
+FromPerception = PerceptionReport | ForwardedCommand | LeaseHolders
+
+
+def to_datagram(message: FromPerception | GateStatus) -> bytes:
     """Bytes of a message."""
     return json.dumps(dump(message), separators=(",", ":")).encode()
 
@@ -126,14 +137,16 @@ def from_datagram(cls: type[T], data: bytes) -> T:
         raise WireError(f"datagram is not a {cls.__name__}: {error}") from error
 
 
-def from_perception(data: bytes) -> PerceptionReport | ForwardedCommand:
+def from_perception(data: bytes) -> FromPerception:
     """Message to the gate from its bytes.
 
     Raises
     ------
     WireError
-        If it is neither of the two.
+        If it is none of the three.
     """
     if data.startswith(b'{"payload"'):
         return from_datagram(ForwardedCommand, data)
+    if data.startswith(b'{"standing_by"'):
+        return from_datagram(LeaseHolders, data)
     return from_datagram(PerceptionReport, data)

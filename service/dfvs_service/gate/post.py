@@ -9,8 +9,14 @@ from pathlib import Path
 
 from dfvs_core.errors import WireError
 from dfvs_core.gate.authority import Authority
-from dfvs_core.gate.events import BadReport, Event, Order, Report
-from dfvs_core.wire.link import ForwardedCommand, GateStatus, from_perception, to_datagram
+from dfvs_core.gate.events import BadReport, Event, Order, OtherServices, Report
+from dfvs_core.wire.link import (
+    ForwardedCommand,
+    GateStatus,
+    LeaseHolders,
+    from_perception,
+    to_datagram,
+)
 from dfvs_service.beat import Beat
 from dfvs_service.runtime import RuntimeFolder
 
@@ -66,6 +72,8 @@ class Post:
             return BadReport(now_ns, str(error)[:_MAX_TEXT])
         if isinstance(message, ForwardedCommand):
             return self._judge(message, now_ns)
+        if isinstance(message, LeaseHolders):
+            return OtherServices(now_ns, message.standing_by, message.engaged)
         self.has_seen_frame = self.has_seen_frame or message.t_capture_ns > 0
         return Report(now_ns, message)
 

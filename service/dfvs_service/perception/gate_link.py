@@ -9,9 +9,8 @@ from collections import deque
 
 from dfvs_core.errors import WireError
 from dfvs_core.wire.link import (
-    ForwardedCommand,
+    FromPerception,
     GateStatus,
-    PerceptionReport,
     from_datagram,
     to_datagram,
 )
@@ -42,7 +41,7 @@ class GateLink:
         self._thread = threading.Thread(target=self._listen, name="gate-link", daemon=True)
         self._thread.start()
 
-    def send(self, message: PerceptionReport | ForwardedCommand) -> None:
+    def send(self, message: FromPerception) -> None:
         """Send to the gate; one that is gone or slow is the gate's and the parent's matter."""
         try:
             self._sender.sendto(to_datagram(message), self._gate_address)

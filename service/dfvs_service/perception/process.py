@@ -32,6 +32,7 @@ from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.gate_link import GateLink
 from dfvs_service.perception.intake import disagreement, make_intake
 from dfvs_service.perception.latency import LatencyWindow
+from dfvs_service.perception.lease import Lease
 from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.perception.opening import make_opening
@@ -124,10 +125,14 @@ class PerceptionProcess:
             frames = session.declare_subscriber(self._intake.key, self._on_frame)
             camera = watch_calibration(session, self._intake, self._on_camera)
             orders = session.declare_subscriber(self._topics.command, self._on_command)
+            lease = Lease(session, self._topics, self._gate.send)
             goals = session.declare_subscriber(self._topics.new_goal, self._on_goal)
             log.info("listening for frames on %s", self._intake.key)
             while not self._stopped and os.getppid() == self._parent:
                 self._turn(telemetry, feed)
+                lease.show("" if self._status is None else self._status.state)
+                lease.tell()
+            lease.close()
             del frames, camera, orders, goals
             feed.close()
             telemetry.close()

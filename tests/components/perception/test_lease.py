@@ -1,0 +1,88 @@
+"""Leases of two services for the same vehicle, over real Zenoh."""
+
+import socket
+import time
+
+import pytest
+
+from dfvs_core.topics import Topics
+from dfvs_core.wire.link import LeaseHolders
+from dfvs_service.config import load_config
+from dfvs_service.perception.lease import Lease
+from dfvs_service.zenoh_session import open_session
+
+TOPICS = Topics("swift")
+WITHIN_S = 5.0
+
+
+@pytest.fixture
+def sessions():
+    """Two peers that are connected."""
+    with socket.socket() as sock:
+        sock.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{sock.getsockname()[1]}"
+    listening = load_config(None, {"zenoh.listen": [endpoint]}).zenoh
+    calling = load_config(None, {"zenoh.listen": [], "zenoh.connect": [endpoint]}).zenoh
+    with open_session(listening) as a, open_session(calling) as b:
+        yield a, b
+
+
+def wait_for(lease, standing_by, engaged):
+    deadline = time.monotonic() + WITHIN_S
+    wanted = LeaseHolders(standing_by, engaged)
+    while lease.holders() != wanted:
+        assert time.monotonic() < deadline, lease.holders()
+        time.sleep(0.01)
+
+
+def test_two_services_see_each_other_come_engage_and_go(sessions):
+    told = []
+    first = Lease(sessions[0], TOPICS, told.append)
+    first.tell()
+    second = Lease(sessions[1], TOPICS, told.append)
+    wait_for(first, (second.name,), ())
+    wait_for(second, (first.name,), ())
+    first.show("SERVO")
+    wait_for(second, (first.name,), (first.name,))
+    first.show("HOLD")
+    first.show("ABORT")
+    wait_for(second, (first.name,), ())
+    second.close()
+    wait_for(first, (), ())
+
+
+def test_a_service_that_ends_without_a_word_holds_no_lease(sessions):
+    first = Lease(sessions[0], TOPICS, lambda _: None)
+    second = Lease(sessions[1], TOPICS, lambda _: None)
+    wait_for(first, (second.name,), ())
+    sessions[1].close()
+    wait_for(first, (), ())
+
+
+def test_services_of_other_vehicles_do_not_matter(sessions):
+    first = Lease(sessions[0], TOPICS, lambda _: None)
+    other = Lease(sessions[1], Topics("stork"), lambda _: None)
+    third = Lease(sessions[1], TOPICS, lambda _: None)
+    wait_for(first, (third.name,), ())
+    assert other.holders() == LeaseHolders()
+
+
+def test_the_gate_is_told_of_a_change_at_once_and_again_every_second(sessions):
+    told = []
+    first = Lease(sessions[0], TOPICS, told.append)
+    first.tell()
+    assert told == []
+    second = Lease(sessions[1], TOPICS, lambda _: None)
+    wait_for(first, (second.name,), ())
+    first.tell()
+    first.tell()
+    assert told == [LeaseHolders((second.name,))]
+    second.close()
+    wait_for(first, (), ())
+    first.tell()
+    assert told[1:] == [LeaseHolders()]
+    deadline = time.monotonic() + WITHIN_S
+    while len(told) < 3 and time.monotonic() < deadline:
+        first.tell()
+        time.sleep(0.02)
+    assert told[2] == LeaseHolders()
