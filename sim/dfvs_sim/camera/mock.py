@@ -21,6 +21,9 @@ from dfvs_sim.render.renderer import Renderer
 CameraPoses = Callable[[int], FloatArray | None]
 """``T_scene_camera`` (4, 4) at a monotonic time in ns, None where it is not known."""
 
+Publish = Callable[[bytes, bytes, str], None]
+"""Takes payload, attachment and the encoding's name of a frame."""
+
 
 @dataclass(frozen=True, slots=True)
 class MockCameraConfig:
@@ -53,7 +56,7 @@ class MockCamera:
         config: MockCameraConfig,
         renderer: Renderer,
         poses: CameraPoses,
-        publish: Callable[[bytes, bytes, str], None],
+        publish: Publish,
     ) -> None:
         self._config = config
         self._renderer = renderer
@@ -96,7 +99,7 @@ ENCODINGS = {
 }
 
 
-def zenoh_publisher(session: zenoh.Session, vehicle: str) -> Callable[[bytes, bytes, str], None]:
+def zenoh_publisher(session: zenoh.Session, vehicle: str) -> Publish:
     """Publish frames of a vehicle; a congested link drops them."""
     publisher = session.declare_publisher(
         Topics(vehicle).camera, congestion_control=zenoh.CongestionControl.DROP

@@ -11,6 +11,7 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_sim.demo.cameras import CAMERAS
 from dfvs_sim.demo.flight import Flight, FlightOptions
 from dfvs_sim.demo.pictures import write_pictures
 from dfvs_sim.demo.plan import FlightPlan, make_plan, parse_camera_pose
@@ -64,6 +65,13 @@ def _parser() -> argparse.ArgumentParser:
     add("--rate", type=float, default=20.0, metavar="HZ", help="frames a second")
     add("--timeout", type=float, default=90.0, metavar="S", help="give up a flight after so long")
     add("--ready", type=float, default=40.0, metavar="S", help="wait so long for the service")
+    add(
+        "--camera",
+        choices=CAMERAS,
+        default=CAMERAS[0],
+        help="how frames travel: our own format, or ROS 2 messages as rmw_zenoh (Image) or "
+        "zenoh-bridge-ros2dds (CompressedImage) sends them",
+    )
     add("--autopilot", metavar="URL", help="MAVLink of a running autopilot, not the stand-in")
     add("--ground", metavar="URL", help="its ground-station link (default udpin on 14550)")
     add("--service", default="", metavar="WORDS", help="further words for dfvs-service")
@@ -119,6 +127,7 @@ def _fly_one(
         autopilot=args.autopilot,
         ground=args.ground,
         service=tuple(args.service.split()),
+        camera=args.camera,
     )
     log = Flight(plan, options, folder, lambda text: progress.say(f"  {text}")).run(progress.show)
     summary = summarise(log)

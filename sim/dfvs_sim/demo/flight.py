@@ -13,7 +13,8 @@ from dfvs_core.arrays import FloatArray
 from dfvs_core.errors import DfvsError
 from dfvs_core.topics import Topics
 from dfvs_core.wire.picture import encode_png
-from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, zenoh_publisher
+from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, Publish
+from dfvs_sim.demo.cameras import CameraLink, camera_link
 from dfvs_sim.demo.children import Child
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.ports import LOOPBACK, FlightPorts
@@ -44,7 +45,7 @@ class FlightOptions:
     ``ready_s`` is how long the service may take to be ready, ``timeout_s`` how long to arrive.
     ``autopilot`` is the MAVLink URL of a vehicle that runs already, and ``ground`` that of its
     ground-station link; None starts the simulated one. ``service`` holds further words for
-    ``dfvs-service``.
+    ``dfvs-service``; ``camera`` says how frames travel (see ``CAMERAS``).
     """
 
     height_m: float = 1.5
@@ -54,6 +55,7 @@ class FlightOptions:
     autopilot: str | None = None
     ground: str | None = None
     service: tuple[str, ...] = ()
+    camera: str = "dfvs"
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,6 +93,7 @@ class Flight:
         self._folder = folder
         self._narrate = narrate
         self._ports = FlightPorts.choose()
+        self._link: CameraLink = camera_link(options.camera, VEHICLE_NAME, plan.camera)
         self._record = None if options.autopilot else folder / "vehicle.jsonl"
 
     def run(self, on_progress: Callable[[TelemetryWatch, Track], None]) -> FlightLog:
@@ -113,7 +116,7 @@ class Flight:
             to_scene = self._anchor(tracker)
             track = Track(to_scene, self._plan.T_scene_goal)
             session = stack.enter_context(open_peer(self._ports.zenoh_endpoint))
-            camera = self._camera(to_scene, zenoh_publisher(session, VEHICLE_NAME))
+            camera = self._camera(to_scene, self._link.publisher(session))
             stack.enter_context(_running(camera.run, "camera"))
             self._narrate(f"the pilot takes off to {self._options.height_m:g} m")
             pilot.take_off(self._options.height_m)
@@ -162,6 +165,7 @@ class Flight:
             *("dfvs_service.cli", "--goal", str(self._folder / "goal.png")),
             *("--vehicle", VEHICLE_NAME, "--mavlink", mavlink),
             *("--set", f'zenoh.listen=["{self._ports.zenoh_endpoint}"]'),
+            *self._link.service_words,
             *self._options.service,
         ]
         return Child("service", words, self._folder / "service.log")
@@ -188,10 +192,13 @@ class Flight:
     def _camera(
         self,
         T_scene_camera: Callable[[int], FloatArray | None],
-        publish: Callable[[bytes, bytes, str], None],
+        publish: Publish,
     ) -> MockCamera:
         config = MockCameraConfig(
-            self._plan.camera, rate_hz=self._options.rate_hz, seed=self._plan.seed
+            self._plan.camera,
+            rate_hz=self._options.rate_hz,
+            pixel_format=self._link.pixel_format,
+            seed=self._plan.seed,
         )
         return MockCamera(config, self._plan.renderer, T_scene_camera, publish)
 

@@ -1,0 +1,165 @@
+"""The mock camera as a ROS 2 driver would publish it: Image or CompressedImage, and CameraInfo."""
+
+from __future__ import annotations
+
+import functools
+import os
+import time
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import zenoh
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError
+from dfvs_core.wire.frame import FrameHeader, PixelFormat, decode_header
+from dfvs_core.wire.ros2 import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    IMAGE,
+    Ros2Attachment,
+    Ros2Link,
+    Ros2Node,
+    Ros2Topic,
+)
+
+NODE = "dfvs_sim_camera"
+FRAME_ID = "camera_optical"
+_ENCODINGS = {PixelFormat.RGB8: ("rgb8", 3), PixelFormat.MONO8: ("mono8", 1)}
+_COMPRESSED = {PixelFormat.JPEG: "jpeg", PixelFormat.PNG: "png"}
+_NS = 1_000_000_000
+
+
+@functools.cache
+def _types() -> Any:
+    """Message definitions of rosbags, which is needed for ROS 2 alone.
+
+    Raises
+    ------
+    ConfigError
+        If it is not installed.
+    """
+    try:
+        from rosbags.typesys import Stores, get_typestore
+    except ImportError as error:
+        raise ConfigError(
+            f"ROS 2 messages cannot be written ({error})",
+            "the package rosbags",
+            "install it with: pip install 'dfvs[ros]'",
+        ) from error
+    return get_typestore(Stores.ROS2_HUMBLE)
+
+
+@dataclass(frozen=True, slots=True)
+class Ros2CameraConfig:
+    """Where the messages go; ``camera_name`` is the namespace of the image and its CameraInfo."""
+
+    link: Ros2Link
+    camera: CameraModel
+    pixel_format: PixelFormat
+    camera_name: str = "drone1/camera"
+    domain: int = 0
+
+    @property
+    def image(self) -> Ros2Topic:
+        """Topic of the pictures, named as ROS 2's image_transport does."""
+        if self.pixel_format in _COMPRESSED:
+            name = f"{self.camera_name}/image_raw/compressed"
+            return Ros2Topic(name, COMPRESSED_IMAGE, self.domain)
+        return Ros2Topic(f"{self.camera_name}/image_raw", IMAGE, self.domain)
+
+    @property
+    def info(self) -> Ros2Topic:
+        """Topic of the calibration."""
+        return Ros2Topic(f"{self.camera_name}/camera_info", CAMERA_INFO, self.domain)
+
+
+class Ros2Publisher:
+    """Takes the mock camera's frames and publishes them as ROS 2 messages.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+    config : Ros2CameraConfig
+
+    Raises
+    ------
+    ConfigError
+        If rosbags is not installed.
+    """
+
+    def __init__(self, session: zenoh.Session, config: Ros2CameraConfig) -> None:
+        self._config = config
+        self._gid = os.urandom(16)
+        hashes = {t.type_name: _types().hash_rihs01(t.type_name) for t in self._topics()}
+        self._publishers = {
+            topic.type_name: session.declare_publisher(
+                topic.key(config.link, hashes[topic.type_name]),
+                congestion_control=zenoh.CongestionControl.DROP,
+            )
+            for topic in self._topics()
+        }
+        self._tokens = []
+        if config.link == "rmw":
+            node = Ros2Node(str(session.zid()), NODE, config.domain)
+            keys = [node.token()]
+            for entity, topic in enumerate(self._topics(), start=1):
+                keys.append(node.publisher_token(topic, hashes[topic.type_name], entity))
+            self._tokens = [session.liveliness().declare_token(key) for key in keys]
+
+    def _topics(self) -> tuple[Ros2Topic, Ros2Topic]:
+        return self._config.image, self._config.info
+
+    def publish(self, payload: bytes, attachment: bytes, _encoding: str) -> None:
+        """Publish a frame that comes in our own wire format."""
+        header = decode_header(attachment)
+        stamp_ns = header.t_capture_ns + time.time_ns() - time.monotonic_ns()
+        ros_header = _header(stamp_ns)
+        if header.pixel_format in _COMPRESSED:
+            message = _compressed(ros_header, header, payload)
+        else:
+            message = _image(ros_header, header, payload)
+        self._put(self._config.image, message, header.seq, stamp_ns)
+        info = _camera_info(ros_header, self._config.camera)
+        self._put(self._config.info, info, header.seq, stamp_ns)
+
+    def _put(self, topic: Ros2Topic, message: Any, seq: int, stamp_ns: int) -> None:
+        data = bytes(_types().serialize_cdr(message, topic.type_name))
+        is_rmw = self._config.link == "rmw"
+        attachment = Ros2Attachment(seq, stamp_ns, self._gid).encode() if is_rmw else None
+        self._publishers[topic.type_name].put(data, attachment=attachment)
+
+
+def _make(type_name: str, *fields: Any) -> Any:
+    return _types().types[type_name](*fields)
+
+
+def _header(stamp_ns: int) -> Any:
+    stamp = _make("builtin_interfaces/msg/Time", *divmod(stamp_ns, _NS))
+    return _make("std_msgs/msg/Header", stamp, FRAME_ID)
+
+
+def _image(ros_header: Any, header: FrameHeader, payload: bytes) -> Any:
+    encoding, channels = _ENCODINGS[header.pixel_format]
+    pixels = np.frombuffer(payload, np.uint8)
+    step = header.width * channels
+    return _make(IMAGE, ros_header, header.height, header.width, encoding, 0, step, pixels)
+
+
+def _compressed(ros_header: Any, header: FrameHeader, payload: bytes) -> Any:
+    kind = f"rgb8; {_COMPRESSED[header.pixel_format]} compressed bgr8"
+    return _make(COMPRESSED_IMAGE, ros_header, kind, np.frombuffer(payload, np.uint8))
+
+
+def _camera_info(ros_header: Any, camera: CameraModel) -> Any:
+    """CameraInfo; ROS puts the first pixel's centre at 0, we at 0.5."""
+    k = np.array([camera.fx, 0, camera.cx - 0.5, 0, camera.fy, camera.cy - 0.5, 0, 0, 1.0])
+    p = np.insert(k, [3, 6, 9], 0.0)
+    model = "rational_polynomial" if len(camera.distortion) == 8 else "plumb_bob"
+    d = np.array(camera.distortion or (0.0,) * 5)
+    whole = _make("sensor_msgs/msg/RegionOfInterest", 0, 0, 0, 0, False)
+    r = np.eye(3).reshape(-1)
+    return _make(
+        CAMERA_INFO, ros_header, camera.height, camera.width, model, d, k, r, p, 0, 0, whole
+    )
