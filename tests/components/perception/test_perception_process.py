@@ -8,6 +8,7 @@ import subprocess
 import sys
 import time
 from pathlib import Path
+from typing import ClassVar
 
 import numpy as np
 import pytest
@@ -58,6 +59,8 @@ def free_port():
 class Rig:
     """The process, a Zenoh peer beside it, and the gate's end of its socket."""
 
+    overrides: ClassVar[dict[str, object]] = {}
+
     def __init__(self, folder, picture, launcher=()):
         self.picture = picture
         self.goal = ""
@@ -65,7 +68,7 @@ class Rig:
         sidecar = GoalSidecar(CAMERA)
         (folder / "goal.png").write_bytes(encode_png(picture))
         (folder / "goal.json").write_text(sidecar.to_json())
-        overrides = {"vehicle.name": TOPICS.vehicle, "zenoh.listen": [endpoint]}
+        overrides = {"vehicle.name": TOPICS.vehicle, "zenoh.listen": [endpoint], **self.overrides}
         config, _ = load_config(None, overrides).with_camera((320, 240), sidecar)
         (folder / "config.json").write_text(config.to_json())
         self.gate = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -131,10 +134,13 @@ class Rig:
         noise = rng.integers(-2, 3, image.shape)
         image = np.clip(image.astype(int) + noise, 0, 255).astype(np.uint8)
         self.tell_vehicle()
-        frame = Frame(image, time.monotonic_ns(), self.seq)
+        self.publish(image, time.monotonic_ns())
+        self.tell_vehicle()
+
+    def publish(self, image, t_ns):
+        frame = Frame(image, t_ns, self.seq)
         payload, attachment = encode_frame(frame, PixelFormat.JPEG, CLOCK)
         self.session.put(TOPICS.camera, payload, attachment=attachment)
-        self.tell_vehicle()
 
     def shoot_until(self, rng, accept):
         """Publish frames until one is reported as wanted."""
