@@ -1,0 +1,41 @@
+"""Under which names the page may be reached, and what follows from that for browsers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterable
+from dataclasses import dataclass
+
+LOOPBACK_NAMES = ("127.0.0.1", "localhost", "[::1]")
+"""Names that always mean this machine."""
+
+_DEFAULT_PORTS = {"http": 80, "https": 443}
+
+
+@dataclass(frozen=True, slots=True)
+class PublicAddress:
+    """Scheme and ``host:port`` spellings under which the page may be reached."""
+
+    scheme: str
+    hosts: frozenset[str]
+
+    @classmethod
+    def of(cls, names: Iterable[str], port: int, *, secure: bool) -> PublicAddress:
+        """Names (``[...]`` around IPv6) on a port; the scheme's usual port may be left out."""
+        scheme = "https" if secure else "http"
+        lower = [name.lower() for name in names]
+        hosts = {f"{name}:{port}" for name in lower}
+        if port == _DEFAULT_PORTS[scheme]:
+            hosts.update(lower)
+        return cls(scheme, frozenset(hosts))
+
+    @property
+    def origins(self) -> frozenset[str]:
+        """What a browser says in ``Origin`` when our own page asks."""
+        return frozenset(f"{self.scheme}://{host}" for host in self.hosts)
+
+    def security_policy(self) -> str:
+        """Content-Security-Policy: everything from ourselves, nothing from elsewhere."""
+        return (
+            "default-src 'none'; script-src 'self'; style-src 'self'; img-src 'self' blob: data:; "
+            "connect-src 'self'; base-uri 'none'; form-action 'none'; frame-ancestors 'none'"
+        )

@@ -1,0 +1,99 @@
+"""The web application: the page's files, one WebSocket, and the threads behind them."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import time
+from collections.abc import AsyncIterator
+from pathlib import Path
+
+from starlette.applications import Starlette
+from starlette.middleware import Middleware
+from starlette.routing import Mount, WebSocketRoute
+from starlette.staticfiles import StaticFiles
+from starlette.websockets import WebSocket
+
+from dfvs_service.config import ZenohSection
+from dfvs_service.dashboard.clock import Moment
+from dfvs_service.dashboard.courier import Courier
+from dfvs_service.dashboard.desk import OrderDesk
+from dfvs_service.dashboard.doorkeeper import Doorkeeper
+from dfvs_service.dashboard.hub import Hub
+from dfvs_service.dashboard.parcel import Arrival
+from dfvs_service.dashboard.receiver import Receiver
+from dfvs_service.dashboard.settings import DashboardSettings
+from dfvs_service.dashboard.visit import House, Visit
+
+PAGE = Path(__file__).parent / "page"
+_TICK_S = 0.5
+
+
+def present_moment() -> Moment:
+    """Read both clocks."""
+    return Moment(time.monotonic_ns(), time.time() * 1e3)
+
+
+class Dashboard:
+    """Everything behind the page, between ``start`` and ``close``."""
+
+    def __init__(self, settings: DashboardSettings) -> None:
+        self.hub = Hub(present_moment, self._watch)
+        self._reached_by: dict[str, ZenohSection] = {}
+        key = settings.command_key
+        desk = None if key is None else OrderDesk(key, self._reached_by.get)
+        self.house = House(self.hub, settings.tokens, desk, present_moment)
+        self._links = settings.links
+        self._receivers: list[Receiver] = []
+        self._courier: Courier | None = None
+
+    async def run(self) -> None:
+        """Receive and tell until cancelled."""
+        self._courier = Courier(asyncio.get_running_loop(), self.hub.take)
+        self._receivers = [self._receiver(link, self._courier) for link in self._links]
+        for receiver in self._receivers:
+            receiver.start()
+        try:
+            while True:
+                await asyncio.sleep(_TICK_S)
+                connected = sum(receiver.is_connected for receiver in self._receivers)
+                self.hub.tick({"zenoh": {"connected": connected, "links": len(self._receivers)}})
+        finally:
+            for receiver in self._receivers:
+                await asyncio.to_thread(receiver.close)
+            self._courier.close()
+
+    def _receiver(self, link: ZenohSection, courier: Courier) -> Receiver:
+        def deliver(arrival: Arrival) -> None:
+            self._reached_by[arrival.vehicle] = link
+            courier.deliver(arrival)
+
+        return Receiver(link, deliver)
+
+    def _watch(self, vehicles: frozenset[str]) -> None:
+        for receiver in self._receivers:
+            receiver.watch(vehicles)
+
+
+def make_app(settings: DashboardSettings) -> Starlette:
+    """Application to be served by an ASGI server."""
+    dashboard = Dashboard(settings)
+
+    @contextlib.asynccontextmanager
+    async def lifespan(_app: Starlette) -> AsyncIterator[None]:
+        running = asyncio.create_task(dashboard.run())
+        yield
+        running.cancel()
+        await asyncio.gather(running, return_exceptions=True)
+
+    async def visit(socket: WebSocket) -> None:
+        await Visit(socket, dashboard.house).serve()
+
+    return Starlette(
+        routes=[
+            WebSocketRoute("/live", visit),
+            Mount("/", StaticFiles(directory=PAGE, html=True)),
+        ],
+        middleware=[Middleware(Doorkeeper, address=settings.address)],
+        lifespan=lifespan,
+    )

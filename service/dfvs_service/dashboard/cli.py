@@ -1,0 +1,114 @@
+"""``dfvs-dashboard``: watch flights in a browser."""
+
+from __future__ import annotations
+
+import argparse
+import logging
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_service.dashboard.settings import dashboard_settings
+from dfvs_service.key_file import create_key
+
+EXIT_OK, EXIT_CANNOT_RUN, EXIT_INTERRUPTED = 0, 2, 130
+DEFAULT_PORT = 8470
+MAX_MESSAGE_BYTES = 64 * 1024
+
+_EXAMPLE = """\
+examples:
+  dfvs-dashboard                                     beside the service, on this machine
+  dfvs-dashboard --connect tcp/127.0.0.1:7447 --connect tcp/127.0.0.1:7448
+  dfvs-dashboard new-token --token-file operator.token
+  dfvs-dashboard --operator-token operator.token --command-key my.key
+  dfvs-dashboard --host 0.0.0.0 --name drone1.local --cert c.pem --key k.pem \\
+      --viewer-token viewer.token                    for phones in the same network
+
+exit code: 0 ended by a signal, 2 cannot run
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    try:
+        return _new_token(words[1:]) if words[:1] == ["new-token"] else _serve(words)
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    except KeyboardInterrupt:
+        return EXIT_INTERRUPTED
+
+
+def _new_token(words: Sequence[str]) -> int:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-dashboard new-token",
+        description="Make a fresh token for viewers or operators, in a file of mode 0600.",
+        epilog="example: dfvs-dashboard new-token --token-file operator.token",
+    )
+    parser.add_argument("--token-file", type=Path, required=True, metavar="FILE")
+    path = parser.parse_args(words).token_file
+    create_key(path)
+    print(f"wrote {path}; give it to dfvs-dashboard, and its content to who may sign in")
+    return EXIT_OK
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-dashboard",
+        description="Serve a page that shows what the drone sees and does. Nothing is loaded from "
+        "the internet, and nothing is ordered without a token and a key.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add, many = parser.add_argument, "may be repeated"
+    add("--config", type=Path, metavar="FILE", help="the service's settings: its zenoh section")
+    add("--connect", action="append", metavar="ENDPOINT", help=f"Zenoh endpoint; {many}")
+    add("--host", default="127.0.0.1", help="address to listen on (default: 127.0.0.1)")
+    add("--port", type=int, default=DEFAULT_PORT, help=f"(default: {DEFAULT_PORT})")
+    add("--name", action="append", default=[], help=f"host name that browsers use; {many}")
+    add("--cert", type=Path, metavar="PEM", help="TLS certificate chain")
+    add("--key", type=Path, metavar="PEM", help="its private key")
+    add("--viewer-token", type=Path, metavar="FILE", help="token that viewers need")
+    add("--operator-token", type=Path, metavar="FILE", help="token of those who may order")
+    add("--command-key", type=Path, metavar="FILE", help="key that signs the orders")
+    return parser
+
+
+def _serve(words: Sequence[str]) -> int:
+    arguments = _parser().parse_args(words)
+    try:
+        # An extra of the installation, which this command alone needs.
+        import uvicorn
+
+        from dfvs_service.dashboard.app import make_app
+    except ModuleNotFoundError as error:
+        raise ConfigError(
+            f"the dashboard needs {error.name}, which is not installed",
+            remedy="install it with: pip install 'dfvs[dashboard]'",
+        ) from error
+    settings = dashboard_settings(arguments)
+    logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
+    config = uvicorn.Config(
+        make_app(settings),
+        host=arguments.host,
+        port=arguments.port,
+        ws="websockets-sansio",
+        ws_max_size=MAX_MESSAGE_BYTES,
+        ws_per_message_deflate=False,  # pictures do not get smaller, only later
+        ssl_certfile=arguments.cert,
+        ssl_keyfile=arguments.key,
+        log_level="warning",
+        server_header=False,
+        proxy_headers=False,
+        timeout_graceful_shutdown=1,
+    )
+    name = arguments.name[0] if arguments.name else arguments.host
+    print(f"dashboard at {settings.address.scheme}://{name}:{arguments.port}/", flush=True)
+    uvicorn.Server(config).run()
+    return EXIT_OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())

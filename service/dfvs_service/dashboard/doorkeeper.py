@@ -1,0 +1,72 @@
+"""ASGI middleware that looks at every request first: Host, Origin, and the headers of answers.
+
+A page on the internet can make a browser talk to 127.0.0.1, by its address or by a name that it
+lets point there (DNS rebinding). So only known names are served, WebSockets are opened for our own
+page alone, and our page may load from and talk to nobody else.
+"""
+
+from __future__ import annotations
+
+from starlette.datastructures import Headers, MutableHeaders
+from starlette.responses import PlainTextResponse
+from starlette.types import ASGIApp, Message, Receive, Scope, Send
+
+from dfvs_service.dashboard.address import PublicAddress
+
+
+class Doorkeeper:
+    """Refuses requests for other hosts and from other origins; adds headers to every answer.
+
+    Parameters
+    ----------
+    app : ASGI application
+    address : PublicAddress
+    """
+
+    def __init__(self, app: ASGIApp, address: PublicAddress) -> None:
+        self._app = app
+        self._address = address
+        self._policy = address.security_policy()
+
+    async def __call__(self, scope: Scope, receive: Receive, send: Send) -> None:
+        """Serve one request."""
+        if scope["type"] == "lifespan":
+            await self._app(scope, receive, send)
+            return
+        if (refusal := self._refusal(scope)) is None:
+            await self._app(scope, receive, self._with_headers(send))
+        elif scope["type"] == "websocket":
+            await receive()
+            await send({"type": "websocket.close", "code": 1008, "reason": refusal})
+        else:
+            answer = PlainTextResponse(refusal, status_code=403)
+            await answer(scope, receive, self._with_headers(send))
+
+    def _refusal(self, scope: Scope) -> str | None:
+        """Why a request is not served, or None."""
+        headers = Headers(scope=scope)
+        if [host.lower() for host in headers.getlist("host")] not in (
+            [host] for host in self._address.hosts
+        ):
+            return "this host name is not served here; see dfvs-dashboard --name"
+        origins = headers.getlist("origin")
+        is_ours = len(origins) == 1 and origins[0].lower() in self._address.origins
+        if scope["type"] == "websocket":
+            return None if is_ours else "only this page may open a connection here"
+        if scope["method"] not in ("GET", "HEAD"):
+            return "the page is only read; orders go through its connection"
+        return None if is_ours or not origins else "only this page may ask here"
+
+    def _with_headers(self, send: Send) -> Send:
+        async def send_with_headers(message: Message) -> None:
+            if message["type"] == "http.response.start":
+                headers = MutableHeaders(scope=message)
+                headers["Content-Security-Policy"] = self._policy
+                headers["X-Content-Type-Options"] = "nosniff"
+                headers["Referrer-Policy"] = "no-referrer"
+                headers["Cross-Origin-Opener-Policy"] = "same-origin"
+                headers["Cross-Origin-Resource-Policy"] = "same-origin"
+                headers["Cache-Control"] = "no-store"
+            await send(message)
+
+        return send_with_headers

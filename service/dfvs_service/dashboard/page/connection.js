@@ -1,0 +1,140 @@
+// One WebSocket to the server: greets, reconnects by itself, and keeps the clocks together.
+
+const FIRST_WAIT_MS = 250;
+const LONGEST_WAIT_MS = 2000;
+const PING_PERIOD_MS = 2000;
+const PATIENCE_MS = 6000;
+const DENIED = 4401;
+
+export const PICTURE = Object.freeze({ VIEW: 1, GOAL: 2, FLOW: 3 });
+const PICTURE_HEADER_BYTES = 9;
+
+/** Wall clock of the server, as seen from here: the quickest of the recent pings counts. */
+class ServerClock {
+  #samples = [];
+
+  add(sentMs, serverMs, nowMs) {
+    const roundTrip = nowMs - sentMs;
+    this.#samples.push({ roundTrip, offset: serverMs - (sentMs + roundTrip / 2) });
+    if (this.#samples.length > 15) this.#samples.shift();
+  }
+
+  get roundTripMs() {
+    return this.#samples.length ? this.#samples.at(-1).roundTrip : null;
+  }
+
+  /** Server's time in ms since 1970 at this moment. */
+  now() {
+    const here = performance.timeOrigin + performance.now();
+    if (!this.#samples.length) return here;
+    const best = this.#samples.reduce((a, b) => (b.roundTrip < a.roundTrip ? b : a));
+    return here + best.offset;
+  }
+}
+
+export class Connection extends EventTarget {
+  #socket = null;
+  #waitMs = FIRST_WAIT_MS;
+  #heardMs = 0;
+  #token;
+  clock = new ServerClock();
+  isOpen = false;
+
+  /** @param {string} token empty, or the secret of a viewer or operator */
+  constructor(token) {
+    super();
+    this.#token = token;
+    setInterval(() => this.#tend(), PING_PERIOD_MS);
+  }
+
+  open() {
+    const scheme = location.protocol === "https:" ? "wss" : "ws";
+    const socket = new WebSocket(`${scheme}://${location.host}/live`);
+    socket.binaryType = "arraybuffer";
+    socket.onopen = () => this.#greet(socket);
+    socket.onmessage = (event) => this.#take(event.data);
+    socket.onclose = (event) => this.#lose(socket, event);
+    this.#socket = socket;
+  }
+
+  /** Sign in with another token; the connection is opened anew. */
+  signIn(token) {
+    this.#token = token;
+    this.#waitMs = 0;
+    if (this.#socket) this.#socket.close(1000);
+    if (!this.#socket) this.open();
+  }
+
+  send(message) {
+    if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
+  }
+
+  #greet(socket) {
+    this.#heardMs = performance.now();
+    socket.send(JSON.stringify({ type: "hello", token: this.#token }));
+  }
+
+  #take(data) {
+    this.#heardMs = performance.now();
+    if (typeof data !== "string") {
+      this.#takePicture(data);
+      return;
+    }
+    const news = JSON.parse(data);
+    if (news.welcome) this.#welcomed(news.welcome);
+    if (news.pong) {
+      this.clock.add(news.pong.t, news.pong.server_ms, performance.timeOrigin + performance.now());
+    }
+    this.dispatchEvent(new CustomEvent("news", { detail: news }));
+  }
+
+  #takePicture(buffer) {
+    const header = new DataView(buffer);
+    const kind = header.getUint8(0);
+    if (kind === PICTURE.VIEW) this.send({ type: "seen" });
+    const picture = {
+      kind,
+      captureMs: header.getFloat64(1, true),
+      data: new Uint8Array(buffer, PICTURE_HEADER_BYTES),
+    };
+    this.dispatchEvent(new CustomEvent("picture", { detail: picture }));
+  }
+
+  #welcomed(welcome) {
+    this.isOpen = true;
+    this.#waitMs = FIRST_WAIT_MS;
+    this.#ping();
+    this.dispatchEvent(new CustomEvent("welcome", { detail: welcome }));
+  }
+
+  #lose(socket, event) {
+    if (socket !== this.#socket) return;
+    this.#socket = null;
+    this.isOpen = false;
+    this.dispatchEvent(new CustomEvent("lost", { detail: { reason: event.reason } }));
+    if (event.code === DENIED) {
+      this.dispatchEvent(new CustomEvent("denied", { detail: { reason: event.reason } }));
+      return;
+    }
+    const jitter = 0.75 + Math.random() / 2;
+    setTimeout(() => this.#socket ?? this.open(), this.#waitMs * jitter);
+    this.#waitMs = Math.min(Math.max(this.#waitMs * 1.6, FIRST_WAIT_MS), LONGEST_WAIT_MS);
+  }
+
+  /** Ping; a connection that has been silent for long is dead, whatever TCP says. */
+  #tend() {
+    if (!this.#socket) return;
+    if (this.isOpen && performance.now() - this.#heardMs > PATIENCE_MS) {
+      const silent = this.#socket;
+      this.#lose(silent, { code: 0, reason: "silent" });
+      silent.onmessage = null;
+      silent.close();
+      return;
+    }
+    this.#ping();
+  }
+
+  #ping() {
+    if (this.isOpen) this.send({ type: "ping", t: performance.timeOrigin + performance.now() });
+  }
+}

@@ -1,0 +1,78 @@
+// The coarse flow field: reading its bytes (see dfvs_core/wire/flow_grid.py) and drawing it.
+
+const HEADER_BYTES = 24;
+const STEPS_PER_PX = 16;
+const SURE = "#3cff6e";
+const DOUBTFUL = "#ffb52e";
+
+/** @returns {{columns, rows, stride, flow: Int16Array, confidence: Uint8Array} | null} */
+export function decodeFlow(bytes) {
+  const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
+  if (bytes.byteLength < HEADER_BYTES || view.getUint32(0, false) !== 0x44465647) return null;
+  const columns = view.getUint16(6, true);
+  const rows = view.getUint16(8, true);
+  const points = columns * rows;
+  if (bytes.byteLength !== HEADER_BYTES + 5 * points) return null;
+  const flow = new Int16Array(2 * points);
+  for (let i = 0; i < 2 * points; i++) flow[i] = view.getInt16(HEADER_BYTES + 2 * i, true);
+  const confidence = bytes.slice(HEADER_BYTES + 4 * points);
+  return { columns, rows, stride: view.getUint16(10, true), flow, confidence };
+}
+
+/** Arrows from what is seen to where the goal has it; every second point, trusted ones only. */
+export function drawFlow(context, grid, place) {
+  const least = place.minConfidence * 255;
+  const sure = (least + 255) / 2;
+  const groups = { [SURE]: new Path2D(), [DOUBTFUL]: new Path2D() };
+  const head = Math.max(3, 0.2 * grid.stride * place.scale);
+  for (let row = 1; row < grid.rows; row += 2) {
+    for (let column = 1; column < grid.columns; column += 2) {
+      const i = row * grid.columns + column;
+      if (grid.confidence[i] < least) continue;
+      const path = groups[grid.confidence[i] > sure ? SURE : DOUBTFUL];
+      addArrow(path, arrowAt(grid, column, row, i, place), head);
+    }
+  }
+  context.lineCap = "round";
+  for (const [colour, path] of Object.entries(groups)) {
+    for (const [style, width] of [["rgba(0, 0, 0, .75)", 3.5], [colour, 1.8]]) {
+      context.strokeStyle = style;
+      context.lineWidth = width * Math.max(place.scale / 2, 1);
+      context.stroke(path);
+    }
+  }
+}
+
+function arrowAt(grid, column, row, i, place) {
+  const u = Math.floor(grid.stride / 2) + column * grid.stride + 0.5;
+  const v = Math.floor(grid.stride / 2) + row * grid.stride + 0.5;
+  const x = place.x + u * place.scale;
+  const y = place.y + v * place.scale;
+  const k = place.scale / STEPS_PER_PX;
+  return { x, y, dx: grid.flow[2 * i] * k, dy: grid.flow[2 * i + 1] * k };
+}
+
+function addArrow(path, { x, y, dx, dy }, head) {
+  const length = Math.hypot(dx, dy);
+  path.moveTo(x, y);
+  path.lineTo(x + dx + 0.01, y + dy);
+  if (length < head) return;
+  const [ux, uy] = [(dx / length) * head, (dy / length) * head];
+  path.moveTo(x + dx - ux - 0.5 * uy, y + dy - uy + 0.5 * ux);
+  path.lineTo(x + dx, y + dy);
+  path.lineTo(x + dx - ux + 0.5 * uy, y + dy - uy - 0.5 * ux);
+}
+
+/** Confidence as a tint: blue is sure, and what is not trusted is hatched out in dark. */
+export function drawConfidence(context, grid, place) {
+  const size = grid.stride * place.scale;
+  for (let row = 0; row < grid.rows; row++) {
+    for (let column = 0; column < grid.columns; column++) {
+      const share = grid.confidence[row * grid.columns + column] / 255;
+      context.fillStyle = share < place.minConfidence
+        ? "rgba(20, 0, 0, .62)"
+        : `hsla(${20 + 190 * share}, 95%, 55%, .42)`;
+      context.fillRect(place.x + column * size, place.y + row * size, size + 0.5, size + 0.5);
+    }
+  }
+}

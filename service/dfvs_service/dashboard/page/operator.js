@@ -1,0 +1,100 @@
+// Signing in and giving orders. The server decides what is allowed; the page only hides the rest.
+
+const byId = (id) => document.getElementById(id);
+const KEPT_TOKEN = "dfvs-token";
+const ENGAGEABLE = new Set(["READY", "DONE", "ABORT", "RELEASED"]);
+
+export const keptToken = () => sessionStorage.getItem(KEPT_TOKEN) ?? "";
+
+export class Operator {
+  #connection;
+  #vehicle = "";
+  #state = null;
+  #isSignedIn = false;
+
+  constructor(connection) {
+    this.#connection = connection;
+    byId("sign").addEventListener("click", () => (this.#isSignedIn ? this.#signOut() : this.ask()));
+    byId("hold").addEventListener("click", () => this.order("hold"));
+    byId("abort").addEventListener("click", () => this.order("abort"));
+    byId("engage").addEventListener("click", () => this.#confirmEngage());
+    byId("sign-dialog").addEventListener("close", () => this.#signIn());
+    byId("confirm-dialog").addEventListener("close", () => {
+      if (byId("confirm-dialog").returnValue === "ok") this.order("engage");
+    });
+  }
+
+  welcome({ role, can_order: canOrder, accepts_operators: acceptsOperators, needs_token: needsToken }) {
+    this.#isSignedIn = keptToken() !== "" && (role === "operator" || needsToken);
+    byId("operator").hidden = !canOrder;
+    byId("sign").hidden = !this.#isSignedIn && !acceptsOperators;
+    byId("sign").textContent = this.#isSignedIn ? "Sign out" : "Sign in";
+    if (role === "operator" && !canOrder) this.#answer(false, "signed in, but the server has no key for orders");
+  }
+
+  /** The server let nobody in with this token. */
+  denied(reason) {
+    sessionStorage.removeItem(KEPT_TOKEN);
+    this.ask(reason);
+  }
+
+  ask(reason = "") {
+    byId("sign-why").textContent = reason
+      ? `The server says: ${reason}.` : "With the operator's token you can engage, hold and abort.";
+    byId("token").value = "";
+    byId("sign-dialog").returnValue = "";
+    if (!byId("sign-dialog").open) byId("sign-dialog").showModal();
+  }
+
+  watch(vehicle) {
+    this.#vehicle = vehicle;
+  }
+
+  show(state, isFresh) {
+    this.#state = state;
+    const takesOrders = Boolean(state?.takes_orders) && this.#connection.isOpen;
+    byId("engage").disabled = !takesOrders || !isFresh || !ENGAGEABLE.has(state.state);
+    // Stopping is offered even where the newest state is old: it can do no harm.
+    byId("hold").disabled = byId("abort").disabled = !takesOrders;
+    if (state && !state.takes_orders) this.#hint("this vehicle was started without a command key");
+  }
+
+  order(word) {
+    if (byId("operator").hidden || !this.#vehicle) return;
+    this.#answer(null, `${word} sent …`);
+    this.#connection.send({ type: "order", order: word, vehicle: this.#vehicle });
+  }
+
+  answered(answers) {
+    for (const { accepted, text } of answers) this.#answer(accepted, text);
+  }
+
+  #confirmEngage() {
+    byId("confirm-text").textContent =
+      `${this.#vehicle} is ${this.#state?.state ?? "unknown"}. It will fly to its goal by itself.`;
+    byId("confirm-dialog").returnValue = "";
+    byId("confirm-dialog").showModal();
+  }
+
+  #signIn() {
+    const token = byId("token").value.trim();
+    byId("token").value = "";
+    if (byId("sign-dialog").returnValue !== "ok" || !token) return;
+    sessionStorage.setItem(KEPT_TOKEN, token);
+    this.#connection.signIn(token);
+  }
+
+  #signOut() {
+    sessionStorage.removeItem(KEPT_TOKEN);
+    this.#connection.signIn("");
+  }
+
+  #hint(text) {
+    if (!byId("answer").textContent) this.#answer(null, text);
+  }
+
+  #answer(accepted, text) {
+    byId("answer").textContent = text;
+    byId("answer").dataset.ok = accepted === null ? "" : accepted ? "yes" : "no";
+  }
+}

@@ -1,0 +1,207 @@
+// State, facts, numbers, links and events in words; nothing here is ever parsed as HTML.
+
+const DEGREES = 180 / Math.PI;
+const DASH = "–";
+
+const ICONS = {
+  IDLE: "…", PREFLIGHT: "✓?", READY: "▶", ENGAGE: "⇡", SERVO: "➤", HOLD: "❚❚", DONE: "✓",
+  ABORT: "✕", RELEASED: "↩",
+};
+
+/** Time until which data count as live, and from when a stream's row is marked, s. */
+const SLOW_S = { camera: 0.5, servo: 0.5, state: 1, flow: 2 };
+
+const byId = (id) => document.getElementById(id);
+
+const fixed = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits) : DASH);
+
+export function duration(seconds) {
+  if (!Number.isFinite(seconds)) return DASH;
+  if (seconds < 60) return `${Math.max(seconds, 0).toFixed(1)} s`;
+  const whole = Math.floor(seconds);
+  const [h, m, s] = [Math.floor(whole / 3600), Math.floor(whole / 60) % 60, whole % 60];
+  const two = (v) => String(v).padStart(2, "0");
+  return h ? `${h}:${two(m)}:${two(s)}` : `${m}:${two(s)} min`;
+}
+
+/** Set a text only where it changed: screen readers announce every change. */
+function say(element, text) {
+  if (element.textContent !== text) element.textContent = text;
+}
+
+function row(tag, cells, className = "") {
+  const line = document.createElement(tag);
+  line.className = className;
+  line.append(...cells);
+  return line;
+}
+
+function element(tag, text) {
+  const made = document.createElement(tag);
+  made.textContent = text;
+  return made;
+}
+
+export function showState(state, freshness) {
+  const body = document.body;
+  body.dataset.state = state?.state ?? "";
+  body.dataset.fresh = freshness.kind;
+  say(byId("state-icon"), freshness.kind === "stale" ? "!" : ICONS[state?.state] ?? DASH);
+  if (!state) {
+    say(byId("state"), "no data");
+    say(byId("cause"), freshness.text);
+    say(byId("since"), DASH);
+    return;
+  }
+  const isStale = freshness.kind === "stale";
+  say(byId("state"), isStale ? `STALE: was ${state.state}` : state.state);
+  say(byId("cause"), isStale ? freshness.text : state.cause || "–");
+  showFacts(state);
+  showWarnings(state.warnings ?? []);
+}
+
+export function showSince(state, nowMs) {
+  say(byId("since"), state ? duration((nowMs - state.since_ms) / 1000) : DASH);
+}
+
+function showFacts(state) {
+  const heartbeat = state.heartbeat_age_s;
+  const battery = state.battery;
+  const facts = [
+    [state.mode || "no mode", state.mode === ""],
+    [state.armed ? "armed" : "disarmed", false],
+    [state.in_air ? "in the air" : "on the ground", false],
+    [`battery ${battery === null ? DASH : `${Math.round(battery * 100)} %`}`, battery !== null && battery < 0.2],
+    [`autopilot ${heartbeat === null ? "not heard" : `heard ${fixed(heartbeat, 1)} s ago`}`, heartbeat === null || heartbeat > 2],
+    [`${fixed(state.distance_m, 2)} m from start`, false],
+  ];
+  const list = byId("facts");
+  while (list.children.length > facts.length) list.lastChild.remove();
+  facts.forEach(([text, isBad], i) => {
+    const item = list.children[i] ?? list.appendChild(document.createElement("li"));
+    say(item, text);
+    item.className = isBad ? "bad" : "";
+  });
+}
+
+function showWarnings(warnings) {
+  const list = byId("warnings");
+  list.hidden = warnings.length === 0;
+  const shown = [...list.children].map((item) => item.textContent);
+  if (shown.join("\n") !== warnings.join("\n")) {
+    list.replaceChildren(...warnings.map((text) => element("li", text)));
+  }
+}
+
+const NUMBERS = [
+  ["Distance to goal", (n) => fixed(n.servo?.error_m, 3), "m"],
+  ["Angle to goal", (n) => fixed(n.servo ? n.servo.error_rad * DEGREES : NaN, 2), "°"],
+  ["Speed", (n) => fixed(n.path?.speed_m_s, 2), "m/s"],
+  ["Depth", (n) => fixed(n.servo?.depth_m, 2), "m"],
+  ["Inliers", (n) => fixed(n.servo ? n.servo.inlier_share * 100 : NaN, 0), "%"],
+  ["Overlap", (n) => fixed(n.servo ? n.servo.overlap * 100 : NaN, 0), "%"],
+  ["Residual", (n) => fixed(n.servo?.residual_px ?? NaN, 2), "px"],
+  ["Conditioning", (n) => fixed(n.servo?.condition ?? NaN, 0), ""],
+];
+
+/** @param newest `{servo, path}`: newest rows */
+export function showNumbers(newest) {
+  const list = byId("numbers");
+  if (!list.children.length) {
+    for (const [name, , unit] of NUMBERS) {
+      const value = element("dd", "");
+      value.append(document.createElement("span"), element("small", unit ? ` ${unit}` : ""));
+      list.append(row("div", [element("dt", name), value]));
+    }
+  }
+  NUMBERS.forEach(([, of], i) => say(list.children[i].lastChild.firstChild, of(newest)));
+}
+
+export function showVerdict(verdict) {
+  const place = byId("verdict");
+  const isGood = verdict?.verdict === "OK";
+  say(place, !verdict ? "" : isGood ? "✓ may be flown" : `✕ ${verdict.reason || verdict.verdict}`);
+  place.dataset.ok = isGood ? "yes" : "no";
+}
+
+const STREAMS = { camera: "camera", servo: "results", state: "state", flow: "flow" };
+
+/** @param link what the server measured; @param screen what this page measured */
+export function showLinks(link, screen, roundTripMs) {
+  const rows = Object.entries(STREAMS).map(([name, title]) => {
+    const stream = link?.streams[name];
+    const isLate = stream?.age_s === null || stream?.age_s > SLOW_S[name];
+    return streamRow(title, stream, isLate);
+  });
+  rows.push(row("tr", [
+    element("td", "this screen"), element("td", `${fixed(screen.fps, 1)} Hz`), element("td", ""),
+    element("td", `${fixed(screen.p50Ms, 0)} ms`), element("td", `${screen.overtaken} skipped`),
+  ]));
+  byId("links").replaceChildren(...rows);
+  const facts = [`page to server and back ${fixed(roundTripMs, 0)} ms`];
+  if (link?.is_foreign_clock) facts.push("the vehicle's clock is another machine's: delays are those beyond the quickest message");
+  say(byId("link-facts"), facts.join("; "));
+}
+
+function streamRow(title, stream, isLate) {
+  const cells = [
+    title, `${fixed(stream?.hz, 1)} Hz`, load(stream?.bytes_s),
+    stream?.age_s == null ? "never" : duration(stream.age_s),
+    title === "camera" ? String(stream?.missing ?? 0) : "",
+  ];
+  return row("tr", cells.map((text) => element("td", text)), isLate ? "bad" : "");
+}
+
+function load(bytes) {
+  if (!bytes) return "";
+  return bytes < 1e6 ? `${Math.round(bytes / 1e3)} kB/s` : `${(bytes / 1e6).toFixed(1)} MB/s`;
+}
+
+const STAGES = {
+  transport: "camera to perception", wait: "waiting", decode: "decoding", prepare: "preparing",
+  match: "matching", servo: "servo law", capture_to_report: "capture to result", depth: "depth (after)",
+};
+
+export function showDelays(timing, screen) {
+  const lines = Object.entries(timing?.stages ?? {}).map(([name, [p50, p99]]) => [STAGES[name] ?? name, p50, p99]);
+  lines.push(["capture to this screen", screen.p50Ms, screen.p99Ms]);
+  byId("delays").replaceChildren(...lines.map(([name, p50, p99]) =>
+    row("tr", [element("td", name), element("td", fixed(p50, 1)), element("td", fixed(p99, 1))])));
+}
+
+export function addEvents(transitions) {
+  const list = byId("events");
+  for (const { t_ms: tMs, to, cause } of transitions) {
+    const time = element("time", new Date(tMs).toLocaleTimeString([], { hour12: false }));
+    list.prepend(row("li", [time, element("b", to), element("span", cause)]));
+  }
+  while (list.children.length > 50) list.lastChild.remove();
+}
+
+export function clearEvents() {
+  byId("events").replaceChildren();
+}
+
+/** Keep the list of vehicles; the choice stays where it is. */
+export function showVehicles(vehicles, watched) {
+  const select = byId("vehicle");
+  select.disabled = vehicles.length === 0;
+  const texts = vehicles.map((v) => `${v.name}${v.age_s > 3 ? " (silent)" : v.state ? ` – ${v.state}` : ""}`);
+  if (!vehicles.length) texts.push("no vehicle yet");
+  while (select.options.length > texts.length) select.remove(select.options.length - 1);
+  texts.forEach((text, i) => {
+    if (!select.options[i]) select.add(new Option());
+    say(select.options[i], text);
+    select.options[i].value = vehicles[i]?.name ?? "";
+  });
+  if (watched) select.value = watched;
+}
+
+export function describeView(frames, nowMs, captureMs, newest) {
+  const age = captureMs === null ? NaN : (nowMs - captureMs) / 1000;
+  say(byId("view-facts"), `${frames} frames, newest ${duration(age)} old`);
+  const left = newest.servo?.error_m;
+  byId("view").setAttribute("aria-label",
+    captureMs === null ? "No picture yet"
+      : `Goal and live view; ${Number.isFinite(left) ? `${left.toFixed(2)} m to the goal` : "distance to the goal unknown"}`);
+}

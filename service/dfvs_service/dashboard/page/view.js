@@ -1,0 +1,242 @@
+// Goal and live view on one canvas: beside each other, under a slider, blended, or subtracted.
+
+import { PICTURE } from "./connection.js";
+import { decodeFlow, drawConfidence, drawFlow } from "./flow.js";
+
+const GAP_PX = 6;
+const NARROW_PX = 560;
+const RECENT = 240;
+
+export class View {
+  #canvas;
+  #context;
+  #bitmaps = { [PICTURE.VIEW]: null, [PICTURE.GOAL]: null };
+  #decoding = new Set();
+  #waiting = new Map();
+  #captureMs = null;
+  #flow = null;
+  #isDrawingDue = false;
+  #delays = [];
+  #drawnAt = [];
+  #now;
+  mode = "side";
+  mix = 0.5;
+  showsFlow = false;
+  showsConfidence = false;
+  minConfidence = 0.3;
+  frames = 0;
+
+  /**
+   * @param {HTMLCanvasElement} canvas
+   * @param {() => number} now server's wall clock, ms
+   */
+  constructor(canvas, now) {
+    this.#canvas = canvas;
+    this.#context = canvas.getContext("2d", { alpha: false });
+    this.#now = now;
+    new ResizeObserver(() => this.redraw()).observe(canvas.parentElement);
+    this.#letDrag();
+  }
+
+  /** Time of capture of the picture that is shown, ms by the server's clock; null before one. */
+  get captureMs() {
+    return this.#captureMs;
+  }
+
+  /** Frames a second and delay from capture to screen over the last seconds. */
+  get stats() {
+    const since = performance.now() - 3000;
+    const drawn = this.#drawnAt.filter((t) => t > since).length;
+    const delays = [...this.#delays].sort((a, b) => a - b);
+    const at = (share) => (delays.length ? delays[Math.floor(share * (delays.length - 1))] : null);
+    return { frames: this.frames, fps: drawn / 3, p50Ms: at(0.5), p99Ms: at(0.99) };
+  }
+
+  /** Forget everything: another vehicle is watched. */
+  clear() {
+    this.#bitmaps = { [PICTURE.VIEW]: null, [PICTURE.GOAL]: null };
+    this.#captureMs = null;
+    this.#flow = null;
+    this.#delays = [];
+    this.#drawnAt = [];
+    this.redraw();
+  }
+
+  /** Take a picture message; while one is being decoded only the newest of its kind waits. */
+  async take(picture) {
+    if (picture.kind === PICTURE.FLOW) {
+      this.#flow = decodeFlow(picture.data);
+      if (this.showsFlow || this.showsConfidence) this.redraw();
+      return;
+    }
+    if (this.#decoding.has(picture.kind)) {
+      this.#waiting.set(picture.kind, picture);
+      return;
+    }
+    this.#decoding.add(picture.kind);
+    try {
+      const blob = new Blob([picture.data], { type: "image/jpeg" });
+      this.#show(picture, await createImageBitmap(blob));
+    } catch {
+      // A damaged JPEG is left out; the next one comes soon.
+    } finally {
+      this.#decoding.delete(picture.kind);
+    }
+    const next = this.#waiting.get(picture.kind);
+    this.#waiting.delete(picture.kind);
+    if (next) await this.take(next);
+  }
+
+  #show(picture, bitmap) {
+    this.#bitmaps[picture.kind]?.close();
+    this.#bitmaps[picture.kind] = bitmap;
+    if (picture.kind === PICTURE.VIEW) this.#captureMs = picture.captureMs;
+    this.redraw(picture.kind === PICTURE.VIEW ? picture.captureMs : null);
+  }
+
+  /** Draw at the next animation frame; with a capture time, count it when it is on the screen. */
+  redraw(captureMs = null) {
+    if (captureMs !== null) this.pendingMs = captureMs;
+    if (this.#isDrawingDue) return;
+    this.#isDrawingDue = true;
+    requestAnimationFrame(() => {
+      this.#isDrawingDue = false;
+      this.#draw();
+      if (this.pendingMs != null) this.#count(this.pendingMs);
+      this.pendingMs = null;
+    });
+  }
+
+  #count(captureMs) {
+    this.frames += 1;
+    this.#drawnAt.push(performance.now());
+    if (this.#drawnAt.length > RECENT) this.#drawnAt.shift();
+    // What was drawn now is on the screen when the next animation frame begins.
+    requestAnimationFrame(() => {
+      this.#delays.push(this.#now() - captureMs);
+      if (this.#delays.length > RECENT) this.#delays.shift();
+    });
+  }
+
+  #draw() {
+    const live = this.#bitmaps[PICTURE.VIEW];
+    const goal = this.#bitmaps[PICTURE.GOAL];
+    const size = live ?? goal;
+    const areas = this.#layOut(size ? size.height / size.width : 0.75);
+    const context = this.#context;
+    context.fillStyle = "#05080b";
+    context.fillRect(0, 0, this.#canvas.width, this.#canvas.height);
+    if (this.mode === "side") {
+      this.#paint(goal, areas.goal);
+      this.#paint(live, areas.live);
+      this.#overlay(areas.live, live);
+      this.#label("Goal", areas.goal);
+      this.#label("Live", areas.live);
+      return;
+    }
+    this.#paint(live, areas.live);
+    if (this.mode === "slider") this.#paintLeft(goal, areas.live);
+    if (this.mode === "blend") this.#paintMixed(goal, areas.live);
+    if (this.mode === "difference") this.#paintDifference(goal, areas.live);
+    this.#overlay(areas.live, live);
+    if (this.mode === "slider") this.#handle(areas.live);
+  }
+
+  /** Size the canvas for its place on the page, and say where the pictures go. */
+  #layOut(aspect) {
+    const scale = Math.min(window.devicePixelRatio || 1, 2);
+    const width = Math.max(Math.round(this.#canvas.parentElement.clientWidth * scale), 2);
+    const isSide = this.mode === "side";
+    const isStacked = isSide && width / scale < NARROW_PX;
+    const gap = Math.round(GAP_PX * scale);
+    const w = isSide && !isStacked ? Math.floor((width - gap) / 2) : width;
+    const most = window.innerHeight * 0.72 * scale;
+    const h = Math.round(isSide ? w * aspect : Math.min(w * aspect, most));
+    const height = isStacked ? 2 * h + gap : h;
+    if (this.#canvas.width !== width) this.#canvas.width = width;
+    if (this.#canvas.height !== height) this.#canvas.height = height;
+    const single = Math.min(w, Math.round(h / aspect));
+    const goal = { x: 0, y: 0, w, h };
+    if (!isSide) return { live: { x: Math.round((width - single) / 2), y: 0, w: single, h } };
+    return { goal, live: isStacked ? { ...goal, y: h + gap } : { ...goal, x: w + gap } };
+  }
+
+  #paint(bitmap, area) {
+    if (bitmap) this.#context.drawImage(bitmap, area.x, area.y, area.w, area.h);
+  }
+
+  #paintLeft(goal, area) {
+    this.#context.save();
+    this.#context.beginPath();
+    this.#context.rect(area.x, area.y, area.w * this.mix, area.h);
+    this.#context.clip();
+    this.#paint(goal, area);
+    this.#context.restore();
+  }
+
+  #paintMixed(goal, area) {
+    this.#context.globalAlpha = 1 - this.mix;
+    this.#paint(goal, area);
+    this.#context.globalAlpha = 1;
+  }
+
+  #paintDifference(goal, area) {
+    this.#context.globalCompositeOperation = "difference";
+    this.#paint(goal, area);
+    this.#context.globalCompositeOperation = "source-over";
+  }
+
+  #overlay(area, live) {
+    if (!this.#flow || !live) return;
+    const place = { ...area, scale: area.w / live.width, minConfidence: this.minConfidence };
+    this.#context.save();
+    this.#context.beginPath();
+    this.#context.rect(area.x, area.y, area.w, area.h);
+    this.#context.clip();
+    if (this.showsConfidence) drawConfidence(this.#context, this.#flow, place);
+    if (this.showsFlow) drawFlow(this.#context, this.#flow, place);
+    this.#context.restore();
+  }
+
+  #label(text, area) {
+    const size = Math.max(Math.round(area.w / 28), 12);
+    const context = this.#context;
+    context.font = `700 ${size}px system-ui, sans-serif`;
+    const width = context.measureText(text).width + size;
+    context.fillStyle = "rgba(0, 0, 0, .65)";
+    context.fillRect(area.x, area.y, width, size * 1.7);
+    context.fillStyle = "#fff";
+    context.textBaseline = "middle";
+    context.fillText(text, area.x + size / 2, area.y + size * 0.87);
+  }
+
+  #handle(area) {
+    const x = area.x + area.w * this.mix;
+    const context = this.#context;
+    for (const [style, width] of [["#000", 6], ["#fff", 3]]) {
+      context.strokeStyle = context.fillStyle = style;
+      context.lineWidth = width;
+      context.beginPath();
+      context.moveTo(x, area.y);
+      context.lineTo(x, area.y + area.h);
+      context.stroke();
+      context.beginPath();
+      context.arc(x, area.y + area.h / 2, 9 + width, 0, 7);
+      context.fill();
+    }
+  }
+
+  #letDrag() {
+    const drag = (event) => {
+      if (this.mode !== "slider" && this.mode !== "blend") return;
+      const box = this.#canvas.getBoundingClientRect();
+      const share = Math.min(Math.max((event.clientX - box.left) / box.width, 0), 1);
+      this.#canvas.dispatchEvent(new CustomEvent("mix", { detail: share }));
+    };
+    this.#canvas.addEventListener("pointerdown", (event) => {
+      this.#canvas.setPointerCapture(event.pointerId);
+      drag(event);
+    });
+    this.#canvas.addEventListener("pointermove", (event) => event.buttons && drag(event));
+  }
+}

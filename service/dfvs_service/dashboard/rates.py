@@ -1,0 +1,44 @@
+"""How often a stream comes, how much it carries and what is missing from it."""
+
+from __future__ import annotations
+
+from collections import deque
+from typing import Any
+
+_WINDOW_NS = 2_000_000_000
+_MOST_SKIPPED = 1000
+
+
+class StreamRate:
+    """Rate over the last two seconds, age of the newest message, and gaps in the numbering."""
+
+    def __init__(self) -> None:
+        self._seen: deque[tuple[int, int]] = deque(maxlen=1024)
+        self._last_seq: int | None = None
+        self.count = 0
+        self.missing = 0
+
+    def note(self, t_ns: int, size: int = 0) -> None:
+        """Note a message of so many bytes that came at ``t_ns``."""
+        self.count += 1
+        self._seen.append((t_ns, size))
+
+    def note_sequence(self, seq: int) -> None:
+        """Count what the numbering skips; a jump back or far ahead is a new sender."""
+        if self._last_seq is not None and 1 < seq - self._last_seq < _MOST_SKIPPED:
+            self.missing += seq - self._last_seq - 1
+        self._last_seq = seq
+
+    def summary(self, now_ns: int) -> dict[str, Any]:
+        """Rate in Hz, bytes a second, age in s (None before the first one), counts."""
+        while self._seen and now_ns - self._seen[0][0] > _WINDOW_NS and len(self._seen) > 1:
+            self._seen.popleft()
+        recent = [size for t_ns, size in self._seen if now_ns - t_ns <= _WINDOW_NS]
+        newest = self._seen[-1][0] if self._seen else None
+        return {
+            "hz": len(recent) / (_WINDOW_NS * 1e-9),
+            "bytes_s": sum(recent) / (_WINDOW_NS * 1e-9),
+            "age_s": None if newest is None else (now_ns - newest) * 1e-9,
+            "count": self.count,
+            "missing": self.missing,
+        }

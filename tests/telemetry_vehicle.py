@@ -1,0 +1,177 @@
+"""A vehicle on the wire without a flight: real telemetry of an approach, published over real Zenoh.
+
+``python tests/telemetry_vehicle.py tcp/127.0.0.1:7447`` runs one for the eyes.
+"""
+
+import argparse
+import math
+import secrets
+import threading
+import time
+from pathlib import Path
+
+import numpy as np
+from textured_wall import Wall, exact_flow, texture, turned
+
+from dfvs_core.correspondence import FlowField
+from dfvs_core.gate.authority import Authority
+from dfvs_core.pipeline import FrameOutcome, make_report
+from dfvs_core.schema import dump
+from dfvs_core.servo.exchange import ServoResult, Verdict
+from dfvs_core.topics import Topics
+from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.wire.link import GateStatus, VehicleState
+from dfvs_service.config import load_config
+from dfvs_service.key_file import load_key
+from dfvs_service.perception.messages import servo_document, timing_document
+from dfvs_service.perception.pictures import Pictures
+from dfvs_service.perception.telemetry import Telemetry
+from dfvs_service.zenoh_session import open_session
+
+RATE_HZ = 25.0
+PICTURES = 24
+LAP_S = 12.0
+CLOCK = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+
+
+class TelemetryVehicle:
+    """Approaches a textured wall again and again; judges orders as the gate does."""
+
+    def __init__(self, endpoint, name="swift", key=None, pixel_format=PixelFormat.JPEG):
+        config = load_config(None, {"vehicle.name": name, "zenoh.listen": [endpoint]})
+        self.topics = Topics(name)
+        self.pixel_format = pixel_format
+        self.state, self.cause = "SERVO", "good data"
+        self.since_ns = self.started_ns = time.monotonic_ns()
+        self.pictures = Pictures(CLOCK, 0.3, 70)
+        wall = Wall(texture(np.random.default_rng(4)))
+        self.goal = wall.picture()
+        self.ways = [
+            turned(3 * s, 1 - 0.15 * s, (70 * s, 25 * s)) for s in np.linspace(1, 0, PICTURES)
+        ]
+        self.views = [wall.picture(H) for H in self.ways]
+        self.flows = [self.flow_of(H) for H in self.ways]
+        self.seq = 0
+        self.orders = []
+        now_ns = time.monotonic_ns()
+        self.authority = Authority(key, name, lambda: secrets.token_hex(8), now_ns)
+        self.session = open_session(config.zenoh)
+        self.telemetry = Telemetry(self.session, self.topics)
+        self.telemetry.offer_json("config", dump(config))
+        self.telemetry.offer("goal", lambda: self.pictures.goal(self.goal, now_ns))
+        self.commands = self.session.declare_subscriber(self.topics.command, self.on_command)
+        self.stopped = threading.Event()
+        self.thread = threading.Thread(target=self.run)
+
+    @staticmethod
+    def flow_of(H):
+        flow = exact_flow(np.linalg.inv(H)).astype(np.float32)
+        ramp = np.linspace(0.2, 1.0, flow.shape[1], dtype=np.float32)
+        return FlowField(flow, np.broadcast_to(ramp, flow.shape[:2]).copy())
+
+    def __enter__(self):
+        self.thread.start()
+        return self
+
+    def __exit__(self, *_):
+        self.stopped.set()
+        self.thread.join()
+        self.telemetry.close()
+        self.session.close()
+
+    def on_command(self, sample):
+        verdict = self.authority.judge(sample.payload.to_bytes(), time.monotonic_ns())
+        self.orders.append(verdict.text)
+        change = {"hold": ("HOLD", "operator ordered to hold"), "engage": ("SERVO", "good data")}
+        change["abort"] = ("ABORT", "operator ordered to abort")
+        if verdict.action is not None:
+            self.enter(*change[str(verdict.action)])
+
+    def enter(self, state, cause):
+        self.state, self.cause, self.since_ns = state, cause, time.monotonic_ns()
+
+    def run(self):
+        while not self.stopped.wait(1.0 / RATE_HZ):
+            self.shoot()
+
+    def shoot(self):
+        """Publish one frame and everything that follows from it."""
+        t_ns = time.monotonic_ns()
+        t_s = (t_ns - self.started_ns) * 1e-9
+        left = 0.5 + 0.5 * math.cos(2 * math.pi * t_s / LAP_S)
+        index = round((1.0 - left) * (PICTURES - 1))
+        frame = Frame(self.views[index], t_ns, self.seq)
+        payload, attachment = encode_frame(frame, self.pixel_format, CLOCK)
+        self.session.put(self.topics.camera, payload, attachment=attachment)
+        self.seq += 1
+        flow = self.flows[index]
+        stages = {"transport": 2_000_000, "match": 25_000_000}
+        document = servo_document(frame, self.outcome(frame, left, flow), t_ns + 40_000_000, stages)
+        self.telemetry.offer_json("servo", document)
+        self.telemetry.offer("flow", lambda: self.pictures.flow(frame, flow))
+        if self.seq % 2 == 0:
+            self.telemetry.offer_json("state", dump(self.status(t_ns, t_s, left)))
+        if self.seq % 25 == 0:
+            summary = {"match": {"p50_ms": 25.1, "p99_ms": 41.7, "max_ms": 50.0}}
+            counters = {"frames": self.seq, "refused": 0, "overtaken": 3}
+            self.telemetry.offer_json("timing", timing_document(summary, t_ns, counters))
+
+    @staticmethod
+    def outcome(frame, left, flow):
+        wobble = 0.02 * math.sin(frame.seq)
+        result = ServoResult(
+            verdict=Verdict.OK,
+            velocity=np.array([0.3 * left, 0.1 * left, 0.0, 0.1 * left]),
+            motion=np.array([0.8 * left, 0.3 * left, -0.1 * left, 0.3 * left]),
+            error_m=0.86 * left + 0.01 + 0.2 * abs(wobble),
+            error_rad=0.3 * left + 0.1 * abs(wobble),
+            feature_error_px=60.0 * left,
+            scale_free_error=0.4 * left,
+            residual_px=0.4 + 4 * abs(wobble),
+            inlier_share=0.93 - abs(wobble) - 0.2 * left,
+            overlap=0.9 - 0.4 * left,
+            condition=420.0 + 900 * left + 300 * wobble,
+            depth_m=2.6 - 0.5 * left + wobble,
+            reached=False,
+        )
+        return FrameOutcome(make_report(frame, result), result, flow, {}, frame.t_capture_ns)
+
+    def status(self, t_ns, t_s, left):
+        angle = 2 * math.pi * t_s / LAP_S
+        position = (1.0 - left, 0.4 * math.sin(angle), -1.3 + 0.1 * math.cos(2 * angle))
+        vehicle = VehicleState(
+            t_ns, 0.01, -0.02, 0.4 - 0.3 * left, (0.3 * left, 0.1, 0.0), position
+        )
+        return GateStatus(
+            state=self.state,
+            cause=self.cause,
+            vehicle=vehicle,
+            t_ns=t_ns,
+            since_ns=self.since_ns,
+            mode="OFFBOARD",
+            armed=True,
+            in_air=True,
+            battery=0.87,
+            heartbeat_age_s=0.4,
+            setpoint=(0.3 * left, 0.1 * math.sin(angle), 0.05 * math.cos(angle), 0.1 * left),
+            distance_m=math.dist(position, (0.0, 0.0, -1.3)),
+            challenge=self.authority.challenge(t_ns),
+            command_result=self.orders[-1] if self.orders else "",
+            command_count=len(self.orders),
+        )
+
+
+def main():
+    parser = argparse.ArgumentParser(description=__doc__)
+    parser.add_argument("endpoint")
+    parser.add_argument("--name", default="swift")
+    parser.add_argument("--key-file", type=Path)
+    parser.add_argument("--seconds", type=float, default=60.0)
+    arguments = parser.parse_args()
+    key = None if arguments.key_file is None else load_key(arguments.key_file)
+    with TelemetryVehicle(arguments.endpoint, arguments.name, key):
+        time.sleep(arguments.seconds)
+
+
+if __name__ == "__main__":
+    main()
