@@ -48,25 +48,25 @@ def _small_thing(rng: np.random.Generator) -> list[Part]:
 def sofa(rng: np.random.Generator) -> Piece:
     """Sofa for one to four."""
     pillows = tuple(rng.choice(["ikat", "print", "linen"], int(rng.integers(0, 4))))
-    return Piece.of(furniture.sofa(_between(rng, 1.0, 2.6), "sofa", pillows))
+    return Piece.standing(furniture.sofa(_between(rng, 1.0, 2.6), "sofa", pillows))
 
 
 def armchair(_rng: np.random.Generator) -> Piece:
     """One-seat sofa."""
-    return Piece.of(furniture.armchair("armchair", "print"))
+    return Piece.standing(furniture.armchair("armchair", "print"))
 
 
 def bookcase(rng: np.random.Generator) -> Piece:
     """Open shelves full of books."""
     size = (_between(rng, 0.6, 1.4), _between(rng, 0.26, 0.36), _between(rng, 0.9, 2.3))
-    return Piece.of(furniture.bookcase(rng, size, "walnut", "books"))
+    return Piece.standing(furniture.bookcase(rng, size, "walnut", "books"))
 
 
 def sideboard(rng: np.random.Generator) -> Piece:
     """Low cupboard with things on it."""
     width, height = _between(rng, 0.8, 1.9), _between(rng, 0.55, 0.95)
     parts = furniture.sideboard((width, _between(rng, 0.36, 0.46), height), "oak", "sage")
-    return Piece.of(parts + _on_top(rng, width, height))
+    return Piece.standing(parts + _on_top(rng, width, height))
 
 
 def wardrobe(rng: np.random.Generator) -> Piece:
@@ -82,7 +82,7 @@ def wardrobe(rng: np.random.Generator) -> Piece:
         parts += box((width / 2 - 0.012, 0.018, height - 0.1), at, "sage", skip="+y")
         handle = (side * 0.05, -depth / 2 - 0.04, 0.5 * height)
         parts.append(tube(handle, (handle[0], handle[1], handle[2] + 0.18), 0.008, "brass"))
-    return Piece.of(parts)
+    return Piece.standing(parts)
 
 
 def desk(rng: np.random.Generator) -> Piece:
@@ -94,7 +94,7 @@ def desk(rng: np.random.Generator) -> Piece:
     parts += placed(box((0.42, 0.14, 0.02), (0, 0, 0), "black"), 0, -0.12, 0.74)
     parts += placed(_small_thing(rng), 0.4 * width, 0.1, 0.74)
     parts += placed(furniture.chair("walnut", "linen"), _between(rng, -0.2, 0.2), -0.62, 0, 180)
-    return Piece.of(parts)
+    return Piece.standing(parts)
 
 
 def _monitor() -> list[Part]:
@@ -116,7 +116,7 @@ def rack(rng: np.random.Generator) -> Piece:
     for z in np.linspace(0.1, height - 0.06, 4):
         parts += box((width, depth, 0.03), (0, 0, float(z)), "metal", edge_m=0.12)
         parts += placed(_cartons_in_a_row(rng, width, depth), 0, 0, float(z) + 0.03)
-    return Piece.of(parts)
+    return Piece.standing(parts)
 
 
 def _cartons_in_a_row(rng: np.random.Generator, width: float, depth: float) -> list[Part]:
@@ -140,37 +140,37 @@ def cartons(rng: np.random.Generator) -> Piece:
         crate = box((side, _between(rng, 0.7, 1.0) * side, high), (0, 0, 0), "carton")
         parts += placed(crate, 0, 0, z, _between(rng, -20, 20))
         z, side = z + high, 0.85 * side
-    return Piece.of(parts)
+    return Piece.standing(parts)
 
 
 def plant(rng: np.random.Generator) -> Piece:
     """Pot plant on the floor."""
     if rng.random() < 0.5:
-        return Piece.of(decor.palm(rng, _between(rng, 0.4, 0.7), "fern"))
-    return Piece.of(decor.rubber_tree(rng, _between(rng, 0.9, 1.4), "rubber"))
+        return Piece.standing(decor.palm(rng, _between(rng, 0.4, 0.7), "fern"))
+    return Piece.standing(decor.rubber_tree(rng, _between(rng, 0.9, 1.4), "rubber"))
 
 
 def standing_lamp(rng: np.random.Generator) -> Piece:
     """Floor lamp, lit."""
-    return Piece.of(decor.floor_lamp(_between(rng, 1.4, 1.75), "linen"))
+    return Piece.standing(decor.floor_lamp(_between(rng, 1.4, 1.75), "linen"))
 
 
 def basket(rng: np.random.Generator) -> Piece:
     """Wicker basket."""
-    return Piece.of(decor.basket(_between(rng, 0.18, 0.28), _between(rng, 0.25, 0.45)))
+    return Piece.standing(decor.basket(_between(rng, 0.18, 0.28), _between(rng, 0.25, 0.45)))
 
 
 def seat(rng: np.random.Generator) -> Piece:
     """Chair or footstool."""
     if rng.random() < 0.5:
-        return Piece.of(furniture.chair("walnut", "linen"))
-    return Piece.of(furniture.pouf("print"))
+        return Piece.standing(furniture.chair("walnut", "linen"))
+    return Piece.standing(furniture.pouf("print"))
 
 
 def low_table(rng: np.random.Generator) -> Piece:
     """Coffee table with things on it."""
     size = (_between(rng, 0.8, 1.3), _between(rng, 0.5, 0.8), _between(rng, 0.35, 0.5))
-    return Piece.of(furniture.table(size, "oak", "walnut") + _on_top(rng, size[0], size[2]))
+    return Piece.standing(furniture.table(size, "oak", "walnut") + _on_top(rng, size[0], size[2]))
 
 
 def dining_table(rng: np.random.Generator) -> Piece:
@@ -182,7 +182,7 @@ def dining_table(rng: np.random.Generator) -> Piece:
             y = 0.62 if side == 0.0 else -0.62
             turn = side + _between(rng, -12, 12)
             parts += placed(furniture.chair("walnut", "linen"), float(x), y, 0, turn)
-    return Piece.of(parts)
+    return Piece.standing(parts)
 
 
 def pillar(rng: np.random.Generator, height_m: float) -> Piece:
@@ -190,14 +190,16 @@ def pillar(rng: np.random.Generator, height_m: float) -> Piece:
     r = _between(rng, 0.12, 0.28)
     if rng.random() < 0.5:
         levels = np.linspace(0.0, height_m, 20)
-        return Piece.of([lathe([(r, float(z)) for z in levels], "wall9", sides=24)])
-    return Piece.of(box((2 * r, 2 * r, height_m), (0, 0, 0), "wall9", skip="-z +z", edge_m=0.12))
+        return Piece.standing([lathe([(r, float(z)) for z in levels], "wall9", sides=24)])
+    return Piece.standing(
+        box((2 * r, 2 * r, height_m), (0, 0, 0), "wall9", skip="-z +z", edge_m=0.12)
+    )
 
 
 def ball(rng: np.random.Generator) -> Piece:
     """Ball on the floor."""
     r = _between(rng, 0.1, 0.35)
-    return Piece.of([sphere(r, (0, 0, r), str(rng.choice(["print", "orange"])), sides=28)])
+    return Piece.standing([sphere(r, (0, 0, r), str(rng.choice(["print", "orange"])), sides=28)])
 
 
 def bed(rng: np.random.Generator) -> Piece:
@@ -211,35 +213,37 @@ def bed(rng: np.random.Generator) -> Piece:
         parts += cushion((0.36 * width, 0.4, 0.16), at, "linen", power=3.2)
     head = (0, long / 2 - 0.03, 0.0)
     parts += box((width + 0.06, 0.05, _between(rng, 0.7, 1.1)), head, "walnut", skip="-z")
-    return Piece.of(parts)
+    return Piece.standing(parts)
 
 
 def door(rng: np.random.Generator) -> Piece:
     """Panelled door in its frame."""
-    return Piece.of(decor.door(_between(rng, 0.75, 1.0), _between(rng, 1.95, 2.1), "sage", "white"))
+    return Piece.standing(
+        decor.door(_between(rng, 0.75, 1.0), _between(rng, 1.95, 2.1), "sage", "white")
+    )
 
 
 def picture(rng: np.random.Generator) -> Piece:
     """Painting in a frame, one of six of a room."""
     name, frame = f"picture{rng.integers(6)}", str(rng.choice(["oak", "black", "walnut", "white"]))
     width, height = _between(rng, 0.25, 1.1), _between(rng, 0.25, 0.8)
-    return Piece.of(decor.framed_picture(width, height, name, frame))
+    return Piece.hanging(decor.framed_picture(width, height, name, frame))
 
 
 def wall_thing(rng: np.random.Generator) -> Piece:
     """Shelf, clock, switch, radiator-like grille or board on the wall."""
     kind = int(rng.integers(4))
     if kind == 0:
-        return Piece.of(decor.wall_shelf(rng, _between(rng, 0.6, 1.2), "oak", "books"))
+        return Piece.hanging(decor.wall_shelf(rng, _between(rng, 0.6, 1.2), "oak", "books"))
     if kind == 1:
-        return Piece.of(decor.clock(_between(rng, 0.12, 0.22), "clock", "brass"))
+        return Piece.hanging(decor.clock(_between(rng, 0.12, 0.22), "clock", "brass"))
     if kind == 2:
-        return Piece.of(box((0.09, 0.012, 0.09), (0, -0.006, -0.045), "white", skip="+y"))
+        return Piece.hanging(box((0.09, 0.012, 0.09), (0, -0.006, -0.045), "white", skip="+y"))
     width, height = _between(rng, 0.5, 1.4), _between(rng, 0.4, 0.9)
-    return Piece.of(box((width, 0.03, height), (0, -0.015, -height / 2), "metal", skip="+y"))
+    return Piece.hanging(box((width, 0.03, height), (0, -0.015, -height / 2), "metal", skip="+y"))
 
 
 def radiator(rng: np.random.Generator) -> Piece:
     """Ribbed radiator on feet."""
     parts = decor.radiator(_between(rng, 0.6, 1.6), _between(rng, 0.4, 0.7), "white")
-    return Piece.of(placed(parts, 0, 0.09))
+    return Piece.standing(parts)

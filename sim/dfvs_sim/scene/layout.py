@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,19 +10,19 @@ import numpy as np
 from dfvs_sim.scene.solids import Part, placed
 
 _TRIES = 12
-_GAP_M = 0.04
+_GAP_M, _OFF_WALL_M = 0.04, 0.002
 
 
 @dataclass(frozen=True, slots=True)
 class Piece:
-    """A thing with its front towards -y, the middle of its foot (or of its back) at the origin.
+    """A thing with its front to -y; its foot's middle (its back's, if it hangs) at the origin.
 
     Parameters
     ----------
     parts : tuple of Part
         Its meshes.
     width_m, depth_m, height_m : float
-        Its extent along x, y and z, m.
+        Its extent along x, y and z, m; of what hangs, upwards from its middle.
     """
 
     parts: tuple[Part, ...]
@@ -31,12 +31,21 @@ class Piece:
     height_m: float
 
     @classmethod
-    def of(cls, parts: Iterable[Part]) -> Piece:
-        """Measure parts that stand around the origin."""
-        parts = tuple(parts)
+    def standing(cls, parts: Sequence[Part]) -> Piece:
+        """Put the middle of a thing's foot at the origin, and measure it."""
+        points = np.concatenate([part.vertices for part in parts])
+        low, high = points.min(axis=0), points.max(axis=0)
+        middle = 0.5 * (low + high)
+        width, depth, _ = (float(v) for v in high - low)
+        moved = placed(parts, -float(middle[0]), -float(middle[1]))
+        return cls(tuple(moved), width, depth, float(high[2]))
+
+    @classmethod
+    def hanging(cls, parts: Sequence[Part]) -> Piece:
+        """Measure a thing that hangs about the origin; its height is that of its upper half."""
         points = np.concatenate([part.vertices for part in parts])
         half = np.abs(points).max(axis=0)
-        return cls(parts, 2 * float(half[0]), 2 * float(half[1]), float(points[:, 2].max()))
+        return cls(tuple(parts), 2 * float(half[0]), float(half[1]), float(half[2]))
 
 
 @dataclass(frozen=True, slots=True)
@@ -83,7 +92,7 @@ class Layout:
                 continue
             s = float(self._rng.uniform(-reach, reach))
             area = (s - piece.width_m / 2, 0.0, s + piece.width_m / 2, piece.height_m)
-            out = wall.distance_m - piece.depth_m / 2 - _GAP_M
+            out = wall.distance_m - piece.depth_m / 2 - _OFF_WALL_M
             x, y = _turned(s, out, wall.turn_deg)
             size = (piece.width_m, piece.depth_m)
             footprint = _around(x, y, size if k % 2 == 0 else size[::-1])
