@@ -108,7 +108,8 @@ class Manifest:
     """A bundle's manifest; see the module's text.
 
     ``accuracy`` maps a measure (such as ``small_epe_px``) to its value; ``files`` maps every
-    file of the bundle but the manifest to its SHA-256.
+    file of the bundle but the manifest to its SHA-256; ``matching`` says how its flow is used
+    unless the user asks otherwise: as it is, or refined by the classical matcher.
     """
 
     format: str
@@ -120,6 +121,7 @@ class Manifest:
     licence: str
     origin: str
     flow: FlowOutput | None = None
+    matching: Literal["alone", "hybrid"] = "alone"
     accuracy: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

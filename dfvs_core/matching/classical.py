@@ -65,8 +65,7 @@ class ClassicalMatcher:
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
-        near = _start_near(current, other) if guess is None else _track(current, other, guess)
-        return near or _bridge(current, other)
+        return match_near(current, other, guess) or bridge(current, other)
 
     def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
         """Flow by a good guess alone; see :class:`Matcher`."""
@@ -84,6 +83,13 @@ def _check_pair(current: Prepared, other: Prepared) -> tuple[ClassicalPicture, C
 def sure_share(field: FlowField) -> float:
     """Share of the picture whose flow is more likely right than wrong."""
     return float(np.mean(field.confidence > _SURE))
+
+
+def match_near(
+    current: ClassicalPicture, other: ClassicalPicture, guess: FlowField | None
+) -> FlowField | None:
+    """Match two pictures by a guess, or on the chance that little moved; None if that fails."""
+    return _start_near(current, other) if guess is None else _track(current, other, guess)
 
 
 def _start_near(current: ClassicalPicture, other: ClassicalPicture) -> FlowField | None:
@@ -122,7 +128,7 @@ def _sample_flow(field: FlowField) -> Matches:
     return Matches(points, points + field.flow[grid][trusted])
 
 
-def _bridge(current: ClassicalPicture, other: ClassicalPicture) -> FlowField:
+def bridge(current: ClassicalPicture, other: ClassicalPicture) -> FlowField:
     """Match two pictures about whose relation nothing is known."""
     motion = _motion_from_features(current, other)
     if motion is None:

@@ -1,9 +1,10 @@
-"""The classical matcher, with a network to ask where it is at a loss.
+"""A network that finds the way, and a classical matcher that makes it precise.
 
-Features and dense inverse search are the more precise where they hold, and know when they do not:
-plain walls, repetition, large turns. Only then the network is run. Its flow is refined like any
-other start; the surer of the two results is taken, and the network's own flow where neither is
-sure of anything.
+A network's flow is rarely wrong as a whole, but seldom good to a fraction of a pixel; dense
+inverse search is the other way round. So the flow of the frame before, or the chance that little
+moved, is tried first; where neither holds the network is run and its flow refined; where little
+of that is sure, features are matched too. The surest result is taken, and the network's own flow
+where none is sure of anything.
 """
 
 from __future__ import annotations
@@ -15,14 +16,23 @@ import numpy as np
 from dfvs_core.arrays import ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
-from dfvs_core.matching.classical import ClassicalMatcher, refit, sure_share
+from dfvs_core.matching.classical import (
+    ClassicalMatcher,
+    ClassicalPicture,
+    bridge,
+    match_near,
+    refit,
+    sure_share,
+)
 from dfvs_core.matching.matcher import Matcher, Prepared, check_same_size
 from dfvs_core.matching.trust import returns, stays_inside
 
-_AT_LOSS_SHARE = 0.35
-"""Share of sure pixels under which the network is asked."""
-_BETTER = 1.2
-"""How much surer the refined network flow must be than the classical result."""
+_ENOUGH_SHARE = 0.45
+"""Share of sure pixels from which on a first match needs no features beside the network."""
+_ENOUGH_IN_FLIGHT = 0.15
+"""The same where the frame before was matched: a result late is worse than one less sure."""
+_SETTLED_SHARE = 0.65
+"""Share of sure pixels from which on nothing is refined a second time."""
 _NOTHING_SHARE = 0.06
 """Share of sure pixels under which a result is as good as none."""
 _UNCONFIRMED = 0.5
@@ -44,17 +54,21 @@ class HybridPicture(Prepared):
 
 
 class HybridMatcher:
-    """Dense correspondences, classical where that holds; see the module's text.
+    """Dense correspondences by a network, refined; see the module's text.
 
     Parameters
     ----------
     network : Matcher
-        What to ask where the classical matcher is at a loss.
+        What to ask where little is known.
+    judges : bool
+        Whether the network says itself how far its flow can be trusted; where it does not, it is
+        also asked for the way back.
     """
 
-    def __init__(self, network: Matcher) -> None:
+    def __init__(self, network: Matcher, judges: bool) -> None:
         self._classical = ClassicalMatcher()
         self._network = network
+        self._judges = judges
 
     def prepare(self, image: ImageArray) -> HybridPicture:
         """Take a picture (H, W, 3) uint8 RGB."""
@@ -65,15 +79,15 @@ class HybridMatcher:
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
-        field = self._classical.match(current.classical, other.classical, guess)
-        share = sure_share(field)
-        if share >= _AT_LOSS_SHARE:
-            return field
+        near = match_near(current.classical, other.classical, guess)
+        if near is not None:
+            return near
         coarse = self._ask(current, other)
-        refined = refit(current.classical, other.classical, coarse)
-        if refined is not None and sure_share(refined) > _BETTER * share:
-            field, share = refined, sure_share(refined)
-        if share >= _NOTHING_SHARE:
+        field = _refine(current.classical, other.classical, coarse)
+        if sure_share(field) >= (_ENOUGH_SHARE if guess is None else _ENOUGH_IN_FLIGHT):
+            return field
+        field = _surer(field, bridge(current.classical, other.classical))
+        if sure_share(field) >= _NOTHING_SHARE:
             return field
         return FlowField(coarse.flow, np.float32(_UNCONFIRMED) * coarse.confidence)
 
@@ -83,11 +97,27 @@ class HybridMatcher:
         return self._classical.track(current.classical, other.classical, guess)
 
     def _ask(self, current: HybridPicture, other: HybridPicture) -> FlowField:
-        """Flow of the network; it is as sure as it says where it also finds the way back."""
+        """Flow of the network, and how far it can be trusted."""
         there = self._network.match(current.features, other.features)
-        back = self._network.match(other.features, current.features)
-        agrees = returns(there.flow, back.flow) * stays_inside(there.flow)
-        return FlowField(there.flow, there.confidence * agrees)
+        trust = there.confidence * stays_inside(there.flow)
+        if not self._judges:
+            back = self._network.match(other.features, current.features)
+            trust = trust * returns(there.flow, back.flow)
+        return FlowField(there.flow, trust)
+
+
+def _refine(current: ClassicalPicture, other: ClassicalPicture, coarse: FlowField) -> FlowField:
+    """Refine, and once more, from what the first time made precise, where much is unsure."""
+    nothing = FlowField(coarse.flow, np.zeros_like(coarse.confidence))
+    first = refit(current, other, coarse) or nothing
+    if sure_share(first) >= _SETTLED_SHARE:
+        return first
+    return _surer(refit(current, other, first) or nothing, first)
+
+
+def _surer(first: FlowField, second: FlowField) -> FlowField:
+    """Return the flow that more of the picture is sure of."""
+    return max(first, second, key=sure_share)
 
 
 def _check_pair(current: Prepared, other: Prepared) -> tuple[HybridPicture, HybridPicture]:

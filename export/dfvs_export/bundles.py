@@ -69,6 +69,7 @@ def write_flow_bundle(
         licence=text.licence,
         origin=text.origin,
         flow=FlowOutput(),
+        matching="hybrid",
         accuracy=dict(text.accuracy),
     )
     write_bundle(folder, manifest, contents)

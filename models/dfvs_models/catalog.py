@@ -11,23 +11,23 @@ from dfvs_core.manifest import MANIFEST_NAME, sha256
 from dfvs_core.matching.classical import ClassicalMatcher
 from dfvs_core.matching.hybrid import HybridMatcher
 from dfvs_core.matching.matcher import Matcher
-from dfvs_models.bundle import read_bundle
+from dfvs_models.bundle import Bundle, read_bundle
 from dfvs_models.encode_match import EncodeMatchMatcher
 from dfvs_models.onnx_session import Execution
 from dfvs_models.pair import PairMatcher
 
 CLASSICAL = "classical"
-HYBRID_PREFIX = "hybrid:"
 _PACKAGED = Path(__file__).parent / "assets"
 
 
 def load_matcher(
     name_or_path: str, threads: int = 2, provider: str = "CPUExecutionProvider"
 ) -> Matcher:
-    """Load the matcher ``"classical"``, a model bundle by its folder, or ``"hybrid:FOLDER"``.
+    """Load the matcher ``"classical"``, or a model bundle by its folder.
 
-    A hybrid is the classical matcher that asks the bundle's network where it is at a loss. Bundles
-    that come with this package go by their names alone, such as ``"hybrid:dfvs-flow"``.
+    The bundle's manifest says whether its network is used alone or as a hybrid, refined by the
+    classical matcher; ``"alone:FOLDER"`` and ``"hybrid:FOLDER"`` choose. Bundles that come with
+    this package go by their names alone, such as ``"dfvs-flow"``.
 
     ``threads`` goes to ONNX Runtime and, being what the classical parts run on, to OpenCV,
     where it holds for the whole process.
@@ -40,21 +40,32 @@ def load_matcher(
     cv2.setNumThreads(threads)
     if name_or_path == CLASSICAL:
         return ClassicalMatcher()
-    if name_or_path.startswith(HYBRID_PREFIX):
-        network = load_matcher(name_or_path.removeprefix(HYBRID_PREFIX), threads, provider)
-        return HybridMatcher(network)
-    folder = _folder(name_or_path)
-    bundle = read_bundle(folder)
+    matching, where = _split(name_or_path)
+    bundle = read_bundle(_folder(where))
+    network = _network(bundle, Execution(threads, provider))
+    if (matching or bundle.manifest.matching) == "alone":
+        return network
+    return HybridMatcher(network, judges=bundle.manifest.kind == "encode-match")
+
+
+def _network(bundle: Bundle, execution: Execution) -> Matcher:
     kind = bundle.manifest.kind
     if kind == "mono":
         raise ModelError(
             f"bundle {bundle.manifest.name!r} is of the kind {kind!r}, which gives depth",
             f"the kinds 'pair' or 'encode-match', or {CLASSICAL!r}",
         )
-    execution = Execution(threads, provider)
     if kind == "encode-match":
         return EncodeMatchMatcher(bundle, execution)
     return PairMatcher(bundle, execution)
+
+
+def _split(name_or_path: str) -> tuple[str, str]:
+    """Take ``"hybrid:"`` or ``"alone:"`` off a name; without them the first part is empty."""
+    for matching in ("alone", "hybrid"):
+        if name_or_path.startswith(f"{matching}:"):
+            return matching, name_or_path.removeprefix(f"{matching}:")
+    return "", name_or_path
 
 
 def model_files(name_or_path: str) -> dict[str, str]:
@@ -67,10 +78,9 @@ def model_files(name_or_path: str) -> dict[str, str]:
     ModelError
         If there is no such matcher, or its bundle cannot be used.
     """
-    name_or_path = name_or_path.removeprefix(HYBRID_PREFIX)
     if name_or_path == CLASSICAL:
         return {}
-    manifest = read_bundle(_folder(name_or_path)).manifest
+    manifest = read_bundle(_folder(_split(name_or_path)[1])).manifest
     return {MANIFEST_NAME: sha256(manifest.to_json().encode()), **manifest.files}
 
 

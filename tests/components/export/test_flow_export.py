@@ -160,7 +160,7 @@ def test_pictures_of_another_size_are_refused(bundle: Path) -> None:
 
 
 def test_the_service_runs_the_bundle_and_gives_the_same_flow(bundle: Path) -> None:
-    matcher = load_matcher(str(bundle))
+    matcher = load_matcher(f"alone:{bundle}")
     runner = FlowRunner(*read_bundle(bundle))
     first, second = drawn_pairs(SIZE, 1, 13)[0]
     field = matcher.match(matcher.prepare(first), matcher.prepare(second))
@@ -170,7 +170,7 @@ def test_the_service_runs_the_bundle_and_gives_the_same_flow(bundle: Path) -> No
 
 
 def test_the_service_gives_flow_in_the_pixels_of_larger_pictures(bundle: Path) -> None:
-    matcher = load_matcher(str(bundle))
+    matcher = load_matcher(f"alone:{bundle}")
     first, second = drawn_pairs(SIZE, 1, 14)[0]
     small = matcher.match(matcher.prepare(first), matcher.prepare(second))
     doubled = [np.repeat(np.repeat(image, 2, axis=0), 2, axis=1) for image in (first, second)]
@@ -193,8 +193,9 @@ def test_damaged_weights_are_refused_by_the_service(checkpoint: Path, tmp_path: 
         load_matcher(str(out))
 
 
-def test_a_hybrid_is_asked_for_by_name(bundle: Path) -> None:
-    matcher = load_matcher(f"hybrid:{bundle}")
+def test_our_network_is_refined_unless_it_is_asked_for_alone(bundle: Path) -> None:
+    matcher = load_matcher(str(bundle))
+    assert not isinstance(load_matcher(f"alone:{bundle}"), HybridMatcher)
     plain = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
     assert isinstance(matcher, HybridMatcher)
     assert matcher.match(matcher.prepare(plain), matcher.prepare(plain)).is_finite()
