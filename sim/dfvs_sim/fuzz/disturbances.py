@@ -14,15 +14,18 @@ from dfvs_core.gate.events import (
     Battery,
     EstimatorState,
     Event,
+    ForeignSetpoint,
     Health,
     Heartbeat,
     LandedState,
     LocalPosition,
     Order,
+    OtherServices,
     ParametersRead,
     Report,
     Stop,
     VehicleMode,
+    VelocityTarget,
 )
 from dfvs_core.wire.link import PerceptionReport
 from dfvs_sim.fuzz.dice import Dice
@@ -69,6 +72,10 @@ class World:
     lost: bool = False
     report_healthy: bool = True
     overlap: float = 0.8
+    others: tuple[tuple[str, ...], tuple[str, ...]] = ((), ())
+    """Other services for this vehicle: those that stand by, those that are engaged."""
+    foreign_m_s: float = 0.0
+    """Velocity that somebody else adds to the gate's."""
     tick_ns: int = 60 * MS
 
 
@@ -86,7 +93,7 @@ def calm(world: World, dice: Dice) -> World:
 
 def disturbed(world: World, dice: Dice) -> World:
     """Return a world in which one more thing is wrong, until it is calmed."""
-    kind = dice.pick((_vehicle, _vehicle, _sight, _sight, _numbers, _telemetry))
+    kind = dice.pick((_vehicle, _vehicle, _sight, _sight, _numbers, _telemetry, _rivals))
     return kind(world, dice)
 
 
@@ -143,6 +150,15 @@ def _telemetry(world: World, dice: Dice) -> World:
     return replace(world, **dice.pick(changes))  # type: ignore[arg-type]
 
 
+def _rivals(world: World, dice: Dice) -> World:
+    changes = (
+        {"others": (("another",), ())},
+        {"others": ((), ("another",))},
+        {"foreign_m_s": dice.pick((0.3, -1.0, math.nan))},
+    )
+    return replace(world, **dice.pick(changes))  # type: ignore[arg-type]
+
+
 def _velocity(dice: Dice) -> tuple[float, float, float, float]:
     scale = dice.pick((0.02, 0.2, 1.0))
     return (
@@ -181,6 +197,9 @@ _ODD_EVENTS: tuple[Callable[[int, Dice], Event], ...] = (
     lambda t, dice: ParametersRead(t),
     lambda t, dice: BadReport(t, "garbage"),
     lambda t, dice: Order(t, dice.pick(_ACTIONS), dice.pick(GOALS)),
+    lambda t, dice: VelocityTarget(t, _triple(dice)),
+    lambda t, dice: ForeignSetpoint(t, "from elsewhere"),
+    lambda t, dice: OtherServices(t, *dice.pick(((), (("another",),), ((), ("another",))))),
     lambda t, dice: Stop(t, "told to", dice.chance(0.5)),
     lambda t, dice: Report(t, odd_report(t, dice)),
 )

@@ -17,10 +17,12 @@ from dfvs_core.gate.events import (
     Battery,
     EstimatorState,
     Event,
+    ForeignSetpoint,
     Heartbeat,
     LandedState,
     LocalPosition,
     Order,
+    OtherServices,
     Report,
     Stop,
     VehicleMode,
@@ -43,6 +45,8 @@ class Evidence:
         self.mode = VehicleMode.OTHER
         self.armed = False
         self.in_air = False
+        self.is_alone = True
+        """No other service holds or awaits this vehicle."""
         self.start_m: tuple[float, ...] = (0.0, 0.0, 0.0)
         """Where the vehicle was when it was engaged."""
         self.good_capture_ns: int | None = None
@@ -59,6 +63,7 @@ class Evidence:
         self._failsafe = self._on_ground = False
         self._estimator_valid = True
         self._battery: float | None = None
+        self._rival = False
 
     def hear(self, now_ns: int, pause_ns: int, events: Sequence[Event]) -> None:
         """Take the events of one step, which came ``pause_ns`` after the one before."""
@@ -101,6 +106,11 @@ class Evidence:
                 self._battery = event.remaining
             case EstimatorState():
                 self._estimator_valid = event.valid
+            case OtherServices():
+                self._rival = bool(event.engaged)
+                self.is_alone = not (event.engaged or event.standing_by)
+            case ForeignSetpoint():
+                self.faults.append("somebody else sent a setpoint")
 
     def _hear_position(self, event: LocalPosition, t_ns: int) -> None:
         if self._position_ns != _LONG_AGO:
@@ -165,6 +175,8 @@ class Evidence:
             return "autopilot in failsafe"
         if self._on_ground:
             return "vehicle on the ground"
+        if self._rival:
+            return "another service is engaged"
         return None
 
     @property

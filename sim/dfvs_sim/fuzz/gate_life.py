@@ -22,9 +22,11 @@ from dfvs_core.gate.events import (
     LocalPosition,
     ModeRequest,
     Order,
+    OtherServices,
     ParametersRead,
     Report,
     VehicleMode,
+    VelocityTarget,
 )
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.gate.states import ENDED, GateState
@@ -97,7 +99,9 @@ class Surroundings:
         self._world = calm(World(), dice)
         self._beat_ns = self._capture_ns = self._slow_ns = t_ns - 10 * S
         self._seq = 0
+        self._flown_m_s = (0.0, 0.0, 0.0)
         self._wanted_goal = self._seen_goal = ""
+        self._ordered_goal: str | None = None
 
     def next(self, state: GateState) -> Step:
         """Time and events of the next step of a gate that is in this state."""
@@ -114,14 +118,18 @@ class Surroundings:
             events.append(odd_event(self._now_ns, dice))
         if dice.chance(0.05):
             self._shuffle(events)
+        goals = [e.argument for e in events if isinstance(e, Order) and e.action is Action.GOAL]
+        self._ordered_goal = goals[-1] if goals else None
         return self._now_ns, tuple(events)
 
     def heed(self, output: GateOutput) -> None:
-        """Let the vehicle follow a mode request, and fly at what was set."""
+        """Let the vehicle follow a mode request and fly what was set, and perception a new goal."""
         world = self._world
         if output.mode_request is not None and world.obeys and self._dice.chance(0.9):
             hold = output.mode_request is ModeRequest.HOLD
             world.mode = VehicleMode.HOLD if hold else VehicleMode.OFFBOARD
+        if self._ordered_goal is not None and not output.refusal:
+            self._wanted_goal = self._ordered_goal
         if (v := output.setpoint) is None:
             return
         if world.falls and world.error_m > 0.0:
@@ -129,6 +137,7 @@ class Surroundings:
         k, dt_s = world.follows, world.tick_ns / S
         c, s = math.cos(world.yaw_rad), math.sin(world.yaw_rad)
         north, east = c * v.forward_m_s - s * v.right_m_s, s * v.forward_m_s + c * v.right_m_s
+        self._flown_m_s = (north + world.foreign_m_s, east, v.down_m_s)
         world.velocity_m_s = (k * north, k * east, k * v.down_m_s)
         x, y, z = (p + u * dt_s for p, u in zip(world.position_m, world.velocity_m_s, strict=True))
         world.position_m = (x, y, z)
@@ -167,6 +176,8 @@ class Surroundings:
         if world.beats and now - self._beat_ns >= 300 * MS:
             self._beat_ns = now
             events.append(Heartbeat(now, world.mode, world.armed, world.failsafe))
+        if world.mode is VehicleMode.OFFBOARD and self._dice.chance(0.3):
+            events.append(VelocityTarget(now, self._flown_m_s))
         if now - self._slow_ns >= 700 * MS:
             self._slow_ns = now
             events += self._slow(now)
@@ -182,16 +193,14 @@ class Surroundings:
             Health(now, world.healthy),
             EstimatorState(now, world.estimator_valid),
             ParametersRead(now),
+            OtherServices(now, *world.others),
         ]
 
     def _order(self, now: int) -> Order:
         dice = self._dice
         if dice.chance(0.9):
             return Order(now, Action.ENGAGE)
-        order = Order(now, dice.pick(tuple(Action)), dice.pick(GOALS))
-        if order.action is Action.GOAL:
-            self._wanted_goal = order.argument
-        return order
+        return Order(now, dice.pick(tuple(Action)), dice.pick(GOALS))
 
     def _report(self) -> PerceptionReport:
         world, dice = self._world, self._dice

@@ -157,6 +157,7 @@ class InvariantChecker:
             _demand(evidence.is_offboard, "I6", "engaged without the pilot's OFFBOARD")
         else:
             _demand(not evidence.is_offboard, "I6", "engaged beside another commander")
+            _demand(evidence.is_alone, "I6", "engaged beside another service")
             _demand(evidence.objection(now_ns) is None, "I4", evidence.objection(now_ns))
         self._begin(now_ns)
 
