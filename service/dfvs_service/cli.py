@@ -23,6 +23,7 @@ from dfvs_service.goal_file import checked_goal, goal_order, read_picture, read_
 from dfvs_service.key_file import create_key, load_key
 from dfvs_service.parent import Programs, fly, furnish
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
+from dfvs_service.replay_gate import replay_gate
 from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.settings_options import add_settings_options, settings_from
 
@@ -37,6 +38,7 @@ other commands:
   dfvs-service command new-key --key-file my.key  make a key for signed commands
   dfvs-service command engage --key-file my.key   engage, hold or abort a running service
   dfvs-service command goal --goal b.png --key-file my.key   give it another goal
+  dfvs-service replay-gate gate-inputs.jsonl      decide a recorded flight again
 
 exit code: 0 the goal was reached, 1 the flight ended otherwise, 2 cannot run
 """
@@ -45,7 +47,7 @@ exit code: 0 the goal was reached, 1 the flight ended otherwise, 2 cannot run
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    commands = {"config": _print_config, "command": _command}
+    commands = {"config": _print_config, "command": _command, "replay-gate": replay_gate}
     chosen = commands.get(words[0]) if words else None
     try:
         return chosen(words[1:]) if chosen is not None else _fly(words)

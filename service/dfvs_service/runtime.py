@@ -56,6 +56,11 @@ class RuntimeFolder:
         """JSON lines: transitions with their causes, mode requests, warnings."""
         return self.path / "gate.jsonl"
 
+    @property
+    def gate_inputs(self) -> Path:
+        """Everything that the gate decided by, for a replay."""
+        return self.path / "gate-inputs.jsonl"
+
     def stderr(self, child: str) -> Path:
         """What a child process writes to its standard error."""
         return self.path / f"{child}.err"

@@ -32,6 +32,7 @@ from dfvs_core.gate.states import GateState
 from dfvs_service.beat import Beat
 from dfvs_service.config import ServiceConfig
 from dfvs_service.gate.inbox import Inbox
+from dfvs_service.gate.input_journal import InputJournal
 from dfvs_service.gate.journal import Journal
 from dfvs_service.gate.lifeline import Lifeline
 from dfvs_service.gate.post import Post
@@ -76,6 +77,7 @@ class GateProcess:
         self._inbox = Inbox()
         self._journal = Journal(runtime.gate_log)
         self._machine = GateMachine(config.gate_config(), now_ns)
+        self._inputs = InputJournal(runtime.gate_inputs, config.gate_config(), now_ns)
         name = config.vehicle.name
         self._authority = Authority(key, name, lambda: secrets.token_hex(16), now_ns)
         self._post = Post(runtime, self._authority, self.note)
@@ -117,7 +119,9 @@ class GateProcess:
             wait_s = max(next_tick - time.monotonic_ns(), 0) / S
             events = self._collect(wait_s)
             now_ns = time.monotonic_ns()
-            self._apply(self._machine.step(now_ns, events), link, now_ns)
+            output = self._machine.step(now_ns, events)
+            self._apply(output, link, now_ns)
+            self._inputs.add(now_ns, events, output)
             if now_ns >= next_tick:
                 next_tick = max(next_tick + TICK_NS, now_ns - TICK_NS)
                 self._tell(now_ns)
@@ -128,8 +132,9 @@ class GateProcess:
                 return code
 
     def close(self) -> None:
-        """Flush the log."""
+        """Flush the log and the journal."""
         self._journal.close()
+        self._inputs.close()
 
     def _collect(self, wait_s: float) -> list[Event]:
         """Wait for something to arrive; return all that has, as events."""

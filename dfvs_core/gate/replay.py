@@ -1,0 +1,174 @@
+"""The gate's journal: everything that went into the machine, so that a flight can be decided again.
+
+One JSON document a line: first the settings and the time of the start, then every step with its
+time, its events in the order of arrival, and what came out. The machine is deterministic, so the
+same inputs must give the very same commands; ``replay`` shows that they do, or where they do not.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+import json
+import types
+import typing
+from collections.abc import Iterable, Iterator, Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from dfvs_core.errors import ConfigError, WireError
+from dfvs_core.gate.config import GateConfig
+from dfvs_core.gate.events import Event, GateOutput
+from dfvs_core.gate.machine import GateMachine
+from dfvs_core.gate.states import Transition
+from dfvs_core.schema import dump, parse
+
+JOURNAL_FORMAT = "dfvs-gate-journal/1"
+
+_KINDS: dict[str, type[Any]] = {cls.__name__: cls for cls in typing.get_args(Event)}
+
+
+def encode_start(config: GateConfig, t_ns: int) -> str:
+    """First line of a journal."""
+    return json.dumps({"format": JOURNAL_FORMAT, "t_ns": t_ns, "config": dump(config)})
+
+
+def encode_step(t_ns: int, events: Sequence[Event], output: GateOutput) -> str:
+    """Line of one step."""
+    heard = [[type(event).__name__, *_values(event)] for event in events]
+    return json.dumps({"t": t_ns, "in": heard, "out": _said(output)}, separators=(",", ":"))
+
+
+def encode_gap(steps: int) -> str:
+    """Last line where steps could not be written: how many when it was noticed."""
+    return json.dumps({"gap": steps})
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One recorded step."""
+
+    t_ns: int
+    events: tuple[Event, ...]
+    said: dict[str, Any]
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """What came of a replay.
+
+    ``difference`` names the first step whose output is not the recorded one, empty where all
+    agree; ``gap`` says why the journal could not be followed to its end.
+    """
+
+    steps: int
+    transitions: tuple[Transition, ...]
+    setpoints: int
+    difference: str = ""
+    gap: str = ""
+
+
+def read_start(line: str) -> tuple[GateConfig, int]:
+    """Settings and time of the start.
+
+    Raises
+    ------
+    WireError
+        If it is not the first line of a journal.
+    """
+    try:
+        data = json.loads(line)
+        if data["format"] != JOURNAL_FORMAT:
+            raise WireError(f"the journal has format {data['format']!r}", repr(JOURNAL_FORMAT))
+        return parse(GateConfig, data["config"]), int(data["t_ns"])
+    except (ValueError, KeyError, TypeError, ConfigError) as error:
+        raise WireError(f"this is no journal of the gate ({error})") from error
+
+
+def read_steps(lines: Iterable[str]) -> Iterator[Step | int]:
+    """Steps of the lines after the first; a number where so many were not written.
+
+    Raises
+    ------
+    WireError
+        If a line is damaged; a torn last one is left out.
+    """
+    for line in lines:
+        if not line.endswith("\n"):
+            return
+        try:
+            data = json.loads(line)
+            if "gap" in data:
+                yield int(data["gap"])
+                continue
+            events = tuple(_event(entry) for entry in data["in"])
+            yield Step(int(data["t"]), events, data["out"])
+        except (ValueError, KeyError, TypeError, IndexError) as error:
+            raise WireError(f"a line of the journal is damaged ({error!r})") from error
+
+
+def replay(lines: Iterable[str]) -> Replay:
+    """Put a journal's inputs through a fresh machine and compare what it says.
+
+    Raises
+    ------
+    WireError
+        If the lines are no journal.
+    """
+    remaining = iter(lines)
+    machine = GateMachine(*read_start(next(remaining, "")))
+    count = setpoints = 0
+    transitions: list[Transition] = []
+    for step in read_steps(remaining):
+        if isinstance(step, int):
+            gap = f"{step} or more steps are missing after step {count}"
+            return Replay(count, tuple(transitions), setpoints, gap=gap)
+        output = machine.step(step.t_ns, step.events)
+        transitions.extend(output.transitions)
+        setpoints += output.setpoint is not None
+        # What was read back went through JSON; so must what it is compared with.
+        said = json.loads(json.dumps(_said(output)))
+        if said != step.said:
+            text = f"step {count} at {step.t_ns} ns: {said} instead of {step.said}"
+            return Replay(count, tuple(transitions), setpoints, difference=text)
+        count += 1
+    return Replay(count, tuple(transitions), setpoints)
+
+
+def _values(event: Event) -> list[Any]:
+    return [dump(getattr(event, field.name)) for field in dataclasses.fields(event)]
+
+
+def _said(output: GateOutput) -> dict[str, Any]:
+    """Only what was said: most steps say nothing or a setpoint."""
+    said: dict[str, Any] = {}
+    if (v := output.setpoint) is not None:
+        said["v"] = [v.forward_m_s, v.right_m_s, v.down_m_s, v.yaw_rad_s]
+    if output.mode_request is not None:
+        said["mode"] = output.mode_request.value
+    if output.transitions:
+        said["to"] = [[t.source, t.target, t.cause, t.detail] for t in output.transitions]
+    if output.refusal:
+        said["refusal"] = output.refusal
+    return said
+
+
+def _event(entry: list[Any]) -> Event:
+    kind, *values = entry
+    cls = _KINDS[kind]
+    event: Event = _build(cls, values)
+    return event
+
+
+def _build(hint: Any, value: Any) -> Any:
+    """Value of JSON as the type of a field; unlike ``schema.parse`` it lets NaN pass."""
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        fields, hints = dataclasses.fields(hint), typing.get_type_hints(hint)
+        values = [value[f.name] for f in fields] if isinstance(value, dict) else value
+        pairs = zip(fields, values, strict=True)
+        return hint(*(_build(hints[f.name], v) for f, v in pairs))
+    if isinstance(hint, type) and issubclass(hint, enum.Enum):
+        return hint(value)
+    if typing.get_origin(hint) is types.UnionType:
+        return value
+    return tuple(value) if isinstance(value, list) else value

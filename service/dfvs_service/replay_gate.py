@@ -1,0 +1,66 @@
+"""``dfvs-service replay-gate``: decide a recorded flight again, and compare."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+from collections.abc import Sequence
+from pathlib import Path
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.gate.config import S
+from dfvs_core.gate.replay import Replay, replay
+
+EXIT_SAME, EXIT_DIFFERENT = 0, 1
+
+_EPILOG = """\
+example: dfvs-service replay-gate runs/gate-inputs.jsonl
+
+exit code: 0 the gate says the same again, 1 it does not, 2 the file is no journal
+"""
+
+
+def replay_gate(words: Sequence[str]) -> int:
+    """Run the command; returns the exit code.
+
+    Raises
+    ------
+    DfvsError
+        If the file cannot be read or is no journal.
+    """
+    parser = argparse.ArgumentParser(
+        prog="dfvs-service replay-gate",
+        description="Put the inputs that the gate recorded (gate-inputs.jsonl in the runtime "
+        "folder) through a fresh gate, and compare what it says with what it said.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("journal", type=Path, metavar="JOURNAL")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    arguments = parser.parse_args(words)
+    try:
+        with arguments.journal.open(encoding="utf-8") as lines:
+            result = replay(lines)
+    except OSError as error:
+        raise ConfigError(f"cannot read {arguments.journal} ({error.strerror})") from error
+    except UnicodeDecodeError as error:
+        raise ConfigError(f"{arguments.journal} is no journal of the gate ({error})") from error
+    print(_as_json(result) if arguments.json else _as_text(result))
+    return EXIT_DIFFERENT if result.difference else EXIT_SAME
+
+
+def _as_json(result: Replay) -> str:
+    return json.dumps(dataclasses.asdict(result))
+
+
+def _as_text(result: Replay) -> str:
+    lines = [
+        f"{t.t_ns / S:.3f} s  {t.source} -> {t.target}  {t.reason}" for t in result.transitions
+    ]
+    lines.append(f"{result.steps} steps, {result.setpoints} setpoints: the gate says the same")
+    if result.difference:
+        lines[-1] = f"the gate says something else in {result.difference}"
+    if result.gap:
+        lines.append(f"warning: {result.gap}")
+    return "\n".join(lines)
