@@ -59,6 +59,14 @@ class ServiceConfig:
     telemetry: TelemetrySection = field(default_factory=TelemetrySection)
     record: RecordSection = field(default_factory=RecordSection)
 
+    def __post_init__(self) -> None:
+        """Refuse what a flight has no source for."""
+        if self.servo.depth == "given":
+            raise ConfigError(
+                "servo.depth = 'given' needs depth with every frame, which no camera sends",
+                "'motion', 'flow' or 'constant'",
+            )
+
     def gate_config(self) -> GateConfig:
         """Settings of the gate's core."""
         limits, gate = self.limits, self.gate

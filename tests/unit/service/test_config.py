@@ -280,3 +280,8 @@ def test_gate_settings_reach_the_gate():
 def test_a_service_that_ends_with_the_flight_leaves_the_vehicle_in_hold():
     config = load_config(None, {"gate.exit_when_done": True, "gate.on_done": "zero"})
     assert config.gate_config().on_done is OnDone.HOLD
+
+
+def test_depth_that_nobody_gives_is_refused():
+    with pytest.raises(ConfigError, match="no camera sends"):
+        load_config(None, {"servo.depth": "given"})
