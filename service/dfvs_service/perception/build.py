@@ -1,0 +1,51 @@
+"""What perception's numbers depend on, down to the last bit: code, libraries, processor."""
+
+from __future__ import annotations
+
+import hashlib
+import importlib.metadata
+import platform
+from pathlib import Path
+
+import cv2
+
+import dfvs_core
+import dfvs_models
+from dfvs_service import perception
+
+_PACKAGES = ("dfvs", "numpy", "onnxruntime")
+_SOURCES = (dfvs_core, dfvs_models, perception)
+
+
+def build_versions() -> dict[str, str]:
+    """Versions by name; ``source`` is a SHA-256 over the Python code that perception runs."""
+    packages = {name: importlib.metadata.version(name) for name in _PACKAGES}
+    return {
+        **packages,
+        "source": _source_digest(),
+        "opencv": cv2.__version__,
+        "python": platform.python_version(),
+        "machine": platform.machine(),
+        "processor": _processor(),
+    }
+
+
+def _source_digest() -> str:
+    """SHA-256 over names and contents of all source files, in the order of their names."""
+    digest = hashlib.sha256()
+    for package in _SOURCES:
+        root = Path(package.__path__[0])
+        for path in sorted(root.rglob("*.py")):
+            digest.update(str(path.relative_to(root)).encode() + b"\0")
+            digest.update(path.read_bytes() + b"\0")
+    return digest.hexdigest()
+
+
+def _processor() -> str:
+    """Name of the processor: its instruction set decides on the last bits of some sums."""
+    try:
+        text = Path("/proc/cpuinfo").read_text(encoding="utf-8")
+    except OSError:
+        return platform.processor()
+    names = [line.partition(":")[2].strip() for line in text.splitlines() if "model name" in line]
+    return names[0] if names else platform.processor()

@@ -1,0 +1,108 @@
+"""``dfvs-replay``: run perception again on a recorded flight, and compare."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import os
+import sys
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from dfvs_core.errors import DfvsError
+from dfvs_service.child import ONE_BLAS_THREAD
+from dfvs_service.record.preparation import require_record_extra
+
+EXIT_OK, EXIT_DIFFERS, EXIT_CANNOT_RUN = 0, 1, 2
+_SHOW_S = 0.5
+
+_EXAMPLE = """\
+examples:
+  dfvs-replay flights/drone1-20260102T101112Z-000.mcap
+      the same commands, bit for bit, with the same build, model and settings
+  dfvs-replay flights/drone1-20260102T101112Z-*.mcap --bundle my-flow --html report.html
+      what another network would have commanded
+
+exit code: 0 replayed (identical where that must be), 1 differs although nothing was changed,
+2 cannot run
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    if argv is None and not ONE_BLAS_THREAD.items() <= os.environ.items():
+        # As in flight: BLAS adds in another order on more threads, and reads this at its start.
+        words = [sys.executable, "-m", "dfvs_service.replay.cli", *sys.argv[1:]]
+        os.execve(sys.executable, words, os.environ | ONE_BLAS_THREAD)
+    arguments = _parser().parse_args(argv)
+    try:
+        return _replay(arguments)
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    except KeyboardInterrupt:
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-replay",
+        description="Run perception again on a recorded flight. Nothing is flown.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("files", type=Path, nargs="+", metavar="FILE", help="files of one recording (MCAP)")
+    add("--bundle", default="", metavar="NAME", help="another model: 'classical' or a folder")
+    add("--config", type=Path, metavar="FILE", help="settings whose [servo] and [flow] to try")
+    add("--json", type=Path, metavar="FILE", help="write the comparison there, frame by frame")
+    add("--html", type=Path, metavar="FILE", help="write a report with curves there")
+    return parser
+
+
+def _replay(arguments: argparse.Namespace) -> int:
+    require_record_extra()
+    # ONNX Runtime, MCAP and protobuf take their time to load.
+    from dfvs_service.config import load_config
+    from dfvs_service.replay.comparison import compare
+    from dfvs_service.replay.documents import as_document, write_whole
+    from dfvs_service.replay.flight import Trial, replay
+    from dfvs_service.replay.html_report import html_report
+    from dfvs_service.replay.text_report import text_report
+
+    settings = None if arguments.config is None else load_config(arguments.config, {})
+    progress = _Progress()
+    result = replay(arguments.files, Trial(settings, arguments.bundle), progress.show)
+    progress.close()
+    comparison = compare(result.frames)
+    text = text_report(comparison, result.reasons)
+    print(text)
+    if arguments.json is not None:
+        document = as_document(comparison, result.reasons)
+        write_whole(arguments.json, json.dumps(document, indent=1, allow_nan=False) + "\n")
+    if arguments.html is not None:
+        write_whole(arguments.html, html_report(comparison, text, arguments.files[0].name))
+    must_match = not result.reasons and result.frames
+    return EXIT_DIFFERS if must_match and not comparison.is_identical else EXIT_OK
+
+
+class _Progress:
+    """Counts frames on one line of a terminal."""
+
+    def __init__(self) -> None:
+        self._shown = sys.stderr.isatty()
+        self._next_s = 0.0
+
+    def show(self, frames: int) -> None:
+        if self._shown and time.monotonic() >= self._next_s:
+            self._next_s = time.monotonic() + _SHOW_S
+            print(f"\r\x1b[K{frames} frames", end="", file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        if self._shown:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,100 @@
+"""A whole recording run again: openings, turns, and what cannot be the same."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dfvs_core.matching.matcher import Matcher
+from dfvs_core.wire.turn import Opening, Turn
+from dfvs_models.catalog import load_matcher, model_files
+from dfvs_service.config import ServiceConfig
+from dfvs_service.perception.build import build_versions
+from dfvs_service.replay.identity import reasons_to_differ
+from dfvs_service.replay.recording import read_recording
+from dfvs_service.replay.rerun import Rerun, Rerunner, recorded_settings, with_trial
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What to try in place of what was flown: settings, and a model ("" for none)."""
+
+    settings: ServiceConfig | None = None
+    model: str = ""
+
+
+@dataclass(frozen=True, slots=True)
+class Replay:
+    """Frames run again, and why they may differ; without a reason every bit must be the same."""
+
+    frames: tuple[Rerun, ...]
+    reasons: tuple[str, ...]
+
+
+class FlightReplay:
+    """Reruns the turns of a recording one by one.
+
+    Parameters
+    ----------
+    trial : Trial
+    """
+
+    def __init__(self, trial: Trial) -> None:
+        self._trial = trial
+        self._rerunner: Rerunner | None = None
+        self._matcher: tuple[str, Matcher] | None = None
+        self._build = build_versions()
+        self._next_turn = 0
+        self.reasons: dict[str, None] = {}
+
+    def open(self, opening: Opening, picture: bytes) -> None:
+        """Build perception for the turns to come.
+
+        Raises
+        ------
+        DfvsError
+            If settings or model cannot be used.
+        """
+        config = with_trial(recorded_settings(opening), self._trial.settings, self._trial.model)
+        if opening.first_turn == 0:
+            self._next_turn = 0
+        flow = config.flow
+        model = model_files(flow.model)
+        for reason in reasons_to_differ(opening, config, model, self._build):
+            self.reasons[reason] = None
+        if self._matcher is None or self._matcher[0] != flow.model:
+            self._matcher = (flow.model, load_matcher(flow.model, flow.threads, flow.provider))
+        self._rerunner = Rerunner(opening, picture, config, self._matcher[1])
+
+    def turn(self, turn: Turn, payload: bytes) -> Rerun | None:
+        """Run one turn again; None for one that saw nothing."""
+        if self._rerunner is None:
+            return None
+        if turn.number != self._next_turn:
+            missing = turn.number - self._next_turn
+            self.reasons[f"{missing} turns before turn {turn.number} were not recorded"] = None
+        self._next_turn = turn.number + 1
+        return self._rerunner.turn(turn, payload)
+
+
+def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> Replay:
+    """Run a recording again; ``show`` is told how many frames were, after each.
+
+    Raises
+    ------
+    DfvsError
+        If recording, settings or model cannot be used.
+    """
+    flight = FlightReplay(trial)
+    frames: list[Rerun] = []
+    for entry in read_recording(paths):
+        payload = b"" if entry.payload is None else entry.payload
+        if isinstance(entry.message, Opening):
+            flight.open(entry.message, payload)
+            continue
+        rerun = flight.turn(entry.message, payload)
+        if rerun is not None:
+            frames.append(rerun)
+            show(len(frames))
+    return Replay(tuple(frames), tuple(flight.reasons))

@@ -1,0 +1,44 @@
+"""Whether a replay must give the same bits as the flight, and if not why not."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+from dfvs_core.schema import dump
+from dfvs_core.wire.turn import Opening
+from dfvs_service.config import ServiceConfig
+
+
+def reasons_to_differ(
+    opening: Opening,
+    config: ServiceConfig,
+    model: Mapping[str, str],
+    build: Mapping[str, str],
+) -> tuple[str, ...]:
+    """In which ways this replay is not the flight; empty: every bit must be the same.
+
+    Parameters
+    ----------
+    opening : Opening
+        Of the flight.
+    config, model, build
+        Of the replay: settings, the matcher's files with their SHA-256, versions.
+    """
+    reasons = [
+        f"{name} is {build.get(name, 'none')}, was {opening.build.get(name, 'none')}"
+        for name in sorted({*build, *opening.build})
+        if build.get(name) != opening.build.get(name)
+    ]
+    if dict(model) != opening.model:
+        reasons.append("the model's files are others")
+    now, then = _relevant(dump(config)), _relevant(opening.settings)
+    reasons += [f"the settings of [{name}] are others" for name in now if now[name] != then[name]]
+    return tuple(reasons)
+
+
+def _relevant(settings: Mapping[str, Any]) -> dict[str, Any]:
+    """Sections that perception works by; of a model only how it is used, not where it lies."""
+    flow = dict(settings["flow"])
+    flow["model"] = flow["model"].partition(":")[0] if ":" in flow["model"] else ""
+    return {"camera": settings["camera"], "servo": settings["servo"], "flow": flow}

@@ -1,0 +1,106 @@
+"""Openings and turns, read back from the files of a recording."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
+from google.protobuf.message import DecodeError
+from mcap.records import Channel, Message
+
+from dfvs_core.errors import WireError
+from dfvs_core.wire.turn import Opening, Turn, from_json
+from dfvs_service.record import channels
+from dfvs_service.record.reading import RecordingError, open_records
+
+
+@dataclass(frozen=True, slots=True)
+class Entry:
+    """An opening or a turn, with the bytes beside it: a goal's PNG, or a sample's payload."""
+
+    message: Opening | Turn
+    payload: bytes | None = None
+
+    @property
+    def is_whole(self) -> bool:
+        """Whether the bytes that belong to it were found."""
+        needs = isinstance(self.message, Opening) or self.message.sight is not None
+        return self.payload is not None or not needs
+
+
+def read_recording(paths: Sequence[Path]) -> Iterator[Entry]:
+    """Entries of a recording's files in their order; an opening that a file repeats comes once.
+
+    Raises
+    ------
+    RecordingError
+        If a file cannot be read, or is no recording of a flight.
+    """
+    opened_ns: int | None = None
+    for path in sorted(paths):
+        for entry in _entries(path):
+            if isinstance(entry.message, Opening):
+                if entry.message.opened_ns == opened_ns:
+                    continue
+                opened_ns = entry.message.opened_ns
+            elif opened_ns is None:
+                raise RecordingError(f"{path} holds turns without an opening", "a whole recording")
+            yield entry
+    if opened_ns is None:
+        raise RecordingError(f"{paths[0]} holds no flight", "a file of dfvs-record")
+
+
+def _entries(path: Path) -> Iterator[Entry]:
+    """Whole entries of a file, in its order."""
+    topics: dict[int, str] = {}
+    entry: Entry | None = None
+    with open_records(path) as records:
+        for record in records:
+            if isinstance(record, Channel):
+                topics[record.id] = record.topic
+            if not isinstance(record, Message):
+                continue
+            topic = topics.get(record.channel_id, "")
+            if topic in _MESSAGES:
+                if entry is not None and entry.is_whole:
+                    yield entry
+                entry = _begin(path, topic, record.data)
+            elif topic in _PAYLOADS and entry is not None:
+                entry = replace(entry, payload=_payload(topic, record.data))
+    if entry is not None and entry.is_whole:
+        yield entry
+
+
+_MESSAGES: dict[str, type[Opening] | type[Turn]] = {
+    channels.OPENING.topic: Opening,
+    channels.TURN.topic: Turn,
+}
+_PAYLOADS = {
+    channels.GOAL_IMAGE.topic: CompressedImage,
+    channels.COMPRESSED_IMAGE.topic: CompressedImage,
+    channels.RAW_IMAGE.topic: RawImage,
+    channels.UNREADABLE.topic: None,
+}
+
+
+def _begin(path: Path, topic: str, data: bytes) -> Entry:
+    try:
+        return Entry(from_json(_MESSAGES[topic], data))
+    except WireError as error:
+        raise RecordingError(
+            f"{path} was made by another version: {error.problem}",
+            "a recording of this version",
+        ) from error
+
+
+def _payload(topic: str, data: bytes) -> bytes | None:
+    picture = _PAYLOADS[topic]
+    if picture is None:
+        return data
+    try:
+        return picture.FromString(data).data
+    except DecodeError:
+        return None

@@ -1,0 +1,167 @@
+"""Perception run again on recorded turns, by recorded times.
+
+Nothing in perception depends on when it runs but the two times by which a frame's age is judged.
+They are part of every turn, so the same code, model and settings give the same reports.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.correspondence import FlowField
+from dfvs_core.errors import DfvsError
+from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.matching.matcher import Matcher, Prepared
+from dfvs_core.schema import parse
+from dfvs_core.wire.link import PerceptionReport
+from dfvs_core.wire.picture import decode_picture
+from dfvs_core.wire.turn import Opening, Sight, Turn
+from dfvs_service.config import ServiceConfig
+from dfvs_service.perception.assembly import Clocks, build_eye
+from dfvs_service.perception.eye import RawSample
+from dfvs_service.record.reading import RecordingError
+
+
+@dataclass(frozen=True, slots=True)
+class Rerun:
+    """One frame, as it was in flight and as it is now.
+
+    ``stages_ns`` holds how long matching and all of the look took now; ``Turn.sight.stages_ns``
+    says so for then.
+    """
+
+    turn: Turn
+    report: PerceptionReport
+    stages_ns: dict[str, int]
+
+    @property
+    def is_identical(self) -> bool:
+        """Whether the gate would have been told the very same."""
+        return self.report == self.turn.report
+
+
+@dataclass(slots=True)
+class _Clock:
+    now_ns: int = 0
+
+    def __call__(self) -> int:
+        return self.now_ns
+
+
+class TimedMatcher:
+    """A matcher that keeps count of how long it takes."""
+
+    def __init__(self, matcher: Matcher, tick: Callable[[], int]) -> None:
+        self._matcher = matcher
+        self._tick = tick
+        self.spent_ns = 0
+
+    def prepare(self, image: ImageArray) -> Prepared:
+        """See :class:`Matcher`."""
+        start_ns = self._tick()
+        prepared = self._matcher.prepare(image)
+        self.spent_ns += self._tick() - start_ns
+        return prepared
+
+    def match(
+        self, current: Prepared, other: Prepared, guess: FlowField | None = None
+    ) -> FlowField:
+        """See :class:`Matcher`."""
+        start_ns = self._tick()
+        flow = self._matcher.match(current, other, guess)
+        self.spent_ns += self._tick() - start_ns
+        return flow
+
+    def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
+        """See :class:`Matcher`."""
+        start_ns = self._tick()
+        flow = self._matcher.track(current, other, guess)
+        self.spent_ns += self._tick() - start_ns
+        return flow
+
+
+def recorded_settings(opening: Opening) -> ServiceConfig:
+    """Settings of the flight.
+
+    Raises
+    ------
+    RecordingError
+        If this version does not know them.
+    """
+    try:
+        return parse(ServiceConfig, opening.settings)
+    except DfvsError as error:
+        raise RecordingError(
+            f"the recorded settings cannot be used: {error}", "a recording of this version"
+        ) from error
+
+
+class Rerunner:
+    """Runs perception on the turns that follow an opening.
+
+    Parameters
+    ----------
+    opening : Opening
+    picture : bytes
+        The goal, PNG.
+    config : ServiceConfig
+        The recorded one, or what is to be tried in its place.
+    matcher : Matcher
+        Likewise.
+    """
+
+    def __init__(
+        self, opening: Opening, picture: bytes, config: ServiceConfig, matcher: Matcher
+    ) -> None:
+        goal = Goal(decode_picture(picture), parse(GoalSidecar, opening.sidecar))
+        self._look, self._servo = _Clock(), _Clock()
+        clocks = Clocks(bytes.fromhex(opening.clock), self._look, self._servo)
+        self._timed = TimedMatcher(matcher, time.monotonic_ns)
+        self._eye = build_eye(config, goal, self._timed, clocks)
+
+    def turn(self, turn: Turn, payload: bytes) -> Rerun | None:
+        """Run one turn again; None for one that saw nothing."""
+        for status in turn.heard:
+            self._eye.heed(status)
+        if turn.sight is None:
+            return None
+        sample = self._set_back(turn.sight, payload)
+        self._timed.spent_ns, start_ns = 0, time.monotonic_ns()
+        glance = self._eye.look(sample)
+        look_ns, match_ns = time.monotonic_ns() - start_ns, self._timed.spent_ns
+        depth_ns = self._digest()
+        return Rerun(turn, glance.report, {"match": match_ns, "look": look_ns, "depth": depth_ns})
+
+    def _set_back(self, sight: Sight, payload: bytes) -> RawSample:
+        """Put the clocks to the times of then."""
+        self._look.now_ns = sight.t_look_ns
+        self._servo.now_ns = sight.t_look_ns if sight.t_servo_ns is None else sight.t_servo_ns
+        return RawSample(payload, bytes.fromhex(sight.attachment), sight.t_arrival_ns)
+
+    def _digest(self) -> int:
+        start_ns = time.monotonic_ns()
+        self._eye.digest()
+        return time.monotonic_ns() - start_ns
+
+
+def with_trial(config: ServiceConfig, trial: ServiceConfig | None, model: str) -> ServiceConfig:
+    """Recorded settings with the servo law and matcher of others, and with another model.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+        Of the flight; its camera and goal stay.
+    trial : ServiceConfig or None
+        Gives ``servo`` and ``flow``.
+    model : str
+        Name or folder; empty: as the settings say.
+    """
+    if trial is not None:
+        config = dataclasses.replace(config, servo=trial.servo, flow=trial.flow)
+    if model:
+        config = dataclasses.replace(config, flow=dataclasses.replace(config.flow, model=model))
+    return config
