@@ -20,7 +20,8 @@ from dfvs_service.calibration_file import read_calibration
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
 from dfvs_service.camera.source import Source, SourceOptions, open_source
 from dfvs_service.camera.spec import SourceSpec, parse_source
-from dfvs_service.config import ServiceConfig, ZenohSection, load_config
+from dfvs_service.config import ZenohSection
+from dfvs_service.settings_options import add_settings_options
 from dfvs_service.zenoh_session import open_session
 
 _SIZE = re.compile(r"(\d{2,4})x(\d{2,4})")
@@ -55,9 +56,8 @@ def add_source_options(parser: argparse.ArgumentParser, *, required: bool) -> No
 
 
 def add_zenoh_options(parser: argparse.ArgumentParser) -> None:
-    """Add ``--vehicle``, ``--config`` and ``--connect``."""
-    parser.add_argument("--vehicle", metavar="NAME", help="name of the vehicle (default: drone1)")
-    parser.add_argument("--config", type=Path, metavar="FILE", help="the service's settings")
+    """Add the service's settings and ``--connect``."""
+    add_settings_options(parser)
     parser.add_argument(
         "--connect",
         metavar="ENDPOINT",
@@ -70,12 +70,6 @@ def add_calibration_option(parser: argparse.ArgumentParser) -> None:
     parser.add_argument(
         "--calibration", type=Path, metavar="FILE", help="what dfvs-camera calibrate wrote"
     )
-
-
-def settings_of(arguments: argparse.Namespace) -> ServiceConfig:
-    """Settings of the service that the camera works for."""
-    overrides = {} if arguments.vehicle is None else {"vehicle.name": arguments.vehicle}
-    return load_config(arguments.config, overrides)
 
 
 def calibration_of(arguments: argparse.Namespace) -> CameraModel | None:

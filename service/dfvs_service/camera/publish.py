@@ -21,7 +21,6 @@ from dfvs_service.camera.options import (
     feed_of,
     open_patiently,
     say,
-    settings_of,
     source_options,
 )
 from dfvs_service.camera.publisher import (
@@ -30,6 +29,7 @@ from dfvs_service.camera.publisher import (
     PublishOptions,
     publish_feed,
 )
+from dfvs_service.settings_options import settings_from
 
 _EPILOG = """\
 examples:
@@ -80,7 +80,7 @@ def run(words: Sequence[str]) -> int:
         signal.signal(number, lambda *_: stop.set())
     started_s = time.monotonic()
     with contextlib.closing(feed_of(arguments, options.wanted_size)) as feed:
-        section = cameras_zenoh(settings_of(arguments).zenoh, arguments.connect)
+        section = cameras_zenoh(settings_from(arguments).zenoh, arguments.connect)
         session = open_patiently(section, stop)
         if session is None:
             return 0
@@ -106,7 +106,7 @@ def _publish_options(arguments: argparse.Namespace) -> PublishOptions:
     camera = calibration_of(arguments)
     asked = source_options(arguments, camera.size if camera else None)
     return PublishOptions(
-        vehicle=settings_of(arguments).vehicle.name,
+        vehicle=settings_from(arguments).vehicle.name,
         pixel_format=FORMATS[arguments.format],
         quality=arguments.quality,
         camera=camera,

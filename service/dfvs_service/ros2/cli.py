@@ -1,0 +1,102 @@
+"""``dfvs-ros2``: publish the service's telemetry as ROS 2 messages."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import logging
+import signal
+import sys
+import threading
+from collections.abc import Sequence
+
+from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.wire.ros2 import Ros2Link
+from dfvs_service.config import ServiceConfig, ZenohSection
+from dfvs_service.settings_options import add_settings_options, settings_from
+
+EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+_EPILOG = """\
+examples:
+  dfvs-ros2 --link rmw --config service.toml      ros2 topic echo /drone1/dfvs/setpoint
+  dfvs-ros2 --link bridge --ros tcp/127.0.0.1:7448
+
+It needs the extra 'ros' (pip install 'dfvs[ros]'), but no ROS. Exit code: 0 ended, 2 cannot run.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Relay until interrupted; returns the exit code."""
+    arguments = _parser().parse_args(argv)
+    logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
+    stop = threading.Event()
+    for number in (signal.SIGINT, signal.SIGTERM):
+        signal.signal(number, lambda *_: stop.set())
+    try:
+        config = settings_from(arguments)
+        _relay(config, arguments, stop)
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    return EXIT_OK
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-ros2",
+        description="Publish the service's telemetry as ROS 2 messages: the setpoint as "
+        "TwistStamped, state and figures as DiagnosticArray, the preview as CompressedImage.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_settings_options(parser)
+    parser.add_argument(
+        "--link",
+        choices=("rmw", "bridge"),
+        default="rmw",
+        help="how ROS 2 comes to Zenoh: rmw_zenoh (default) or zenoh-bridge-ros2dds",
+    )
+    parser.add_argument("--domain", type=int, default=0, metavar="N", help="ROS domain (rmw)")
+    parser.add_argument(
+        "--ros",
+        metavar="ENDPOINT",
+        help="Zenoh endpoint of ROS 2's router or bridge, where it is not the service's router",
+    )
+    return parser
+
+
+def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading.Event) -> None:
+    """Relay until stopped.
+
+    Raises
+    ------
+    DfvsError
+        If rosbags is missing or an option is wrong.
+    """
+    if not 0 <= arguments.domain <= 232:
+        raise ConfigError(f"--domain is {arguments.domain}", "0 to 232")
+    # rosbags and Zenoh take their time to load, and rosbags is an extra.
+    from dfvs_service.camera.options import open_patiently
+    from dfvs_service.orders import operators_zenoh
+    from dfvs_service.ros2.relay import Relay
+
+    link: Ros2Link = arguments.link
+    with contextlib.ExitStack() as stack:
+        service = open_patiently(operators_zenoh(config.zenoh), stop)
+        if service is None:
+            return
+        ros = stack.enter_context(service)
+        if arguments.ros is not None:
+            section = ZenohSection("client", (arguments.ros,), (), config.zenoh.allow_plaintext)
+            other = open_patiently(section, stop)
+            if other is None:
+                return
+            ros = stack.enter_context(other)
+        relay = Relay(config.vehicle.name, (service, ros), link, arguments.domain)
+        names = ", ".join(f"/{publisher.topic.plain}" for publisher in relay.publishers)
+        print(f"publishing {names}", file=sys.stderr, flush=True)
+        stop.wait()
+
+
+if __name__ == "__main__":
+    sys.exit(main())

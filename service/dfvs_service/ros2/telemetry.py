@@ -1,0 +1,91 @@
+"""The service's telemetry as ROS 2 messages: pure, documents in, messages out.
+
+ROS counts forward, left, up (REP 103) where we count forward, right, down.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from typing import Any
+
+import numpy as np
+
+from dfvs_service.ros2.messages import make
+
+TWIST = "geometry_msgs/msg/TwistStamped"
+DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
+PICTURE = "sensor_msgs/msg/CompressedImage"
+
+BODY, CAMERA = "base_link", "camera_optical"
+_OK, _WARN, _ERROR = 0, 1, 2
+_LEVELS = {
+    "READY": _OK,
+    "ENGAGE": _OK,
+    "SERVO": _OK,
+    "DONE": _OK,
+    "ABORT": _ERROR,
+}
+_NS = 1_000_000_000
+_SERVO_VALUES = ("error_m", "error_rad", "overlap", "inlier_share", "depth_m", "condition")
+
+
+def header(stamp_ns: int, frame: str) -> Any:
+    """Header with a wall-clock time."""
+    stamp = make("builtin_interfaces/msg/Time", *divmod(stamp_ns, _NS))
+    return make("std_msgs/msg/Header", stamp, frame)
+
+
+def setpoint_message(state: Mapping[str, Any], stamp_ns: int) -> Any:
+    """TwistStamped of the velocity that the gate sent last, in the body's axes."""
+    forward, right, down, yaw_rate = (float(value) for value in state["setpoint"])
+    linear = make("geometry_msgs/msg/Vector3", forward, -right, -down)
+    angular = make("geometry_msgs/msg/Vector3", 0.0, 0.0, -yaw_rate)
+    twist = make("geometry_msgs/msg/Twist", linear, angular)
+    return make(TWIST, header(stamp_ns, BODY), twist)
+
+
+def diagnostics_message(
+    vehicle: str, state: Mapping[str, Any], servo: Mapping[str, Any], stamp_ns: int
+) -> Any:
+    """DiagnosticArray of the gate's state with its cause, and of the last frame's figures.
+
+    Parameters
+    ----------
+    vehicle : str
+        Name of the vehicle.
+    state, servo : mapping
+        The service's documents; ``servo`` may be empty.
+    stamp_ns : int
+        Wall-clock time.
+    """
+    name = str(state["state"])
+    level = _LEVELS.get(name, _WARN)
+    values = [
+        _pair("mode", state.get("mode")),
+        _pair("battery", state.get("battery")),
+        _pair("distance_m", state.get("distance_m")),
+        *(_pair(key, servo.get(key)) for key in _SERVO_VALUES),
+    ]
+    message = f"{name}: {state.get('cause', '')}".rstrip(": ")
+    status = make(
+        "diagnostic_msgs/msg/DiagnosticStatus",
+        level,
+        f"dfvs: {vehicle}",
+        message,
+        vehicle,
+        [value for value in values if value is not None],
+    )
+    return make(DIAGNOSTICS, header(stamp_ns, ""), [status])
+
+
+def _pair(key: str, value: object) -> Any | None:
+    """KeyValue, None where the value is not known."""
+    if value is None:
+        return None
+    text = f"{value:.6g}" if isinstance(value, float) else str(value)
+    return make("diagnostic_msgs/msg/KeyValue", key, text)
+
+
+def preview_message(jpeg: bytes, stamp_ns: int) -> Any:
+    """CompressedImage of the preview."""
+    return make(PICTURE, header(stamp_ns, CAMERA), "jpeg", np.frombuffer(jpeg, np.uint8))

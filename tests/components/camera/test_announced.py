@@ -1,0 +1,76 @@
+"""A camera that tells its calibration to a service that does not know it."""
+
+import threading
+
+import pytest
+import zenoh
+from ros2_samples import info_message
+from test_camera_process import CAMERA, TOPICS
+
+from dfvs_core.errors import WireError
+from dfvs_core.wire.ros2 import CAMERA_INFO, Ros2Topic
+from dfvs_core.wire.zenoh_settings import zenoh_settings
+from dfvs_service.camera.publisher import FramePublisher, PublishOptions
+from dfvs_service.config import load_config
+from dfvs_service.perception.announced import await_camera
+
+
+@pytest.fixture
+def endpoint(tmp_path):
+    return f"unixsock-stream/{tmp_path}/z"
+
+
+def config(endpoint, **camera):
+    overrides = {f"camera.{key}": value for key, value in camera.items()}
+    vehicle = {"vehicle.name": TOPICS.vehicle, "zenoh.listen": [endpoint]}
+    return load_config(None, {**vehicle, "camera.announced_s": 5.0, **overrides})
+
+
+@pytest.fixture
+def session(endpoint):
+    """Peer that connects as soon as the service listens."""
+    settings = zenoh.Config()
+    for key, value in zenoh_settings("peer", (endpoint,), ()):
+        settings.insert_json5(key, value)
+    with zenoh.open(settings) as made:
+        yield made
+
+
+def test_a_calibration_announced_long_before_is_still_heard(endpoint, session):
+    publisher = FramePublisher(session, PublishOptions(TOPICS.vehicle, camera=CAMERA))
+    assert await_camera(config(endpoint)) == CAMERA
+    assert publisher.count == 0
+
+
+def test_silence_is_none(endpoint):
+    assert await_camera(config(endpoint, announced_s=0.2)) is None
+    assert await_camera(config(endpoint, announced_s=0.0)) is None
+
+
+def ros2_driver(session, endpoint, info):
+    """Publishes CameraInfo with every frame, as drivers do, until somebody has heard it."""
+    stop = threading.Event()
+    key = Ros2Topic("nose/camera_info", CAMERA_INFO).key("bridge")
+
+    def work():
+        while not stop.wait(0.05):
+            session.put(key, info)
+
+    threading.Thread(target=work, daemon=True).start()
+    names = {"source": "ros2-bridge", "ros2.topic": "nose/image_raw"}
+    try:
+        return await_camera(config(endpoint, **names))
+    finally:
+        stop.set()
+
+
+def test_a_ros_2_driver_s_camera_info_is_heard(endpoint, session):
+    k = [50.0, 0, 31.5, 0, 51.0, 23.5, 0, 0, 1]
+    camera = ros2_driver(session, endpoint, info_message((64, 48), k))
+    assert (camera.size, camera.fx, camera.cx) == ((64, 48), 50.0, 32.0)
+
+
+def test_a_camera_that_our_model_cannot_hold_is_an_error(endpoint, session):
+    info = info_message((64, 48), [50.0, 0, 31, 0, 50, 23, 0, 0, 1], (1, 2, 3, 4), "equidistant")
+    with pytest.raises(WireError, match="equidistant"):
+        ros2_driver(session, endpoint, info)

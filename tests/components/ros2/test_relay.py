@@ -1,0 +1,124 @@
+"""Telemetry from a real Zenoh session of the service to one of ROS 2."""
+
+import json
+import queue
+import socket
+import time
+
+import numpy as np
+import pytest
+import zenoh
+
+from dfvs_core.topics import Topics
+from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.wire.ros2 import decode_attachment
+from dfvs_core.wire.zenoh_settings import zenoh_settings
+from dfvs_service.ros2.messages import decode, type_hash
+from dfvs_service.ros2.relay import Relay
+
+TOPICS = Topics("swift-2")
+STATE = {"state": "SERVO", "cause": "", "setpoint": [0.1, 0.2, 0.3, 0.4]}
+TWIST = "geometry_msgs/msg/TwistStamped"
+
+
+def endpoint():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+def peer(connect=(), listen=()):
+    settings = zenoh.Config()
+    for key, value in zenoh_settings("peer", connect, listen):
+        settings.insert_json5(key, value)
+    return zenoh.open(settings)
+
+
+class Rig:
+    """The service's side, the relay between, and ROS's side."""
+
+    def __init__(self, link):
+        ports = endpoint(), endpoint()
+        self.service, self.ros = peer(listen=ports[:1]), peer(listen=ports[1:])
+        self.arrived = queue.Queue()
+        self.subscriber = self.ros.declare_subscriber("**", self.arrived.put)
+        self.inner = peer(connect=ports[:1]), peer(connect=ports[1:])
+        self.relay = Relay(TOPICS.vehicle, self.inner, link, 3)
+
+    def close(self):
+        for session in (*self.inner, self.service, self.ros):
+            session.close()
+
+    def publish_until(self, stream, payload, key, attachment=None):
+        """Publish until something arrives on a key: sessions take a moment to meet."""
+        deadline = time.monotonic() + 10.0
+        while time.monotonic() < deadline:
+            self.service.put(TOPICS.telemetry(stream), payload, attachment=attachment)
+            while not self.arrived.empty():
+                sample = self.arrived.get()
+                if str(sample.key_expr) == key:
+                    return sample
+            time.sleep(0.02)
+        raise AssertionError(f"nothing on {key}")
+
+
+@pytest.fixture(params=["rmw", "bridge"])
+def rig(request):
+    made = Rig(request.param)
+    made.link = request.param
+    yield made
+    made.close()
+
+
+def test_setpoints_reach_ros_under_the_keys_that_it_listens_on(rig):
+    key = "swift_2/dfvs/setpoint"
+    if rig.link == "rmw":
+        key = f"3/{key}/geometry_msgs::msg::dds_::TwistStamped_/{type_hash(TWIST)}"
+    sample = rig.publish_until("state", json.dumps(STATE).encode(), key)
+    message = decode(TWIST, sample.payload.to_bytes())
+    assert message.twist.linear.y == -0.2
+    age_ns = time.time_ns() - (message.header.stamp.sec * 10**9 + message.header.stamp.nanosec)
+    assert 0 <= age_ns < 10 * 10**9
+    if rig.link == "rmw":
+        assert decode_attachment(sample.attachment.to_bytes()).seq >= 1
+    else:
+        assert sample.attachment is None
+
+
+def test_bad_telemetry_is_left_out_and_the_next_one_sent(rig):
+    for bad in (b"", b"[]", b'{"state": "SERVO"}', b'{"state": 1, "setpoint": [1]}', b"\xff"):
+        rig.service.put(TOPICS.telemetry("state"), bad)
+        rig.service.put(TOPICS.telemetry("preview"), bad, attachment=b"no header")
+    key = "diagnostics"
+    if rig.link == "rmw":
+        dds = "diagnostic_msgs::msg::dds_::DiagnosticArray_"
+        key = f"3/{key}/{dds}/{type_hash('diagnostic_msgs/msg/DiagnosticArray')}"
+    assert rig.publish_until("state", json.dumps(STATE).encode(), key) is not None
+
+
+def test_the_preview_keeps_its_time_of_capture(rig):
+    picture = np.zeros((16, 16, 3), np.uint8)
+    capture_ns = time.monotonic_ns() - 50_000_000
+    jpeg, attachment = encode_frame(Frame(picture, capture_ns, 1), PixelFormat.JPEG)
+    kind = "sensor_msgs/msg/CompressedImage"
+    key = "swift_2/dfvs/preview/compressed"
+    if rig.link == "rmw":
+        key = f"3/{key}/sensor_msgs::msg::dds_::CompressedImage_/{type_hash(kind)}"
+    message = decode(kind, rig.publish_until("preview", jpeg, key, attachment).payload.to_bytes())
+    assert message.data.tobytes() == jpeg
+    stamp_ns = message.header.stamp.sec * 10**9 + message.header.stamp.nanosec
+    assert abs(stamp_ns - (capture_ns + time.time_ns() - time.monotonic_ns())) < 5_000_000
+
+
+def test_rmw_zenoh_finds_node_and_publishers_by_their_tokens():
+    rig = Rig("rmw")
+    try:
+        deadline, found = time.monotonic() + 10.0, []
+        while len(found) < 4 and time.monotonic() < deadline:
+            replies = rig.ros.liveliness().get("@ros2_lv/**")
+            found = sorted(str(reply.ok.key_expr).split("/", 5)[5] for reply in replies)
+        assert [token.split("/")[0] for token in found] == ["MP", "MP", "MP", "NN"]
+        assert found[3] == "NN/%/%/dfvs_swift_2"
+        assert any("%swift_2%dfvs%setpoint/geometry_msgs::msg::dds_" in token for token in found)
+    finally:
+        rig.close()

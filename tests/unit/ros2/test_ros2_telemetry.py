@@ -1,0 +1,63 @@
+"""Telemetry as ROS 2 messages, read back by a ROS library."""
+
+import pytest
+
+from dfvs_service.ros2.messages import decode, encode
+from dfvs_service.ros2.telemetry import (
+    DIAGNOSTICS,
+    PICTURE,
+    TWIST,
+    diagnostics_message,
+    preview_message,
+    setpoint_message,
+)
+
+STAMP_NS = 1_700_000_000_123_456_789
+STATE = {
+    "state": "HOLD",
+    "cause": "frame old: 300 ms",
+    "mode": "OFFBOARD",
+    "battery": 0.75,
+    "distance_m": None,
+    "setpoint": [0.1, 0.2, 0.3, 0.4],
+}
+SERVO = {"error_m": 0.123456789, "error_rad": None, "overlap": 0.5}
+
+
+def through_the_wire(type_name, message):
+    return decode(type_name, encode(type_name, message))
+
+
+def test_the_setpoint_is_in_ros_axes():
+    message = through_the_wire(TWIST, setpoint_message(STATE, STAMP_NS))
+    linear, angular = message.twist.linear, message.twist.angular
+    # Forward, right, down and clockwise here; forward, left, up and anticlockwise in ROS.
+    assert (linear.x, linear.y, linear.z) == (0.1, -0.2, -0.3)
+    assert (angular.x, angular.y, angular.z) == (0.0, 0.0, -0.4)
+    assert message.header.frame_id == "base_link"
+    assert (message.header.stamp.sec, message.header.stamp.nanosec) == divmod(STAMP_NS, 10**9)
+
+
+@pytest.mark.parametrize(
+    ("state", "level"), [("SERVO", 0), ("PREFLIGHT", 1), ("HOLD", 1), ("ABORT", 2), ("NEW", 1)]
+)
+def test_diagnostics_carry_level_cause_and_what_is_known(state, level):
+    made = diagnostics_message("swift", {**STATE, "state": state}, SERVO, STAMP_NS)
+    (status,) = through_the_wire(DIAGNOSTICS, made).status
+    assert status.level == level
+    assert status.name == "dfvs: swift"
+    assert status.message == f"{state}: frame old: 300 ms"
+    values = {pair.key: pair.value for pair in status.values}
+    assert values == {
+        "mode": "OFFBOARD",
+        "battery": "0.75",
+        "error_m": "0.123457",
+        "overlap": "0.5",
+    }
+
+
+def test_the_preview_is_passed_on_untouched():
+    jpeg = b"\xff\xd8\xff any bytes"
+    message = through_the_wire(PICTURE, preview_message(jpeg, STAMP_NS))
+    assert message.format == "jpeg"
+    assert message.data.tobytes() == jpeg
