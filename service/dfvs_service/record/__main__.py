@@ -10,8 +10,9 @@ from pathlib import Path
 
 from dfvs_core.errors import DfvsError
 from dfvs_service.config import config_from_json
+from dfvs_service.record.follow import Follower
 from dfvs_service.record.preparation import prepare_folder
-from dfvs_service.record.process import RecordProcess
+from dfvs_service.record.process import record
 from dfvs_service.runtime import RuntimeFolder
 
 EXIT_CANNOT_RUN = 2
@@ -27,16 +28,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         config = config_from_json(runtime.config.read_text(encoding="utf-8"))
-        process = RecordProcess(config, prepare_folder(Path(config.record.folder)))
-        signal.signal(signal.SIGTERM, process.stop)
-        summary = process.run(lambda _: None)
+        follower = Follower(config)
+        signal.signal(signal.SIGTERM, follower.stop)
+        record(config, prepare_folder(Path(config.record.folder)), follower, lambda _: None)
     except DfvsError as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_CANNOT_RUN
-    counts = summary.counts
-    if counts.missing or counts.dropped:
-        lost = counts.missing + counts.dropped
-        print(f"warning: the recording lacks {lost} of its turns", file=sys.stderr)
     return 0
 
 

@@ -53,13 +53,15 @@ def _record(words: Sequence[str]) -> int:
     config = settings_from(arguments)
     # Zenoh, MCAP and protobuf are needed from here on, and take their time to load.
     require_record_extra()
-    from dfvs_service.record.process import RecordProcess, handle_signals
+    from dfvs_service.record.follow import Follower, stop_on_signals
+    from dfvs_service.record.process import record
     from dfvs_service.record.progress import ProgressLine
 
-    process = RecordProcess(config, prepare_folder(arguments.out))
-    handle_signals(process)
+    folder = prepare_folder(arguments.out)
+    follower = Follower(config)
+    stop_on_signals(follower)
     progress = ProgressLine(sys.stderr)
-    summary = process.run(progress.show)
+    summary = record(config, folder, follower, progress.show)
     progress.close()
     counts = summary.counts
     if arguments.json:

@@ -49,10 +49,13 @@ class Translation:
         self._mount = camera.mount or Mount()
         self._servo: Channel | None = None
 
-    def opening(self, picture: bytes) -> Iterator[Message]:
-        """Settings, goal picture (PNG), calibration and the frames that stand still."""
+    def opening(self, picture: bytes, now_unix_ns: int | None = None) -> Iterator[Message]:
+        """Settings, goal picture (PNG), calibration and the frames that stand still.
+
+        Stamped with the opening's own time, or with another one where they are repeated.
+        """
         opening = self._opening
-        t_ns = self._unix(opening.opened_ns)
+        t_ns = self._unix(opening.opened_ns) if now_unix_ns is None else now_unix_ns
         goal = foxglove_messages.compressed_image(t_ns, "goal", picture, "png")
         calibration = foxglove_messages.calibration(t_ns, self._camera)
         transforms = foxglove_messages.still_transforms(t_ns, self._mount)

@@ -1,0 +1,88 @@
+"""``dfvs-foxglove``: show a running service's flight in Foxglove."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+import time
+from collections.abc import Sequence
+
+from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.wire.turn import Opening
+from dfvs_service.config import ServiceConfig
+from dfvs_service.record.preparation import require_record_extra
+from dfvs_service.settings_options import add_settings_options, settings_from
+
+EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+DEFAULT_PORT = 8765
+_REPEAT_S = 1.0
+
+_EXAMPLE = """\
+example, beside a running dfvs-service:
+  dfvs-foxglove
+then in Foxglove: Open connection, Foxglove WebSocket, ws://127.0.0.1:8765
+from another machine: ssh -L 8765:127.0.0.1:8765 drone
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="dfvs-foxglove",
+        description="Serve what a running dfvs-service sees, decides and sends to Foxglove, on "
+        "127.0.0.1 only. Ends with Ctrl-C.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="(default: 8765)")
+    add_settings_options(parser)
+    arguments = parser.parse_args(argv)
+    try:
+        _check(arguments.port)
+        return _serve(settings_from(arguments), arguments.port)
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+
+
+def _check(port: int) -> None:
+    require_record_extra()
+    if importlib.util.find_spec("foxglove") is None:
+        raise ConfigError(
+            "dfvs-foxglove needs the Python package 'foxglove-sdk'",
+            "the extra 'foxglove'",
+            "pip install 'dfvs[foxglove]'",
+        )
+    if not 0 <= port <= 65535:
+        raise ConfigError(f"--port is {port}", "0 to 65535")
+
+
+def _serve(config: ServiceConfig, port: int) -> int:
+    # Foxglove and Zenoh take their time to load.
+    from dfvs_service.live.foxglove_server import LOOPBACK, FoxgloveServer
+    from dfvs_service.record.follow import Follower, stop_on_signals
+    from dfvs_service.record.translation import Translation
+
+    server = FoxgloveServer(f"dfvs {config.vehicle.name}", port)
+    print(f"serving ws://{LOOPBACK}:{server.port}", file=sys.stderr, flush=True)
+    follower = Follower(config)
+    stop_on_signals(follower)
+    translation: Translation | None = None
+    picture, repeat_s = b"", 0.0
+    for events in follower.events():
+        for message, payload in events:
+            if isinstance(message, Opening):
+                translation, picture, repeat_s = Translation(message), payload, 0.0
+            elif translation is not None:
+                server.show(translation.turn(message, payload))
+        # Whoever connects later sees the goal, too: Foxglove keeps nothing for them.
+        if translation is not None and time.monotonic() >= repeat_s:
+            repeat_s = time.monotonic() + _REPEAT_S
+            server.show(translation.opening(picture, time.time_ns()))
+    server.close()
+    return EXIT_OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())

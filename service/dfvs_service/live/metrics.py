@@ -1,0 +1,158 @@
+"""A flight in Prometheus' terms: latencies, rates, states, drops."""
+
+from __future__ import annotations
+
+import threading
+from collections.abc import Callable, Iterator, Mapping
+from typing import Any
+
+from prometheus_client import CollectorRegistry, Histogram
+from prometheus_client.core import CounterMetricFamily, GaugeMetricFamily, Metric
+
+from dfvs_core.gate.states import GateState
+
+LATENCY_BUCKETS_S = (
+    *(0.001, 0.002, 0.005, 0.01, 0.015, 0.02, 0.03, 0.04, 0.05, 0.06, 0.08, 0.1, 0.125, 0.15),
+    *(0.2, 0.25, 0.3, 0.5, 1.0),
+)
+"""The gate flies by nothing older than 250 ms: that is where it has to be fine."""
+
+_GAUGES = {
+    "error_m": ("dfvs_error_meters", "Estimated distance to the goal."),
+    "error_rad": ("dfvs_error_radians", "Estimated angle to the goal."),
+    "overlap": ("dfvs_overlap_ratio", "Share of the view that shows the goal."),
+    "inlier_share": ("dfvs_inlier_ratio", "Share of the correspondences that agree."),
+    "depth_m": ("dfvs_depth_meters", "Median depth of the points used."),
+    "condition": ("dfvs_condition", "Condition number of the normal equations."),
+}
+_STATE_GAUGES = {
+    "battery": ("dfvs_battery_ratio", "Charge of the vehicle's battery."),
+    "heartbeat_age_s": ("dfvs_heartbeat_age_seconds", "Age of the autopilot's heartbeat."),
+    "distance_m": ("dfvs_distance_meters", "Distance from where the vehicle was engaged."),
+}
+_COUNTERS = {
+    "frames": ("dfvs_frames", "Frames that gave a result."),
+    "refused": ("dfvs_frames_refused", "Frames that were not used, for whatever reason."),
+    "overtaken": ("dfvs_frames_overtaken", "Frames that a newer one replaced unseen."),
+}
+_AXES = ("forward", "right", "down", "yaw")
+
+
+class FlightMetrics:
+    """Takes the service's telemetry documents, and gives metrics when it is asked.
+
+    Parameters
+    ----------
+    vehicle : str
+        Label of every metric.
+    registry : CollectorRegistry
+        Where they are registered.
+    tick : callable
+        Monotonic time, ns.
+    """
+
+    def __init__(self, vehicle: str, registry: CollectorRegistry, tick: Callable[[], int]) -> None:
+        self._vehicle = vehicle
+        self._tick = tick
+        self._lock = threading.Lock()
+        self._documents: dict[str, Mapping[str, Any]] = {}
+        self._heard_ns: dict[str, int] = {}
+        self._changes: dict[str, int] = {}
+        self._unreadable = 0
+        self._latency = Histogram(
+            "dfvs_frame_stage_seconds",
+            "Time that a frame's stages took; capture_to_report is all of them.",
+            ("vehicle", "stage"),
+            buckets=LATENCY_BUCKETS_S,
+            registry=registry,
+        )
+        registry.register(self)
+
+    def heard(self, stream: str, document: object) -> None:
+        """Take a document of the streams ``state``, ``servo`` or ``timing``, from any thread."""
+        if not isinstance(document, Mapping):
+            with self._lock:
+                self._unreadable += 1
+            return
+        with self._lock:
+            before = self._documents.get(stream, {})
+            self._documents[stream] = document
+            self._heard_ns[stream] = self._tick()
+            state = document.get("state")
+            if stream == "state" and isinstance(state, str) and state != before.get("state"):
+                self._changes[state] = self._changes.get(state, 0) + 1
+        stages = document.get("stages_ms")
+        if stream == "servo" and isinstance(stages, Mapping):
+            for stage, duration in stages.items():
+                if isinstance(duration, int | float):
+                    self._latency.labels(self._vehicle, str(stage)).observe(duration * 1e-3)
+
+    def collect(self) -> Iterator[Metric]:
+        """Metrics of this moment, for Prometheus' client."""
+        with self._lock:
+            documents, heard = dict(self._documents), dict(self._heard_ns)
+            changes, unreadable = dict(self._changes), self._unreadable
+        servo, state = documents.get("servo", {}), documents.get("state", {})
+        yield from self._numbers(GaugeMetricFamily, _GAUGES, servo)
+        yield from self._numbers(GaugeMetricFamily, _STATE_GAUGES, state)
+        yield from self._numbers(CounterMetricFamily, _COUNTERS, documents.get("timing", {}))
+        yield self._states(state)
+        yield self._setpoint(state)
+        transitions = CounterMetricFamily(
+            "dfvs_gate_entries",
+            "How often the gate came into a state.",
+            labels=("vehicle", "state"),
+        )
+        for name, count in changes.items():
+            transitions.add_metric((self._vehicle, name), count)
+        yield transitions
+        yield self._ages(heard)
+        bad = CounterMetricFamily(
+            "dfvs_telemetry_unreadable", "Telemetry that was not understood.", labels=("vehicle",)
+        )
+        bad.add_metric((self._vehicle,), unreadable)
+        yield bad
+
+    def _numbers(
+        self,
+        family: type[GaugeMetricFamily] | type[CounterMetricFamily],
+        names: Mapping[str, tuple[str, str]],
+        document: Mapping[str, Any],
+    ) -> Iterator[Metric]:
+        """A metric for every number that the document holds; unknown ones are left out."""
+        for key, (name, text) in names.items():
+            value = document.get(key)
+            if isinstance(value, int | float):
+                metric = family(name, text, labels=("vehicle",))
+                metric.add_metric((self._vehicle,), value)
+                yield metric
+
+    def _states(self, document: Mapping[str, Any]) -> Metric:
+        states = GaugeMetricFamily(
+            "dfvs_gate_state", "1 for the state that the gate is in.", labels=("vehicle", "state")
+        )
+        for state in GateState:
+            states.add_metric((self._vehicle, state.value), document.get("state") == state.value)
+        return states
+
+    def _setpoint(self, document: Mapping[str, Any]) -> Metric:
+        setpoint = GaugeMetricFamily(
+            "dfvs_setpoint", "Last setpoint: m/s, yaw in rad/s.", labels=("vehicle", "axis")
+        )
+        values = document.get("setpoint")
+        if isinstance(values, list) and len(values) == len(_AXES):
+            for axis, value in zip(_AXES, values, strict=True):
+                if isinstance(value, int | float):
+                    setpoint.add_metric((self._vehicle, axis), value)
+        return setpoint
+
+    def _ages(self, heard_ns: Mapping[str, int]) -> Metric:
+        ages = GaugeMetricFamily(
+            "dfvs_telemetry_age_seconds",
+            "Time since a stream was last heard: everything else here is as old.",
+            labels=("vehicle", "stream"),
+        )
+        now_ns = self._tick()
+        for stream, t_ns in heard_ns.items():
+            ages.add_metric((self._vehicle, stream), (now_ns - t_ns) * 1e-9)
+        return ages

@@ -1,0 +1,64 @@
+"""``dfvs-metrics``: a running service's flight for Prometheus."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+from collections.abc import Sequence
+
+from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_service.settings_options import add_settings_options, settings_from
+
+EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+DEFAULT_PORT = 9464
+LOOPBACK = "127.0.0.1"
+
+_EXAMPLE = """\
+example, beside a running dfvs-service:
+  dfvs-metrics
+  curl http://127.0.0.1:9464/metrics
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Entry point; returns the exit code."""
+    parser = argparse.ArgumentParser(
+        prog="dfvs-metrics",
+        description="Serve a running dfvs-service's latencies, rates, states and drops at "
+        "/metrics, for Prometheus. Ends with Ctrl-C.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="(default: 9464)")
+    parser.add_argument(
+        "--address", default=LOOPBACK, metavar="ADDR", help="to serve on (default: 127.0.0.1)"
+    )
+    add_settings_options(parser)
+    arguments = parser.parse_args(argv)
+    try:
+        return _serve(arguments)
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+
+
+def _serve(arguments: argparse.Namespace) -> int:
+    if importlib.util.find_spec("prometheus_client") is None:
+        raise ConfigError(
+            "dfvs-metrics needs the Python package 'prometheus-client'",
+            "the extra 'metrics'",
+            "pip install 'dfvs[metrics]'",
+        )
+    if not 0 <= arguments.port <= 65535:
+        raise ConfigError(f"--port is {arguments.port}", "0 to 65535")
+    config = settings_from(arguments)
+    # Prometheus' client and Zenoh take their time to load.
+    from dfvs_service.live.metrics_server import serve_metrics
+
+    serve_metrics(config, arguments.address, arguments.port)
+    return EXIT_OK
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,82 @@
+"""Telemetry from Zenoh, metrics over HTTP."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import signal
+import sys
+import threading
+import time
+
+import zenoh
+from prometheus_client import CollectorRegistry, start_http_server
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.topics import Topics
+from dfvs_service.config import ServiceConfig
+from dfvs_service.live.metrics import FlightMetrics
+from dfvs_service.orders import operators_zenoh
+from dfvs_service.zenoh_session import open_session
+
+_STREAMS = ("state", "servo", "timing")
+_CONNECT_PAUSE_S = 0.5
+_NICENESS = 10
+
+
+def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
+    """Serve until SIGTERM or Ctrl-C, whether or not the service is there.
+
+    Raises
+    ------
+    ConfigError
+        If the address cannot be served on.
+    """
+    os.nice(_NICENESS)
+    stopped = threading.Event()
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, lambda *_: stopped.set())
+    registry = CollectorRegistry()
+    metrics = FlightMetrics(config.vehicle.name, registry, time.monotonic_ns)
+    try:
+        server, thread = start_http_server(port, address, registry)
+    except (OSError, OverflowError) as error:
+        raise ConfigError(
+            f"cannot serve on {address}:{port} ({error})", "a free port", "try --port"
+        ) from error
+    print(f"serving http://{address}:{server.server_port}/metrics", file=sys.stderr, flush=True)
+    session = _connect(config, stopped)
+    if session is not None:
+        with session:
+            _kept = _subscribe(session, Topics(config.vehicle.name), metrics)
+            stopped.wait()
+    server.shutdown()
+    server.server_close()
+    thread.join(1.0)
+
+
+def _connect(config: ServiceConfig, stopped: threading.Event) -> zenoh.Session | None:
+    """Wait for the service, or its router, to be there; None if told to stop before."""
+    section = operators_zenoh(config.zenoh)
+    while not stopped.is_set():
+        with contextlib.suppress(ConfigError):
+            return open_session(section)
+        stopped.wait(_CONNECT_PAUSE_S)
+    return None
+
+
+def _subscribe(session: zenoh.Session, topics: Topics, metrics: FlightMetrics) -> list[object]:
+    """Subscriptions, which last as long as they are kept."""
+
+    def subscribe(stream: str) -> object:
+        def take(sample: zenoh.Sample) -> None:
+            try:
+                document = json.loads(sample.payload.to_bytes())
+            except (ValueError, RecursionError):
+                document = None
+            metrics.heard(stream, document)
+
+        return session.declare_subscriber(topics.telemetry(stream), take)
+
+    return [subscribe(stream) for stream in _STREAMS]

@@ -1,0 +1,80 @@
+"""Following one vehicle's turns over Zenoh, for as long as somebody wants to."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import time
+from collections.abc import Iterator
+from types import FrameType
+
+import zenoh
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.topics import Topics
+from dfvs_service.config import ServiceConfig
+from dfvs_service.orders import operators_zenoh
+from dfvs_service.record.listener import Event, TurnListener
+from dfvs_service.zenoh_session import open_session
+
+_WAIT_S = 0.2
+_DRAIN_S = 0.5
+_CONNECT_PAUSE_S = 0.2
+_NICENESS = 10
+
+
+class Follower:
+    """Follows a service, which may come and go, until told to stop or until its parent is gone."""
+
+    def __init__(self, config: ServiceConfig) -> None:
+        self._config = config
+        self._parent = os.getppid()
+        self._stopped = False
+        self.dropped = 0
+
+    def stop(self, _signal: int, _frame: FrameType | None) -> None:
+        """Signal handler: take what has come, then end."""
+        self._stopped = True
+
+    def events(self) -> Iterator[list[Event]]:
+        """What has come, a few times a second also where nothing has."""
+        # Whoever only looks must not take time from the flight.
+        os.nice(_NICENESS)
+        session = self._connect()
+        if session is None:
+            return
+        with session:
+            listener = TurnListener(session, Topics(self._config.vehicle.name))
+            while self._goes_on:
+                yield listener.take(_WAIT_S)
+                self.dropped = listener.dropped
+            yield from _rest(listener)
+            self.dropped = listener.dropped
+            listener.close()
+
+    @property
+    def _goes_on(self) -> bool:
+        return not self._stopped and os.getppid() == self._parent
+
+    def _connect(self) -> zenoh.Session | None:
+        """Wait for the service, or its router, to be there; None if told to stop before."""
+        section = operators_zenoh(self._config.zenoh)
+        while self._goes_on:
+            with contextlib.suppress(ConfigError):
+                return open_session(section)
+            time.sleep(_CONNECT_PAUSE_S)
+        return None
+
+
+def _rest(listener: TurnListener) -> Iterator[list[Event]]:
+    """What is still under way."""
+    deadline = time.monotonic() + _DRAIN_S
+    while time.monotonic() < deadline and (events := listener.take(_WAIT_S)):
+        yield events
+
+
+def stop_on_signals(follower: Follower) -> None:
+    """End in an orderly way on Ctrl-C, SIGTERM and a closed terminal."""
+    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
+        signal.signal(number, follower.stop)
