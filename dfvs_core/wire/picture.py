@@ -1,12 +1,14 @@
 """Compressed pictures to pixels, with the size read from the header before anything is decoded.
 
 A few hundred bytes of PNG can unfold to a gigabyte, so no byte is decoded before the header's
-size was found acceptable.
+size was found acceptable. Two kinds of pictures take time instead of memory and are refused as
+well: a JPEG of very many scans, and a PNG whose data unfold to more than its pixels.
 """
 
 from __future__ import annotations
 
 import struct
+import zlib
 
 import cv2
 import numpy as np
@@ -18,8 +20,17 @@ MAX_PICTURE_BYTES = 32 * 1024 * 1024
 MAX_PICTURE_PIXELS = 16 * 1024 * 1024
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+_PNG_PIXEL_BYTES, _PNG_LINE_BYTES = 8, 16
+"""Four channels of 16 bits; a filter byte a line, for every pass of an interlaced one."""
+_INFLATE_BYTES = 1 << 16
+_MAX_PNG_CHUNKS = 8192
 _JPEG_MAGIC = b"\xff\xd8\xff"
-_JPEG_SIZE_MARKERS = frozenset(range(0xC0, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_JPEG_SIZE_MARKERS = frozenset({0xC0, 0xC1, 0xC2})
+"""Baseline, extended and progressive, Huffman coded: what cameras send."""
+_JPEG_OTHER_SIZE_MARKERS = frozenset(range(0xC3, 0xD0)) - {0xC4, 0xC8, 0xCC}
+_JPEG_SCAN = b"\xff\xda"
+_MAX_JPEG_SCANS = 64
+"""Usual progressive pictures have ten; every scan walks all blocks again for a dozen bytes."""
 _JPEG_BARE_MARKERS = frozenset({0x01, *range(0xD0, 0xD8)})
 
 
@@ -55,6 +66,8 @@ def _jpeg_size(data: bytes) -> tuple[int, int]:
         elif marker in _JPEG_SIZE_MARKERS:
             height, width = struct.unpack(">HH", data[at + 5 : at + 9])
             return int(width), int(height)
+        elif marker in _JPEG_OTHER_SIZE_MARKERS:
+            raise ImageError(f"JPEG of kind 0x{marker:02X}", "a baseline or progressive JPEG")
         else:
             at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
     raise ImageError("the JPEG header is cut short")
@@ -73,13 +86,50 @@ def decode_picture(data: bytes, max_pixels: int = MAX_PICTURE_PIXELS) -> ImageAr
     width, height = picture_size(data)
     if width < 1 or height < 1 or width * height > max_pixels:
         raise ImageError(f"picture of {width} x {height} px", f"at most {max_pixels} px in all")
+    if data.startswith(_PNG_MAGIC):
+        _check_png_data(data, width, height)
+    elif data.count(_JPEG_SCAN) > _MAX_JPEG_SCANS:
+        raise ImageError(f"JPEG of {data.count(_JPEG_SCAN)} scans", f"at most {_MAX_JPEG_SCANS}")
+    # Pixels stay where the sensor had them: a note on how to turn the picture must not count.
+    flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     try:
-        bgr = cv2.imdecode(np.frombuffer(data, np.uint8), cv2.IMREAD_COLOR)
+        bgr = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
         raise ImageError(f"the picture cannot be decoded ({error.err})") from error
     if bgr is None or bgr.shape[:2] != (height, width) or bgr.dtype != np.uint8:
         raise ImageError("the picture cannot be decoded", f"{width} x {height} px, 8 bit")
     return np.ascontiguousarray(bgr[:, :, ::-1])
+
+
+def _check_png_data(data: bytes, width: int, height: int) -> None:
+    """Refuse a PNG that is cut short, or whose data unfold to more than its pixels can take."""
+    left = height * (width * _PNG_PIXEL_BYTES + _PNG_LINE_BYTES)
+    inflater = zlib.decompressobj()
+    at = len(_PNG_MAGIC)
+    for _ in range(_MAX_PNG_CHUNKS):
+        length, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
+        if at + length + 12 > len(data):
+            raise ImageError("the PNG is cut short")
+        if kind == b"IEND":
+            return
+        if kind == b"IDAT":
+            left -= _unfolded_bytes(inflater, data[at + 8 : at + 8 + length], left)
+        at += length + 12
+    raise ImageError("the PNG has too many chunks", f"at most {_MAX_PNG_CHUNKS}")
+
+
+def _unfolded_bytes(inflater: zlib._Decompress, part: bytes, most: int) -> int:
+    """Length of what a part of a zlib stream unfolds to; nothing of it is kept."""
+    total = 0
+    try:
+        while part and not inflater.eof:
+            total += len(inflater.decompress(part, _INFLATE_BYTES))
+            part = inflater.unconsumed_tail
+            if total > most:
+                raise ImageError("the PNG unfolds to more bytes than its pixels", f"{most}")
+    except zlib.error as error:
+        raise ImageError(f"the PNG is damaged ({error})") from error
+    return total
 
 
 def encode_jpeg(image: ImageArray, quality: int = 90) -> bytes:

@@ -1,6 +1,7 @@
 import struct
 import zlib
 
+import cv2
 import numpy as np
 import pytest
 
@@ -86,6 +87,69 @@ def test_an_image_bomb_is_refused_by_its_header():
     bomb = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk + struct.pack(">I", 0) + b"\0" * 99
     with pytest.raises(ImageError, match="60000 x 60000"):
         decode_picture(bomb)
+
+
+def png_chunk(kind, data):
+    return struct.pack(">I", len(data)) + kind + data + struct.pack(">I", zlib.crc32(kind + data))
+
+
+def test_a_png_that_unfolds_to_more_than_its_pixels_is_refused(frame):
+    """Four megabytes of zeros behind a header of 64 x 48 px."""
+    head = encode_png(frame.image)[:33]
+    bomb = head + png_chunk(b"IDAT", zlib.compress(bytes(1 << 22), 9)) + png_chunk(b"IEND", b"")
+    with pytest.raises(ImageError, match="unfolds to more"):
+        decode_picture(bomb)
+
+
+def test_a_png_without_its_end_is_refused(frame):
+    whole = encode_png(frame.image)
+    for cut in (12, 13, len(whole) // 2):
+        with pytest.raises(ImageError, match="cut short"):
+            decode_picture(whole[:-cut])
+
+
+def test_a_png_of_very_many_chunks_is_refused(frame):
+    whole = encode_png(frame.image)
+    with pytest.raises(ImageError, match="too many chunks"):
+        decode_picture(whole[:33] + png_chunk(b"tEXt", b"k\0v") * 9000 + whole[33:])
+
+
+@pytest.mark.parametrize("flags", [[], [cv2.IMWRITE_PNG_COMPRESSION, 0]])
+@pytest.mark.parametrize("dtype", [np.uint8, np.uint16])
+@pytest.mark.parametrize("channels", [1, 3, 4])
+def test_every_kind_of_png_is_read(rng, channels, dtype, flags):
+    pixels = rng.integers(0, np.iinfo(dtype).max, (48, 64, channels)).astype(dtype)
+    ok, data = cv2.imencode(".png", pixels, flags)
+    assert ok
+    assert decode_picture(bytes(data)).shape == (48, 64, 3)
+
+
+def test_a_jpeg_of_very_many_scans_is_refused(frame):
+    """Each scan costs a dozen bytes and a walk over the whole picture."""
+    ok, data = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])
+    assert ok
+    progressive = bytes(data)
+    assert decode_picture(progressive).shape == frame.image.shape
+    scan = b"\xff\xda\x00\x08\x01\x01\x00\x01\x3f\x00" + bytes(4)
+    with pytest.raises(ImageError, match="scans"):
+        decode_picture(progressive[:-2] + scan * 100 + progressive[-2:])
+
+
+@pytest.mark.parametrize("marker", [0xC3, 0xC5, 0xC9, 0xCA, 0xCF])
+def test_odd_kinds_of_jpeg_are_refused(frame, marker):
+    data = encode_jpeg(frame.image).replace(b"\xff\xc0", bytes([0xFF, marker]), 1)
+    with pytest.raises(ImageError, match=f"kind 0x{marker:02X}"):
+        picture_size(data)
+
+
+def test_pixels_stay_where_the_sensor_had_them(frame):
+    """An Exif note that the picture be turned by 180 degrees changes nothing."""
+    tag = struct.pack("<HHIHH", 0x112, 3, 1, 3, 0)
+    tiff = b"II*\0" + struct.pack("<IH", 8, 1) + tag + struct.pack("<I", 0)
+    note = b"Exif\0\0" + tiff
+    plain = encode_jpeg(frame.image)
+    turned = plain[:2] + b"\xff\xe1" + struct.pack(">H", len(note) + 2) + note + plain[2:]
+    np.testing.assert_array_equal(decode_picture(turned), decode_picture(plain))
 
 
 def test_sizes_are_read_from_headers(frame):
