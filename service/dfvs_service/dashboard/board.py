@@ -143,8 +143,8 @@ class VehicleBoard:
         """Note a picture of the camera, flow or goal stream; wall-clock time of its stamp, ms."""
         self.seen_ns = now.t_ns
         if stream in self.rates:
-            self.rates[stream].note(now.t_ns, len(picture.data))
-            self.rates[stream].note_sequence(picture.seq)
+            seq = picture.seq if stream == "camera" else None
+            self.rates[stream].note(now.t_ns, len(picture.data), seq)
         return self._clock.wall_ms(picture.t_ns, now)
 
     def link_news(self, now: Moment) -> News:

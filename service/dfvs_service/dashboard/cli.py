@@ -54,7 +54,8 @@ def _new_token(words: Sequence[str]) -> int:
     return EXIT_OK
 
 
-def _parser() -> argparse.ArgumentParser:
+def make_parser() -> argparse.ArgumentParser:
+    """Options of the command that serves the page."""
     parser = argparse.ArgumentParser(
         prog="dfvs-dashboard",
         description="Serve a page that shows what the drone sees and does. Nothing is loaded from "
@@ -77,7 +78,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _serve(words: Sequence[str]) -> int:
-    arguments = _parser().parse_args(words)
+    arguments = make_parser().parse_args(words)
     try:
         # An extra of the installation, which this command alone needs.
         import uvicorn

@@ -6,6 +6,7 @@ from collections import deque
 from typing import Any
 
 _WINDOW_NS = 2_000_000_000
+_PAUSE_NS = 1_000_000_000
 _MOST_SKIPPED = 1000
 
 
@@ -18,16 +19,19 @@ class StreamRate:
         self.count = 0
         self.missing = 0
 
-    def note(self, t_ns: int, size: int = 0) -> None:
-        """Note a message of so many bytes that came at ``t_ns``."""
-        self.count += 1
-        self._seen.append((t_ns, size))
+    def note(self, t_ns: int, size: int = 0, seq: int | None = None) -> None:
+        """Note a message of so many bytes that came at ``t_ns``, with its number if it has one.
 
-    def note_sequence(self, seq: int) -> None:
-        """Count what the numbering skips; a jump back or far ahead is a new sender."""
-        if self._last_seq is not None and 1 < seq - self._last_seq < _MOST_SKIPPED:
-            self.missing += seq - self._last_seq - 1
+        What the numbering skips counts as missing, except after a pause (nobody watched) and
+        where it jumps back or far ahead (a new sender).
+        """
+        is_steady = bool(self._seen) and t_ns - self._seen[-1][0] < _PAUSE_NS
+        if is_steady and seq is not None and self._last_seq is not None:
+            skipped = seq - self._last_seq - 1
+            self.missing += skipped if 0 < skipped < _MOST_SKIPPED else 0
+        self.count += 1
         self._last_seq = seq
+        self._seen.append((t_ns, size))
 
     def summary(self, now_ns: int) -> dict[str, Any]:
         """Rate in Hz, bytes a second, age in s (None before the first one), counts."""

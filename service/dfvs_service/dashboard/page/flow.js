@@ -35,9 +35,9 @@ export function drawFlow(context, grid, place) {
   }
   context.lineCap = "round";
   for (const [colour, path] of Object.entries(groups)) {
-    for (const [style, width] of [["rgba(0, 0, 0, .75)", 3.5], [colour, 1.8]]) {
+    for (const [style, width] of [["rgba(0, 0, 0, .7)", 2.6], [colour, 1.2]]) {
       context.strokeStyle = style;
-      context.lineWidth = width * Math.max(place.scale / 2, 1);
+      context.lineWidth = width * Math.max(place.scale / 1.5, 1);
       context.stroke(path);
     }
   }
@@ -63,16 +63,19 @@ function addArrow(path, { x, y, dx, dy }, head) {
   path.lineTo(x + dx - ux + 0.5 * uy, y + dy - uy - 0.5 * ux);
 }
 
-/** Confidence as a tint: blue is sure, and what is not trusted is hatched out in dark. */
+/** Confidence as a tint: from orange (barely trusted) to blue (sure); what is not trusted is dark. */
 export function drawConfidence(context, grid, place) {
+  const tint = new OffscreenCanvas(grid.columns, grid.rows);
+  const tintContext = tint.getContext("2d");
+  const pixels = tintContext.createImageData(grid.columns, grid.rows);
+  grid.confidence.forEach((value, i) => {
+    const share = value / 255;
+    pixels.data.set(
+      share < place.minConfidence ? [20, 0, 0, 170] : [255 * (1 - share), 150, 40 + 215 * share, 105],
+      4 * i,
+    );
+  });
+  tintContext.putImageData(pixels, 0, 0);
   const size = grid.stride * place.scale;
-  for (let row = 0; row < grid.rows; row++) {
-    for (let column = 0; column < grid.columns; column++) {
-      const share = grid.confidence[row * grid.columns + column] / 255;
-      context.fillStyle = share < place.minConfidence
-        ? "rgba(20, 0, 0, .62)"
-        : `hsla(${20 + 190 * share}, 95%, 55%, .42)`;
-      context.fillRect(place.x + column * size, place.y + row * size, size + 0.5, size + 0.5);
-    }
-  }
+  context.drawImage(tint, place.x, place.y, grid.columns * size, grid.rows * size);
 }

@@ -134,7 +134,7 @@ class Plot {
       width, height: HEIGHT_PX, scales,
       legend: { show: false },
       cursor: { sync: { key: "time" }, drag: { x: false, y: false } },
-      axes: [timeAxis(), ...units.map((_, side) => valueAxis(side))],
+      axes: [timeAxis(), valueAxis(0), units.length > 1 ? valueAxis(1) : EMPTY_AXIS],
       series: [{}, ...lines.map((line) => ({
         label: line.label, scale: `y${line.side}`, stroke: style(line.colour), width: 2,
         dash: line.dash ? [6, 4] : undefined, points: { show: false }, spanGaps: false,
@@ -150,6 +150,12 @@ function padded(low, high, startsAtZero) {
   const air = Math.max((high - low) * 0.1, Math.abs(high) * 0.02, 0.01);
   return [startsAtZero ? 0 : low < 0 ? low - air : Math.max(low - air, 0), high + air];
 }
+
+/** Keeps the right edges of all plots in one line. */
+const EMPTY_AXIS = {
+  scale: "y0", side: 1, size: 44, gap: 0, ticks: { show: false }, grid: { show: false },
+  values: (_u, splits) => splits.map(() => ""),
+};
 
 const font = () => "11px system-ui, sans-serif";
 

@@ -4,7 +4,6 @@ import { PICTURE } from "./connection.js";
 import { decodeFlow, drawConfidence, drawFlow } from "./flow.js";
 
 const GAP_PX = 6;
-const NARROW_PX = 560;
 const RECENT = 240;
 
 export class View {
@@ -147,18 +146,15 @@ export class View {
     const scale = Math.min(window.devicePixelRatio || 1, 2);
     const width = Math.max(Math.round(this.#canvas.parentElement.clientWidth * scale), 2);
     const isSide = this.mode === "side";
-    const isStacked = isSide && width / scale < NARROW_PX;
     const gap = Math.round(GAP_PX * scale);
-    const w = isSide && !isStacked ? Math.floor((width - gap) / 2) : width;
-    const most = window.innerHeight * 0.72 * scale;
-    const h = Math.round(isSide ? w * aspect : Math.min(w * aspect, most));
-    const height = isStacked ? 2 * h + gap : h;
+    const most = Math.round((window.innerHeight * 0.72 * scale) / aspect);
+    const w = Math.min(isSide ? Math.floor((width - gap) / 2) : width, most);
+    const h = Math.round(w * aspect);
     if (this.#canvas.width !== width) this.#canvas.width = width;
-    if (this.#canvas.height !== height) this.#canvas.height = height;
-    const single = Math.min(w, Math.round(h / aspect));
-    const goal = { x: 0, y: 0, w, h };
-    if (!isSide) return { live: { x: Math.round((width - single) / 2), y: 0, w: single, h } };
-    return { goal, live: isStacked ? { ...goal, y: h + gap } : { ...goal, x: w + gap } };
+    if (this.#canvas.height !== h) this.#canvas.height = h;
+    const left = Math.round((width - (isSide ? 2 * w + gap : w)) / 2);
+    const first = { x: left, y: 0, w, h };
+    return isSide ? { goal: first, live: { ...first, x: left + w + gap } } : { live: first };
   }
 
   #paint(bitmap, area) {
@@ -191,7 +187,9 @@ export class View {
     const place = { ...area, scale: area.w / live.width, minConfidence: this.minConfidence };
     this.#context.save();
     this.#context.beginPath();
-    this.#context.rect(area.x, area.y, area.w, area.h);
+    // Under the slider the live part alone has a flow.
+    const hidden = this.mode === "slider" ? area.w * this.mix : 0;
+    this.#context.rect(area.x + hidden, area.y, area.w - hidden, area.h);
     this.#context.clip();
     if (this.showsConfidence) drawConfidence(this.#context, this.#flow, place);
     if (this.showsFlow) drawFlow(this.#context, this.#flow, place);

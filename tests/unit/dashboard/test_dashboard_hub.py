@@ -1,0 +1,130 @@
+import asyncio
+import json
+
+import pytest
+
+from dfvs_core.schema import dump
+from dfvs_core.wire.link import GateStatus
+from dfvs_service.dashboard.clock import Moment
+from dfvs_service.dashboard.hub import MAX_VEHICLES, Hub
+from dfvs_service.dashboard.outbox import Outbox, PictureKind
+from dfvs_service.dashboard.parcel import Parcel, Picture
+
+
+class Rig:
+    def __init__(self):
+        self.now = Moment(1_000_000_000, 5000.0)
+        self.watched = []
+        self.hub = Hub(lambda: self.now, self.watched.append)
+
+    def state(self, vehicle, state="READY"):
+        status = GateStatus(state, "tested", None, t_ns=self.now.t_ns)
+        self.hub.take([Parcel(vehicle, "state", dump(status))])
+
+    def picture(self, vehicle, kind=PictureKind.VIEW, stream="camera", data=b"jpeg"):
+        self.hub.take([Parcel(vehicle, stream, Picture(kind, self.now.t_ns, 1, data))])
+
+    def browser(self, vehicle=None):
+        outbox = Outbox()
+        self.hub.join(outbox)
+        if vehicle is not None:
+            self.hub.watch(outbox, vehicle)
+        return outbox
+
+
+@pytest.fixture
+def rig():
+    return Rig()
+
+
+def take(outbox):
+    text, pictures = asyncio.run(asyncio.wait_for(outbox.next(), 0.5))
+    return {} if text is None else json.loads(text), pictures
+
+
+def test_vehicles_are_found_by_what_they_say(rig):
+    rig.state("swift")
+    rig.state("heron", "SERVO")
+    news, _ = take(rig.browser())
+    assert [(v["name"], v["state"]) for v in news["vehicles"]] == [
+        ("heron", "SERVO"),
+        ("swift", "READY"),
+    ]
+
+
+def test_a_browser_hears_of_the_vehicle_that_it_watches_and_of_no_other(rig):
+    rig.state("swift")
+    rig.state("heron")
+    outbox = rig.browser("heron")
+    take(outbox)
+    rig.state("swift", "SERVO")
+    rig.picture("swift")
+    rig.state("heron", "HOLD")
+    news, pictures = take(outbox)
+    assert news["state"]["state"] == "HOLD"
+    assert pictures == []
+
+
+def test_who_begins_to_watch_is_told_everything_so_far(rig):
+    rig.state("swift", "READY")
+    rig.state("swift", "SERVO")
+    rig.picture("swift", PictureKind.GOAL, "goal", b"goal")
+    news, pictures = take(rig.browser("swift"))
+    assert news["watching"] == "swift"
+    assert news["state"]["state"] == "SERVO"
+    assert [t["to"] for t in news["history"]["transitions"]] == ["READY", "SERVO"]
+    assert [p[9:] for p in pictures] == [b"goal"]
+
+
+def test_pictures_are_asked_for_only_while_somebody_watches(rig):
+    rig.state("swift")
+    rig.state("heron")
+    one, other = rig.browser("swift"), rig.browser("heron")
+    assert rig.watched[-1] == {"swift", "heron"}
+    rig.hub.leave(other)
+    assert rig.watched[-1] == {"swift"}
+    rig.hub.watch(one, "heron")
+    assert rig.watched[-1] == {"heron"}
+    rig.hub.leave(one)
+    assert rig.watched[-1] == frozenset()
+
+
+def test_all_browsers_share_one_encoding_of_a_picture(rig):
+    rig.state("swift")
+    outboxes = [rig.browser("swift") for _ in range(3)]
+    rig.picture("swift")
+    first, *others = [take(outbox)[1][0] for outbox in outboxes]
+    assert all(other is first for other in others)
+
+
+def test_a_vehicle_that_does_not_exist_cannot_be_watched(rig):
+    rig.state("swift")
+    rig.browser("ghost")
+    assert rig.watched in ([], [frozenset()])
+
+
+def test_what_cannot_be_read_is_counted_and_harms_nobody(rig):
+    rig.state("swift")
+    outbox = rig.browser("swift")
+    take(outbox)
+    rig.hub.take([Parcel("swift", "state", {"state": 3}), Parcel("swift", "servo", [])])
+    assert rig.hub.refused == 2
+    rig.state("swift", "HOLD")
+    assert take(outbox)[0]["state"]["state"] == "HOLD"
+
+
+def test_a_flood_of_vehicles_is_cut_off(rig):
+    for i in range(MAX_VEHICLES + 20):
+        rig.state(f"v{i}")
+    assert len(take(rig.browser())[0]["vehicles"]) == MAX_VEHICLES
+
+
+def test_links_are_told_on_every_tick(rig):
+    rig.state("swift")
+    outbox = rig.browser("swift")
+    take(outbox)
+    rig.now = Moment(3_000_000_000, 7000.0)
+    rig.hub.tick({"zenoh": {"connected": 1, "links": 1}})
+    news, _ = take(outbox)
+    assert news["link"]["streams"]["state"]["age_s"] == 2.0
+    assert news["zenoh"]["connected"] == 1

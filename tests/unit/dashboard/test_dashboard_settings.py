@@ -1,0 +1,121 @@
+import socket
+import subprocess
+
+import pytest
+
+from dfvs_service.dashboard import cli
+from dfvs_service.dashboard.settings import dashboard_settings
+from dfvs_service.key_file import create_key
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def settings(*words):
+    return dashboard_settings(cli.make_parser().parse_args(["--port", str(free_port()), *words]))
+
+
+@pytest.fixture
+def token(tmp_path):
+    create_key(tmp_path / "token")
+    return str(tmp_path / "token")
+
+
+@pytest.fixture(scope="module")
+def certificate(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("tls")
+    cert, key = str(folder / "cert.pem"), str(folder / "key.pem")
+    subprocess.run(
+        [
+            *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt"),
+            *("ec_paramgen_curve:prime256v1", "-nodes", "-subj", "/CN=drone1.local"),
+            *("-keyout", key, "-out", cert),
+        ],
+        check=True,
+        capture_output=True,
+    )
+    return ("--cert", cert, "--key", key)
+
+
+def refusal(capsys, *words):
+    """The one line that a refused command prints."""
+    assert cli.main(["--port", str(free_port()), *words]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("error: ")
+    assert len(err.splitlines()) == 1
+    return err
+
+
+def test_by_default_this_machine_alone_may_look_and_nobody_may_order():
+    plain = settings()
+    assert plain.address.scheme == "http"
+    assert all(
+        host.split(":")[0] in ("127.0.0.1", "localhost", "[") for host in plain.address.hosts
+    )
+    assert plain.tokens.is_open
+    assert plain.command_key is None
+    (link,) = plain.links
+    assert (link.mode, link.connect) == ("client", ("tcp/127.0.0.1:7447",))
+
+
+def test_every_endpoint_is_a_link_of_its_own():
+    links = settings("--connect", "tcp/127.0.0.1:7001", "--connect", "tcp/127.0.0.1:7002").links
+    assert [link.connect for link in links] == [("tcp/127.0.0.1:7001",), ("tcp/127.0.0.1:7002",)]
+
+
+@pytest.mark.parametrize("host", ["0.0.0.0", "::"])
+def test_beyond_this_machine_everything_is_asked_for_at_once(host, capsys):
+    line = refusal(capsys, "--host", host)
+    for needed in ("--cert and --key", "--viewer-token or --operator-token", "--name"):
+        assert needed in line
+
+
+def test_beyond_this_machine_encryption_alone_is_not_enough(certificate, capsys):
+    line = refusal(capsys, "--host", "0.0.0.0", "--name", "drone1.local", *certificate)
+    assert "--viewer-token or --operator-token" in line
+    assert "--cert" not in line.split("expected")[1]
+
+
+def test_with_certificate_and_token_others_may_look_once_signed_in(certificate, token):
+    open_to_net = settings(
+        "--host", "0.0.0.0", "--name", "drone1.local", *certificate, "--operator-token", token
+    )
+    assert open_to_net.address.scheme == "https"
+    assert any(host.startswith("drone1.local:") for host in open_to_net.address.hosts)
+    assert not open_to_net.tokens.is_open
+
+
+def test_a_viewer_token_closes_the_page_on_this_machine_as_well(token):
+    assert not settings("--viewer-token", token).tokens.is_open
+
+
+def test_a_key_for_orders_needs_an_operator(token, capsys):
+    assert "--operator-token" in refusal(capsys, "--command-key", token)
+
+
+def test_files_that_cannot_be_used_are_named(tmp_path, certificate, capsys):
+    (tmp_path / "open").write_text("x" * 40)
+    (tmp_path / "open").chmod(0o644)
+    assert "0600" in refusal(capsys, "--operator-token", str(tmp_path / "open"))
+    assert "--cert" in refusal(capsys, "--cert", str(tmp_path / "none"), "--key", str(tmp_path))
+    assert "only one of" in refusal(capsys, *certificate[:2])
+    assert "TOML" in refusal(capsys, "--config", str(tmp_path / "none.toml"))
+
+
+def test_a_port_that_is_taken_is_said_before_anything_starts(capsys):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        assert cli.main(["--port", str(taken.getsockname()[1])]) == 2
+    assert "choose another one with --port" in capsys.readouterr().err
+
+
+def test_a_new_token_is_a_private_file(tmp_path, capsys):
+    path = tmp_path / "fresh"
+    assert cli.main(["new-token", "--token-file", str(path)]) == 0
+    assert path.stat().st_mode & 0o777 == 0o600
+    assert cli.main(["new-token", "--token-file", str(path)]) == 2
+    assert path.read_text().strip() not in capsys.readouterr().out

@@ -1,0 +1,94 @@
+import asyncio
+import json
+import struct
+
+import pytest
+
+from dfvs_service.dashboard.outbox import MAX_ROWS, MAX_UNSEEN, Outbox, PictureKind, encode_picture
+
+
+def take(outbox):
+    """What would be sent now; fails if nothing would."""
+    return asyncio.run(asyncio.wait_for(outbox.next(), 0.5))
+
+
+def is_silent(outbox):
+    async def wait():
+        await asyncio.wait_for(outbox.next(), 0.05)
+
+    try:
+        asyncio.run(wait())
+    except TimeoutError:
+        return True
+    return False
+
+
+def test_the_newest_of_each_kind_is_sent_once():
+    outbox = Outbox()
+    outbox.offer({"state": "1", "link": "2"})
+    outbox.offer({"state": "3"})
+    text, pictures = take(outbox)
+    assert json.loads(text) == {"state": 3, "link": 2}
+    assert pictures == []
+    assert is_silent(outbox)
+
+
+def test_rows_are_gathered_in_order_and_the_oldest_go():
+    outbox = Outbox()
+    outbox.append("servo", ["0"])
+    outbox.append("servo", [str(i) for i in range(1, MAX_ROWS + 1)])
+    rows = json.loads(take(outbox)[0])["servo"]
+    assert rows == list(range(1, MAX_ROWS + 1))
+
+
+def test_a_newer_view_takes_the_place_of_one_that_waits():
+    outbox = Outbox()
+    for picture in (b"old", b"new"):
+        outbox.show(PictureKind.VIEW, picture)
+    assert take(outbox) == (None, [b"new"])
+    assert outbox.overtaken == 1
+
+
+def test_views_wait_until_earlier_ones_are_confirmed_and_other_news_do_not():
+    outbox = Outbox()
+    for i in range(MAX_UNSEEN):
+        outbox.show(PictureKind.VIEW, bytes([i]))
+        assert take(outbox)[1] == [bytes([i])]
+    outbox.show(PictureKind.VIEW, b"waits")
+    assert is_silent(outbox)
+    outbox.offer({"state": "1"})
+    outbox.show(PictureKind.FLOW, b"flow")
+    assert take(outbox) == ('{"state":1}', [b"flow"])
+    outbox.confirm()
+    assert take(outbox)[1] == [b"waits"]
+
+
+def test_a_browser_that_turns_away_is_sent_nothing_old():
+    outbox = Outbox()
+    outbox.offer({"state": "1"})
+    outbox.append("servo", ["1"])
+    outbox.show(PictureKind.VIEW, b"x")
+    outbox.forget()
+    assert is_silent(outbox)
+
+
+def test_confirmations_that_nothing_was_sent_for_earn_no_credit():
+    outbox = Outbox()
+    for _ in range(50):
+        outbox.confirm()
+    for i in range(MAX_UNSEEN):
+        outbox.show(PictureKind.VIEW, bytes([i]))
+        take(outbox)
+    outbox.show(PictureKind.VIEW, b"waits")
+    assert is_silent(outbox)
+
+
+def test_a_picture_message_is_kind_time_and_data():
+    message = encode_picture(PictureKind.VIEW, 1234.5, b"jpeg")
+    assert struct.unpack("<Bd", message[:9]) == (1, 1234.5)
+    assert message[9:] == b"jpeg"
+
+
+@pytest.mark.parametrize("kind", list(PictureKind))
+def test_every_kind_fits_its_byte(kind):
+    assert encode_picture(kind, 0.0, b"")[0] == kind

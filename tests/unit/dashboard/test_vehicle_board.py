@@ -1,0 +1,125 @@
+import json
+
+import pytest
+
+from dfvs_core.errors import DfvsError
+from dfvs_core.schema import dump
+from dfvs_core.wire.link import GateStatus, VehicleState
+from dfvs_service.dashboard.board import PATH_COLUMNS, SERVO_COLUMNS, VehicleBoard
+from dfvs_service.dashboard.clock import Moment
+from dfvs_service.dashboard.outbox import PictureKind
+from dfvs_service.dashboard.parcel import Picture
+
+MS = 1_000_000
+NOW = Moment(10_000 * MS, 1_000_000.0)
+VEHICLE = VehicleState(9_990 * MS, 0.0, 0.0, 0.5, (0.3, 0.4, 0.0), (1.0, 2.0, -1.5))
+
+
+def status(state="SERVO", **fields):
+    given = {"t_ns": 9_990 * MS, "since_ns": 7_990 * MS, "challenge": "secret", **fields}
+    return dump(GateStatus(state, "good data", VEHICLE, **given))
+
+
+def servo(**fields):
+    document = {
+        "t_ns": 9_980 * MS,
+        "t_capture_ns": 9_940 * MS,
+        "verdict": "OK",
+        "reason": "",
+        "error_m": 0.25,
+        "error_rad": 0.1,
+        "feature_error_px": 3.0,
+        "residual_px": None,
+        "inlier_share": 0.9,
+        "overlap": 0.8,
+        "condition": 120.0,
+        "depth_m": 2.5,
+        "motion": [0.1, 0.2, 0.3, 0.4],
+    }
+    return document | fields
+
+
+def test_the_state_tells_since_when_it_is_and_keeps_the_challenge_back():
+    news = VehicleBoard("a").take("state", status(), NOW)
+    assert news["state"]["t_ms"] == 1_000_000.0 - 10
+    assert news["state"]["since_ms"] == 1_000_000.0 - 2_010
+    assert news["state"]["takes_orders"] is True
+    assert "secret" not in json.dumps(news)
+
+
+def test_only_a_change_of_state_is_an_event():
+    board = VehicleBoard("a")
+    assert "transitions" in board.take("state", status("READY"), NOW)
+    assert "transitions" not in board.take("state", status("READY"), NOW)
+    (event,) = board.take("state", status("ABORT"), NOW)["transitions"]
+    assert (event["to"], event["cause"]) == ("ABORT", "good data")
+    assert [e["to"] for e in board.history()["history"]["transitions"]] == ["READY", "ABORT"]
+
+
+def test_a_path_row_holds_position_heading_setpoint_and_speed():
+    (row,) = VehicleBoard("a").take("state", status(setpoint=(0.1, 0.0, 0.0, 0.2)), NOW)["path"]
+    named = dict(zip(PATH_COLUMNS, row, strict=True))
+    assert (named["north_m"], named["east_m"], named["down_m"]) == (1.0, 2.0, -1.5)
+    assert named["speed_m_s"] == pytest.approx(0.5)
+    assert named["setpoint"] == [0.1, 0.0, 0.0, 0.2]
+
+
+def test_fields_of_a_newer_service_are_passed_over():
+    assert "state" in VehicleBoard("a").take("state", status() | {"of_tomorrow": 1}, NOW)
+
+
+def test_a_servo_row_is_stamped_with_its_capture_and_knows_its_delay():
+    (row,) = VehicleBoard("a").take("servo", servo(), NOW)["servo"]
+    named = dict(zip(SERVO_COLUMNS, row, strict=True))
+    assert named["t_ms"] == 1_000_000.0 - 60
+    assert named["delay_ms"] == pytest.approx(40)
+    assert named["error_m"] == 0.25
+    assert named["residual_px"] is None
+
+
+@pytest.mark.parametrize("value", [float("nan"), float("inf"), 10**400, "x", [1], True, None])
+def test_what_is_no_finite_number_reaches_nobody(value):
+    board = VehicleBoard("a")
+    news = board.take("servo", servo(depth_m=value, motion=[value]), NOW)
+    assert dict(zip(SERVO_COLUMNS, news["servo"][0], strict=True))["depth_m"] is None
+    timing = {"stages": {"match": {"p50_ms": value, "p99_ms": 1.0}}, "frames": value}
+    assert board.take("timing", timing, NOW)["timing"]["stages"]["match"] == [None, 1.0]
+    json.dumps(board.history(), allow_nan=False)
+
+
+@pytest.mark.parametrize(
+    ("stream", "document"),
+    [
+        ("state", {"state": "SERVO"}),
+        ("state", []),
+        ("state", status() | {"battery": float("nan")}),
+        ("servo", 3),
+        ("servo", {}),
+        ("servo", servo(t_ns="now")),
+        ("servo", servo(t_capture_ns=True)),
+        ("servo", servo(t_ns=1 << 80)),
+        ("timing", None),
+        ("config", "x"),
+    ],
+)
+def test_documents_that_follow_no_schema_are_refused(stream, document):
+    board = VehicleBoard("a")
+    with pytest.raises(DfvsError):
+        board.take(stream, document, NOW)
+    assert board.history()["history"] == {"servo": [], "path": [], "transitions": []}
+
+
+def test_history_is_bounded():
+    board = VehicleBoard("a")
+    for i in range(4000):
+        board.take("servo", servo(t_capture_ns=i), NOW)
+    assert len(board.history()["history"]["servo"]) == 3000
+
+
+def test_links_tell_rate_age_and_loss_of_the_camera():
+    board = VehicleBoard("a")
+    for seq in (1, 2, 4):
+        board.see_picture("camera", Picture(PictureKind.VIEW, NOW.t_ns, seq, b"jpeg"), NOW)
+    later = Moment(NOW.t_ns + 500 * MS, NOW.wall_ms + 500)
+    camera = board.link_news(later)["link"]["streams"]["camera"]
+    assert (camera["count"], camera["missing"], camera["age_s"]) == (3, 1, 0.5)
