@@ -19,6 +19,7 @@ from dfvs_service.calibration_file import with_calibration, with_intrinsics
 from dfvs_service.config import ServiceConfig
 from dfvs_service.config_text import toml_text
 from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine
+from dfvs_service.exposure import is_private_mavlink
 from dfvs_service.goal_file import checked_goal, goal_order, read_picture, read_sidecar
 from dfvs_service.key_file import create_key, load_key
 from dfvs_service.parent import Programs, fly, furnish
@@ -163,9 +164,26 @@ def _fly(words: Sequence[str]) -> int:
     _check_model(config)
     if config.gate.command_key_file:
         load_key(Path(config.gate.command_key_file))
+    for line in exposure_warnings(config):
+        print(f"warning: {line}", file=sys.stderr)
     with _runtime(arguments.runtime_dir) as runtime:
         furnish(runtime, config, goal)
         return fly(runtime, _programs(config), _display(runtime, as_json=arguments.json_log))
+
+
+def exposure_warnings(config: ServiceConfig) -> tuple[str, ...]:
+    """What the settings let others do; said whenever the service starts."""
+    lines = [
+        f"{endpoint} is NOT ENCRYPTED: whoever is on that network can see the camera's frames and "
+        "send other ones, by which the vehicle would fly (zenoh.allow_plaintext)"
+        for endpoint in config.zenoh.exposed
+    ]
+    if not is_private_mavlink(config.vehicle.mavlink):
+        lines.append(
+            f"{config.vehicle.mavlink} leaves this machine and MAVLink is NOT SIGNED: whoever is "
+            "on that network can command the autopilot"
+        )
+    return tuple(lines)
 
 
 def _resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]:

@@ -24,7 +24,7 @@ def load_key(path: Path) -> bytes:
     """
     try:
         with path.open("rb") as file:
-            mode = os.fstat(file.fileno()).st_mode
+            _check_mode(path, os.fstat(file.fileno()).st_mode)
             key = file.read(_MAX_KEY_BYTES).strip()
     except OSError as error:
         raise ConfigError(
@@ -32,17 +32,35 @@ def load_key(path: Path) -> bytes:
             "a file with the secret key",
             f"make one with: dfvs-service command new-key --key-file {path}",
         ) from error
+    if len(key) < MIN_KEY_BYTES:
+        raise ConfigError(
+            f"the key in {path} has {len(key)} bytes", f"at least {MIN_KEY_BYTES} bytes"
+        )
+    return key
+
+
+def check_private(path: Path) -> None:
+    """Check that nobody but its owner may read a file.
+
+    Raises
+    ------
+    ConfigError
+        If others may, or it is not there.
+    """
+    try:
+        mode = path.stat().st_mode
+    except OSError as error:
+        raise ConfigError(f"cannot look at {path} ({error.strerror})", "a file") from error
+    _check_mode(path, mode)
+
+
+def _check_mode(path: Path, mode: int) -> None:
     if stat.S_IMODE(mode) & 0o077:
         raise ConfigError(
             f"the key file {path} has mode {stat.S_IMODE(mode):04o}",
             "0600, so that nobody else can read it",
             f"chmod 600 {path}",
         )
-    if len(key) < MIN_KEY_BYTES:
-        raise ConfigError(
-            f"the key in {path} has {len(key)} bytes", f"at least {MIN_KEY_BYTES} bytes"
-        )
-    return key
 
 
 def create_key(path: Path) -> None:

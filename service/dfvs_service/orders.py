@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import json
 import queue
 import time
@@ -26,7 +27,7 @@ class OrderError(DfvsError):
 def operators_zenoh(service: ZenohSection) -> ZenohSection:
     """Settings with which an operator reaches the service: its router, or the service itself."""
     endpoints = service.connect if service.mode == "client" else service.listen
-    return ZenohSection("client", endpoints, (), service.allow_plaintext)
+    return dataclasses.replace(service, mode="client", connect=endpoints, listen=())
 
 
 def give_order(

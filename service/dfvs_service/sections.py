@@ -13,6 +13,8 @@ from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.goal import Mount
 from dfvs_core.schema import setting
 from dfvs_core.topics import Topics
+from dfvs_core.wire.zenoh_settings import TlsFiles
+from dfvs_service.exposure import is_encrypted, is_private
 
 CameraSource = Literal["dfvs", "ros2-rmw", "ros2-bridge"]
 
@@ -118,35 +120,30 @@ class ZenohSection:
     allow_plaintext: bool = setting(
         False, "true: allow unencrypted connections beyond this machine (anyone may then listen)"
     )
+    tls: TlsFiles | None = None
 
     def __post_init__(self) -> None:
         """Refuse unencrypted endpoints beyond this machine, and a client without a router."""
         if self.mode == "client" and not self.connect:
             raise ConfigError("zenoh.mode = 'client' without zenoh.connect", "a router's endpoint")
-        if self.allow_plaintext:
-            return
         for endpoint in (*self.connect, *self.listen):
-            if not _is_private(endpoint):
+            if self.tls is None and is_encrypted(endpoint):
                 raise ConfigError(
-                    f"zenoh endpoint {endpoint!r} is unencrypted and leaves this machine",
-                    "tls/... or a loopback address",
-                    "set zenoh.allow_plaintext = true to accept that anyone may listen and inject",
+                    f"zenoh endpoint {endpoint!r} without certificates",
+                    "zenoh.tls.ca, zenoh.tls.certificate and zenoh.tls.key",
+                    "deploy/make_certificates.py makes them",
                 )
+        if self.exposed and not self.allow_plaintext:
+            raise ConfigError(
+                f"zenoh endpoint {self.exposed[0]!r} is unencrypted and leaves this machine",
+                "tls/... or a loopback address",
+                "set zenoh.allow_plaintext = true to accept that anyone may listen and inject",
+            )
 
-
-def _is_private(endpoint: str) -> bool:
-    """Tell whether an endpoint is encrypted or stays on this machine."""
-    protocol, _, rest = endpoint.partition("/")
-    if protocol in ("tls", "quic", "unixsock-stream", "unixpipe"):
-        return True
-    address = rest.split("#")[0].split("?")[0]
-    host = address.rsplit(":", 1)[0].strip("[]")
-    return host in ("localhost", "::1") or _is_loopback_v4(host)
-
-
-def _is_loopback_v4(host: str) -> bool:
-    parts = host.split(".")
-    return len(parts) == 4 and parts[0] == "127" and all(part.isdecimal() for part in parts)
+    @property
+    def exposed(self) -> tuple[str, ...]:
+        """Endpoints that are unencrypted and leave this machine."""
+        return tuple(e for e in (*self.connect, *self.listen) if not is_private(e))
 
 
 @dataclass(frozen=True, slots=True)

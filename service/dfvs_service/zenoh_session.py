@@ -2,23 +2,40 @@
 
 from __future__ import annotations
 
+from pathlib import Path
+
 import zenoh
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.wire.zenoh_settings import zenoh_settings
+from dfvs_core.wire.zenoh_settings import Encryption, TlsFiles, zenoh_settings
 from dfvs_service.config import ZenohSection
+from dfvs_service.key_file import check_private
+
+_PEM = b"-----BEGIN "
 
 
-def open_session(config: ZenohSection) -> zenoh.Session:
+def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.Session:
     """Open a session as configured.
+
+    Parameters
+    ----------
+    config : ZenohSection
+        Endpoints and certificates.
+    vehicles : tuple of str
+        Whose roles may do their work over encrypted links to this process.
 
     Raises
     ------
     ConfigError
-        If the router cannot be reached (client) or an endpoint cannot be listened on (peer).
+        If the router cannot be reached (client), an endpoint cannot be listened on (peer), or a
+        certificate's file cannot be used.
     """
+    encryption = None
+    if config.tls is not None:
+        check_files(config.tls)
+        encryption = Encryption(config.tls, vehicles)
     settings = zenoh.Config()
-    for key, value in zenoh_settings(config.mode, config.connect, config.listen):
+    for key, value in zenoh_settings(config.mode, config.connect, config.listen, encryption):
         settings.insert_json5(key, value)
     try:
         return zenoh.open(settings)
@@ -29,3 +46,27 @@ def open_session(config: ZenohSection) -> zenoh.Session:
             "a free listen endpoint, and a running router for mode client",
             "see zenoh.listen and zenoh.connect in the configuration",
         ) from error
+
+
+def check_files(files: TlsFiles) -> None:
+    """Find what is wrong with the certificates' files before Zenoh says it less clearly.
+
+    Raises
+    ------
+    ConfigError
+        If one is not named or cannot be read, or others may read the private key.
+    """
+    for name in ("ca", "certificate", "key"):
+        path = Path(getattr(files, name))
+        try:
+            with path.open("rb") as file:
+                begins = file.read(len(_PEM))
+        except OSError as error:
+            raise ConfigError(
+                f"zenoh.tls.{name} = {str(path)!r} cannot be read ({error.strerror})",
+                "a PEM file",
+                "deploy/make_certificates.py makes them",
+            ) from error
+        if begins != _PEM:
+            raise ConfigError(f"zenoh.tls.{name} = {str(path)!r} is not PEM", _PEM.decode())
+    check_private(Path(files.key))

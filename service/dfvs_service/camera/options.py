@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import dataclasses
 import os
 import re
 import sys
@@ -144,7 +145,7 @@ def cameras_zenoh(service: ZenohSection, connect: str | None) -> ZenohSection:
     endpoints = service.connect if service.mode == "client" else service.listen
     if connect is not None:
         endpoints = (connect,)
-    return ZenohSection(service.mode, endpoints, (), service.allow_plaintext)
+    return dataclasses.replace(service, connect=endpoints, listen=())
 
 
 def open_patiently(section: ZenohSection, stop: threading.Event) -> zenoh.Session | None:

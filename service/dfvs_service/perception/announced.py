@@ -56,7 +56,7 @@ def await_camera(config: ServiceConfig) -> CameraModel | None:
         return None
     intake = make_intake(config, clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii")))
     heard: queue.Queue[CameraModel | DfvsError] = queue.Queue()
-    with open_session(config.zenoh) as session:
+    with open_session(config.zenoh, (config.vehicle.name,)) as session:
         # Closing the session ends the subscription; the reference keeps it until then.
         _subscriber = watch_calibration(session, intake, heard.put)
         try:

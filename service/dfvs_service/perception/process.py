@@ -116,7 +116,7 @@ class PerceptionProcess:
 
     def run(self) -> None:
         """Work until told to stop, or until the service that started this is gone."""
-        with open_session(self._config.zenoh) as session:
+        with open_session(self._config.zenoh, (self._config.vehicle.name,)) as session:
             telemetry = Telemetry(session, self._topics)
             patience_s = _RECORDER_PATIENCE_S if self._config.record.folder else 0.0
             feed = TurnFeed(session, self._topics, patience_s)

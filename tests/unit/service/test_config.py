@@ -206,7 +206,7 @@ def test_intrinsics_without_a_size_are_refused():
     ],
 )
 def test_encrypted_and_local_endpoints_are_accepted(endpoint):
-    load_config(None, {"zenoh.connect": [endpoint]})
+    load_config(None, {"zenoh.connect": [endpoint], "zenoh.tls.ca": "ca.pem"})
 
 
 @pytest.mark.parametrize(

@@ -1,0 +1,275 @@
+#!/usr/bin/env python3
+"""Make an authority, a certificate for each role, and a router's configuration for Zenoh.
+
+By that configuration every role may do its own work and nothing else.
+
+example:
+  python deploy/make_certificates.py --out zenoh --vehicle drone1 --host 192.168.1.10
+
+Everybody gets the folder of its own role and nobody another one. The folder authority belongs on no
+aircraft: whoever has its key can make certificates for any role.
+"""
+
+from __future__ import annotations
+
+import argparse
+import datetime
+import ipaddress
+import json
+import os
+import sys
+from dataclasses import dataclass
+from pathlib import Path
+
+from cryptography import x509
+from cryptography.hazmat.primitives import hashes, serialization
+from cryptography.hazmat.primitives.asymmetric import ec
+from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
+
+from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.topics import Topics
+from dfvs_core.wire.zenoh_access import Role, certificate_name
+from dfvs_core.wire.zenoh_settings import Encryption, TlsFiles, zenoh_settings
+
+EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+_CLOCK_SLACK = datetime.timedelta(hours=1)
+_LOOPBACK = ("localhost", "127.0.0.1")
+
+
+@dataclass(frozen=True, slots=True)
+class Credentials:
+    """A certificate with its private key."""
+
+    certificate: x509.Certificate
+    key: ec.EllipticCurvePrivateKey
+
+
+@dataclass(frozen=True, slots=True)
+class Validity:
+    """From when to when certificates are good."""
+
+    begin: datetime.datetime
+    end: datetime.datetime
+
+    @classmethod
+    def days_from_now(cls, days: int) -> Validity:
+        """Good for so many days, and a little before now for clocks that are behind."""
+        now = datetime.datetime.now(datetime.UTC)
+        return cls(now - _CLOCK_SLACK, now + datetime.timedelta(days=days))
+
+
+def make_authority(name: str, validity: Validity) -> Credentials:
+    """Authority that signs the roles' certificates, and nothing below them."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    usage = x509.KeyUsage(
+        key_cert_sign=True,
+        crl_sign=True,
+        digital_signature=False,
+        content_commitment=False,
+        key_encipherment=False,
+        data_encipherment=False,
+        key_agreement=False,
+        encipher_only=False,
+        decipher_only=False,
+    )
+    certificate = (
+        _builder(subject, subject, key, validity)
+        .add_extension(x509.BasicConstraints(ca=True, path_length=0), critical=True)
+        .add_extension(usage, critical=True)
+        .sign(key, hashes.SHA256())
+    )
+    return Credentials(certificate, key)
+
+
+def make_certificate(
+    authority: Credentials, name: str, hosts: tuple[str, ...], validity: Validity
+) -> Credentials:
+    """Certificate of a role; ``hosts`` are the names and addresses at which it listens."""
+    key = ec.generate_private_key(ec.SECP256R1())
+    subject = x509.Name([x509.NameAttribute(NameOID.COMMON_NAME, name)])
+    usages = [ExtendedKeyUsageOID.CLIENT_AUTH]
+    if hosts:
+        usages.append(ExtendedKeyUsageOID.SERVER_AUTH)
+    builder = (
+        _builder(subject, authority.certificate.subject, key, validity)
+        .add_extension(x509.BasicConstraints(ca=False, path_length=None), critical=True)
+        .add_extension(x509.ExtendedKeyUsage(usages), critical=False)
+        .add_extension(
+            x509.AuthorityKeyIdentifier.from_issuer_public_key(authority.key.public_key()),
+            critical=False,
+        )
+    )
+    names = [x509.DNSName(name), *(_host(host) for host in hosts)]
+    builder = builder.add_extension(x509.SubjectAlternativeName(names), critical=False)
+    return Credentials(builder.sign(authority.key, hashes.SHA256()), key)
+
+
+def _builder(
+    subject: x509.Name, issuer: x509.Name, key: ec.EllipticCurvePrivateKey, validity: Validity
+) -> x509.CertificateBuilder:
+    return (
+        x509.CertificateBuilder()
+        .subject_name(subject)
+        .issuer_name(issuer)
+        .public_key(key.public_key())
+        .serial_number(x509.random_serial_number())
+        .not_valid_before(validity.begin)
+        .not_valid_after(validity.end)
+        .add_extension(x509.SubjectKeyIdentifier.from_public_key(key.public_key()), critical=False)
+    )
+
+
+def _host(text: str) -> x509.GeneralName:
+    try:
+        return x509.IPAddress(ipaddress.ip_address(text))
+    except ValueError:
+        return x509.DNSName(text)
+
+
+def write_new(path: Path, data: bytes, mode: int) -> None:
+    """Write a file that is not there yet, with its final permissions from the first byte on."""
+    descriptor = os.open(path, os.O_WRONLY | os.O_CREAT | os.O_EXCL, mode)
+    with os.fdopen(descriptor, "wb") as file:
+        file.write(data)
+
+
+def write_credentials(folder: Path, credentials: Credentials, authority: Credentials) -> None:
+    """Write ``certificate.pem``, ``key.pem`` (0600) and ``ca.pem`` into a new private folder."""
+    folder.mkdir(mode=0o700)
+    write_new(folder / "certificate.pem", _pem(credentials.certificate), 0o644)
+    write_new(folder / "key.pem", _key_pem(credentials.key), 0o600)
+    write_new(folder / "ca.pem", _pem(authority.certificate), 0o644)
+
+
+def _pem(certificate: x509.Certificate) -> bytes:
+    return certificate.public_bytes(serialization.Encoding.PEM)
+
+
+def _key_pem(key: ec.EllipticCurvePrivateKey) -> bytes:
+    return key.private_bytes(
+        serialization.Encoding.PEM,
+        serialization.PrivateFormat.PKCS8,
+        serialization.NoEncryption(),
+    )
+
+
+def read_authority(folder: Path) -> Credentials:
+    """Authority that an earlier run made.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be read.
+    """
+    try:
+        certificate = x509.load_pem_x509_certificate((folder / "certificate.pem").read_bytes())
+        key = serialization.load_pem_private_key((folder / "key.pem").read_bytes(), None)
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"{folder} holds no authority ({error})") from error
+    if not isinstance(key, ec.EllipticCurvePrivateKey):
+        raise ConfigError(f"{folder / 'key.pem'} is not an elliptic-curve key")
+    return Credentials(certificate, key)
+
+
+def router_document(folder: Path, vehicles: tuple[str, ...], endpoint: str) -> dict[str, object]:
+    """Configuration of a Zenoh router, for ``zenohd -c`` and for ``zenoh.Config.from_file``."""
+    where = folder.absolute()
+    names = ("ca.pem", "certificate.pem", "key.pem")
+    files = TlsFiles(*(str(where / name) for name in names))
+    pairs = zenoh_settings("router", (), (endpoint,), Encryption(files, vehicles))
+    document: dict[str, object] = {}
+    for path, value in pairs:
+        *parents, last = path.split("/")
+        place: dict[str, object] = document
+        for parent in parents:
+            inner = place.setdefault(parent, {})
+            if not isinstance(inner, dict):
+                raise TypeError(f"{path}: {parent} is a value")
+            place = inner
+        place[last] = json.loads(value)
+    return document
+
+
+def main() -> int:
+    """Make the files; one line on standard error where that cannot be."""
+    arguments = _parser().parse_args()
+    try:
+        make_everything(arguments)
+    except (DfvsError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    return EXIT_OK
+
+
+def _parser() -> argparse.ArgumentParser:
+    description, _, example = (__doc__ or "").partition("example:")
+    parser = argparse.ArgumentParser(
+        description=description,
+        epilog=f"example:{example}",
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to")
+    parser.add_argument(
+        "--vehicle", action="append", default=[], metavar="NAME", help="may be repeated"
+    )
+    parser.add_argument(
+        "--host",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="name or address at which router or service is reached; may be repeated",
+    )
+    parser.add_argument("--days", type=int, default=365, help="validity (default: 365)")
+    parser.add_argument(
+        "--listen",
+        default="tls/0.0.0.0:7447",
+        metavar="ENDPOINT",
+        help="where the router listens (default: tls/0.0.0.0:7447)",
+    )
+    return parser
+
+
+def make_everything(arguments: argparse.Namespace) -> None:
+    """Make an authority, unless one is there, and the certificates that are missing.
+
+    Raises
+    ------
+    ConfigError
+        If a name is none, or the authority that is there cannot be read.
+    """
+    out: Path = arguments.out
+    vehicles = tuple(Topics(name).vehicle for name in arguments.vehicle or ["drone1"])
+    if arguments.days < 1:
+        raise ConfigError(f"--days {arguments.days}", "1 or more")
+    validity = Validity.days_from_now(arguments.days)
+    out.mkdir(mode=0o700, parents=True, exist_ok=True)
+    authority = _authority(out / "authority", validity)
+    hosts = tuple(dict.fromkeys((*arguments.host, *_LOOPBACK)))
+    for role in Role:
+        for vehicle in vehicles if role is not Role.ROUTER else vehicles[:1]:
+            name = certificate_name(role, vehicle)
+            if (out / name).exists():
+                print(f"kept  {out / name}")
+                continue
+            listens = hosts if role in (Role.ROUTER, Role.SERVICE) else ()
+            credentials = make_certificate(authority, name, listens, validity)
+            write_credentials(out / name, credentials, authority)
+            print(f"wrote {out / name}")
+    document = router_document(out / "router", vehicles, arguments.listen)
+    path = out / "router" / "router.json5"
+    path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+    print(f"wrote {path}; start the router with: zenohd -c {path}")
+
+
+def _authority(folder: Path, validity: Validity) -> Credentials:
+    if folder.exists():
+        return read_authority(folder)
+    authority = make_authority("DFVS authority", validity)
+    write_credentials(folder, authority, authority)
+    print(f"wrote {folder}; keep it off the aircraft")
+    return authority
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,285 @@
+"""Certificates of the script in deploy/, and real Zenoh: who gets through, and who does not."""
+
+import shutil
+import socket
+import stat
+import subprocess
+import sys
+import time
+from pathlib import Path
+
+import pytest
+import zenoh
+import zenoh.ext
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.topics import Topics
+from dfvs_core.wire.zenoh_access import Role, certificate_name
+from dfvs_service.config import load_config
+from dfvs_service.zenoh_session import open_session
+
+SCRIPT = Path(__file__).parents[3] / "deploy" / "make_certificates.py"
+OURS, OTHER = Topics("drone1"), Topics("drone2")
+KEYS = {
+    "camera": OURS.camera,
+    "calibration": OURS.calibration,
+    "state": OURS.telemetry("state"),
+    "command": OURS.command,
+    "new_goal": OURS.new_goal,
+    "other camera": OTHER.camera,
+    "other command": OTHER.command,
+    "elsewhere": "somewhere/else",
+}
+MAY_SAY = {
+    "service.drone1": {"state"},
+    "camera.drone1": {"camera", "calibration"},
+    "operator.drone1": {"command", "new_goal"},
+    "dashboard.drone1": set(),
+    "recorder.drone1": set(),
+    "camera.drone2": {"other camera"},
+    "operator.drone2": {"other command"},
+    "nobody": set(),
+}
+MAY_HEAR = {
+    "service.drone1": {"camera", "calibration", "command", "new_goal"},
+    "camera.drone1": set(),
+    "operator.drone1": {"state"},
+    "dashboard.drone1": {"state"},
+    "recorder.drone1": {"state", "camera", "calibration"},
+    "camera.drone2": set(),
+    "operator.drone2": set(),
+    "nobody": set(),
+}
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+def make_certificates(folder, *words):
+    command = [sys.executable, str(SCRIPT), "--out", str(folder), *words]
+    return subprocess.run(command, capture_output=True, text=True, check=False)
+
+
+def tls(folder):
+    files = {"ca": "ca.pem", "certificate": "certificate.pem", "key": "key.pem"}
+    return {f"zenoh.tls.{key}": str(folder / name) for key, name in files.items()}
+
+
+def client(endpoint, credentials):
+    settings = {"zenoh.mode": "client", "zenoh.connect": [endpoint], "zenoh.listen": []}
+    return open_session(load_config(None, {**settings, **tls(credentials)}).zenoh)
+
+
+class Hub:
+    """Where the links end, with what reached it and what it says on every key."""
+
+    def __init__(self, session, endpoint, folder, speaker):
+        self.session, self.endpoint, self.folder, self.speaker = session, endpoint, folder, speaker
+        self.heard = []
+        self.subscriber = session.declare_subscriber(
+            "**", lambda s: self.heard.append((s.payload.to_string(), str(s.key_expr)))
+        )
+
+    def heard_from(self, name):
+        return {key for who, key in self.heard if who == name}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("zenoh") / "certificates"
+    endpoint = f"tls/127.0.0.1:{free_port()}"
+    (folder.parent / "endpoint").write_text(endpoint)
+    made = make_certificates(
+        folder, "--vehicle", "drone1", "--vehicle", "drone2", "--listen", endpoint
+    )
+    assert made.returncode == 0, made.stderr
+    return folder
+
+
+def router_hub(folder):
+    """A router, as zenohd would be with the same file."""
+    endpoint = (folder.parent / "endpoint").read_text()
+    configuration = zenoh.Config.from_file(str(folder / "router" / "router.json5"))
+    return Hub(zenoh.open(configuration), endpoint, folder, "service.drone1")
+
+
+def service_hub(folder):
+    """The service itself, where others connect to it directly."""
+    endpoint = f"tls/127.0.0.1:{free_port()}"
+    overrides = {"zenoh.listen": [endpoint], **tls(folder / "service.drone1")}
+    session = open_session(load_config(None, overrides).zenoh, ("drone1", "drone2"))
+    return Hub(session, endpoint, folder, None)
+
+
+@pytest.fixture(scope="module", params=[router_hub, service_hub])
+def hub(request, folder):
+    hub = request.param(folder)
+    yield hub
+    hub.session.close()
+
+
+@pytest.fixture(scope="module")
+def nobody(folder):
+    """A certificate of our own authority with a name that has no role."""
+    place = folder / "nobody"
+    if not place.exists():
+        code = (
+            "import importlib.util, sys, pathlib\n"
+            f"spec = importlib.util.spec_from_file_location('make', {str(SCRIPT)!r})\n"
+            "make = importlib.util.module_from_spec(spec); sys.modules['make'] = make\n"
+            "spec.loader.exec_module(make)\n"
+            f"authority = make.read_authority(pathlib.Path({str(folder / 'authority')!r}))\n"
+            "day = make.Validity.days_from_now(1)\n"
+            "made = make.make_certificate(authority, 'nobody', (), day)\n"
+            f"make.write_credentials(pathlib.Path({str(place)!r}), made, authority)\n"
+        )
+        subprocess.run([sys.executable, "-c", code], check=True)
+    return place
+
+
+def wait_until(condition, seconds=5.0):
+    deadline = time.monotonic() + seconds
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(0.02)
+    return True
+
+
+def test_every_name_may_do_its_roles_work_and_nothing_else(hub, folder, nobody):
+    del nobody
+    names = [name for name in MAY_SAY if hub.speaker or not name.startswith("service")]
+    sessions = {name: client(hub.endpoint, folder / name) for name in names}
+    told = {name: set() for name in names}
+    subscribers = [
+        session.declare_subscriber(
+            key, lambda s, name=name, word=word: told[name].add((word, s.payload.to_string()))
+        )
+        for name, session in sessions.items()
+        for word, key in KEYS.items()
+    ]
+    wildcards = {name: set() for name in names}
+    subscribers += [
+        session.declare_subscriber(
+            "**", lambda s, name=name: wildcards[name].add((str(s.key_expr), s.payload.to_string()))
+        )
+        for name, session in sessions.items()
+    ]
+    allowed = [(name, KEYS[word]) for name in names for word in MAY_SAY[name]]
+
+    def say_everything():
+        for name, session in sessions.items():
+            for key in KEYS.values():
+                session.put(key, name)
+        for key in KEYS.values():
+            hub.session.put(key, "hub")
+
+    def complete():
+        say_everything()
+        time.sleep(0.1)
+        said = all(key in hub.heard_from(name) for name, key in allowed)
+        heard = all((w, "hub") in told[n] for n in names for w in MAY_HEAR[n])
+        return said and heard
+
+    # What is allowed arrives; by then everything else has been said as often.
+    assert wait_until(complete, 10.0)
+    say_everything()
+    time.sleep(0.5)
+    for name in names:
+        assert hub.heard_from(name) == {KEYS[word] for word in MAY_SAY[name]}, name
+        others = {word for word, who in told[name] if who != name}
+        assert others == MAY_HEAR[name], name
+        keys = {key for key, who in wildcards[name] if who != name}
+        assert keys == {KEYS[word] for word in MAY_HEAR[name]}, name
+    assert len(subscribers) == len(names) * (len(KEYS) + 1)
+    for session in sessions.values():
+        session.close()
+
+
+def test_what_is_kept_reaches_a_dashboard_that_joins_late(hub, folder):
+    speaker = client(hub.endpoint, folder / hub.speaker) if hub.speaker else hub.session
+    publisher = zenoh.ext.declare_advanced_publisher(
+        speaker,
+        OURS.telemetry("config"),
+        cache=zenoh.ext.CacheConfig(max_samples=1),
+        publisher_detection=True,
+    )
+    publisher.put("resolved")
+    dashboard = client(hub.endpoint, folder / "dashboard.drone1")
+    heard = []
+    subscriber = zenoh.ext.declare_advanced_subscriber(
+        dashboard,
+        OURS.telemetry("config"),
+        lambda sample: heard.append(sample.payload.to_string()),
+        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+    )
+    assert wait_until(lambda: heard == ["resolved"])
+    subscriber.undeclare()
+    dashboard.close()
+    publisher.undeclare()
+
+
+def test_who_has_no_certificate_of_our_authority_gets_no_link(hub, folder, tmp_path):
+    made = make_certificates(tmp_path / "foreign", "--vehicle", "drone1")
+    assert made.returncode == 0
+    foreign = tmp_path / "foreign" / "camera.drone1"
+    # It trusts our authority and has the right name, but a certificate of its own authority.
+    shutil.copy(folder / "camera.drone1" / "ca.pem", foreign / "ca.pem")
+    with pytest.raises(ConfigError, match="Zenoh cannot be opened"):
+        client(hub.endpoint, foreign)
+    # The other way round: somebody else's server is not believed.
+    shutil.copytree(folder / "camera.drone1", tmp_path / "mine")
+    other = make_certificates(tmp_path / "third", "--vehicle", "drone1")
+    assert other.returncode == 0
+    shutil.copy(tmp_path / "third" / "authority" / "certificate.pem", tmp_path / "mine" / "ca.pem")
+    with pytest.raises(ConfigError, match="Zenoh cannot be opened"):
+        client(hub.endpoint, tmp_path / "mine")
+
+
+def test_plain_connections_and_those_without_a_certificate_get_no_link(hub, folder):
+    address = hub.endpoint.removeprefix("tls/")
+    plain = {"zenoh.mode": "client", "zenoh.connect": [f"tcp/{address}"], "zenoh.listen": []}
+    with pytest.raises(ConfigError, match="Zenoh cannot be opened"):
+        open_session(load_config(None, plain).zenoh)
+    anonymous = zenoh.Config()
+    anonymous.insert_json5("mode", '"client"')
+    anonymous.insert_json5("connect/endpoints", f'["{hub.endpoint}"]')
+    anonymous.insert_json5("scouting/multicast/enabled", "false")
+    ca = folder / "camera.drone1" / "ca.pem"
+    anonymous.insert_json5("transport/link/tls/root_ca_certificate", f'"{ca}"')
+    with pytest.raises(zenoh.ZError):
+        zenoh.open(anonymous)
+
+
+def test_private_keys_are_private_and_every_role_has_its_folder(folder):
+    names = {certificate_name(role, v) for role in Role for v in ("drone1", "drone2")}
+    assert names <= {path.name for path in folder.iterdir()}
+    for key in folder.rglob("key.pem"):
+        assert stat.S_IMODE(key.stat().st_mode) == 0o600
+        assert stat.S_IMODE(key.parent.stat().st_mode) == 0o700
+
+
+def test_a_second_run_keeps_what_is_there_and_adds_what_is_missing(folder):
+    before = (folder / "camera.drone1" / "key.pem").read_bytes()
+    shutil.rmtree(folder / "recorder.drone2")
+    endpoint = (folder.parent / "endpoint").read_text()
+    words = ("--vehicle", "drone1", "--vehicle", "drone2", "--listen", endpoint)
+    assert make_certificates(folder, *words).returncode == 0
+    assert (folder / "camera.drone1" / "key.pem").read_bytes() == before
+    assert (folder / "recorder.drone2" / "key.pem").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [(["--vehicle", "Bad Name"], "vehicle name"), (["--days", "0"], "--days 0")],
+)
+def test_what_cannot_be_made_is_said_in_one_line(tmp_path, words, problem):
+    made = make_certificates(tmp_path / "none", *words)
+    assert made.returncode == 2
+    assert made.stderr.startswith("error: ")
+    assert problem in made.stderr
+    assert len(made.stderr.splitlines()) == 1
+    assert not (tmp_path / "none").exists()

@@ -1,0 +1,102 @@
+import pytest
+
+from dfvs_core.errors import ConfigError
+from dfvs_service.cli import exposure_warnings
+from dfvs_service.config import load_config
+from dfvs_service.exposure import is_private, is_private_mavlink
+from dfvs_service.zenoh_session import check_files
+
+PEM = "-----BEGIN CERTIFICATE-----\n"
+
+
+@pytest.mark.parametrize(
+    ("endpoint", "private"),
+    [
+        ("tcp/127.0.0.1:7447", True),
+        ("tcp/127.8.9.10:7447", True),
+        ("tcp/localhost:7447", True),
+        ("tcp/[::1]:7447", True),
+        ("udp/[::1]:7447?rel=0", True),
+        ("unixsock-stream//run/zenoh", True),
+        ("tls/10.0.0.1:7447", True),
+        ("quic/[fe80::1]:7447", True),
+        ("tcp/0.0.0.0:7447", False),
+        ("tcp/[::]:7447", False),
+        ("tcp/192.168.1.2:7447", False),
+        ("tcp/127.0.0.1.evil.example:7447", False),
+        ("tcp/localhost.evil.example:7447", False),
+        ("ws/10.0.0.1:80", False),
+        ("serial//dev/ttyUSB0", False),
+    ],
+)
+def test_what_stays_on_this_machine_or_is_encrypted_is_private(endpoint, private):
+    assert is_private(endpoint) is private
+
+
+@pytest.mark.parametrize(
+    ("url", "private"),
+    [
+        ("udpin://127.0.0.1:14540", True),
+        ("serial:///dev/ttyACM0:921600", True),
+        ("serial_flowcontrol:///dev/ttyS1:57600", True),
+        ("udpin://0.0.0.0:14540", False),
+        ("udpout://192.168.1.9:14550", False),
+        ("tcpout://10.0.0.1:5760", False),
+    ],
+)
+def test_mavlink_is_private_on_a_serial_line_or_on_loopback(url, private):
+    assert is_private_mavlink(url) is private
+
+
+def test_plain_zenoh_beyond_this_machine_needs_a_loud_yes():
+    overrides = {"zenoh.listen": ["tcp/0.0.0.0:7447"]}
+    with pytest.raises(ConfigError, match="allow_plaintext"):
+        load_config(None, overrides)
+    config = load_config(None, {**overrides, "zenoh.allow_plaintext": True})
+    (line,) = exposure_warnings(config)
+    assert "NOT ENCRYPTED" in line
+    assert "tcp/0.0.0.0:7447" in line
+
+
+def test_mavlink_on_a_network_is_warned_of():
+    (line,) = exposure_warnings(load_config(None, {"vehicle.mavlink": "udpin://0.0.0.0:14540"}))
+    assert "NOT SIGNED" in line
+
+
+def test_the_defaults_expose_nothing():
+    assert exposure_warnings(load_config(None, {})) == ()
+
+
+@pytest.mark.parametrize("key", ["zenoh.listen", "zenoh.connect"])
+def test_an_encrypted_endpoint_needs_certificates(key):
+    with pytest.raises(ConfigError, match="make_certificates"):
+        load_config(None, {key: ["tls/10.0.0.1:7447"]})
+
+
+@pytest.fixture
+def files(tmp_path):
+    for name in ("ca", "certificate", "key"):
+        (tmp_path / name).write_text(PEM)
+        (tmp_path / name).chmod(0o600)
+    settings = {f"zenoh.tls.{n}": str(tmp_path / n) for n in ("ca", "certificate", "key")}
+    return load_config(None, settings).zenoh.tls
+
+
+def test_certificates_that_are_there_pass(files):
+    check_files(files)
+
+
+@pytest.mark.parametrize("name", ["ca", "certificate", "key"])
+def test_a_certificate_file_that_is_missing_or_none_is_named(files, tmp_path, name):
+    (tmp_path / name).write_text("not PEM")
+    with pytest.raises(ConfigError, match=rf"zenoh.tls.{name} = .* is not PEM"):
+        check_files(files)
+    (tmp_path / name).unlink()
+    with pytest.raises(ConfigError, match=rf"zenoh.tls.{name} = .* cannot be read"):
+        check_files(files)
+
+
+def test_a_private_key_that_others_may_read_is_refused(files, tmp_path):
+    (tmp_path / "key").chmod(0o640)
+    with pytest.raises(ConfigError, match="0640"):
+        check_files(files)
