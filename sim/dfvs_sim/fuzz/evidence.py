@@ -56,6 +56,7 @@ class Evidence:
         self.goal: str | None = ""
         """Digest of the goal that reports must be about; None where any will do."""
         self._newest_capture_ns = -1
+        self._engaged_ns = _LONG_AGO
         self._heartbeat_ns = self._attitude_ns = self._position_ns = _LONG_AGO
         self._position_m: tuple[float, ...] = (0.0, 0.0, 0.0)
         self._velocity_m_s: tuple[float, ...] = (0.0, 0.0, 0.0)
@@ -109,7 +110,7 @@ class Evidence:
             case OtherServices():
                 self._rival = bool(event.engaged)
                 self.is_alone = not (event.engaged or event.standing_by)
-            case ForeignSetpoint():
+            case ForeignSetpoint() if t_ns >= self._engaged_ns:
                 self.faults.append("somebody else sent a setpoint")
 
     def _hear_position(self, event: LocalPosition, t_ns: int) -> None:
@@ -142,9 +143,10 @@ class Evidence:
         self.goal = goal
         self.good_capture_ns = None
 
-    def engaged(self) -> None:
-        """Remember where the vehicle is: distance counts from here."""
+    def engaged(self, now_ns: int) -> None:
+        """Remember where the vehicle is, and when: distance and rivals count from here."""
         self.start_m = self._position_m
+        self._engaged_ns = now_ns
 
     @property
     def is_offboard(self) -> bool:

@@ -169,7 +169,7 @@ class InvariantChecker:
         self._confirmed = evidence.is_offboard
         self._awaits_hold = self._handed_over = self._proven = False
         self._offboard_asked = False
-        evidence.engaged()
+        evidence.engaged(now_ns)
 
     def _check_request(self, request: ModeRequest | None, now_ns: int, state: GateState) -> None:
         """I8: OFFBOARD once while engaging, Hold once at an end; there is no word for more."""
