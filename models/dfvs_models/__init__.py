@@ -1,1 +1,4 @@
 """Model bundles: read, verified, and run by ONNX Runtime."""
+
+DEFAULT_MATCHER = "classical"
+"""What the service and the benchmark use where nobody names a matcher."""

@@ -14,6 +14,7 @@ from dfvs_core.goal import Mount
 from dfvs_core.schema import setting
 from dfvs_core.topics import Topics
 from dfvs_core.wire.zenoh_settings import TlsFiles
+from dfvs_models import DEFAULT_MATCHER
 from dfvs_service.exposure import is_encrypted, is_private
 
 CameraSource = Literal["dfvs", "ros2-rmw", "ros2-bridge"]
@@ -150,7 +151,7 @@ class ZenohSection:
 class FlowSection:
     """Where correspondences come from."""
 
-    model: str = setting("classical", "'classical' or the folder of a model bundle")
+    model: str = setting(DEFAULT_MATCHER, "'classical' or the folder of a model bundle")
     threads: int = setting(2, "threads for the network", low=1, high=64)
     provider: str = setting("CPUExecutionProvider", "ONNX Runtime's execution provider")
 

@@ -5,6 +5,7 @@ import json
 
 import numpy as np
 import pytest
+from lucas_kanade_network import write_bundle
 from textured_wall import Wall, exact_flow, inside, texture, turned
 
 from dfvs_core.errors import DfvsError
@@ -42,8 +43,9 @@ def test_the_table_and_the_json_tell_precision_by_level(pairs, tmp_path, capsys)
     table = capsys.readouterr().out
     report = json.loads(out.read_text())
     assert report["bundle"] == "classical"
-    assert list(report["files"]["wall"]) == ["small", "medium", "large"]
-    for level, score in report["files"]["wall"].items():
+    assert list(report["files"]) == ["wall.npz"]
+    assert list(report["files"]["wall.npz"]) == ["small", "medium", "large"]
+    for level, score in report["files"]["wall.npz"].items():
         assert level in table
         assert score["pairs"] == 1
         assert 0.0 < score["epe_px"] < 0.5
@@ -52,24 +54,73 @@ def test_the_table_and_the_json_tell_precision_by_level(pairs, tmp_path, capsys)
     assert report["ms_per_pair"] > report["ms_per_pair_with_guess"] > 0.0
 
 
-def test_what_it_cannot_measure_is_answered_with_what_it_can(pairs):
-    with pytest.raises(DfvsError, match="no matcher 'raft' here; expected one of classical"):
+def test_several_bundles_and_files_make_a_list_of_reports(pairs, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    (tmp_path / "room").mkdir()
+    (tmp_path / "room" / "wall.npz").write_bytes(pairs.read_bytes())
+    (tmp_path / "other.npz").write_bytes(pairs.read_bytes())
+    names = ["classical", str(write_bundle(tmp_path / "bundle"))]
+    files = [pairs, "room/wall.npz", "other.npz"]
+    assert bench(*files, "--bundle", names[0], "--bundle", names[1], "--json", "out.json") == 0
+    reports = json.loads((tmp_path / "out.json").read_text())
+    assert [report["bundle"] for report in reports] == names
+    for report in reports:
+        assert list(report["files"]) == [str(pairs), "room/wall.npz", "other.npz"]
+        first, second, _ = report["files"].values()
+        assert first == second
+
+
+def test_a_bundle_of_another_size_gives_flow_of_the_pictures_size(pairs, tmp_path):
+    """Flow of pictures half as wide that were not scaled back would be off by 2.2 px."""
+    out = tmp_path / "flow.json"
+    bundle = write_bundle(tmp_path / "half")
+    assert bench(pairs, "--bundle", bundle, "--json", out) == 0
+    small = json.loads(out.read_text())["files"]["wall.npz"]["small"]
+    assert small["epe_px"] < 1.0
+    assert small["sure_half_epe_px"] < 0.3
+
+
+def test_what_it_cannot_measure_is_answered_with_what_it_can(pairs, tmp_path):
+    with pytest.raises(DfvsError, match="no model 'raft'; expected 'classical' or the folder"):
         bench(pairs, "--bundle", "raft")
+    with pytest.raises(DfvsError, match="--threads is 0; expected 1 to 64"):
+        bench(pairs, "--threads", "0")
+    with pytest.raises(DfvsError, match="lies in no folder"):
+        bench(pairs, "--json", tmp_path / "none" / "flow.json")
 
 
 def test_files_that_are_no_pairs_are_refused(tmp_path, pairs):
     (tmp_path / "text.npz").write_text("hello")
+    (tmp_path / "cut.npz").write_bytes(pairs.read_bytes()[:-2000])
+    np.save(tmp_path / "single.npy", np.zeros(3))
+    (tmp_path / "single.npy").rename(tmp_path / "single.npz")
     np.savez(tmp_path / "other.npz", IA=np.zeros(3))
     with np.load(pairs) as good:
         arrays = dict(good)
-    np.savez(tmp_path / "level.npz", **(arrays | {"level": np.array([0, 1, 7])}))
-    np.savez(tmp_path / "shape.npz", **(arrays | {"vis": np.ones((3, 5, 5), bool)}))
+    blind = arrays["vis"].copy()
+    blind[1] = False
+    endless = arrays["flow"].copy()
+    endless[0, 50, 50] = np.nan
+    changed = {
+        "level": {"level": np.array([0, 1, 7])},
+        "shape": {"vis": np.ones((3, 5, 5), bool)},
+        "flat": {"IA": np.zeros(3, np.uint8)},
+        "floats": {"IB": arrays["IB"].astype(np.float32)},
+        "pickled": {"level": np.array([0, 1, None])},
+        "blind": {"vis": blind},
+        "endless": {"flow": endless, "vis": np.ones_like(blind)},
+    }
+    for name, change in changed.items():
+        np.savez(tmp_path / f"{name}.npz", **(arrays | change))
     for name, message in {
-        "absent": "cannot be read",
-        "text": "cannot be read",
-        "other": "cannot be read",
+        **dict.fromkeys(("absent", "text", "cut", "single", "other"), "cannot be read"),
+        "pickled": "cannot be read",
         "level": "levels 0, 1, 2",
         "shape": "vis in .* has the shape",
+        "flat": "IA in .* has the shape",
+        "floats": "IB in .* is float32",
+        "blind": "pair 1 in .* has no pixel",
+        "endless": "flow in .* is not finite",
     }.items():
         with pytest.raises(DfvsError, match=message):
             bench(tmp_path / f"{name}.npz")

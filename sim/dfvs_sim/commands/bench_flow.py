@@ -1,53 +1,69 @@
-"""``dfvs-bench flow``: how precise a matcher is on pairs with exact flow, and how honest."""
+"""``dfvs-bench flow``: how precise correspondences are, and whether their confidence is honest."""
 
 from __future__ import annotations
 
 import argparse
 import json
+import sys
 import time
-import zipfile
-from dataclasses import asdict, dataclass
+from collections.abc import Iterable
+from dataclasses import asdict, dataclass, field
 from pathlib import Path
 from typing import Any
 
-import cv2
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
-from dfvs_core.errors import ImageError, ModelError
-from dfvs_core.matching.classical import ClassicalMatcher
+from dfvs_core.errors import ConfigError
 from dfvs_core.matching.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
 from dfvs_core.matching.matcher import Matcher
+from dfvs_models import DEFAULT_MATCHER
+from dfvs_models.catalog import load_matcher
+from dfvs_sim.pairs.evaluation_file import FlowPairs, read_flow_pairs
 
-_EPILOG = """example:
-  dfvs-bench flow pairs.npz --bundle classical --json flow.json
+_EPILOG = """examples:
+  dfvs-bench flow pairs.npz --json flow.json
+  dfvs-bench flow room_a.npz room_b.npz --bundle classical dfvs-flow alone:./my-bundle
 
 A pairs file holds IA, IB (N,H,W,3) uint8 RGB, flow (N,H,W,2) px from A to B on A's grid,
-vis (N,H,W) bool: seen in both, and level (N,) 0 small, 1 medium, 2 large.
+vis (N,H,W) bool: seen in both, and level (N,) 0 small, 1 medium, 2 large (dfvs-sim pairs
+makes such files). A bundle whose pictures have another size gets them resized, and its flow
+is resized back.
+
+The JSON is {bundle, files: {NAME: {small|medium|large: {epe_px, under_3px, pairs, ...}}},
+ms_per_pair, ...}, or a list of these where several bundles are measured.
 """
-_MATCHERS = {"classical": ClassicalMatcher}
 _WARM_UP = 2
+_GUESS_EVERY = 3
 _COLUMNS = "level    pairs   EPE px  <3 px   half px  correlation  sure  wrong  failed but sure"
 
 
-@dataclass(frozen=True, slots=True)
-class FlowPairs:
-    """Picture pairs with exact flow, as in a pairs file; see ``dfvs-bench flow --help``."""
-
-    current: ImageArray
-    other: ImageArray
-    flow: Float32Array
-    visible: BoolArray
-    level: np.ndarray[Any, np.dtype[np.int64]]
-
-
-@dataclass(frozen=True, slots=True)
+@dataclass(slots=True)
 class Measured:
-    """Scores by level, and the time of a match in ms without and with a guess."""
+    """Scores of a matcher by file and level, and the time of a match in ms.
 
-    levels: dict[str, LevelScore]
-    cold_ms: list[float]
-    warm_ms: list[float]
+    Parameters
+    ----------
+    files : dict
+        Scores by name of the file and level.
+    cold_ms, warm_ms : list of float
+        Preparing and matching two pictures; matching again with the flow found as the guess.
+    """
+
+    files: dict[str, dict[str, LevelScore]] = field(default_factory=dict)
+    cold_ms: list[float] = field(default_factory=list)
+    warm_ms: list[float] = field(default_factory=list)
+
+    def report(self, bundle: str) -> dict[str, Any]:
+        """Everything as JSON holds it."""
+        return {
+            "bundle": bundle,
+            "files": {
+                name: {level: asdict(score) for level, score in levels.items()}
+                for name, levels in self.files.items()
+            },
+            "ms_per_pair": float(np.mean(self.cold_ms)),
+            "ms_per_pair_with_guess": float(np.mean(self.warm_ms)),
+        }
 
 
 def add_parser(subparsers: Any) -> None:
@@ -62,106 +78,95 @@ def add_parser(subparsers: Any) -> None:
     )
     add = parser.add_argument
     add("pairs", type=Path, nargs="+", metavar="PAIRS.npz")
-    add("--bundle", default="classical", help="matcher to measure (default: classical)")
-    add("--threads", type=int, default=2, help="threads for OpenCV (default: 2)")
+    add(
+        "--bundle",
+        nargs="+",
+        action="extend",
+        metavar="NAME",
+        help="'classical', a bundle's folder or name, or 'hybrid:' or 'alone:' and a bundle; "
+        f"several are measured one after the other (default: {DEFAULT_MATCHER})",
+    )
+    add("--threads", type=int, default=2, help="threads for the network and OpenCV (default: 2)")
     add("--json", type=Path, metavar="FILE", help="write the figures as JSON, too")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Measure, print, and write; exit code 0."""
-    if args.bundle not in _MATCHERS:
-        raise ModelError(f"no matcher {args.bundle!r} here", f"one of {', '.join(_MATCHERS)}")
-    cv2.setNumThreads(args.threads)
-    matcher = _MATCHERS[args.bundle]()
-    measured = {path.stem: measure(matcher, load_pairs(path)) for path in args.pairs}
-    for name, result in measured.items():
-        _print_table(name, result)
-    cold = [ms for result in measured.values() for ms in result.cold_ms]
-    warm = [ms for result in measured.values() for ms in result.warm_ms]
-    print(f"\nms a pair: {np.mean(cold):.1f} cold, {np.mean(warm):.1f} with a guess")
-    if args.json is not None:
-        report = {
-            "bundle": args.bundle,
-            "files": {
-                name: {level: asdict(score) for level, score in result.levels.items()}
-                for name, result in measured.items()
-            },
-            "ms_per_pair": float(np.mean(cold)),
-            "ms_per_pair_with_guess": float(np.mean(warm)),
-        }
-        args.json.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-    return 0
-
-
-def load_pairs(path: Path) -> FlowPairs:
-    """Read a pairs file.
+    """Measure, print, and write; exit code 0.
 
     Raises
     ------
-    ImageError
-        If it cannot be read, lacks an array, or its arrays do not fit each other.
+    DfvsError
+        If a bundle or a pairs file cannot be used, or the JSON file not be written.
     """
-    try:
-        with np.load(path, allow_pickle=False) as data:
-            arrays = {name: data[name] for name in ("IA", "IB", "flow", "vis", "level")}
-    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
-        raise ImageError(
-            f"pairs file {str(path)!r} cannot be read ({error})",
-            "an .npz with IA, IB, flow, vis and level",
-        ) from error
-    count, height, width = arrays["IA"].shape[:3]
-    expected = {
-        "IA": (count, height, width, 3),
-        "IB": (count, height, width, 3),
-        "flow": (count, height, width, 2),
-        "vis": (count, height, width),
-        "level": (count,),
-    }
-    for name, shape in expected.items():
-        if arrays[name].shape != shape:
-            raise ImageError(
-                f"{name} in {str(path)!r} has the shape {arrays[name].shape}", str(shape)
-            )
-    if count == 0 or not np.isin(arrays["level"], range(len(LEVELS))).all():
-        raise ImageError(f"{str(path)!r} holds {count} pairs or an unknown level", "levels 0, 1, 2")
-    return FlowPairs(
-        arrays["IA"],
-        arrays["IB"],
-        arrays["flow"].astype(np.float32),
-        arrays["vis"].astype(np.bool_),
-        arrays["level"].astype(np.int64),
-    )
+    if not 1 <= args.threads <= 64:
+        raise ConfigError(f"--threads is {args.threads}", "1 to 64")
+    if args.json is not None and not args.json.absolute().parent.is_dir():
+        raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
+    bundles = list(dict.fromkeys(args.bundle or [DEFAULT_MATCHER]))
+    matchers = {name: load_matcher(name, args.threads) for name in bundles}
+    measured = {name: Measured() for name in bundles}
+    for label, path in _labels(args.pairs).items():
+        pairs = read_flow_pairs(path)
+        for name, matcher in matchers.items():
+            _progress(f"{label}: {name} ")
+            measure(matcher, pairs, label, measured[name])
+    _progress("")
+    for name, result in measured.items():
+        _print_tables(name, result)
+    if args.json is not None:
+        reports = [result.report(name) for name, result in measured.items()]
+        _write(args.json, reports[0] if len(reports) == 1 else reports)
+    return 0
 
 
-def measure(matcher: Matcher, pairs: FlowPairs) -> Measured:
-    """Match every pair without a guess, then again with the flow found as the guess."""
+def _labels(paths: Iterable[Path]) -> dict[str, Path]:
+    """Files by their names; those that share a name, by their paths."""
+    paths = list(dict.fromkeys(paths))
+    names = [path.name for path in paths]
+    return {path.name if names.count(path.name) == 1 else str(path): path for path in paths}
+
+
+def measure(matcher: Matcher, pairs: FlowPairs, label: str, result: Measured) -> None:
+    """Match every pair, every third also with a guess, and add what came of it to a result."""
     scores: dict[str, list[PairScore]] = {}
-    cold_ms: list[float] = []
-    warm_ms: list[float] = []
     for k in range(-min(_WARM_UP, len(pairs.level)), len(pairs.level)):
         started = time.perf_counter()
         current = matcher.prepare(pairs.current[k])
         other = matcher.prepare(pairs.other[k])
-        field = matcher.match(current, other)
+        flow = matcher.match(current, other)
         matched = time.perf_counter()
-        matcher.match(current, other, field)
-        tracked = time.perf_counter()
         if k < 0:
             continue
-        cold_ms.append(1e3 * (matched - started))
-        warm_ms.append(1e3 * (tracked - matched))
+        result.cold_ms.append(1e3 * (matched - started))
+        if k % _GUESS_EVERY == 0:
+            matched = time.perf_counter()
+            matcher.match(current, other, flow)
+            result.warm_ms.append(1e3 * (time.perf_counter() - matched))
         level = LEVELS[int(pairs.level[k])]
-        scores.setdefault(level, []).append(score_pair(field, pairs.flow[k], pairs.visible[k]))
-    levels = {level: summarise(scores[level]) for level in LEVELS if level in scores}
-    return Measured(levels, cold_ms, warm_ms)
+        scores.setdefault(level, []).append(score_pair(flow, pairs.flow[k], pairs.visible[k]))
+    result.files[label] = {level: summarise(scores[level]) for level in LEVELS if level in scores}
 
 
-def _print_table(name: str, result: Measured) -> None:
-    print(f"\n{name}\n{_COLUMNS}")
-    for level, s in result.levels.items():
-        print(
-            f"{level:<8} {s.pairs:>5}  {s.epe_px:>7.2f}  {s.under_3px:>5.1%}  "
-            f"{s.sure_half_epe_px:>7.2f}  {s.confidence_correlation:>11.2f}  "
-            f"{s.sure_share:>4.0%}  {s.sure_wrong:>5.1%}  {s.failed_but_sure:>5}"
-        )
+def _write(path: Path, report: Any) -> None:
+    try:
+        path.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
+    except OSError as error:
+        raise ConfigError(f"{path} cannot be written ({error})", "a writable file") from error
+
+
+def _progress(text: str) -> None:
+    print(f"\r{text:<60}", end="" if text else "\r", file=sys.stderr, flush=True)
+
+
+def _print_tables(bundle: str, result: Measured) -> None:
+    for name, levels in result.files.items():
+        print(f"\n{bundle} on {name}\n{_COLUMNS}")
+        for level, s in levels.items():
+            print(
+                f"{level:<8} {s.pairs:>5}  {s.epe_px:>7.2f}  {s.under_3px:>5.1%}  "
+                f"{s.sure_half_epe_px:>7.2f}  {s.confidence_correlation:>11.2f}  "
+                f"{s.sure_share:>4.0%}  {s.sure_wrong:>5.1%}  {s.failed_but_sure:>5}"
+            )
+    cold, warm = np.mean(result.cold_ms), np.mean(result.warm_ms)
+    print(f"{bundle}: {cold:.1f} ms a pair, {warm:.1f} with a guess")

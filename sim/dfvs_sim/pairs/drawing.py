@@ -45,7 +45,7 @@ class Rules:
 
 
 TRAINING_RULES = Rules((0.2, 0.12), 0.35, 0.12)
-EVALUATION_RULES = Rules((0.3, 0.25), 1.0, 0.20)
+EVALUATION_RULES = Rules((0.3, 0.25), 1.1, 0.35)
 
 
 @dataclass(frozen=True, slots=True, eq=False)

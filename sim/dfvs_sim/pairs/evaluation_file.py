@@ -1,0 +1,102 @@
+"""Reading evaluation files: picture pairs with exact flow (``dfvs_core.pair_files``)."""
+
+from __future__ import annotations
+
+import zipfile
+import zlib
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+from numpy.typing import NDArray
+
+from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
+from dfvs_core.errors import ImageError
+from dfvs_core.matching.evaluation import LEVELS
+from dfvs_core.pair_files import EVALUATION_ARRAYS
+from dfvs_sim.pairs.files import Arrays
+
+_EXPECTED = f"an .npz with {', '.join(EVALUATION_ARRAYS)}"
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class FlowPairs:
+    """Picture pairs with exact flow.
+
+    Parameters
+    ----------
+    current, other : (N, H, W, 3) uint8
+        The two pictures, RGB.
+    flow : (N, H, W, 2) float32
+        px, from ``current`` to ``other``, on the grid of ``current``.
+    visible : (N, H, W) bool
+        Seen in both.
+    level : (N,) int64
+        Index into ``dfvs_core.matching.evaluation.LEVELS``.
+    """
+
+    current: ImageArray
+    other: ImageArray
+    flow: Float32Array
+    visible: BoolArray
+    level: NDArray[np.int64]
+
+
+def read_flow_pairs(path: Path) -> FlowPairs:
+    """Read an evaluation file.
+
+    Raises
+    ------
+    ImageError
+        If it cannot be read, lacks an array, or its arrays do not fit each other.
+    """
+    arrays = _read(path)
+    _check_shapes(path, arrays)
+    pairs = FlowPairs(
+        arrays["IA"],
+        arrays["IB"],
+        arrays["flow"].astype(np.float32),
+        arrays["vis"].astype(np.bool_),
+        arrays["level"].astype(np.int64),
+    )
+    _check_values(path, pairs)
+    return pairs
+
+
+def _read(path: Path) -> Arrays:
+    try:
+        with zipfile.ZipFile(path), np.load(path, allow_pickle=False) as data:
+            return {name: data[name] for name in EVALUATION_ARRAYS}
+    except (OSError, ValueError, KeyError, EOFError, zlib.error, zipfile.BadZipFile) as error:
+        raise ImageError(f"pairs file {str(path)!r} cannot be read ({error})", _EXPECTED) from error
+
+
+def _check_shapes(path: Path, arrays: Arrays) -> None:
+    if arrays["IA"].ndim != 4:
+        raise ImageError(f"IA in {str(path)!r} has the shape {arrays['IA'].shape}", "(N, H, W, 3)")
+    count, height, width = arrays["IA"].shape[:3]
+    expected = {
+        "IA": ((count, height, width, 3), "u"),
+        "IB": ((count, height, width, 3), "u"),
+        "flow": ((count, height, width, 2), "f"),
+        "vis": ((count, height, width), "bu"),
+        "level": ((count,), "iu"),
+    }
+    for name, (shape, kinds) in expected.items():
+        array = arrays[name]
+        if array.shape != shape:
+            raise ImageError(f"{name} in {str(path)!r} has the shape {array.shape}", str(shape))
+        if array.dtype.kind not in kinds or (name in ("IA", "IB") and array.dtype != np.uint8):
+            raise ImageError(f"{name} in {str(path)!r} is {array.dtype}", _EXPECTED)
+
+
+def _check_values(path: Path, pairs: FlowPairs) -> None:
+    if len(pairs.level) == 0 or not np.isin(pairs.level, range(len(LEVELS))).all():
+        raise ImageError(
+            f"{str(path)!r} holds {len(pairs.level)} pairs or an unknown level", "levels 0, 1, 2"
+        )
+    blind = np.flatnonzero(~pairs.visible.any(axis=(1, 2)))
+    if len(blind):
+        raise ImageError(f"pair {blind[0]} in {str(path)!r} has no pixel that is seen in both")
+    if not np.isfinite(pairs.flow[pairs.visible]).all():
+        raise ImageError(f"flow in {str(path)!r} is not finite where it is visible", "flow in px")
