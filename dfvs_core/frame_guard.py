@@ -1,4 +1,7 @@
-"""Which frames may be looked at at all: age, order, size, frozen and featureless pictures."""
+"""Which frames may be looked at at all: age, order, size, frozen and featureless pictures.
+
+``admit`` takes a frame from the network through all of it, from bytes to pixels.
+"""
 
 from __future__ import annotations
 
@@ -9,7 +12,8 @@ import numpy as np
 
 from dfvs_core.arrays import ImageArray
 from dfvs_core.camera import CameraModel
-from dfvs_core.wire.frame import FrameHeader
+from dfvs_core.errors import DfvsError
+from dfvs_core.wire.frame import Frame, FrameHeader, decode_frame, decode_header
 
 MAX_AGE_NS = 250_000_000
 MAX_AHEAD_NS = 20_000_000
@@ -38,6 +42,59 @@ class GuardState:
     t_capture_ns: int = -1
     checksum: int = -1
     repeats: int = 0
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What every frame must fit: the camera's size, and the identity of our own clock."""
+
+    camera: CameraModel
+    clock: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Admission:
+    """What became of a frame's bytes: the frame, or the reason why there is none.
+
+    ``seq`` and ``t_capture_ns`` are 0 where not even the header could be read; ``state`` is the
+    memory for the next frame.
+    """
+
+    state: GuardState
+    frame: Frame | None = None
+    reason: str = ""
+    seq: int = 0
+    t_capture_ns: int = 0
+
+
+def admit(
+    state: GuardState, payload: bytes, attachment: bytes, expected: Expected, now_ns: int
+) -> Admission:
+    """Judge a frame and decode it; nothing is decoded before its header was found right.
+
+    Parameters
+    ----------
+    state : GuardState
+        Memory from the frame before.
+    payload, attachment : bytes
+        The frame as it came from the network: whoever sent it, it does no harm.
+    expected : Expected
+        What it must fit.
+    now_ns : int
+        Monotonic time.
+    """
+    try:
+        header = decode_header(attachment)
+        fault, after = check_header(state, header, expected.camera, now_ns, expected.clock)
+        if fault is not None:
+            return Admission(after, None, fault.value, header.seq, header.t_capture_ns)
+        frame = decode_frame(payload, header)
+    except DfvsError as error:
+        return Admission(state, None, f"the frame cannot be read: {error}")
+    fault = check_picture(frame.image)
+    if fault is not None:
+        return Admission(after, None, fault.value, frame.seq, frame.t_capture_ns)
+    return Admission(after, frame, "", frame.seq, frame.t_capture_ns)
 
 
 def check_header(

@@ -2,8 +2,15 @@ import numpy as np
 import pytest
 
 from dfvs_core.camera import CameraModel
-from dfvs_core.frame_guard import FrameFault, GuardState, check_header, check_picture
-from dfvs_core.wire.frame import FrameHeader, PixelFormat
+from dfvs_core.frame_guard import (
+    Expected,
+    FrameFault,
+    GuardState,
+    admit,
+    check_header,
+    check_picture,
+)
+from dfvs_core.wire.frame import Frame, FrameHeader, PixelFormat, encode_frame
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
 MS = 1_000_000
@@ -62,3 +69,39 @@ def test_pictures_are_judged_by_their_brightness(rng):
     assert check_picture(flat(255)) is FrameFault.BRIGHT
     assert check_picture(flat(100)) is FrameFault.FLAT
     assert check_picture(rng.integers(60, 180, (240, 320, 3)).astype(np.uint8)) is None
+
+
+def sent(rng, t_ms=9_990, damage=lambda payload, attachment: (payload, attachment), level=None):
+    image = rng.integers(0, 255, (240, 320, 3)).astype(np.uint8)
+    image = image if level is None else np.full_like(image, level)
+    message = damage(*encode_frame(Frame(image, t_ms * MS, 7), PixelFormat.PNG, CLOCK))
+    return image, admit(GuardState(), *message, Expected(CAMERA, CLOCK), NOW)
+
+
+def test_a_good_frame_is_admitted_and_remembered(rng):
+    image, came = sent(rng)
+    np.testing.assert_array_equal(came.frame.image, image)
+    assert (came.seq, came.t_capture_ns, came.reason) == (7, 9_990 * MS, "")
+    assert came.state.t_capture_ns == 9_990 * MS
+
+
+@pytest.mark.parametrize(
+    ("damage", "words"),
+    [
+        (lambda payload, attachment: (payload, b""), "attachment of 0 bytes"),
+        (lambda payload, attachment: (payload[:-1], attachment), "checksum"),
+    ],
+)
+def test_a_frame_that_cannot_be_read_is_refused_and_forgotten(rng, damage, words):
+    """Else a broken frame with a later stamp would keep good ones out."""
+    _, came = sent(rng, damage=damage)
+    assert came.frame is None
+    assert words in came.reason
+    assert came.state == GuardState()
+
+
+def test_a_frame_refused_for_its_header_or_brightness_says_which_one_it_was(rng):
+    for _, came in (sent(rng, t_ms=9_000), sent(rng, level=0)):
+        assert came.frame is None
+        assert came.seq == 7
+        assert came.reason

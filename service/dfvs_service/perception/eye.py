@@ -6,11 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dfvs_core.camera import CameraModel
-from dfvs_core.errors import DfvsError
-from dfvs_core.frame_guard import GuardState, check_header, check_picture
+from dfvs_core.frame_guard import Expected, GuardState, admit
 from dfvs_core.pipeline import UNKNOWN_ERROR, FrameOutcome, Pipeline
 from dfvs_core.vehicle_history import VehicleHistory
-from dfvs_core.wire.frame import Frame, decode_frame, decode_header
+from dfvs_core.wire.frame import Frame
 from dfvs_core.wire.link import GateStatus, PerceptionReport
 
 ENGAGED_STATES = frozenset({"SERVO"})
@@ -57,9 +56,8 @@ class Eye:
     def __init__(
         self, camera: CameraModel, pipeline: Pipeline, clock: bytes, tick: Callable[[], int]
     ) -> None:
-        self._camera = camera
+        self._expected = Expected(camera, clock)
         self._pipeline = pipeline
-        self._clock = clock
         self._tick = tick
         self._guard = GuardState()
         self._history = VehicleHistory()
@@ -75,19 +73,10 @@ class Eye:
     def look(self, sample: RawSample) -> Glance:
         """Work on one sample; whatever is wrong with it becomes the report's reason."""
         t_start = self._tick()
-        try:
-            header = decode_header(sample.attachment)
-            fault, self._guard = check_header(
-                self._guard, header, self._camera, t_start, self._clock
-            )
-            if fault is not None:
-                return self._refuse(t_start, header.seq, header.t_capture_ns, fault.value)
-            frame = decode_frame(sample.payload, header)
-        except DfvsError as error:
-            return self._refuse(t_start, 0, 0, f"the frame cannot be read: {error}")
-        fault = check_picture(frame.image)
-        if fault is not None:
-            return self._refuse(t_start, frame.seq, frame.t_capture_ns, fault.value)
+        came = admit(self._guard, sample.payload, sample.attachment, self._expected, t_start)
+        self._guard, frame = came.state, came.frame
+        if frame is None:
+            return self._refuse(t_start, came.seq, came.t_capture_ns, came.reason)
         motion = self._history.at(frame.t_capture_ns)
         if motion is None:
             reason = "the vehicle's attitude at capture is not known"
