@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 
@@ -95,6 +95,38 @@ class Pipeline:
         self._last_flow: FlowField | None = None
         self._depth_m = task.config.constant_depth_m
         self._digested_ns = 0
+        self._last_inputs: ServoInputs | None = None
+
+    def prepare(self, goal: Goal) -> Prepared:
+        """Compute once what depends on another goal's picture alone."""
+        return self._matcher.prepare(goal.image)
+
+    def aim(self, task: ServoTask, goal: Prepared) -> None:
+        """Go on to another goal; what was learnt of depth, and of the way so far, stays.
+
+        Parameters
+        ----------
+        task : ServoTask
+            For that goal: the same camera and mounting.
+        goal : Prepared
+            Of :meth:`prepare`.
+        """
+        self._task = task
+        self._goal = goal
+        self._state = ServoState(depth=self._state.depth, depth_map=self._state.depth_map)
+        self._last_flow = None
+
+    def glimpse(self, task: ServoTask, goal: Prepared) -> ServoResult | None:
+        """What the last frame says about another goal, None before the first one.
+
+        Nothing of it is remembered: the frames to come give the same results without it.
+        """
+        if self._last_inputs is None or not self._kept:
+            return None
+        flow = self._matcher.match(self._kept[-1].prepared, goal)
+        inputs = replace(self._last_inputs, flow=flow, earlier=None, engaged=False)
+        state = ServoState(depth=self._state.depth, depth_map=self._state.depth_map)
+        return servo_step(task, state, inputs)[0]
 
     def process(self, frame: Frame, motion: Motion, engaged: bool) -> FrameOutcome:
         """Work on one frame.
@@ -127,6 +159,7 @@ class Pipeline:
             earlier=earlier,
             engaged=engaged,
         )
+        self._last_inputs = inputs
         result, self._state = servo_step(self._task, self._state, inputs)
         marks.append(self._tick())
         self._remember(frame, prepared, T_world_camera, flow, result)

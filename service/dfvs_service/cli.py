@@ -20,7 +20,13 @@ from dfvs_service.config import ServiceConfig
 from dfvs_service.config_text import toml_text
 from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine
 from dfvs_service.exposure import is_private_mavlink
-from dfvs_service.goal_file import checked_goal, goal_order, read_picture, read_sidecar
+from dfvs_service.goal_file import (
+    checked_goal,
+    goal_order,
+    read_picture,
+    read_sidecar,
+    route_pictures,
+)
 from dfvs_service.key_file import create_key, load_key
 from dfvs_service.parent import Programs, fly, furnish
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
@@ -116,7 +122,14 @@ def _flight_parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    parser.add_argument("--goal", type=Path, required=True, metavar="PICTURE", help="PNG or JPEG")
+    parser.add_argument(
+        "--goal",
+        type=Path,
+        nargs="+",
+        required=True,
+        metavar="PICTURE",
+        help="PNG or JPEG; several, or a folder of them, are flown to one after the other",
+    )
     add_settings_options(parser)
     parser.add_argument(
         "--engage",
@@ -160,14 +173,16 @@ def _fly(words: Sequence[str]) -> int:
             "record.folder": None if arguments.record is None else str(arguments.record.absolute()),
         },
     )
-    config, goal = _resolve(config, arguments.goal)
+    first, *others = route_pictures(arguments.goal)
+    config, goal = _resolve(config, first)
+    later = [_later_goal(config, picture) for picture in others]
     _check_model(config)
     if config.gate.command_key_file:
         load_key(Path(config.gate.command_key_file))
     for line in exposure_warnings(config):
         print(f"warning: {line}", file=sys.stderr)
     with _runtime(arguments.runtime_dir) as runtime:
-        furnish(runtime, config, goal)
+        furnish(runtime, config, goal, later)
         return fly(runtime, _programs(config), _display(runtime, as_json=arguments.json_log))
 
 
@@ -195,6 +210,19 @@ def _resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]
     if sidecar is None:
         sidecar = GoalSidecar(camera, mount=config.camera.mount or Mount())
     return config, checked_goal(picture, image, sidecar)
+
+
+def _later_goal(config: ServiceConfig, picture: Path) -> Goal:
+    """Goal that follows the first one, checked against the camera of the settings."""
+    _, goal = _resolve(config, picture)
+    flown = config.camera.model()
+    if flown is not None and goal.sidecar.camera.size != flown.size:
+        raise ConfigError(
+            f"the goal picture {picture} is of a camera of {goal.sidecar.camera.width} x "
+            f"{goal.sidecar.camera.height} px",
+            f"{flown.width} x {flown.height} px, as the goals before it",
+        )
+    return goal
 
 
 def _with_announced(config: ServiceConfig, sidecar: GoalSidecar | None) -> ServiceConfig:

@@ -24,6 +24,7 @@ from dfvs_service.sections import (
     GateSection,
     LimitsSection,
     RecordSection,
+    RouteSection,
     TelemetrySection,
     VehicleSection,
     ZenohSection,
@@ -35,6 +36,7 @@ __all__ = [
     "GateSection",
     "LimitsSection",
     "RecordSection",
+    "RouteSection",
     "ServiceConfig",
     "TelemetrySection",
     "VehicleSection",
@@ -56,6 +58,7 @@ class ServiceConfig:
     servo: ServoConfig = field(default_factory=ServoConfig)
     limits: LimitsSection = field(default_factory=LimitsSection)
     gate: GateSection = field(default_factory=GateSection)
+    route: RouteSection = field(default_factory=RouteSection)
     telemetry: TelemetrySection = field(default_factory=TelemetrySection)
     record: RecordSection = field(default_factory=RecordSection)
 

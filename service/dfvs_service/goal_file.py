@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_core.arrays import ImageArray
@@ -9,6 +10,7 @@ from dfvs_core.errors import ConfigError, DfvsError, ImageError
 from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.wire.goal_order import GoalOrder
 from dfvs_core.wire.picture import MAX_PICTURE_BYTES, decode_picture
+from dfvs_service.runtime import RuntimeFolder
 
 
 def read_picture(path: Path) -> ImageArray:
@@ -67,6 +69,38 @@ def load_goal(picture: Path) -> Goal:
     if sidecar is None:
         raise ConfigError(f"{picture} has no sidecar", f"{picture.with_suffix('.json')}")
     return checked_goal(picture, read_picture(picture), sidecar)
+
+
+def load_goals(runtime: RuntimeFolder) -> list[Goal]:
+    """Goal of a runtime folder, and those that follow it.
+
+    Raises
+    ------
+    DfvsError
+        If one of them cannot be used.
+    """
+    return [load_goal(picture) for picture in (runtime.goal_picture, *runtime.later_goals())]
+
+
+def route_pictures(places: Sequence[Path]) -> list[Path]:
+    """Pictures of a route: those that are named, and in place of a folder those in it, by name.
+
+    Raises
+    ------
+    ImageError
+        If a folder holds none.
+    """
+    pictures: list[Path] = []
+    for place in places:
+        inside = sorted(p for p in place.iterdir() if _is_picture(p)) if place.is_dir() else [place]
+        if not inside:
+            raise ImageError(f"the route folder {place} is empty", "PNG or JPEG files")
+        pictures += inside
+    return pictures
+
+
+def _is_picture(path: Path) -> bool:
+    return path.suffix.lower() in (".png", ".jpg", ".jpeg")
 
 
 def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:

@@ -14,6 +14,7 @@ import sys
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass
+from pathlib import Path
 from types import FrameType
 
 from dfvs_core.errors import WireError
@@ -48,13 +49,23 @@ class Programs:
     recorder: Sequence[str] = ()
 
 
-def furnish(runtime: RuntimeFolder, config: ServiceConfig, goal: Goal) -> None:
-    """Put the resolved settings and the goal where the processes look for them."""
+def furnish(
+    runtime: RuntimeFolder, config: ServiceConfig, goal: Goal, later: Sequence[Goal] = ()
+) -> None:
+    """Put the resolved settings, the goal and those after it where the processes look for them."""
     runtime.config.write_text(config.to_json(), encoding="utf-8")
-    runtime.goal_picture.write_bytes(encode_png(goal.image))
-    runtime.goal_picture.with_suffix(".json").write_text(goal.sidecar.to_json(), encoding="utf-8")
+    for old in runtime.later_goals():
+        old.unlink()
+    _put_goal(runtime.goal_picture, goal)
+    for number, following in enumerate(later, start=1):
+        _put_goal(runtime.later_goal(number), following)
     for path in (runtime.gate_socket, runtime.perception_socket, runtime.parent_socket):
         path.unlink(missing_ok=True)
+
+
+def _put_goal(picture: Path, goal: Goal) -> None:
+    picture.write_bytes(encode_png(goal.image))
+    picture.with_suffix(".json").write_text(goal.sidecar.to_json(), encoding="utf-8")
 
 
 class Parent:

@@ -36,6 +36,14 @@ class RuntimeFolder:
         """Goal as PNG; its sidecar lies beside it."""
         return self.path / "goal.png"
 
+    def later_goal(self, number: int) -> Path:
+        """Goal that follows the first one, from 1, as PNG with its sidecar."""
+        return self.path / f"goal-{number:04d}.png"
+
+    def later_goals(self) -> list[Path]:
+        """Goals that follow the first one, in their order."""
+        return sorted(self.path.glob("goal-[0-9][0-9][0-9][0-9].png"))
+
     @property
     def gate_socket(self) -> Path:
         """Where the gate listens for perception."""

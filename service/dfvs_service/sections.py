@@ -222,6 +222,21 @@ class GateSection:
 
 
 @dataclass(frozen=True, slots=True)
+class RouteSection:
+    """Goals in a row: when one on the way counts as passed."""
+
+    near_m: float = setting(
+        0.3, "distance to a goal at which the next one is looked for, m", low=0.02, high=10.0
+    )
+    near_rad: float = setting(
+        math.radians(12), "the same for the angle", low=math.radians(0.5), high=math.radians(90)
+    )
+    min_overlap: float = setting(
+        0.2, "share of the view that must show the next goal", low=0.05, high=1.0
+    )
+
+
+@dataclass(frozen=True, slots=True)
 class TelemetrySection:
     """What the service publishes."""
 

@@ -11,7 +11,7 @@ from pathlib import Path
 
 from dfvs_core.errors import DfvsError
 from dfvs_service.config import config_from_json
-from dfvs_service.goal_file import load_goal
+from dfvs_service.goal_file import load_goals
 from dfvs_service.perception.process import PerceptionProcess
 from dfvs_service.runtime import RuntimeFolder
 
@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
     try:
         config = config_from_json(runtime.config.read_text(encoding="utf-8"))
-        process = PerceptionProcess(config, load_goal(runtime.goal_picture), runtime)
+        process = PerceptionProcess(config, load_goals(runtime), runtime)
         signal.signal(signal.SIGTERM, process.stop)
         process.run()
     except DfvsError as error:

@@ -26,9 +26,14 @@ class Clocks:
     servo: Callable[[], int]
 
 
+def servo_task(config: ServiceConfig, goal: Goal) -> ServoTask:
+    """What stays the same on the way to a goal, with resolved settings."""
+    camera = config.camera.model() or goal.sidecar.camera
+    return ServoTask(config.servo, camera, goal.sidecar, config.camera.mount or Mount())
+
+
 def build_eye(config: ServiceConfig, goal: Goal, matcher: Matcher, clocks: Clocks) -> Eye:
     """Perception of a goal, with resolved settings."""
-    camera = config.camera.model() or goal.sidecar.camera
-    task = ServoTask(config.servo, camera, goal.sidecar, config.camera.mount or Mount())
+    task = servo_task(config, goal)
     pipeline = Pipeline(task, matcher, goal, clocks.servo)
-    return Eye(camera, pipeline, clocks.identity, clocks.look)
+    return Eye(task.camera, pipeline, clocks.identity, clocks.look)

@@ -7,7 +7,11 @@ from dataclasses import dataclass
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.frame_guard import Expected, GuardState, admit
+from dfvs_core.goal import Goal
+from dfvs_core.matching.matcher import Prepared
 from dfvs_core.pipeline import UNKNOWN_ERROR, FrameOutcome, Pipeline
+from dfvs_core.servo.exchange import ServoResult
+from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import VehicleHistory
 from dfvs_core.wire.frame import Frame
 from dfvs_core.wire.link import GateStatus, PerceptionReport
@@ -91,6 +95,23 @@ class Eye:
             "capture_to_report": self._tick() - frame.t_capture_ns,
         }
         return Glance(outcome.report, t_start, frame, outcome, stages)
+
+    @property
+    def engaged(self) -> bool:
+        """Whether the vehicle follows."""
+        return self._engaged
+
+    def prepare(self, goal: Goal) -> Prepared:
+        """Compute once what depends on another goal's picture alone."""
+        return self._pipeline.prepare(goal)
+
+    def glimpse(self, task: ServoTask, goal: Prepared) -> ServoResult | None:
+        """What the last good frame says about another goal; nothing of it is remembered."""
+        return self._pipeline.glimpse(task, goal)
+
+    def aim(self, task: ServoTask, goal: Prepared) -> None:
+        """Go on to another goal with what is known of the vehicle, the camera and depth."""
+        self._pipeline.aim(task, goal)
 
     def digest(self) -> int:
         """Learn from the last frame what may wait until its report was sent; time taken, ns."""

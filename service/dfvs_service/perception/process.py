@@ -7,6 +7,7 @@ import logging
 import os
 import sys
 import time
+from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -27,7 +28,7 @@ from dfvs_models.catalog import load_matcher
 from dfvs_service.config import ServiceConfig
 from dfvs_service.goal_file import ordered_goal
 from dfvs_service.perception.announced import watch_calibration
-from dfvs_service.perception.assembly import Clocks, build_eye
+from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.gate_link import GateLink
 from dfvs_service.perception.intake import disagreement, make_intake
@@ -38,6 +39,7 @@ from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.perception.opening import make_opening
 from dfvs_service.perception.order_desk import OrderDesk
 from dfvs_service.perception.pictures import Pictures
+from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.perception.telemetry import Telemetry
 from dfvs_service.perception.turn_book import TurnBook
 from dfvs_service.perception.turn_feed import TurnFeed
@@ -79,13 +81,15 @@ class PerceptionProcess:
     ----------
     config : ServiceConfig
         Resolved settings, the camera's intrinsics among them.
-    goal : Goal
-        Where to fly to.
+    goals : sequence of Goal
+        Where to fly to: one goal, or several in a row.
     runtime : RuntimeFolder
         Where the service's processes meet.
     """
 
-    def __init__(self, config: ServiceConfig, goal: Goal, runtime: RuntimeFolder) -> None:
+    def __init__(
+        self, config: ServiceConfig, goals: Sequence[Goal], runtime: RuntimeFolder
+    ) -> None:
         self._config = config
         self._topics = Topics(config.vehicle.name)
         self._gate = GateLink(runtime)
@@ -93,11 +97,12 @@ class PerceptionProcess:
         self._latency = LatencyWindow()
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
         self._intake = make_intake(config, self._clock)
+        self._goal = goal = goals[0]
         self._camera = config.camera.model() or goal.sidecar.camera
         self._told_cameras: set[str] = set()
         flow = config.flow
         self._matcher = load_matcher(flow.model, flow.threads, flow.provider)
-        self._goal = goal
+        self._route = RouteFollower(config, goals)
         self._goal_digest = self._goal_flaw = ""
         self._eye = self._build_eye(goal)
         self._status: GateStatus | None = None
@@ -154,9 +159,8 @@ class PerceptionProcess:
         image, now_ns = self._goal.image, time.monotonic_ns()
         telemetry.offer("goal", lambda: self._pictures.goal(image, now_ns))
 
-    def _change_goal(self, heard: list[GateStatus], telemetry: Telemetry, feed: TurnFeed) -> None:
+    def _change_goal(self, digest: str, telemetry: Telemetry, feed: TurnFeed) -> None:
         """Look for the goal that the gate accepted; one that is unusable is none, and said so."""
-        digest = heard[-1].goal
         self._goal_digest, self._goal_flaw = digest, ""
         settings = self._config.camera
         camera = settings.model() or self._goal.sidecar.camera
@@ -164,13 +168,12 @@ class PerceptionProcess:
         try:
             order = GoalOrder.from_bytes(self._desk.hand_out(digest))
             self._goal = ordered_goal(order, flown)
+            self._route = RouteFollower(self._config, [self._goal])
         except DfvsError as error:
             self._goal_flaw = f"the new goal cannot be used: {error}"
             log.warning("%s", self._goal_flaw)
             return
-        self._eye = self._build_eye(self._goal)
-        for status in heard:  # the opening that follows holds for this turn already
-            self._eye.heed(status)
+        self._eye.aim(servo_task(self._config, self._goal), self._eye.prepare(self._goal))
         self._tell_goal(telemetry, feed)
         log.info("looking for the goal %s", digest[:12])
 
@@ -207,7 +210,7 @@ class PerceptionProcess:
         sample = self._next_sample()
         heard = self._heed_gate()
         if heard and heard[-1].goal != self._goal_digest:
-            self._change_goal(heard, telemetry, feed)
+            self._change_goal(heard[-1].goal, telemetry, feed)
         now_ns = time.monotonic_ns()
         if isinstance(sample, str):
             report = unhealthy_report(0, 0, sample)
@@ -220,11 +223,24 @@ class PerceptionProcess:
             servo = self._tell(telemetry, glance)
             feed.offer(self._book.looked(sample, heard, glance, servo), sample.payload)
             self._latency.add({"depth": self._eye.digest()})
+            self._go_on(glance, telemetry, feed)
         self._publish_state(telemetry)
 
     def _send(self, report: PerceptionReport) -> None:
         """Tell the gate, and about which goal it is."""
+        report = self._route.amend(report)
         self._gate.send(dataclasses.replace(report, goal=self._goal_digest))
+
+    def _go_on(self, glance: Glance, telemetry: Telemetry, feed: TurnFeed) -> None:
+        """Go on to the next goal of the route once it is in sight."""
+        if glance.frame is None or glance.outcome is None:
+            return
+        t_ns = glance.frame.t_capture_ns
+        self._route.follow(self._eye, glance.outcome, t_ns)
+        if self._route.go_on(self._eye, t_ns):
+            self._goal = self._route.goal
+            log.info("goal %d of %d", self._route.index + 1, self._route.count)
+            self._tell_goal(telemetry, feed)
 
     def _heed_gate(self) -> list[GateStatus]:
         """Take in everything the gate said since the last turn, and return it."""

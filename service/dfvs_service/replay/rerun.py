@@ -21,7 +21,7 @@ from dfvs_core.wire.link import PerceptionReport
 from dfvs_core.wire.picture import decode_picture
 from dfvs_core.wire.turn import Opening, Sight, Turn
 from dfvs_service.config import ServiceConfig
-from dfvs_service.perception.assembly import Clocks, build_eye
+from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.eye import RawSample
 from dfvs_service.record.reading import RecordingError
 
@@ -100,6 +100,17 @@ def recorded_settings(opening: Opening) -> ServiceConfig:
         ) from error
 
 
+def recorded_goal(opening: Opening, picture: bytes) -> Goal:
+    """Goal of an opening, from its PNG.
+
+    Raises
+    ------
+    DfvsError
+        If picture or sidecar cannot be read.
+    """
+    return Goal(decode_picture(picture), parse(GoalSidecar, opening.sidecar))
+
+
 class Rerunner:
     """Runs perception on the turns that follow an opening.
 
@@ -117,11 +128,16 @@ class Rerunner:
     def __init__(
         self, opening: Opening, picture: bytes, config: ServiceConfig, matcher: Matcher
     ) -> None:
-        goal = Goal(decode_picture(picture), parse(GoalSidecar, opening.sidecar))
+        goal = recorded_goal(opening, picture)
         self._look, self._servo = _Clock(), _Clock()
         clocks = Clocks(bytes.fromhex(opening.clock), self._look, self._servo)
         self._timed = TimedMatcher(matcher, time.monotonic_ns)
         self._eye = build_eye(config, goal, self._timed, clocks)
+
+    def aim(self, opening: Opening, picture: bytes, config: ServiceConfig) -> None:
+        """Go on to the goal of an opening that follows in the same flight."""
+        goal = recorded_goal(opening, picture)
+        self._eye.aim(servo_task(config, goal), self._eye.prepare(goal))
 
     def turn(self, turn: Turn, payload: bytes) -> Rerun | None:
         """Run one turn again; None for one that saw nothing."""

@@ -1,0 +1,89 @@
+"""Goals in a row: when to leave one for the next.
+
+A goal that is out of sight is reached by way of others, each seen from the one before (teach and
+repeat). The gate knows one goal only: until the last one, no frame counts as reached for it.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+from dfvs_core.servo.exchange import ServoResult, Verdict
+
+S = 1_000_000_000
+LOOK_PERIOD_NS = S // 4
+IN_SIGHT_LOOKS = 2
+"""Looks ahead in a row that must show the next goal."""
+
+PROVING_NS = 4 * S
+"""The gate judges the first motion by the error of one goal: it is not changed meanwhile."""
+
+
+@dataclass(frozen=True, slots=True)
+class RouteLimits:
+    """When a goal on the way counts as passed, and the next one as in sight.
+
+    ``near_m`` and ``near_rad`` are the error at which the next goal is looked for, ``overlap``
+    the share of the view that must show it, ``patience_ns`` how long it may stay out of sight.
+    """
+
+    near_m: float = 0.3
+    near_rad: float = 0.2
+    overlap: float = 0.2
+    patience_ns: int = 8 * S
+
+
+@dataclass(frozen=True, slots=True)
+class RouteState:
+    """What was seen on the way to one goal; times in ns, None where it is not so."""
+
+    engaged_since_ns: int | None = None
+    near_since_ns: int | None = None
+    looked_ns: int | None = None
+    seen: int = 0
+
+
+def follow(
+    state: RouteState, limits: RouteLimits, result: ServoResult, t_ns: int, *, engaged: bool
+) -> RouteState:
+    """Take in what a frame says about the goal at hand."""
+    since_ns = (
+        (t_ns if state.engaged_since_ns is None else state.engaged_since_ns) if engaged else None
+    )
+    near = (
+        result.verdict is Verdict.OK
+        and result.error_m <= limits.near_m
+        and result.error_rad <= limits.near_rad
+    )
+    if not near:
+        return RouteState(since_ns, None, state.looked_ns, 0)
+    near_ns = t_ns if state.near_since_ns is None else state.near_since_ns
+    return replace(state, engaged_since_ns=since_ns, near_since_ns=near_ns)
+
+
+def wants_look(state: RouteState, t_ns: int) -> bool:
+    """Tell whether it is time to look for the next goal."""
+    if state.near_since_ns is None:
+        return False
+    if state.engaged_since_ns is not None and t_ns - state.engaged_since_ns < PROVING_NS:
+        return False
+    return state.looked_ns is None or t_ns - state.looked_ns >= LOOK_PERIOD_NS
+
+
+def look(state: RouteState, limits: RouteLimits, ahead: ServoResult, t_ns: int) -> RouteState:
+    """Take in what the same frame says about the next goal."""
+    in_sight = ahead.verdict is Verdict.OK and ahead.overlap >= limits.overlap
+    return replace(state, looked_ns=t_ns, seen=state.seen + 1 if in_sight else 0)
+
+
+def may_go_on(state: RouteState) -> bool:
+    """Tell whether the next goal takes the place of this one."""
+    return state.seen >= IN_SIGHT_LOOKS
+
+
+def is_lost(state: RouteState, limits: RouteLimits, t_ns: int) -> bool:
+    """Tell whether the next goal should have been in sight for too long."""
+    if state.engaged_since_ns is None or state.near_since_ns is None or state.seen:
+        return False
+    since_ns = max(state.near_since_ns, state.engaged_since_ns + PROVING_NS)
+    return t_ns - since_ns > limits.patience_ns

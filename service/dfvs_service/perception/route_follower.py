@@ -1,0 +1,101 @@
+"""Goals in a row: looks for the next one, and says when to go on to it."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Sequence
+
+from dfvs_core.goal import Goal
+from dfvs_core.matching.matcher import Prepared
+from dfvs_core.pipeline import FrameOutcome
+from dfvs_core.route import (
+    RouteLimits,
+    RouteState,
+    follow,
+    is_lost,
+    look,
+    may_go_on,
+    wants_look,
+)
+from dfvs_core.servo.task import ServoTask
+from dfvs_core.wire.link import PerceptionReport
+from dfvs_service.config import ServiceConfig
+from dfvs_service.perception.assembly import servo_task
+from dfvs_service.perception.eye import Eye
+
+
+class RouteFollower:
+    """Where on a route the vehicle is.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+        Resolved settings.
+    goals : sequence of Goal
+        In the order in which they are to be reached.
+    """
+
+    def __init__(self, config: ServiceConfig, goals: Sequence[Goal]) -> None:
+        self._config = config
+        self._goals = tuple(goals)
+        section = config.route
+        self._limits = RouteLimits(section.near_m, section.near_rad, section.min_overlap)
+        self._state = RouteState()
+        self._ahead: tuple[ServoTask, Prepared] | None = None
+        self._is_lost = False
+        self.index = 0
+
+    @property
+    def goal(self) -> Goal:
+        """Goal at hand."""
+        return self._goals[self.index]
+
+    @property
+    def count(self) -> int:
+        """How many goals there are."""
+        return len(self._goals)
+
+    @property
+    def is_last(self) -> bool:
+        """Tell whether no goal follows."""
+        return self.index == len(self._goals) - 1
+
+    def amend(self, report: PerceptionReport) -> PerceptionReport:
+        """Report as the gate may hear it: only the last goal is ever reached."""
+        if self.is_last:
+            return report
+        if self._is_lost:
+            reason = f"goal {self.index + 2} of the route's {self.count} does not come in sight"
+            return dataclasses.replace(
+                report, velocity=(0.0,) * 4, healthy=False, lost=True, reached=False, reason=reason
+            )
+        return dataclasses.replace(report, reached=False)
+
+    def follow(self, eye: Eye, outcome: FrameOutcome, t_ns: int) -> None:
+        """Take in what a frame says about the goal at hand."""
+        if self.is_last:
+            return
+        self._state = follow(self._state, self._limits, outcome.result, t_ns, engaged=eye.engaged)
+        self._is_lost = is_lost(self._state, self._limits, t_ns)
+
+    def go_on(self, eye: Eye, t_ns: int) -> bool:
+        """Look for the next goal if it is time; tell whether it has become the goal at hand.
+
+        To be called once a frame's report is on its way: a look costs as much as a match.
+        """
+        if self.is_last or not wants_look(self._state, t_ns):
+            return False
+        if self._ahead is None:
+            following = self._goals[self.index + 1]
+            self._ahead = servo_task(self._config, following), eye.prepare(following)
+        seen = eye.glimpse(*self._ahead)
+        if seen is None:
+            return False
+        self._state = look(self._state, self._limits, seen, t_ns)
+        if not may_go_on(self._state):
+            return False
+        eye.aim(*self._ahead)
+        self.index += 1
+        self._ahead = None
+        self._state = RouteState(engaged_since_ns=self._state.engaged_since_ns)
+        return True

@@ -1,0 +1,152 @@
+"""Goals in a row, from frames of a box whose flow is known exactly."""
+
+import numpy as np
+import pytest
+from box_room import BoxRoom
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.matching.matcher import Prepared
+from dfvs_core.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_from_euler
+from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.wire.link import GateStatus, VehicleState
+from dfvs_service.config import load_config
+from dfvs_service.perception.assembly import Clocks, build_eye
+from dfvs_service.perception.eye import RawSample
+from dfvs_service.perception.route_follower import RouteFollower
+
+CAMERA = CameraModel.from_horizontal_fov(96, 72, 1.4)
+ROOM = BoxRoom(CAMERA)
+MS = 1_000_000
+CLOCK = b"c" * 16
+
+
+def pose(yaw_deg):
+    R = rotation_from_euler(0.0, 0.0, np.radians(yaw_deg)) @ R_BODY_FORWARD_CAMERA
+    return make_pose(R, np.zeros(3))
+
+
+class PictureOfPose(Prepared):
+    """A picture whose first two bytes tell the heading: 0.01 degrees a unit."""
+
+    def __init__(self, image):
+        super().__init__(image.shape[:2])
+        self.T = pose((int(image[0, 0, 0]) * 256 + int(image[0, 0, 1])) * 0.01)
+
+
+class KnowingMatcher:
+    """Exact flow between the poses that the pictures name."""
+
+    def prepare(self, image):
+        return PictureOfPose(image)
+
+    def match(self, current, other, guess=None):
+        return ROOM.flow(current.T, other.T)
+
+    def track(self, current, other, guess):
+        return ROOM.flow(current.T, other.T)
+
+
+def picture(yaw_deg):
+    """Noise, with the heading in its first pixel."""
+    image = np.random.default_rng(0).integers(0, 255, (72, 96, 3)).astype(np.uint8)
+    image[0, 0, :2] = divmod(round(yaw_deg * 100), 256)
+    return image
+
+
+class Rig:
+    """Perception on a route, with clock and vehicle in hand; 40 degrees from goal to goal."""
+
+    def __init__(self, yaws=(40.0, 80.0, 120.0)):
+        overrides = {"route.near_deg": 10.0}
+        sidecar = GoalSidecar(CAMERA)
+        self.config, _ = load_config(None, overrides).with_camera((96, 72), sidecar)
+        self.goals = [Goal(picture(yaw), sidecar) for yaw in yaws]
+        self.now_ns = 5_000 * MS
+        clocks = Clocks(CLOCK, lambda: self.now_ns, lambda: self.now_ns)
+        self.eye = build_eye(self.config, self.goals[0], KnowingMatcher(), clocks)
+        self.route = RouteFollower(self.config, self.goals)
+        self.state = "SERVO"
+        self.seq = 0
+
+    def frame(self, yaw_deg):
+        """One frame from a heading, 100 ms after the last; the report for the gate."""
+        self.now_ns += 100 * MS
+        self.seq += 1
+        vehicle = VehicleState(self.now_ns, 0, 0, np.radians(yaw_deg), (0,) * 3, (0,) * 3)
+        self.eye.heed(GateStatus(self.state, "", vehicle))
+        image = picture(yaw_deg)
+        image[1, 1] = self.seq % 251  # a picture that never changes is a frozen camera's
+        payload, attachment = encode_frame(
+            Frame(image, self.now_ns, self.seq), PixelFormat.RGB8, CLOCK
+        )
+        glance = self.eye.look(RawSample(payload, attachment, self.now_ns))
+        report = self.route.amend(glance.report)
+        if glance.outcome is not None:
+            self.route.follow(self.eye, glance.outcome, self.now_ns)
+            self.route.go_on(self.eye, self.now_ns)
+        return report
+
+    def stay(self, yaw_deg, seconds):
+        return [self.frame(yaw_deg) for _ in range(round(10 * seconds))]
+
+
+def test_goals_are_passed_one_by_one_and_only_the_last_is_reached():
+    rig = Rig()
+    rig.stay(5.0, 5)
+    assert rig.route.index == 0
+    reports = rig.stay(40.0, 2)
+    assert rig.route.index == 1
+    assert reports[0].error_rad < 0.01
+    reports += rig.stay(80.0, 2)
+    assert rig.route.index == 2
+    assert not any(report.reached for report in reports)
+    assert all(report.healthy for report in reports)
+    assert rig.stay(120.0, 1)[-1].reached
+
+
+def test_each_goal_is_flown_to_by_its_own_error():
+    rig = Rig()
+    rig.stay(40.0, 6)
+    report = rig.frame(40.0)
+    assert rig.route.index == 1
+    assert report.error_rad == pytest.approx(np.radians(40.0), abs=0.02)
+    assert report.velocity[3] > 0.1
+
+
+def test_a_goal_is_kept_while_the_first_motion_is_being_proven():
+    rig = Rig()
+    rig.stay(40.0, 3.5)
+    assert rig.route.index == 0
+    rig.stay(40.0, 2)
+    assert rig.route.index == 1
+
+
+def test_a_next_goal_that_does_not_come_in_sight_ends_the_flight_with_the_reason():
+    rig = Rig((40.0, 180.0))
+    reports = rig.stay(40.0, 14)
+    assert rig.route.index == 0
+    assert not any(report.reached for report in reports)
+    assert not any(report.lost for report in reports[:110])
+    assert reports[-1].lost
+    assert not reports[-1].healthy
+    assert reports[-1].reason == "goal 2 of the route's 2 does not come in sight"
+    assert reports[-1].velocity == (0.0, 0.0, 0.0, 0.0)
+
+
+def test_one_goal_is_no_route():
+    rig = Rig((40.0,))
+    assert rig.stay(40.0, 1)[-1].reached
+    assert rig.route.is_last
+
+
+def test_a_glimpse_of_the_next_goal_changes_nothing():
+    """A replay runs no glimpses, and must give the same commands."""
+    looking, plain = Rig((40.0, 180.0)), Rig((40.0, 180.0))
+    plain.route.go_on = lambda *_: False
+    glimpses = []
+    glimpse = looking.eye.glimpse
+    looking.eye.glimpse = lambda *words: glimpses.append(glimpse(*words))
+    for yaw in np.linspace(30.0, 36.0, 60):
+        assert looking.frame(yaw) == plain.frame(yaw)
+    assert len(glimpses) > 3
