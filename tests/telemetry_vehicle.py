@@ -4,6 +4,7 @@
 """
 
 import argparse
+import functools
 import math
 import secrets
 import threading
@@ -29,9 +30,24 @@ from dfvs_service.perception.telemetry import Telemetry
 from dfvs_service.zenoh_session import open_session
 
 RATE_HZ = 25.0
-PICTURES = 24
+PICTURES = 12
 LAP_S = 12.0
 CLOCK = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+
+
+@functools.cache
+def approach():
+    """Goal picture, views on the way to it, and the flow from each of them to the goal."""
+    wall = Wall(texture(np.random.default_rng(4)))
+    ways = [turned(3 * s, 1 - 0.15 * s, (70 * s, 25 * s)) for s in np.linspace(1, 0, PICTURES)]
+    flows = [exact_flow(np.linalg.inv(H)).astype(np.float32) for H in ways]
+    ramp = np.linspace(0.2, 1.0, flows[0].shape[1], dtype=np.float32)
+    confidence = np.broadcast_to(ramp, flows[0].shape[:2]).copy()
+    return (
+        wall.picture(),
+        [wall.picture(H) for H in ways],
+        [FlowField(f, confidence) for f in flows],
+    )
 
 
 class TelemetryVehicle:
@@ -44,13 +60,8 @@ class TelemetryVehicle:
         self.state, self.cause = "SERVO", "good data"
         self.since_ns = self.started_ns = time.monotonic_ns()
         self.pictures = Pictures(CLOCK, 0.3, 70)
-        wall = Wall(texture(np.random.default_rng(4)))
-        self.goal = wall.picture()
-        self.ways = [
-            turned(3 * s, 1 - 0.15 * s, (70 * s, 25 * s)) for s in np.linspace(1, 0, PICTURES)
-        ]
-        self.views = [wall.picture(H) for H in self.ways]
-        self.flows = [self.flow_of(H) for H in self.ways]
+        self.goal, self.views, self.flows = approach()
+        self.is_paused = False
         self.seq = 0
         self.orders = []
         now_ns = time.monotonic_ns()
@@ -62,12 +73,6 @@ class TelemetryVehicle:
         self.commands = self.session.declare_subscriber(self.topics.command, self.on_command)
         self.stopped = threading.Event()
         self.thread = threading.Thread(target=self.run)
-
-    @staticmethod
-    def flow_of(H):
-        flow = exact_flow(np.linalg.inv(H)).astype(np.float32)
-        ramp = np.linspace(0.2, 1.0, flow.shape[1], dtype=np.float32)
-        return FlowField(flow, np.broadcast_to(ramp, flow.shape[:2]).copy())
 
     def __enter__(self):
         self.thread.start()
@@ -92,7 +97,8 @@ class TelemetryVehicle:
 
     def run(self):
         while not self.stopped.wait(1.0 / RATE_HZ):
-            self.shoot()
+            if not self.is_paused:
+                self.shoot()
 
     def shoot(self):
         """Publish one frame and everything that follows from it."""

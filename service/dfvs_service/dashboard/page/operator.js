@@ -19,6 +19,8 @@ export class Operator {
     byId("abort").addEventListener("click", () => this.order("abort"));
     byId("engage").addEventListener("click", () => this.#confirmEngage());
     byId("sign-dialog").addEventListener("close", () => this.#signIn());
+    // No submit button: that of signing in is the one that the Enter key means.
+    byId("sign-dialog").querySelector("[data-close]").addEventListener("click", () => byId("sign-dialog").close());
     byId("confirm-dialog").addEventListener("close", () => {
       if (byId("confirm-dialog").returnValue === "ok") this.order("engage");
     });

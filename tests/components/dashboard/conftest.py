@@ -1,0 +1,47 @@
+"""Vehicles on a real Zenoh, and a dashboard that watches them."""
+
+import dataclasses
+from pathlib import Path
+
+import pytest
+from dashboard_server import Server, free_port
+from telemetry_vehicle import TelemetryVehicle
+
+from dfvs_service.key_file import create_key, load_key
+
+
+@dataclasses.dataclass
+class Field:
+    """Two vehicles, each with a Zenoh endpoint of its own, and the keys to order the first."""
+
+    swift: TelemetryVehicle
+    heron: TelemetryVehicle
+    endpoints: list
+    token_file: Path
+    key_file: Path
+
+    @property
+    def token(self):
+        return self.token_file.read_text().strip()
+
+
+@pytest.fixture(scope="session")
+def field(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("keys")
+    for name in ("operator.token", "command.key"):
+        create_key(folder / name)
+    key = load_key(folder / "command.key")
+    endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in range(2)]
+    with (
+        TelemetryVehicle(endpoints[0], "swift", key) as swift,
+        TelemetryVehicle(endpoints[1], "heron") as heron,
+    ):
+        yield Field(swift, heron, endpoints, folder / "operator.token", folder / "command.key")
+
+
+@pytest.fixture(scope="session")
+def server(field):
+    words = ("--operator-token", field.token_file, "--command-key", field.key_file)
+    server = Server(field.endpoints, tuple(map(str, words))).start()
+    yield server
+    server.kill()

@@ -1,0 +1,54 @@
+"""``dfvs-dashboard`` as a process that can be killed and started again."""
+
+import dataclasses
+import socket
+import subprocess
+import sys
+import time
+import urllib.error
+import urllib.request
+
+STARTUP_S = 30.0
+
+
+def free_port():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return probe.getsockname()[1]
+
+
+@dataclasses.dataclass
+class Server:
+    """``dfvs-dashboard`` on a port of its own; can be killed and started again."""
+
+    endpoints: list
+    words: tuple = ()
+    port: int = dataclasses.field(default_factory=free_port)
+    process: subprocess.Popen | None = None
+
+    @property
+    def url(self):
+        return f"http://127.0.0.1:{self.port}/"
+
+    def start(self):
+        command = [sys.executable, "-m", "dfvs_service.dashboard.cli", "--port", str(self.port)]
+        links = [word for endpoint in self.endpoints for word in ("--connect", endpoint)]
+        self.process = subprocess.Popen(
+            [*command, *links, *self.words], stdout=subprocess.DEVNULL, stderr=subprocess.DEVNULL
+        )
+        deadline = time.monotonic() + STARTUP_S
+        while not self.answers():
+            assert self.process.poll() is None
+            assert time.monotonic() < deadline
+            time.sleep(0.05)
+        return self
+
+    def answers(self):
+        try:
+            return urllib.request.urlopen(self.url, timeout=2.0).status == 200
+        except (urllib.error.URLError, TimeoutError):
+            return False
+
+    def kill(self):
+        self.process.kill()
+        self.process.wait()

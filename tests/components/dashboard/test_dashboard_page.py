@@ -1,0 +1,221 @@
+"""The dashboard's page in a real browser, fed by real telemetry."""
+
+import shutil
+
+import pytest
+from dashboard_server import Server, free_port
+from telemetry_vehicle import TelemetryVehicle
+
+sync_api = pytest.importorskip("playwright.sync_api")
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
+PATIENCE_MS = 20_000
+
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium on this machine (Debian: apt-get install chromium)"
+)
+
+FRAMES = "dfvsScreen().frames"
+PIXELS = """() => {
+  const shown = document.getElementById("view");
+  const copy = new OffscreenCanvas(160, 60).getContext("2d", { willReadFrequently: true });
+  copy.drawImage(shown, 0, 0, 160, 60);
+  const data = copy.getImageData(0, 0, 160, 60).data;
+  let sum = 0, hash = 0;
+  for (const value of data) { sum += value; hash = (hash * 31 + value) | 0; }
+  return { brightness: sum / data.length, hash };
+}"""
+NAMELESS = """() => [...document.querySelectorAll(
+  'button, input, select, canvas:not(.uplot canvas), dialog, section')].filter((e) => !(
+    e.getAttribute('aria-label') || e.getAttribute('aria-labelledby')
+    || e.textContent.trim() || e.labels?.length)).map((e) => e.outerHTML)"""
+
+
+class Page:
+    """A page with everything that it complained about and asked for."""
+
+    def __init__(self, context, url):
+        self.complaints, self.requests = [], []
+        self.page = context.new_page()
+        self.page.set_default_timeout(PATIENCE_MS)
+        self.page.on("console", self.on_console)
+        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
+        self.page.on("request", lambda request: self.requests.append(request.url))
+        self.page.goto(url)
+
+    def on_console(self, message):
+        if message.type in ("error", "warning"):
+            self.complaints.append(message.text)
+
+    def wait(self, script, argument=None):
+        self.page.wait_for_function(script, arg=argument, timeout=PATIENCE_MS)
+
+    def text(self, element):
+        return self.page.text_content(f"#{element}")
+
+    def pixels(self):
+        return self.page.evaluate(PIXELS)
+
+    def frames_rise(self, by=5):
+        now = self.page.evaluate(FRAMES)
+        self.wait(f"n => {FRAMES} > n", now + by)
+
+    def sign_in(self, token):
+        self.page.click("#sign")
+        self.page.fill("#token", token)
+        self.page.keyboard.press("Enter")
+        self.wait("() => !document.getElementById('operator').hidden")
+
+
+@pytest.fixture(scope="module")
+def chromium():
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture
+def open_page(chromium):
+    contexts = []
+
+    def open_page(url, width=1280, height=900):
+        contexts.append(chromium.new_context(viewport={"width": width, "height": height}))
+        return Page(contexts[-1], url)
+
+    yield open_page
+    for context in contexts:
+        context.close()
+
+
+def watch(page, vehicle):
+    page.wait(
+        "v => [...document.getElementById('vehicle').options].some(o => o.value === v)", vehicle
+    )
+    page.page.select_option("#vehicle", vehicle)
+    page.wait("v => document.title.endsWith(v)", vehicle)
+    page.frames_rise()
+
+
+def test_pictures_and_numbers_move_and_nothing_comes_from_elsewhere(server, field, open_page):
+    page = open_page(server.url)
+    watch(page, "swift")
+    first = page.pixels()
+    assert first["brightness"] > 20
+    page.wait(f"hash => ({PIXELS})().hash !== hash", first["hash"])
+    distance = page.page.text_content("#numbers dd >> nth=0")
+    page.wait("d => document.querySelector('#numbers dd').textContent !== d", distance)
+    for part in ("#plots canvas", "#links tr:not(.bad)", "#delays tr", "#events li"):
+        page.page.wait_for_selector(part)
+    assert page.text("state") == "SERVO"
+    assert page.text("cause") == "good data"
+    page.frames_rise(20)
+    assert all(url.startswith(server.url) for url in page.requests)
+    assert page.complaints == []
+
+
+def test_flow_confidence_and_ways_to_compare_change_the_picture(server, field, open_page):
+    page = open_page(server.url)
+    watch(page, "swift")
+    field.swift.is_paused = True
+    try:
+        page.wait("() => !document.getElementById('view-notice').hidden")
+        seen = {page.pixels()["hash"]}
+        for key in ("f", "c", "2", "ArrowLeft", "3", "4", "1"):
+            page.page.keyboard.press(key)
+            page.wait(f"seen => !seen.includes(({PIXELS})().hash)", list(seen))
+            seen.add(page.pixels()["hash"])
+            if key == "4":
+                page.page.keyboard.press("f")  # so that the last way differs from the first
+                page.wait(f"hash => ({PIXELS})().hash !== hash", page.pixels()["hash"])
+    finally:
+        field.swift.is_paused = False
+
+
+def test_old_data_are_called_old_and_new_ones_clear_that(server, field, open_page):
+    page = open_page(server.url)
+    watch(page, "swift")
+    field.swift.is_paused = True
+    try:
+        page.wait("() => document.getElementById('state').textContent === 'STALE: was SERVO'")
+        assert "Nothing heard for" in page.text("cause")
+        assert page.page.title().startswith("STALE")
+        page.wait("() => !document.getElementById('view-notice').hidden")
+        assert "NO NEW PICTURE" in page.text("view-notice")
+    finally:
+        field.swift.is_paused = False
+    page.wait("() => document.getElementById('state').textContent === 'SERVO'")
+    page.page.wait_for_selector("#view-notice", state="hidden")
+
+
+def test_it_reconnects_by_itself_after_the_server_was_killed(field, open_page):
+    server = Server(field.endpoints).start()
+    page = open_page(server.url)
+    try:
+        watch(page, "heron")
+        server.kill()
+        page.page.wait_for_selector("#alarm", state="visible")
+        assert page.text("server") == "reconnecting"
+        assert "What you see is old" in page.text("alarm")
+        server.start()
+        page.page.wait_for_selector("#alarm", state="hidden")
+        page.frames_rise()
+        assert page.page.input_value("#vehicle") == "heron"
+        assert page.text("state") == "SERVO"
+    finally:
+        server.kill()
+
+
+def test_an_operator_signs_in_and_holds_and_engages_after_a_question(server, field, open_page):
+    page = open_page(server.url)
+    watch(page, "swift")
+    assert page.page.is_hidden("#operator")
+    page.sign_in(field.token)
+    page.page.click("#hold:enabled")
+    page.wait("() => document.getElementById('answer').textContent === 'accepted: hold'")
+    page.wait("() => document.getElementById('state').textContent === 'HOLD'")
+    field.swift.enter("READY", "checks passed")
+    page.page.click("#engage:enabled")
+    page.page.click("#confirm-dialog button[value=cancel]")
+    page.page.click("#engage:enabled")
+    page.page.click("#confirm-dialog button[value=ok]")
+    page.wait("() => document.getElementById('state').textContent === 'SERVO'")
+    assert field.swift.orders[-2:] == ["accepted: hold", "accepted: engage"]
+    page.page.click("#sign")
+    page.page.wait_for_selector("#operator", state="hidden")
+
+
+def test_a_wrong_token_is_asked_for_again(server, field, open_page):
+    page = open_page(server.url)
+    page.page.click("#sign")
+    page.page.fill("#token", "x" * 40)
+    page.page.keyboard.press("Enter")
+    page.wait("() => document.getElementById('sign-why').textContent.includes('wrong token')")
+    assert page.page.is_hidden("#operator")
+
+
+@pytest.mark.parametrize("size", [(1440, 900), (390, 844)], ids=["laptop", "phone"])
+def test_everything_fits_and_has_a_name(server, field, open_page, size):
+    page = open_page(server.url, *size)
+    watch(page, "swift")
+    page.sign_in(field.token)
+    too_wide = page.page.evaluate("document.documentElement.scrollWidth - innerWidth")
+    assert too_wide <= 0
+    for order in ("hold", "abort"):
+        assert page.page.locator(f"#{order}").bounding_box()["height"] >= 44
+    assert page.page.evaluate(NAMELESS) == []
+
+
+def test_a_page_waits_for_a_vehicle_that_is_not_there_yet(open_page):
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    server = Server([endpoint]).start()
+    try:
+        page = open_page(server.url)
+        page.wait(
+            "() => document.getElementById('cause').textContent.startsWith('Waiting for a service')"
+        )
+        with TelemetryVehicle(endpoint, "late"):
+            watch(page, "late")
+    finally:
+        server.kill()

@@ -1,0 +1,167 @@
+"""The dashboard's server as a process, spoken to as a browser would speak to it."""
+
+import contextlib
+import json
+import struct
+import time
+
+import pytest
+from dashboard_server import Server, free_port
+from telemetry_vehicle import TelemetryVehicle
+from websockets.exceptions import ConnectionClosed, InvalidStatus
+from websockets.sync.client import connect
+
+PATIENCE_S = 15.0
+
+
+class Browser:
+    """One connection; gathers news until something is told."""
+
+    def __init__(self, server, token="", **headers):
+        host = f"127.0.0.1:{server.port}"
+        self.closing = contextlib.ExitStack()
+        origin = headers.get("origin", f"http://{host}")
+        self.socket = self.closing.enter_context(
+            connect(f"ws://{host}/live", origin=origin, proxy=None)
+        )
+        self.news = {}
+        self.pictures = {}
+        self.say(type="hello", token=token)
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self.closing.close()
+
+    def say(self, **message):
+        self.socket.send(json.dumps(message))
+
+    def hear_until(self, accept, patience_s=PATIENCE_S):
+        """Take messages in until ``accept(news)``."""
+        deadline = time.monotonic() + patience_s
+        while not accept(self.news):
+            self.take(self.socket.recv(timeout=max(deadline - time.monotonic(), 0.01)))
+        return self.news
+
+    def take(self, message):
+        if isinstance(message, str):
+            self.news |= json.loads(message)
+            return
+        kind, t_ms = struct.unpack("<Bd", message[:9])
+        self.pictures.setdefault(kind, []).append((t_ms, message[9:]))
+        if kind == 1:
+            self.say(type="seen")
+
+    def watch(self, vehicle):
+        self.hear_until(lambda news: vehicle in [v["name"] for v in news.get("vehicles", [])])
+        self.say(type="watch", vehicle=vehicle)
+        return self.hear_until(lambda news: news.get("watching") == vehicle and "state" in news)
+
+
+def test_a_browser_is_told_state_results_and_pictures_of_the_vehicle_it_watches(server, field):
+    with Browser(server) as browser:
+        news = browser.watch("swift")
+        assert news["welcome"]["role"] == "viewer"
+        assert news["state"]["mode"] == "OFFBOARD"
+        assert "challenge" not in news["state"]
+        browser.hear_until(
+            lambda news: (
+                {"servo", "path", "timing", "link", "settings"} <= news.keys()
+                and browser.pictures.keys() == {1, 2, 3}
+                and len(browser.pictures[1]) > 10
+            )
+        )
+        t_ms, jpeg = browser.pictures[1][-1]
+        assert jpeg.startswith(b"\xff\xd8")
+        assert abs(time.time() * 1e3 - t_ms) < 2000
+        assert browser.news["link"]["is_foreign_clock"] is False
+
+
+def test_vehicles_of_several_endpoints_stand_in_one_list(server, field):
+    with Browser(server) as browser:
+        assert browser.watch("heron")["state"]["takes_orders"] is False
+        assert browser.watch("swift")["state"]["takes_orders"] is True
+
+
+def test_a_browser_that_confirms_nothing_is_sent_no_further_views(server, field):
+    with Browser(server) as browser:
+        browser.watch("swift")
+        browser.say = lambda **_: None
+        browser.hear_until(lambda news: news.get("overtaken", 0) > 10)
+        assert len(browser.pictures[1]) <= 3
+        assert "servo" in browser.news
+
+
+def test_only_an_operator_s_order_reaches_the_vehicle(server, field):
+    given = len(field.swift.orders)
+    with Browser(server) as browser:
+        browser.watch("swift")
+        browser.say(type="order", order="abort", vehicle="swift")
+        answers = browser.hear_until(lambda news: "answers" in news)["answers"]
+        assert answers[0]["accepted"] is False
+        assert "may only look" in answers[0]["text"]
+    with Browser(server, field.token) as browser:
+        browser.watch("swift")
+        assert browser.news["welcome"]["can_order"] is True
+        browser.say(type="order", order="hold", vehicle="swift")
+        answers = browser.hear_until(lambda news: "answers" in news)["answers"]
+        assert answers[0]["text"] == "accepted: hold"
+        browser.hear_until(lambda news: news["state"]["state"] == "HOLD")
+    assert field.swift.orders[given:] == ["accepted: hold"]
+    field.swift.enter("SERVO", "good data")
+
+
+@pytest.mark.parametrize("order", ["arm", "", "takeoff", None, {"a": 1}])
+def test_orders_that_do_not_exist_go_nowhere(server, field, order):
+    given = len(field.swift.orders)
+    with Browser(server, field.token) as browser:
+        browser.watch("swift")
+        browser.say(type="order", order=order, vehicle="swift")
+        answers = browser.hear_until(lambda news: "answers" in news)["answers"]
+        assert answers[0]["accepted"] is False
+    assert len(field.swift.orders) == given
+
+
+def test_a_wrong_token_is_shown_the_door(server):
+    with Browser(server, "x" * 40) as browser, pytest.raises(ConnectionClosed) as closed:
+        browser.hear_until(lambda _: False)
+    assert closed.value.rcvd.code == 4401
+
+
+@pytest.mark.parametrize("origin", ["http://evil.example", "null", None])
+def test_other_pages_cannot_connect(server, origin):
+    with pytest.raises(InvalidStatus) as refused:
+        Browser(server, origin=origin)
+    assert refused.value.response.status_code == 403
+
+
+@pytest.mark.parametrize("message", ["[]", "{", '{"type": "fly"}', "[" * 60_000, '"' * 3])
+def test_messages_that_are_not_understood_end_that_connection_alone(server, field, message):
+    with Browser(server) as other:
+        other.watch("swift")
+        with Browser(server) as browser:
+            browser.hear_until(lambda news: "welcome" in news)
+            browser.socket.send(message)
+            with pytest.raises(ConnectionClosed):
+                browser.hear_until(lambda _: False)
+        seen = len(other.pictures.get(1, []))
+        other.hear_until(lambda _: len(other.pictures.get(1, [])) > seen + 3)
+
+
+def test_a_service_that_starts_later_and_again_is_found():
+    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    server = Server([endpoint]).start()
+    try:
+        with Browser(server) as browser:
+            for cause in ("first", "second"):
+                with TelemetryVehicle(endpoint, "late") as vehicle:
+                    vehicle.enter("READY", cause)
+                    browser.watch("late")
+                    browser.hear_until(lambda news, cause=cause: news["state"]["cause"] == cause)
+                    seen = len(browser.pictures.get(1, []))
+                    browser.hear_until(
+                        lambda _, seen=seen: len(browser.pictures.get(1, [])) > seen + 3
+                    )
+    finally:
+        server.kill()
