@@ -19,6 +19,7 @@ from dfvs_export.data.pairs import Pair, PairSettings, make_pair
 from dfvs_export.data.textures import make_texture_bank
 
 TEXTURES_PER_SHARD = 64
+_MIRRORED_SHARE = 0.3
 Arrays = dict[str, NDArray[np.generic]]
 
 
@@ -70,6 +71,18 @@ def read_shard(path: Path) -> Arrays:
     """Arrays of a shard."""
     with np.load(path, allow_pickle=False) as arrays:
         return {name: arrays[name] for name in ("images", "flows", "visible", "solid")}
+
+
+def mirrored(arrays: Arrays, rng: np.random.Generator) -> Arrays:
+    """Mirror every pair, or not, left to right and top to bottom, at random."""
+    made = {name: values.copy() for name, values in arrays.items()}
+    count = len(made["images"])
+    for axis, component in ((-1, 0), (-2, 1)):  # columns and u, rows and v
+        chosen = rng.random(count) < _MIRRORED_SHARE
+        for values in made.values():
+            values[chosen] = np.flip(values[chosen], axis)
+        made["flows"][chosen, :, component] *= -1
+    return made
 
 
 def to_batch(arrays: Arrays, device: torch.device | str = "cpu") -> Batch:

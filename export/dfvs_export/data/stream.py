@@ -12,7 +12,7 @@ import torch
 
 from dfvs_core.errors import ConfigError
 from dfvs_export.data.pairs import PairSettings
-from dfvs_export.data.shards import Arrays, Batch, read_shard, to_batch, write_shard
+from dfvs_export.data.shards import Arrays, Batch, mirrored, read_shard, to_batch, write_shard
 
 PAIRS_PER_SHARD = 64
 _SHARDS_AT_ONCE = 4
@@ -95,7 +95,8 @@ class PairStream:
             self._load(round_)
         wanted = np.arange(place * self._batch, (place + 1) * self._batch)
         chosen = self._order[wanted % len(self._order)]
-        return to_batch({name: values[chosen] for name, values in self._pool.items()}, device)
+        pairs = {name: values[chosen] for name, values in self._pool.items()}
+        return to_batch(mirrored(pairs, np.random.default_rng([self._seed, step])), device)
 
     def _load(self, round_: int) -> None:
         rng = np.random.default_rng([self._seed, round_])
