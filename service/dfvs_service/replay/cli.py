@@ -10,7 +10,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_core.errors import DfvsError
+from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_service.child import ONE_BLAS_THREAD
 from dfvs_service.record.preparation import require_record_extra
 
@@ -63,6 +63,9 @@ def _parser() -> argparse.ArgumentParser:
 
 def _replay(arguments: argparse.Namespace) -> int:
     require_record_extra()
+    for path in (arguments.json, arguments.html):
+        if path is not None and not path.absolute().parent.is_dir():
+            raise ConfigError(f"cannot write {path}", "an existing folder")
     # ONNX Runtime, MCAP and protobuf take their time to load.
     from dfvs_service.config import load_config
     from dfvs_service.replay.comparison import compare

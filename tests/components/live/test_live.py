@@ -1,0 +1,154 @@
+"""The live views as processes, fed over a real Zenoh."""
+
+import asyncio
+import json
+import re
+import signal
+import socket
+import struct
+import subprocess
+import sys
+import time
+import urllib.request
+
+import numpy as np
+import pytest
+import websockets
+import zenoh
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from recorded_flight import fly
+
+from dfvs_core.topics import Topics
+from dfvs_core.wire.zenoh_settings import zenoh_settings
+from dfvs_service.perception.turn_feed import TurnFeed
+
+TOPICS = Topics("bottled")
+START_S = 30.0
+
+
+@pytest.fixture
+def service():
+    """Perception's end: a Zenoh peer that listens, and where."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    settings = zenoh.Config()
+    for key, value in zenoh_settings("peer", (), (endpoint,)):
+        settings.insert_json5(key, value)
+    with zenoh.open(settings) as session:
+        yield session, endpoint
+
+
+class Running:
+    """A command of ours that serves on a port of its own choosing."""
+
+    def __init__(self, module, endpoint):
+        words = ["--port", "0", "--vehicle", "bottled", "--set", f'zenoh.listen=["{endpoint}"]']
+        self._process = subprocess.Popen(
+            [sys.executable, "-m", module, *words], stderr=subprocess.PIPE, text=True
+        )
+        self.url = self._process.stderr.readline().split()[-1]
+
+    def __enter__(self):
+        return self
+
+    def __exit__(self, *_):
+        self._process.send_signal(signal.SIGTERM)
+        try:
+            self.code = self._process.wait(START_S)
+        finally:
+            self._process.kill()
+            self._process.communicate()
+
+
+def until(get, accept):
+    """Result of ``get`` once it is accepted."""
+    deadline = time.monotonic() + START_S
+    while not accept(result := get()):
+        assert time.monotonic() < deadline, result
+        time.sleep(0.05)
+    return result
+
+
+def test_metrics_are_scraped_over_http(service):
+    session, endpoint = service
+    with Running("dfvs_service.live.metrics_cli", endpoint) as metrics:
+        assert metrics.url.startswith("http://127.0.0.1:")
+
+        def scrape():
+            servo = {"error_m": 0.25, "stages_ms": {"capture_to_report": 61.0}}
+            session.put(TOPICS.telemetry("servo"), json.dumps(servo))
+            session.put(TOPICS.telemetry("state"), json.dumps({"state": "SERVO"}))
+            session.put(TOPICS.telemetry("timing"), b"not JSON")
+            with urllib.request.urlopen(metrics.url) as response:
+                assert response.headers["Content-Type"].startswith("text/plain")
+                return response.read().decode()
+
+        serving = 'dfvs_gate_state{state="SERVO",vehicle="bottled"} 1'
+        text = until(scrape, lambda text: "capture_to_report" in text and serving in text)
+    assert re.search(r'dfvs_error_meters\{vehicle="bottled"\} 0.25', text)
+    assert re.search(r'dfvs_telemetry_unreadable_total\{vehicle="bottled"\} [1-9]', text)
+    assert metrics.code == 0
+
+
+async def look(url, pictures):
+    """What Foxglove would see: the channels by topic, and messages of the camera."""
+    async with websockets.connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None) as link:
+        topics, seen = {}, []
+        async with asyncio.timeout(START_S):
+            while len(seen) < pictures:
+                message = await link.recv()
+                if isinstance(message, bytes):
+                    seen.append(message)
+                    continue
+                document = json.loads(message)
+                if document["op"] != "advertise":
+                    continue
+                for channel in document["channels"]:
+                    topics[channel["topic"]] = channel
+                    if channel["topic"] == "/camera/image":
+                        asked = {"id": 1, "channelId": channel["id"]}
+                        await link.send(json.dumps({"op": "subscribe", "subscriptions": [asked]}))
+    return topics, seen
+
+
+def test_foxglove_sees_the_flight_on_its_own_schemas(service):
+    session, endpoint = service
+    flight = fly(np.random.default_rng(3), frames=3)
+    feed = TurnFeed(session, TOPICS)
+    with Running("dfvs_service.live.foxglove_cli", endpoint) as server:
+        assert server.url.startswith("ws://127.0.0.1:")
+        until(lambda: feed.wanted, bool)
+        feed.offer(*flight.events[0])
+
+        async def show():
+            looking = asyncio.create_task(look(server.url, 2))
+            while not looking.done():
+                for turn, payload in flight.events[1:]:
+                    feed.offer(turn, payload)
+                await asyncio.sleep(0.05)
+            return await looking
+
+        topics, seen = asyncio.run(show())
+    feed.close()
+    assert topics["/camera/image"]["schemaName"] == "foxglove.CompressedImage"
+    assert topics["/vehicle/pose"]["schemaName"] == "foxglove.PoseInFrame"
+    opcode, subscription, _ = struct.unpack_from("<BIQ", seen[0])
+    assert (opcode, subscription) == (1, 1)
+    picture = CompressedImage.FromString(seen[0][13:])
+    assert picture.data in {payload for _, payload in flight.events[1:]}
+    assert server.code == 0
+
+
+@pytest.mark.parametrize("module", ["metrics_cli", "foxglove_cli"])
+def test_a_port_that_is_taken_is_one_clear_line(module):
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        port = taken.getsockname()[1]
+        command = [sys.executable, "-m", f"dfvs_service.live.{module}", "--port", str(port)]
+        done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert f"127.0.0.1:{port}" in done.stderr
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1

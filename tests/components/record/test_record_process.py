@@ -1,0 +1,183 @@
+"""The recorder as a process, fed over a real Zenoh."""
+
+import os
+import signal
+import socket
+import subprocess
+import sys
+import time
+
+import numpy as np
+import pytest
+import zenoh
+from mcap.reader import make_reader
+from recorded_flight import fly
+
+from dfvs_core.topics import Topics
+from dfvs_core.wire.frame import PixelFormat
+from dfvs_core.wire.zenoh_settings import zenoh_settings
+from dfvs_service.perception.turn_feed import MAX_WAITING_BYTES, TurnFeed
+from dfvs_service.replay.comparison import compare
+from dfvs_service.replay.flight import Trial, replay
+from dfvs_service.replay.recording import read_recording
+
+TOPICS = Topics("bottled")
+START_S = 30.0
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return fly(np.random.default_rng(5), 12, PixelFormat.RGB8)
+
+
+@pytest.fixture
+def service():
+    """Perception's end: a Zenoh peer that listens, and where."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+    settings = zenoh.Config()
+    for key, value in zenoh_settings("peer", (), (endpoint,)):
+        settings.insert_json5(key, value)
+    with zenoh.open(settings) as session:
+        yield session, endpoint
+
+
+def start_recorder(endpoint, folder):
+    words = ["--vehicle", "bottled", "--set", f'zenoh.listen=["{endpoint}"]']
+    command = [sys.executable, "-m", "dfvs_service.record.cli", "--out", str(folder), *words]
+    return subprocess.Popen(command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True)
+
+
+def feed_all(feed, events):
+    for message, payload in events:
+        feed.offer(message, payload)
+
+
+def wait_until(condition):
+    deadline = time.monotonic() + START_S
+    while not condition():
+        assert time.monotonic() < deadline, "it did not come to pass"
+        time.sleep(0.02)
+
+
+def size(folder):
+    return sum(path.stat().st_size for path in folder.glob("*.mcap"))
+
+
+def test_a_flight_is_recorded_from_its_first_turn_though_the_recorder_comes_later(
+    service, flight, tmp_path
+):
+    session, endpoint = service
+    feed = TurnFeed(session, TOPICS, patience_s=START_S)
+    feed_all(feed, flight.events)
+    recorder = start_recorder(endpoint, tmp_path)
+    try:
+        wait_until(lambda: size(tmp_path) > 1_000_000)
+        time.sleep(0.3)
+        recorder.send_signal(signal.SIGINT)
+        out, errors = recorder.communicate(timeout=START_S)
+    finally:
+        recorder.kill()
+        feed.close()
+    assert recorder.returncode == 0, errors
+    assert f"{len(flight.turns)} turns" in out
+    assert "0 missing, 0 dropped" in out
+    (path,) = tmp_path.glob("*.mcap")
+    with path.open("rb") as file:
+        assert make_reader(file).get_summary().statistics.message_count > len(flight.events)
+    result = replay([path], Trial(), lambda _: None)
+    assert result.reasons == ()
+    assert compare(result.frames).is_identical
+
+
+def test_killed_without_warning_it_leaves_all_but_the_last_chunk(service, flight, tmp_path):
+    session, endpoint = service
+    feed = TurnFeed(session, TOPICS, patience_s=START_S)
+    feed_all(feed, flight.events)
+    recorder = start_recorder(endpoint, tmp_path)
+    try:
+        wait_until(lambda: size(tmp_path) > 700_000)
+    finally:
+        os.kill(recorder.pid, signal.SIGKILL)
+        recorder.communicate()
+        feed.close()
+    (path,) = tmp_path.glob("*.mcap")
+    entries = list(read_recording([path]))
+    turns = [entry.message for entry in entries[1:]]
+    assert len(turns) > 2
+    assert turns == flight.turns[: len(turns)]
+
+
+def test_who_joins_in_the_middle_is_told_with_what_the_turns_work(service, flight, tmp_path):
+    session, endpoint = service
+    feed = TurnFeed(session, TOPICS)
+    feed_all(feed, flight.events[:5])  # nobody listens yet
+    recorder = start_recorder(endpoint, tmp_path)
+    try:
+        wait_until(lambda: feed.wanted)
+        feed_all(feed, flight.events[5:])
+        wait_until(lambda: size(tmp_path) > 500_000)
+        time.sleep(0.3)
+        recorder.send_signal(signal.SIGTERM)
+        recorder.communicate(timeout=START_S)
+    finally:
+        recorder.kill()
+        feed.close()
+    entries = [entry.message for entry in read_recording(list(tmp_path.glob("*.mcap")))]
+    assert entries[0] == flight.opening
+    assert entries[1:] == flight.turns[4:]
+
+
+def test_a_recorder_that_never_comes_costs_a_bounded_memory_and_no_time(service, flight):
+    session, _ = service
+    feed = TurnFeed(session, TOPICS, patience_s=60.0)
+    feed_all(feed, flight.events[:1])
+    turn, payload = flight.turns[0], bytes(1024 * 1024)
+    start = time.monotonic()
+    for _ in range(100):
+        feed.offer(turn, payload)
+    assert time.monotonic() - start < 0.1
+    assert feed.dropped >= 100 - MAX_WAITING_BYTES // len(payload)
+    feed.close(0.05)
+
+
+def test_while_nobody_records_nothing_is_kept(service, flight):
+    session, _ = service
+    feed = TurnFeed(session, TOPICS)
+    assert not feed.wanted
+    for _ in range(200):
+        feed.offer(flight.turns[0], bytes(1024 * 1024))
+    assert feed.dropped == 0
+    feed.close()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--out", "/proc/nowhere"], "/proc/nowhere cannot be made"),
+        (["--out", "TMP", "--set", "record.max_file_mb=0"], "out of range"),
+        (["recover", "nowhere.mcap"], "cannot read nowhere.mcap"),
+    ],
+)
+def test_bad_words_are_one_clear_line(words, message, tmp_path):
+    words = [str(tmp_path) if word == "TMP" else word for word in words]
+    command = [sys.executable, "-m", "dfvs_service.record.cli", *words]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert message in done.stderr
+    assert done.stderr.startswith("error: ")
+    assert done.stderr.count("\n") == 1
+
+
+def test_a_service_that_cannot_record_says_so_before_anything_starts(tmp_path):
+    from dfvs_core.wire.picture import encode_png
+
+    goal = tmp_path / "goal.png"
+    goal.write_bytes(encode_png(np.full((240, 320, 3), 90, np.uint8)))
+    command = [sys.executable, "-m", "dfvs_service.cli", "--goal", str(goal)]
+    command += ["--camera-fov", "70", "--record", "/proc/nowhere"]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+    assert done.returncode == 2
+    assert "/proc/nowhere cannot be made" in done.stderr
+    assert done.stderr.count("\n") == 1

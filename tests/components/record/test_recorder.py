@@ -1,0 +1,251 @@
+"""The recorder's files, without a network: what is in them, how they end, and what is lost."""
+
+import itertools
+import json
+import resource
+
+import numpy as np
+import pytest
+from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from mcap.reader import make_reader
+from recorded_flight import CAMERA, fly
+
+from dfvs_core.goal import Mount
+from dfvs_core.poses import rotation_from_quaternion
+from dfvs_core.wire.frame import PixelFormat
+from dfvs_core.wire.picture import decode_picture
+from dfvs_core.wire.turn import Opening
+from dfvs_service.record.reading import RecordingError
+from dfvs_service.record.recorder import Recorder, RecordLimits
+from dfvs_service.record.recovery import recover
+from dfvs_service.replay.recording import read_recording
+
+S = 1_000_000_000
+ROOMY = RecordLimits(10**9, 10**10, 0)
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return fly(np.random.default_rng(7), frames=9)
+
+
+@pytest.fixture(scope="module")
+def large():
+    """The same in raw pixels: a quarter of a megabyte a frame."""
+    return fly(np.random.default_rng(7), 12, PixelFormat.RGB8)
+
+
+class Desk:
+    """A recorder with a clock in hand, and what it warned of."""
+
+    def __init__(self, folder, limits=ROOMY):
+        self.folder = folder
+        self.now_ns = 0
+        self.warnings = []
+        self.recorder = Recorder(folder, "r", limits, lambda: self.now_ns, self.warnings.append)
+
+    def take(self, events):
+        for message, payload in events:
+            self.now_ns += S // 20
+            if isinstance(message, Opening):
+                self.recorder.open(message, payload)
+            else:
+                self.recorder.add(message, payload)
+        return self
+
+    @property
+    def files(self):
+        return sorted(self.folder.glob("*.mcap"))
+
+
+def messages(path, topic):
+    with path.open("rb") as file:
+        return [message.data for _, _, message in make_reader(file).iter_messages([topic])]
+
+
+def told(paths):
+    return [(entry.message, entry.payload) for entry in read_recording(paths)]
+
+
+def payloads(events):
+    return [payload for message, payload in events if getattr(message, "sight", None)]
+
+
+@pytest.mark.parametrize("pixel_format", [PixelFormat.JPEG, PixelFormat.RGB8, PixelFormat.MONO8])
+def test_what_was_told_is_read_back_to_the_last_bit(tmp_path, pixel_format):
+    flight = fly(np.random.default_rng(7), 5, pixel_format)
+    desk = Desk(tmp_path).take(flight.events)
+    desk.recorder.close()
+    back = told(desk.files)
+    assert [message for message, _ in back] == [message for message, _ in flight.events]
+    assert payloads(back) == payloads(flight.events)
+    assert back[0][1] == flight.events[0][1]
+    assert not desk.warnings
+
+
+def test_it_opens_with_foxglove_s_standard_schemas(tmp_path, flight):
+    desk = Desk(tmp_path).take(flight.events)
+    desk.recorder.close()
+    with desk.files[0].open("rb") as file:
+        summary = make_reader(file).get_summary()
+        notes = {note.name: note.metadata for note in make_reader(file).iter_metadata()}
+    schemas = {
+        channel.topic: summary.schemas[channel.schema_id].name
+        for channel in summary.channels.values()
+        if channel.schema_id
+    }
+    assert schemas["/camera/image"] == "foxglove.CompressedImage"
+    assert schemas["/goal/image"] == "foxglove.CompressedImage"
+    assert schemas["/camera/calibration"] == "foxglove.CameraCalibration"
+    assert schemas["/vehicle/pose"] == "foxglove.PoseInFrame"
+    assert schemas["/tf"] == "foxglove.FrameTransforms"
+    assert notes["dfvs"]["vehicle"] == "bottled"
+    assert notes["dfvs.model"]["name"] == "classical"
+    assert len(notes["dfvs.build"]["source"]) == 64
+
+
+def test_picture_pose_and_calibration_say_what_they_should(tmp_path, flight):
+    desk = Desk(tmp_path).take(flight.events)
+    desk.recorder.close()
+    (path,) = desk.files
+    picture = CompressedImage.FromString(messages(path, "/camera/image")[0])
+    assert picture.format == "jpeg"
+    assert decode_picture(picture.data).shape == (240, 320, 3)
+    calibration = CameraCalibration.FromString(messages(path, "/camera/calibration")[0])
+    assert (calibration.width, calibration.height) == CAMERA.size
+    # Foxglove counts pixels from the first one's centre.
+    np.testing.assert_allclose(
+        calibration.K, [CAMERA.fx, 0, CAMERA.cx - 0.5, 0, CAMERA.fy, CAMERA.cy - 0.5, 0, 0, 1]
+    )
+    vehicle = flight.turns[0].heard[0].vehicle
+    pose = PoseInFrame.FromString(messages(path, "/vehicle/pose")[0])
+    position = pose.pose.position
+    assert (position.x, position.y, position.z) == vehicle.position_m
+    at_ns = pose.timestamp.seconds * S + pose.timestamp.nanos
+    assert at_ns == vehicle.t_ns + flight.opening.unix_offset_ns
+    setpoint = json.loads(messages(path, "/gate/setpoint")[0])
+    assert setpoint == {"forward_m_s": 0, "right_m_s": 0.25, "down_m_s": 0, "yaw_rad_s": 0.01}
+
+
+def test_the_camera_looks_ahead_in_a_world_whose_z_axis_is_up(tmp_path, flight):
+    desk = Desk(tmp_path).take(flight.events)
+    desk.recorder.close()
+    still, moving = messages(desk.files[0], "/tf")[:2]
+    R = {}
+    for transform in [
+        *FrameTransforms.FromString(still).transforms,
+        *FrameTransforms.FromString(moving).transforms,
+    ]:
+        q = transform.rotation
+        names = transform.parent_frame_id, transform.child_frame_id
+        R[names] = rotation_from_quaternion(np.array([q.w, q.x, q.y, q.z]))
+    down = R["world", "ned"] @ [0, 0, 1]
+    np.testing.assert_allclose(down, [0, 0, -1], atol=1e-12)
+    ahead = R["world", "ned"] @ R["ned", "body"] @ R["body", "camera"] @ [0, 0, 1]
+    yaw = flight.turns[0].heard[0].vehicle.yaw_rad
+    np.testing.assert_allclose(ahead[:2], [np.sin(yaw), np.cos(yaw)], atol=2e-3)  # east, north
+    np.testing.assert_allclose(R["body", "camera"], Mount().T_body_camera()[:3, :3], atol=1e-12)
+
+
+def test_a_file_that_is_full_is_followed_by_another_which_opens_by_itself(tmp_path, large):
+    size = 400_000
+    desk = Desk(tmp_path, RecordLimits(size, 10**9, 0)).take(large.events)
+    desk.recorder.close()
+    assert len(desk.files) > 2
+    assert all(path.stat().st_size < 2.5 * size for path in desk.files)
+    assert payloads(told(desk.files)) == payloads(large.events)
+    alone = told(desk.files[1:2])
+    assert alone[0][0] == large.opening
+    assert alone[1][0].number > 0
+
+
+def test_a_recording_that_is_too_large_loses_its_oldest_files_and_nothing_else(tmp_path, large):
+    stranger = tmp_path / "another.mcap"
+    stranger.write_bytes(b"not ours")
+    desk = Desk(tmp_path, RecordLimits(300_000, 900_000, 0)).take(large.events)
+    desk.recorder.close()
+    assert desk.recorder.counts.files_removed > 0
+    ours = [path for path in desk.files if path != stranger]
+    assert sum(path.stat().st_size for path in ours) < 1_500_000
+    assert told(ours)[-1][0] == large.turns[-1]
+    assert stranger.exists()
+
+
+def test_too_little_space_drops_and_says_so_and_goes_on_when_there_is_some(tmp_path, flight):
+    desk = Desk(tmp_path, RecordLimits(10**9, 10**10, free_bytes=10**18)).take(flight.events)
+    counts = desk.recorder.counts
+    assert counts.turns == 0
+    assert counts.dropped == len(flight.turns)
+    assert "are free" in desk.warnings[0]
+    assert len(desk.warnings) == 1
+    assert not desk.files
+
+
+def test_a_disk_that_is_full_never_stops_the_recorder(tmp_path, large):
+    """The kernel refuses to let a file grow: all that the disk could do."""
+    desk = Desk(tmp_path)
+    before = resource.getrlimit(resource.RLIMIT_FSIZE)
+    resource.setrlimit(resource.RLIMIT_FSIZE, (700_000, before[1]))
+    try:
+        desk.take(large.events)
+    finally:
+        resource.setrlimit(resource.RLIMIT_FSIZE, before)
+    counts = desk.recorder.counts
+    assert counts.dropped > 0
+    assert counts.turns > 0
+    assert any("File too large" in line for line in desk.warnings)
+    lost = counts.dropped
+    desk.now_ns += 6 * S  # it tries again after a while
+    desk.take(itertools.islice(large.events, 1, 4))
+    desk.recorder.close()
+    assert counts.dropped == lost
+    assert len(told(desk.files)) > 3
+
+
+def test_turns_that_never_came_are_counted(tmp_path, flight):
+    events = [*flight.events[:3], *flight.events[7:]]
+    desk = Desk(tmp_path).take(events)
+    assert desk.recorder.counts.missing == 4
+
+
+def test_a_file_that_was_cut_short_keeps_all_but_its_last_chunk(tmp_path, large):
+    """Whatever byte it ends at."""
+    desk = Desk(tmp_path).take(large.events)
+    desk.recorder.close()
+    (whole,) = desk.files
+    data = whole.read_bytes()
+    lengths = []
+    for share in (0.999, 0.9, 0.613, 0.4):
+        cut = tmp_path / "cut.mcap"
+        cut.write_bytes(data[: int(share * len(data))])
+        kept = told([cut])
+        assert [m for m, _ in kept] == [m for m, _ in large.events[: len(kept)]]
+        lengths.append(len(kept))
+    assert lengths == sorted(lengths, reverse=True)
+    assert lengths[0] == len(large.events)
+    assert lengths[2] > 4
+
+
+def test_a_file_that_was_cut_short_is_mended(tmp_path, large):
+    desk = Desk(tmp_path).take(large.events)
+    desk.recorder.close()
+    (whole,) = desk.files
+    cut, mended = tmp_path / "cut.mcap", tmp_path / "mended.mcap"
+    cut.write_bytes(whole.read_bytes()[:-200_000])
+    count = recover(cut, mended)
+    with mended.open("rb") as file:
+        assert make_reader(file).get_summary().statistics.message_count == count
+    assert told([mended]) == told([cut])
+    with pytest.raises(RecordingError, match="exists"):
+        recover(cut, mended)
+
+
+@pytest.mark.parametrize("content", [b"", b"no recording at all", b"\x89MCAP0\r\n"])
+def test_what_is_no_recording_is_refused(tmp_path, content):
+    path = tmp_path / "x.mcap"
+    path.write_bytes(content)
+    with pytest.raises(RecordingError, match=r"x\.mcap"):
+        told([path])

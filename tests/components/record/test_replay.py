@@ -1,0 +1,192 @@
+"""Perception run again on a recorded flight: the same bits, or what differs and why."""
+
+import dataclasses
+import json
+import subprocess
+import sys
+
+import numpy as np
+import pytest
+from mcap.records import Message
+from mcap.writer import Writer
+from recorded_flight import fly
+
+from dfvs_core.wire.frame import PixelFormat
+from dfvs_core.wire.turn import Opening, Turn, from_json, to_json
+from dfvs_service.record.reading import open_records
+from dfvs_service.record.recorder import Recorder, RecordLimits
+from dfvs_service.replay.cli import main
+from dfvs_service.replay.comparison import compare
+from dfvs_service.replay.flight import Trial, replay
+
+
+def write(folder, events):
+    recorder = Recorder(folder, "flight", RecordLimits(free_bytes=0), lambda: 0, print)
+    for message, payload in events:
+        if isinstance(message, Opening):
+            recorder.open(message, payload)
+        else:
+            recorder.add(message, payload)
+    recorder.close()
+    return folder / "flight-000.mcap"
+
+
+def rerun(path):
+    return replay([path], Trial(), lambda _: None)
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return fly(np.random.default_rng(11), frames=16)
+
+
+@pytest.fixture(scope="module")
+def recording(flight, tmp_path_factory):
+    return write(tmp_path_factory.mktemp("recording"), flight.events)
+
+
+def test_the_same_build_gives_the_same_commands_bit_for_bit(recording, flight):
+    result = rerun(recording)
+    comparison = compare(result.frames)
+    assert result.reasons == ()
+    assert comparison.is_identical
+    assert len(comparison.frames) == sum(turn.sight is not None for turn in flight.turns)
+    assert comparison.healthy_both > 8
+    speeds = [abs(frame.replayed.velocity[1]) for frame in comparison.frames]
+    assert max(speeds) > 0.05  # there was something to be the same
+
+
+def test_time_taken_to_replay_changes_nothing(recording, monkeypatch):
+    """What was recorded decides on a frame's age, not the clock of today."""
+    monkeypatch.setattr("time.monotonic_ns", lambda: 0)
+    assert compare(rerun(recording).frames).is_identical
+
+
+def altered(recording, target, alter):
+    """Copy of a recording whose turns went through ``alter``."""
+    from mcap.records import Channel, Schema
+
+    writer = Writer(str(target))
+    writer.start()
+    schemas, channels, topics = {0: 0}, {}, {}
+    with open_records(recording) as records:
+        for record in records:
+            if isinstance(record, Schema) and record.id not in schemas:
+                schemas[record.id] = writer.register_schema(
+                    record.name, record.encoding, record.data
+                )
+            elif isinstance(record, Channel) and record.id not in channels:
+                topics[record.id] = record.topic
+                channels[record.id] = writer.register_channel(
+                    record.topic, record.message_encoding, schemas[record.schema_id]
+                )
+            elif isinstance(record, Message):
+                data = record.data
+                if topics[record.channel_id] == "/dfvs/turn":
+                    data = to_json(alter(from_json(Turn, data)))
+                writer.add_message(channels[record.channel_id], record.log_time, data, 0)
+    writer.finish()
+    return target
+
+
+def nudge(turn):
+    """One command differs in its last bit."""
+    if turn.number != 12:
+        return turn
+    forward, *rest = turn.report.velocity
+    report = dataclasses.replace(turn.report, velocity=(np.nextafter(forward, 1.0), *rest))
+    return dataclasses.replace(turn, report=report)
+
+
+def age(turn):
+    """The servo step ran a millisecond later."""
+    if turn.sight is None or turn.sight.t_servo_ns is None:
+        return turn
+    sight = dataclasses.replace(turn.sight, t_servo_ns=turn.sight.t_servo_ns + 1_000_000)
+    return dataclasses.replace(turn, sight=sight)
+
+
+def test_a_single_bit_that_differs_is_found_and_is_a_failure(recording, tmp_path, capsys):
+    path = altered(recording, tmp_path / "nudged.mcap", nudge)
+    comparison = compare(rerun(path).frames)
+    assert comparison.first_difference == 12
+    assert len(comparison.frames) - comparison.identical == 1
+    assert main([str(path)]) == 1
+    assert "NOT identical" in capsys.readouterr().out
+
+
+def test_the_times_of_judgement_matter_so_they_have_to_be_recorded(recording, tmp_path):
+    comparison = compare(rerun(altered(recording, tmp_path / "aged.mcap", age)).frames)
+    assert comparison.identical < 0.5 * len(comparison.frames)
+    assert 0 < comparison.velocity_m_s.greatest < 0.01
+
+
+def test_turns_that_are_missing_are_named_as_the_reason_to_differ(flight, tmp_path):
+    path = write(tmp_path, [*flight.events[:4], *flight.events[9:]])
+    result = rerun(path)
+    assert result.reasons == ("5 turns before turn 8 were not recorded",)
+
+
+def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_goes(tmp_path):
+    flight = fly(np.random.default_rng(11), 8, PixelFormat.RGB8)
+    data = write(tmp_path, flight.events).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[: int(0.7 * len(data))])
+    comparison = compare(rerun(cut).frames)
+    assert comparison.is_identical
+    assert 2 <= len(comparison.frames) < len(flight.turns) - 1
+
+
+def test_other_settings_give_a_report_of_what_differs(recording, tmp_path, capsys):
+    settings, report = tmp_path / "other.toml", tmp_path / "report.html"
+    settings.write_text("[servo]\ngain_far = 0.4\ngain_near = 0.4\n[flow]\nthreads = 1\n")
+    words = ["--config", str(settings), "--html", str(report), "--json", str(tmp_path / "r.json")]
+    assert main([str(recording), *words]) == 0
+    out = capsys.readouterr().out
+    assert "the settings of [servo] are others" in out
+    document = json.loads((tmp_path / "r.json").read_text())
+    assert document["is_identical"] is False
+    assert document["must_be_identical"] is False
+    assert document["velocity_m_s"]["greatest"] > 0.01
+    assert document["error_m"]["greatest"] < 1e-6  # the same eyes, another law
+    assert len(document["frames"]) == document["identical"] + sum(
+        not frame["identical"] for frame in document["frames"]
+    )
+    page = report.read_text()
+    assert page.count("<svg") == 8
+    assert "http" not in page  # it needs nothing from elsewhere
+    assert "[servo] are others" in page
+
+
+def test_another_model_is_tried_on_the_same_frames(recording):
+    result = replay([recording], Trial(model="hybrid:dfvs-flow"), lambda _: None)
+    assert any("model" in reason for reason in result.reasons)
+    assert len(result.frames) > 10
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["nowhere.mcap"], "cannot read nowhere.mcap"),
+        (["RECORDING", "--bundle", "nowhere"], "there is no model 'nowhere'"),
+        (["RECORDING", "--config", "nowhere.toml"], "nowhere.toml"),
+        (["RECORDING", "--json", "/nowhere/r.json"], "cannot write /nowhere/r.json"),
+        ([__file__], "is not a recording"),
+    ],
+)
+def test_bad_words_are_one_clear_line(recording, words, message, capsys):
+    assert main([str(recording) if word == "RECORDING" else word for word in words]) == 2
+    errors = capsys.readouterr().err
+    assert errors.startswith("error: ")
+    assert message in errors
+    assert errors.count("\n") == 1
+
+
+def test_as_a_command_of_its_own_it_finds_the_same(recording):
+    """A process of its own, in an environment that asks for many BLAS threads."""
+    command = [sys.executable, "-m", "dfvs_service.replay.cli", str(recording)]
+    done = subprocess.run(
+        command, capture_output=True, text=True, timeout=60, check=False, env={"PATH": ""}
+    )
+    assert done.returncode == 0, done.stderr
+    assert done.stdout.startswith("identical: all")

@@ -1,0 +1,94 @@
+"""A short flight as perception would tell it to a recorder: real matching, a clock in hand."""
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+from textured_wall import Wall, texture, turned
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.wire.link import GateStatus, VehicleState
+from dfvs_core.wire.picture import encode_png
+from dfvs_models.catalog import load_matcher
+from dfvs_service.config import load_config
+from dfvs_service.perception.assembly import Clocks, build_eye
+from dfvs_service.perception.eye import RawSample
+from dfvs_service.perception.messages import servo_document
+from dfvs_service.perception.opening import make_opening
+from dfvs_service.perception.turn_book import TurnBook
+
+CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
+CLOCK = b"c" * 16
+MS = 1_000_000
+
+
+class RunningClock:
+    """Goes on by itself, never twice by the same amount, as a real one does."""
+
+    def __init__(self, rng):
+        self.now_ns = 5_000_000 * MS
+        self._rng = rng
+
+    def __call__(self):
+        self.now_ns += int(self._rng.integers(10_000, 3_000_000))
+        return self.now_ns
+
+
+@dataclass(frozen=True)
+class RecordedFlight:
+    """``events`` are an opening and its turns, each with the bytes beside it."""
+
+    opening: object
+    events: list
+
+    @property
+    def turns(self):
+        return [message for message, _ in self.events[1:]]
+
+
+def fly(rng, frames=24, pixel_format=PixelFormat.JPEG, **settings):
+    """Drift towards the goal picture; every seventh turn sees nothing, one sees rubbish."""
+    sidecar = GoalSidecar(CAMERA)
+    overrides = {"vehicle.name": "bottled", "flow.threads": 1}
+    overrides |= {name.replace("__", "."): value for name, value in settings.items()}
+    config, _ = load_config(None, overrides).with_camera((320, 240), sidecar)
+    wall = Wall(texture(rng))
+    goal = Goal(wall.picture(), sidecar)
+    clock = RunningClock(rng)
+    eye = build_eye(config, goal, load_matcher("classical", 1), Clocks(CLOCK, clock, clock))
+    opening = replace(make_opening(config, goal, CLOCK), opened_ns=clock())
+    book = TurnBook()
+    book.open(opening)
+    events = [(opening, encode_png(goal.image))]
+    for i in range(frames):
+        heard = [status_at(clock, i, k) for k in range(3)]
+        for status in heard:
+            eye.heed(status)
+        if i % 7 == 6:
+            report = eye.look(RawSample(b"", b"", clock())).report
+            events.append((book.silent(clock(), heard, report), b""))
+            continue
+        left_px = 24.0 - i
+        picture = wall.picture(turned(shift=(left_px, 0.3 * left_px)))
+        noise = rng.integers(-2, 3, picture.shape)
+        image = np.clip(picture.astype(int) + noise, 0, 255).astype(np.uint8)
+        payload, attachment = encode_frame(Frame(image, clock(), i + 1), pixel_format, CLOCK)
+        if i == 4:
+            payload, attachment = b"rubbish", b"of any kind"
+        sample = RawSample(payload, attachment, clock())
+        glance = eye.look(sample)
+        outcome = glance.outcome
+        servo = servo_document(glance.frame, outcome, clock(), glance.stages_ns) if outcome else {}
+        events.append((book.looked(sample, heard, glance, servo), payload))
+        eye.digest()
+    return RecordedFlight(opening, events)
+
+
+def status_at(clock, i, k):
+    """The gate's word, 20 ms after the one before; the vehicle drifts to the right."""
+    clock.now_ns += 15 * MS
+    t_ns = clock()
+    position = (0.0, 0.02 * i + 0.004 * k, -1.5)
+    vehicle = VehicleState(t_ns, 0.01, -0.02, 0.3 + 1e-3 * i, (0.02, 0.25, 0.0), position)
+    return GateStatus("SERVO", "tested", vehicle, t_ns, setpoint=(0.0, 0.25, 0.0, 0.01))
