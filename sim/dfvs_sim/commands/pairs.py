@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import functools
 import json
+import math
 import re
 import sys
 import time
@@ -14,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.evaluation import LEVELS
 from dfvs_core.pair_files import PAIRS_PER_SHARD, shard_name
@@ -123,10 +125,7 @@ def _seeds(words: str) -> range:
 
 def _write_shards(args: argparse.Namespace, artists: _Artists) -> dict[Path, int]:
     """Write shards of the seeds --seed, --seed + 1, ...; each from four rooms that follow."""
-    match = re.fullmatch(r"(\d{2,4})x(\d{2,4})", args.size)
-    if match is None:
-        raise ConfigError(f"--size is {args.size!r}", "WIDTHxHEIGHT such as 192x144")
-    size = (int(match[1]), int(match[2]))
+    size = _size(args.size)
     try:
         args.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -145,6 +144,20 @@ def _write_shards(args: argparse.Namespace, artists: _Artists) -> dict[Path, int
         written[path] = len(pairs)
         _show_progress(sum(written.values()), shards * PAIRS_PER_SHARD, started)
     return written
+
+
+def _size(words: str) -> tuple[int, int]:
+    """Width and height, px, of ``WxH``.
+
+    Raises
+    ------
+    DfvsError
+        If it is none, or too small for a camera.
+    """
+    match = re.fullmatch(r"(\d{2,4})x(\d{2,4})", words)
+    if match is None:
+        raise ConfigError(f"--size is {words!r}", "WIDTHxHEIGHT such as 192x144")
+    return CameraModel.from_horizontal_fov(int(match[1]), int(match[2]), 0.5 * math.pi).size
 
 
 def _write_file(args: argparse.Namespace, artists: _Artists) -> dict[Path, int]:

@@ -117,13 +117,13 @@ def drawn_interior(seed: int, kind: str | None = None) -> Room:
         raise ConfigError(f"no kind of room {kind!r}", f"one of {', '.join(KINDS)}")
     shape, looks = np.random.default_rng([seed, 1]).spawn(2)
     drawn = str(shape.choice(list(KINDS)))
-    layout, openings = _furnished(KINDS[kind or drawn], shape)
+    layout, openings = furnished(KINDS[kind or drawn], shape)
     names = {part.material for part in layout.parts}
     walls = frozenset(name for name in names if name.startswith("wall"))
     return Room(tuple(layout.parts), interior_materials(names, looks), walls, openings)
 
 
-def _furnished(kind: Kind, rng: np.random.Generator) -> tuple[Layout, tuple[Opening, ...]]:
+def furnished(kind: Kind, rng: np.random.Generator) -> tuple[Layout, tuple[Opening, ...]]:
     """Parts of an interior, and the windows that light it."""
     size = tuple(float(rng.uniform(*r)) for r in (kind.length_m, kind.width_m, kind.height_m))
     layout = Layout((size[0], size[1], size[2]), rng)

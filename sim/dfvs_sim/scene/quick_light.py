@@ -31,7 +31,7 @@ from dfvs_sim.scene.mesh import NO_TEXTURE, Int32Array, Scene
 from dfvs_sim.scene.room import Opening, Room
 from dfvs_sim.scene.solids import Part
 
-_POINTS_PER_LAMP, _POINTS_PER_OPENING, _BOUNCE_POINTS = 3, 6, 56
+_POINTS_PER_OPENING, _BOUNCE_POINTS = 6, 56
 _MAP_SIDE_PX = 128
 _LIFT_M, _NEAREST_M = 0.012, 0.35
 _DARKEST_SLOPE = 0.15
@@ -105,20 +105,21 @@ def _lamp_points(lamps: list[Part], rng: np.random.Generator) -> list[_Source]:
     """Points in shining balls: one of radiance L and radius r has the intensity pi r^2 L."""
     sources = []
     for lamp in lamps:
-        centre = lamp.vertices.mean(axis=0)
-        radius = 0.98 * float(np.linalg.norm(lamp.vertices - centre, axis=1).max())
+        low, high = lamp.vertices.min(axis=0), lamp.vertices.max(axis=0)
+        centre, radius = 0.5 * (low + high), 0.98 * 0.5 * float((high - low).max())
         power = np.pi * radius**2 * lamp.emission * np.array(LAMP_RADIANCE)
-        for way in _even_directions(_POINTS_PER_LAMP, rng):
+        directions = _even_directions(rng)
+        for way in directions:
             place = ned_from_room(centre + 0.7 * radius * way)
-            sources.append(_Source(place, power / _POINTS_PER_LAMP, None))
+            sources.append(_Source(place, power / len(directions), None))
     return sources
 
 
-def _even_directions(count: int, rng: np.random.Generator) -> FloatArray:
-    """Unit vectors (count, 3) that are far from each other."""
-    drawn = rng.normal(size=(count, 3))
-    drawn -= drawn.mean(axis=0)
-    return np.asarray(drawn / np.linalg.norm(drawn, axis=1, keepdims=True), np.float64)
+def _even_directions(rng: np.random.Generator) -> FloatArray:
+    """Unit vectors (4, 3) to the corners of a tetrahedron that is turned anyhow."""
+    R, _ = np.linalg.qr(rng.normal(size=(3, 3)))
+    corners = np.array([[1, 1, 1], [1, -1, -1], [-1, 1, -1], [-1, -1, 1]]) / np.sqrt(3.0)
+    return np.asarray(corners @ R, np.float64)
 
 
 def _sky_points(openings: tuple[Opening, ...], rng: np.random.Generator) -> list[_Source]:

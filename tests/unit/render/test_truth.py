@@ -73,6 +73,18 @@ class TestVisibility:
         assert seen.any()
         assert not seen[:, :30].any()
 
+    def test_holds_all_over_a_floor_that_is_seen_aslant(self):
+        floor = wall(0.4)[..., [1, 2, 0]]  # 0.4 m below the camera
+        ahead = camera_pose((0.05, 0.02, 0.0), 0.1)
+        first, second = depths(floor, NORTHWARD, ahead)
+        seen = visibility(CAMERA, (NORTHWARD, ahead), (first, second))
+        target = CAMERA.grid() + exact_flow(CAMERA, NORTHWARD, first, ahead)
+        # where all four neighbours show the floor and the horizon is some pixels away
+        low, high = np.array([1.0, 34.0]), np.array(CAMERA.size) - 1.0
+        inside = (first > 0) & (target > low).all(-1) & (target < high).all(-1)
+        assert inside.sum() > 1000
+        assert seen[inside].all()
+
     def test_leaves_out_the_sky(self):
         (depth,) = depths(wall(2.0, 0.4, 0.4), NORTHWARD)
         seen = visibility(CAMERA, (NORTHWARD, NORTHWARD), (depth, depth))

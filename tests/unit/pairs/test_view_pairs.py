@@ -1,0 +1,158 @@
+"""Pairs of views drawn in the built-in room."""
+
+import numpy as np
+import pytest
+from tiny_scenes import scene_of, wall
+
+from dfvs_core.errors import ImageError
+from dfvs_core.matching.evaluation import LEVELS
+from dfvs_core.pair_files import SHARD_ARRAYS
+from dfvs_core.poses import invert_pose, so3_log
+from dfvs_sim.pairs.drawing import EVALUATION_CAMERA, PairArtist
+from dfvs_sim.pairs.evaluation_file import read_flow_pairs
+from dfvs_sim.pairs.files import evaluation_arrays, shard_arrays, write_arrays
+from dfvs_sim.pairs.motion import training_motion
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.render.truth import warp_to_a
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.frames import ned_pose_from_gltf
+from dfvs_sim.scene.free_space import FreeSpace
+from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.scene.mesh import SceneError
+
+SIZE = (96, 72)
+LIMITS = {"small": (0.15, 6.0), "medium": (0.5, 15.0), "large": (1.2, 30.0)}
+
+
+@pytest.fixture(scope="module")
+def renderer():
+    return Renderer(load_glb(builtin_room_path()))
+
+
+@pytest.fixture(scope="module")
+def artist(renderer):
+    return PairArtist(renderer)
+
+
+@pytest.fixture(scope="module")
+def training(artist):
+    rng = np.random.default_rng(3)
+    return [artist.training_pair(SIZE, rng) for _ in range(12)]
+
+
+@pytest.fixture(scope="module")
+def evaluation(artist):
+    rng = np.random.default_rng(4)
+    return [artist.evaluation_pair(level, rng) for level in LEVELS]
+
+
+def photometric_error(pair, k, sign=1.0):
+    """Mean difference, of 255, of view k and the other one warped to it, where both see."""
+    warped = warp_to_a(pair.views[1 - k].image, sign * pair.flows[k])
+    return np.abs(warped.astype(int) - pair.views[k].image)[pair.visible[k]].mean()
+
+
+class TestAPair:
+    def test_is_warped_onto_itself_by_its_flow_both_ways(self, training, evaluation):
+        cases = [(pair, k) for pair in training + evaluation for k in (0, 1)]
+        errors = np.array([photometric_error(pair, k) for pair, k in cases])
+        wrong = np.array([photometric_error(pair, k, sign=-1.0) for pair, k in cases])
+        # fine texture at another scale and outlines are left
+        assert errors.mean() < 5.0
+        assert wrong.mean() > 4.0 * errors.mean()
+        assert (errors < wrong).all()
+
+    def test_returns_where_it_came_from(self, evaluation):
+        for pair in evaluation:
+            u, v = (pair.camera.grid() + pair.flows[0]).transpose(2, 0, 1)
+            i, j = (
+                np.floor(u[pair.visible[0]]).astype(int),
+                np.floor(v[pair.visible[0]]).astype(int),
+            )
+            back = pair.flows[0][pair.visible[0]] + pair.flows[1][j, i]
+            assert np.median(np.linalg.norm(back, axis=-1)) < 1.0
+
+    def test_is_decided_by_its_generator(self, artist, training):
+        again = artist.training_pair(SIZE, np.random.default_rng(3))
+        np.testing.assert_array_equal(again.views[1].image, training[0].views[1].image)
+        np.testing.assert_array_equal(again.poses, training[0].poses)
+
+    def test_for_training_overlaps_and_has_any_field_of_view(self, renderer, training):
+        space = FreeSpace(renderer)
+        for pair in training:
+            assert pair.visible[0].mean() >= 0.12
+            assert np.radians(58) <= 2 * np.arctan(0.5 * SIZE[0] / pair.camera.fx) <= np.radians(92)
+            assert space.clearance_m(pair.poses[0][:3, 3]) >= 0.2
+            assert space.clearance_m(pair.poses[1][:3, 3]) >= 0.12
+        assert len({pair.camera.fx for pair in training}) == len(training)
+
+    def test_for_evaluation_keeps_to_its_level(self, evaluation):
+        for level, pair in zip(LEVELS, evaluation, strict=True):
+            move = invert_pose(pair.poses[0]) @ pair.poses[1]
+            most_m, most_deg = LIMITS[level]
+            assert 0.4 * most_m <= np.linalg.norm(move[:3, 3]) <= most_m
+            assert np.degrees(np.abs(so3_log(move[:3, :3]))).max() <= most_deg + 1e-6
+            assert pair.visible[0].mean() >= 0.2
+            assert pair.camera == EVALUATION_CAMERA
+            right = pair.poses[0][:3, 0]
+            assert right[2] == pytest.approx(0.0, abs=1e-9)  # the first view is upright
+
+    def test_needs_a_scene_that_is_large_enough(self):
+        floor = wall(0.0, 0.1, 0.1)[..., [1, 2, 0]]
+        with pytest.raises(SceneError, match="room for a camera"):
+            PairArtist(Renderer(scene_of(floor)))
+
+
+def test_motions_for_training_come_in_three_kinds():
+    rng = np.random.default_rng(1)
+    motions = [training_motion(rng, 2.0) for _ in range(2000)]
+    distance = np.array([motion.distance_m for motion in motions])
+    turn = np.degrees([np.abs(motion.turn_rad) for motion in motions])
+    assert distance.max() <= 1.2
+    assert (turn.max(axis=0) <= [35.0, 35.0, 55.0]).all()
+    assert (turn.max(axis=0) > [33.0, 33.0, 52.0]).all()
+    # small motions are spread over the scales: a tenth of all goes less than 3 cm
+    assert np.mean(distance < 0.03) == pytest.approx(
+        0.3 * 0.49 + 0.3 * 0.06 + 0.4 * 0.025, abs=0.03
+    )
+    assert training_motion(rng, 100.0).distance_m <= 1.8
+
+
+class TestFiles:
+    def test_a_shard_holds_both_directions(self, training):
+        arrays = shard_arrays(training)
+        assert set(arrays) == set(SHARD_ARRAYS)
+        n, (w, h) = len(training), SIZE
+        kinds = {name: (array.shape, array.dtype.name) for name, array in arrays.items()}
+        assert kinds == {
+            "images": ((n, 2, 3, h, w), "uint8"),
+            "flows": ((n, 2, 2, h, w), "float16"),
+            "visible": ((n, 2, h, w), "bool"),
+            "solid": ((n, 2, h, w), "bool"),
+        }
+        assert np.isfinite(arrays["flows"]).all()
+        assert (arrays["solid"] | ~arrays["visible"]).all()
+        np.testing.assert_array_equal(arrays["images"][3, 1, 2], training[3].views[1].image[..., 2])
+        seen = training[3].visible[1]
+        flow = arrays["flows"][3, 1].transpose(1, 2, 0).astype(np.float32)
+        np.testing.assert_allclose(flow[seen], training[3].flows[1][seen], rtol=1e-3, atol=1e-3)
+
+    def test_an_evaluation_file_is_read_back_as_it_was(self, evaluation, tmp_path):
+        path = tmp_path / "room.npz"
+        write_arrays(path, evaluation_arrays(evaluation, LEVELS), compressed=True)
+        pairs = read_flow_pairs(path)
+        np.testing.assert_array_equal(pairs.level, [0, 1, 2])
+        for k, pair in enumerate(evaluation):
+            np.testing.assert_array_equal(pairs.current[k], pair.views[0].image)
+            np.testing.assert_array_equal(pairs.other[k], pair.views[1].image)
+            seen = pair.visible[0]
+            np.testing.assert_array_equal(pairs.visible[k], seen)
+            np.testing.assert_allclose(pairs.flow[k][seen], pair.flows[0][seen], rtol=1e-3)
+        with np.load(path) as arrays:
+            pose = ned_pose_from_gltf(arrays["TB"][2])
+            np.testing.assert_allclose(pose, evaluation[2].poses[1], atol=1e-12)
+        assert [p.name for p in tmp_path.iterdir()] == ["room.npz"]
+
+    def test_what_is_missing_is_told(self, tmp_path):
+        with pytest.raises(ImageError, match="cannot be read"):
+            read_flow_pairs(tmp_path / "none.npz")
