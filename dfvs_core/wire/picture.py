@@ -20,6 +20,8 @@ MAX_PICTURE_BYTES = 32 * 1024 * 1024
 MAX_PICTURE_PIXELS = 16 * 1024 * 1024
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
+_PNG_HEAD_BYTES = 33
+_PNG_PIXEL_CHUNKS = frozenset({b"PLTE", b"IDAT", b"IEND"})
 _PNG_PIXEL_BYTES, _PNG_LINE_BYTES = 8, 16
 """Four channels of 16 bits; a filter byte a line, for every pass of an interlaced one."""
 _INFLATE_BYTES = 1 << 16
@@ -87,7 +89,7 @@ def decode_picture(data: bytes, max_pixels: int = MAX_PICTURE_PIXELS) -> ImageAr
     if width < 1 or height < 1 or width * height > max_pixels:
         raise ImageError(f"picture of {width} x {height} px", f"at most {max_pixels} px in all")
     if data.startswith(_PNG_MAGIC):
-        _check_png_data(data, width, height)
+        data = _png_pixels(data, width, height)
     elif data.count(_JPEG_SCAN) > _MAX_JPEG_SCANS:
         raise ImageError(f"JPEG of {data.count(_JPEG_SCAN)} scans", f"at most {_MAX_JPEG_SCANS}")
     # Pixels stay where the sensor had them: a note on how to turn the picture must not count.
@@ -101,19 +103,28 @@ def decode_picture(data: bytes, max_pixels: int = MAX_PICTURE_PIXELS) -> ImageAr
     return np.ascontiguousarray(bgr[:, :, ::-1])
 
 
-def _check_png_data(data: bytes, width: int, height: int) -> None:
-    """Refuse a PNG that is cut short, or whose data unfold to more than its pixels can take."""
+def _png_pixels(data: bytes, width: int, height: int) -> bytes:
+    """PNG of those chunks alone that hold pixels: profiles, texts and animations unfold as well.
+
+    Raises
+    ------
+    ImageError
+        If it is cut short, or its data unfold to more than its pixels can take.
+    """
+    parts = [data[:_PNG_HEAD_BYTES]]
     left = height * (width * _PNG_PIXEL_BYTES + _PNG_LINE_BYTES)
     inflater = zlib.decompressobj()
-    at = len(_PNG_MAGIC)
+    at = _PNG_HEAD_BYTES
     for _ in range(_MAX_PNG_CHUNKS):
         length, kind = int.from_bytes(data[at : at + 4], "big"), data[at + 4 : at + 8]
         if at + length + 12 > len(data):
             raise ImageError("the PNG is cut short")
-        if kind == b"IEND":
-            return
         if kind == b"IDAT":
             left -= _unfolded_bytes(inflater, data[at + 8 : at + 8 + length], left)
+        if kind in _PNG_PIXEL_CHUNKS:
+            parts.append(data[at : at + length + 12])
+        if kind == b"IEND":
+            return b"".join(parts)
         at += length + 12
     raise ImageError("the PNG has too many chunks", f"at most {_MAX_PNG_CHUNKS}")
 

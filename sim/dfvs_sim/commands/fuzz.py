@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from typing import Any
 
-from dfvs_sim.commands import fuzz_gate
+from dfvs_sim.commands import fuzz_frames, fuzz_gate
 
 
 def add_parser(subparsers: Any) -> None:
@@ -17,3 +17,4 @@ def add_parser(subparsers: Any) -> None:
     )
     inner = parser.add_subparsers(metavar="WHAT", required=True)
     fuzz_gate.add_parser(inner)
+    fuzz_frames.add_parser(inner)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -11,6 +10,7 @@ from typing import Any
 from dfvs_core.errors import ConfigError
 from dfvs_sim.fuzz.campaign import Outcome, campaign
 from dfvs_sim.fuzz.gate_fuzz import relive
+from dfvs_sim.fuzz.progress import ProgressLine
 from dfvs_sim.fuzz.replay import read_life, write_finding
 from dfvs_sim.options import write_json
 
@@ -62,7 +62,13 @@ def run(args: argparse.Namespace) -> int:
     if not args.out.is_dir():
         raise ConfigError(f"--out {args.out} is no folder", "an existing folder")
     began_s = time.monotonic()
-    outcome = campaign(args.events, args.workers, args.seed, _Progress(args.events))
+    line = ProgressLine()
+
+    def tell(so_far: Outcome) -> None:
+        tally, found = so_far.tally, len(so_far.findings)
+        line.show(f"{tally.events:,} of {args.events:,} events, {found} violations")
+
+    outcome = campaign(args.events, args.workers, args.seed, tell)
     report = figures(outcome, args.seed, time.monotonic() - began_s)
     for number, finding in enumerate(outcome.findings):
         path = args.out / f"gate-{finding.rule}-{number}.json"
@@ -78,27 +84,6 @@ def _replay(path: Path) -> int:
     violation = relive(read_life(path))
     print("no violation" if violation is None else f"violated: {violation}")
     return 0 if violation is None else 1
-
-
-class _Progress:
-    """Tells how far it is, every few seconds."""
-
-    def __init__(self, events: int) -> None:
-        self._events = events
-        self._next_s = 0.0
-
-    def __call__(self, so_far: Outcome) -> None:
-        now_s = time.monotonic()
-        if now_s < self._next_s:
-            return
-        self._next_s = now_s + 5.0
-        tally = so_far.tally
-        print(
-            f"  {tally.events:,} of {self._events:,} events, {tally.lives:,} lives, "
-            f"{len(so_far.findings)} violations",
-            file=sys.stderr,
-            flush=True,
-        )
 
 
 def figures(outcome: Outcome, seed: int, wall_s: float) -> dict[str, Any]:

@@ -9,8 +9,6 @@ import numpy as np
 
 T = TypeVar("T")
 
-_BATCH = 4096
-
 
 class Dice:
     """Scalar draws from a generator, ten times as fast as asking it for each one.
@@ -19,16 +17,19 @@ class Dice:
     ----------
     rng : np.random.Generator
         Where the numbers come from; the same generator gives the same throws.
+    batch : int
+        How many numbers are drawn at a time.
     """
 
-    def __init__(self, rng: np.random.Generator) -> None:
+    def __init__(self, rng: np.random.Generator, batch: int = 4096) -> None:
         self.rng = rng
+        self._batch = batch
         self._drawn: list[float] = []
 
     def uniform(self) -> float:
         """Number in [0, 1)."""
         if not self._drawn:
-            self._drawn = self.rng.random(_BATCH).tolist()
+            self._drawn = self.rng.random(self._batch).tolist()
         return self._drawn.pop()
 
     def chance(self, probability: float) -> bool:

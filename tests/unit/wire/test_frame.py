@@ -1,4 +1,5 @@
 import struct
+import time
 import zlib
 
 import cv2
@@ -99,6 +100,15 @@ def test_a_png_that_unfolds_to_more_than_its_pixels_is_refused(frame):
     bomb = head + png_chunk(b"IDAT", zlib.compress(bytes(1 << 22), 9)) + png_chunk(b"IEND", b"")
     with pytest.raises(ImageError, match="unfolds to more"):
         decode_picture(bomb)
+
+
+def test_texts_and_profiles_of_a_png_are_not_unfolded(frame):
+    """Each of these 200 chunks would unfold to 8 MB in the decoder."""
+    whole = encode_png(frame.image)
+    text = png_chunk(b"zTXt", b"key\0\0" + zlib.compress(bytes(1 << 23), 9))
+    began_s = time.thread_time()
+    np.testing.assert_array_equal(decode_picture(whole[:33] + text * 200 + whole[33:]), frame.image)
+    assert time.thread_time() - began_s < 0.2  # 3 s if they were
 
 
 def test_a_png_without_its_end_is_refused(frame):

@@ -1,0 +1,107 @@
+"""Hostile frames through the decoder, and proof that a decoder that is not safe is noticed."""
+
+import argparse
+import json
+
+import numpy as np
+import pytest
+
+from dfvs_core import frame_guard
+from dfvs_core.errors import ConfigError
+from dfvs_core.wire import frame as wire_frame
+from dfvs_sim.commands import fuzz
+from dfvs_sim.commands.fuzz_frames import figures
+from dfvs_sim.fuzz.frame_fuzz import FrameJob, FrameOutcome, corpus_of, feed, hostile_frame
+from dfvs_sim.fuzz.hostile_frames import KINDS
+
+
+def run(*words):
+    parser = argparse.ArgumentParser()
+    fuzz.add_parser(parser.add_subparsers())
+    args = parser.parse_args(["fuzz", "frames", *map(str, words)])
+    return args.run(args)
+
+
+def test_a_thousand_hostile_frames_do_no_harm(tmp_path, capsys):
+    path = tmp_path / "frames.json"
+    assert run("--count", 1000, "--seed", 5, "--json", path) == 0, capsys.readouterr().out
+    report = json.loads(path.read_text())
+    assert (report["frames"], report["flaws"], report["verdict"]) == (1000, [], "passed")
+    assert set(report["kinds"]) == set(KINDS)
+    # Bombs must be bombs, and not fail for a trifle: these never come through, good frames do.
+    kinds = report["kinds"]
+    assert kinds["PNG of a huge size"]["admitted"] == 0
+    assert kinds["good"]["admitted"] > 0.8 * kinds["good"]["frames"]
+    assert 100 < report["admitted"] < 700
+
+
+@pytest.fixture
+def outcome():
+    return lambda: figures(feed(FrameJob(0, 0, 250)), 0)
+
+
+def test_an_exception_that_escapes_is_a_flaw(monkeypatch, outcome):
+    def trusting(payload, header):
+        shape = (header.height, header.width, 3)
+        return wire_frame.Frame(np.frombuffer(payload, np.uint8).reshape(shape), 0, 0)
+
+    monkeypatch.setattr(frame_guard, "decode_frame", trusting)
+    report = outcome()
+    assert report["verdict"] == "failed"
+    assert any("escape" in flaw["flaw"] for flaw in report["flaws"])
+
+
+def test_a_decoder_that_takes_the_wrong_size_is_a_flaw(monkeypatch, outcome):
+    monkeypatch.setattr(frame_guard, "check_header", lambda state, *rest: (None, state))
+    assert any("image of shape" in flaw["flaw"] for flaw in outcome()["flaws"])
+
+
+def test_a_refused_good_frame_is_a_flaw(monkeypatch, outcome):
+    monkeypatch.setattr(frame_guard, "MAX_AGE_NS", 0)
+    assert any("good frame was refused" in flaw["flaw"] for flaw in outcome()["flaws"])
+
+
+def test_memory_beyond_a_good_frames_fails(monkeypatch):
+    honest = frame_guard.decode_frame
+    held = []
+
+    def greedy(payload, header):
+        held.append(np.ones(1 << 19))  # 4 MiB more with every frame
+        return honest(payload, header)
+
+    monkeypatch.setattr(frame_guard, "decode_frame", greedy)
+    report = figures(feed(FrameJob(0, 0, 60)), 0)
+    assert report["flaws"] == []
+    assert report["max_peak_kib"] > 4000
+    assert report["verdict"] == "failed"
+
+
+def test_time_beyond_a_good_frames_fails():
+    outcome = FrameOutcome()
+    outcome.kinds["good"].see(admitted=True, took_ms=1.0, peak_kib=0)
+    outcome.kinds["noise"].see(admitted=False, took_ms=19.0, peak_kib=0)
+    assert figures(outcome, 0)["verdict"] == "passed"
+    outcome.kinds["noise"].see(admitted=False, took_ms=21.0, peak_kib=0)
+    assert figures(outcome, 0)["verdict"] == "failed"
+
+
+def test_growth_counts_after_the_warm_up():
+    outcome = FrameOutcome()
+    outcome.resident_kib[7] += [100, 900, 1000, 1500, 6000]
+    assert outcome.growth_kib == 5000
+
+
+def test_a_frame_is_the_same_whenever_it_is_made(tmp_path, capsys):
+    one, two = (hostile_frame(corpus_of(3), 3, 11) for _ in range(2))
+    assert one == two
+    assert run("--show", 11, "--seed", 3, "--out", tmp_path) == 0
+    assert (tmp_path / "frame-11.payload").read_bytes() == one.payload
+    assert one.kind in capsys.readouterr().out
+
+
+@pytest.mark.parametrize(
+    "words", [("--count", 0), ("--workers", 0), ("--seed", -1), ("--show", -1)]
+)
+def test_impossible_options_are_refused(words):
+    with pytest.raises(ConfigError):
+        run(*words)
