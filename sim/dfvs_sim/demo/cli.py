@@ -20,8 +20,11 @@ from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.summary import FlightSummary, summarise
 from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene import builtin_room_path, two_rooms_path
 from dfvs_sim.scene.glb import load_glb
+
+DOORWAY_ROUTE = ("0,-2,-1.3,90", "0,-1,-1.3,77", "0.1,-0.15,-1.3,47", "0.2,0.7,-1.3,16")
+"""Start and goals in the two rooms: eastwards through the doorway, then round to the north."""
 
 EXIT_OK, EXIT_NOT_REACHED, EXIT_CANNOT_RUN = 0, 1, 2
 _EPILOG = """examples:
@@ -29,6 +32,7 @@ _EPILOG = """examples:
   dfvs-demo --runs 10 --json seeds.json         ten flights, seeds 0 to 9
   dfvs-demo --scene my_room.glb --seed 3        in a room of your own
   dfvs-demo --start 0,0,-1.3,0 --goal 0.8,0.4,-1.2,20
+  dfvs-demo --route                             three goals, through a doorway
   dfvs-demo --autopilot udpin://127.0.0.1:14540 with a PX4 SITL that runs already
 """
 
@@ -61,7 +65,17 @@ def _parser() -> argparse.ArgumentParser:
     add("--seed", type=int, default=0, help="draws start and goal, and the noise")
     add("--runs", type=int, default=1, metavar="N", help="fly N seeds, one after the other")
     add("--start", metavar="X,Y,Z,YAW", help="start of the camera: NED in the scene, m, degrees")
-    add("--goal", metavar="X,Y,Z,YAW", help="goal of the camera, likewise")
+    add(
+        "--goal",
+        nargs="+",
+        metavar="X,Y,Z,YAW",
+        help="goal of the camera, likewise; several are flown to one after the other",
+    )
+    add(
+        "--route",
+        action="store_true",
+        help="fly through a doorway by three goals; the last one is out of sight at the start",
+    )
     add("--rate", type=float, default=20.0, metavar="HZ", help="frames a second")
     add("--timeout", type=float, default=90.0, metavar="S", help="give up a flight after so long")
     add("--ready", type=float, default=40.0, metavar="S", help="wait so long for the service")
@@ -84,22 +98,30 @@ def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
     if args.runs < 1:
         raise ConfigError(f"--runs is {args.runs}", "1 or more")
     camera = camera_from(args)
-    poses = [
-        None if text is None else parse_camera_pose(text, option)
-        for text, option in ((args.start, "--start"), (args.goal, "--goal"))
-    ]
+    if args.route:
+        _take_route(args)
+    start = None if args.start is None else parse_camera_pose(args.start, "--start")
+    goals = [parse_camera_pose(text, "--goal") for text in args.goal or ()]
     if args.json is not None and not args.json.absolute().parent.is_dir():
         raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
     summaries = []
     for seed in range(args.seed, args.seed + args.runs):
-        plan = make_plan(renderer, camera, seed, *poses)
+        plan = make_plan(renderer, camera, seed, start, goals)
         folder = _folder(args, seed)
         summaries.append(_fly_one(plan, args, folder, progress))
         _write_json(args, summaries)
     if args.runs > 1:
         _print_table(summaries)
     return EXIT_OK if all(s.converged for s in summaries) else EXIT_NOT_REACHED
+
+
+def _take_route(args: argparse.Namespace) -> None:
+    """Put the route through the doorway in place of what was not said."""
+    if args.scene is not None or args.start is not None or args.goal is not None:
+        raise ConfigError("--route beside --scene, --start or --goal", "only one of them")
+    args.scene = two_rooms_path()
+    args.start, *args.goal = DOORWAY_ROUTE
 
 
 def _folder(args: argparse.Namespace, seed: int) -> Path:

@@ -104,7 +104,7 @@ class Flight:
         DfvsError
             If vehicle, pilot or service cannot be brought up.
         """
-        self._write_goal()
+        self._write_goals()
         with contextlib.ExitStack() as stack:
             if self._options.autopilot is None:
                 stack.enter_context(self._vehicle())
@@ -144,11 +144,16 @@ class Flight:
             pilot.hold()
         return log
 
-    def _write_goal(self) -> None:
-        picture = encode_png(self._plan.goal_image())
-        (self._folder / "goal.png").write_bytes(picture)
-        sidecar = self._plan.goal_sidecar().to_json()
-        (self._folder / "goal.json").write_text(sidecar, encoding="utf-8")
+    def _goal_pictures(self) -> list[Path]:
+        """Where the goals are written: those on the way are numbered, the last is ``goal.png``."""
+        via = [f"goal-{number}.png" for number in range(1, len(self._plan.goals))]
+        return [self._folder / name for name in (*via, "goal.png")]
+
+    def _write_goals(self) -> None:
+        for path, pose in zip(self._goal_pictures(), self._plan.goals, strict=True):
+            path.write_bytes(encode_png(self._plan.goal_image(pose)))
+            sidecar = self._plan.goal_sidecar(pose).to_json()
+            path.with_suffix(".json").write_text(sidecar, encoding="utf-8")
 
     def _vehicle(self) -> Child:
         words = [
@@ -162,7 +167,7 @@ class Flight:
     def _service(self) -> Child:
         mavlink = self._options.autopilot or f"udpin://{LOOPBACK}:{self._ports.companion}"
         words = [
-            *("dfvs_service.cli", "--goal", str(self._folder / "goal.png")),
+            *("dfvs_service.cli", "--goal", *map(str, self._goal_pictures())),
             *("--vehicle", VEHICLE_NAME, "--mavlink", mavlink),
             *("--set", f'zenoh.listen=["{self._ports.zenoh_endpoint}"]'),
             *self._link.service_words,

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
@@ -18,7 +19,10 @@ from dfvs_sim.scene.poses import camera_pose, sample_task
 
 @dataclass(frozen=True, slots=True)
 class FlightPlan:
-    """One flight: camera poses (4, 4) in the scene (NED), level both of them."""
+    """One flight: camera poses (4, 4) in the scene (NED), level all of them.
+
+    ``via`` are goals on the way, in their order; ``T_scene_goal`` is the last one.
+    """
 
     renderer: Renderer
     camera: CameraModel
@@ -26,19 +30,26 @@ class FlightPlan:
     T_scene_start: FloatArray
     T_scene_goal: FloatArray
     seed: int
+    via: tuple[FloatArray, ...] = ()
 
     @property
     def initial_error(self) -> tuple[float, float]:
         """Distance in m and angle in rad between start and goal."""
         return pose_error(self.T_scene_start, self.T_scene_goal)
 
-    def goal_image(self) -> ImageArray:
-        """Picture of the goal (H, W, 3), anti-aliased as an optic would."""
-        return self.renderer.render(self.camera, self.T_scene_goal, antialias=True).image
+    @property
+    def goals(self) -> tuple[FloatArray, ...]:
+        """Poses of all goals, in their order."""
+        return *self.via, self.T_scene_goal
 
-    def goal_sidecar(self) -> GoalSidecar:
-        """How the goal picture was taken."""
-        pose = tuple(float(v) for v in self.T_scene_goal.reshape(-1))
+    def goal_image(self, T_scene_goal: FloatArray | None = None) -> ImageArray:
+        """Picture of a goal (H, W, 3), of the last one by default, anti-aliased as an optic's."""
+        pose = self.T_scene_goal if T_scene_goal is None else T_scene_goal
+        return self.renderer.render(self.camera, pose, antialias=True).image
+
+    def goal_sidecar(self, T_scene_goal: FloatArray) -> GoalSidecar:
+        """How the picture of a goal was taken."""
+        pose = tuple(float(v) for v in T_scene_goal.reshape(-1))
         return GoalSidecar(self.camera, mount=self.mount, pose_camera=pose)
 
     def T_scene_local(self, T_local_ground: FloatArray, height_m: float) -> FloatArray:
@@ -85,7 +96,7 @@ def make_plan(
     camera: CameraModel,
     seed: int,
     start: FloatArray | None,
-    goal: FloatArray | None,
+    goals: Sequence[FloatArray],
 ) -> FlightPlan:
     """Plan a flight between given poses, or between poses drawn from the seed.
 
@@ -94,10 +105,11 @@ def make_plan(
     ConfigError
         If only one of the two poses is given.
     """
-    if (start is None) != (goal is None):
+    if (start is None) != (not goals):
         missing = "--start" if start is None else "--goal"
         raise ConfigError(f"{missing} is missing", "--start and --goal together, or neither")
-    if start is None or goal is None:
+    if start is None:
         task = sample_task(renderer, camera, np.random.default_rng(seed))
-        start, goal = task.T_world_start, task.T_world_goal
-    return FlightPlan(renderer, camera, Mount(), start, goal, seed)
+        start, goals = task.T_world_start, [task.T_world_goal]
+    *via, last = goals
+    return FlightPlan(renderer, camera, Mount(), start, last, seed, tuple(via))
