@@ -109,7 +109,8 @@ class Manifest:
 
     ``accuracy`` maps a measure (such as ``small_epe_px``) to its value; ``files`` maps every
     file of the bundle but the manifest to its SHA-256; ``matching`` says how its flow is used
-    unless the user asks otherwise: as it is, or refined by the classical matcher.
+    unless the user asks otherwise: as it is, or refined by the classical matcher. ``precision``
+    is that of its heavy operators; pictures go in and flow comes out as float32 at any.
     """
 
     format: str
@@ -122,6 +123,7 @@ class Manifest:
     origin: str
     flow: FlowOutput | None = None
     matching: Literal["alone", "hybrid"] = "alone"
+    precision: Literal["fp32", "fp16", "int8"] = "fp32"
     accuracy: dict[str, float] = field(default_factory=dict)
 
     def __post_init__(self) -> None:

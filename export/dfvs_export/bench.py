@@ -5,17 +5,35 @@ from __future__ import annotations
 import contextlib
 import multiprocessing
 import time
-from collections.abc import Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import asdict, dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
 import numpy as np
 
-from dfvs_core.errors import DfvsError, ModelError
+from dfvs_core.errors import ConfigError, DfvsError, ModelError
+from dfvs_export.running import FlowRunner
+from dfvs_models.bundle import read_bundle
 
 _WARM_UP = 3
 _KILOBYTES_PER_MEGABYTE = 1024.0
+_PER_REPORT = 10
+
+
+@dataclass(frozen=True, slots=True)
+class BenchPlan:
+    """Pictures of ``size`` (width, height) px, on so many threads, so many rounds."""
+
+    size: tuple[int, int]
+    threads: int = 2
+    runs: int = 30
+
+    def __post_init__(self) -> None:
+        """Refuse what measures nothing."""
+        for name, value in (("threads", self.threads), ("runs", self.runs)):
+            if value < 1:
+                raise ConfigError(f"{name} is {value}", "1 or more")
 
 
 @dataclass(frozen=True, slots=True)
@@ -27,7 +45,7 @@ class BenchResult:
     bundle : str
         Its folder's name.
     precision : str
-        ``"fp32"``, or ``"int8"`` where the bundle's name says so.
+        ``"fp32"``, ``"fp16"`` or ``"int8"``, as its manifest says.
     median_ms, p99_ms : float
         One frame: encode it and match it to a goal whose features are kept (``encode-match``),
         or the whole network (``pair``).
@@ -47,7 +65,7 @@ class BenchResult:
 
 
 def bench(
-    folders: Sequence[Path], size: tuple[int, int], threads: int, runs: int
+    folders: Sequence[Path], plan: BenchPlan, say: Callable[[str], None]
 ) -> list[BenchResult]:
     """Measure bundles; round by round every bundle has its turn, so that all meet the same load.
 
@@ -56,25 +74,17 @@ def bench(
     ModelError
         If a bundle cannot be used, or has another input size.
     """
+    precisions = [_precision(folder, plan.size) for folder in folders]
     context = multiprocessing.get_context("spawn")
     workers: list[tuple[Connection, multiprocessing.process.BaseProcess]] = []
     try:
         for folder in folders:
             here, there = context.Pipe()
-            process = context.Process(target=_work, args=(there, folder, size, threads))
+            process = context.Process(target=_work, args=(there, folder, plan), daemon=True)
             process.start()
             workers.append((here, process))
-        for pipe, _ in workers:
-            _expect(pipe)  # ready and warm
-        times: list[list[float]] = [[] for _ in workers]
-        for _ in range(runs):
-            for (pipe, _), samples in zip(workers, times, strict=True):
-                pipe.send("run")
-                samples.append(_expect(pipe))
-        memory = []
-        for pipe, _ in workers:
-            pipe.send("end")
-            memory.append(_expect(pipe))
+            there.close()
+        times, memory = _rounds([pipe for pipe, _ in workers], plan.runs, say)
     finally:
         for pipe, worker in workers:
             pipe.close()
@@ -83,14 +93,47 @@ def bench(
                 worker.terminate()
     return [
         BenchResult(
-            folder.name,
-            "int8" if "int8" in folder.name else "fp32",
+            folder.resolve().name,
+            precision,
             round(1e3 * float(np.median(samples)), 2),
             round(1e3 * float(np.percentile(samples, 99)), 2),
             round(megabytes, 1),
         )
-        for folder, samples, megabytes in zip(folders, times, memory, strict=True)
+        for folder, precision, samples, megabytes in zip(
+            folders, precisions, times, memory, strict=True
+        )
     ]
+
+
+def _precision(folder: Path, size: tuple[int, int]) -> str:
+    """Precision of a bundle that takes pictures of ``size``."""
+    manifest = read_bundle(folder).manifest
+    if (manifest.input.width, manifest.input.height) != size:
+        raise ModelError(
+            f"bundle {folder.name} takes {manifest.input.width}x{manifest.input.height} px",
+            f"{size[0]}x{size[1]}",
+        )
+    return manifest.precision
+
+
+def _rounds(
+    pipes: Sequence[Connection], runs: int, say: Callable[[str], None]
+) -> tuple[list[list[float]], list[float]]:
+    """Seconds of every worker's runs, and the most memory that each held, MB."""
+    for pipe in pipes:
+        _expect(pipe)  # ready and warm
+    times: list[list[float]] = [[] for _ in pipes]
+    for k in range(runs):
+        for pipe, samples in zip(pipes, times, strict=True):
+            pipe.send("run")
+            samples.append(_expect(pipe))
+        if (k + 1) % _PER_REPORT == 0 or k + 1 == runs:
+            say(f"round {k + 1} of {runs}")
+    memory = []
+    for pipe in pipes:
+        pipe.send("end")
+        memory.append(_expect(pipe))
+    return times, memory
 
 
 def _expect(pipe: Connection) -> float:
@@ -104,24 +147,16 @@ def _expect(pipe: Connection) -> float:
     return float(answer)
 
 
-def _work(pipe: Connection, folder: Path, size: tuple[int, int], threads: int) -> None:
+def _work(pipe: Connection, folder: Path, plan: BenchPlan) -> None:
     """Serve one bundle: a run per request, in the order they come."""
-    from dfvs_export.bundles import read_bundle
-    from dfvs_export.running import FlowRunner
-
     try:
-        manifest, contents = read_bundle(folder)
-        if (manifest.input.width, manifest.input.height) != size:
-            raise ModelError(
-                f"bundle {folder.name} takes {manifest.input.width}x{manifest.input.height} px",
-                f"{size[0]}x{size[1]}",
-            )
-        runner = FlowRunner(manifest, contents, threads)
+        runner = FlowRunner(read_bundle(folder), plan.threads)
     except DfvsError as error:
         pipe.send(str(error))
         return
+    width, height = plan.size
     rng = np.random.default_rng(0)
-    images = rng.integers(0, 256, (2, size[1], size[0], 3), dtype=np.uint8)
+    images = rng.integers(0, 256, (2, height, width, 3), dtype=np.uint8)
     goal = runner.encode(images[1])
     for _ in range(_WARM_UP):
         runner.match(runner.encode(images[0]), goal)

@@ -1,10 +1,10 @@
-"""Bundles: ONNX files with a manifest and a model card, written and read back."""
+"""Bundles in the making: ONNX files with a manifest and a model card, and how they are written."""
 
 from __future__ import annotations
 
 import shutil
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dfvs_core.errors import ModelError
@@ -15,7 +15,6 @@ from dfvs_core.manifest import (
     Graph,
     Manifest,
     PictureInput,
-    check_files,
     sha256,
 )
 from dfvs_export.onnx_pair import (
@@ -25,93 +24,105 @@ from dfvs_export.onnx_pair import (
     MATCH_OUTPUTS,
     OnnxPair,
 )
+from dfvs_models.bundle import Bundle
 
 CARD_NAME = "MODEL_CARD.md"
-ENCODE_FILE, MATCH_FILE = "encode.onnx", "match.onnx"
+ENCODE_FILE, MATCH_FILE, PAIR_FILE = "encode.onnx", "match.onnx", "pair.onnx"
+PAIR_INPUTS, PAIR_OUTPUTS = ("first", "second"), ("flow",)
 
 
 @dataclass(frozen=True, slots=True)
-class BundleText:
-    """What people are told of a bundle: name, origin of the weights, accuracy, model card."""
+class Source:
+    """Where a network comes from: its name, the origin of its weights, their licence."""
 
     name: str
     origin: str
-    accuracy: Mapping[str, float]
-    card: str
-    licence: str = "Apache-2.0"
+    licence: str
 
 
-def write_flow_bundle(
-    folder: Path, onnx: OnnxPair, size: tuple[int, int], text: BundleText
-) -> Manifest:
-    """Write an ``encode-match`` bundle, whole or not at all.
-
-    Raises
-    ------
-    ModelError
-        If the folder exists and is no bundle.
-    """
-    contents = {
-        ENCODE_FILE: onnx.encode,
-        MATCH_FILE: onnx.match,
-        CARD_NAME: text.card.encode(),
+def encode_match_bundle(onnx: OnnxPair, size: tuple[int, int], source: Source) -> Bundle:
+    """Bundle of two graphs for pictures of ``size`` (width, height) px, RGB from 0 to 1."""
+    contents = {ENCODE_FILE: onnx.encode, MATCH_FILE: onnx.match}
+    graphs = {
+        "encode": Graph(ENCODE_FILE, ENCODE_INPUTS, ENCODE_OUTPUTS),
+        "match": Graph(MATCH_FILE, MATCH_INPUTS, MATCH_OUTPUTS),
     }
     manifest = Manifest(
         format=BUNDLE_FORMAT,
-        name=text.name,
+        name=source.name,
         kind="encode-match",
         input=PictureInput(width=size[0], height=size[1], multiple_of=16),
-        graphs={
-            "encode": Graph(ENCODE_FILE, ENCODE_INPUTS, ENCODE_OUTPUTS),
-            "match": Graph(MATCH_FILE, MATCH_INPUTS, MATCH_OUTPUTS),
-        },
-        files={name: sha256(data) for name, data in contents.items()},
-        licence=text.licence,
-        origin=text.origin,
+        graphs=graphs,
+        files=hashes(contents),
+        licence=source.licence,
+        origin=source.origin,
         flow=FlowOutput(),
         matching="hybrid",
-        accuracy=dict(text.accuracy),
     )
-    write_bundle(folder, manifest, contents)
-    return manifest
+    return Bundle(manifest, contents)
 
 
-def write_bundle(folder: Path, manifest: Manifest, contents: Mapping[str, bytes]) -> None:
+def pair_bundle(onnx: bytes, pictures: PictureInput, source: Source) -> Bundle:
+    """Bundle of one graph that takes two pictures and gives their flow."""
+    contents = {PAIR_FILE: onnx}
+    manifest = Manifest(
+        format=BUNDLE_FORMAT,
+        name=source.name,
+        kind="pair",
+        input=pictures,
+        graphs={"pair": Graph(PAIR_FILE, PAIR_INPUTS, PAIR_OUTPUTS)},
+        files=hashes(contents),
+        licence=source.licence,
+        origin=source.origin,
+        flow=FlowOutput(),
+    )
+    return Bundle(manifest, contents)
+
+
+def described(bundle: Bundle, card: str, accuracy: Mapping[str, float]) -> Bundle:
+    """Return the bundle with a model card and its measured accuracy."""
+    contents = {**bundle.contents, CARD_NAME: card.encode()}
+    manifest = replace(bundle.manifest, files=hashes(contents), accuracy=dict(accuracy))
+    return Bundle(manifest, contents)
+
+
+def hashes(contents: Mapping[str, bytes]) -> dict[str, str]:
+    """SHA-256 of every file, as manifests keep them."""
+    return {name: sha256(data) for name, data in contents.items()}
+
+
+def write_bundle(folder: Path, bundle: Bundle) -> None:
     """Write a bundle beside its place first, then move it there.
 
     Raises
     ------
     ModelError
-        If the folder exists and is no bundle.
+        If the folder exists and is no bundle, or cannot be written.
     """
-    if folder.exists() and not (folder / MANIFEST_NAME).is_file() and any(folder.iterdir()):
-        raise ModelError(f"{folder} is not empty and no bundle", "a new folder, or a bundle")
     part = folder.with_name(folder.name + ".part")
-    shutil.rmtree(part, ignore_errors=True)
-    part.mkdir(parents=True)
-    for name, data in contents.items():
-        (part / name).write_bytes(data)
-    (part / MANIFEST_NAME).write_text(manifest.to_json(), encoding="utf-8")
-    shutil.rmtree(folder, ignore_errors=True)
-    part.replace(folder)
+    try:
+        check_free(folder)
+        shutil.rmtree(part, ignore_errors=True)
+        part.mkdir(parents=True)
+        for name, data in bundle.contents.items():
+            (part / name).write_bytes(data)
+        (part / MANIFEST_NAME).write_text(bundle.manifest.to_json(), encoding="utf-8")
+        shutil.rmtree(folder, ignore_errors=True)
+        part.replace(folder)
+    except OSError as error:
+        shutil.rmtree(part, ignore_errors=True)
+        raise ModelError(f"{folder} cannot be written ({error.strerror})") from error
 
 
-def read_bundle(folder: Path) -> tuple[Manifest, dict[str, bytes]]:
-    """Return manifest and verified contents of a bundle.
+def check_free(folder: Path) -> None:
+    """Refuse to write where something else than a bundle is.
 
     Raises
     ------
     ModelError
-        If something is missing, damaged or not announced.
+        If the folder holds anything but a bundle.
     """
-    path = folder / MANIFEST_NAME
-    if not path.is_file():
-        raise ModelError(f"{folder} is no bundle", f"a folder with {MANIFEST_NAME}")
-    manifest = Manifest.from_json(path.read_bytes())
-    contents = {
-        file.name: file.read_bytes()
-        for file in sorted(folder.iterdir())
-        if file.is_file() and file.name != MANIFEST_NAME
-    }
-    check_files(manifest, contents)
-    return manifest, contents
+    if folder.is_file():
+        raise ModelError(f"{folder} is a file", "a new folder, or a bundle")
+    if folder.is_dir() and not (folder / MANIFEST_NAME).is_file() and any(folder.iterdir()):
+        raise ModelError(f"{folder} is not empty and no bundle", "a new folder, or a bundle")

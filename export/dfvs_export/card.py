@@ -53,7 +53,7 @@ def model_card(
         parameters=parameters,
         steps=checkpoint.step,
         schedule=_schedule(checkpoint.origin),
-        accuracy=_accuracy(scores, pairs_name),
+        accuracy=accuracy_table(scores, pairs_name),
     )
 
 
@@ -70,7 +70,8 @@ def _schedule(origin: tuple[Mapping[str, Any], ...]) -> str:
     return "\n".join(lines)
 
 
-def _accuracy(scores: Mapping[str, LevelScore], pairs_name: str) -> str:
+def accuracy_table(scores: Mapping[str, LevelScore], pairs_name: str) -> str:
+    """Accuracy by level of motion as a card says it; ``scores`` may be empty."""
     if not scores:
         return "Not measured for this bundle."
     lines = [

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import io
 from collections import Counter
-from collections.abc import Iterable
+from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -16,14 +16,18 @@ from numpy.typing import NDArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ModelError
 from dfvs_core.matching.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
+from dfvs_export.calibration import ImagePair
 from dfvs_export.data.pairs import PairSettings, make_pair
 from dfvs_export.data.shards import TEXTURES_PER_SHARD
 from dfvs_export.data.textures import make_texture_bank
-from dfvs_export.networks.dfvs_flow import DfvsFlow
+from dfvs_export.network import FlowNetwork
 from dfvs_export.running import FlowRunner
 from dfvs_export.train.validation import read_pairs
 
-ImagePair = tuple[NDArray[np.uint8], NDArray[np.uint8]]
+PARITY_LIMIT_PX = 1e-3
+"""Greatest difference of flow in fp32 between torch and ONNX Runtime."""
+MOST_ERROR_RATIO = 1.15
+"""Mean error of a bundle of lower precision over that of the one it was made from."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -33,6 +37,11 @@ class Parity:
     greatest_px: float
     mean_px: float
     pairs: int
+
+    @property
+    def holds(self) -> bool:
+        """Whether both give the same flow, but for rounding; not so where it is not a number."""
+        return self.greatest_px <= PARITY_LIMIT_PX
 
 
 def drawn_pairs(size: tuple[int, int], count: int, seed: int) -> list[ImagePair]:
@@ -71,20 +80,27 @@ def operators(contents: dict[str, bytes]) -> Counter[str]:
     return counts
 
 
-def parity(network: DfvsFlow, runner: FlowRunner, pairs: Iterable[ImagePair]) -> Parity:
+def parity(network: FlowNetwork, runner: FlowRunner, pairs: Iterable[ImagePair]) -> Parity:
     """Compare torch with ONNX Runtime on pairs of the bundle's size."""
-    greatest, means = 0.0, []
+    greatest, means = [], []
     for first, second in pairs:
         field = runner.match(runner.encode(first), runner.encode(second))
         with torch.no_grad():
-            features = [
-                network.encode(torch.from_numpy(runner.tensor(image))) for image in (first, second)
-            ]
-            flow = network.match(features[0], features[1]).flow[0].permute(1, 2, 0).numpy()
+            tensors = [torch.from_numpy(runner.tensor(image)) for image in (first, second)]
+            flow = network.flow(*tensors)[0].permute(1, 2, 0).numpy()
         difference = np.abs(flow - field.flow)
-        greatest = max(greatest, float(difference.max()))
+        greatest.append(float(difference.max()))
         means.append(float(difference.mean()))
-    return Parity(greatest, float(np.mean(means)), len(means))
+    return Parity(float(np.max(greatest)), float(np.mean(means)), len(means))
+
+
+def error_ratios(
+    scores: Mapping[str, LevelScore], reference: Mapping[str, LevelScore]
+) -> dict[str, float]:
+    """Mean error over that of a reference on the same pairs, by level of motion."""
+    return {
+        level: round(score.epe_px / reference[level].epe_px, 4) for level, score in scores.items()
+    }
 
 
 def accuracy(runner: FlowRunner, path: Path) -> dict[str, LevelScore]:

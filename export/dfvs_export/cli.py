@@ -15,7 +15,9 @@ _EXAMPLES = """examples:
   dfvs-export train flow --resume runs/flow/last.pt --size 320x240 --minutes 60 --out runs/fine
   dfvs-export flow --model dfvs-flow --checkpoint runs/fine/best.pt --size 320x240 --out bundle
   dfvs-export flow --model ptlflow:rapidflow_it3 --weights things --sha256 HEX --out rapidflow
+  dfvs-export flow --checkpoint runs/fine/best.pt --precision int8 --out bundle-int8
   dfvs-export check bundle --checkpoint runs/fine/best.pt --pairs pairs.npz
+  dfvs-export check bundle-int8 --pairs pairs.npz --reference bundle
   dfvs-export bench bundle other-bundle --size 320x240 --threads 2 --json bench.json
 """
 
@@ -140,16 +142,26 @@ def _run_train_flow(arguments: argparse.Namespace) -> int:
 
 def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     flow = commands.add_parser("flow", help="make a bundle of a flow network")
-    flow.add_argument("--model", default="dfvs-flow", help="dfvs-flow or ptlflow:NAME")
-    flow.add_argument("--checkpoint", type=Path, metavar="FILE.pt", help="of dfvs-flow")
-    flow.add_argument("--weights", metavar="NAME|FILE", help="of a published network")
-    flow.add_argument("--sha256", metavar="HEX", help="what these weights have to hash to")
+    _add_network(flow)
     flow.add_argument("--size", default="320x240", metavar="WxH")
-    flow.add_argument("--precision", choices=("fp32", "int8"), default="fp32")
-    flow.add_argument("--calibration-pairs", type=int, default=24, help="for int8")
+    flow.add_argument("--precision", choices=("fp32", "fp16", "int8"), default="fp32")
+    flow.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="PAIRS.npz|DIR",
+        help="frames to calibrate int8 on (default: drawn rooms)",
+    )
+    flow.add_argument("--calibration-pairs", type=int, default=24, help="how many of them")
     flow.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
     flow.add_argument("--out", type=Path, required=True, metavar="FOLDER")
     flow.set_defaults(run=_run_flow)
+
+
+def _add_network(command: argparse.ArgumentParser) -> None:
+    command.add_argument("--model", default="dfvs-flow", help="dfvs-flow or ptlflow:NAME")
+    command.add_argument("--checkpoint", type=Path, metavar="FILE.pt", help="of dfvs-flow")
+    command.add_argument("--weights", metavar="NAME|FILE", help="of a published network")
+    command.add_argument("--sha256", metavar="HEX", help="what these weights have to hash to")
 
 
 def _run_flow(arguments: argparse.Namespace) -> int:
@@ -159,11 +171,22 @@ def _run_flow(arguments: argparse.Namespace) -> int:
 
 
 def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    check = commands.add_parser("check", help="check a bundle's files, operators and accuracy")
+    check = commands.add_parser(
+        "check",
+        help="check a bundle's files, operators and accuracy",
+        description="Check a bundle: files against their hashes, operators, and, where its"
+        " network is named (--checkpoint, or --model), ONNX Runtime against torch, to 1e-3 px.",
+    )
     check.add_argument("bundle", type=Path)
-    check.add_argument("--checkpoint", type=Path, help="compare with torch on drawn pairs")
-    check.add_argument("--count", type=int, default=4, help="pairs to compare on")
+    _add_network(check)
+    check.add_argument("--count", type=int, default=4, help="drawn pairs to compare with torch on")
     check.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
+    check.add_argument(
+        "--reference",
+        type=Path,
+        metavar="BUNDLE",
+        help="with --pairs: fail where the error is more than 15 %% above this bundle's",
+    )
     check.add_argument("--json", action="store_true", help="print one line of JSON")
     check.set_defaults(run=_run_check)
 

@@ -4,103 +4,146 @@ from __future__ import annotations
 
 import argparse
 import json
+import sys
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_export.bench import bench
-from dfvs_export.bundles import BundleText, read_bundle, write_flow_bundle
-from dfvs_export.card import model_card
-from dfvs_export.check import accuracy, accuracy_figures, drawn_pairs, operators, parity
-from dfvs_export.foreign import PREFIX, ForeignWeights, write_foreign_bundle
-from dfvs_export.graphs import to_onnx
-from dfvs_export.quantise import quantise
+from dfvs_export.bench import BenchPlan, bench
+from dfvs_export.bundles import check_free, described, write_bundle
+from dfvs_export.calibration import ImagePair, read_frames
+from dfvs_export.check import (
+    MOST_ERROR_RATIO,
+    accuracy,
+    accuracy_figures,
+    drawn_pairs,
+    error_ratios,
+    operators,
+    parity,
+)
+from dfvs_export.foreign import PREFIX, ForeignWeights, PublishedFlow
+from dfvs_export.network import FlowNetwork
+from dfvs_export.own import NAME, OwnFlow
+from dfvs_export.precision import in_precision
 from dfvs_export.running import FlowRunner
-from dfvs_export.train.checkpoint import load_checkpoint, load_network
+from dfvs_models.bundle import read_bundle
 
 _CALIBRATION_SEED = 900_001
 _PARITY_SEED = 900_002
-PARITY_LIMIT_PX = 1e-3
 
 
 def run_flow(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
-    """Make a bundle of dfvs-flow from a checkpoint.
+    """Make a bundle of a flow network.
 
     Raises
     ------
     ConfigError, ModelError
-        If the model is unknown or the checkpoint cannot be used.
+        If the model is unknown, or its weights, the frames or the folder cannot be used.
     """
-    if arguments.model.startswith(PREFIX):
-        return _run_foreign(arguments, size)
-    if arguments.model != "dfvs-flow":
-        raise ConfigError(f"model {arguments.model!r}", f"'dfvs-flow' or '{PREFIX}NAME'")
-    if arguments.checkpoint is None:
-        raise ConfigError("no checkpoint given", "--checkpoint FILE.pt of a training run")
-    checkpoint = load_checkpoint(arguments.checkpoint)
-    onnx_pair = to_onnx(load_network(arguments.checkpoint), size)
-    name = "dfvs-flow" if arguments.precision == "fp32" else f"dfvs-flow-{arguments.precision}"
-    origin = f"trained by this project from scratch on drawn rooms, {checkpoint.step} steps"
-    text = BundleText(name, origin, {}, "")
-    write_flow_bundle(arguments.out, onnx_pair, size, text)
-    if arguments.precision == "int8":
-        frames = drawn_pairs(size, arguments.calibration_pairs, _CALIBRATION_SEED)
-        runner = FlowRunner(*read_bundle(arguments.out))
-        onnx_pair = quantise(onnx_pair, runner, frames)
-        write_flow_bundle(arguments.out, onnx_pair, size, text)
+    check_free(arguments.out)
+    network = _network(arguments)
+    _say(f"tracing {arguments.model} at {size[0]}x{size[1]}")
+    bundle = network.bundle(size)
+    if arguments.precision != "fp32":
+        _say(f"converting to {arguments.precision}")
+        frames = _frames(arguments, size) if arguments.precision == "int8" else []
+        bundle = in_precision(bundle, arguments.precision, frames)
     scores = {}
     if arguments.pairs:
-        scores = accuracy(FlowRunner(*read_bundle(arguments.out)), arguments.pairs)
-    card = model_card(
-        checkpoint, size, arguments.precision, scores, Path(arguments.pairs or "").name
-    )
-    text = BundleText(name, origin, accuracy_figures(scores), card)
-    write_flow_bundle(arguments.out, onnx_pair, size, text)
-    print(f"wrote {arguments.out}")
-    return 0
-
-
-def _run_foreign(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
-    """Convert a published network.
-
-    Raises
-    ------
-    ConfigError
-        If another precision is asked for than its own.
-    """
-    if arguments.precision != "fp32":
-        raise ConfigError(f"precision {arguments.precision!r}", "fp32 for published networks")
-    weights = ForeignWeights(arguments.weights, arguments.sha256)
-    name = arguments.model.removeprefix(PREFIX)
-    write_foreign_bundle(arguments.out, name, size, weights)
-    if arguments.weights is None:
+        _say(f"measuring accuracy on {arguments.pairs}")
+        scores = accuracy(FlowRunner(bundle), arguments.pairs)
+    card = network.card(bundle.manifest, scores, Path(arguments.pairs or "").name)
+    write_bundle(arguments.out, described(bundle, card, accuracy_figures(scores)))
+    if arguments.model != NAME and arguments.weights is None:
         print("warning: these weights are random; name --weights to use the network")
     print(f"wrote {arguments.out}")
     return 0
 
 
+def _network(arguments: argparse.Namespace) -> FlowNetwork:
+    """Load the network that ``--model`` and the weights name.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If there is no such network, or its weights cannot be used.
+    """
+    if arguments.model == NAME:
+        return OwnFlow.load(arguments.checkpoint)
+    if not arguments.model.startswith(PREFIX):
+        raise ConfigError(f"model {arguments.model!r}", f"{NAME!r} or '{PREFIX}NAME'")
+    weights = ForeignWeights(arguments.weights, arguments.sha256)
+    return PublishedFlow.load(arguments.model.removeprefix(PREFIX), weights)
+
+
+def _frames(arguments: argparse.Namespace, size: tuple[int, int]) -> list[ImagePair]:
+    """Pictures to calibrate on: given ones, or else drawn rooms."""
+    count = arguments.calibration_pairs
+    if count < 1:
+        raise ConfigError(f"{count} pairs to calibrate on", "1 or more")
+    if arguments.calibration:
+        return read_frames(arguments.calibration, size, count)
+    return drawn_pairs(size, count, _CALIBRATION_SEED)
+
+
 def run_check(arguments: argparse.Namespace) -> int:
-    """Check a bundle; 1 where torch and ONNX Runtime differ by more than the limit on average."""
-    manifest, contents = read_bundle(arguments.bundle)
+    """Check a bundle; 1 where torch and ONNX Runtime differ, or too much accuracy was lost.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If the bundle, or what it is to be compared with, cannot be used.
+    """
+    bundle = read_bundle(arguments.bundle)
     report: dict[str, object] = {
-        "bundle": manifest.name,
+        "bundle": bundle.manifest.name,
+        "precision": bundle.manifest.precision,
         "files": "all as announced",
-        "operators": dict(operators(contents)),
+        "operators": dict(operators(bundle.contents)),
     }
-    runner = FlowRunner(manifest, contents)
-    agrees = True
-    if arguments.checkpoint:
-        size = (manifest.input.width, manifest.input.height)
-        pairs = drawn_pairs(size, arguments.count, _PARITY_SEED)
-        found = parity(load_network(arguments.checkpoint), runner, pairs)
-        report |= {
-            "greatest_difference_px": found.greatest_px,
-            "mean_difference_px": found.mean_px,
-        }
-        agrees = found.mean_px <= PARITY_LIMIT_PX
+    runner = FlowRunner(bundle)
+    holds = True
+    if arguments.checkpoint or arguments.model != NAME:
+        holds &= _check_parity(arguments, runner, report)
     if arguments.pairs:
-        report["accuracy"] = accuracy_figures(accuracy(runner, arguments.pairs))
+        holds &= _check_accuracy(arguments, runner, report)
+    elif arguments.reference:
+        raise ConfigError("--reference without --pairs", "--pairs PAIRS.npz to compare accuracy on")
     print(json.dumps(report, indent=None if arguments.json else 2))
-    return 0 if agrees else 1
+    return 0 if holds else 1
+
+
+def _check_parity(
+    arguments: argparse.Namespace, runner: FlowRunner, report: dict[str, object]
+) -> bool:
+    """Compare with torch; whether they agree is only asked of fp32."""
+    manifest = runner.bundle.manifest
+    _say(f"comparing with torch on {arguments.count} drawn pairs")
+    pairs = drawn_pairs(
+        (manifest.input.width, manifest.input.height), arguments.count, _PARITY_SEED
+    )
+    found = parity(_network(arguments), runner, pairs)
+    report |= {
+        "greatest_difference_px": found.greatest_px,
+        "mean_difference_px": found.mean_px,
+    }
+    return found.holds or manifest.precision != "fp32"
+
+
+def _check_accuracy(
+    arguments: argparse.Namespace, runner: FlowRunner, report: dict[str, object]
+) -> bool:
+    """Measure accuracy and, where a reference is given, how much of it was lost."""
+    _say(f"measuring accuracy on {arguments.pairs}")
+    scores = accuracy(runner, arguments.pairs)
+    report["accuracy"] = accuracy_figures(scores)
+    if not arguments.reference:
+        return True
+    _say(f"measuring accuracy of {arguments.reference}")
+    ratios = error_ratios(
+        scores, accuracy(FlowRunner(read_bundle(arguments.reference)), arguments.pairs)
+    )
+    report["error_over_reference"] = ratios
+    return max(ratios.values()) <= MOST_ERROR_RATIO
 
 
 def run_bench(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
@@ -108,15 +151,24 @@ def run_bench(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
 
     Raises
     ------
-    ModelError
-        If the results cannot be written.
+    ConfigError, ModelError
+        If a bundle cannot be used, or the results cannot be written.
     """
-    results = bench(arguments.bundles, size, arguments.threads, arguments.runs)
+    plan = BenchPlan(size, arguments.threads, arguments.runs)
+    results = bench(arguments.bundles, plan, _say)
     for r in results:
-        print(f"{r.bundle:24} {r.precision}  median {r.median_ms:7.1f} ms  p99 {r.p99_ms:7.1f} ms")
+        print(
+            f"{r.bundle:24} {r.precision}  median {r.median_ms:8.1f} ms  p99 {r.p99_ms:8.1f} ms"
+            f"  {r.resident_mb:7.1f} MB"
+        )
     if arguments.json:
         try:
             arguments.json.write_text(json.dumps([r.as_json() for r in results], indent=2) + "\n")
         except OSError as error:
             raise ModelError(f"cannot write {arguments.json} ({error.strerror})") from error
     return 0
+
+
+def _say(line: str) -> None:
+    """Report progress, apart from results."""
+    print(line, file=sys.stderr, flush=True)

@@ -9,6 +9,7 @@ from __future__ import annotations
 import importlib
 import io
 import tempfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -17,15 +18,25 @@ import torch
 from torch import Tensor, nn
 
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_core.manifest import BUNDLE_FORMAT, FlowOutput, Graph, Manifest, PictureInput, sha256
-from dfvs_export.bundles import CARD_NAME, write_bundle
+from dfvs_core.manifest import Manifest, PictureInput, sha256
+from dfvs_core.matching.evaluation import LevelScore
+from dfvs_export.bundles import PAIR_INPUTS, PAIR_OUTPUTS, Source, pair_bundle
+from dfvs_export.card import accuracy_table
 from dfvs_export.graphs import trace
+from dfvs_models.bundle import Bundle
 
 PREFIX = "ptlflow:"
-_FILE = "pair.onnx"
-_INPUTS = ("first", "second")
-_OUTPUTS = ("flow",)
 _MULTIPLE = 16
+_CARD = """# {name}
+
+A published network, converted through ptlflow: {origin}.
+
+- Input: {width} x {height} px, BGR, 0 to 1. Precision: {precision}.
+- Its licence, and that of its weights, is its authors': look there before you use it.
+
+## Accuracy
+{accuracy}
+"""
 
 
 @dataclass(frozen=True, slots=True)
@@ -84,7 +95,9 @@ def _ptlflow() -> Any:
         return importlib.import_module("ptlflow")
     except ImportError as error:
         raise ConfigError(
-            f"ptlflow cannot be imported ({error})", "it, with torchvision", "pip install ptlflow"
+            f"ptlflow cannot be imported ({error})",
+            "it, with torchvision",
+            "pip install 'dfvs[published]'",
         ) from error
 
 
@@ -142,42 +155,59 @@ def read_state(data: bytes, name: str) -> dict[str, Tensor]:
     return state
 
 
-def write_foreign_bundle(
-    folder: Path, name: str, size: tuple[int, int], weights: ForeignWeights
-) -> Manifest:
-    """Convert a network to a ``pair`` bundle.
+@dataclass(frozen=True, slots=True)
+class PublishedFlow:
+    """A network of ptlflow; a ``FlowNetwork``."""
 
-    Raises
-    ------
-    ConfigError, ModelError
-        See ``load_foreign``; also if torch cannot trace the network.
-    """
-    graph = PairGraph(load_foreign(name, weights)).eval()
-    width, height = size
-    g = torch.Generator().manual_seed(0)
-    pictures = tuple(torch.rand(1, 3, height, width, generator=g) for _ in _INPUTS)
-    try:
-        onnx = trace(graph, pictures, (_INPUTS, _OUTPUTS))
-    except RuntimeError as error:
-        reason = str(error).splitlines()[0]
-        raise ModelError(
-            f"{name} cannot be exported: {reason}", "operators that ONNX has"
-        ) from error
-    origin = f"ptlflow {name}, "
-    origin += f"weights {weights.source}" if weights.source else "RANDOM weights, only to try out"
-    card = f"# {name}\n\nA published network, converted through ptlflow ({origin}).\n\n"
-    card += "Its licence, and that of its weights, is its authors': look there before you use it.\n"
-    contents = {_FILE: onnx, CARD_NAME: card.encode()}
-    manifest = Manifest(
-        format=BUNDLE_FORMAT,
-        name=name,
-        kind="pair",
-        input=PictureInput(width, height, _MULTIPLE, "separate", "bgr"),
-        graphs={"pair": Graph(_FILE, _INPUTS, _OUTPUTS)},
-        files={file: sha256(data) for file, data in contents.items()},
-        licence="see its authors",
-        origin=origin,
-        flow=FlowOutput(),
-    )
-    write_bundle(folder, manifest, contents)
-    return manifest
+    name: str
+    graph: PairGraph
+    weights: ForeignWeights
+
+    @classmethod
+    def load(cls, name: str, weights: ForeignWeights) -> PublishedFlow:
+        """Build the network and load its weights; see ``load_foreign`` for what is raised."""
+        return cls(name, PairGraph(load_foreign(name, weights)).eval(), weights)
+
+    @property
+    def origin(self) -> str:
+        """Where the weights come from, in words."""
+        if self.weights.source is None:
+            return "RANDOM weights, only to try out"
+        return f"weights {self.weights.source}"
+
+    def bundle(self, size: tuple[int, int]) -> Bundle:
+        """Bundle in fp32 for pictures of ``size`` (width, height) px.
+
+        Raises
+        ------
+        ModelError
+            If torch cannot trace the network.
+        """
+        width, height = size
+        g = torch.Generator().manual_seed(0)
+        pictures = tuple(torch.rand(1, 3, height, width, generator=g) for _ in PAIR_INPUTS)
+        try:
+            onnx = trace(self.graph, pictures, (PAIR_INPUTS, PAIR_OUTPUTS))
+        except RuntimeError as error:
+            reason = str(error).splitlines()[0]
+            raise ModelError(
+                f"{self.name} cannot be exported: {reason}", "operators that ONNX has"
+            ) from error
+        source = Source(self.name, f"ptlflow {self.name}, {self.origin}", "see its authors")
+        return pair_bundle(onnx, PictureInput(width, height, _MULTIPLE, channels="bgr"), source)
+
+    def flow(self, first: Tensor, second: Tensor) -> Tensor:
+        """Flow (1, 2, H, W) px from torch, of pictures as the bundle takes them."""
+        flow: Tensor = self.graph(first, second)
+        return flow
+
+    def card(self, manifest: Manifest, scores: Mapping[str, LevelScore], pairs_name: str) -> str:
+        """Text of the model card; ``scores`` may be empty."""
+        return _CARD.format(
+            name=manifest.name,
+            origin=self.origin,
+            width=manifest.input.width,
+            height=manifest.input.height,
+            precision=manifest.precision,
+            accuracy=accuracy_table(scores, pairs_name),
+        )

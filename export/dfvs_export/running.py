@@ -1,36 +1,37 @@
-"""Running a bundle with ONNX Runtime, as the checks and measurements of this room need it."""
+"""Running a bundle's graphs once, with the service's own adapters, to check and to time them."""
 
 from __future__ import annotations
 
 import numpy as np
-import onnxruntime
-from numpy.typing import NDArray
 
+from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import Manifest
-
-Tensors = dict[str, NDArray[np.float32]]
+from dfvs_core.manifest import FlowOutput
+from dfvs_models.bundle import Bundle
+from dfvs_models.onnx_session import Execution, OnnxGraph
+from dfvs_models.pair import pair_tensors, picture_flow, picture_tensor
 
 
 class FlowRunner:
-    """Runs an ``encode-match`` or ``pair`` bundle on pictures of exactly its input size."""
+    """Runs an ``encode-match`` or ``pair`` bundle on pictures of exactly its input size.
 
-    def __init__(self, manifest: Manifest, contents: dict[str, bytes], threads: int = 2) -> None:
-        if manifest.kind == "mono":
-            raise ModelError(f"bundle {manifest.name!r} gives depth", "a bundle that gives flow")
-        options = onnxruntime.SessionOptions()
-        options.intra_op_num_threads = threads
-        options.log_severity_level = 3
-        self.manifest = manifest
-        self.sessions = {
-            role: onnxruntime.InferenceSession(
-                contents[graph.file], options, providers=["CPUExecutionProvider"]
+    Unlike the service's matchers it runs a ``pair`` network one way only and judges nothing.
+    """
+
+    def __init__(self, bundle: Bundle, threads: int = 2) -> None:
+        if bundle.manifest.flow is None:
+            raise ModelError(
+                f"bundle {bundle.manifest.name!r} gives depth", "a bundle that gives flow"
             )
-            for role, graph in manifest.graphs.items()
+        self.bundle = bundle
+        self._flow: FlowOutput = bundle.manifest.flow
+        self._graphs = {
+            role: OnnxGraph(bundle.graph(role), graph.file, Execution(threads))
+            for role, graph in bundle.manifest.graphs.items()
         }
 
-    def tensor(self, image: NDArray[np.uint8]) -> NDArray[np.float32]:
+    def tensor(self, image: ImageArray) -> Float32Array:
         """Picture (H, W, 3) uint8 RGB to (1, C, H, W), normalised as the manifest says.
 
         Raises
@@ -38,51 +39,33 @@ class FlowRunner:
         ModelError
             If the picture has another size than the bundle's input.
         """
-        spec = self.manifest.input
+        spec = self.bundle.manifest.input
         if image.shape != (spec.height, spec.width, 3):
             raise ModelError(f"picture of shape {image.shape}", f"{(spec.height, spec.width, 3)}")
-        if spec.channels == "grey":
-            image = np.asarray(image @ np.array([0.299, 0.587, 0.114]))[..., None]
-        elif spec.channels == "bgr":
-            image = image[..., ::-1]
-        scaled = image.astype(np.float32) * spec.scale - np.array(spec.mean, dtype=np.float32)
-        planes = (scaled / np.array(spec.std, dtype=np.float32)).transpose(2, 0, 1)[None]
-        return np.ascontiguousarray(planes, dtype=np.float32)
+        return picture_tensor(image, spec)
 
-    def encode(self, image: NDArray[np.uint8]) -> list[NDArray[np.float32]]:
+    def encode(self, image: ImageArray) -> list[Float32Array]:
         """Features of a picture; for a ``pair`` bundle, the picture's tensor."""
-        if self.manifest.kind == "pair":
+        if self.bundle.manifest.kind == "pair":
             return [self.tensor(image)]
-        graph = self.manifest.graphs["encode"]
-        feeds = {graph.inputs[0]: self.tensor(image)}
-        return list(self.sessions["encode"].run(list(graph.outputs), feeds))
+        outputs = self.bundle.manifest.graphs["encode"].outputs
+        return self._graphs["encode"].run([self.tensor(image)], outputs)
 
-    def match(
-        self, first: list[NDArray[np.float32]], second: list[NDArray[np.float32]]
-    ) -> FlowField:
+    def match(self, first: list[Float32Array], second: list[Float32Array]) -> FlowField:
         """Flow from the first picture to the second, from what ``encode`` gave."""
-        if self.manifest.kind == "pair":
-            return self._pair(first[0], second[0])
-        graph = self.manifest.graphs["match"]
-        feeds = self.manifest.match_feeds(first, second)
-        flow, confidence = self.sessions["match"].run(list(graph.outputs), feeds)
-        return FlowField(np.ascontiguousarray(flow[0].transpose(1, 2, 0)), confidence[0, 0])
-
-    def _pair(self, first: NDArray[np.float32], second: NDArray[np.float32]) -> FlowField:
-        graph = self.manifest.graphs["pair"]
-        layout = self.manifest.input.layout
-        if layout == "separate":
-            tensors = [first, second]
+        manifest = self.bundle.manifest
+        role = "pair" if manifest.kind == "pair" else "match"
+        if role == "pair":
+            feeds = self.pair_feeds(first[0], second[0])
         else:
-            join = np.concatenate if layout == "channels" else np.stack
-            tensors = [join([first, second], axis=1)]
-        feeds = dict(zip(graph.inputs, tensors, strict=True))
-        (flow,) = self.sessions["pair"].run(list(graph.outputs), feeds)
-        output = self.manifest.flow
-        if output is None or output.stride != 1:
-            raise ModelError(f"bundle {self.manifest.name!r} gives coarse flow", "stride 1")
-        vectors = output.scale * flow[0].transpose(1, 2, 0)
-        if output.order == "vu":
-            vectors = vectors[..., ::-1]
-        field = np.ascontiguousarray(vectors, dtype=np.float32)
-        return FlowField(field, np.ones(field.shape[:2], dtype=np.float32))
+            feeds = manifest.match_feeds(first, second)
+        raw, *sureness = self._graphs[role].run(list(feeds.values()), manifest.graphs[role].outputs)
+        size = (manifest.input.height, manifest.input.width)
+        flow = picture_flow(raw, manifest.input, self._flow, size)
+        return FlowField(flow, sureness[0][0, 0] if sureness else np.ones(size, np.float32))
+
+    def pair_feeds(self, first: Float32Array, second: Float32Array) -> dict[str, Float32Array]:
+        """Name what goes into the graph ``pair``, from the tensors of both pictures."""
+        names = self.bundle.manifest.graphs["pair"].inputs
+        tensors = pair_tensors(first, second, self.bundle.manifest.input)
+        return dict(zip(names, tensors, strict=True))

@@ -11,17 +11,17 @@ torch = pytest.importorskip("torch")
 
 from dfvs_core.errors import ModelError  # noqa: E402
 from dfvs_core.matching.hybrid import HybridMatcher  # noqa: E402
-from dfvs_export.bundles import read_bundle  # noqa: E402
 from dfvs_export.check import drawn_pairs, operators, parity  # noqa: E402
 from dfvs_export.cli import main  # noqa: E402
 from dfvs_export.networks.dfvs_flow import DfvsFlow  # noqa: E402
+from dfvs_export.own import OwnFlow  # noqa: E402
 from dfvs_export.running import FlowRunner  # noqa: E402
 from dfvs_export.train.checkpoint import (  # noqa: E402
     Checkpoint,
     load_checkpoint,
-    load_network,
     save_checkpoint,
 )
+from dfvs_models.bundle import read_bundle  # noqa: E402
 from dfvs_models.catalog import load_matcher  # noqa: E402
 
 SIZE = (96, 64)
@@ -53,7 +53,8 @@ def bundle(checkpoint, tmp_path_factory) -> Path:
 
 
 def test_a_bundle_says_what_it_holds(bundle: Path) -> None:
-    manifest, contents = read_bundle(bundle)
+    read = read_bundle(bundle)
+    manifest, contents = read.manifest, read.contents
     assert manifest.kind == "encode-match"
     assert (manifest.input.width, manifest.input.height) == SIZE
     assert set(contents) == {"encode.onnx", "match.onnx", "MODEL_CARD.md"}
@@ -61,14 +62,14 @@ def test_a_bundle_says_what_it_holds(bundle: Path) -> None:
 
 
 def test_torch_and_onnx_runtime_agree_on_random_weights(bundle: Path, checkpoint: Path) -> None:
-    runner = FlowRunner(*read_bundle(bundle))
-    found = parity(load_network(checkpoint), runner, drawn_pairs(SIZE, 3, 11))
+    runner = FlowRunner(read_bundle(bundle))
+    found = parity(OwnFlow.load(checkpoint), runner, drawn_pairs(SIZE, 3, 11))
     # the limit that every bundle has to keep; random weights make large and wild flow
     assert found.mean_px < 1e-3
 
 
 def test_only_plain_operators_are_used(bundle: Path) -> None:
-    used = set(operators(read_bundle(bundle)[1]))
+    used = set(operators(read_bundle(bundle).contents))
     assert used >= ALLOWED
     assert not used & FORBIDDEN
 
@@ -91,13 +92,14 @@ def test_8_bit_bundles_run_and_find_about_the_same(
     out = tmp_path / "int8"
     common = ["flow", "--checkpoint", str(checkpoint), "--size", "96x64", "--out", str(out)]
     assert main([*common, "--precision", "int8", "--calibration-pairs", "2"]) == 0
-    manifest, contents = read_bundle(out)
-    assert "QuantizeLinear" in operators(contents)
-    runner = FlowRunner(manifest, contents)
+    read = read_bundle(out)
+    assert read.manifest.precision == "int8"
+    assert "QuantizeLinear" in operators(read.contents)
+    runner = FlowRunner(read)
     first, second = drawn_pairs(SIZE, 1, 12)[0]
     field = runner.match(runner.encode(first), runner.encode(second))
     assert field.is_finite()
-    exact = FlowRunner(*read_bundle(bundle))
+    exact = FlowRunner(read_bundle(bundle))
     expected = exact.match(exact.encode(first), exact.encode(second))
     # rounding moves some cells' best match, but not most
     assert np.median(np.abs(field.flow - expected.flow)) < 8.0
@@ -128,8 +130,8 @@ def test_check_reports_and_passes(bundle: Path, checkpoint: Path, capsys) -> Non
         (["flow", "--model", "raft", "--out", "x"], "model 'raft'"),
         (["flow", "--checkpoint", "gone.pt", "--out", "x"], "no checkpoint at"),
         (["flow", "--size", "100x64", "--out", "x"], "multiples of 16"),
-        (["check", "nowhere"], "is no bundle"),
-        (["bench", "nowhere"], "is no bundle"),
+        (["check", "nowhere"], "is not a folder"),
+        (["bench", "nowhere"], "is not a folder"),
     ],
 )
 def test_what_cannot_run_says_so_in_one_line(arguments, words, capsys) -> None:
@@ -154,14 +156,14 @@ def test_a_sheet_of_pairs_is_drawn(tmp_path: Path) -> None:
 
 
 def test_pictures_of_another_size_are_refused(bundle: Path) -> None:
-    runner = FlowRunner(*read_bundle(bundle))
+    runner = FlowRunner(read_bundle(bundle))
     with pytest.raises(ModelError, match="shape"):
         runner.encode(np.zeros((64, 64, 3), np.uint8))
 
 
 def test_the_service_runs_the_bundle_and_gives_the_same_flow(bundle: Path) -> None:
     matcher = load_matcher(f"alone:{bundle}")
-    runner = FlowRunner(*read_bundle(bundle))
+    runner = FlowRunner(read_bundle(bundle))
     first, second = drawn_pairs(SIZE, 1, 13)[0]
     field = matcher.match(matcher.prepare(first), matcher.prepare(second))
     expected = runner.match(runner.encode(first), runner.encode(second))

@@ -1,0 +1,91 @@
+"""Frames to calibrate 8 bits on, and what they put into each graph of a bundle."""
+
+from __future__ import annotations
+
+import zipfile
+from collections.abc import Sequence
+from pathlib import Path
+from typing import cast
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.errors import ConfigError
+from dfvs_export.quantise import Feeds
+from dfvs_export.running import FlowRunner
+
+ImagePair = tuple[ImageArray, ImageArray]
+_PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
+_EXPECTED = "an .npz file with IA and IB, or a folder of pictures"
+
+
+def read_frames(path: Path, size: tuple[int, int], count: int) -> list[ImagePair]:
+    """Read up to ``count`` pairs, evenly over the file or folder, at ``size`` (width, height).
+
+    Pictures of a folder are paired by name: the first half with the second, in order, so that a
+    recorded flight gives large motion too.
+
+    Raises
+    ------
+    ConfigError
+        If there are no pictures to read.
+    """
+    if path.is_dir():
+        files = sorted(f for f in path.iterdir() if f.suffix.lower() in _PICTURES)
+        half = len(files) // 2
+        chosen = _evenly(half, count)
+        pairs = [(_read_picture(files[k]), _read_picture(files[half + k])) for k in chosen]
+    else:
+        first, second = _read_arrays(path)
+        pairs = [(first[k], second[k]) for k in _evenly(len(first), count)]
+    if not pairs:
+        raise ConfigError(f"no pairs of pictures in {path}", _EXPECTED)
+    return [(_sized(a, size), _sized(b, size)) for a, b in pairs]
+
+
+def graph_feeds(runner: FlowRunner, pairs: Sequence[ImagePair]) -> dict[str, list[Feeds]]:
+    """Inputs of every graph of the runner's bundle, by the graph's role."""
+    manifest = runner.bundle.manifest
+    feeds: dict[str, list[Feeds]] = {role: [] for role in manifest.graphs}
+    for pair in pairs:
+        if manifest.kind == "pair":
+            feeds["pair"].append(runner.pair_feeds(*(runner.tensor(image) for image in pair)))
+            continue
+        name = manifest.graphs["encode"].inputs[0]
+        feeds["encode"] += [{name: runner.tensor(image)} for image in pair]
+        feeds["match"].append(manifest.match_feeds(*(runner.encode(image) for image in pair)))
+    return feeds
+
+
+def _evenly(available: int, count: int) -> list[int]:
+    """Indices of ``count`` of the available ones, or of all."""
+    if count >= available:
+        return list(range(available))
+    return [int(k) for k in np.linspace(0, available - 1, count).round()]
+
+
+def _read_arrays(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
+    try:
+        with np.load(path, allow_pickle=False) as arrays:
+            first, second = arrays["IA"], arrays["IB"]
+    except (OSError, ValueError, KeyError, zipfile.BadZipFile) as error:
+        raise ConfigError(f"no pairs can be read from {path} ({error})", _EXPECTED) from error
+    shapes = {first.shape, second.shape}
+    if len(shapes) > 1 or first.ndim != 4 or first.shape[3] != 3 or first.dtype != np.uint8:
+        raise ConfigError(f"IA of {path} is {first.dtype} of {first.shape}", "uint8 (N, H, W, 3)")
+    return first, second
+
+
+def _read_picture(path: Path) -> ImageArray:
+    image = cv2.imread(str(path), cv2.IMREAD_COLOR)
+    if image is None:
+        raise ConfigError(f"{path} is no picture that can be read", _EXPECTED)
+    return cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_BGR2RGB))
+
+
+def _sized(image: ImageArray, size: tuple[int, int]) -> ImageArray:
+    if (image.shape[1], image.shape[0]) == size:
+        return image
+    return cast(ImageArray, cv2.resize(image, size, interpolation=cv2.INTER_AREA))
