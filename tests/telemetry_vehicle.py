@@ -21,6 +21,7 @@ from dfvs_core.schema import dump
 from dfvs_core.servo.exchange import ServoResult, Verdict
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.wire.goal_order import GoalOrder, goal_digest
 from dfvs_core.wire.link import GateStatus, VehicleState
 from dfvs_service.config import load_config
 from dfvs_service.key_file import load_key
@@ -70,7 +71,10 @@ class TelemetryVehicle:
         self.telemetry = Telemetry(self.session, self.topics)
         self.telemetry.offer_json("config", dump(config))
         self.telemetry.offer("goal", lambda: self.pictures.goal(self.goal, now_ns))
-        self.commands = self.session.declare_subscriber(self.topics.command, self.on_command)
+        self.goals = []
+        declare = self.session.declare_subscriber
+        self.commands = declare(self.topics.command, self.on_command)
+        self.new_goals = declare(self.topics.new_goal, self.on_goal)
         self.stopped = threading.Event()
         self.thread = threading.Thread(target=self.run)
 
@@ -89,8 +93,15 @@ class TelemetryVehicle:
         self.orders.append(verdict.text)
         change = {"hold": ("HOLD", "operator ordered to hold"), "engage": ("SERVO", "good data")}
         change["abort"] = ("ABORT", "operator ordered to abort")
-        if verdict.action is not None:
+        if verdict.action is not None and str(verdict.action) in change:
             self.enter(*change[str(verdict.action)])
+
+    def on_goal(self, sample):
+        data = sample.payload.to_bytes()
+        verdict = self.authority.judge(sample.attachment.to_bytes(), time.monotonic_ns())
+        if verdict.argument == goal_digest(data):
+            self.goals.append(GoalOrder.from_bytes(data))
+        self.orders.append(verdict.text)
 
     def enter(self, state, cause):
         self.state, self.cause, self.since_ns = state, cause, time.monotonic_ns()

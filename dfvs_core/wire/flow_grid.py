@@ -21,7 +21,7 @@ FLOW_GRID_ENCODING = "application/x-dfvs-flow-grid"
 MAX_COLUMNS = 40
 
 _HEADER = struct.Struct("<4sBxHHHIq")
-_MAGIC = b"DFVG"
+_MAGIC = b"DFVO"
 _VERSION = 1
 _STEPS_PER_PX = 16.0
 _MOST_STEPS = 32767.0

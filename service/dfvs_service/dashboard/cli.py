@@ -9,12 +9,13 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.wire.goal_order import MAX_SIDECAR_BYTES
+from dfvs_core.wire.zenoh_settings import MAX_MESSAGE_BYTES
 from dfvs_service.dashboard.settings import dashboard_settings
 from dfvs_service.key_file import create_key
 
 EXIT_OK, EXIT_CANNOT_RUN, EXIT_INTERRUPTED = 0, 2, 130
 DEFAULT_PORT = 8470
-MAX_MESSAGE_BYTES = 64 * 1024
 
 _EXAMPLE = """\
 examples:
@@ -96,7 +97,7 @@ def _serve(words: Sequence[str]) -> int:
         host=arguments.host,
         port=arguments.port,
         ws="websockets-sansio",
-        ws_max_size=MAX_MESSAGE_BYTES,
+        ws_max_size=MAX_MESSAGE_BYTES + MAX_SIDECAR_BYTES,
         ws_per_message_deflate=False,  # pictures do not get smaller, only later
         ssl_certfile=arguments.cert,
         ssl_keyfile=arguments.key,

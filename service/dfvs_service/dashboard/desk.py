@@ -5,13 +5,14 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Callable
 
-from dfvs_core.errors import DfvsError
+from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.events import Action
+from dfvs_core.wire.goal_order import GoalOrder
+from dfvs_core.wire.picture import picture_size
 from dfvs_service.config import ServiceConfig, VehicleSection, ZenohSection
 from dfvs_service.orders import give_order
 
 ORDER_TIMEOUT_S = 3.0
-ORDERS = (Action.ENGAGE, Action.HOLD, Action.ABORT)
 
 FindEndpoint = Callable[[str], ZenohSection | None]
 
@@ -31,17 +32,22 @@ class OrderDesk:
         self._key = key
         self._find = find
 
-    def give(self, vehicle: str, word: str) -> tuple[bool, str]:
+    def give(self, vehicle: str, word: str, goal: GoalOrder | None) -> tuple[bool, str]:
         """Order and wait for the gate's word: whether it was accepted, and why not."""
         try:
-            action = Action(word)
-            zenoh = self._find(vehicle)
-            if zenoh is None or action not in ORDERS:
-                return False, f"not sent: {word!r} for {vehicle!r} is no order that can be given"
-            config = dataclasses.replace(
-                ServiceConfig(), vehicle=VehicleSection(vehicle), zenoh=zenoh
-            )
-            answer = give_order(config, self._key, action, ORDER_TIMEOUT_S)
-        except (DfvsError, ValueError) as error:
+            answer = self._give(vehicle, word, goal)
+        except DfvsError as error:
             return False, f"not sent: {error}"
         return answer.startswith("accepted"), answer
+
+    def _give(self, vehicle: str, word: str, goal: GoalOrder | None) -> str:
+        zenoh = self._find(vehicle)
+        if zenoh is None or word not in set(Action):
+            raise ConfigError(f"order {word!r} for {vehicle!r}", "a known order and vehicle")
+        action = Action(word)
+        if (action is Action.GOAL) != (goal is not None):
+            raise ConfigError(f"order {word!r} {'without' if goal is None else 'with'} a picture")
+        if goal is not None:
+            picture_size(goal.picture)
+        config = dataclasses.replace(ServiceConfig(), vehicle=VehicleSection(vehicle), zenoh=zenoh)
+        return give_order(config, self._key, action, ORDER_TIMEOUT_S, goal)

@@ -15,6 +15,7 @@ from dfvs_service.dashboard.board import PATH_COLUMNS, SERVO_COLUMNS
 from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.desk import OrderDesk
 from dfvs_service.dashboard.hub import Clock, Hub
+from dfvs_service.dashboard.messages import ordered_goal, read_message
 from dfvs_service.dashboard.outbox import Outbox
 from dfvs_service.dashboard.tokens import Role, Tokens
 
@@ -121,12 +122,11 @@ class Visit:
                 return
 
     async def _next_message(self) -> dict[str, Any]:
-        """Next JSON object; anything else is taken for an empty one."""
-        try:
-            message = json.loads(await self._socket.receive_text())
-        except (ValueError, KeyError, RecursionError):
-            return {}
-        return message if isinstance(message, dict) else {}
+        """Next JSON object, with a picture if one came along; else an empty one."""
+        received = await self._socket.receive()
+        if received["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect(received.get("code", 1000))
+        return read_message(received.get("text"), received.get("bytes"))
 
     def _pong(self, message: dict[str, Any], now: Moment) -> None:
         t = message.get("t")
@@ -146,7 +146,8 @@ class Visit:
         elif len(self._orders) > MAX_ORDERS_AT_ONCE:
             accepted, text = False, "not sent: earlier orders are not answered yet"
         else:
-            accepted, text = await asyncio.to_thread(desk.give, vehicle, word)
+            goal = ordered_goal(message)
+            accepted, text = await asyncio.to_thread(desk.give, vehicle, word, goal)
             log.info("order %s for %s: %s", word, vehicle, text)
         answer = {"order": word, "vehicle": vehicle, "accepted": accepted, "text": text}
         self._outbox.append("answers", [json.dumps(answer)])

@@ -60,7 +60,7 @@ def hostile():
         "no attachment": ("camera", jpeg, b""),
         "raw frame cut short": ("goal", raw[:-1], raw_header),
         "raw frame changed": ("goal", b"\x00" + raw[1:], raw_header),
-        "no grid": ("flow", b"DFVG" + bytes(30), b""),
+        "no grid": ("flow", b"DFVO" + bytes(30), b""),
         "no JSON": ("state", b"{", b""),
         "deep JSON": ("servo", b"[" * 60_000, b""),
         "huge JSON": ("config", b'"' + b"x" * 70_000 + b'"', b""),

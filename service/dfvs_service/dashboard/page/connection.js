@@ -69,6 +69,15 @@ export class Connection extends EventTarget {
     if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
   }
 
+  /** Send a goal picture: length of a JSON header (uint32), the header, the picture's bytes. */
+  sendGoal(header, picture) {
+    if (this.#socket?.readyState !== WebSocket.OPEN) return;
+    const words = new TextEncoder().encode(JSON.stringify({ type: "order", order: "goal", ...header }));
+    const length = new Uint8Array(4);
+    new DataView(length.buffer).setUint32(0, words.length, true);
+    this.#socket.send(new Blob([length, words, picture]));
+  }
+
   #greet(socket) {
     this.#heardMs = performance.now();
     socket.send(JSON.stringify({ type: "hello", token: this.#token }));

@@ -8,7 +8,7 @@ const DOUBTFUL = "#ffb52e";
 /** @returns {{columns, rows, stride, flow: Int16Array, confidence: Uint8Array} | null} */
 export function decodeFlow(bytes) {
   const view = new DataView(bytes.buffer, bytes.byteOffset, bytes.byteLength);
-  if (bytes.byteLength < HEADER_BYTES || view.getUint32(0, false) !== 0x44465647) return null;
+  if (bytes.byteLength < HEADER_BYTES || view.getUint32(0, false) !== 0x4446564f) return null;
   const columns = view.getUint16(6, true);
   const rows = view.getUint16(8, true);
   const points = columns * rows;

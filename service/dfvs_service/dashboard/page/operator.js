@@ -2,6 +2,7 @@
 
 const byId = (id) => document.getElementById(id);
 const KEPT_TOKEN = "dfvs-token";
+const GOAL_CHANGEABLE = new Set(["READY", "HOLD", "DONE"]);
 const ENGAGEABLE = new Set(["READY", "DONE", "ABORT", "RELEASED"]);
 
 export const keptToken = () => sessionStorage.getItem(KEPT_TOKEN) ?? "";
@@ -11,6 +12,7 @@ export class Operator {
   #vehicle = "";
   #state = null;
   #isSignedIn = false;
+  #onConfirmed = () => {};
 
   constructor(connection) {
     this.#connection = connection;
@@ -18,11 +20,13 @@ export class Operator {
     byId("hold").addEventListener("click", () => this.order("hold"));
     byId("abort").addEventListener("click", () => this.order("abort"));
     byId("engage").addEventListener("click", () => this.#confirmEngage());
+    byId("goal").addEventListener("click", () => byId("goal-files").click());
+    byId("goal-files").addEventListener("change", () => this.#confirmGoal([...byId("goal-files").files]));
     byId("sign-dialog").addEventListener("close", () => this.#signIn());
     // No submit button: that of signing in is the one that the Enter key means.
     byId("sign-dialog").querySelector("[data-close]").addEventListener("click", () => byId("sign-dialog").close());
     byId("confirm-dialog").addEventListener("close", () => {
-      if (byId("confirm-dialog").returnValue === "ok") this.order("engage");
+      if (byId("confirm-dialog").returnValue === "ok") this.#onConfirmed();
     });
   }
 
@@ -56,6 +60,7 @@ export class Operator {
     this.#state = state;
     const takesOrders = Boolean(state?.takes_orders) && this.#connection.isOpen;
     byId("engage").disabled = !takesOrders || !isFresh || !ENGAGEABLE.has(state.state);
+    byId("goal").disabled = !takesOrders || !isFresh || !GOAL_CHANGEABLE.has(state.state);
     // Stopping is offered even where the newest state is old: it can do no harm.
     byId("hold").disabled = byId("abort").disabled = !takesOrders;
     if (state && !state.takes_orders) this.#hint("this vehicle was started without a command key");
@@ -72,8 +77,33 @@ export class Operator {
   }
 
   #confirmEngage() {
-    byId("confirm-text").textContent =
-      `${this.#vehicle} is ${this.#state?.state ?? "unknown"}. It will fly to its goal by itself.`;
+    const state = this.#state?.state ?? "unknown";
+    this.#confirm("Engage?", `${this.#vehicle} is ${state}. It will fly to its goal by itself.`, null,
+      () => this.order("engage"));
+  }
+
+  #confirmGoal(files) {
+    const picture = files.find((file) => !file.name.endsWith(".json"));
+    const sidecar = files.find((file) => file.name.endsWith(".json"));
+    byId("goal-files").value = "";
+    if (!picture) return;
+    const vehicle = this.#vehicle;
+    const taken = sidecar ? `taken as ${sidecar.name} says` : "taken level, by the camera that flies";
+    this.#confirm("Change the goal?", `${picture.name} for ${vehicle}, ${taken}.`, picture, async () => {
+      this.#answer(null, "goal sent …");
+      const text = sidecar ? await sidecar.text() : "";
+      this.#connection.sendGoal({ vehicle, sidecar: text }, await picture.arrayBuffer());
+    });
+  }
+
+  #confirm(title, text, picture, onConfirmed) {
+    this.#onConfirmed = onConfirmed;
+    byId("confirm-title").textContent = title;
+    byId("confirm-text").textContent = text;
+    const image = byId("confirm-picture");
+    URL.revokeObjectURL(image.src);
+    image.hidden = !picture;
+    if (picture) image.src = URL.createObjectURL(picture);
     byId("confirm-dialog").returnValue = "";
     byId("confirm-dialog").showModal();
   }

@@ -1,0 +1,47 @@
+"""What a browser says: JSON objects, and goal pictures with a JSON object before them."""
+
+from __future__ import annotations
+
+import json
+import struct
+from typing import Any
+
+from dfvs_core.wire.goal_order import MAX_SIDECAR_BYTES, GoalOrder
+
+_LENGTH = struct.Struct("<I")
+_MAX_HEADER_BYTES = 2 * MAX_SIDECAR_BYTES
+_PICTURE = "picture"
+
+
+def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
+    """Read a message; what cannot be read is taken for an empty one.
+
+    ``data`` is the length of a header (uint32, little-endian), the header as JSON, and a picture,
+    which is put into the message beside what the header says.
+    """
+    picture = None
+    if data is not None:
+        if len(data) < _LENGTH.size:
+            return {}
+        end = _LENGTH.size + _LENGTH.unpack_from(data)[0]
+        if end > min(len(data), _MAX_HEADER_BYTES):
+            return {}
+        header, picture = data[_LENGTH.size : end], data[end:]
+        text = header.decode(errors="replace")
+    try:
+        message = json.loads(text or "")
+    except (ValueError, RecursionError):
+        return {}
+    if not isinstance(message, dict):
+        return {}
+    message.pop(_PICTURE, None)
+    return message if picture is None else message | {_PICTURE: picture}
+
+
+def ordered_goal(message: dict[str, Any]) -> GoalOrder | None:
+    """Goal that came with an order, or None."""
+    picture = message.get(_PICTURE)
+    if not isinstance(picture, bytes):
+        return None
+    sidecar = message.get("sidecar", "")
+    return GoalOrder(picture, sidecar if isinstance(sidecar, str) else "")

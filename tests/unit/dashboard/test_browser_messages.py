@@ -1,0 +1,44 @@
+import json
+import struct
+
+import pytest
+
+from dfvs_core.wire.goal_order import GoalOrder
+from dfvs_service.dashboard.messages import ordered_goal, read_message
+
+
+def with_picture(header, picture=b"jpeg", length=None):
+    words = json.dumps(header).encode()
+    return struct.pack("<I", len(words) if length is None else length) + words + picture
+
+
+def test_text_is_a_json_object():
+    assert read_message('{"type": "ping"}', None) == {"type": "ping"}
+
+
+@pytest.mark.parametrize("text", ["", "[]", "3", "{", "null", "[" * 90_000])
+def test_other_text_is_an_empty_message(text):
+    assert read_message(text, None) == {}
+
+
+def test_a_picture_comes_with_what_is_said_of_it():
+    message = read_message(None, with_picture({"order": "goal", "sidecar": "{}"}))
+    assert message["order"] == "goal"
+    assert ordered_goal(message) == GoalOrder(b"jpeg", "{}")
+
+
+@pytest.mark.parametrize(
+    "data", [b"", b"abc", with_picture({}, length=1 << 31), struct.pack("<I", 1) + b"["]
+)
+def test_bytes_that_hold_no_header_are_an_empty_message(data):
+    assert read_message(None, data) == {}
+
+
+def test_a_picture_cannot_be_smuggled_in_by_text():
+    message = read_message('{"picture": "abc"}', None)
+    assert ordered_goal(message) is None
+
+
+def test_a_sidecar_that_is_no_text_is_left_out():
+    message = read_message(None, with_picture({"sidecar": [1]}))
+    assert ordered_goal(message) == GoalOrder(b"jpeg", "")
