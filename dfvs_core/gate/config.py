@@ -12,11 +12,13 @@ S = 1_000_000_000
 
 
 class Engage(enum.StrEnum):
-    """Who engages: the pilot's mode switch, the service itself, or a signed command."""
+    """Who engages: the pilot's mode switch, the service itself, a signed command, or nobody."""
 
     PILOT = "pilot"
     AUTO = "auto"
     COMMAND = "command"
+    NEVER = "never"
+    """Watch and judge only: nothing is ever sent to move the vehicle."""
 
 
 class OnDone(enum.StrEnum):
@@ -68,6 +70,8 @@ class GateConfig:
     max_distance_m: float = 5.0
     max_engaged_ns: int = 120 * S
     min_overlap: float = 0.15
+    min_frame_hz: float = 5.0
+    """Fewer good frames a second refuse the preflight."""
     min_battery: float = 0.2
     max_jump_m: float = 0.5
     """Largest step of the position estimate beyond what the velocity explains."""

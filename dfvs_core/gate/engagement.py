@@ -59,7 +59,7 @@ def begin(vehicle: VehiclePicture, now_ns: int) -> Engagement:
 
 def offer(vehicle: VehiclePicture, config: GateConfig, is_ordered: bool) -> Cause | None:
     """Say why the gate may leave READY for ENGAGE now, None where it may not."""
-    if not vehicle.is_flying:
+    if config.engage is Engage.NEVER or not vehicle.is_flying:
         return None
     mode = vehicle.heartbeat.mode
     if config.engage is Engage.PILOT:

@@ -105,10 +105,16 @@ class EstimatorState:
 
 @dataclass(frozen=True, slots=True)
 class ParametersRead:
-    """The autopilot's parameters were read (or could not be); ``advice`` says what to change."""
+    """The autopilot's failsafe parameters were read, or could not be.
+
+    ``refusals`` name what is dangerous or not known, ``advice`` what would better be changed, and
+    ``found`` the values.
+    """
 
     t_ns: int
     advice: tuple[str, ...] = ()
+    refusals: tuple[str, ...] = ()
+    found: str = ""
 
 
 @dataclass(frozen=True, slots=True)

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dfvs_core.gate.config import GateConfig
+from dfvs_core.gate.config import MS, GateConfig
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.vehicle import (
     NEVER,
@@ -18,11 +18,22 @@ from dfvs_core.gate.vehicle import (
 
 @dataclass(frozen=True, slots=True)
 class Check:
-    """One line of the preflight list; ``detail`` says what is wrong where it is not ok."""
+    """One line of the preflight list.
+
+    ``detail`` says what is wrong, or what was found where all is well; ``remedy`` what to do about
+    it. What is not ``binding`` is advice: it is shown, and refuses nothing.
+    """
 
     name: str
     ok: bool
     detail: str = ""
+    remedy: str = ""
+    binding: bool = True
+
+    @property
+    def refuses(self) -> bool:
+        """Tell whether the gate stays in PREFLIGHT because of this."""
+        return self.binding and not self.ok
 
 
 def preflight(
@@ -30,14 +41,27 @@ def preflight(
 ) -> tuple[Check, ...]:
     """Preflight list of this moment."""
     return (
-        _from_fault("link", link_fault(vehicle, config, now_ns)),
-        _from_fault("estimator", estimate_fault(vehicle, config)),
+        _from_fault("link", link_fault(vehicle, config, now_ns), _LINK),
+        _from_fault("estimator", estimate_fault(vehicle, config), _ESTIMATOR),
         _health(vehicle, config, now_ns),
-        _from_fault("battery", battery_fault(vehicle, config)),
+        _battery(vehicle, config),
         _parameters(vehicle),
-        _from_fault("frames", sight.stale(now_ns)),
+        _advice(vehicle),
+        _frames(sight, config, now_ns),
         _overlap(sight, config),
     )
+
+
+_LINK = "check vehicle.mavlink, the cable, and that the autopilot streams attitude and position"
+_ESTIMATOR = (
+    "wait for the autopilot's estimate; give it GNSS, flow or vision, and space to calibrate"
+)
+_HEALTH = "see what the ground station says; calibrate, or wait until the autopilot is ready to arm"
+_BATTERY = "charge or change the battery, or give the autopilot a power module"
+_PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
+_FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
+_GOAL = "move to where the goal is in view, or take another goal picture"
+_COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
 
 
 def sole_commander(vehicle: VehiclePicture, now_ns: int, *, may_be_offboard: bool) -> Check:
@@ -49,44 +73,75 @@ def sole_commander(vehicle: VehiclePicture, now_ns: int, *, may_be_offboard: boo
         detail = "the vehicle is in OFFBOARD, but not by this service"
     else:
         detail = vehicle.rivals.preflight_fault(now_ns)
-    return Check("sole commander", not detail, detail)
+    return Check("sole commander", not detail, detail, _COMMANDER if detail else "")
 
 
 def failures(checks: tuple[Check, ...]) -> str:
-    """One line that names every failed check, empty where there is none."""
-    return "; ".join(f"{c.name}: {c.detail}" for c in checks if not c.ok)
+    """One line that names every check that refuses, empty where there is none."""
+    return "; ".join(f"{c.name}: {c.detail}" for c in checks if c.refuses)
 
 
-def _from_fault(name: str, fault: Fault | None) -> Check:
+def _from_fault(name: str, fault: Fault | None, remedy: str, found: str = "") -> Check:
     if fault is None:
-        return Check(name, True)
+        return Check(name, True, found)
     cause, detail = fault
-    return Check(name, False, f"{cause}, {detail}" if detail else str(cause))
+    return Check(name, False, f"{cause}, {detail}" if detail else str(cause), remedy)
 
 
 def _health(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Check:
+    problem = _health_problem(vehicle, config, now_ns)
+    return Check("health", not problem, problem, _HEALTH if problem else "")
+
+
+def _health_problem(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> str:
     if vehicle.heartbeat.failsafe:
-        return Check("health", False, "autopilot in failsafe")
+        return "autopilot in failsafe"
     if now_ns - vehicle.health.t_ns > config.timing.health_age_ns:
-        return Check("health", False, "no SYS_STATUS heard")
+        return "no SYS_STATUS heard"
     if not vehicle.health.ok:
-        return Check("health", False, vehicle.health.detail)
+        return vehicle.health.detail
     if not vehicle.is_armed and not vehicle.health.can_arm:
-        return Check("health", False, "the autopilot's checks before arming fail")
-    if vehicle.landed.t_ns == NEVER:
-        return Check("health", False, "no EXTENDED_SYS_STATE heard")
-    return Check("health", True)
+        return "the autopilot's checks before arming fail"
+    return "no EXTENDED_SYS_STATE heard" if vehicle.landed.t_ns == NEVER else ""
+
+
+def _battery(vehicle: VehiclePicture, config: GateConfig) -> Check:
+    remaining = vehicle.battery.remaining
+    found = "" if remaining is None else f"{remaining:.0%} left"
+    return _from_fault("battery", battery_fault(vehicle, config), _BATTERY, found)
 
 
 def _parameters(vehicle: VehiclePicture) -> Check:
-    read = vehicle.parameters.t_ns != NEVER
-    return Check("parameters", read, "" if read else "not read back yet")
+    """Refuse a failsafe that is not known, or that would not bring the vehicle to a stop."""
+    read = vehicle.parameters
+    if read.t_ns == NEVER:
+        return Check("parameters", False, "not read back yet", "wait a few seconds")
+    detail = "; ".join(read.refusals)
+    return Check("parameters", not detail, detail or read.found, _PARAMETERS if detail else "")
+
+
+def _advice(vehicle: VehiclePicture) -> Check:
+    detail = "; ".join(vehicle.parameters.advice)
+    remedy = _PARAMETERS if detail else ""
+    return Check("advised parameters", not detail, detail, remedy, binding=False)
+
+
+def _frames(sight: Sight, config: GateConfig, now_ns: int) -> Check:
+    rate_hz, delay_ns = sight.pace(now_ns)
+    found = f"{rate_hz:.1f} a second, results {delay_ns / MS:.0f} ms after capture"
+    stale = sight.stale(now_ns)
+    if stale is not None:
+        return _from_fault("frames", stale, _FRAMES)
+    if rate_hz < config.min_frame_hz:
+        needed = f"{config.min_frame_hz:g} needed"
+        return Check("frames", False, f"{found}; {needed}", _FRAMES)
+    return Check("frames", True, found)
 
 
 def _overlap(sight: Sight, config: GateConfig) -> Check:
     if sight.lost:
-        return Check("goal", False, f"goal lost, {sight.reason}")
+        return Check("goal", False, f"goal lost, {sight.reason}", _GOAL)
+    found = f"overlap {sight.overlap:.0%}"
     if sight.overlap < config.min_overlap:
-        detail = f"overlap {sight.overlap:.0%}, {config.min_overlap:.0%} needed"
-        return Check("goal", False, detail)
-    return Check("goal", True)
+        return Check("goal", False, f"{found}, {config.min_overlap:.0%} needed", _GOAL)
+    return Check("goal", True, found)

@@ -3,13 +3,18 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+import statistics
+from collections import deque
+from dataclasses import dataclass, field
 
-from dfvs_core.gate.config import MS, GateTiming
+from dfvs_core.gate.config import MS, GateTiming, S
 from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.states import Cause
 from dfvs_core.gate.vehicle import Fault
 from dfvs_core.wire.link import PerceptionReport
+
+PACE_NS = 1 * S
+"""Time over which the rate of frames is counted."""
 
 MAX_BELIEVED_SPEED_M_S = 10.0
 MAX_BELIEVED_YAW_RAD_S = 10.0
@@ -64,6 +69,8 @@ class Sight:
     lost: bool = False
     goal: str = ""
     """Digest of the goal that the operator ordered, empty for the one at the start."""
+    arrivals: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=128))
+    """When good reports arrived, and the times of capture, ns."""
 
     def look_for(self, goal: str, fault: Fault) -> None:
         """Believe reports about another goal alone from now on."""
@@ -83,6 +90,7 @@ class Sight:
         if report.t_capture_ns <= self.last_capture_ns:
             return None
         self.last_capture_ns = report.t_capture_ns
+        self.arrivals.append((t_ns, report.t_capture_ns))
         self.good = report
         self.overlap = report.overlap
         self.good_since_ns = t_ns if self.good_since_ns is None else self.good_since_ns
@@ -108,6 +116,11 @@ class Sight:
             return None
         self.spoil((Cause.FRAME_OLD, f"{age / MS:.0f} ms"))
         return self.fault
+
+    def pace(self, now_ns: int) -> tuple[float, int]:
+        """Good frames a second of late, and the median time from capture to report, ns."""
+        recent = [t - capture for t, capture in self.arrivals if now_ns - t < PACE_NS]
+        return len(recent) * S / PACE_NS, round(statistics.median(recent)) if recent else 0
 
     @property
     def reason(self) -> str:

@@ -6,6 +6,7 @@ import json
 from dataclasses import dataclass
 
 from dfvs_core.errors import ConfigError, WireError
+from dfvs_core.gate.preflight import Check
 from dfvs_core.schema import dump, parse
 
 
@@ -20,6 +21,8 @@ class Beat:
     error_rad: float | None = None
     reached: bool = False
     warnings: tuple[str, ...] = ()
+    checks: tuple[Check, ...] = ()
+    """Preflight list, while not engaged."""
 
     def to_bytes(self) -> bytes:
         """Datagram of this beat."""

@@ -92,6 +92,7 @@ class ServiceConfig:
             max_distance_m=limits.max_distance_m,
             max_engaged_ns=round(limits.max_engaged_s * S),
             min_overlap=gate.min_overlap,
+            min_frame_hz=gate.min_frame_hz,
             min_battery=gate.min_battery,
             max_jump_m=gate.max_jump_m,
             engage=gate.engage,

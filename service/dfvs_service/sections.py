@@ -186,7 +186,7 @@ class LimitsSection:
 class GateSection:
     """How the gate engages, judges and ends."""
 
-    engage: Engage = setting(Engage.PILOT, "who engages: pilot, auto or command")
+    engage: Engage = setting(Engage.PILOT, "who engages: pilot, auto, command, or never")
     on_done: OnDone = setting(
         OnDone.ZERO, "at the goal: zero setpoints for ever, or the autopilot's hold"
     )
@@ -196,6 +196,9 @@ class GateSection:
     command_key_file: str = setting("", "key of signed commands (mode 0600); empty: none accepted")
     min_overlap: float = setting(
         _GATE.min_overlap, "share of the view that must show the goal to start", low=0.0, high=1.0
+    )
+    min_frame_hz: float = setting(
+        _GATE.min_frame_hz, "good frames a second that are needed to start", low=1.0, high=60.0
     )
     min_battery: float = setting(
         _GATE.min_battery, "share of the charge below which the flight ends", low=0.0, high=1.0

@@ -189,7 +189,20 @@ def disturb(gate, rng):
     pick(rng, kinds)(gate, rng)
 
 
-@pytest.mark.parametrize("engage", list(Engage))
+def test_a_gate_that_never_engages_sends_nothing_whatever_comes_in():
+    rng = np.random.default_rng(20)
+    gate = Watched(GateConfig(engage=Engage.NEVER))
+    for _ in range(150):
+        if rng.random() < 0.1:
+            fly_again(gate)
+        disturb(gate, rng)
+        gate.run(float(rng.choice([0.04, 0.2, 1.2])))
+    assert {GateState.READY, GateState.ABORT} <= gate.seen
+    assert not gate.setpoints
+    assert not gate.requests
+
+
+@pytest.mark.parametrize("engage", [Engage.PILOT, Engage.AUTO, Engage.COMMAND])
 @pytest.mark.parametrize("on_done", list(OnDone))
 def test_invariants_hold_in_a_long_disturbed_life(engage, on_done):
     rng = np.random.default_rng([20, list(Engage).index(engage), list(OnDone).index(on_done)])

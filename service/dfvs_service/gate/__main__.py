@@ -11,9 +11,16 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_core.errors import DfvsError
+from dfvs_core.gate.config import Engage
 from dfvs_service.config import config_from_json
 from dfvs_service.gate.autopilot import Autopilot
-from dfvs_service.gate.process import EXIT_CANNOT_RUN, EXIT_ENDED, GateProcess, start_autopilot
+from dfvs_service.gate.process import (
+    EXIT_CANNOT_RUN,
+    EXIT_ENDED,
+    GateProcess,
+    SilentLink,
+    start_autopilot,
+)
 from dfvs_service.key_file import load_key
 from dfvs_service.priority import prefer_this_process
 from dfvs_service.runtime import RuntimeFolder
@@ -39,7 +46,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         lambda: autopilot.connect(vehicle.mavlink, vehicle.timeout_s), autopilot.prepare, gate.fail
     )
     try:
-        return gate.run(autopilot)
+        never = config.gate.engage is Engage.NEVER
+        return gate.run(SilentLink(gate.note) if never else autopilot)
     finally:
         gate.close()
 

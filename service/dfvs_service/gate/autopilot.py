@@ -32,15 +32,14 @@ from mavsdk.plugins.param.param import Param
 from mavsdk.system import System
 
 from dfvs_core.errors import DfvsError
-from dfvs_core.gate.events import ModeRequest, ParametersRead, VehicleEvent
+from dfvs_core.gate.events import ModeRequest, VehicleEvent
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_service.gate import px4
+from dfvs_service.gate.failsafe import LOSS_ACTION, LOSS_TIME, judge_failsafe
 
 AUTOPILOT_COMPONENT = 1
 _POLL_S = 0.5
-
-_LOSS_TIME = ("COM_OF_LOSS_T", 0.5, "time without setpoints until the failsafe acts, s")
-_LOSS_ACTION = ("COM_OBL_RC_ACT", 5.0, "what that failsafe does; 5 is Hold")
+_READ_AGAIN_S = 1.0
 
 Emit = Callable[[VehicleEvent], None]
 Note = Callable[[str, str], None]
@@ -183,11 +182,13 @@ class Autopilot:
                 "COMMAND_LONG", px4.interval_fields(message_id, interval_us, self._system_id)
             )
         param = Param(system)
-        advice = (
-            *_advice(_LOSS_TIME, param.get_param_float),
-            *_advice(_LOSS_ACTION, param.get_param_int),
-        )
-        self._emit(ParametersRead(time.monotonic_ns(), advice))
+        while True:
+            loss_s = _read(LOSS_TIME, param.get_param_float)
+            action = _read(LOSS_ACTION, param.get_param_int)
+            self._emit(judge_failsafe(time.monotonic_ns(), loss_s, action))
+            if loss_s is not None and action is not None:
+                return
+            time.sleep(_READ_AGAIN_S)
 
     def send_velocity(self, velocity: BodyVelocity) -> None:
         """Send one setpoint."""
@@ -212,13 +213,9 @@ class Autopilot:
             self._note("send_failed", f"{name}: {error}")
 
 
-def _advice(advised: tuple[str, float, str], read: Callable[[str], float]) -> tuple[str, ...]:
-    """One line where a parameter is not as advised, or cannot be read."""
-    name, wanted, meaning = advised
+def _read(name: str, get: Callable[[str], float]) -> float | None:
+    """Value of a parameter, None where the autopilot does not tell it."""
     try:
-        value = read(name)
-    except MavsdkError as error:
-        return (f"{name} could not be read ({error}); {wanted:g} is advised: {meaning}",)
-    if abs(value - wanted) < 1e-6:
-        return ()
-    return (f"{name} is {value:g}; {wanted:g} is advised: {meaning}",)
+        return get(name)
+    except MavsdkError:
+        return None

@@ -41,6 +41,8 @@ from dfvs_service.runtime import RuntimeFolder
 
 TICK_NS = 20 * MS
 
+_CHECKED = frozenset({GateState.IDLE, GateState.PREFLIGHT, GateState.READY})
+
 EXIT_REACHED, EXIT_ENDED, EXIT_CANNOT_RUN = 0, 1, 2
 
 
@@ -52,6 +54,21 @@ class AutopilotLink(Protocol):
 
     def request_mode(self, request: ModeRequest) -> None:
         """Ask for a mode once."""
+
+
+class SilentLink:
+    """A link that sends nothing, for a gate that shall only watch."""
+
+    def __init__(self, note: Callable[[str, str], None]) -> None:
+        self._note = note
+
+    def send_velocity(self, velocity: BodyVelocity) -> None:
+        """Send no setpoint."""
+        self._note("not_sent", f"setpoint {velocity}")
+
+    def request_mode(self, request: ModeRequest) -> None:
+        """Ask for no mode."""
+        self._note("not_sent", f"request for {request}")
 
 
 class GateProcess:
@@ -150,8 +167,8 @@ class GateProcess:
         return events
 
     def _warn(self, event: ParametersRead) -> None:
-        self._warnings = event.advice
-        for line in event.advice:
+        self._warnings = (*event.refusals, *event.advice)
+        for line in self._warnings:
             self._journal.add(event.t_ns, "warning", text=line)
 
     def _apply(self, output: GateOutput, link: AutopilotLink, now_ns: int) -> None:
@@ -192,6 +209,7 @@ class GateProcess:
             None if good is None else good.error_rad,
             status.reached,
             status.warnings,
+            self._machine.checks() if self._machine.state in _CHECKED else (),
         )
         post.send(status, beat)
 

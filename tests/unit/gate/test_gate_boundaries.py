@@ -185,11 +185,12 @@ def test_numbers_that_are_just_believed(changes):
 
 
 def test_the_overlap():
+    config = dataclasses.replace(CONFIG, min_frame_hz=1.0)
     sight = Sight(CONFIG.timing)
     sight.take(Rehearsal().report(t_capture_ns=NOW_NS, overlap=0.15).report, NOW_NS)
-    assert failures(preflight(picture(), sight, CONFIG, NOW_NS)) == ""
+    assert failures(preflight(picture(), sight, config, NOW_NS)) == ""
     sight.take(Rehearsal().report(t_capture_ns=NOW_NS + 1, overlap=0.149).report, NOW_NS + 1)
-    assert "goal: overlap 15%" in failures(preflight(picture(), sight, CONFIG, NOW_NS))
+    assert "goal: overlap 15%" in failures(preflight(picture(), sight, config, NOW_NS))
 
 
 def test_a_repeated_or_older_capture_is_never_flown_by():
@@ -213,3 +214,22 @@ def test_why_nothing_may_be_flown_by_is_one_line():
     assert sight.reason == "no good data: no report yet"
     sight.spoil((Cause.GATE_STALLED, ""))
     assert sight.reason == "gate stalled"
+
+
+def test_the_rate_of_frames_counts_those_of_the_last_second():
+    sight = Sight(CONFIG.timing)
+    for t_ns in (NOW_NS, NOW_NS + 800 * MS):
+        sight.take(Rehearsal().report(t_capture_ns=t_ns - 100 * MS).report, t_ns)
+    assert sight.pace(NOW_NS + 1000 * MS - 1) == (2.0, 100 * MS)
+    assert sight.pace(NOW_NS + 1000 * MS) == (1.0, 100 * MS)
+    assert sight.pace(NOW_NS + 1800 * MS) == (0.0, 0)
+
+
+def test_frames_as_fast_as_needed_pass():
+    sight = Sight(CONFIG.timing)
+    for t_ns in (NOW_NS - 1, NOW_NS):
+        sight.take(Rehearsal().report(t_capture_ns=t_ns).report, NOW_NS)
+    for needed, text in ((2.0, ""), (2.001, "frames: 2.0 a second")):
+        config = dataclasses.replace(CONFIG, min_frame_hz=needed)
+        assert failures(preflight(picture(), sight, config, NOW_NS)).startswith(text)
+        assert bool(failures(preflight(picture(), sight, config, NOW_NS))) is bool(text)

@@ -84,12 +84,13 @@ def test_messages_that_never_came_are_named():
     gate = Rehearsal(pilot_config())
     machine = GateMachine(gate.config, gate.now_ns)
     machine.step(gate.now_ns, [gate.heartbeat()])
-    reasons = {check.name: check.detail for check in machine.checks() if not check.ok}
+    reasons = {check.name: check.detail for check in machine.checks() if check.refuses}
     assert reasons["health"] == "no SYS_STATUS heard"
     assert reasons["parameters"] == "not read back yet"
     events = [e for e in gate.nominal() if not hasattr(e, "in_air")]
     machine.step(gate.now_ns + MS, events)
-    reasons = {check.name: check.detail for check in machine.checks() if not check.ok}
+    reasons = {check.name: check.detail for check in machine.checks() if check.refuses}
+    assert reasons.pop("frames").startswith("1.0 a second")
     assert reasons == {"health": "no EXTENDED_SYS_STATE heard"}
 
 
@@ -115,3 +116,38 @@ def test_a_jump_of_the_position_before_the_flight_is_forgotten():
     gate.tick()
     gate.tick()
     gate.until(GateState.READY, 1.2)
+
+
+def test_a_failsafe_that_is_dangerous_or_not_known_is_refused():
+    gate = Rehearsal(pilot_config())
+    refusal = "COM_OF_LOSS_T is 60 s, 1 at most"
+    for _ in range(200):
+        gate.tick(ParametersRead(gate.now_ns, refusals=(refusal,)))
+    assert gate.state is GateState.PREFLIGHT
+    assert refusal in gate.machine.reason
+    gate.until(GateState.READY, 1.2)
+
+
+@pytest.mark.parametrize(("every", "starts"), [(5, True), (12, False)])
+def test_too_few_good_frames_a_second_are_refused(every, starts):
+    gate = Rehearsal(pilot_config(min_frame_hz=5.0), latency_ns=0)
+    reasons = set()
+    for i in range(300):
+        gate.sees = i % every == 0
+        gate.tick()
+        reasons.add(gate.machine.reason)
+    assert (gate.state is GateState.READY) is starts
+    assert starts or any("5 needed" in reason for reason in reasons)
+
+
+def test_what_is_wrong_comes_with_what_to_do_and_what_is_right_with_what_was_found():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    found = {check.name: check for check in gate.machine.checks()}
+    assert all(check.ok and not check.remedy for check in found.values())
+    assert found["frames"].detail == "50.0 a second, results 40 ms after capture"
+    assert found["goal"].detail == "overlap 80%"
+    assert found["battery"].detail == "90% left"
+    machine = GateMachine(gate.config, gate.now_ns)
+    wrong = [check for check in machine.checks() if check.refuses]
+    assert len(wrong) >= 5
+    assert all(check.detail and check.remedy for check in wrong)
