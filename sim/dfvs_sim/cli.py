@@ -7,7 +7,17 @@ import sys
 from collections.abc import Sequence
 
 from dfvs_sim.command_line import run_command
-from dfvs_sim.commands import bench_renderer, camera, fuzz, goal, pairs, room, vehicle, world
+from dfvs_sim.commands import (
+    bench_renderer,
+    camera,
+    faults,
+    fuzz,
+    goal,
+    pairs,
+    room,
+    vehicle,
+    world,
+)
 
 _EPILOG = """examples:
   dfvs-sim                                            vehicle and camera together
@@ -27,7 +37,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     subparsers = parser.add_subparsers(metavar="COMMAND")
-    for command in (vehicle, camera, goal, room, pairs, fuzz, bench_renderer):
+    for command in (vehicle, camera, goal, room, pairs, faults, fuzz, bench_renderer):
         command.add_parser(subparsers)
     world.add_options(parser)
     return run_command(parser, argv)

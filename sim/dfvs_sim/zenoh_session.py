@@ -5,7 +5,7 @@ from __future__ import annotations
 import zenoh
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.wire.zenoh_settings import zenoh_settings
+from dfvs_core.wire.zenoh_settings import ZenohMode, zenoh_settings
 
 
 def open_peer(endpoint: str) -> zenoh.Session:
@@ -16,8 +16,23 @@ def open_peer(endpoint: str) -> zenoh.Session:
     ConfigError
         If the endpoint is none.
     """
+    return _open("peer", endpoint)
+
+
+def open_client(endpoint: str) -> zenoh.Session:
+    """Client of a router that runs.
+
+    Raises
+    ------
+    ConfigError
+        If the router cannot be reached.
+    """
+    return _open("client", endpoint)
+
+
+def _open(mode: ZenohMode, endpoint: str) -> zenoh.Session:
     settings = zenoh.Config()
-    for key, value in zenoh_settings("peer", (endpoint,), ()):
+    for key, value in zenoh_settings(mode, (endpoint,), ()):
         settings.insert_json5(key, value)
     try:
         return zenoh.open(settings)

@@ -34,6 +34,11 @@ class FlightPorts:
         )
 
 
+def any_port(kind: socket.SocketKind) -> int:
+    """Port that is free now, for datagrams or for a stream."""
+    return _free(0, kind)
+
+
 def _free(preferred: int, kind: socket.SocketKind) -> int:
     """Return the preferred port if it can be bound, else one that the system chooses."""
     for port in (preferred, 0):

@@ -68,8 +68,12 @@ class UdpLink:
 
     def send(self, message: Message) -> None:
         """Send one message; a full buffer or an absent peer loses it, as on a radio."""
+        self.send_bytes(message.pack(self._packer))
+
+    def send_bytes(self, data: bytes) -> None:
+        """Send a message that is packed already, such as another component's."""
         try:
-            self.socket.sendto(message.pack(self._packer), self._remote)
+            self.socket.sendto(data, self._remote)
         except (BlockingIOError, ConnectionRefusedError):
             return
 

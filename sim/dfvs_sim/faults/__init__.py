@@ -1,0 +1,1 @@
+"""Faults on purpose: the real service in a cheap world, disturbed from outside, and judged."""

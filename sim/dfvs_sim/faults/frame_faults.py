@@ -1,0 +1,226 @@
+"""Faults of the camera and its frames, of the network and of the goal."""
+
+from __future__ import annotations
+
+import struct
+from collections.abc import Callable
+
+import cv2
+import numpy as np
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.gate.states import GateState
+from dfvs_core.wire.picture import encode_png
+from dfvs_sim.faults.camera import Packet, Script, Shot
+from dfvs_sim.faults.case import ANY_ENGAGED, Fault, Inject, Reaction
+from dfvs_sim.faults.network import Misbehaviour
+from dfvs_sim.faults.rig import Rig, Setup
+
+S = GateState
+MS = 1_000_000
+
+TEXTURE = Setup(sees="texture")
+_STATES = (S.READY, *ANY_ENGAGED)
+_CAPTURE_MS = 300.0
+"""From the capture of the last good frame to zero."""
+
+_SIZE_AT, _FORMAT_AT = 8, 5
+"""Offsets of the width and of the pixel format in a frame's attachment."""
+
+
+def _films(make: Callable[[np.random.Generator], Script]) -> Inject:
+    """Let the camera follow a script from its next frame on."""
+
+    def inject(rig: Rig, rng: np.random.Generator) -> None:
+        rig.camera.script = make(rng)
+
+    return inject
+
+
+def _sends(change: Callable[[Shot, np.random.Generator], list[Packet]]) -> Inject:
+    """Let the camera send something else of every shot."""
+    return _films(lambda rng: lambda shot: change(shot, rng))
+
+
+def _shows(change: Callable[[ImageArray], ImageArray]) -> Inject:
+    """Let the camera show something else."""
+    return _sends(lambda shot, _: [shot.packet(np.ascontiguousarray(change(shot.image)))])
+
+
+def _held(rng: np.random.Generator) -> Script:
+    """One picture for ever, with new times."""
+    kept: list[ImageArray] = []
+
+    def script(shot: Shot) -> list[Packet]:
+        kept.append(shot.image)
+        return [shot.packet(kept[0])]
+
+    return script
+
+
+def _repeated(rng: np.random.Generator) -> Script:
+    """One sample for ever."""
+    kept: list[Packet] = []
+
+    def script(shot: Shot) -> list[Packet]:
+        kept.append(shot.packet())
+        return [kept[0]]
+
+    return script
+
+
+def _swapped_order(rng: np.random.Generator) -> Script:
+    """Every other time lies before the one that came before it."""
+    return lambda shot: [shot.packet(), shot.packet(t_ns=shot.t_ns - 60 * MS)]
+
+
+def _damaged(shot: Shot, rng: np.random.Generator) -> list[Packet]:
+    payload, attachment = shot.packet()
+    data = bytearray(payload)
+    for at in rng.integers(len(data) // 4, len(data), 20):
+        data[at] ^= int(rng.integers(1, 256))
+    return [(bytes(data), attachment)]
+
+
+def _cut(shot: Shot, rng: np.random.Generator) -> list[Packet]:
+    payload, attachment = shot.packet()
+    return [(payload[: int(rng.integers(0, len(payload)))], attachment)]
+
+
+def _header(attachment: bytes, at: int, code: str, *values: int) -> bytes:
+    data = bytearray(attachment)
+    struct.pack_into("<" + code, data, at, *values)
+    return bytes(data)
+
+
+def _other_size(shot: Shot, rng: np.random.Generator) -> list[Packet]:
+    height, width = shot.image.shape[:2]
+    factor = float(rng.choice([0.5, 2.0, 1.1]))
+    other = cv2.resize(shot.image, (round(width * factor), round(height * factor)))
+    return [shot.packet(np.asarray(other, np.uint8))]
+
+
+def _other_format(shot: Shot, rng: np.random.Generator) -> list[Packet]:
+    payload, attachment = shot.packet()
+    return [(payload, _header(attachment, _FORMAT_AT, "B", int(rng.choice([0, 1, 2, 9, 255]))))]
+
+
+def _bomb(shot: Shot, rng: np.random.Generator) -> list[Packet]:
+    """A small PNG of many pixels, said to be a small picture."""
+    return [(_BOMB, shot.packet()[1])]
+
+
+_BOMB = encode_png(np.zeros((6000, 6000, 3), np.uint8))
+
+
+def _flood(shot: Shot, rng: np.random.Generator) -> list[Packet]:
+    """Twenty rubbish samples in place of one frame: 400 a second."""
+    packets: list[Packet] = []
+    for _ in range(20):
+        sizes = int(rng.integers(0, 3000)), int(rng.choice([0, 16, 48, 48, 48, 200]))
+        packets.append((rng.bytes(sizes[0]), rng.bytes(sizes[1])))
+    return packets
+
+
+def _stripes(image: ImageArray) -> ImageArray:
+    """Stripes that say nothing about motion along them."""
+    columns = 128 + 100 * np.sin(np.arange(image.shape[1]) / 4.0)
+    return np.broadcast_to(columns[None, :, None], image.shape).astype(np.uint8)
+
+
+def _elsewhere(image: ImageArray) -> ImageArray:
+    """A view that shares nothing with the goal."""
+    return image[::-1, ::-1] ^ np.uint8(0xA5)
+
+
+def _misbehaves(what: Misbehaviour) -> Inject:
+    def paint(image: ImageArray) -> ImageArray:
+        painted = image.copy()
+        painted[:, :, 2] = what.blue
+        return painted
+
+    return _shows(paint)
+
+
+def _hold(name: str, what: str, seen_by: str, inject: Inject, setup: Setup = TEXTURE) -> Fault:
+    return Fault(name, what, seen_by, Reaction.HOLD, _CAPTURE_MS, _STATES, inject, setup)
+
+
+def _abort(name: str, what: str, seen_by: str, inject: Inject, limit_ms: float) -> Fault:
+    return Fault(name, what, seen_by, Reaction.ABORT, limit_ms, (S.SERVO,), inject)
+
+
+def frame_faults() -> tuple[Fault, ...]:
+    """Faults of frames, by the rows of the table."""
+    silent = _sends(lambda _shot, _rng: [])
+    dead_network = Fault(
+        "network-stuck",
+        "network does not return",
+        "no report: frame age",
+        Reaction.ABORT,
+        3700.0,
+        (S.SERVO,),
+        _misbehaves(Misbehaviour.STUCK),
+        restarts=True,
+    )
+    return (
+        _hold("camera-stops", "camera stops", "silence, frame age", silent),
+        _abort("camera-stops-for-good", "camera stops for good", "3 s in HOLD", silent, 3600.0),
+        _hold("camera-freezes", "camera freezes", "same pixels ×3", _films(_held)),
+        _hold("frames-repeat", "one sample again and again", "capture time", _films(_repeated)),
+        _hold(
+            "stamps-old",
+            "stamps a second old",
+            "capture age",
+            _sends(lambda s, _: [s.packet(t_ns=s.t_ns - 1000 * MS)]),
+        ),
+        _hold(
+            "stamps-future",
+            "stamps 0.1 s ahead",
+            "clock skew",
+            _sends(lambda s, _: [s.packet(t_ns=s.t_ns + 100 * MS)]),
+        ),
+        _hold("stamps-reordered", "frames out of order", "capture time", _films(_swapped_order)),
+        _hold(
+            "other-clock",
+            "stamped by another machine",
+            "clock identity",
+            _sends(lambda s, rng: [s.packet(clock=rng.bytes(16))]),
+        ),
+        _hold("wrong-size", "wrong size", "calibration", _sends(_other_size)),
+        _hold(
+            "wrong-format", "pixels are not what the header says", "decoder", _sends(_other_format)
+        ),
+        _hold("black", "black picture", "brightness", _shows(lambda i: i // 64)),
+        _hold("saturated", "white picture", "brightness", _shows(lambda i: i // 64 + 251)),
+        _hold("no-contrast", "grey picture", "contrast", _shows(lambda i: i // 128 + 120)),
+        _hold("corrupt-jpeg", "flipped bits in a JPEG", "checksum", _sends(_damaged)),
+        _hold("truncated-jpeg", "JPEG cut short", "checksum", _sends(_cut)),
+        _hold("image-bomb", "36 megapixels in a PNG of 100 kB", "header", _sends(_bomb)),
+        _hold("hostile-frames", "400 rubbish samples a second", "header, checksum", _sends(_flood)),
+        _hold("no-texture", "stripes", "conditioning, agreement", _shows(_stripes)),
+        _hold("goal-lost", "view shares nothing with the goal", "overlap", _shows(_elsewhere)),
+        _hold("network-nan", "network gives NaN", "finite", _misbehaves(Misbehaviour.NAN), Setup()),
+        _hold(
+            "network-garbage",
+            "network gives garbage",
+            "forward–backward, inliers",
+            _misbehaves(Misbehaviour.GARBAGE),
+            Setup(),
+        ),
+        _hold(
+            "network-unsure",
+            "flow there and back disagree",
+            "confidence",
+            _misbehaves(Misbehaviour.ONE_WAY),
+            Setup(),
+        ),
+        _hold(
+            "network-slow",
+            "network takes over 0.2 s",
+            "result's age",
+            _misbehaves(Misbehaviour.SLOW),
+            Setup(),
+        ),
+        dead_network,
+    )

@@ -1,0 +1,203 @@
+"""The matrix: every fault in every state with every seed, in parallel, resumable."""
+
+from __future__ import annotations
+
+import contextlib
+import dataclasses
+import json
+import multiprocessing
+import os
+import shutil
+import tempfile
+import time
+import traceback
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from multiprocessing.queues import Queue
+from pathlib import Path
+from typing import TypeAlias
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.gate.states import GateState
+from dfvs_sim.faults import invariants
+from dfvs_sim.faults.case import Fault, Outcome, run_case
+from dfvs_sim.faults.frame_faults import frame_faults
+from dfvs_sim.faults.process_faults import process_faults
+from dfvs_sim.faults.records import Run
+from dfvs_sim.faults.rig import Rig, Setup
+from dfvs_sim.faults.vehicle_faults import vehicle_faults
+
+Todo: TypeAlias = "Queue[list[Case] | None]"
+Done: TypeAlias = "Queue[Result | None]"
+
+_ATTEMPTS = 3
+"""A state that is not reached, on a busy machine say, is tried for again: it is no verdict."""
+
+
+@dataclass(frozen=True, slots=True)
+class Case:
+    """One cell of the matrix with one seed."""
+
+    fault: str
+    state: str
+    seed: int
+
+
+@dataclass(frozen=True, slots=True)
+class Result:
+    """What one worker reports: an outcome, or violations of a run."""
+
+    outcome: Outcome | None = None
+    violations: tuple[str, ...] = ()
+
+
+def all_faults() -> dict[str, Fault]:
+    """Every fault by its name, in the order of the table."""
+    return {f.name: f for f in (*frame_faults(), *vehicle_faults(), *process_faults())}
+
+
+def plan(only: Sequence[str], states: Sequence[str], seeds: int) -> list[Case]:
+    """Cases of the chosen faults (all where none is named), seed by seed.
+
+    Raises
+    ------
+    ConfigError
+        If a fault or state is not known.
+    """
+    faults = all_faults()
+    for name in only:
+        if name not in faults:
+            raise ConfigError(f"there is no fault {name!r}", f"one of {', '.join(faults)}")
+    for state in states:
+        if state not in list(GateState):
+            raise ConfigError(f"there is no state {state!r}", f"one of {', '.join(GateState)}")
+    chosen = [faults[name] for name in (only or faults)]
+    return [
+        Case(fault.name, str(state), seed)
+        for seed in range(seeds)
+        for fault in chosen
+        for state in fault.states
+        if not states or state in states
+    ]
+
+
+def run_matrix(
+    cases: Sequence[Case], workers: int, until: float, on_result: Callable[[Result], None]
+) -> None:
+    """Run cases in processes of their own until all are done or the time is up.
+
+    Parameters
+    ----------
+    cases : sequence of Case
+    workers : int
+    until : float
+        Monotonic time in s at which no further case is begun.
+    on_result : callable
+        Takes what the workers report, as it comes.
+    """
+    context = multiprocessing.get_context("spawn")
+    todo: Todo = context.Queue()
+    done: Done = context.Queue()
+    for group in _groups(cases):
+        todo.put(group)
+    processes = []
+    for number in range(workers):
+        todo.put(None)
+        arguments = (number, todo, done, until)
+        processes.append(context.Process(target=_work, args=arguments, daemon=False))
+    for process in processes:
+        process.start()
+    running = len(processes)
+    while running:
+        result = done.get()
+        if result is None:
+            running -= 1
+        else:
+            on_result(result)
+    for process in processes:
+        process.join()
+
+
+def _groups(cases: Sequence[Case]) -> Iterable[list[Case]]:
+    """Cases that share a setup and a seed: one rig serves them all. Long groups come first."""
+    faults = all_faults()
+    grouped: dict[tuple[Setup, int, bool], list[Case]] = {}
+    for case in cases:
+        fault = faults[case.fault]
+        grouped.setdefault((fault.setup, case.seed, fault.restarts), []).append(case)
+    return sorted(grouped.values(), key=len, reverse=True)
+
+
+def _work(number: int, todo: Todo, done: Done, until: float) -> None:
+    """One worker process: rigs one after the other."""
+    with contextlib.suppress(PermissionError):
+        # What measures must not be late itself; the service's own processes start at 0 again.
+        os.setpriority(os.PRIO_PROCESS, 0, -5)
+    while (group := todo.get()) is not None and time.monotonic() < until:
+        folder = Path(tempfile.mkdtemp(prefix=f"dfvs-faults-{number}-"))
+        try:
+            _run_group(group, folder, done, until)
+        except Exception:  # noqa: BLE001 - a broken rig must not hang the whole matrix
+            traceback.print_exc()
+        finally:
+            shutil.rmtree(folder, ignore_errors=True)
+    done.put(None)
+
+
+def _run_group(group: list[Case], folder: Path, done: Done, until: float) -> None:
+    """Run the cases of one setup and seed in one rig, and check every run of its service."""
+    faults = all_faults()
+    rig = Rig(faults[group[0].fault].setup, folder, group[0].seed)
+    rig.on_run_over = lambda run: done.put(Result(violations=_violations(run)))
+    try:
+        for case in group:
+            if time.monotonic() >= until:
+                return
+            fault = faults[case.fault]
+            done.put(Result(outcome=_attempt(rig, fault, GateState(case.state), case.seed)))
+            if fault.restarts:
+                rig.stop_service()
+    finally:
+        rig.close()
+
+
+def _attempt(rig: Rig, fault: Fault, state: GateState, seed: int) -> Outcome:
+    """Run a case; a state that is not reached is tried for again with a fresh service."""
+    problem = ""
+    for _ in range(_ATTEMPTS):
+        try:
+            return run_case(rig, fault, state, seed)
+        except Exception as error:  # noqa: BLE001 - whatever the harness fails at is reported
+            problem = f"{type(error).__name__}: {error}"
+            rig.stop_service()
+    return Outcome(fault.name, str(state), seed, False, float("inf"), "", problem)
+
+
+def _violations(run: Run) -> tuple[str, ...]:
+    return tuple(f"{v.invariant}: {v.text}" for v in invariants.check(run))
+
+
+# --- what was run already ---------------------------------------------------------------------
+
+
+def read_outcomes(path: Path) -> tuple[list[Outcome], list[str]]:
+    """Outcomes and violations of earlier slices."""
+    outcomes: list[Outcome] = []
+    violations: list[str] = []
+    if path.exists():
+        for line in path.read_text(encoding="utf-8").splitlines():
+            data = json.loads(line)
+            if "violation" in data:
+                violations.append(data["violation"])
+            else:
+                outcomes.append(Outcome(**data))
+    return outcomes, violations
+
+
+def append_result(path: Path, result: Result) -> None:
+    """Keep what a worker reported."""
+    with path.open("a", encoding="utf-8") as file:
+        if result.outcome is not None:
+            file.write(json.dumps(dataclasses.asdict(result.outcome)) + "\n")
+        for text in result.violations:
+            file.write(json.dumps({"violation": text}) + "\n")

@@ -1,0 +1,41 @@
+"""What was recorded, and how it is read."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+ROGUE_COMPONENT, PILOT_COMPONENT = 196, 190
+"""Who else sends to the vehicle."""
+
+Event = dict[str, Any]
+"""One entry of the vehicle's record or of the gate's log: ``t_ns``, ``kind`` and more."""
+
+
+@dataclass(frozen=True, slots=True)
+class Run:
+    """Records of one run of the service.
+
+    ``events`` is the vehicle's record in that time, ``transitions`` the gate's log, ``frames``
+    the capture times of good frames. ``disturbed_ns`` is when gate or record were broken on
+    purpose, after which the stream and the log prove nothing.
+    """
+
+    events: Sequence[Event]
+    transitions: Sequence[Event]
+    frames: Sequence[int]
+    journal: Path
+    disturbed_ns: int | None = None
+
+
+def is_ours(event: Event) -> bool:
+    """Whether an event of the vehicle's record is not somebody else's message."""
+    return event.get("compid") not in (ROGUE_COMPONENT, PILOT_COMPONENT)
+
+
+def moves(setpoint: Event) -> bool:
+    """Whether a setpoint is not zero."""
+    values = (*setpoint["velocity"], setpoint["yaw_rate_rad_s"])
+    return any(isinstance(v, str) or v != 0.0 for v in values)

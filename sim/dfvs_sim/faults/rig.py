@@ -1,0 +1,347 @@
+"""One service in one world, brought to any state of its gate as often as needed."""
+
+from __future__ import annotations
+
+import contextlib
+import math
+import shutil
+import socket
+import subprocess
+import sys
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.gate.events import Action
+from dfvs_core.gate.states import ENGAGED, GateState
+from dfvs_core.goal import GoalSidecar
+from dfvs_core.topics import Topics
+from dfvs_core.wire.frame import PixelFormat
+from dfvs_core.wire.picture import encode_png
+from dfvs_sim.demo.ports import LOOPBACK, any_port
+from dfvs_sim.faults import network
+from dfvs_sim.faults.camera import ScriptedCamera
+from dfvs_sim.faults.records import Run
+from dfvs_sim.faults.service import KEY, HarnessError, Operator, ServiceProcess, wait_until
+from dfvs_sim.faults.wall import Pose, Wall, noise_texture, ramp_texture
+from dfvs_sim.faults.world import World
+from dfvs_sim.vehicle.modes import Mode
+from dfvs_sim.zenoh_session import open_client, open_peer
+
+CAMERA = CameraModel.from_horizontal_fov(network.WIDTH, network.HEIGHT, math.radians(75.0))
+
+_STARTUP_S, _STATE_S = 40.0, 12.0
+_MOVING_M_S = 0.05
+_CALM = (
+    *("servo.depth='constant'", "servo.constant_depth_m=3.0", "flow.threads=1"),
+    *("telemetry.state_hz=20", "telemetry.preview_hz=0", "telemetry.flow_hz=0"),
+    *("limits.max_distance_m=1000", "limits.max_engaged_s=3600", "gate.engage='command'"),
+)
+
+S = GateState
+
+
+@dataclass(frozen=True, slots=True)
+class Setup:
+    """What kind of service a case needs: ``settings`` are further ``--set`` words.
+
+    ``sees`` is ``texture`` (classical matcher, JPEG) or ``ramp`` (a network, raw pixels).
+    """
+
+    sees: str = "ramp"
+    settings: tuple[str, ...] = ()
+    other_goal: bool = False
+    """The goal picture shows another wall."""
+    via_router: bool = False
+    """Service and camera meet through a Zenoh router."""
+
+
+class Rig:
+    """World, camera, operator and service of one setup, in a folder of their own."""
+
+    def __init__(self, setup: Setup, folder: Path, seed: int) -> None:
+        folder.mkdir(parents=True, exist_ok=True)
+        self.setup = setup
+        self.folder = folder
+        self.rng = np.random.default_rng(seed)
+        self.topics = Topics("faults")
+        self._mavlink = any_port(socket.SOCK_DGRAM)
+        self._zenoh = any_port(socket.SOCK_STREAM)
+        self.runs = 0
+        self.world = World(folder / "vehicle.jsonl", self._mavlink, self.rng)
+        self._stack = contextlib.ExitStack()
+        self._router: subprocess.Popen[bytes] | None = None
+        if setup.via_router:
+            self.start_router()
+        opened = open_client(self.endpoint) if setup.via_router else open_peer(self.endpoint)
+        self.session = self._stack.enter_context(opened)
+        self._publisher = self.session.declare_publisher(self.topics.camera)
+        self.world.camera = self._make_camera()
+        self._write_goal()
+        self.operator = Operator(self.session, self.topics)
+        self._tokens: list[Any] = []
+        self.on_run_over: Callable[[Run], None] | None = None
+        """Takes the records of every run of the service, once it is over."""
+        self.disturbed_ns: int | None = None
+        """When the gate of this run was stopped on purpose."""
+        self._run_from = 0
+        self._service: ServiceProcess | None = None
+        self.world.start()
+        self.place_far()
+
+    def close(self) -> None:
+        """End the service and the world."""
+        self.stop_service()
+        self.world.close()
+        self._stack.close()
+        self.stop_router()
+
+    @property
+    def endpoint(self) -> str:
+        """Where the service listens for Zenoh peers."""
+        return f"tcp/{LOOPBACK}:{self._zenoh}"
+
+    @property
+    def camera(self) -> ScriptedCamera:
+        """The scripted camera."""
+        if self.world.camera is None:
+            raise HarnessError("the world has no camera")
+        return self.world.camera
+
+    @property
+    def service(self) -> ServiceProcess:
+        """The present run of the service."""
+        if self._service is None:
+            raise HarnessError("no service runs")
+        return self._service
+
+    @property
+    def state(self) -> GateState:
+        """State of the gate by its own log."""
+        return GateState(self.service.log.state)
+
+    # --- the world --------------------------------------------------------------------------
+
+    def place_far(self) -> None:
+        """Put the vehicle somewhere from where the goal is a metre away."""
+        back, side = self.rng.uniform(0.6, 1.0), self.rng.uniform(-0.4, 0.4)
+        position = (-float(back), float(side), float(self.rng.uniform(-0.2, 0.2)))
+        self.world.place(position, float(self.rng.uniform(-0.1, 0.1)))
+
+    def place_at_goal(self) -> None:
+        """Put the vehicle where the goal picture was taken."""
+        self.world.place((0.0, 0.0, 0.0), 0.0)
+
+    def heal(self) -> None:
+        """Take back whatever a fault did to the world."""
+        self.camera.script = None
+        for token in self._tokens:
+            token.undeclare()
+        self._tokens.clear()
+        if self.setup.via_router and self._router is None:
+            self.start_router()
+        if self.world.mend():
+            self.stop_service()
+
+    def hold_token(self, key: str) -> None:
+        """Show a Zenoh liveliness token until the world is healed."""
+        self._tokens.append(self.session.liveliness().declare_token(key))
+
+    def start_router(self) -> None:
+        """Start a Zenoh router in a process of its own."""
+        command = [sys.executable, "-m", "dfvs_sim.faults.router", self.endpoint]
+        self._router = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        if self._router.stdout is None or self._router.stdout.readline() != b"ready\n":
+            raise HarnessError("the Zenoh router does not start")
+
+    def stop_router(self) -> None:
+        """Kill the router, if there is one."""
+        if self._router is not None:
+            self._router.kill()
+            self._router.wait()
+            self._router = None
+
+    def is_moving(self) -> bool:
+        """Whether the last setpoint at the vehicle was not nearly zero."""
+        for event in reversed(self.world.events):
+            if event["kind"] == "setpoint":
+                return math.hypot(*event["velocity"]) > _MOVING_M_S
+        return False
+
+    # --- the service ------------------------------------------------------------------------
+
+    def start_service(self) -> None:
+        """Start a fresh service and wait for its state.
+
+        Raises
+        ------
+        HarnessError
+            If it does not come up.
+        """
+        self.stop_service()
+        self.runs += 1
+        self.heal()
+        self.world.pilot_mode(Mode.HOLD)
+        self._run_from, self.disturbed_ns = len(self.world.events), None
+        self._service = ServiceProcess(self.words(), self.folder / f"run-{self.runs}")
+        since_ns = time.monotonic_ns()
+        if not wait_until(lambda: self.operator.heard_ns > since_ns, _STARTUP_S):
+            raise HarnessError(f"the service does not come up: {self.service.errors()}")
+
+    def stop_service(self) -> None:
+        """End the service, if one runs."""
+        if self._service is None:
+            return
+        self._service.close()
+        if self.on_run_over is not None:
+            self.on_run_over(self._records(self._service))
+        self._service = None
+
+    def _records(self, service: ServiceProcess) -> Run:
+        """Everything that was recorded while a service ran."""
+        return Run(
+            self.world.events[self._run_from :],
+            service.log.transitions(),
+            list(self.camera.good_ns),
+            service.runtime / "gate-inputs.jsonl",
+            self.disturbed_ns,
+        )
+
+    def words(self) -> list[str]:
+        """Arguments of ``dfvs-service`` for this rig."""
+        words = ["--goal", str(self.folder / "goal.png"), "--vehicle", self.topics.vehicle]
+        words += ["--mavlink", f"udpin://{LOOPBACK}:{self._mavlink}"]
+        words += ["--model", "classical" if self.setup.sees == "texture" else self._bundle()]
+        listen = f"zenoh.listen=['{self.endpoint}']"
+        if self.setup.via_router:
+            words += ["--set", "zenoh.mode='client'"]
+            listen = f"zenoh.connect=['{self.endpoint}']"
+        key = f"gate.command_key_file='{self.folder / 'key'}'"
+        for setting in (*_CALM, listen, key, *self.setup.settings):
+            words += ["--set", setting]
+        return words
+
+    def bring_to(self, state: GateState) -> None:
+        """Bring the gate to a state, from wherever it is.
+
+        Raises
+        ------
+        HarnessError
+            If it does not get there.
+        """
+        self.heal()
+        if self._service is None or not self._service.is_running():
+            self.start_service()
+        getattr(self, f"_to_{state.lower()}")()
+
+    def await_state(self, *states: GateState, timeout_s: float = _STATE_S) -> None:
+        """Wait for one of the states.
+
+        Raises
+        ------
+        HarnessError
+            If it is not reached in time.
+        """
+        if not wait_until(lambda: self.state in states, timeout_s):
+            cause = self.operator.status.get("cause", "")
+            wanted = " or ".join(states)
+            raise HarnessError(f"the gate is in {self.state} ({cause}), not in {wanted}")
+
+    def _disengage(self) -> None:
+        if self.state in ENGAGED:
+            self.operator.order(Action.ABORT)
+            self.await_state(S.ABORT, S.RELEASED)
+        self.world.pilot_mode(Mode.HOLD)
+        self.await_heartbeat()
+        self.place_far()
+
+    def await_heartbeat(self) -> None:
+        """Wait for the vehicle's next heartbeat to have been heard by the service."""
+        since_ns = time.monotonic_ns()
+        wait_until(
+            lambda: any(
+                e["kind"] == "heartbeat_sent" and e["t_ns"] > since_ns
+                for e in self.world.events[-400:]
+            ),
+            2.0,
+        )
+        time.sleep(0.02)
+
+    def _to_ready(self) -> None:
+        if self.state in (*ENGAGED, S.ABORT, S.RELEASED):
+            self._disengage()
+            self.operator.order(Action.ENGAGE)
+            self.operator.order(Action.HOLD)  # takes the order to engage back
+        self.await_state(S.READY, timeout_s=_STARTUP_S)
+
+    def _to_engage(self) -> None:
+        if self.state in (S.IDLE, S.PREFLIGHT):
+            self.await_state(S.READY, timeout_s=_STARTUP_S)
+        elif self.state is not S.READY:
+            self._disengage()
+        self.operator.order(Action.ENGAGE)
+        self.await_state(S.ENGAGE)
+
+    def _to_servo(self) -> None:
+        if self.state is S.HOLD:
+            self.place_far()
+            self.operator.order(Action.ENGAGE)
+        elif self.state is not S.SERVO:
+            self._to_engage()
+        self.await_state(S.SERVO)
+        if not wait_until(self.is_moving, _STATE_S):
+            raise HarnessError(f"nothing moves in {self.state}")
+
+    def _to_hold(self) -> None:
+        if (
+            self.state is not S.HOLD
+            or self.operator.status.get("cause") != "operator ordered to hold"
+        ):
+            self._to_servo()
+            self.operator.order(Action.HOLD)
+        self.await_state(S.HOLD)
+
+    def _to_done(self) -> None:
+        if self.state is S.DONE:
+            return
+        self._to_servo()
+        self.operator.order(Action.HOLD)
+        self.await_state(S.HOLD)
+        self.place_at_goal()
+        time.sleep(0.3)
+        self.operator.order(Action.ENGAGE)
+        self.await_state(S.DONE)
+
+    # --- what never changes -----------------------------------------------------------------
+
+    def _make_camera(self) -> ScriptedCamera:
+        is_ramp = self.setup.sees == "ramp"
+        texture = ramp_texture() if is_ramp else noise_texture(np.random.default_rng(7))
+        pixel_format = PixelFormat.RGB8 if is_ramp else PixelFormat.JPEG
+        wall = Wall(texture, CAMERA, self.rng)
+        return ScriptedCamera(wall, pixel_format, lambda p, a: self._publisher.put(p, attachment=a))
+
+    def _write_goal(self) -> None:
+        wall = self.camera.wall
+        if self.setup.other_goal:
+            wall = Wall(noise_texture(np.random.default_rng(8)), CAMERA, self.rng)
+        (self.folder / "goal.png").write_bytes(encode_png(wall.render(Pose())))
+        (self.folder / "goal.json").write_text(GoalSidecar(CAMERA).to_json(), encoding="utf-8")
+        key = self.folder / "key"
+        key.write_bytes(KEY)
+        key.chmod(0o600)
+
+    def _bundle(self) -> str:
+        folder = self.folder / "bundle"
+        if not folder.exists():
+            network.write_bundle(folder)
+        return str(folder)
+
+    def clear(self) -> None:
+        """Remove what was written."""
+        shutil.rmtree(self.folder, ignore_errors=True)

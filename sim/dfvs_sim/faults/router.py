@@ -1,0 +1,25 @@
+"""``python -m dfvs_sim.faults.router ENDPOINT``: a Zenoh router, to be killed."""
+
+from __future__ import annotations
+
+import json
+import sys
+
+import zenoh
+
+from dfvs_core.wire.zenoh_settings import zenoh_settings
+
+
+def main() -> None:
+    """Route until the standard input ends."""
+    settings = zenoh.Config()
+    for key, value in zenoh_settings("peer", (), (sys.argv[1],)):
+        settings.insert_json5(key, value)
+    settings.insert_json5("mode", json.dumps("router"))
+    with zenoh.open(settings):
+        print("ready", flush=True)
+        sys.stdin.read()
+
+
+if __name__ == "__main__":
+    main()

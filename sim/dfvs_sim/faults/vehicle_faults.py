@@ -1,0 +1,270 @@
+"""Faults of the vehicle, its link and its pilot, and others who command."""
+
+from __future__ import annotations
+
+import time
+
+import numpy as np
+from pymavlink.dialects.v20 import common as mavlink
+
+from dfvs_core.gate.events import Action
+from dfvs_core.gate.states import GateState
+from dfvs_core.wire.command import encode_command
+from dfvs_sim.faults.case import ANY_ENGAGED, FLYING, Fault, Reaction
+from dfvs_sim.faults.rig import Rig, Setup
+from dfvs_sim.faults.service import KEY, wait_until
+from dfvs_sim.faults.world import BATTERY, GPS, MAVLINK_SIGNAL
+from dfvs_sim.vehicle.modes import Mode
+from dfvs_sim.vehicle.px4 import Px4
+from dfvs_sim.vehicle.telemetry import Message
+
+S = GateState
+MS = 1_000_000
+_READY_OR_ENGAGED = (S.READY, *ANY_ENGAGED)
+_HEARTBEAT_S = 1.5
+_OFF, _WRONG = mavlink.FAILURE_TYPE_OFF, mavlink.FAILURE_TYPE_WRONG
+_BODY_VELOCITY = 0x5C7
+_STICKS_NS = 10_000 * MS
+
+
+def _link_lost(rig: Rig, _: np.random.Generator) -> int:
+    rig.world.inject(MAVLINK_SIGNAL, _OFF, 1)
+    return time.monotonic_ns()
+
+
+def _heartbeat_lost(rig: Rig, _: np.random.Generator) -> int:
+    rig.world.stream("HEARTBEAT", -1.0)
+    beats = [e["t_ns"] for e in rig.world.events[-3000:] if e["kind"] == "heartbeat_sent"]
+    return int(beats[-1])
+
+
+def _next_heartbeat(rig: Rig, since_ns: int) -> int:
+    """When the first heartbeat after a time was sent."""
+
+    def found() -> list[int]:
+        recent = rig.world.events[-3000:]
+        return [e["t_ns"] for e in recent if e["kind"] == "heartbeat_sent" and e["t_ns"] > since_ns]
+
+    wait_until(lambda: bool(found()), _HEARTBEAT_S)
+    return found()[0]
+
+
+def _taken_over(rig: Rig, rng: np.random.Generator) -> int:
+    modes = (Mode.HOLD, Mode.LAND, Mode.RETURN, Mode.ALTITUDE, Mode.STABILIZED, Mode.POSITION)
+    mode = modes[int(rng.integers(len(modes)))]
+
+    def take(px4: Px4, now_ns: int) -> None:
+        px4.status.manual_ns = now_ns + _STICKS_NS  # sticks are held from now on
+        px4.request_mode(mode, now_ns)
+
+    since_ns = time.monotonic_ns()
+    rig.world.do(take)
+    return _next_heartbeat(rig, since_ns)
+
+
+def _disarmed(rig: Rig, _: np.random.Generator) -> int:
+    since_ns = time.monotonic_ns()
+    rig.world.do(lambda px4, now_ns: px4.disarm(now_ns, "kill switch", force=True))
+    return _next_heartbeat(rig, since_ns)
+
+
+def _estimator_invalid(rig: Rig, _: np.random.Generator) -> int:
+    rig.world.inject(GPS, _OFF)
+    return time.monotonic_ns()
+
+
+def _estimator_jumps(rig: Rig, _: np.random.Generator) -> int:
+    rig.world.inject(GPS, _WRONG)
+    return time.monotonic_ns()
+
+
+def _battery_low(rig: Rig, _: np.random.Generator) -> int:
+    rig.world.inject(BATTERY, _OFF)
+    return time.monotonic_ns()
+
+
+# --- others who command ---------------------------------------------------------------------
+
+
+def _second_service(rig: Rig, _: np.random.Generator) -> int:
+    rig.hold_token(rig.topics.lease("engaged", "second"))
+    return time.monotonic_ns()
+
+
+def _service_stands_by(rig: Rig, _: np.random.Generator) -> int:
+    rig.hold_token(rig.topics.lease("standby", "second"))
+    return time.monotonic_ns()
+
+
+def _foreign_message() -> Message:
+    zeros = (0.0,) * 3
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, 8, _BODY_VELOCITY, *zeros, 0.3, -0.3, 0.0, *zeros, 0.0, 0.2
+    )
+
+
+def _foreign_setpoint(rig: Rig, _: np.random.Generator) -> int:
+    rig.world.send_as_other(_foreign_message())
+    return time.monotonic_ns()
+
+
+def _foreign_elsewhere(rig: Rig, _: np.random.Generator) -> int:
+    """Somebody sends setpoints at 50 Hz on a link of their own."""
+    rig.world.shadow(_foreign_message)
+    return time.monotonic_ns()
+
+
+# --- hostile commands -----------------------------------------------------------------------
+
+
+def _forged(rig: Rig, rng: np.random.Generator) -> int:
+    for key, vehicle in ((rng.bytes(32), rig.topics.vehicle), (KEY, "another")):
+        for action in (Action.ABORT, Action.ENGAGE, Action.HOLD):
+            challenge = str(rig.operator.status["challenge"])
+            rig.operator.send(encode_command(key, vehicle, action, challenge))
+    for size in (0, 1, 500, 100_000):
+        rig.operator.send(rng.bytes(size))
+    return time.monotonic_ns()
+
+
+def _replayed(rig: Rig, _: np.random.Generator) -> int:
+    """Send an order of a minute ago, and one whose challenge was never given."""
+    for challenge in ("0" * 32, rig.operator.used_challenge):
+        rig.operator.send(encode_command(KEY, rig.topics.vehicle, Action.ABORT, challenge))
+    return time.monotonic_ns()
+
+
+def _operator_aborts(rig: Rig, _: np.random.Generator) -> int:
+    t_ns = time.monotonic_ns()
+    rig.operator.order(Action.ABORT)
+    return t_ns
+
+
+def vehicle_faults() -> tuple[Fault, ...]:
+    """Faults of vehicle, pilot and commanders, by the rows of the table."""
+    abort, released = Reaction.ABORT, Reaction.RELEASED
+    flown = ANY_ENGAGED
+    return (
+        Fault(
+            "link-lost",
+            "autopilot link lost",
+            "telemetry over 0.5 s old",
+            abort,
+            700.0,
+            _READY_OR_ENGAGED,
+            _link_lost,
+        ),
+        Fault(
+            "heartbeat-lost",
+            "no heartbeat, telemetry goes on",
+            "heartbeat over 2 s old",
+            abort,
+            2100.0,
+            (S.SERVO, S.HOLD),
+            _heartbeat_lost,
+        ),
+        Fault("takeover", "pilot takes over", "mode", released, 50.0, flown, _taken_over),
+        Fault("disarmed", "disarmed in the air", "state", released, 50.0, flown, _disarmed),
+        Fault(
+            "estimator-invalid",
+            "estimator loses the position",
+            "estimator's flags",
+            abort,
+            200.0,
+            _READY_OR_ENGAGED,
+            _estimator_invalid,
+        ),
+        Fault(
+            "estimator-jumps",
+            "position estimate jumps 2 m",
+            "jump",
+            abort,
+            200.0,
+            flown,
+            _estimator_jumps,
+        ),
+        Fault(
+            "battery-low",
+            "battery low",
+            "threshold",
+            abort,
+            1000.0,
+            _READY_OR_ENGAGED,
+            _battery_low,
+        ),
+        Fault(
+            "second-service",
+            "another service engages",
+            "lease",
+            abort,
+            500.0,
+            (S.READY, *ANY_ENGAGED),
+            _second_service,
+        ),
+        Fault(
+            "service-stands-by",
+            "another service stands by",
+            "lease",
+            Reaction.REFUSED,
+            0.0,
+            (S.READY,),
+            _service_stands_by,
+        ),
+        Fault(
+            "service-starts-in-flight",
+            "another service comes up in flight",
+            "lease",
+            Reaction.IGNORED,
+            0.0,
+            (S.SERVO,),
+            _service_stands_by,
+        ),
+        Fault(
+            "foreign-setpoint",
+            "somebody else's setpoint on the link",
+            "foreign setpoint",
+            abort,
+            100.0,
+            (S.READY, *FLYING),
+            _foreign_setpoint,
+        ),
+        Fault(
+            "foreign-commander",
+            "somebody else's setpoints on another link",
+            "velocity nobody here asked for",
+            abort,
+            2500.0,
+            (S.SERVO, S.HOLD),
+            _foreign_elsewhere,
+            Setup(settings=("gate.proof_s=0",)),
+        ),
+        Fault(
+            "forged-commands",
+            "wrong key, other vehicle, rubbish",
+            "authority",
+            Reaction.IGNORED,
+            0.0,
+            (S.READY, S.SERVO, S.HOLD),
+            _forged,
+            watch_s=0.5,
+        ),
+        Fault(
+            "replayed-commands",
+            "used and unknown challenges",
+            "challenge",
+            Reaction.IGNORED,
+            0.0,
+            (S.READY, S.SERVO, S.HOLD),
+            _replayed,
+            watch_s=0.5,
+        ),
+        Fault(
+            "operator-aborts",
+            "operator orders to abort",
+            "signed command",
+            abort,
+            500.0,
+            ANY_ENGAGED,
+            _operator_aborts,
+        ),
+    )
