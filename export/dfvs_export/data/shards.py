@@ -1,7 +1,6 @@
 """Shards: packets of ready pairs on disk, written by makers and read by the training.
 
-A shard is one ``.npz`` file without compression: ``images`` (N, 2, 3, H, W) uint8, ``flows``
-(N, 2, 2, H, W) float16 px (a to b, b to a), ``visible`` (N, 2, H, W) bool and ``solid`` likewise.
+``dfvs_core.pair_files`` says what is in a shard; ``dfvs-sim pairs`` writes the same.
 """
 
 from __future__ import annotations
@@ -15,6 +14,7 @@ import torch
 from numpy.typing import NDArray
 from torch import Tensor
 
+from dfvs_core.pair_files import MAX_FLOW_SIDES, SHARD_ARRAYS, shard_name
 from dfvs_export.data.pairs import Pair, PairSettings, make_pair
 from dfvs_export.data.textures import make_texture_bank
 
@@ -59,7 +59,7 @@ def make_shard(settings: PairSettings, count: int, seed: int) -> Arrays:
 def write_shard(folder: Path, settings: PairSettings, count: int, seed: int) -> Path:
     """Make a shard and put it in place whole, so that a reader never sees half of it."""
     folder.mkdir(parents=True, exist_ok=True)
-    path = folder / f"shard-{settings.width}x{settings.height}-{seed:08d}.npz"
+    path = folder / shard_name((settings.width, settings.height), seed)
     part = path.with_suffix(f".{os.getpid()}.part")
     with part.open("wb") as file:
         np.savez(file, allow_pickle=False, **make_shard(settings, count, seed))
@@ -70,7 +70,7 @@ def write_shard(folder: Path, settings: PairSettings, count: int, seed: int) -> 
 def read_shard(path: Path) -> Arrays:
     """Arrays of a shard."""
     with np.load(path, allow_pickle=False) as arrays:
-        return {name: arrays[name] for name in ("images", "flows", "visible", "solid")}
+        return {name: arrays[name] for name in SHARD_ARRAYS}
 
 
 def mirrored(arrays: Arrays, rng: np.random.Generator) -> Arrays:
@@ -101,6 +101,6 @@ def _images(pair: Pair) -> NDArray[np.generic]:
 
 
 def _flows(pair: Pair) -> NDArray[np.generic]:
-    limit = 4.0 * max(pair.flow_ab.shape[:2])
+    limit = MAX_FLOW_SIDES * max(pair.flow_ab.shape[:2])
     stack = torch.stack([pair.flow_ab, pair.flow_ba]).permute(0, 3, 1, 2)
     return stack.clamp(-limit, limit).to(torch.float16).numpy()

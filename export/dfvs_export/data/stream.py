@@ -11,10 +11,10 @@ import numpy as np
 import torch
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.pair_files import PAIRS_PER_SHARD, shard_pattern
 from dfvs_export.data.pairs import PairSettings
 from dfvs_export.data.shards import Arrays, Batch, mirrored, read_shard, to_batch, write_shard
 
-PAIRS_PER_SHARD = 64
 _SHARDS_AT_ONCE = 4
 _WAIT_S = 0.5
 
@@ -32,7 +32,7 @@ def _make_forever(folder: Path, settings: PairSettings, seeds: tuple[int, int], 
 
 def _shards(folder: Path, settings: PairSettings) -> list[Path]:
     """Shards of one size, by seed."""
-    return sorted(folder.glob(f"shard-{settings.width}x{settings.height}-*.npz"))
+    return sorted(folder.glob(shard_pattern((settings.width, settings.height))))
 
 
 class PairMakers:
