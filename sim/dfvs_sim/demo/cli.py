@@ -31,6 +31,7 @@ _EPILOG = """examples:
   dfvs-demo                                     one flight in the built-in room
   dfvs-demo --runs 10 --json seeds.json         ten flights, seeds 0 to 9
   dfvs-demo --scene my_room.glb --seed 3        in a room of your own
+  dfvs-demo --dashboard                         watched in a browser
   dfvs-demo --start 0,0,-1.3,0 --goal 0.8,0.4,-1.2,20
   dfvs-demo --route                             three goals, through a doorway
   dfvs-demo --autopilot udpin://127.0.0.1:14540 with a PX4 SITL that runs already
@@ -86,6 +87,7 @@ def _parser() -> argparse.ArgumentParser:
         help="how frames travel: our own format, or ROS 2 messages as rmw_zenoh (Image) or "
         "zenoh-bridge-ros2dds (CompressedImage) sends them",
     )
+    add("--dashboard", action="store_true", help="watch the flight in a browser")
     add("--autopilot", metavar="URL", help="MAVLink of a running autopilot, not the stand-in")
     add("--ground", metavar="URL", help="its ground-station link (default udpin on 14550)")
     add("--service", default="", metavar="WORDS", help="further words for dfvs-service")
@@ -150,6 +152,8 @@ def _fly_one(
         ground=args.ground,
         service=tuple(args.service.split()),
         camera=args.camera,
+        dashboard=args.dashboard,
+        pause=_pause if args.dashboard and sys.stdin.isatty() else lambda _: None,
     )
     log = Flight(plan, options, folder, lambda text: progress.say(f"  {text}")).run(progress.show)
     summary = summarise(log)
@@ -165,6 +169,12 @@ def _fly_one(
         f"{summary.path_ratio:.2f}\n  pictures, plots and summary.json in {folder}"
     )
     return summary
+
+
+def _pause(what: str) -> None:
+    """Give somebody at a terminal the time to look."""
+    print(f"  {what} ", end="", file=sys.stderr, flush=True)
+    sys.stdin.readline()
 
 
 def _write_json(args: argparse.Namespace, summaries: list[FlightSummary]) -> None:

@@ -45,7 +45,9 @@ class FlightOptions:
     ``ready_s`` is how long the service may take to be ready, ``timeout_s`` how long to arrive.
     ``autopilot`` is the MAVLink URL of a vehicle that runs already, and ``ground`` that of its
     ground-station link; None starts the simulated one. ``service`` holds further words for
-    ``dfvs-service``; ``camera`` says how frames travel (see ``CAMERAS``).
+    ``dfvs-service``; ``camera`` says how frames travel (see ``CAMERAS``). With ``dashboard`` the
+    flight can be watched in a browser; ``pause`` is then called before it and after it, with what
+    the user may do.
     """
 
     height_m: float = 1.5
@@ -56,6 +58,8 @@ class FlightOptions:
     ground: str | None = None
     service: tuple[str, ...] = ()
     camera: str = "dfvs"
+    dashboard: bool = False
+    pause: Callable[[str], None] = lambda _: None
 
 
 @dataclass(frozen=True, slots=True)
@@ -106,6 +110,7 @@ class Flight:
         """
         self._write_goals()
         with contextlib.ExitStack() as stack:
+            page = stack.enter_context(self._dashboard()) if self._options.dashboard else None
             if self._options.autopilot is None:
                 stack.enter_context(self._vehicle())
             link = stack.enter_context(GroundLink(self._ground_url()))
@@ -124,6 +129,9 @@ class Flight:
             self._narrate("starting dfvs-service")
             service = stack.enter_context(self._service())
             self._await_ready(watch, service)
+            if page is not None and page.exit_code is not None:
+                raise FlightError(f"dfvs-dashboard ended at once:\n{page.last_lines()}")
+            self._options.pause("press Enter to fly")
             stack.enter_context(_running(track.run, "track"))
             self._narrate("the pilot switches to OFFBOARD")
             engaged_ns = time.monotonic_ns()
@@ -142,6 +150,7 @@ class Flight:
                 self._record,
             )
             pilot.hold()
+            self._options.pause("press Enter to end")
         return log
 
     def _goal_pictures(self) -> list[Path]:
@@ -154,6 +163,15 @@ class Flight:
             path.write_bytes(encode_png(self._plan.goal_image(pose)))
             sidecar = self._plan.goal_sidecar(pose).to_json()
             path.with_suffix(".json").write_text(sidecar, encoding="utf-8")
+
+    def _dashboard(self) -> Child:
+        """Serve the page that shows the flight."""
+        port = str(self._ports.dashboard)
+        words = ["dfvs_service.dashboard.cli", "--port", port]
+        words += ["--connect", self._ports.zenoh_endpoint]
+        child = Child("dashboard", words, self._folder / "dashboard.log")
+        self._narrate(f"dashboard at http://{LOOPBACK}:{port}/")
+        return child
 
     def _vehicle(self) -> Child:
         words = [

@@ -8,16 +8,18 @@ from dataclasses import dataclass
 USUAL_GROUND = 14550
 USUAL_COMPANION = 14540
 USUAL_ZENOH = 7447
+USUAL_DASHBOARD = 8470
 LOOPBACK = "127.0.0.1"
 
 
 @dataclass(frozen=True, slots=True)
 class FlightPorts:
-    """UDP ports of both MAVLink links, TCP port of Zenoh, all on this machine alone."""
+    """UDP ports of both MAVLink links, TCP ports of the others, all on this machine alone."""
 
     ground: int
     companion: int
     zenoh: int
+    dashboard: int
 
     @property
     def zenoh_endpoint(self) -> str:
@@ -31,6 +33,7 @@ class FlightPorts:
             ground=_free(USUAL_GROUND, socket.SOCK_DGRAM),
             companion=_free(USUAL_COMPANION, socket.SOCK_DGRAM),
             zenoh=_free(USUAL_ZENOH, socket.SOCK_STREAM),
+            dashboard=_free(USUAL_DASHBOARD, socket.SOCK_STREAM),
         )
 
 
