@@ -9,6 +9,7 @@ from __future__ import annotations
 import dataclasses
 import difflib
 import enum
+import functools
 import math
 import types
 import typing
@@ -44,7 +45,7 @@ def parse(cls: type[T], data: object, where: str = "") -> T:
     if not isinstance(data, Mapping):
         raise ConfigError(f"{where or 'the document'} is {data!r}", "a table of keys and values")
     fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
-    hints = typing.get_type_hints(cls)
+    hints = _hints(cls)  # type: ignore[arg-type]
     for key in data:
         if key not in fields:
             near = difflib.get_close_matches(str(key), fields, n=1, cutoff=0.0)
@@ -75,6 +76,12 @@ def dump(value: object) -> Any:
     if isinstance(value, tuple | list):
         return [dump(v) for v in value]
     return value
+
+
+@functools.cache
+def _hints(cls: type) -> dict[str, Any]:
+    """Types of a dataclass' fields: working them out takes longer than all the rest."""
+    return typing.get_type_hints(cls)
 
 
 def _join(where: str, key: str) -> str:
