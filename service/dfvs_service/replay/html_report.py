@@ -11,7 +11,7 @@ from dfvs_core.wire.link import PerceptionReport
 from dfvs_service.replay.comparison import Comparison, FrameDifference
 
 _WIDTH, _HEIGHT = 860, 200
-_LEFT, _RIGHT, _TOP, _BOTTOM = 64, 12, 12, 26
+_LEFT, _RIGHT, _TOP, _BOTTOM = 64, 24, 12, 26
 _TICKS = 4
 
 _STYLE = """
