@@ -15,10 +15,9 @@ CUBE_FACES: tuple[FloatArray, ...] = tuple(
     for z in (axis, -axis)
 )
 """Rotations world from camera (3, 3) of views along +x, -x, +y, -y, +z and -z."""
-DOWN = 4
-"""Index of the face that looks down."""
-
+_DOWN = CUBE_FACES[4]
 _PROBE = CameraModel.from_horizontal_fov(32, 32, 0.5 * np.pi)
+_MIDDLE = slice(12, 20)
 
 
 class FreeSpace:
@@ -30,9 +29,15 @@ class FreeSpace:
         self._ray_length = np.sqrt(1.0 + x * x + y * y)
 
     def clearance_m(self, point: FloatArray) -> float:
-        """Distance from a point (3,) in NED to the nearest surface; 0 if it sees the sky."""
+        """Distance from a point (3,) in NED to the nearest surface; the sky is far away."""
         nearest = np.inf
         for R in CUBE_FACES:
             depth = self._renderer.depth(_PROBE, make_pose(R, point))
-            nearest = min(nearest, float((depth * self._ray_length).min()))
+            distance = np.where(depth > 0, depth * self._ray_length, np.inf)
+            nearest = min(nearest, float(distance.min()))
         return nearest
+
+    def below_m(self, point: FloatArray) -> float:
+        """Height of a point (3,) in NED above what lies below it; 0 where nothing does."""
+        depth = self._renderer.depth(_PROBE, make_pose(_DOWN, point))
+        return float(np.median(depth[_MIDDLE, _MIDDLE]))

@@ -15,6 +15,7 @@ from dfvs_core.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_from_eule
 from dfvs_sim.render.renderer import Renderer, View
 from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene.frames import ned_from_gltf
+from dfvs_sim.scene.free_space import FreeSpace
 from dfvs_sim.scene.mesh import Scene, SceneError
 
 _DOWN: FloatArray = np.array([0.0, 0.0, 1.0])
@@ -83,12 +84,6 @@ class Task:
 
 
 _GOALS_TRIED, _STARTS_TRIED = 300, 12
-_PROBE = CameraModel.from_horizontal_fov(32, 32, 0.5 * np.pi)
-_PROBE_DIRECTIONS = (
-    *((yaw, 0.0) for yaw in (0.0, 0.5 * np.pi, np.pi, 1.5 * np.pi)),
-    (0.0, 0.5 * np.pi),
-    (0.0, -0.5 * np.pi),
-)
 _JUDGE_WIDTH_PX = 320
 _LEVEL_STEP_M = 0.05
 
@@ -170,8 +165,7 @@ class _Judge:
         self.camera = camera.scaled(width, max(16, round(width * camera.height / camera.width)))
         self.limits = limits
         self._sift = cv2.SIFT.create(nfeatures=2000)
-        x, y = (_PROBE.normalise(_PROBE.grid())).transpose(2, 0, 1)
-        self._ray_length = np.sqrt(1.0 + x * x + y * y)
+        self._space = FreeSpace(renderer)
 
     def look(self, T_world_camera: FloatArray) -> View:
         """Small view from a pose."""
@@ -179,14 +173,9 @@ class _Judge:
 
     def is_free(self, point: FloatArray, floor_m: float) -> bool:
         """Tell whether nothing is near a point (3,) and the floor is below it."""
-        for yaw, pitch in _PROBE_DIRECTIONS:
-            pose = camera_pose((point[0], point[1], point[2]), yaw, pitch)
-            depth = self._renderer.depth(_PROBE, pose)
-            near = (depth > 0) & (depth * self._ray_length < self.limits.clearance_m)
-            if near.any():
-                return False
-        below = float(np.median(depth[12:20, 12:20]))
-        return 0.0 < below <= float(floor_m - point[2]) + 2 * _LEVEL_STEP_M
+        if self._space.clearance_m(point) < self.limits.clearance_m:
+            return False
+        return 0.0 < self._space.below_m(point) <= float(floor_m - point[2]) + 2 * _LEVEL_STEP_M
 
     def is_good(self, view: View) -> bool:
         """Tell whether a view is neither too near nor too far, and has texture all over."""
