@@ -35,14 +35,15 @@ def load_matcher(
     Raises
     ------
     ModelError
-        If there is no such matcher, or its bundle cannot be used.
+        If there is no such matcher or provider, or its bundle cannot be used.
     """
+    execution = Execution(threads, provider)
     cv2.setNumThreads(threads)
     if name_or_path == CLASSICAL:
         return ClassicalMatcher()
     matching, where = _split(name_or_path)
     bundle = read_bundle(_folder(where))
-    network = _network(bundle, Execution(threads, provider))
+    network = _network(bundle, execution)
     if (matching or bundle.manifest.matching) == "alone":
         return network
     return HybridMatcher(network, judges=bundle.manifest.kind == "encode-match")

@@ -32,6 +32,15 @@ class Execution:
     threads: int = 2
     provider: str = "CPUExecutionProvider"
 
+    def __post_init__(self) -> None:
+        """Refuse a provider that this installation lacks: ONNX Runtime itself would only warn."""
+        available = onnxruntime.get_available_providers()
+        if self.provider not in available:
+            raise ModelError(
+                f"ONNX Runtime has no provider {self.provider!r} here",
+                f"one of {', '.join(available)}",
+            )
+
 
 @dataclass(frozen=True, slots=True)
 class TensorSpec:
@@ -57,12 +66,11 @@ class OnnxGraph:
     Raises
     ------
     ModelError
-        If the provider is not there or not used, the graph cannot be loaded, or an input has
+        If the provider is not used, the graph cannot be loaded, or an input has
         no fixed shape.
     """
 
     def __init__(self, data: bytes, name: str, execution: Execution) -> None:
-        _check_provider(execution.provider)
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = execution.threads
         options.inter_op_num_threads = 1
@@ -100,15 +108,6 @@ class OnnxGraph:
                 f"ONNX Runtime cannot run {self._name!r}: {_one_line(error)}"
             ) from error
         return [np.asarray(result) for result in results]
-
-
-def _check_provider(provider: str) -> None:
-    """Refuse a provider that this installation lacks: ONNX Runtime itself would only warn."""
-    available = onnxruntime.get_available_providers()
-    if provider not in available:
-        raise ModelError(
-            f"ONNX Runtime has no provider {provider!r} here", f"one of {', '.join(available)}"
-        )
 
 
 def _fixed(name: str, tensor: onnxruntime.NodeArg) -> TensorSpec:

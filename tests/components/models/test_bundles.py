@@ -209,6 +209,12 @@ def test_a_provider_that_is_not_there_is_refused_by_name(bundle):
     assert "CPUExecutionProvider" in text
 
 
+def test_a_provider_that_is_not_there_is_refused_where_none_is_needed():
+    assert "no provider 'TensorrtExecutionProvider'" in refusal(
+        "classical", provider="TensorrtExecutionProvider"
+    )
+
+
 def test_a_network_that_gives_depth_is_no_matcher(tmp_path):
     graph = {"file": "pair.onnx", "inputs": ["x"], "outputs": ["y"]}
     text = refusal(write_bundle(tmp_path / "b", kind="mono", graphs={"mono": graph}, flow=None))
