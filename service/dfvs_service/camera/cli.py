@@ -16,7 +16,19 @@ def _publish(words: Sequence[str]) -> int:
     return run(words)
 
 
-_COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {}
+def _board(words: Sequence[str]) -> int:
+    from dfvs_service.camera.calibrate import run_board
+
+    return run_board(words)
+
+
+def _calibrate(words: Sequence[str]) -> int:
+    from dfvs_service.camera.calibrate import run
+
+    return run(words)
+
+
+_COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {"board": _board, "calibrate": _calibrate}
 
 
 def main(argv: Sequence[str] | None = None) -> int:
