@@ -74,7 +74,10 @@ def _read_arrays(path: Path) -> tuple[NDArray[np.uint8], NDArray[np.uint8]]:
         raise ConfigError(f"no pairs can be read from {path} ({error})", _EXPECTED) from error
     shapes = {first.shape, second.shape}
     if len(shapes) > 1 or first.ndim != 4 or first.shape[3] != 3 or first.dtype != np.uint8:
-        raise ConfigError(f"IA of {path} is {first.dtype} of {first.shape}", "uint8 (N, H, W, 3)")
+        raise ConfigError(
+            f"IA of {path} is {first.dtype} of {first.shape}, IB {second.shape}",
+            "both uint8 (N, H, W, 3)",
+        )
     return first, second
 
 

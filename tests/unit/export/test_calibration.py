@@ -1,0 +1,114 @@
+"""Frames to calibrate on, from files and folders that may be anything."""
+
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+
+from dfvs_core.errors import ConfigError
+from dfvs_export.calibration import read_frames
+
+SIZE = (32, 16)
+
+
+def pictures(count: int, level: int = 0) -> np.ndarray:
+    """Plain pictures (N, 16, 32, 3), each of its number's brightness."""
+    numbers = np.arange(count, dtype=np.uint8) + np.uint8(level)
+    return np.broadcast_to(numbers[:, None, None, None], (count, 16, 32, 3)).copy()
+
+
+def brightness(pairs) -> list[tuple[int, int]]:
+    return [(int(a[0, 0, 0]), int(b[0, 0, 0])) for a, b in pairs]
+
+
+def test_pairs_of_a_file_are_taken_evenly(tmp_path: Path) -> None:
+    np.savez(tmp_path / "p.npz", IA=pictures(9), IB=pictures(9, 100))
+    pairs = read_frames(tmp_path / "p.npz", SIZE, 3)
+    assert brightness(pairs) == [(0, 100), (4, 104), (8, 108)]
+
+
+def test_all_pairs_are_taken_where_there_are_fewer(tmp_path: Path) -> None:
+    np.savez(tmp_path / "p.npz", IA=pictures(2), IB=pictures(2, 100))
+    assert len(read_frames(tmp_path / "p.npz", SIZE, 30)) == 2
+
+
+def test_pictures_of_a_folder_are_paired_half_a_flight_apart(tmp_path: Path) -> None:
+    for k, picture in enumerate(pictures(6)):
+        cv2.imwrite(str(tmp_path / f"frame{k:03}.png"), picture)
+    (tmp_path / "notes.txt").write_text("no picture")
+    assert brightness(read_frames(tmp_path, SIZE, 9)) == [(0, 3), (1, 4), (2, 5)]
+
+
+def test_colours_are_read_as_rgb(tmp_path: Path) -> None:
+    red = np.zeros((16, 32, 3), np.uint8)
+    red[..., 2] = 200  # OpenCV writes BGR
+    for k in range(2):
+        cv2.imwrite(str(tmp_path / f"{k}.png"), red)
+    ((first, _),) = read_frames(tmp_path, SIZE, 1)
+    assert first[0, 0].tolist() == [200, 0, 0]
+
+
+def test_pictures_of_another_size_are_resized(tmp_path: Path) -> None:
+    np.savez(tmp_path / "p.npz", IA=pictures(1), IB=pictures(1))
+    ((first, second),) = read_frames(tmp_path / "p.npz", (64, 48), 1)
+    assert first.shape == second.shape == (48, 64, 3)
+
+
+def empty_folder(folder: Path) -> Path:
+    return folder
+
+
+def missing_file(folder: Path) -> Path:
+    return folder / "gone.npz"
+
+
+def no_archive(folder: Path) -> Path:
+    (folder / "x.npz").write_bytes(b"PK\x03\x04 and no more")
+    return folder / "x.npz"
+
+
+def without_second_pictures(folder: Path) -> Path:
+    np.savez(folder / "x.npz", IA=pictures(2))
+    return folder / "x.npz"
+
+
+def of_floats(folder: Path) -> Path:
+    np.savez(folder / "x.npz", IA=pictures(2) / 255.0, IB=pictures(2) / 255.0)
+    return folder / "x.npz"
+
+
+def of_unequal_counts(folder: Path) -> Path:
+    np.savez(folder / "x.npz", IA=pictures(2), IB=pictures(3))
+    return folder / "x.npz"
+
+
+def of_objects(folder: Path) -> Path:
+    np.savez(folder / "x.npz", IA=np.array([{}]), IB=np.array([{}]))
+    return folder / "x.npz"
+
+
+def a_broken_picture(folder: Path) -> Path:
+    for k in range(2):
+        (folder / f"{k}.png").write_bytes(b"no picture")
+    return folder
+
+
+@pytest.mark.parametrize(
+    "make",
+    [
+        empty_folder,
+        missing_file,
+        no_archive,
+        without_second_pictures,
+        of_floats,
+        of_unequal_counts,
+        of_objects,
+        a_broken_picture,
+    ],
+)
+def test_what_holds_no_pairs_is_refused_in_one_line(make, tmp_path: Path) -> None:
+    with pytest.raises(ConfigError) as caught:
+        read_frames(make(tmp_path), SIZE, 4)
+    assert "\n" not in str(caught.value)
+    assert "a folder of pictures" in str(caught.value) or "uint8" in str(caught.value)

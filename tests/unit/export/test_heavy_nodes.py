@@ -1,0 +1,98 @@
+"""Which operators may lose bits, and that half precision changes those and nothing else."""
+
+import numpy as np
+import onnx
+import onnxruntime
+import pytest
+from onnx import TensorProto, helper, numpy_helper
+
+from dfvs_export.half import to_half
+from dfvs_export.heavy_nodes import heavy_nodes
+
+SHAPE = (1, 4, 8, 8)
+
+
+def convolution(name: str, source: str, groups: int = 1) -> onnx.NodeProto:
+    inputs = [source, f"{name}_weights"]
+    return helper.make_node(
+        "Conv", inputs, [f"{name}_out"], name=name, pads=[1, 1, 1, 1], group=groups
+    )
+
+
+@pytest.fixture
+def model() -> onnx.ModelProto:
+    """Picture -> first -> middle -> grouped -> times itself; plus middle -> step; that is flow."""
+    rng = np.random.default_rng(4)
+    nodes = [
+        helper.make_node("Mul", ["picture", "two"], ["scaled"], name="scale"),
+        convolution("first", "scaled"),
+        convolution("middle", "first_out"),
+        convolution("grouped", "middle_out", groups=4),
+        helper.make_node("MatMul", ["grouped_out", "grouped_out"], ["pairs"], name="pairs"),
+        convolution("step", "middle_out"),
+        helper.make_node("Add", ["pairs", "step_out"], ["flow"], name="add"),
+    ]
+    weights = {
+        f"{name}_weights": rng.normal(size=(4, 1 if name == "grouped" else 4, 3, 3), scale=0.2)
+        for name in ("first", "middle", "grouped", "step")
+    }
+    weights["two"] = np.array(2.0)
+    graph = helper.make_graph(
+        nodes,
+        "small",
+        [helper.make_tensor_value_info("picture", TensorProto.FLOAT, SHAPE)],
+        [helper.make_tensor_value_info("flow", TensorProto.FLOAT, SHAPE)],
+        [numpy_helper.from_array(w.astype(np.float32), n) for n, w in weights.items()],
+    )
+    return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
+
+
+def names(model: onnx.ModelProto, takes_pictures: bool, gives_flow: bool) -> list[str]:
+    return [node.name for node in heavy_nodes(model.graph, takes_pictures, gives_flow)]
+
+
+def test_what_reads_the_picture_or_gives_the_flow_keeps_its_bits(model) -> None:
+    assert names(model, takes_pictures=True, gives_flow=True) == ["middle"]
+
+
+def test_features_in_are_no_picture(model) -> None:
+    assert names(model, takes_pictures=False, gives_flow=True) == ["first", "middle"]
+
+
+def test_features_out_are_no_flow(model) -> None:
+    assert names(model, takes_pictures=True, gives_flow=False) == ["middle", "step"]
+
+
+def run(data: bytes, picture: np.ndarray) -> np.ndarray:
+    session = onnxruntime.InferenceSession(data, providers=["CPUExecutionProvider"])
+    (flow,) = session.run(["flow"], {"picture": picture})
+    return flow
+
+
+def test_half_precision_rounds_and_keeps_single_precision_outside(model) -> None:
+    picture = np.random.default_rng(5).random(SHAPE, dtype=np.float32)
+    exact = run(model.SerializeToString(), picture)
+    data = to_half(model, heavy_nodes(model.graph, True, True))
+    found = run(data, picture)
+    assert found.dtype == np.float32
+    # eleven bits of the one convolution that was chosen, squared by the product behind it
+    np.testing.assert_allclose(found, exact, rtol=0.0, atol=4e-3 * np.abs(exact).max())
+    assert np.abs(found - exact).max() > 0.0
+
+
+def test_half_precision_halves_the_chosen_weights_and_drops_the_whole_ones(model) -> None:
+    made = onnx.load_model_from_string(to_half(model, heavy_nodes(model.graph, True, True)))
+    kinds = {tensor.name: tensor.data_type for tensor in made.graph.initializer}
+    assert kinds.pop("middle_weights_half") == TensorProto.FLOAT16
+    assert set(kinds) == {"first_weights", "grouped_weights", "step_weights", "two"}
+    assert set(kinds.values()) == {TensorProto.FLOAT}
+
+
+def test_weights_beyond_half_precision_stay_finite(model) -> None:
+    (weights,) = (t for t in model.graph.initializer if t.name == "middle_weights")
+    values = numpy_helper.to_array(weights).copy()
+    values.flat[0] = 1e6
+    weights.CopyFrom(numpy_helper.from_array(values, weights.name))
+    made = onnx.load_model_from_string(to_half(model, heavy_nodes(model.graph, True, True)))
+    (halved,) = (t for t in made.graph.initializer if t.name == "middle_weights_half")
+    assert np.isfinite(numpy_helper.to_array(halved)).all()
