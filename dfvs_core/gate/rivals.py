@@ -24,7 +24,7 @@ SEEN_NS = 5 * S
 MAX_ODD_M_S = 0.2
 """Difference from every velocity that was sent lately; yaw changes and delays explain less."""
 
-ODD_TARGETS = 5
+ODD_TARGETS = 3
 _ODD_LAPSE_NS = 1 * S
 _SENT_NS = 500 * MS
 _NEVER = -(1 << 62)

@@ -146,7 +146,7 @@ def _takeovers(events: Sequence[Event], timeline: _Timeline) -> Iterator[Violati
     """I5: after the heartbeat of a takeover nothing, until the gate is engaged again."""
     taken_ns: int | None = None
     for event in events:
-        t_ns, state = event["t_ns"], timeline.at(event["t_ns"])
+        t_ns, state = event["t_ns"], timeline.at(event["t_ns"] - 1)
         if event["kind"] == "heartbeat_sent":
             is_ours = event["mode"] == "OFFBOARD" and event["armed"]
             if state in (S.SERVO, S.HOLD) and not is_ours:

@@ -25,6 +25,7 @@ from dfvs_sim.faults.frame_faults import frame_faults
 from dfvs_sim.faults.process_faults import process_faults
 from dfvs_sim.faults.records import Run
 from dfvs_sim.faults.rig import Rig, Setup
+from dfvs_sim.faults.start_faults import start_faults
 from dfvs_sim.faults.vehicle_faults import vehicle_faults
 
 Todo: TypeAlias = "Queue[list[Case] | None]"
@@ -53,7 +54,8 @@ class Result:
 
 def all_faults() -> dict[str, Fault]:
     """Every fault by its name, in the order of the table."""
-    return {f.name: f for f in (*frame_faults(), *vehicle_faults(), *process_faults())}
+    groups = (frame_faults(), start_faults(), vehicle_faults(), process_faults())
+    return {fault.name: fault for group in groups for fault in group}
 
 
 def plan(only: Sequence[str], states: Sequence[str], seeds: int) -> list[Case]:
@@ -119,13 +121,13 @@ def run_matrix(
 
 
 def _groups(cases: Sequence[Case]) -> Iterable[list[Case]]:
-    """Cases that share a setup and a seed: one rig serves them all. Long groups come first."""
+    """Cases of one setup and seed, for one rig each; seed by seed, and long ones first."""
     faults = all_faults()
     grouped: dict[tuple[Setup, int, bool], list[Case]] = {}
     for case in cases:
         fault = faults[case.fault]
         grouped.setdefault((fault.setup, case.seed, fault.restarts), []).append(case)
-    return sorted(grouped.values(), key=len, reverse=True)
+    return sorted(grouped.values(), key=lambda group: (group[0].seed, -len(group)))
 
 
 def _work(number: int, todo: Todo, done: Done, until: float) -> None:

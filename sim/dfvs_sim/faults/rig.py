@@ -10,7 +10,7 @@ import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,7 +19,7 @@ import numpy as np
 from dfvs_core.camera import CameraModel
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import ENGAGED, GateState
-from dfvs_core.goal import GoalSidecar
+from dfvs_core.goal import GoalSidecar, Mount
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import PixelFormat
 from dfvs_core.wire.picture import encode_png
@@ -57,6 +57,8 @@ class Setup:
     settings: tuple[str, ...] = ()
     other_goal: bool = False
     """The goal picture shows another wall."""
+    mount: Mount = field(default_factory=Mount)
+    """How the goal's sidecar says that the camera is mounted; it looks straight ahead."""
     via_router: bool = False
     """Service and camera meet through a Zenoh router."""
 
@@ -186,6 +188,7 @@ class Rig:
         self.stop_service()
         self.runs += 1
         self.heal()
+        self.place_far()
         self.world.pilot_mode(Mode.HOLD)
         self._run_from, self.disturbed_ns = len(self.world.events), None
         self._service = ServiceProcess(self.words(), self.folder / f"run-{self.runs}")
@@ -272,6 +275,11 @@ class Rig:
         )
         time.sleep(0.02)
 
+    def _to_preflight(self) -> None:
+        self.await_state(S.PREFLIGHT)
+        if not wait_until(lambda: "no camera frame" not in str(self.operator.status), _STATE_S):
+            raise HarnessError("no frame reaches the service")
+
     def _to_ready(self) -> None:
         if self.state in (*ENGAGED, S.ABORT, S.RELEASED):
             self._disengage()
@@ -331,7 +339,9 @@ class Rig:
         if self.setup.other_goal:
             wall = Wall(noise_texture(np.random.default_rng(8)), CAMERA, self.rng)
         (self.folder / "goal.png").write_bytes(encode_png(wall.render(Pose())))
-        (self.folder / "goal.json").write_text(GoalSidecar(CAMERA).to_json(), encoding="utf-8")
+        (self.folder / "goal.json").write_text(
+            GoalSidecar(CAMERA, mount=self.setup.mount).to_json(), encoding="utf-8"
+        )
         key = self.folder / "key"
         key.write_bytes(KEY)
         key.chmod(0o600)

@@ -68,6 +68,7 @@ class World:
         self._todo: queue.Queue[Callable[[], None]] = queue.Queue()
         self._offset = (0.0, 0.0, 0.0)
         self._turn_rad = 0.0
+        self._pinned: Pose | None = None
         self._stop = threading.Event()
         self._thread = threading.Thread(target=self._run, name="world", daemon=True)
 
@@ -114,8 +115,14 @@ class World:
 
         self.do(work)
 
+    def pin(self) -> None:
+        """Let the camera see what it sees now, wherever the vehicle goes, until the mending."""
+        self._pinned = self.do(lambda _px4, _now: self.pose())
+
     def pose(self) -> Pose:
-        """Where the vehicle is in the scene (world thread only)."""
+        """Where the camera's vehicle is in the scene (world thread only)."""
+        if self._pinned is not None:
+            return self._pinned
         v = self._px4.flight.vehicle
         north, east = self._turned(v.north_m, v.east_m)
         x, y, z = self._offset
@@ -149,6 +156,7 @@ class World:
         """
         for unit in (BATTERY, GPS, MAVLINK_SIGNAL):
             self.inject(unit, mavlink.FAILURE_TYPE_OK)
+        self._pinned = None
         self.shadow(None)
         self.stream("HEARTBEAT", 0.0)
         return self.do(self._replace_if_fallen)

@@ -1,0 +1,101 @@
+"""What is wrong from the start: the goal, the mounting, the settings."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+import time
+
+import numpy as np
+
+from dfvs_core.gate.events import Action
+from dfvs_core.gate.states import GateState
+from dfvs_core.goal import Mount
+from dfvs_sim.faults.case import Fault, Reaction
+from dfvs_sim.faults.rig import Rig, Setup
+from dfvs_sim.faults.service import HarnessError
+
+S = GateState
+_MOVING_M_S = 0.05
+_CANNOT_RUN = 2
+_TYPO_S = 20.0
+NO_PROOF = "gate.proof_s=0"
+
+
+def _ordered(rig: Rig, _: np.random.Generator) -> int:
+    """Order to engage although the checks do not pass."""
+    rig.operator.order(Action.ENGAGE)
+    return time.monotonic_ns()
+
+
+def _frozen_world(rig: Rig, _: np.random.Generator) -> int:
+    """However the vehicle flies, the view stays as it is."""
+    rig.world.pin()
+    return time.monotonic_ns()
+
+
+def _first_motion(rig: Rig, _: np.random.Generator) -> int:
+    """When the vehicle itself, by the truth, began to move in this engagement."""
+    engaged_ns = rig.service.log.transitions()[-1]["t_ns"]
+    poses = [e for e in rig.world.events if e["kind"] == "pose" and e["t_ns"] >= engaged_ns]
+    moving = [e["t_ns"] for e in poses if math.hypot(*e["velocity"]) >= _MOVING_M_S]
+    return int(moving[0]) if moving else time.monotonic_ns()
+
+
+def _misspelt(rig: Rig, _: np.random.Generator) -> int:
+    """Start a second service with a setting that does not exist."""
+    t_ns = time.monotonic_ns()
+    words = [*rig.words(), "--set", "gate.hold_seconds=3"]
+    command = [sys.executable, "-m", "dfvs_service.cli", *words]
+    result = subprocess.run(command, capture_output=True, timeout=_TYPO_S, check=False)
+    told = result.stderr.decode(errors="replace").strip().splitlines()
+    if result.returncode != _CANNOT_RUN or len(told) != 1 or "hold_s" not in told[0]:
+        raise HarnessError(f"the typo gave exit code {result.returncode} and {told[-1:]}")
+    return t_ns
+
+
+def start_faults() -> tuple[Fault, ...]:
+    """Faults of what the service is given, by the rows of the table."""
+    return (
+        Fault(
+            "wrong-goal",
+            "goal of another place",
+            "overlap at preflight",
+            Reaction.REFUSED,
+            0.0,
+            (S.PREFLIGHT,),
+            _ordered,
+            Setup(sees="texture", other_goal=True),
+            watch_s=2.5,
+        ),
+        Fault(
+            "unreachable-goal",
+            "error does not fall however it flies",
+            "no fall in 5 s",
+            Reaction.ABORT,
+            6500.0,
+            (S.SERVO,),
+            _frozen_world,
+            Setup(settings=(NO_PROOF,)),
+        ),
+        Fault(
+            "wrong-mount",
+            "camera mounted backwards",
+            "error must fall from the first motion on",
+            Reaction.ABORT,
+            1000.0,
+            (S.SERVO,),
+            _first_motion,
+            Setup(mount=Mount(yaw_rad=math.pi)),
+        ),
+        Fault(
+            "config-typo",
+            "setting that does not exist",
+            "strict schema, exit code 2",
+            Reaction.IGNORED,
+            0.0,
+            (S.READY,),
+            _misspelt,
+        ),
+    )

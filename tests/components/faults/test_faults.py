@@ -1,0 +1,39 @@
+"""A small part of the fault matrix, with the real service: the rest is ``dfvs-sim faults``."""
+
+import time
+
+import pytest
+
+from dfvs_sim.cli import main
+from dfvs_sim.faults.matrix import Case, run_matrix
+
+CASES = (
+    ("black", "SERVO"),
+    ("camera-stops", "SERVO"),
+    ("network-nan", "SERVO"),
+    ("takeover", "SERVO"),
+    ("estimator-invalid", "SERVO"),
+    ("second-service", "HOLD"),
+    ("foreign-setpoint", "ENGAGE"),
+    ("gate-hangs", "SERVO"),
+)
+
+
+@pytest.mark.timeout(280)
+def test_the_service_survives_a_sample_of_the_matrix():
+    results = []
+    cases = [Case(fault, state, seed=0) for fault, state in CASES]
+    run_matrix(cases, 3, time.monotonic() + 240.0, results.append)
+    outcomes = [r.outcome for r in results if r.outcome is not None]
+    assert sorted((o.fault, o.state) for o in outcomes) == sorted(CASES)
+    assert [o for o in outcomes if not o.passed] == []
+    assert [text for r in results for text in r.violations] == []
+    assert all(o.reaction_ms > 0 for o in outcomes if o.fault == "estimator-invalid")
+
+
+@pytest.mark.parametrize("words", [["--only", "no-such"], ["--seeds", "0"], ["--state", "FLYING"]])
+def test_a_matrix_that_cannot_be_is_said_in_one_line(words, capsys):
+    assert main(["faults", *words]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("error: ")
+    assert len(err.splitlines()) == 1

@@ -1,0 +1,192 @@
+"""The checker of the harness finds what is wrong with a record, and nothing in a good one."""
+
+import dataclasses
+import json
+
+import pytest
+from gate_rehearsal import Rehearsal, auto_config
+
+from dfvs_core.gate.limits import ZERO
+from dfvs_core.gate.replay import encode_start, encode_step
+from dfvs_core.gate.states import GateState
+from dfvs_sim.faults.invariants import check
+from dfvs_sim.faults.records import PILOT_COMPONENT, ROGUE_COMPONENT, Run
+
+MS, S = 1_000_000, 1_000_000_000
+
+
+class Recorded(Rehearsal):
+    """A rehearsal of which all records are kept, as the harness would have them."""
+
+    def __post_init__(self):
+        super().__post_init__()
+        self.events, self.log, self.frames = [], [], []
+        self.journal = [encode_start(self.config, self.now_ns)]
+
+    def heartbeat(self):
+        beat = super().heartbeat()
+        fields = {"mode": str(beat.mode), "armed": beat.armed}
+        self.events.append({"t_ns": beat.t_ns, "kind": "heartbeat_sent", **fields})
+        return beat
+
+    def report(self, **changes):
+        report = super().report(**changes)
+        if report.report.healthy:
+            self.frames.append(report.report.t_capture_ns)
+        return report
+
+    def send(self, events):
+        output = super().send(events)
+        self.journal.append(encode_step(self.now_ns, events, output))
+        if (v := output.setpoint) is not None:
+            self.events.append(setpoint(self.now_ns, v))
+        if output.mode_request is not None:
+            self.events.append(sent(self.now_ns, "mode_command", mode=str(output.mode_request)))
+        for t in output.transitions:
+            words = {"source": str(t.source), "target": str(t.target), "cause": str(t.cause)}
+            self.log.append({"t_ns": t.t_ns, "kind": "transition", **words, "detail": t.detail})
+        return output
+
+
+def sent(t_ns, kind, **fields):
+    return {"t_ns": t_ns, "kind": kind, "sysid": 1, "compid": 195, **fields}
+
+
+def setpoint(t_ns, v, **changes):
+    velocity = [v.forward_m_s, v.right_m_s, v.down_m_s]
+    fields = {"frame": 8, "mask": 0x5C7, "velocity": velocity, "yaw_rate_rad_s": v.yaw_rad_s}
+    return sent(t_ns, "setpoint", **fields) | changes
+
+
+@pytest.fixture
+def flight(tmp_path):
+    """A flight that is held once and taken over in the end, with its records."""
+    gate = Recorded(auto_config()).until(GateState.SERVO).run(2.0)
+    gate.send([gate.report(healthy=False)])
+    gate.until(GateState.SERVO).run(1.0)
+    gate.beat(mode="POSITION")
+    gate.run(0.5)
+    path = tmp_path / "gate-inputs.jsonl"
+    path.write_text("\n".join(gate.journal) + "\n")
+    return gate, Run(gate.events, gate.log, gate.frames, path)
+
+
+def found(run):
+    return {v.invariant for v in check(run)}
+
+
+def with_event(run, event):
+    return dataclasses.replace(run, events=sorted([*run.events, event], key=lambda e: e["t_ns"]))
+
+
+def last(run, kind="setpoint"):
+    return next(e for e in reversed(run.events) if e["kind"] == kind)
+
+
+def state_ns(gate, state):
+    return next(t["t_ns"] for t in gate.log if t["target"] == state)
+
+
+def test_a_good_flight_violates_nothing(flight):
+    gate, run = flight
+    assert len(gate.events) > 200
+    assert check(run) == []
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        {"velocity": [0.6, 0.0, 0.0]},
+        {"velocity": [0.0, 0.0, -0.4]},
+        {"yaw_rate_rad_s": 0.4},
+        {"velocity": ["nan", 0.0, 0.0]},
+        {"mask": 0},
+        {"frame": 1},
+        {"velocity": [-0.4, 0.0, 0.0]},  # within the limits, but a jump
+    ],
+)
+def test_setpoints_beyond_the_limits_are_found(flight, change):
+    gate, run = flight
+    i = next(i for i, e in enumerate(run.events) if e["t_ns"] > state_ns(gate, "SERVO") + 900 * MS)
+    i = next(j for j in range(i, len(run.events)) if run.events[j]["kind"] == "setpoint")
+    events = [*run.events]
+    events[i] = events[i] | change
+    assert "I1" in found(dataclasses.replace(run, events=events))
+
+
+def test_motion_outside_of_servo_is_found_once_the_grace_is_over(flight):
+    gate, run = flight
+    hold_ns = state_ns(gate, "HOLD")
+    moving = [0.02, 0.0, 0.0]
+    soon, late = (setpoint(hold_ns + t * MS, ZERO, velocity=moving) for t in (99, 101))
+    assert "I2" not in found(with_event(run, soon))
+    assert "I2" in found(with_event(run, late))
+
+
+def test_a_pause_while_engaged_is_found_unless_the_gate_was_broken(flight):
+    gate, run = flight
+    begin_ns = state_ns(gate, "SERVO") + 500 * MS
+    events = [e for e in run.events if not begin_ns < e["t_ns"] < begin_ns + 160 * MS]
+    paused = dataclasses.replace(run, events=events)
+    assert found(paused) == {"I3"}
+    assert found(dataclasses.replace(paused, disturbed_ns=begin_ns)) == set()
+
+
+def test_flying_by_an_old_frame_is_found(flight):
+    gate, run = flight
+    begin_ns = state_ns(gate, "SERVO") + 500 * MS
+    frames = [t for t in run.frames if not begin_ns < t < begin_ns + 400 * MS]
+    assert found(dataclasses.replace(run, frames=frames)) == {"I4"}
+
+
+def test_talking_after_a_takeover_is_found(flight):
+    gate, run = flight
+    taken_ns = state_ns(gate, "RELEASED")
+    assert found(with_event(run, setpoint(taken_ns + 49 * MS, ZERO))) == set()
+    assert found(with_event(run, setpoint(taken_ns + 51 * MS, ZERO))) == {"I5"}
+    assert found(with_event(run, sent(taken_ns + 1, "mode_command", mode="HOLD"))) == {"I5"}
+
+
+def test_a_second_sender_is_found_and_the_rogue_is_not_taken_for_one(flight):
+    _, run = flight
+    event = last(run)
+    assert found(with_event(run, event | {"compid": 191})) == {"I6"}
+    for compid in (ROGUE_COMPONENT, PILOT_COMPONENT):
+        assert found(with_event(run, event | {"compid": compid, "mask": 1})) == set()
+
+
+def test_a_journal_that_decides_otherwise_is_found(flight):
+    _, run = flight
+    text = run.journal.read_text()
+    run.journal.write_text(
+        text.replace('"healthy":false', '"healthy":true').replace(
+            ',false,false,false,"",', ',true,false,false,"",'
+        )
+    )
+    assert found(run) == {"I7"}
+    run.journal.write_text("rubbish\n")
+    assert found(run) == {"I7"}
+
+
+@pytest.mark.parametrize(
+    "event",
+    [
+        sent(0, "arm_command"),
+        sent(0, "mode_command", mode="TAKEOFF"),
+        sent(0, "command", command=22),
+    ],
+)
+def test_arming_and_taking_off_are_found(flight, event):
+    _, run = flight
+    assert found(with_event(run, event | {"t_ns": run.events[0]["t_ns"]})) == {"I8"}
+
+
+def test_a_transition_that_is_not_logged_or_not_allowed_or_without_cause_is_found(flight):
+    _, run = flight
+    assert "I9" in found(
+        dataclasses.replace(run, transitions=run.transitions[:2] + run.transitions[3:])
+    )
+    for change in ({"target": "READY"}, {"cause": ""}):
+        log = json.loads(json.dumps(run.transitions))
+        log[-1] |= change
+        assert "I9" in found(dataclasses.replace(run, transitions=log)), change

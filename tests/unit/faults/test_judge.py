@@ -1,0 +1,111 @@
+"""How a case is judged: by what was recorded since the fault."""
+
+import pytest
+
+from dfvs_core.gate.states import GateState
+from dfvs_sim.faults.case import Evidence, Fault, Reaction, judge
+from dfvs_sim.faults.matrix import all_faults, plan
+from dfvs_sim.faults.report import make_rows
+
+MS = 1_000_000
+S = GateState
+T0 = 1_000_000 * MS
+
+
+def fault(reaction, limit_ms=300.0):
+    return Fault("x", "x", "x", reaction, limit_ms, (S.SERVO,), lambda rig, rng: None)
+
+
+def setpoints(moving_until_ms, silent_after_ms=1000):
+    times = range(-100, silent_after_ms + 1, 20)
+    return [
+        {
+            "t_ns": T0 + t * MS,
+            "velocity": [0.1 if t <= moving_until_ms else 0.0, 0.0, 0.0],
+            "yaw_rate_rad_s": 0.0,
+        }
+        for t in times
+    ]
+
+
+def to(state, at_ms):
+    return {"t_ns": T0 + at_ms * MS, "target": str(state), "cause": "some cause", "detail": "why"}
+
+
+def seen(state, moving_until_ms=200, transitions=(), **changes):
+    values = {
+        "setpoints": setpoints(moving_until_ms),
+        "mode_commands": [],
+        "transitions": list(transitions),
+        "state": state,
+        "is_running": True,
+        "over_ns": T0 + 900 * MS,
+    }
+    return Evidence(**{**values, **changes})
+
+
+def verdict(reaction, evidence, state=S.SERVO, limit_ms=300.0):
+    return judge(fault(reaction, limit_ms), state, 0, T0, evidence)
+
+
+def test_hold_is_timed_to_the_first_zero():
+    outcome = verdict(Reaction.HOLD, seen(S.HOLD, 200, [to(S.HOLD, 210)]))
+    assert (outcome.passed, outcome.reaction_ms) == (True, 220.0)
+    assert outcome.cause == "some cause: why"
+
+
+@pytest.mark.parametrize(
+    ("reaction", "evidence", "problem"),
+    [
+        (Reaction.HOLD, seen(S.HOLD, 300), "320 ms"),
+        (Reaction.HOLD, seen(S.SERVO, -200), "SERVO"),
+        (Reaction.ABORT, seen(S.HOLD, 100), "never went to ABORT"),
+        (Reaction.ABORT, seen(S.ABORT, 100, [to(S.ABORT, 301)]), "301 ms"),
+        (Reaction.RELEASED, seen(S.RELEASED, -200, [to(S.RELEASED, 1)]), "1000 ms"),
+        (Reaction.SILENCE, seen(S.SERVO, is_running=False), "1000 ms"),
+        (Reaction.SILENCE, seen(S.SERVO, setpoints=[]), "still runs"),
+        (Reaction.EXIT, seen(S.ABORT), "still runs"),
+        (Reaction.EXIT, seen(S.ABORT, is_running=False), "900 ms"),
+        (Reaction.STREAM, seen(S.SERVO, setpoints=[]), "no setpoints"),
+        (Reaction.REFUSED, seen(S.ENGAGE), "ENGAGE"),
+        (Reaction.IGNORED, seen(S.HOLD), "HOLD"),
+    ],
+)
+def test_what_is_late_or_wrong_fails_and_says_why(reaction, evidence, problem):
+    outcome = verdict(reaction, evidence)
+    assert not outcome.passed
+    assert problem in outcome.problem
+
+
+def test_a_mode_command_after_a_takeover_fails():
+    asked = [{"t_ns": T0 + MS, "mode": "HOLD"}]
+    evidence = seen(S.RELEASED, setpoints=[], mode_commands=asked, transitions=[to(S.RELEASED, 1)])
+    assert "asked for HOLD" in verdict(Reaction.RELEASED, evidence).problem
+
+
+def test_ready_must_not_become_engaged():
+    assert verdict(Reaction.ABORT, seen(S.PREFLIGHT, -200), S.READY).passed
+    assert not verdict(Reaction.ABORT, seen(S.ENGAGE, -200), S.READY).passed
+
+
+def test_the_stream_is_timed_by_its_longest_gap():
+    evidence = seen(S.SERVO)
+    assert verdict(Reaction.STREAM, evidence, limit_ms=20.0).passed
+    del evidence.setpoints[10]
+    assert verdict(Reaction.STREAM, evidence, limit_ms=30.0).reaction_ms == 40.0
+
+
+def test_rows_count_seeds_and_name_what_failed():
+    good = verdict(Reaction.HOLD, seen(S.HOLD, 200))
+    bad = verdict(Reaction.HOLD, seen(S.HOLD, 400))
+    (row,) = make_rows([good, bad], {"x": fault(Reaction.HOLD)})
+    assert (row.seeds, row.passed, row.max_ms) == (2, 1, 420.0)
+    assert row.problems == ("took 420 ms, 300 ms allowed",)
+
+
+def test_the_plan_holds_every_fault_in_each_of_its_states_for_every_seed():
+    faults = all_faults()
+    cases = plan([], [], 3)
+    assert len(cases) == 3 * sum(len(f.states) for f in faults.values())
+    assert len(set(cases)) == len(cases)
+    assert {c.state for c in plan(["takeover"], ["SERVO"], 1)} == {"SERVO"}
