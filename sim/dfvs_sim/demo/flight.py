@@ -132,6 +132,7 @@ class Flight:
             if page is not None and page.exit_code is not None:
                 raise FlightError(f"dfvs-dashboard ended at once:\n{page.last_lines()}")
             self._options.pause("press Enter to fly")
+            self._await_ready(watch, service)  # it may have been lost meanwhile
             stack.enter_context(_running(track.run, "track"))
             self._narrate("the pilot switches to OFFBOARD")
             engaged_ns = time.monotonic_ns()
