@@ -13,7 +13,8 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.arrays import FloatArray, ImageArray
+from dfvs_core.colours import is_swapped
 from dfvs_core.correspondence import FlowField
 from dfvs_core.depth.keyframes import choose_earlier
 from dfvs_core.depth.prediction import predict_flow
@@ -67,6 +68,14 @@ class FrameOutcome:
     now_ns: int
 
 
+@dataclass(frozen=True, slots=True)
+class GoalView:
+    """A goal picture (H, W, 3) uint8 RGB, and the same ready to be matched."""
+
+    image: ImageArray
+    prepared: Prepared
+
+
 class Pipeline:
     """Turns frames into reports for the gate.
 
@@ -87,7 +96,7 @@ class Pipeline:
     ) -> None:
         self._task = task
         self._matcher = matcher
-        self._goal = matcher.prepare(goal.image)
+        self._goal = self.prepare(goal)
         self._tick = tick
         self._T_body_camera = np.eye(4) if task.mount is None else task.mount.T_body_camera()
         self._kept: deque[KeptFrame] = deque(maxlen=KEPT_FRAMES)
@@ -97,18 +106,18 @@ class Pipeline:
         self._digested_ns = 0
         self._last_inputs: ServoInputs | None = None
 
-    def prepare(self, goal: Goal) -> Prepared:
+    def prepare(self, goal: Goal) -> GoalView:
         """Compute once what depends on another goal's picture alone."""
-        return self._matcher.prepare(goal.image)
+        return GoalView(goal.image, self._matcher.prepare(goal.image))
 
-    def aim(self, task: ServoTask, goal: Prepared) -> None:
+    def aim(self, task: ServoTask, goal: GoalView) -> None:
         """Go on to another goal; what was learnt of depth, and of the way so far, stays.
 
         Parameters
         ----------
         task : ServoTask
             For that goal: the same camera and mounting.
-        goal : Prepared
+        goal : GoalView
             Of :meth:`prepare`.
         """
         self._task = task
@@ -116,14 +125,14 @@ class Pipeline:
         self._state = ServoState(depth=self._state.depth, depth_map=self._state.depth_map)
         self._last_flow = None
 
-    def glimpse(self, task: ServoTask, goal: Prepared) -> ServoResult | None:
+    def glimpse(self, task: ServoTask, goal: GoalView) -> ServoResult | None:
         """What the last frame says about another goal, None before the first one.
 
         Nothing of it is remembered: the frames to come give the same results without it.
         """
         if self._last_inputs is None or not self._kept:
             return None
-        flow = self._matcher.match(self._kept[-1].prepared, goal)
+        flow = self._matcher.match(self._kept[-1].prepared, goal.prepared)
         inputs = replace(self._last_inputs, flow=flow, earlier=None, engaged=False)
         state = ServoState(depth=self._state.depth, depth_map=self._state.depth_map)
         return servo_step(task, state, inputs)[0]
@@ -144,7 +153,7 @@ class Pipeline:
         marks = [self._tick()]
         prepared = self._matcher.prepare(frame.image)
         marks.append(self._tick())
-        flow = self._matcher.match(prepared, self._goal, self._last_flow)
+        flow = self._matcher.match(prepared, self._goal.prepared, self._last_flow)
         marks.append(self._tick())
         earlier = None
         if self._task.config.depth == "flow" and self._kept:
@@ -161,6 +170,10 @@ class Pipeline:
         )
         self._last_inputs = inputs
         result, self._state = servo_step(self._task, self._state, inputs)
+        if result.verdict is Verdict.OK and is_swapped(frame.image, self._goal.image, flow):
+            nothing = np.zeros_like(result.velocity)
+            verdict = Verdict.WRONG_COLOURS
+            result = replace(result, verdict=verdict, velocity=nothing, reached=False)
         marks.append(self._tick())
         self._remember(frame, prepared, T_world_camera, flow, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}

@@ -19,6 +19,7 @@ class Verdict(enum.Enum):
     NO_OVERLAP = "too little of the view shows the goal"
     NO_AGREEMENT = "the correspondences do not agree on one motion"
     DEGENERATE = "the view does not determine every direction of motion"
+    WRONG_COLOURS = "red and blue are exchanged against the goal picture"
     STUCK = "the error has not fallen for too long"
 
 

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from dfvs_core.camera import CameraModel
 from dfvs_core.frame_guard import Expected, GuardState, admit
 from dfvs_core.goal import Goal
-from dfvs_core.matching.matcher import Prepared
-from dfvs_core.pipeline import UNKNOWN_ERROR, FrameOutcome, Pipeline
+from dfvs_core.pipeline import UNKNOWN_ERROR, FrameOutcome, GoalView, Pipeline
 from dfvs_core.servo.exchange import ServoResult
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import VehicleHistory
@@ -101,15 +100,15 @@ class Eye:
         """Whether the vehicle follows."""
         return self._engaged
 
-    def prepare(self, goal: Goal) -> Prepared:
+    def prepare(self, goal: Goal) -> GoalView:
         """Compute once what depends on another goal's picture alone."""
         return self._pipeline.prepare(goal)
 
-    def glimpse(self, task: ServoTask, goal: Prepared) -> ServoResult | None:
+    def glimpse(self, task: ServoTask, goal: GoalView) -> ServoResult | None:
         """What the last good frame says about another goal; nothing of it is remembered."""
         return self._pipeline.glimpse(task, goal)
 
-    def aim(self, task: ServoTask, goal: Prepared) -> None:
+    def aim(self, task: ServoTask, goal: GoalView) -> None:
         """Go on to another goal with what is known of the vehicle, the camera and depth."""
         self._pipeline.aim(task, goal)
 

@@ -6,8 +6,7 @@ import dataclasses
 from collections.abc import Sequence
 
 from dfvs_core.goal import Goal
-from dfvs_core.matching.matcher import Prepared
-from dfvs_core.pipeline import FrameOutcome
+from dfvs_core.pipeline import FrameOutcome, GoalView
 from dfvs_core.route import (
     RouteLimits,
     RouteState,
@@ -41,7 +40,7 @@ class RouteFollower:
         section = config.route
         self._limits = RouteLimits(section.near_m, section.near_rad, section.min_overlap)
         self._state = RouteState()
-        self._ahead: tuple[ServoTask, Prepared] | None = None
+        self._ahead: tuple[ServoTask, GoalView] | None = None
         self._is_lost = False
         self.index = 0
 

@@ -191,6 +191,12 @@ def frame_faults() -> tuple[Fault, ...]:
         _hold(
             "wrong-format", "pixels are not what the header says", "decoder", _sends(_other_format)
         ),
+        _hold(
+            "wrong-colours",
+            "red and blue exchanged",
+            "colours of corresponding points",
+            _shows(lambda i: i[:, :, ::-1]),
+        ),
         _hold("black", "black picture", "brightness", _shows(lambda i: i // 64)),
         _hold("saturated", "white picture", "brightness", _shows(lambda i: i // 64 + 251)),
         _hold("no-contrast", "grey picture", "contrast", _shows(lambda i: i // 128 + 120)),
