@@ -48,7 +48,8 @@ class GoalSidecar:
     """How a goal picture was taken.
 
     ``pose_camera`` (16 numbers, row by row) is the pose of the camera in the scene where that is
-    known, as in simulation: it serves evaluation only and is never used to fly.
+    known, as in simulation: it serves evaluation only and is never used to fly. ``taken_at`` is
+    a date and time for people (ISO 8601).
     """
 
     camera: CameraModel
@@ -57,6 +58,7 @@ class GoalSidecar:
     mount: Mount = field(default_factory=Mount)
     pose_camera: tuple[float, ...] | None = None
     format: str = GOAL_FORMAT
+    taken_at: str | None = None
 
     def __post_init__(self) -> None:
         """Refuse a sidecar of another format, or with half a pose."""

@@ -45,6 +45,11 @@ class Motion:
     displacement_m: FloatArray
     yaw_rate_rad_s: float = 0.0
 
+    @classmethod
+    def at_rest(cls, roll_rad: float, pitch_rad: float) -> Motion:
+        """Motion of a vehicle that stands still at the origin, heading north."""
+        return cls(0, roll_rad, pitch_rad, 0.0, np.zeros(3), np.zeros(3))
+
     def T_world_body(self) -> FloatArray:
         """Pose (4, 4) of the body, its origin where the history began."""
         R = rotation_from_euler(self.roll_rad, self.pitch_rad, self.yaw_rad)

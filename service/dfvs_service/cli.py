@@ -33,6 +33,7 @@ from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.replay_gate import replay_gate
 from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.settings_options import add_settings_options, settings_from
+from dfvs_service.teach.cli import run as teach
 
 EXIT_OK, EXIT_ENDED, EXIT_CANNOT_RUN = 0, 1, 2
 
@@ -45,6 +46,7 @@ other commands:
   dfvs-service command new-key --key-file my.key  make a key for signed commands
   dfvs-service command engage --key-file my.key   engage, hold or abort a running service
   dfvs-service command goal --goal b.png --key-file my.key   give it another goal
+  dfvs-service teach --out route/                 record a route of goals from a flight by hand
   dfvs-service replay-gate gate-inputs.jsonl      decide a recorded flight again
 
 exit code: 0 the goal was reached, 1 the flight ended otherwise, 2 cannot run
@@ -54,7 +56,12 @@ exit code: 0 the goal was reached, 1 the flight ended otherwise, 2 cannot run
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    commands = {"config": _print_config, "command": _command, "replay-gate": replay_gate}
+    commands = {
+        "config": _print_config,
+        "command": _command,
+        "replay-gate": replay_gate,
+        "teach": teach,
+    }
     chosen = commands.get(words[0]) if words else None
     try:
         return chosen(words[1:]) if chosen is not None else _fly(words)

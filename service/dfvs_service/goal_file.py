@@ -87,14 +87,14 @@ def route_pictures(places: Sequence[Path]) -> list[Path]:
 
     Raises
     ------
-    ImageError
+    ConfigError
         If a folder holds none.
     """
     pictures: list[Path] = []
     for place in places:
         inside = sorted(p for p in place.iterdir() if _is_picture(p)) if place.is_dir() else [place]
         if not inside:
-            raise ImageError(f"the route folder {place} is empty", "PNG or JPEG files")
+            raise ConfigError(f"the route folder {place} is empty", "PNG or JPEG files")
         pictures += inside
     return pictures
 

@@ -28,7 +28,17 @@ def _calibrate(words: Sequence[str]) -> int:
     return run(words)
 
 
-_COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {"board": _board, "calibrate": _calibrate}
+def _goal(words: Sequence[str]) -> int:
+    from dfvs_service.camera.goal import run
+
+    return run(words)
+
+
+_COMMANDS: dict[str, Callable[[Sequence[str]], int]] = {
+    "board": _board,
+    "calibrate": _calibrate,
+    "goal": _goal,
+}
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -1,0 +1,41 @@
+"""Teaching a route: when the next goal picture is due."""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+from dfvs_core.servo.exchange import ServoResult, Verdict
+
+
+class Lesson(enum.Enum):
+    """What a frame means for the route that is being taught."""
+
+    NEAR = "the last goal is still near"
+    DUE = "the next goal is due"
+    LOST = "the last goal is out of sight"
+
+
+@dataclass(frozen=True, slots=True)
+class TeachLimits:
+    """How far apart goals are taken; the later flight needs the same overlap and some reserve.
+
+    ``overlap`` is the share of the view that still shows the last goal, ``turn_rad`` the angle to
+    it, ``distance`` the way to it over the scene's depth.
+    """
+
+    overlap: float = 0.55
+    turn_rad: float = 0.35
+    distance: float = 0.3
+
+
+def judge(result: ServoResult, limits: TeachLimits) -> Lesson:
+    """Judge a frame by what it says about the last goal.
+
+    A goal is due while the one before is in sight for certain, so that the way back can be found.
+    """
+    if result.verdict is not Verdict.OK and result.verdict is not Verdict.STUCK:
+        return Lesson.LOST
+    distance = max(result.scale_free_error - result.error_rad, 0.0)
+    far = distance > limits.distance or result.error_rad > limits.turn_rad
+    return Lesson.DUE if far or result.overlap < limits.overlap else Lesson.NEAR

@@ -1,0 +1,160 @@
+"""``dfvs-camera goal``: take a goal picture with its sidecar."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import math
+import time
+from collections.abc import Iterator, Sequence
+from pathlib import Path
+
+import cv2
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.goal import Mount
+from dfvs_core.vehicle_history import Motion, VehicleHistory
+from dfvs_service.camera.feed import Feed
+from dfvs_service.camera.options import (
+    add_calibration_option,
+    add_source_options,
+    calibration_of,
+    feed_of,
+    say,
+)
+from dfvs_service.camera.source import Shot, check_size
+from dfvs_service.camera.spec import CameraError
+from dfvs_service.config import ServiceConfig
+from dfvs_service.settings_options import add_settings_options, settings_from
+from dfvs_service.teach.frame_inbox import FrameInbox, known_camera, open_beside
+from dfvs_service.teach.goal_writer import sidecar_of, write_goal
+from dfvs_service.teach.vehicle_watch import VehicleWatch
+
+ZENOH = "zenoh"
+_TAKE_S = 0.25
+_EPILOG = """\
+examples:
+  dfvs-camera goal --source 0 --calibration camera.toml --mavlink udpin://127.0.0.1:14540 \\
+      --out goal.png
+  dfvs-camera goal --source zenoh --config service.toml --attitude 0,-2.5 --out goal.png
+
+--source zenoh takes the picture from the camera that publishes for the service. Of several
+pictures the sharpest is kept. Exit code: 0 done, 2 cannot run.
+"""
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-camera goal",
+        description="Take a goal picture, with a sidecar of calibration, attitude and time.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_source_options(parser, required=True)
+    add_calibration_option(parser)
+    add_settings_options(parser)
+    parser.add_argument("--mavlink", metavar="URL", help="take the attitude from this autopilot")
+    parser.add_argument("--attitude", metavar="ROLL,PITCH", help="or give it, in degrees")
+    parser.add_argument(
+        "--frames", type=int, default=5, metavar="N", help="pictures to choose from (default: 5)"
+    )
+    parser.add_argument("--timeout", type=float, default=20.0, metavar="S", help="(default: 20)")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="PNG to write")
+    return parser
+
+
+def run(words: Sequence[str]) -> int:
+    """Take a goal; exit code 0.
+
+    Raises
+    ------
+    DfvsError
+        If there is no picture, no calibration or no attitude.
+    """
+    arguments = _parser().parse_args(words)
+    if not 1 <= arguments.frames <= 1000:
+        raise ConfigError(f"--frames is {arguments.frames}", "1 to 1000")
+    given = None if arguments.attitude is None else parse_attitude(arguments.attitude)
+    if given is not None and arguments.mavlink is not None:
+        raise ConfigError("--attitude beside --mavlink", "only one of them")
+    config = settings_from(arguments)
+    camera = calibration_of(arguments) or known_camera(config)
+    watch: VehicleWatch | None = None
+    if arguments.mavlink is not None:
+        watch = VehicleWatch()
+        watch.connect(arguments.mavlink, config.vehicle.timeout_s)
+    with _feed(arguments, config, camera.size) as feed:
+        shot, motion = _sharpest(feed, watch, arguments.frames, arguments.timeout)
+    check_size(shot, camera.size, "the source")
+    if watch is None:
+        motion = given
+        if given is None:
+            say("the vehicle counts as level: neither --mavlink nor --attitude was given")
+    sidecar = sidecar_of(camera, config.camera.mount or Mount(), motion)
+    write_goal(arguments.out, shot.image, sidecar)
+    print(f"wrote {arguments.out} and {arguments.out.with_suffix('.json')}")
+    return 0
+
+
+def parse_attitude(text: str) -> Motion:
+    """Attitude at rest from ``ROLL,PITCH`` in degrees.
+
+    Raises
+    ------
+    ConfigError
+        If it is none.
+    """
+    try:
+        roll, pitch = (math.radians(float(part)) for part in text.split(","))
+    except ValueError as error:
+        raise ConfigError(f"--attitude is {text!r}", "ROLL,PITCH in degrees") from error
+    if not (abs(roll) <= math.pi / 2 and abs(pitch) <= math.pi / 2):
+        raise ConfigError(f"--attitude is {text!r}", "angles of up to 90 degrees")
+    return Motion.at_rest(roll, pitch)
+
+
+@contextlib.contextmanager
+def _feed(
+    arguments: argparse.Namespace, config: ServiceConfig, size: tuple[int, int]
+) -> Iterator[Feed]:
+    """Pictures of ``--source``, or of the camera that publishes for the service."""
+    if arguments.source != ZENOH:
+        with contextlib.closing(feed_of(arguments, size)) as feed:
+            yield feed
+        return
+    with open_beside(config) as session:
+        inbox = FrameInbox(session, config, say)
+        say(f"waiting for frames on {inbox.key}")
+        yield inbox
+
+
+def _sharpest(
+    feed: Feed, watch: VehicleWatch | None, count: int, timeout_s: float
+) -> tuple[Shot, Motion | None]:
+    """Sharpest of so many pictures, and the vehicle's motion when it was taken."""
+    history = VehicleHistory()
+    best: tuple[float, Shot, Motion | None] | None = None
+    seen, deadline = 0, time.monotonic() + timeout_s
+    while seen < count and not feed.ended and time.monotonic() < deadline:
+        shot = feed.take(_TAKE_S)
+        for state in [] if watch is None else watch.heard():
+            history.add(state)
+        if shot is None:
+            continue
+        motion = history.at(shot.t_capture_ns)
+        if watch is not None and motion is None:
+            continue
+        seen += 1
+        sharpness = sharpness_of(shot)
+        if best is None or sharpness > best[0]:
+            best = sharpness, shot, motion
+    if best is None:
+        missing = "picture" if watch is None else "picture with a known attitude"
+        raise CameraError(f"no {missing} within {timeout_s:g} s", "a camera that works")
+    return best[1], best[2]
+
+
+def sharpness_of(shot: Shot) -> float:
+    """Variance of the Laplacian: the higher, the sharper."""
+    grey = cv2.cvtColor(shot.image, cv2.COLOR_RGB2GRAY)
+    return float(cv2.Laplacian(grey, cv2.CV_32F).var())

@@ -1,0 +1,1 @@
+"""Taking goals: one picture by hand, or a route from a flight."""

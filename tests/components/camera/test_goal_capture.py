@@ -1,0 +1,129 @@
+"""``dfvs-camera goal``: pictures from a folder and from Zenoh, attitudes from all sides."""
+
+import threading
+import time
+
+import cv2
+import numpy as np
+import pytest
+import zenoh
+from test_camera_process import CAMERA, SIZE, TOPICS
+
+from dfvs_core.gate.events import Attitude, LocalPosition
+from dfvs_core.wire.frame import PixelFormat
+from dfvs_core.wire.picture import encode_png
+from dfvs_core.wire.zenoh_settings import zenoh_settings
+from dfvs_service.calibration_file import write_calibration
+from dfvs_service.camera import cli
+from dfvs_service.camera.goal import sharpness_of
+from dfvs_service.camera.publisher import FramePublisher, PublishOptions
+from dfvs_service.camera.source import Shot
+from dfvs_service.goal_file import load_goal
+from dfvs_service.teach.vehicle_watch import VehicleWatch
+
+
+@pytest.fixture
+def pictures(tmp_path, rng):
+    """Three pictures, of which the second is the sharpest."""
+    folder = tmp_path / "pictures"
+    folder.mkdir()
+    for i, contrast in enumerate((20, 90, 40)):
+        image = np.full((SIZE[1], SIZE[0], 3), 128) + rng.integers(-contrast, contrast, (48, 64, 1))
+        (folder / f"{i}.png").write_bytes(encode_png(image.astype(np.uint8)))
+    write_calibration(tmp_path / "camera.toml", CAMERA, [])
+    return folder
+
+
+def words(folder, *more):
+    calibration = ["--calibration", str(folder.parent / "camera.toml")]
+    out = ["--out", str(folder.parent / "goal.png")]
+    return ["goal", "--source", str(folder), "--rate", "100", *calibration, *out, *more]
+
+
+def test_the_sharpest_picture_is_taken_with_the_attitude_that_is_given(pictures, capsys):
+    assert cli.main(words(pictures, "--attitude", "1.5,-2", "--frames", "3")) == 0
+    goal = load_goal(pictures.parent / "goal.png")
+    expected = (pictures / "1.png").read_bytes()
+    assert encode_png(goal.image) == expected
+    assert goal.sidecar.camera == CAMERA
+    assert np.degrees(goal.sidecar.roll_rad) == pytest.approx(1.5)
+    assert np.degrees(goal.sidecar.pitch_rad) == pytest.approx(-2.0)
+    assert "level" not in capsys.readouterr().err
+
+
+def test_a_level_vehicle_is_assumed_aloud(pictures, capsys):
+    assert cli.main(words(pictures, "--set", "camera.mount.pitch_deg=-20")) == 0
+    assert "counts as level" in capsys.readouterr().err
+    sidecar = load_goal(pictures.parent / "goal.png").sidecar
+    assert sidecar.roll_rad == sidecar.pitch_rad == 0.0
+    assert np.degrees(sidecar.mount.pitch_rad) == pytest.approx(-20.0)
+
+
+@pytest.mark.parametrize(
+    ("more", "message"),
+    [
+        (("--attitude", "flat"), "--attitude is 'flat'"),
+        (("--attitude", "1,200"), "90 degrees"),
+        (("--attitude", "0,0", "--mavlink", "udpin://127.0.0.1:1"), "only one of them"),
+        (("--frames", "0"), "--frames is 0"),
+        (("--size", "640x480"), "the calibration's size"),
+    ],
+)
+def test_what_cannot_be_is_one_line_and_leaves_nothing(pictures, capsys, more, message):
+    assert cli.main(words(pictures, *more)) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith("error: ")
+    assert message in error
+    assert not (pictures.parent / "goal.png").exists()
+
+
+def test_without_a_calibration_nothing_is_taken(pictures, capsys):
+    without = [w for w in words(pictures) if "camera.toml" not in w and w != "--calibration"]
+    assert cli.main(without) == 2
+    assert "nothing is known of the camera's lens" in capsys.readouterr().err
+
+
+def test_the_camera_that_publishes_for_the_service_can_be_asked(pictures, tmp_path, rng):
+    endpoint = f"unixsock-stream/{tmp_path}/z"
+    settings = zenoh.Config()
+    for key, value in zenoh_settings("peer", (endpoint,), ()):
+        settings.insert_json5(key, value)
+    image = rng.integers(0, 255, (SIZE[1], SIZE[0], 3)).astype(np.uint8)
+    stop = threading.Event()
+    with zenoh.open(settings) as session:
+        options = PublishOptions(TOPICS.vehicle, PixelFormat.PNG, camera=CAMERA)
+        publisher = FramePublisher(session, options)
+
+        def work():
+            while not stop.wait(0.05):
+                publisher.publish(Shot(image, time.monotonic_ns()))
+
+        thread = threading.Thread(target=work)
+        thread.start()
+        where = ["--vehicle", TOPICS.vehicle, "--set", f"zenoh.listen=['{endpoint}']"]
+        where += ["--set", "camera.announced_s=10", "--source", "zenoh"]
+        out = tmp_path / "taken.png"
+        code = cli.main(["goal", *where, "--attitude", "0,0", "--out", str(out)])
+        stop.set()
+        thread.join()
+    assert code == 0
+    goal = load_goal(out)
+    assert goal.sidecar.camera == CAMERA  # as the camera announced it
+    np.testing.assert_array_equal(goal.image, image)
+
+
+def test_a_watch_keeps_every_state_once_attitude_and_position_are_known():
+    watch = VehicleWatch()
+    watch.take(Attitude(10, 0.1, 0.2, 0.3))
+    assert watch.heard() == []
+    watch.take(LocalPosition(11, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)))
+    watch.take(Attitude(12, 0.2, 0.2, 0.3))
+    watch.take(LocalPosition(13, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)))
+    assert [state.t_ns for state in watch.heard()] == [10, 12]
+    assert watch.heard() == []
+
+
+def test_sharpness_falls_with_blur(rng):
+    image = rng.integers(0, 255, (48, 64, 3)).astype(np.uint8)
+    blurred = cv2.GaussianBlur(image, (5, 5), 1.5)
+    assert sharpness_of(Shot(image, 0)) > 4 * sharpness_of(Shot(blurred, 0))
