@@ -11,6 +11,7 @@ from dfvs_core.wire.picture import decode_picture
 from dfvs_sim.commands import bench_renderer, goal, room
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.frames import ned_from_gltf
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.poses import camera_pose
 
@@ -95,6 +96,27 @@ class TestBenchRenderer:
 
 
 class TestRoom:
+    def test_draws_an_interior_and_lights_it_without_mitsuba(self, tmp_path, monkeypatch):
+        monkeypatch.setitem(sys.modules, "mitsuba", None)
+        out = tmp_path / "hallway.glb"
+        words = ["--kind", "corridor", "--light", "quick", "--seed", "5", "--out", str(out)]
+        assert run(room, *words, "--preview", str(tmp_path / "hallway.png")) == 0
+        told = json.loads((tmp_path / "hallway.json").read_text())
+        assert (told["kind"], told["light"], told["samples"]) == ("corridor", "quick", None)
+        scene = load_glb(out)
+        low, high = scene.bounds
+        size = told["size_m"]
+        np.testing.assert_allclose(
+            high - low, [size["north_south"], size["east_west"], size["height"]], atol=0.01
+        )
+        assert 6.0 <= size["east_west"] <= 10.0
+        preview = decode_picture((tmp_path / "hallway.png").read_bytes())
+        assert 20 < preview.mean() < 235
+        for view in told["views"].values():
+            eye = ned_from_gltf(view["eye_gltf_m"])
+            assert (low < eye).all()
+            assert (eye < high).all()
+
     def test_without_mitsuba_says_how_to_get_it(self, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, "mitsuba", None)
         with pytest.raises(DfvsError, match=r"pip install 'dfvs\[bake\]'"):
