@@ -4,8 +4,16 @@ import numpy as np
 import pytest
 from textured_wall import Wall, exact_flow, inside, texture, turned
 
+from dfvs_core.camera import CameraModel
 from dfvs_core.colours import is_swapped
 from dfvs_core.correspondence import FlowField
+from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.matching.classical import ClassicalMatcher
+from dfvs_core.pipeline import Pipeline
+from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.task import ServoTask
+from dfvs_core.vehicle_history import Motion
+from dfvs_core.wire.frame import Frame
 
 H = turned(roll_deg=8.0, zoom=1.1, shift=(20.0, -12.0))
 
@@ -57,3 +65,20 @@ def test_few_sure_points_say_nothing(pair):
 def test_other_content_is_not_an_exchange(pair, rng):
     image, _, flow = pair
     assert not is_swapped(image, Wall(texture(rng)).picture(H), flow)
+
+
+def test_frames_with_exchanged_colours_are_not_flown(rng):
+    picture = Wall(texture(rng)).picture()
+    camera = CameraModel.from_horizontal_fov(picture.shape[1], picture.shape[0], 1.3)
+    sidecar = GoalSidecar(camera)
+    task = ServoTask(ServoConfig(depth="constant"), camera, sidecar, Mount())
+    pipeline = Pipeline(task, ClassicalMatcher(), Goal(picture, sidecar), lambda: 0)
+    still = Motion(0, 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3), 0.0)
+    right = pipeline.process(Frame(picture, 0, 0), still, engaged=True).report
+    assert right.healthy
+    swapped = np.ascontiguousarray(picture[:, :, ::-1])
+    wrong = pipeline.process(Frame(swapped, 1, 1), still, engaged=True).report
+    assert not wrong.healthy
+    assert not wrong.reached
+    assert "exchanged" in wrong.reason
+    assert wrong.velocity == (0.0, 0.0, 0.0, 0.0)
