@@ -10,9 +10,10 @@ from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.wire.link import GateStatus, VehicleState
 from dfvs_core.wire.picture import encode_png
+from dfvs_core.wire.turn import Turn
 from dfvs_models.catalog import load_matcher
 from dfvs_service.config import load_config
-from dfvs_service.perception.assembly import Clocks, build_eye
+from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.eye import RawSample
 from dfvs_service.perception.messages import servo_document
 from dfvs_service.perception.opening import make_opening
@@ -37,18 +38,24 @@ class RunningClock:
 
 @dataclass(frozen=True)
 class RecordedFlight:
-    """``events`` are an opening and its turns, each with the bytes beside it."""
+    """``events`` are openings and their turns, each with the bytes beside it."""
 
-    opening: object
     events: list
 
     @property
+    def opening(self):
+        return self.events[0][0]
+
+    @property
     def turns(self):
-        return [message for message, _ in self.events[1:]]
+        return [message for message, _ in self.events if isinstance(message, Turn)]
 
 
-def fly(rng, frames=24, pixel_format=PixelFormat.JPEG, **settings):
-    """Drift towards the goal picture; every seventh turn sees nothing, one sees rubbish."""
+def fly(rng, frames=24, pixel_format=PixelFormat.JPEG, next_goal_at=None, **settings):
+    """Drift towards the goal picture; every seventh turn sees nothing, one sees rubbish.
+
+    ``next_goal_at`` is the frame from which on another goal is looked for.
+    """
     sidecar = GoalSidecar(CAMERA)
     overrides = {"vehicle.name": "bottled", "flow.threads": 1}
     overrides |= {name.replace("__", "."): value for name, value in settings.items()}
@@ -62,6 +69,12 @@ def fly(rng, frames=24, pixel_format=PixelFormat.JPEG, **settings):
     book.open(opening)
     events = [(opening, encode_png(goal.image))]
     for i in range(frames):
+        if i == next_goal_at:
+            following = Goal(wall.picture(turned(shift=(-20.0, 5.0))), sidecar)
+            eye.aim(servo_task(config, following), eye.prepare(following))
+            opening = replace(opening, opened_ns=clock(), first_turn=book.next_turn)
+            book.open(opening)
+            events.append((opening, encode_png(following.image)))
         heard = [status_at(clock, i, k) for k in range(3)]
         for status in heard:
             eye.heed(status)
@@ -82,7 +95,7 @@ def fly(rng, frames=24, pixel_format=PixelFormat.JPEG, **settings):
         servo = servo_document(glance.frame, outcome, clock(), glance.stages_ns) if outcome else {}
         events.append((book.looked(sample, heard, glance, servo), payload))
         eye.digest()
-    return RecordedFlight(opening, events)
+    return RecordedFlight(events)
 
 
 def status_at(clock, i, k):

@@ -9,6 +9,8 @@ from dfvs_core.schema import dump
 from dfvs_core.wire.turn import Opening
 from dfvs_service.config import ServiceConfig
 
+_SHOWN_CHARACTERS = 24
+
 
 def reasons_to_differ(
     opening: Opening,
@@ -26,7 +28,7 @@ def reasons_to_differ(
         Of the replay: settings, the matcher's files with their SHA-256, versions.
     """
     reasons = [
-        f"{name} is {build.get(name, 'none')}, was {opening.build.get(name, 'none')}"
+        f"{name} is {_short(build.get(name))}, was {_short(opening.build.get(name))}"
         for name in sorted({*build, *opening.build})
         if build.get(name) != opening.build.get(name)
     ]
@@ -35,6 +37,10 @@ def reasons_to_differ(
     now, then = _relevant(dump(config)), _relevant(opening.settings)
     reasons += [f"the settings of [{name}] are others" for name in now if now[name] != then[name]]
     return tuple(reasons)
+
+
+def _short(version: str | None) -> str:
+    return "none" if version is None else version[:_SHOWN_CHARACTERS]
 
 
 def _relevant(settings: Mapping[str, Any]) -> dict[str, Any]:

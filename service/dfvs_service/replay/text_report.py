@@ -19,7 +19,7 @@ def text_report(comparison: Comparison, reasons: Sequence[str]) -> str:
     """
     total = len(comparison.frames)
     lines = [_verdict(comparison, reasons)]
-    lines += [f"  not the same flight: {reason}" for reason in reasons]
+    lines += [f"  other than in flight: {reason}" for reason in reasons]
     if not comparison.is_identical and total:
         lines += [
             f"frames             {total}, {comparison.identical} identical, first difference in "

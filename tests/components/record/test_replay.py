@@ -62,6 +62,16 @@ def test_time_taken_to_replay_changes_nothing(recording, monkeypatch):
     assert compare(rerun(recording).frames).is_identical
 
 
+def test_a_goal_that_changed_in_flight_changes_in_replay(tmp_path):
+    flight = fly(np.random.default_rng(12), 10, next_goal_at=5)
+    result = rerun(write(tmp_path, flight.events))
+    assert result.reasons == ()
+    comparison = compare(result.frames)
+    assert comparison.is_identical
+    before, after = (comparison.frames[i].replayed.error_m for i in (3, 4))
+    assert abs(after - before) > 0.02  # another goal, indeed
+
+
 def altered(recording, target, alter):
     """Copy of a recording whose turns went through ``alter``."""
     from mcap.records import Channel, Schema
