@@ -46,8 +46,8 @@ def role_access(role: Role, topics: Topics) -> Access:
     camera = (topics.camera, topics.calibration)
     telemetry = topics.telemetry("*")
     if role is Role.SERVICE:
-        inputs = (*camera, *orders)
-        return Access(says=(telemetry,), hears=inputs, never_says=inputs)
+        inputs, lease = (*camera, *orders), topics.lease("*", "*")
+        return Access((telemetry, lease), (*inputs, lease), never_says=inputs)
     if role is Role.CAMERA:
         return Access(says=camera)
     if role is Role.RECORDER:

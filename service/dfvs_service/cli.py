@@ -19,7 +19,7 @@ from dfvs_service.calibration_file import with_calibration, with_intrinsics
 from dfvs_service.config import ServiceConfig
 from dfvs_service.config_text import toml_text
 from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine
-from dfvs_service.exposure import is_private_mavlink
+from dfvs_service.exposure import exposure_warnings
 from dfvs_service.goal_file import (
     checked_goal,
     goal_order,
@@ -41,6 +41,9 @@ _EXAMPLE = """\
 example, beside a running PX4 and a camera that publishes on dfvs/drone1/camera:
   dfvs-service --goal goal.png --config service.toml
 
+the same without a flight, as a table of ticks and crosses:
+  dfvs-service --goal goal.png --config service.toml --check
+
 other commands:
   dfvs-service config                             print all settings as commented TOML
   dfvs-service command new-key --key-file my.key  make a key for signed commands
@@ -49,7 +52,8 @@ other commands:
   dfvs-service teach --out route/                 record a route of goals from a flight by hand
   dfvs-service replay-gate gate-inputs.jsonl      decide a recorded flight again
 
-exit code: 0 the goal was reached, 1 the flight ended otherwise, 2 cannot run
+exit code: 0 the goal was reached (or every check passed), 1 the flight ended otherwise (or a check
+failed), 2 cannot run
 """
 
 
@@ -158,6 +162,19 @@ def _flight_parser() -> argparse.ArgumentParser:
         "--record", type=Path, metavar="DIR", help="record the flight as MCAP (record.folder)"
     )
     parser.add_argument(
+        "--check",
+        action="store_true",
+        help="check everything against the goal and end; nothing is armed, moved or streamed",
+    )
+    parser.add_argument(
+        "--check-timeout",
+        type=float,
+        default=15.0,
+        metavar="S",
+        help="wait so long for checks to pass (default: 15)",
+    )
+    parser.add_argument("--json", action="store_true", help="print the result of --check as JSON")
+    parser.add_argument(
         "--runtime-dir", type=Path, metavar="DIR", help="keep sockets and logs here"
     )
     parser.add_argument(
@@ -181,6 +198,8 @@ def _fly(words: Sequence[str]) -> int:
         },
     )
     first, *others = route_pictures(arguments.goal)
+    if arguments.check:
+        return _check(config, first, arguments)
     config, goal = _resolve(config, first)
     later = [_later_goal(config, picture) for picture in others]
     _check_model(config)
@@ -193,19 +212,21 @@ def _fly(words: Sequence[str]) -> int:
         return fly(runtime, _programs(config), _display(runtime, as_json=arguments.json_log))
 
 
-def exposure_warnings(config: ServiceConfig) -> tuple[str, ...]:
-    """What the settings let others do; said whenever the service starts."""
-    lines = [
-        f"{endpoint} is NOT ENCRYPTED: whoever is on that network can see the camera's frames and "
-        "send other ones, by which the vehicle would fly (zenoh.allow_plaintext)"
-        for endpoint in config.zenoh.exposed
-    ]
-    if not is_private_mavlink(config.vehicle.mavlink):
-        lines.append(
-            f"{config.vehicle.mavlink} leaves this machine and MAVLink is NOT SIGNED: whoever is "
-            "on that network can command the autopilot"
-        )
-    return tuple(lines)
+def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) -> int:
+    """Print a table of what is right and what is not; nothing is armed, moved or streamed."""
+    # ONNX Runtime is needed here, and takes its time to load.
+    from dfvs_service.preflight.check import check_camera_and_model, check_everything
+
+    read_picture(picture)  # a goal that cannot be read is no cross, but nothing to check by
+    try:
+        config, goal = _resolve(config, picture)
+    except DfvsError as error:
+        report = check_camera_and_model(config, error)
+    else:
+        with _runtime(arguments.runtime_dir) as runtime:
+            report = check_everything(config, goal, runtime, arguments.check_timeout)
+    print(report.to_json() if arguments.json else report.to_text())
+    return EXIT_OK if report.ok else EXIT_ENDED
 
 
 def _resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]:

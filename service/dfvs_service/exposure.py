@@ -2,6 +2,11 @@
 
 from __future__ import annotations
 
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from dfvs_service.config import ServiceConfig
+
 _ENCRYPTED = ("tls", "quic")
 _LOCAL = ("unixsock-stream", "unixpipe")
 
@@ -23,6 +28,21 @@ def is_private_mavlink(url: str) -> bool:
     """Tell whether a MAVLink connection is a serial line or stays on this machine."""
     scheme, _, rest = url.partition("://")
     return scheme.startswith("serial") or _is_loopback(rest)
+
+
+def exposure_warnings(config: ServiceConfig) -> tuple[str, ...]:
+    """What the settings let others do; said whenever the service starts."""
+    lines = [
+        f"{endpoint} is NOT ENCRYPTED: whoever is on that network can see the camera's frames and "
+        "send other ones, by which the vehicle would fly (zenoh.allow_plaintext)"
+        for endpoint in config.zenoh.exposed
+    ]
+    if not is_private_mavlink(config.vehicle.mavlink):
+        lines.append(
+            f"{config.vehicle.mavlink} leaves this machine and MAVLink is NOT SIGNED: whoever is "
+            "on that network can command the autopilot"
+        )
+    return tuple(lines)
 
 
 def _is_loopback(address: str) -> bool:

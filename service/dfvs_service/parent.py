@@ -215,7 +215,11 @@ class Parent:
 
 def fly(runtime: RuntimeFolder, programs: Programs, display: Display) -> int:
     """Run the service in a furnished runtime folder until it ends; returns its exit code."""
-    parent = Parent(runtime, programs, display)
+    return supervise(Parent(runtime, programs, display))
+
+
+def supervise(parent: Parent) -> int:
+    """Run a parent that ends in an orderly way when it is told to; returns its exit code."""
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, parent.stop)
     return parent.run()

@@ -37,10 +37,17 @@ class Lease:
         Keys of the vehicle.
     tell : callable
         Takes what is known of others, for the gate.
+    watches : bool
+        Only look for others; show them nothing.
     """
 
     def __init__(
-        self, session: zenoh.Session, topics: Topics, tell: Callable[[LeaseHolders], None]
+        self,
+        session: zenoh.Session,
+        topics: Topics,
+        tell: Callable[[LeaseHolders], None],
+        *,
+        watches: bool = False,
     ) -> None:
         self.name = secrets.token_hex(4)
         self._liveliness = session.liveliness()
@@ -50,7 +57,7 @@ class Lease:
         self._others: dict[str, set[str]] = {STANDBY: set(), IN_COMMAND: set()}
         self._told: LeaseHolders | None = None
         self._told_ns = 0
-        self._standby = self._declare(STANDBY)
+        self._standby = None if watches else self._declare(STANDBY)
         self._in_command: zenoh.LivelinessToken | None = None
         self._subscriber = self._liveliness.declare_subscriber(
             topics.lease("*", "*"), self._on_change, history=True
@@ -85,7 +92,8 @@ class Lease:
     def close(self) -> None:
         """Give the lease back."""
         self._subscriber.undeclare()  # type: ignore[no-untyped-call]
-        self._standby.undeclare()  # type: ignore[no-untyped-call]
+        if self._standby is not None:
+            self._standby.undeclare()  # type: ignore[no-untyped-call]
         if self._in_command is not None:
             self._in_command.undeclare()  # type: ignore[no-untyped-call]
 

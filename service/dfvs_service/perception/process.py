@@ -17,6 +17,7 @@ import zenoh
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.errors import DfvsError
+from dfvs_core.gate.config import Engage
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.schema import dump
 from dfvs_core.topics import Topics
@@ -130,7 +131,8 @@ class PerceptionProcess:
             frames = session.declare_subscriber(self._intake.key, self._on_frame)
             camera = watch_calibration(session, self._intake, self._on_camera)
             orders = session.declare_subscriber(self._topics.command, self._on_command)
-            lease = Lease(session, self._topics, self._gate.send)
+            watches = self._config.gate.engage is Engage.NEVER
+            lease = Lease(session, self._topics, self._gate.send, watches=watches)
             goals = session.declare_subscriber(self._topics.new_goal, self._on_goal)
             log.info("listening for frames on %s", self._intake.key)
             while not self._stopped and os.getppid() == self._parent:

@@ -1,8 +1,8 @@
 """The simulated vehicle, already hovering, with a pilot who obeys lines on standard input.
 
 Take-off is computed ahead of real time, so that a test need not wait for it. Lines: ``mode NAME``,
-``disarm``, ``mute`` (no more telemetry), ``battery SHARE``. Besides the vehicle's own record, every
-heartbeat that it sends is recorded.
+``disarm``, ``mute`` (no more telemetry), ``battery SHARE``, ``parameter NAME VALUE``. Besides the
+vehicle's own record, every heartbeat that it sends is recorded.
 """
 
 from __future__ import annotations
@@ -49,6 +49,8 @@ def obey(px4: Px4, line: str, now_ns: int) -> bool:
         px4.disarm(now_ns, "test", force=True)
     elif word == "battery":
         px4.status.battery = float(rest[0])
+    elif word == "parameter":
+        px4.parameters.set_from_wire(rest[0], float(rest[1]), px4.parameters.kind(rest[0]))
     return word != "mute"
 
 

@@ -24,6 +24,7 @@ KEYS = {
     "camera": OURS.camera,
     "calibration": OURS.calibration,
     "state": OURS.telemetry("state"),
+    "lease": OURS.lease("standby", "somebody"),
     "command": OURS.command,
     "new_goal": OURS.new_goal,
     "other camera": OTHER.camera,
@@ -31,7 +32,7 @@ KEYS = {
     "elsewhere": "somewhere/else",
 }
 MAY_SAY = {
-    "service.drone1": {"state"},
+    "service.drone1": {"state", "lease"},
     "camera.drone1": {"camera", "calibration"},
     "operator.drone1": {"command", "new_goal"},
     "dashboard.drone1": set(),
@@ -41,7 +42,7 @@ MAY_SAY = {
     "nobody": set(),
 }
 MAY_HEAR = {
-    "service.drone1": {"camera", "calibration", "command", "new_goal"},
+    "service.drone1": {"camera", "calibration", "command", "new_goal", "lease"},
     "camera.drone1": set(),
     "operator.drone1": {"state"},
     "dashboard.drone1": {"state"},

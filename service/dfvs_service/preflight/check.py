@@ -1,0 +1,81 @@
+"""The whole check: first what needs nothing but this machine, then camera and vehicle."""
+
+from __future__ import annotations
+
+import signal
+import time
+
+from dfvs_core.errors import DfvsError
+from dfvs_core.gate.preflight import Check
+from dfvs_core.goal import Goal
+from dfvs_service.config import ServiceConfig
+from dfvs_service.parent import Parent, Programs, furnish, supervise
+from dfvs_service.preflight.ground import (
+    camera_check,
+    command_check,
+    error_check,
+    exposure_checks,
+    model_check,
+    speed_check,
+)
+from dfvs_service.preflight.report import CheckReport
+from dfvs_service.preflight.watch_only import Observer, watching
+from dfvs_service.runtime import RuntimeFolder
+
+_ERROR = "error: "
+
+
+def check_camera_and_model(config: ServiceConfig, problem: DfvsError) -> CheckReport:
+    """Report where camera and goal do not fit together, so that nothing can be started."""
+    model, _ = model_check(config)
+    missing = Check("vehicle", False, "not checked", "mend the camera's settings first")
+    checks = (error_check("camera", problem), model, *_settings_checks(config), missing)
+    return CheckReport(config.vehicle.name, checks)
+
+
+def check_everything(
+    config: ServiceConfig,
+    goal: Goal,
+    runtime: RuntimeFolder,
+    timeout_s: float,
+    programs: Programs | None = None,
+) -> CheckReport:
+    """Check camera, model and settings, then watch camera and vehicle for a while.
+
+    Raises
+    ------
+    DfvsError
+        If the processes cannot run, such as when a port is taken.
+    """
+    model, matcher = model_check(config)
+    first = (camera_check(config, goal), model)
+    if matcher is None:
+        missing = Check("vehicle", False, "not checked", "mend the model first")
+        return CheckReport(config.vehicle.name, (*first, *_settings_checks(config), missing))
+    speed = speed_check(config, matcher, goal, time.monotonic_ns)
+    found = _watch(config, goal, runtime, timeout_s, programs or Programs())
+    checks = (*first, speed, *_settings_checks(config), *found)
+    return CheckReport(config.vehicle.name, checks)
+
+
+def _settings_checks(config: ServiceConfig) -> tuple[Check, ...]:
+    return (*exposure_checks(config), command_check(config))
+
+
+def _watch(
+    config: ServiceConfig,
+    goal: Goal,
+    runtime: RuntimeFolder,
+    timeout_s: float,
+    programs: Programs,
+) -> tuple[Check, ...]:
+    """Checks of the gate itself, once they pass or the time is up."""
+    furnish(runtime, watching(config), goal)
+    observer = Observer(timeout_s)
+    parent = Parent(runtime, programs, observer)
+    observer.end = lambda: parent.stop(signal.SIGTERM, None)
+    supervise(parent)
+    if not observer.is_done or not observer.checks:
+        said = [line.removeprefix(_ERROR) for line in observer.lines if line.startswith(_ERROR)]
+        raise DfvsError(said[-1] if said else "the check ended before the gate said anything")
+    return observer.checks

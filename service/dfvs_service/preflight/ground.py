@@ -1,0 +1,137 @@
+"""What can be checked before anything is connected: camera, goal, model, its speed, the network."""
+
+from __future__ import annotations
+
+import statistics
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import numpy as np
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import DfvsError
+from dfvs_core.gate.config import MS, Engage, GateTiming
+from dfvs_core.gate.preflight import Check
+from dfvs_core.goal import Goal
+from dfvs_core.matching.matcher import Matcher
+from dfvs_models.catalog import load_matcher, model_files
+from dfvs_service.config import ServiceConfig
+from dfvs_service.exposure import is_private_mavlink
+from dfvs_service.key_file import load_key
+
+_TOLERANCE = 0.02
+"""Relative difference of two calibrations that are of the same camera."""
+
+_FRAMES = 5
+_SHIFT_PX = 4
+
+MATCH_BUDGET_NS = GateTiming().frame_age_ns // 2
+"""A frame's result comes after the work on the frame before and its own, and by then the picture
+must not be older than the gate accepts."""
+
+
+def error_check(name: str, error: DfvsError) -> Check:
+    """Line for an error that says itself what to do."""
+    return Check(name, False, error.problem, error.remedy or f"expected {error.expected}")
+
+
+def camera_check(config: ServiceConfig, goal: Goal) -> Check:
+    """Compare the camera that flies with the one that took the goal."""
+    flown, taken = config.camera.model(), goal.sidecar.camera
+    if flown is None:
+        flown = taken
+    detail = f"{flown.width} x {flown.height} px, focal length {flown.fx:.0f} px"
+    difference = calibration_difference(flown, taken)
+    if not difference:
+        return Check("camera", True, detail)
+    remedy = "take the goal with the camera that flies, or calibrate again"
+    return Check("camera", False, f"{detail}; {difference}", remedy)
+
+
+def calibration_difference(flown: CameraModel, taken: CameraModel) -> str:
+    """Say in what two calibrations differ more than two of the same camera would; else empty."""
+    if flown.size != taken.size:
+        return f"the goal was taken at {taken.width} x {taken.height} px"
+    pairs = {
+        "focal length": (flown.fx, taken.fx, flown.fx),
+        "vertical focal length": (flown.fy, taken.fy, flown.fy),
+        "principal point's x": (flown.cx, taken.cx, flown.width),
+        "principal point's y": (flown.cy, taken.cy, flown.height),
+    }
+    for name, (here, there, scale) in pairs.items():
+        if abs(here - there) > _TOLERANCE * scale:
+            return f"the goal's {name} is {there:.1f} px, here it is {here:.1f}"
+    return ""
+
+
+def model_check(config: ServiceConfig) -> tuple[Check, Matcher | None]:
+    """Load the model, whose every file must have the SHA-256 of its manifest."""
+    flow = config.flow
+    start_ns = time.monotonic_ns()
+    try:
+        files = model_files(flow.model)
+        matcher = load_matcher(flow.model, flow.threads, flow.provider)
+    except DfvsError as error:
+        return error_check("model", error), None
+    took_s = (time.monotonic_ns() - start_ns) * 1e-9
+    hashes = f"{len(files)} files with the right SHA-256" if files else "part of this package"
+    return Check("model", True, f"{flow.model}, {hashes}, loaded in {took_s:.1f} s"), matcher
+
+
+def speed_check(
+    config: ServiceConfig, matcher: Matcher, goal: Goal, tick: Callable[[], int]
+) -> Check:
+    """Match the goal with a shifted copy of itself a few times, against the time there is."""
+    view = np.roll(goal.image, _SHIFT_PX, axis=1)
+    try:
+        wanted = matcher.prepare(goal.image)
+        last, durations = None, []
+        for _ in range(1 + _FRAMES):
+            start_ns = tick()
+            last = matcher.match(matcher.prepare(view), wanted, last)
+            durations.append(tick() - start_ns)
+    except DfvsError as error:
+        return error_check("speed", error)
+    first_ms, then_ms = durations[0] / MS, statistics.median(durations[1:]) / MS
+    provider = config.flow.provider if config.flow.model != "classical" else "OpenCV"
+    detail = (
+        f"{provider}, {config.flow.threads} threads: first {first_ms:.0f} ms, then {then_ms:.0f} "
+        f"ms a frame, {MATCH_BUDGET_NS / MS:.0f} allowed"
+    )
+    fast = then_ms * MS <= MATCH_BUDGET_NS
+    remedy = "use smaller frames, a faster model (flow.model) or another flow.provider"
+    return Check("speed", fast, detail, "" if fast else remedy)
+
+
+def exposure_checks(config: ServiceConfig) -> tuple[Check, Check]:
+    """Advice about connections that anyone on the network could use."""
+    exposed, mavlink = config.zenoh.exposed, config.vehicle.mavlink
+    lines = f"{', '.join(exposed)} not encrypted: anyone there can send frames" if exposed else ""
+    encrypt = "make certificates with deploy/make_certificates.py and use tls/ endpoints"
+    private = is_private_mavlink(mavlink)
+    return (
+        Check("zenoh", not exposed, lines, encrypt if exposed else "", binding=False),
+        Check(
+            "mavlink",
+            private,
+            mavlink if private else f"{mavlink} leaves this machine, and MAVLink is not signed",
+            "" if private else "use a serial line or a link that nobody else reaches",
+            binding=False,
+        ),
+    )
+
+
+def command_check(config: ServiceConfig) -> Check:
+    """Find the key of signed commands, where orders are to be taken."""
+    key_file = config.gate.command_key_file
+    if not key_file:
+        needed = config.gate.engage is Engage.COMMAND
+        remedy = "make one: dfvs-service command new-key, and set gate.command_key_file"
+        detail = "engage by command, but no key" if needed else "no key: no orders are accepted"
+        return Check("commands", not needed, detail, remedy if needed else "")
+    try:
+        load_key(Path(key_file))
+    except DfvsError as error:
+        return error_check("commands", error)
+    return Check("commands", True, f"signed with {key_file}")

@@ -1,0 +1,235 @@
+"""``dfvs-service --check`` beside a simulated vehicle and a camera: crosses for what is wrong."""
+
+import contextlib
+import json
+import socket
+import subprocess
+import sys
+import threading
+import time
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from gate_flight import hovering_vehicle
+from textured_wall import Wall, texture
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.topics import Topics
+from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_service.config import ZenohSection, load_config
+from dfvs_service.parent import Parent, Programs, furnish
+from dfvs_service.preflight.watch_only import watching
+from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.zenoh_session import open_session
+
+SIZE = (160, 120)
+"""Small pictures are matched in time on a busy machine as well."""
+CAMERA = CameraModel.from_horizontal_fov(*SIZE, 1.3)
+TOPICS = Topics("checked")
+CLOCK = clock_identity(Path(BOOT_ID_FILE).read_text())
+NOMINAL_HZ = 12.0
+NEVER_SENT = ("setpoint", "mode_command", "arm_command")
+
+
+def tcp_endpoint():
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+
+
+class Camera:
+    """Publishes a noisy picture at a rate, until told otherwise."""
+
+    def __init__(self, endpoint, picture):
+        self.session = open_session(ZenohSection("peer", (endpoint,), ()))
+        self.picture, self.rate_hz = picture, NOMINAL_HZ
+        self._stopped = threading.Event()
+        self._thread = threading.Thread(target=self._run)
+        self._thread.start()
+
+    def _run(self):
+        rng, seq = np.random.default_rng(1), 0
+        while not self._stopped.wait(1.0 / max(self.rate_hz, 1.0)):
+            if self.rate_hz <= 0:
+                continue
+            seq += 1
+            noise = rng.integers(-2, 3, self.picture.shape)
+            image = np.clip(self.picture.astype(int) + noise, 0, 255).astype(np.uint8)
+            frame = Frame(image, time.monotonic_ns(), seq)
+            payload, attachment = encode_frame(frame, PixelFormat.JPEG, CLOCK)
+            self.session.put(TOPICS.camera, payload, attachment=attachment)
+
+    def close(self):
+        self._stopped.set()
+        self._thread.join()
+        self.session.close()
+
+
+class Watch:
+    """Display that keeps the last beat and every line."""
+
+    def __init__(self):
+        self.beat, self.lines = None, []
+
+    def show(self, beat):
+        self.beat = beat
+
+    def say(self, line):
+        self.lines.append(line)
+
+    def close(self):
+        pass
+
+    def wait(self, name, ok, text="", seconds=15.0):
+        """Check of a name, once it is as wanted."""
+        deadline = time.monotonic() + seconds
+        while time.monotonic() < deadline:
+            for check in () if self.beat is None else self.beat.checks:
+                if check.name == name and check.ok is ok and text in check.detail:
+                    return check
+            time.sleep(0.02)
+        raise AssertionError(f"{name} never {ok} {text!r}: {self.beat} {self.lines}")
+
+
+@pytest.fixture(scope="module")
+def views():
+    rng = np.random.default_rng(20)
+    walls = [Wall(texture(rng)).picture() for _ in range(2)]
+    return [cv2.resize(wall, SIZE, interpolation=cv2.INTER_AREA) for wall in walls]
+
+
+@pytest.fixture(scope="module")
+def vehicle(tmp_path_factory):
+    with hovering_vehicle(tmp_path_factory.mktemp("vehicle")) as hovering:
+        yield hovering
+
+
+@contextlib.contextmanager
+def camera_running(endpoint, picture):
+    camera = Camera(endpoint, picture)
+    try:
+        yield camera
+    finally:
+        camera.close()
+
+
+@contextlib.contextmanager
+def service_watching(folder, mavlink_port, endpoint, picture):
+    """The service's real processes, watching only, under a parent in this process."""
+    overrides = {
+        "vehicle.name": TOPICS.vehicle,
+        "vehicle.mavlink": f"udpin://127.0.0.1:{mavlink_port}",
+        "zenoh.listen": [endpoint],
+    }
+    sidecar = GoalSidecar(CAMERA)
+    config, _ = load_config(None, overrides).with_camera(SIZE, sidecar)
+    runtime = RuntimeFolder(folder)
+    furnish(runtime, watching(config), Goal(picture, sidecar))
+    watch = Watch()
+    parent = Parent(runtime, Programs(), watch)
+    thread = threading.Thread(target=parent.run)
+    thread.start()
+    try:
+        yield watch
+    finally:
+        parent.stop(15, None)
+        thread.join(10.0)
+
+
+def test_everything_that_goes_wrong_gets_its_cross_and_its_remedy(vehicle, views, tmp_path):
+    endpoint = tcp_endpoint()
+    with (
+        camera_running(endpoint, views[0]) as camera,
+        service_watching(tmp_path, vehicle.port, endpoint, views[0]) as watch,
+    ):
+        watch.wait("frames", ok=True, seconds=40.0)
+        parameters = "COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
+        watch.wait("parameters", ok=True, text=parameters)
+        for name in ("link", "estimator", "health", "battery", "goal", "sole commander"):
+            watch.wait(name, ok=True)
+
+        def crossed(name, text):
+            assert watch.wait(name, ok=False, text=text).remedy
+
+        vehicle.order("battery 0.1")
+        crossed("battery", "10% left, 20% needed")
+        vehicle.order("battery 0.9")
+        watch.wait("battery", ok=True)
+
+        intruder = camera.session.liveliness().declare_token(TOPICS.lease("standby", "intruder"))
+        crossed("sole commander", "intruder")
+        intruder.undeclare()
+        watch.wait("sole commander", ok=True)
+
+        camera.rate_hz = 0.0
+        crossed("frames", "no camera frame")
+        camera.rate_hz = NOMINAL_HZ
+        watch.wait("frames", ok=True)
+
+        camera.picture = np.ascontiguousarray(views[0][::2, ::2])
+        crossed("frames", "size")
+        camera.picture = views[1]
+        crossed("frames", "perception unhealthy")
+        camera.picture = views[0]
+        watch.wait("frames", ok=True)
+
+        vehicle.order("mute")
+        crossed("link", "lost")
+    assert not [kind for kind in NEVER_SENT if vehicle.events(kind)]
+
+
+@pytest.fixture
+def goal(tmp_path, views):
+    path = tmp_path / "goal.png"
+    cv2.imwrite(str(path), views[0][:, :, ::-1])
+    path.with_suffix(".json").write_text(GoalSidecar(CAMERA).to_json())
+    return path
+
+
+def run_check(goal, mavlink_port, endpoint, *words):
+    command = [sys.executable, "-m", "dfvs_service.cli", "--goal", str(goal), "--check"]
+    command += ["--vehicle", TOPICS.vehicle, "--mavlink", f"udpin://127.0.0.1:{mavlink_port}"]
+    command += ["--set", f"zenoh.listen=['{endpoint}']", *words]
+    return subprocess.run(command, capture_output=True, text=True, timeout=90, check=False)
+
+
+def test_a_good_vehicle_gets_ticks_only_and_nothing_is_sent_to_it(goal, views, tmp_path):
+    endpoint = tcp_endpoint()
+    with hovering_vehicle(tmp_path) as vehicle, camera_running(endpoint, views[0]):
+        done = run_check(goal, vehicle.port, endpoint, "--check-timeout", "40", "--json")
+        assert (done.returncode, done.stderr) == (0, "")
+        document = json.loads(done.stdout)
+        assert document["ok"] is True
+        names = [check["name"] for check in document["checks"]]
+        assert names[:3] == ["camera", "model", "speed"]
+        assert {"link", "estimator", "battery", "parameters", "frames", "goal"} <= set(names)
+        assert "sole commander" in names
+        assert not [kind for kind in NEVER_SENT if vehicle.events(kind)]
+
+
+def test_a_dangerous_failsafe_and_a_missing_camera_are_crosses_in_the_table(goal, tmp_path):
+    with hovering_vehicle(tmp_path) as vehicle:
+        vehicle.order("parameter COM_OF_LOSS_T 60")
+        done = run_check(goal, vehicle.port, tcp_endpoint(), "--check-timeout", "9")
+        assert done.returncode == 1
+        lines = done.stdout.splitlines()
+        (parameters,) = [n for n, line in enumerate(lines) if line.startswith("✗ parameters")]
+        assert "COM_OF_LOSS_T is 60 s, 1 at most" in lines[parameters]
+        assert "→ set them in the ground station" in lines[parameters + 1]
+        assert any(line.startswith("✗ frames") and "no camera frame" in line for line in lines)
+        assert any(line.startswith("✓ battery") for line in lines)
+        assert not [kind for kind in NEVER_SENT if vehicle.events(kind)]
+
+
+def test_a_port_that_is_taken_is_an_error_and_no_cross(goal):
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
+        taken.bind(("127.0.0.1", 0))
+        port = taken.getsockname()[1]
+        done = run_check(goal, port, tcp_endpoint(), "--check-timeout", "20")
+    assert done.returncode == 2
+    assert done.stdout == ""
+    assert done.stderr.startswith("error: cannot open the MAVLink connection")
+    assert len(done.stderr.splitlines()) == 1

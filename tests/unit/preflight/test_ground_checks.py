@@ -1,0 +1,173 @@
+"""Each check that needs nothing but this machine, with what makes it fail."""
+
+import dataclasses
+import json
+
+import numpy as np
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import FlowField
+from dfvs_core.errors import ConfigError, ModelError
+from dfvs_core.gate.config import MS
+from dfvs_core.gate.preflight import Check
+from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_service.config import load_config
+from dfvs_service.key_file import create_key
+from dfvs_service.preflight.check import check_camera_and_model
+from dfvs_service.preflight.ground import (
+    MATCH_BUDGET_NS,
+    camera_check,
+    command_check,
+    exposure_checks,
+    model_check,
+    speed_check,
+)
+from dfvs_service.preflight.report import CheckReport
+
+CAMERA = CameraModel.from_horizontal_fov(64, 48, 1.2)
+
+
+def goal(camera=CAMERA):
+    return Goal(np.zeros((48, 64, 3), np.uint8), GoalSidecar(camera))
+
+
+def config(**settings):
+    overrides = {name.replace("__", "."): value for name, value in settings.items()}
+    return load_config(None, overrides).with_camera((64, 48), GoalSidecar(CAMERA))[0]
+
+
+def test_the_camera_that_took_the_goal_passes():
+    check = camera_check(config(), goal())
+    assert check.ok
+    assert check.detail == "64 x 48 px, focal length 47 px"
+
+
+@pytest.mark.parametrize(
+    ("name", "factor", "word"),
+    [("fx", 1.03, "focal"), ("fy", 0.97, "vertical"), ("cx", 1.05, "x is"), ("cy", 0.95, "y is")],
+)
+def test_a_goal_of_another_calibration_is_a_cross(name, factor, word):
+    other = dataclasses.replace(CAMERA, **{name: getattr(CAMERA, name) * factor})
+    check = camera_check(config(), goal(other))
+    assert not check.ok
+    assert word in check.detail
+    assert "calibrate" in check.remedy
+
+
+def test_calibrations_of_the_same_camera_may_differ_a_little():
+    other = dataclasses.replace(CAMERA, fx=CAMERA.fx * 1.019, cy=CAMERA.cy + 0.9)
+    assert camera_check(config(), goal(other)).ok
+
+
+def test_the_classical_matcher_needs_no_files():
+    check, matcher = model_check(config())
+    assert check.ok
+    assert "part of this package" in check.detail
+    assert matcher is not None
+
+
+def test_a_model_whose_file_was_changed_is_a_cross(tmp_path):
+    text = {"name": "bad", "kind": "pair"}
+    (tmp_path / "manifest.json").write_text(json.dumps(text))
+    check, matcher = model_check(config(flow__model=str(tmp_path)))
+    assert matcher is None
+    assert not check.ok
+    assert check.detail
+    assert check.remedy
+
+
+class Matcher:
+    """Takes as long as it is told, on the clock of the test."""
+
+    def __init__(self, *durations_ms):
+        self.now_ns, self.durations = 0, list(durations_ms)
+
+    def tick(self):
+        return self.now_ns
+
+    def prepare(self, image):
+        return image
+
+    def match(self, current, wanted, last=None):
+        assert not np.shares_memory(current, wanted)
+        self.now_ns += (self.durations.pop(0) if self.durations else 0) * MS
+        return FlowField(np.zeros((48, 64, 2), np.float32), np.ones((48, 64), np.float32))
+
+
+@pytest.mark.parametrize(("then_ms", "ok"), [(20, True), (125, True), (126, False)])
+def test_matching_must_leave_time_for_the_frame_before(then_ms, ok):
+    assert MATCH_BUDGET_NS == 125 * MS
+    matcher = Matcher(900, *[then_ms] * 5)
+    check = speed_check(config(), matcher, goal(), matcher.tick)
+    assert check.ok is ok
+    assert f"first 900 ms, then {then_ms} ms a frame" in check.detail
+    assert bool(check.remedy) is not ok
+
+
+def test_a_model_that_fails_at_work_is_a_cross():
+    class Broken(Matcher):
+        def match(self, current, wanted, last=None):
+            raise ModelError("it gives NaN", "numbers", "use another one")
+
+    matcher = Broken()
+    check = speed_check(config(), matcher, goal(), matcher.tick)
+    assert (check.ok, check.detail, check.remedy) == (False, "it gives NaN", "use another one")
+
+
+def test_what_leaves_this_machine_unprotected_is_a_cross_that_refuses_nothing():
+    exposed = config(
+        zenoh__listen=["tcp/0.0.0.0:7447"],
+        zenoh__allow_plaintext=True,
+        vehicle__mavlink="udpin://0.0.0.0:14540",
+    )
+    for check in exposure_checks(exposed):
+        assert not check.ok
+        assert not check.refuses
+        assert check.remedy
+    assert all(check.ok for check in exposure_checks(config()))
+
+
+def test_engaging_by_command_needs_a_key_that_is_private(tmp_path):
+    assert command_check(config()).ok
+    assert not command_check(config(gate__engage="command")).ok
+    key = tmp_path / "key"
+    signed = config(gate__engage="command", gate__command_key_file=str(key))
+    assert "cannot read" in command_check(signed).detail
+    create_key(key)
+    assert command_check(signed).ok
+    key.chmod(0o644)
+    assert "0644" in command_check(signed).detail
+
+
+def test_a_camera_that_does_not_fit_the_goal_leaves_the_vehicle_unchecked():
+    problem = ConfigError("the goal has 10 x 10 px", "64 x 48 px", "take another one")
+    report = check_camera_and_model(config(), problem)
+    found = {check.name: check for check in report.checks}
+    assert not report.ok
+    assert found["camera"].remedy == "take another one"
+    assert found["vehicle"].detail == "not checked"
+
+
+GOOD, BAD = Check("link", True), Check("battery", False, "10% left", "charge it")
+ADVICE = Check("zenoh", False, "open", "close it", binding=False)
+
+
+def test_the_table_says_what_to_do_for_each_cross():
+    text = CheckReport("swift", (GOOD, BAD)).to_text()
+    assert text.splitlines() == [
+        "✓ link",
+        "✗ battery  10% left",
+        "           → charge it",
+        "swift: 1 of 2 checks fail",
+    ]
+    assert CheckReport("swift", (GOOD,)).to_text().endswith("swift: all checks pass")
+
+
+@pytest.mark.parametrize(("checks", "ok"), [((GOOD,), True), ((BAD,), False), ((ADVICE,), False)])
+def test_any_cross_counts_advice_included(checks, ok):
+    report = CheckReport("swift", checks)
+    assert report.ok is ok
+    document = json.loads(report.to_json())
+    assert document["ok"] is ok
+    assert document["checks"][0]["name"] == checks[0].name

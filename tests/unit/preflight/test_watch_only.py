@@ -1,0 +1,46 @@
+from dfvs_core.gate.config import Engage
+from dfvs_core.gate.preflight import Check
+from dfvs_service.beat import Beat
+from dfvs_service.config import load_config
+from dfvs_service.preflight.watch_only import Observer, watching
+
+LIST = (Check("link", False, "none heard yet", "check it"),)
+
+
+def test_watching_never_engages_records_or_gives_up():
+    config = watching(load_config(None, {"gate.engage": "auto", "record.folder": "flights"}))
+    assert config.gate.engage is Engage.NEVER
+    assert config.record.folder == ""
+    assert min(config.vehicle.timeout_s, config.camera.timeout_s) >= 600
+
+
+def observer(timeout_s=10.0):
+    now = [0.0]
+    ends = []
+    watch = Observer(timeout_s, lambda: now[0])
+    watch.end = lambda: ends.append(now[0])
+    return watch, now, ends
+
+
+def test_it_ends_as_soon_as_all_checks_have_passed():
+    watch, _, ends = observer()
+    watch.show(Beat(0, "PREFLIGHT", "", checks=LIST))
+    assert not ends
+    passed = (Check("link", True),)
+    watch.show(Beat(0, "READY", "", checks=passed))
+    assert watch.is_done
+    assert watch.checks == passed
+    watch.show(Beat(0, "ABORT", ""))
+    assert watch.checks == passed
+    assert ends == [0.0]
+
+
+def test_it_ends_with_the_crosses_there_are_when_the_time_is_up():
+    watch, now, ends = observer(10.0)
+    now[0] = 9.9
+    watch.show(Beat(0, "PREFLIGHT", "", checks=LIST))
+    assert not ends
+    now[0] = 10.0
+    watch.show(Beat(0, "PREFLIGHT", "", checks=LIST))
+    assert watch.is_done
+    assert watch.checks == LIST
