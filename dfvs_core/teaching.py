@@ -20,22 +20,29 @@ class Lesson(enum.Enum):
 class TeachLimits:
     """How far apart goals are taken; the later flight needs the same overlap and some reserve.
 
-    ``overlap`` is the share of the view that still shows the last goal, ``turn_rad`` the angle to
-    it, ``distance`` the way to it over the scene's depth.
+    ``overlap`` is the share of the view that still shows the last goal, relative to the share that
+    did at first (a plain wall is never trusted as a whole), ``turn_rad`` the angle to it,
+    ``distance`` the way to it over the scene's depth. Below ``stillness``, distance and angle
+    together, the vehicle has not moved.
     """
 
     overlap: float = 0.55
     turn_rad: float = 0.35
     distance: float = 0.3
+    stillness: float = 0.05
 
 
-def judge(result: ServoResult, limits: TeachLimits) -> Lesson:
+def judge(result: ServoResult, limits: TeachLimits, full_overlap: float) -> Lesson:
     """Judge a frame by what it says about the last goal.
 
-    A goal is due while the one before is in sight for certain, so that the way back can be found.
+    ``full_overlap`` is the greatest overlap with that goal so far. The next one is due while the
+    last one is in sight for certain, so that the way back can be found.
     """
     if result.verdict is not Verdict.OK and result.verdict is not Verdict.STUCK:
         return Lesson.LOST
+    if result.scale_free_error < limits.stillness:
+        return Lesson.NEAR
     distance = max(result.scale_free_error - result.error_rad, 0.0)
     far = distance > limits.distance or result.error_rad > limits.turn_rad
-    return Lesson.DUE if far or result.overlap < limits.overlap else Lesson.NEAR
+    is_leaving = result.overlap < limits.overlap * full_overlap
+    return Lesson.DUE if far or is_leaving else Lesson.NEAR

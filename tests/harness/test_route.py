@@ -9,12 +9,15 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.matching.classical import ClassicalMatcher
 from dfvs_core.poses import make_pose, pose_error, rotation_from_euler
-from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.teaching import TeachLimits
+from dfvs_core.wire.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
 from dfvs_core.wire.link import GateStatus, VehicleState
 from dfvs_service.config import load_config
+from dfvs_service.goal_file import load_goal, route_pictures
 from dfvs_service.perception.assembly import Clocks, build_eye
 from dfvs_service.perception.eye import RawSample
 from dfvs_service.perception.route_follower import RouteFollower
+from dfvs_service.teach.lesson import Event, RouteTeacher, taught_settings
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.demo.cli import DOORWAY_ROUTE
 from dfvs_sim.demo.plan import parse_camera_pose
@@ -22,6 +25,7 @@ from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene import two_rooms_path
 from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.scene.poses import camera_pose
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, np.radians(75.0))
 CLOCK = b"c" * 16
@@ -60,13 +64,19 @@ class Flight:
 
     def __init__(self, rooms, poses, mount):
         self.rooms, self.T_body_camera = rooms, mount.T_body_camera()
-        self.T = poses[0] @ np.linalg.inv(self.T_body_camera)
-        self.position = self.T[:3, 3].copy()
-        self.yaw = float(np.arctan2(self.T[1, 0], self.T[0, 0]))
+        T = poses[0] @ np.linalg.inv(self.T_body_camera)
+        self.position = T[:3, 3].copy()
+        self.yaw = float(np.arctan2(T[1, 0], T[0, 0]))
         self.velocity = np.zeros(4)
         self.rng = np.random.default_rng(1)
         self.noise = SensorNoise.make(CAMERA.size, 1.5, self.rng)
         self.now_ns, self.seq = 10**12, 0
+
+    def put(self, T_camera):
+        """Stand at a camera pose, as if carried there."""
+        T = T_camera @ np.linalg.inv(self.T_body_camera)
+        self.position, self.yaw = T[:3, 3].copy(), float(np.arctan2(T[1, 0], T[0, 0]))
+        self.now_ns += STEP_NS - 50_000_000
 
     def camera_pose(self):
         R = rotation_from_euler(0.0, 0.0, self.yaw)
@@ -93,36 +103,87 @@ class Flight:
         self.now_ns += STEP_NS
 
 
-@pytest.mark.slow
-def test_three_goals_lead_through_the_doorway_and_only_the_last_is_reached(rooms, poses):
-    sidecar = GoalSidecar(CAMERA)
-    config, _ = load_config(None, {}).with_camera(CAMERA.size, sidecar)
-    goals = [Goal(rooms.render(CAMERA, pose, antialias=True).image, sidecar) for pose in poses[1:]]
-    flight = Flight(rooms, poses, sidecar.mount)
+class Outcome:
+    """What became of a flight along a route."""
+
+    def __init__(self, flight, route):
+        self.flight, self.route = flight, route
+        self.reports, self.passed = [], []
+
+
+def flown(rooms, poses, goals):
+    """Fly from the first of the poses by goals; ``poses`` after it are where they were taken."""
+    config, _ = load_config(None, {}).with_camera(CAMERA.size, goals[0].sidecar)
+    flight = Flight(rooms, poses, goals[0].sidecar.mount)
     clocks = Clocks(CLOCK, lambda: flight.now_ns, lambda: flight.now_ns)
     eye = build_eye(config, goals[0], ClassicalMatcher(), clocks)
     route = RouteFollower(config, goals)
-    passed, reports = [], []
+    outcome = Outcome(flight, route)
     while flight.now_ns < 10**12 + LONGEST_S * 1e9:
         eye.heed(GateStatus("SERVO", "", flight.state()))
         glance = eye.look(flight.sample())
-        reports.append(route.amend(glance.report))
+        outcome.reports.append(route.amend(glance.report))
         if glance.outcome is not None:
             route.follow(eye, glance.outcome, flight.now_ns)
         eye.digest()
         if route.go_on(eye, flight.now_ns):
-            passed.append(pose_error(flight.camera_pose(), poses[route.index]))
-        if reports[-1].reached:
+            outcome.passed.append(pose_error(flight.camera_pose(), poses[route.index]))
+        if outcome.reports[-1].reached:
             break
-        flight.follow(reports[-1].velocity)
-    error_m, error_rad = pose_error(flight.camera_pose(), poses[-1])
-    assert route.is_last, reports[-1]
-    assert reports[-1].reached
+        flight.follow(outcome.reports[-1].velocity)
+    return outcome
+
+
+def assert_arrived(outcome, T_last):
+    error_m, error_rad = pose_error(outcome.flight.camera_pose(), T_last)
+    assert outcome.route.is_last, outcome.reports[-1]
+    assert outcome.reports[-1].reached
     assert error_m < 0.05
     assert np.degrees(error_rad) < 1.0
-    assert [report.reached for report in reports].count(True) == 1
-    assert not any(report.lost for report in reports)
+    assert [report.reached for report in outcome.reports].count(True) == 1
+    assert not any(report.lost for report in outcome.reports)
+
+
+@pytest.mark.slow
+def test_three_goals_lead_through_the_doorway_and_only_the_last_is_reached(rooms, poses):
+    sidecar = GoalSidecar(CAMERA)
+    goals = [Goal(rooms.render(CAMERA, pose, antialias=True).image, sidecar) for pose in poses[1:]]
+    outcome = flown(rooms, poses, goals)
+    assert_arrived(outcome, poses[-1])
     # The first two goals were left near their own views, not at once and not only when reached.
-    for distance_m, angle_rad in passed:
+    assert len(outcome.passed) == 2
+    for distance_m, angle_rad in outcome.passed:
         assert distance_m < 0.45
         assert np.degrees(angle_rad) < 20.0
+
+
+def along(poses, share):
+    """Level camera pose at a share of the way through the poses."""
+    i = min(int(share * (len(poses) - 1)), len(poses) - 2)
+    s = share * (len(poses) - 1) - i
+    headings = [np.arctan2(pose[1, 2], pose[0, 2]) for pose in poses]
+    place = poses[i][:3, 3] * (1 - s) + poses[i + 1][:3, 3] * s
+    return camera_pose(tuple(place), headings[i] * (1 - s) + headings[i + 1] * s)
+
+
+@pytest.mark.slow
+def test_a_route_that_was_taught_by_hand_is_flown_again(rooms, poses, tmp_path):
+    config = taught_settings(load_config(None, {}), CAMERA)
+    pilot = Flight(rooms, poses, GoalSidecar(CAMERA).mount)
+    clocks = Clocks(CLOCK, lambda: pilot.now_ns, lambda: pilot.now_ns)
+    teacher = RouteTeacher(config, tmp_path, ClassicalMatcher(), clocks, TeachLimits())
+    for share in np.linspace(0.0, 1.0, 36):
+        pilot.put(along(poses, share))
+        teacher.heed([pilot.state()])
+        pilot.now_ns += 50_000_000
+        teacher.heed([pilot.state()])
+        assert teacher.look(pilot.sample(), decoded) is not Event.LOST
+    assert teacher.finish()
+    goals = [load_goal(path) for path in route_pictures([tmp_path])]
+    assert 3 <= len(goals) <= 8
+    taught = [poses[0]] * (len(goals) + 1)  # where the goals are plays no part in flying by them
+    assert_arrived(flown(rooms, taught, goals), poses[-1])
+
+
+def decoded(sample):
+    return decode_frame(sample.payload, decode_header(sample.attachment))

@@ -63,6 +63,7 @@ class RouteTeacher:
         self._history = VehicleHistory()
         self._eye: Eye | None = None
         self._last: Frame | None = None
+        self._full_overlap = 0.0
         self.count = 0
 
     def heed(self, states: Sequence[VehicleState]) -> None:
@@ -80,7 +81,9 @@ class RouteTeacher:
         glance = self._eye.look(sample)
         if glance.frame is None or glance.outcome is None:
             return Event.NOTHING
-        lesson = judge(glance.outcome.result, self._limits)
+        result = glance.outcome.result
+        self._full_overlap = max(self._full_overlap, result.overlap)
+        lesson = judge(result, self._limits, self._full_overlap)
         if lesson is Lesson.LOST:
             return Event.LOST
         self._last = glance.frame
@@ -106,7 +109,7 @@ class RouteTeacher:
             self._eye = build_eye(self._config, goal, self._matcher, self._clocks)
         else:
             self._eye.aim(servo_task(self._config, goal), self._eye.prepare(goal))
-        self._last = None
+        self._last, self._full_overlap = None, 0.0
         return True
 
 

@@ -1,0 +1,54 @@
+"""When the next goal of a taught route is due."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from dfvs_core.servo.exchange import ServoResult, Verdict
+from dfvs_core.teaching import Lesson, TeachLimits, judge
+
+LIMITS = TeachLimits(overlap=0.5, turn_rad=0.35, distance=0.3, stillness=0.05)
+NEAR = ServoResult(
+    verdict=Verdict.OK,
+    velocity=np.zeros(4),
+    motion=np.zeros(4),
+    error_m=0.2,
+    error_rad=0.1,
+    feature_error_px=9.0,
+    scale_free_error=0.2,
+    residual_px=0.2,
+    inlier_share=0.9,
+    overlap=0.4,
+    condition=10.0,
+    depth_m=2.0,
+    reached=False,
+)
+
+
+def lesson(full_overlap=0.7, **changes):
+    return judge(dataclasses.replace(NEAR, **changes), LIMITS, full_overlap)
+
+
+def test_a_goal_is_due_when_the_last_one_is_far_turned_away_or_leaving():
+    assert lesson() is Lesson.NEAR
+    assert lesson(scale_free_error=0.41) is Lesson.DUE
+    assert lesson(error_rad=0.36, scale_free_error=0.4) is Lesson.DUE
+    assert lesson(overlap=0.34) is Lesson.DUE
+
+
+def test_a_plain_view_that_was_never_trusted_as_a_whole_is_not_leaving():
+    assert lesson(overlap=0.2, full_overlap=0.3) is Lesson.NEAR
+    assert lesson(overlap=0.14, full_overlap=0.3) is Lesson.DUE
+
+
+def test_a_vehicle_that_stands_still_takes_one_picture():
+    assert lesson(overlap=0.1, scale_free_error=0.04) is Lesson.NEAR
+
+
+@pytest.mark.parametrize(
+    "verdict", [Verdict.NO_OVERLAP, Verdict.NO_AGREEMENT, Verdict.DEGENERATE, Verdict.NOT_FINITE]
+)
+def test_without_a_sure_match_the_route_is_lost(verdict):
+    assert lesson(verdict=verdict) is Lesson.LOST
+    assert lesson(verdict=Verdict.STUCK) is Lesson.NEAR
