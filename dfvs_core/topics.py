@@ -25,6 +25,8 @@ class Topics:
     flow       service       10 Hz   coarse grid of flow and confidence: ``wire.flow_grid`` [1]_
     goal       service       change  JPEG: goal picture (cached); attachment: ``wire.frame``
     config     service       once    JSON: resolved configuration (cached for late joiners)
+    opening    service       change  ``wire.turn``: all that perception works with (cached)
+    turn       service       frame   ``wire.turn``: frame, inputs and results, for recorders [1]_
     command    operator      --      JSON: signed engage, hold, abort
     new_goal   operator      --      ``wire.goal_order``; attachment: signed command for it
     lease      service       --      liveliness tokens: who stands by, who is engaged
