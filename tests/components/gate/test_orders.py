@@ -6,13 +6,20 @@ import socket
 import threading
 import time
 
+import numpy as np
 import pytest
 
+from dfvs_core.camera import CameraModel
 from dfvs_core.gate.authority import Authority
+from dfvs_core.goal import GoalSidecar
 from dfvs_core.topics import Topics
+from dfvs_core.wire.goal_order import GoalOrder
+from dfvs_core.wire.picture import encode_png
 from dfvs_service import cli
 from dfvs_service.config import load_config
+from dfvs_service.goal_file import ordered_goal
 from dfvs_service.key_file import create_key, load_key
+from dfvs_service.perception.order_desk import OrderDesk
 from dfvs_service.zenoh_session import open_session
 
 TOPICS = Topics("swift")
@@ -26,13 +33,24 @@ class Service:
         self.authority = Authority(key, "swift", lambda: secrets.token_hex(8), now_ns)
         self.results = []
         self.stopped = threading.Event()
+        self.desk = OrderDesk(now_ns)
+        self.arguments = []
         self.publisher = session.declare_publisher(TOPICS.telemetry("state"))
         self.subscriber = session.declare_subscriber(TOPICS.command, self.on_command)
+        self.goals = session.declare_subscriber(TOPICS.new_goal, self.on_goal)
         self.thread = threading.Thread(target=self.publish)
         self.thread.start()
 
     def on_command(self, sample):
-        verdict = self.authority.judge(sample.payload.to_bytes(), time.monotonic_ns())
+        self.judge(self.desk.take_command(sample.payload.to_bytes(), time.monotonic_ns()))
+
+    def on_goal(self, sample):
+        signed = sample.attachment.to_bytes()
+        self.judge(self.desk.take_goal(sample.payload.to_bytes(), signed, time.monotonic_ns()))
+
+    def judge(self, command):
+        verdict = self.authority.judge(command.payload.encode(), time.monotonic_ns())
+        self.arguments.append(verdict.argument)
         self.results.append(verdict.text)
 
     def publish(self):
@@ -88,6 +106,20 @@ def test_orders_are_accepted_one_after_the_other(endpoint, key_file, listening, 
     assert order(endpoint, key_file, "abort") == 0
     assert service.results == ["accepted: engage", "accepted: abort"]
     assert capsys.readouterr().out.splitlines() == service.results
+
+
+def test_a_new_goal_arrives_with_its_sidecar_under_one_signature(
+    endpoint, key_file, listening, tmp_path
+):
+    service = listening(load_key(key_file))
+    picture, sidecar = tmp_path / "b.png", GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 1.0))
+    picture.write_bytes(encode_png(np.zeros((48, 64, 3), np.uint8)))
+    picture.with_suffix(".json").write_text(sidecar.to_json())
+    assert order(endpoint, key_file, "goal", "--goal", str(picture)) == 0
+    assert service.results == ["accepted: goal"]
+    arrived = GoalOrder.from_bytes(service.desk.hand_out(service.arguments[0]))
+    assert arrived == GoalOrder(picture.read_bytes(), sidecar.to_json())
+    assert ordered_goal(arrived, sidecar).sidecar == sidecar
 
 
 def test_an_order_under_the_wrong_key_is_refused(endpoint, key_file, listening, tmp_path, capsys):

@@ -1,0 +1,56 @@
+import numpy as np
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import DfvsError
+from dfvs_core.goal import GoalSidecar, Mount
+from dfvs_core.wire.goal_order import GoalOrder
+from dfvs_core.wire.picture import encode_png
+from dfvs_service.goal_file import goal_order, ordered_goal
+
+CAMERA = CameraModel.from_horizontal_fov(64, 48, 1.0)
+FLOWN = GoalSidecar(CAMERA, mount=Mount(pitch_rad=0.1))
+
+
+def picture(width=64, height=48):
+    return encode_png(np.zeros((height, width, 3), np.uint8))
+
+
+def test_a_goal_without_a_sidecar_counts_as_taken_by_the_camera_that_flies():
+    goal = ordered_goal(GoalOrder(picture()), FLOWN)
+    assert goal.sidecar == FLOWN
+    assert goal.image.shape == (48, 64, 3)
+
+
+def test_a_goals_own_sidecar_counts():
+    own = GoalSidecar(CAMERA, roll_rad=0.2)
+    assert ordered_goal(GoalOrder(picture(), own.to_json()), FLOWN).sidecar == own
+
+
+@pytest.mark.parametrize(
+    "order",
+    [
+        GoalOrder(b"GIF89a"),
+        GoalOrder(picture(32, 24)),
+        GoalOrder(picture(), "not JSON"),
+        GoalOrder(picture(), '{"unknown": 1}'),
+        GoalOrder(
+            picture(32, 24), GoalSidecar(CameraModel.from_horizontal_fov(32, 24, 1.0)).to_json()
+        ),
+    ],
+    ids=["no picture", "another size", "no sidecar", "a wrong sidecar", "another camera's"],
+)
+def test_what_cannot_be_flown_to_is_an_error(order):
+    with pytest.raises(DfvsError):
+        ordered_goal(order, FLOWN)
+
+
+def test_a_picture_is_sent_as_it_is_on_disk(tmp_path):
+    path = tmp_path / "b.png"
+    path.write_bytes(picture())
+    assert goal_order(path) == GoalOrder(picture())
+    path.with_suffix(".json").write_text(FLOWN.to_json())
+    assert goal_order(path) == GoalOrder(picture(), FLOWN.to_json())
+    path.write_bytes(picture(32, 24))
+    with pytest.raises(DfvsError):
+        goal_order(path)
