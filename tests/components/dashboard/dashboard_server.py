@@ -2,6 +2,7 @@
 
 import dataclasses
 import socket
+import ssl
 import subprocess
 import sys
 import time
@@ -25,10 +26,11 @@ class Server:
     words: tuple = ()
     port: int = dataclasses.field(default_factory=free_port)
     process: subprocess.Popen | None = None
+    tls: ssl.SSLContext | None = None
 
     @property
     def url(self):
-        return f"http://127.0.0.1:{self.port}/"
+        return f"{'http' if self.tls is None else 'https'}://127.0.0.1:{self.port}/"
 
     def start(self):
         command = [sys.executable, "-m", "dfvs_service.dashboard.cli", "--port", str(self.port)]
@@ -45,7 +47,7 @@ class Server:
 
     def answers(self):
         try:
-            return urllib.request.urlopen(self.url, timeout=2.0).status == 200
+            return urllib.request.urlopen(self.url, timeout=2.0, context=self.tls).status == 200
         except (urllib.error.URLError, TimeoutError):
             return False
 

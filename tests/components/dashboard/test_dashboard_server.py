@@ -2,7 +2,9 @@
 
 import contextlib
 import json
+import ssl
 import struct
+import subprocess
 import time
 
 import pytest
@@ -18,11 +20,12 @@ class Browser:
     """One connection; gathers news until something is told."""
 
     def __init__(self, server, token="", **headers):
-        host = f"127.0.0.1:{server.port}"
+        page = server.url.rstrip("/")
         self.closing = contextlib.ExitStack()
-        origin = headers.get("origin", f"http://{host}")
+        origin = headers.get("origin", page)
+        address = page.replace("http", "ws", 1) + "/live"
         self.socket = self.closing.enter_context(
-            connect(f"ws://{host}/live", origin=origin, proxy=None)
+            connect(address, origin=origin, proxy=None, ssl=server.tls)
         )
         self.news = {}
         self.pictures = {}
@@ -163,5 +166,34 @@ def test_a_service_that_starts_later_and_again_is_found():
                     browser.hear_until(
                         lambda _, seen=seen: len(browser.pictures.get(1, [])) > seen + 3
                     )
+    finally:
+        server.kill()
+
+
+@pytest.fixture
+def certificate(tmp_path):
+    cert, key = str(tmp_path / "cert.pem"), str(tmp_path / "key.pem")
+    command = [
+        *("openssl", "req", "-x509", "-newkey", "ec", "-pkeyopt", "ec_paramgen_curve:prime256v1"),
+        *("-nodes", "-subj", "/CN=drone", "-addext", "subjectAltName=IP:127.0.0.1"),
+        *("-keyout", key, "-out", cert),
+    ]
+    subprocess.run(command, check=True, capture_output=True)
+    return cert, key
+
+
+def test_beyond_this_machine_it_is_encrypted_and_shows_nothing_without_a_token(field, certificate):
+    cert, key = certificate
+    words = ["--host", "0.0.0.0", "--name", "127.0.0.1", "--cert", cert, "--key", key]
+    words += ["--viewer-token", str(field.token_file)]
+    context = ssl.create_default_context(cafile=cert)
+    server = Server(field.endpoints, tuple(words), tls=context).start()
+    try:
+        with Browser(server) as browser, pytest.raises(ConnectionClosed) as closed:
+            browser.hear_until(lambda news: "vehicles" in news)
+        assert closed.value.rcvd.code == 4401
+        assert browser.news == {}
+        with Browser(server, field.token) as browser:
+            assert browser.watch("swift")["welcome"]["can_order"] is False
     finally:
         server.kill()
