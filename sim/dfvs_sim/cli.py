@@ -15,6 +15,7 @@ from dfvs_sim.commands import (
     goal,
     pairs,
     room,
+    soak,
     vehicle,
     world,
 )
@@ -37,7 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     subparsers = parser.add_subparsers(metavar="COMMAND")
-    for command in (vehicle, camera, goal, room, pairs, faults, fuzz, bench_renderer):
+    for command in (vehicle, camera, goal, room, pairs, faults, fuzz, soak, bench_renderer):
         command.add_parser(subparsers)
     world.add_options(parser)
     return run_command(parser, argv)

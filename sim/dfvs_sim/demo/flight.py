@@ -76,6 +76,16 @@ class FlightLog:
     vehicle_record: Path | None
 
 
+@dataclass(frozen=True, slots=True)
+class Crew:
+    """Who is there once the vehicle follows the service."""
+
+    pilot: Pilot
+    watch: TelemetryWatch
+    track: Track
+    service: Child
+
+
 class Flight:
     """Everything that one flight needs, from an empty folder to a log.
 
@@ -122,22 +132,22 @@ class Flight:
             track = Track(to_scene, self._plan.T_scene_goal)
             session = stack.enter_context(open_peer(self._ports.zenoh_endpoint))
             camera = self._camera(to_scene, self._link.publisher(session))
-            stack.enter_context(_running(camera.run, "camera"))
+            stack.enter_context(running(camera.run, "camera"))
             self._narrate(f"the pilot takes off to {self._options.height_m:g} m")
             pilot.take_off(self._options.height_m)
             watch = TelemetryWatch(session, Topics(VEHICLE_NAME))
             self._narrate("starting dfvs-service")
             service = stack.enter_context(self._service())
-            self._await_ready(watch, service)
+            self.await_ready(watch, service)
             if page is not None and page.exit_code is not None:
                 raise FlightError(f"dfvs-dashboard ended at once:\n{page.last_lines()}")
             self._options.pause("press Enter to fly")
-            self._await_ready(watch, service)  # it may have been lost meanwhile
-            stack.enter_context(_running(track.run, "track"))
+            self.await_ready(watch, service)  # it may have been lost meanwhile
+            stack.enter_context(running(track.run, "track"))
             self._narrate("the pilot switches to OFFBOARD")
             engaged_ns = time.monotonic_ns()
             pilot.engage_offboard()
-            self._await_end(watch, track, service, on_progress)
+            self.fly(Crew(pilot, watch, track, service), on_progress)
             ended_ns = time.monotonic_ns()
             time.sleep(_SETTLE_S)
             log = FlightLog(
@@ -226,7 +236,14 @@ class Flight:
         )
         return MockCamera(config, self._plan.renderer, T_scene_camera, publish)
 
-    def _await_ready(self, watch: TelemetryWatch, service: Child) -> None:
+    def await_ready(self, watch: TelemetryWatch, service: Child) -> None:
+        """Wait until the service is ready.
+
+        Raises
+        ------
+        FlightError
+            If it is not in time, or has ended.
+        """
         deadline = time.monotonic() + self._options.ready_s
         while time.monotonic() < deadline:
             if watch.wait_for_state(READY, 0.5) is not None:
@@ -238,22 +255,17 @@ class Flight:
             f"(state {watch.state or 'unknown'}: {watch.cause or service.last_lines()})"
         )
 
-    def _await_end(
-        self,
-        watch: TelemetryWatch,
-        track: Track,
-        service: Child,
-        on_progress: Callable[[TelemetryWatch, Track], None],
-    ) -> None:
+    def fly(self, crew: Crew, on_progress: Callable[[TelemetryWatch, Track], None]) -> None:
+        """Wait for the end of the flight that has begun, or for the timeout."""
         deadline = time.monotonic() + self._options.timeout_s
-        while time.monotonic() < deadline and service.exit_code is None:
-            if watch.wait_for_state(ENDED, 0.2) is not None:
+        while time.monotonic() < deadline and crew.service.exit_code is None:
+            if crew.watch.wait_for_state(ENDED, 0.2) is not None:
                 return
-            on_progress(watch, track)
+            on_progress(crew.watch, crew.track)
 
 
 @contextlib.contextmanager
-def _running(work: Callable[[threading.Event], None], name: str) -> Iterator[None]:
+def running(work: Callable[[threading.Event], None], name: str) -> Iterator[None]:
     """Run ``work(stop)`` on a thread inside the context."""
     stop = threading.Event()
     thread = threading.Thread(target=work, args=(stop,), name=name, daemon=True)

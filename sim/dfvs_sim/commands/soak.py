@@ -1,0 +1,131 @@
+"""``dfvs-sim soak``: goal after goal, and what it does to the service's processes."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError
+from dfvs_sim.demo.flight import FlightError
+from dfvs_sim.demo.plan import make_plan
+from dfvs_sim.demo.progress import Progress
+from dfvs_sim.options import add_scene_option, write_json
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.soak.plots import write_plots
+from dfvs_sim.soak.tour import Tour
+from dfvs_sim.soak.verdict import MAX_MB_PER_H, document, judge, latency_figures
+
+_FOV_RAD = float(np.radians(75.0))
+_EPILOG = """example:
+  dfvs-sim soak --minutes 30 --json soak.json --out soak
+
+exit code: 0 nothing grows, 1 something grows or the time was too short to tell, 2 cannot run
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add ``soak`` to the subcommands of ``dfvs-sim``."""
+    parser = subparsers.add_parser(
+        "soak",
+        help="fly goal after goal and watch memory, descriptors and threads",
+        description="Fly the real dfvs-service from goal to goal by signed orders, with the same "
+        "processes all the time, and judge whether their memory, file descriptors or threads grow.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_scene_option(parser)
+    add = parser.add_argument
+    add("--minutes", type=float, default=30.0, metavar="N", help="time to fly (default: 30)")
+    add("--seed", type=int, default=0, help="draws the places to fly between")
+    add("--out", type=Path, default=Path("soak"), metavar="DIR", help="folder for logs and plots")
+    add("--json", type=Path, metavar="FILE", help="write the figures there as well")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fly and judge; 0 if nothing grows, else 1.
+
+    Raises
+    ------
+    DfvsError
+        If an option cannot be used, or nothing was flown.
+    """
+    if not 1.0 <= args.minutes <= 6000.0:
+        raise ConfigError(f"--minutes is {args.minutes:g}", "1 to 6000")
+    try:
+        args.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"cannot make the folder {args.out} ({error.strerror})") from error
+    progress = Progress()
+    camera = CameraModel.from_horizontal_fov(320, 240, _FOV_RAD)
+    plan = make_plan(
+        Renderer(load_glb(args.scene or builtin_room_path())), camera, args.seed, None, []
+    )
+    tour = Tour(plan, args.out.absolute(), args.minutes, lambda text: progress.say(f"  {text}"))
+    began_s, ended = time.monotonic(), ""
+    try:
+        tour.run(lambda watch, track: None)
+    except FlightError as error:
+        ended = str(error)
+        if not tour.legs:
+            raise
+    report = figures(tour, (time.monotonic() - began_s) / 60.0, ended)
+    _print(report)
+    write_json(args.out / "soak.json", report)
+    if args.json is not None:
+        write_json(args.json, report)
+    return 0 if report["verdict"] == "passed" else 1
+
+
+def figures(tour: Tour, minutes: float, ended: str) -> dict[str, Any]:
+    """What is written as JSON; plots go beside it.
+
+    Raises
+    ------
+    ConfigError
+        If there are too few samples to tell anything.
+    """
+    samples = [] if tour.sampler is None else tour.sampler.samples
+    try:
+        verdicts = judge(samples)
+    except ValueError as error:
+        raise ConfigError(f"too short a flight to judge ({error})", "more --minutes") from error
+    write_plots(samples, tour.folder / "soak.png")
+    holds = [t for t in tour.transitions() if (t["source"], t["target"]) == ("SERVO", "HOLD")]
+    reached = sum(leg.state == "DONE" for leg in tour.legs)
+    all_well = all(v.passed for v in verdicts) and not holds and reached == len(tour.legs)
+    return {
+        "minutes": round(minutes, 2),
+        "legs": len(tour.legs),
+        "reached": reached,
+        "false_holds": [f"{t['cause']} {t.get('detail', '')}".strip() for t in holds],
+        "ended_early": ended,
+        "limit_mb_per_h": MAX_MB_PER_H,
+        "processes": document(verdicts),
+        "latency_ms": latency_figures(samples),
+        "verdict": "passed" if all_well and not ended else "failed",
+        "flown": [asdict(leg) for leg in tour.legs],
+    }
+
+
+def _print(report: dict[str, Any]) -> None:
+    names = f"{'PSS MB':>10s}{'MB/h':>9s}{'95 % interval':>19s}{'fds':>5s}{'threads':>9s}"
+    print(f"{'process':12s}{names}")
+    for p in report["processes"]:
+        interval = f"{p['mb_per_h_low']:.2f} to {p['mb_per_h_high']:.2f}"
+        print(
+            f"{p['role']:12s}{p['last_pss_mb']:10.1f}{p['mb_per_h']:9.2f}{interval:>19s}"
+            f"{p['descriptors_grown']:+5d}{p['threads_grown']:+9d}  memory {p['memory']}"
+        )
+    print(
+        f"{report['legs']} legs in {report['minutes']:.1f} min, {report['reached']} reached, "
+        f"{len(report['false_holds'])} false holds: {report['verdict']}"
+    )
