@@ -97,7 +97,9 @@ class PairArtist:
         if (self._low >= self._high).any():
             raise SceneError(f"the scene is only {high - low} m wide", "room for a camera")
 
-    def training_pair(self, size: tuple[int, int], rng: np.random.Generator) -> ViewPair:
+    def training_pair(
+        self, size: tuple[int, int], rng: np.random.Generator, rules: Rules = TRAINING_RULES
+    ) -> ViewPair:
         """Draw a training pair of size (width, height) px: any field of view, any attitude.
 
         Raises
@@ -106,7 +108,7 @@ class PairArtist:
             If none was found.
         """
         camera = CameraModel.from_horizontal_fov(*size, float(rng.uniform(*_FOV_RAD)))
-        return self._pair(camera, TRAINING_RULES, (_training_look, training_motion), rng)
+        return self._pair(camera, rules, (_training_look, training_motion), rng)
 
     def evaluation_pair(self, level: str, rng: np.random.Generator) -> ViewPair:
         """Draw an evaluation pair of a level: the first view upright, pitched by a little.

@@ -8,7 +8,7 @@ from dfvs_core.errors import ImageError
 from dfvs_core.matching.evaluation import LEVELS
 from dfvs_core.pair_files import SHARD_ARRAYS
 from dfvs_core.poses import invert_pose, so3_log
-from dfvs_sim.pairs.drawing import EVALUATION_CAMERA, PairArtist
+from dfvs_sim.pairs.drawing import EVALUATION_CAMERA, PairArtist, Rules
 from dfvs_sim.pairs.evaluation_file import read_flow_pairs
 from dfvs_sim.pairs.files import evaluation_arrays, shard_arrays, write_arrays
 from dfvs_sim.pairs.motion import training_motion
@@ -85,6 +85,15 @@ class TestAPair:
             assert space.clearance_m(pair.poses[0][:3, 3]) >= 0.2
             assert space.clearance_m(pair.poses[1][:3, 3]) >= 0.12
         assert len({pair.camera.fx for pair in training}) == len(training)
+
+    def test_keeps_both_cameras_away_from_things(self, artist, renderer):
+        rng, space = np.random.default_rng(5), FreeSpace(renderer)
+        for first_m, second_m in ((0.7, 0.3), (0.3, 0.7)):
+            rules = Rules((first_m, second_m), 0.35, 0.12)
+            for _ in range(4):
+                a, b = artist.training_pair(SIZE, rng, rules).poses
+                assert space.clearance_m(a[:3, 3]) >= first_m
+                assert space.clearance_m(b[:3, 3]) >= second_m
 
     def test_for_evaluation_keeps_to_its_level(self, evaluation):
         for level, pair in zip(LEVELS, evaluation, strict=True):
