@@ -142,6 +142,36 @@ def test_a_recorder_that_never_comes_costs_a_bounded_memory_and_no_time(service,
     feed.close(0.05)
 
 
+def test_a_recorder_that_hangs_delays_nobody(service, flight, tmp_path):
+    """Publishing to it blocks for seconds; that is its own thread's trouble alone."""
+    session, endpoint = service
+    heard = []
+    telemetry = session.declare_publisher(TOPICS.telemetry("servo"))
+    subscriber = session.declare_subscriber(TOPICS.telemetry("servo"), heard.append)
+    feed = TurnFeed(session, TOPICS)
+    feed.offer(*flight.events[0])
+    recorder = start_recorder(endpoint, tmp_path)
+    try:
+        wait_until(lambda: feed.wanted)
+        os.kill(recorder.pid, signal.SIGSTOP)
+        turn, payload = flight.turns[0], bytes(1024 * 1024)
+        longest, last = 0.0, time.monotonic()
+        for _ in range(300):
+            feed.offer(turn, payload)
+            now = time.monotonic()
+            longest, last = max(longest, now - last), now
+            time.sleep(0.01)
+        telemetry.put(b"still told")
+        wait_until(lambda: bool(heard))
+    finally:
+        recorder.kill()
+        recorder.communicate()
+        feed.close()
+        subscriber.undeclare()
+    assert feed.dropped > 100
+    assert longest < 0.5  # a put that kept the interpreter to itself would take seconds
+
+
 def test_while_nobody_records_nothing_is_kept(service, flight):
     session, _ = service
     feed = TurnFeed(session, TOPICS)
