@@ -83,3 +83,19 @@ def test_a_crawl_caps_linear_speeds_alone():
 def test_a_velocity_that_is_not_finite_says_so(bad):
     assert not BodyVelocity(0.0, bad, 0.0, 0.0).is_finite()
     assert ZERO.is_finite()
+
+
+def test_a_sum_adds_every_component():
+    total = BodyVelocity(0.1, 0.2, 0.3, 0.4).plus(BodyVelocity(1.0, 2.0, 3.0, 4.0))
+    assert components(total) == pytest.approx((1.1, 2.2, 3.3, 4.4))
+
+
+def test_a_cap_touches_linear_speeds_alone():
+    limits = VelocityLimits(0.7, 0.4, 0.5, 0.6, 0.8)
+    assert limits.capped(0.1) == VelocityLimits(0.1, 0.1, 0.5, 0.6, 0.8)
+
+
+def test_a_target_within_reach_is_met_to_the_last_bit():
+    """-0.05 plus the difference to 0.22 is not 0.22 in floats."""
+    target = BodyVelocity(0.22)
+    assert slew(BodyVelocity(-0.05), target, 1.0, LIMITS) == target
