@@ -18,6 +18,7 @@ import numpy as np
 from dfvs_core.gate.states import GateState
 from dfvs_sim.faults.case import Fault, Outcome
 
+_MAX_CAUSE = 80
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 76rem; padding: 0 1rem;
   color: #1c2733; background: #fff; }
@@ -69,7 +70,7 @@ def make_rows(outcomes: Sequence[Outcome], faults: Mapping[str, Fault]) -> list[
 def _row(fault: Fault, outcomes: Sequence[Outcome]) -> Row:
     times = [o.reaction_ms for o in outcomes if math.isfinite(o.reaction_ms)]
     p50, p99, most = np.percentile(times, [50, 99, 100]) if times else (None, None, None)
-    causes = Counter(o.cause.split(":")[0] for o in outcomes if o.cause)
+    causes = Counter(o.cause[:_MAX_CAUSE] for o in outcomes if o.cause)
     return Row(
         fault=fault.name,
         state=outcomes[0].state,
