@@ -53,6 +53,10 @@ class KeptFrame:
     T_world_camera: FloatArray
 
 
+Glimpse = Callable[[], ServoResult]
+"""A look that is still to be taken."""
+
+
 @dataclass(frozen=True, slots=True)
 class FrameOutcome:
     """What one frame gave.
@@ -125,17 +129,23 @@ class Pipeline:
         self._state = ServoState(depth=self._state.depth, depth_map=self._state.depth_map)
         self._last_flow = None
 
-    def glimpse(self, task: ServoTask, goal: GoalView) -> ServoResult | None:
-        """What the last frame says about another goal, None before the first one.
+    def glimpse(self, task: ServoTask, goal: GoalView) -> Glimpse | None:
+        """What the last frame says about another goal, to be worked out on any thread.
 
-        Nothing of it is remembered: the frames to come give the same results without it.
+        None before the first frame. Nothing of it is remembered: the frames to come give the same
+        results without it.
         """
         if self._last_inputs is None or not self._kept:
             return None
-        flow = self._matcher.match(self._kept[-1].prepared, goal.prepared)
-        inputs = replace(self._last_inputs, flow=flow, earlier=None, engaged=False)
+        matcher, prepared = self._matcher, self._kept[-1].prepared
+        inputs = replace(self._last_inputs, earlier=None, engaged=False)
         state = ServoState(depth=self._state.depth, depth_map=self._state.depth_map)
-        return servo_step(task, state, inputs)[0]
+
+        def work() -> ServoResult:
+            flow = matcher.match(prepared, goal.prepared)
+            return servo_step(task, state, replace(inputs, flow=flow))[0]
+
+        return work
 
     def process(self, frame: Frame, motion: Motion, engaged: bool) -> FrameOutcome:
         """Work on one frame.

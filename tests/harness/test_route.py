@@ -4,6 +4,7 @@ import itertools
 
 import numpy as np
 import pytest
+from at_once import AtOnce
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.goal import Goal, GoalSidecar
@@ -27,9 +28,9 @@ from dfvs_sim.scene import two_rooms_path
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.poses import camera_pose
 
-CAMERA = CameraModel.from_horizontal_fov(320, 240, np.radians(75.0))
+CAMERA = CameraModel.from_horizontal_fov(256, 192, np.radians(75.0))
 CLOCK = b"c" * 16
-STEP_NS = 150_000_000
+STEP_NS = 200_000_000
 LAG_S = 0.5
 LONGEST_S = 60.0
 
@@ -117,7 +118,7 @@ def flown(rooms, poses, goals):
     flight = Flight(rooms, poses, goals[0].sidecar.mount)
     clocks = Clocks(CLOCK, lambda: flight.now_ns, lambda: flight.now_ns)
     eye = build_eye(config, goals[0], ClassicalMatcher(), clocks)
-    route = RouteFollower(config, goals)
+    route = RouteFollower(config, goals, AtOnce())
     outcome = Outcome(flight, route)
     while flight.now_ns < 10**12 + LONGEST_S * 1e9:
         eye.heed(GateStatus("SERVO", "", flight.state()))

@@ -8,8 +8,7 @@ from dataclasses import dataclass
 from dfvs_core.camera import CameraModel
 from dfvs_core.frame_guard import Expected, GuardState, admit
 from dfvs_core.goal import Goal
-from dfvs_core.pipeline import UNKNOWN_ERROR, FrameOutcome, GoalView, Pipeline
-from dfvs_core.servo.exchange import ServoResult
+from dfvs_core.pipeline import UNKNOWN_ERROR, FrameOutcome, Glimpse, GoalView, Pipeline
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import VehicleHistory
 from dfvs_core.wire.frame import Frame
@@ -104,8 +103,8 @@ class Eye:
         """Compute once what depends on another goal's picture alone."""
         return self._pipeline.prepare(goal)
 
-    def glimpse(self, task: ServoTask, goal: GoalView) -> ServoResult | None:
-        """What the last good frame says about another goal; nothing of it is remembered."""
+    def glimpse(self, task: ServoTask, goal: GoalView) -> Glimpse | None:
+        """What the last good frame says about another goal, to be worked out on any thread."""
         return self._pipeline.glimpse(task, goal)
 
     def aim(self, task: ServoTask, goal: GoalView) -> None:

@@ -8,6 +8,7 @@ import os
 import sys
 import time
 from collections.abc import Sequence
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
@@ -103,7 +104,8 @@ class PerceptionProcess:
         self._told_cameras: set[str] = set()
         flow = config.flow
         self._matcher = load_matcher(flow.model, flow.threads, flow.provider)
-        self._route = RouteFollower(config, goals)
+        self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look-ahead")
+        self._route = RouteFollower(config, goals, self._workers)
         self._goal_digest = self._goal_flaw = ""
         self._eye = self._build_eye(goal)
         self._status: GateStatus | None = None
@@ -143,6 +145,7 @@ class PerceptionProcess:
             del frames, camera, orders, goals
             feed.close()
             telemetry.close()
+        self._workers.shutdown(wait=False, cancel_futures=True)
         self._gate.close()
 
     def stop(self, _signal: int, _frame: FrameType | None) -> None:
@@ -170,7 +173,7 @@ class PerceptionProcess:
         try:
             order = GoalOrder.from_bytes(self._desk.hand_out(digest))
             self._goal = ordered_goal(order, flown)
-            self._route = RouteFollower(self._config, [self._goal])
+            self._route = RouteFollower(self._config, [self._goal], self._workers)
         except DfvsError as error:
             self._goal_flaw = f"the new goal cannot be used: {error}"
             log.warning("%s", self._goal_flaw)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import dataclasses
 from collections.abc import Sequence
+from concurrent.futures import Executor, Future
 
 from dfvs_core.goal import Goal
 from dfvs_core.pipeline import FrameOutcome, GoalView
@@ -16,6 +17,7 @@ from dfvs_core.route import (
     may_go_on,
     wants_look,
 )
+from dfvs_core.servo.exchange import ServoResult
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.wire.link import PerceptionReport
 from dfvs_service.config import ServiceConfig
@@ -32,15 +34,20 @@ class RouteFollower:
         Resolved settings.
     goals : sequence of Goal
         In the order in which they are to be reached.
+    workers : Executor
+        Takes looks at the next goal: each costs as much as a match, and the frames that are
+        flown by must not wait for it.
     """
 
-    def __init__(self, config: ServiceConfig, goals: Sequence[Goal]) -> None:
+    def __init__(self, config: ServiceConfig, goals: Sequence[Goal], workers: Executor) -> None:
         self._config = config
         self._goals = tuple(goals)
         section = config.route
         self._limits = RouteLimits(section.near_m, section.near_rad, section.min_overlap)
         self._state = RouteState()
+        self._workers = workers
         self._ahead: tuple[ServoTask, GoalView] | None = None
+        self._look: Future[ServoResult] | None = None
         self._is_lost = False
         self.index = 0
 
@@ -78,23 +85,30 @@ class RouteFollower:
         self._is_lost = is_lost(self._state, self._limits, t_ns)
 
     def go_on(self, eye: Eye, t_ns: int) -> bool:
-        """Look for the next goal if it is time; tell whether it has become the goal at hand.
-
-        To be called once a frame's report is on its way: a look costs as much as a match.
-        """
-        if self.is_last or not wants_look(self._state, t_ns):
+        """Look for the next goal if it is time; tell whether it has become the goal at hand."""
+        if self.is_last:
             return False
-        if self._ahead is None:
-            following = self._goals[self.index + 1]
-            self._ahead = servo_task(self._config, following), eye.prepare(following)
-        seen = eye.glimpse(*self._ahead)
-        if seen is None:
+        if self._look is None:
+            self._begin_look(eye, t_ns)
+        if self._look is None or not self._look.done():
             return False
-        self._state = look(self._state, self._limits, seen, t_ns)
-        if not may_go_on(self._state):
+        self._state = look(self._state, self._limits, self._look.result(), t_ns)
+        self._look = None
+        if self._ahead is None or not may_go_on(self._state):
             return False
         eye.aim(*self._ahead)
         self.index += 1
         self._ahead = None
         self._state = RouteState(engaged_since_ns=self._state.engaged_since_ns)
         return True
+
+    def _begin_look(self, eye: Eye, t_ns: int) -> None:
+        """Have a look taken at the next goal, if it is time for one."""
+        if not wants_look(self._state, t_ns):
+            return
+        if self._ahead is None:
+            following = self._goals[self.index + 1]
+            self._ahead = servo_task(self._config, following), eye.prepare(following)
+        glimpse = eye.glimpse(*self._ahead)
+        if glimpse is not None:
+            self._look = self._workers.submit(glimpse)

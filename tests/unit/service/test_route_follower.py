@@ -1,7 +1,10 @@
 """Goals in a row, from frames of a box whose flow is known exactly."""
 
+from concurrent.futures import Future
+
 import numpy as np
 import pytest
+from at_once import AtOnce
 from box_sight import CAMERA, CLOCK, MS, KnowingMatcher, picture
 
 from dfvs_core.goal import Goal, GoalSidecar
@@ -24,7 +27,7 @@ class Rig:
         self.now_ns = 5_000 * MS
         clocks = Clocks(CLOCK, lambda: self.now_ns, lambda: self.now_ns)
         self.eye = build_eye(self.config, self.goals[0], KnowingMatcher(), clocks)
-        self.route = RouteFollower(self.config, self.goals)
+        self.route = RouteFollower(self.config, self.goals, AtOnce())
         self.state = "SERVO"
         self.seq = 0
 
@@ -97,6 +100,35 @@ def test_one_goal_is_no_route():
     rig = Rig((40.0,))
     assert rig.stay(40.0, 1)[-1].reached
     assert rig.route.is_last
+
+
+class Later(AtOnce):
+    """Works only when it is told to."""
+
+    def __init__(self):
+        self.waiting = []
+
+    def submit(self, fn, /, *args, **kwargs):
+        future = Future()
+        self.waiting.append((future, fn))
+        return future
+
+    def work(self):
+        for future, fn in self.waiting:
+            future.set_result(fn())
+        self.waiting.clear()
+
+
+def test_frames_do_not_wait_for_a_look_and_one_look_is_taken_at_a_time():
+    rig, workers = Rig(), Later()
+    rig.route = RouteFollower(rig.config, rig.goals, workers)
+    reports = rig.stay(40.0, 7)[1:]  # the first frame comes before two states
+    assert all(report.healthy for report in reports)
+    assert len(workers.waiting) == 1
+    for _ in range(2):
+        workers.work()
+        rig.stay(40.0, 0.4)
+    assert rig.route.index == 1
 
 
 def test_a_glimpse_of_the_next_goal_changes_nothing():
