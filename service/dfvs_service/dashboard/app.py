@@ -19,7 +19,7 @@ from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.courier import Courier
 from dfvs_service.dashboard.desk import OrderDesk
 from dfvs_service.dashboard.doorkeeper import Doorkeeper
-from dfvs_service.dashboard.hub import Hub
+from dfvs_service.dashboard.hub import MAX_VEHICLES, Hub
 from dfvs_service.dashboard.parcel import Arrival
 from dfvs_service.dashboard.receiver import Receiver
 from dfvs_service.dashboard.settings import DashboardSettings
@@ -65,7 +65,8 @@ class Dashboard:
 
     def _receiver(self, link: ZenohSection, courier: Courier) -> Receiver:
         def deliver(arrival: Arrival) -> None:
-            self._reached_by[arrival.vehicle] = link
+            if arrival.stream == "state" and len(self._reached_by) < MAX_VEHICLES:
+                self._reached_by[arrival.vehicle] = link
             courier.deliver(arrival)
 
         return Receiver(link, deliver)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import logging
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -14,8 +15,9 @@ from dfvs_core.wire.zenoh_settings import MAX_MESSAGE_BYTES
 from dfvs_service.dashboard.settings import dashboard_settings
 from dfvs_service.key_file import create_key
 
-EXIT_OK, EXIT_CANNOT_RUN, EXIT_INTERRUPTED = 0, 2, 130
+EXIT_OK, EXIT_CANNOT_RUN = 0, 2
 DEFAULT_PORT = 8470
+MAX_CONNECTIONS = 128
 
 _EXAMPLE = """\
 examples:
@@ -38,8 +40,6 @@ def main(argv: Sequence[str] | None = None) -> int:
     except DfvsError as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_CANNOT_RUN
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
 
 
 def _new_token(words: Sequence[str]) -> int:
@@ -104,10 +104,14 @@ def _serve(words: Sequence[str]) -> int:
         log_level="warning",
         server_header=False,
         proxy_headers=False,
+        limit_concurrency=MAX_CONNECTIONS,
         timeout_graceful_shutdown=1,
     )
     name = arguments.name[0] if arguments.name else arguments.host
     print(f"dashboard at {settings.address.scheme}://{name}:{arguments.port}/", flush=True)
+    for number in (signal.SIGINT, signal.SIGTERM):
+        # The server ends by itself first, and passes the signal on.
+        signal.signal(number, lambda *_: sys.exit(EXIT_OK))
     uvicorn.Server(config).run()
     return EXIT_OK
 

@@ -170,6 +170,14 @@ def test_a_service_that_starts_later_and_again_is_found():
         server.kill()
 
 
+def test_a_signal_ends_it_in_order_though_pages_are_open(field):
+    server = Server(field.endpoints).start()
+    with Browser(server) as browser:
+        browser.watch("heron")
+        server.process.terminate()
+        assert server.process.wait(10.0) == 0
+
+
 @pytest.fixture
 def certificate(tmp_path):
     cert, key = str(tmp_path / "cert.pem"), str(tmp_path / "key.pem")

@@ -46,10 +46,8 @@ export function drawFlow(context, grid, place) {
 function arrowAt(grid, column, row, i, place) {
   const u = Math.floor(grid.stride / 2) + column * grid.stride + 0.5;
   const v = Math.floor(grid.stride / 2) + row * grid.stride + 0.5;
-  const x = place.x + u * place.scale;
-  const y = place.y + v * place.scale;
   const k = place.scale / STEPS_PER_PX;
-  return { x, y, dx: grid.flow[2 * i] * k, dy: grid.flow[2 * i + 1] * k };
+  return { x: u * place.scale, y: v * place.scale, dx: grid.flow[2 * i] * k, dy: grid.flow[2 * i + 1] * k };
 }
 
 function addArrow(path, { x, y, dx, dy }, head) {
@@ -77,5 +75,5 @@ export function drawConfidence(context, grid, place) {
   });
   tintContext.putImageData(pixels, 0, 0);
   const size = grid.stride * place.scale;
-  context.drawImage(tint, place.x, place.y, grid.columns * size, grid.rows * size);
+  context.drawImage(tint, 0, 0, grid.columns * size, grid.rows * size);
 }

@@ -11,6 +11,7 @@ import { View } from "./view.js";
 const STALE_STATE_MS = 1500;
 const STALE_VIEW_MS = 1000;
 const REFRESH_MS = 200;
+const TABLES_EVERY = 5;
 const MODES = ["side", "slider", "blend", "difference"];
 
 const byId = (id) => document.getElementById(id);
@@ -29,6 +30,7 @@ let watched = "";
 let shown = "";
 let known = {};
 let columns = { servo: [], path: [] };
+let refreshes = 0;
 let lostSinceMs = performance.now();
 
 // --- news ------------------------------------------------------------------------------------
@@ -159,8 +161,10 @@ function refresh() {
   panels.showState(known.state ?? null, fresh);
   panels.showSince(known.state ?? null, now());
   panels.showNumbers(known);
-  panels.showLinks(known.link, screen, connection.clock.roundTripMs);
-  panels.showDelays(known.timing, screen);
+  if (refreshes++ % TABLES_EVERY === 0) {
+    panels.showLinks(known.link, screen, connection.clock.roundTripMs);
+    panels.showDelays(known.timing, screen);
+  }
   panels.describeView(view.frames, now(), view.captureMs, known);
   operator.show(known.state ?? null, fresh.kind === "live");
   showServer();

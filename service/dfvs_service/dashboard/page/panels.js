@@ -54,7 +54,10 @@ export function showState(state, freshness) {
     return;
   }
   const isStale = freshness.kind === "stale";
-  say(byId("state"), isStale ? `STALE: was ${state.state}` : state.state);
+  const title = isStale ? `STALE: was ${state.state}` : state.state;
+  // Causes may change many times a second; read aloud is only a change of the state.
+  if (byId("state").textContent !== title) say(byId("announcement"), `${title}. ${state.cause}`);
+  say(byId("state"), title);
   say(byId("cause"), isStale ? freshness.text : state.cause || "–");
   showFacts(state);
   showWarnings(state.warnings ?? []);

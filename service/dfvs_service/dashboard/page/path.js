@@ -3,6 +3,7 @@
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 const MAX_POINTS = 6000;
 const NEAREST_M = 0.5;
+const PERIOD_MS = 200;
 const HOME = Object.freeze({ turn: -0.6, tilt: 0.55, zoom: 1 });
 
 export class PathView {
@@ -12,6 +13,7 @@ export class PathView {
   #goal = null;
   #camera = { ...HOME };
   #isDue = false;
+  #isTurning = false;
 
   constructor(canvas) {
     this.#canvas = canvas;
@@ -57,10 +59,10 @@ export class PathView {
   redraw() {
     if (this.#isDue) return;
     this.#isDue = true;
-    requestAnimationFrame(() => {
+    setTimeout(() => requestAnimationFrame(() => {
       this.#isDue = false;
       this.#draw();
-    });
+    }), this.#isTurning ? 0 : PERIOD_MS);
   }
 
   #draw() {
@@ -190,7 +192,11 @@ export class PathView {
       event.preventDefault();
       event.stopPropagation();
     });
-    this.#canvas.addEventListener("pointerdown", (event) => this.#canvas.setPointerCapture(event.pointerId));
+    this.#canvas.addEventListener("pointerdown", (event) => {
+      this.#canvas.setPointerCapture(event.pointerId);
+      this.#isTurning = true;
+    });
+    this.#canvas.addEventListener("lostpointercapture", () => (this.#isTurning = false));
     this.#canvas.addEventListener("pointermove", (event) => {
       if (event.buttons) turn(event.movementX * 0.008, event.movementY * 0.008);
     });

@@ -14,7 +14,11 @@ export class View {
   #waiting = new Map();
   #captureMs = null;
   #flow = null;
+  #sheet = new OffscreenCanvas(1, 1);
+  #sheetKey = "";
+  #sheetFlow = null;
   #isDrawingDue = false;
+  #pendingMs = null;
   #delays = [];
   #drawnAt = [];
   #now;
@@ -65,7 +69,7 @@ export class View {
   async take(picture) {
     if (picture.kind === PICTURE.FLOW) {
       this.#flow = decodeFlow(picture.data);
-      if (this.showsFlow || this.showsConfidence) this.redraw();
+      // The next frame shows it; without one it is as old as the picture.
       return;
     }
     if (this.#decoding.has(picture.kind)) {
@@ -95,14 +99,14 @@ export class View {
 
   /** Draw at the next animation frame; with a capture time, count it when it is on the screen. */
   redraw(captureMs = null) {
-    if (captureMs !== null) this.pendingMs = captureMs;
+    if (captureMs !== null) this.#pendingMs = captureMs;
     if (this.#isDrawingDue) return;
     this.#isDrawingDue = true;
     requestAnimationFrame(() => {
       this.#isDrawingDue = false;
       this.#draw();
-      if (this.pendingMs != null) this.#count(this.pendingMs);
-      this.pendingMs = null;
+      if (this.#pendingMs != null) this.#count(this.#pendingMs);
+      this.#pendingMs = null;
     });
   }
 
@@ -183,17 +187,28 @@ export class View {
   }
 
   #overlay(area, live) {
-    if (!this.#flow || !live) return;
-    const place = { ...area, scale: area.w / live.width, minConfidence: this.minConfidence };
-    this.#context.save();
-    this.#context.beginPath();
+    if (!this.#flow || !live || !(this.showsFlow || this.showsConfidence)) return;
+    const sheet = this.#drawnOverlay(area.w, area.h, area.w / live.width);
     // Under the slider the live part alone has a flow.
-    const hidden = this.mode === "slider" ? area.w * this.mix : 0;
-    this.#context.rect(area.x + hidden, area.y, area.w - hidden, area.h);
-    this.#context.clip();
-    if (this.showsConfidence) drawConfidence(this.#context, this.#flow, place);
-    if (this.showsFlow) drawFlow(this.#context, this.#flow, place);
-    this.#context.restore();
+    const hidden = this.mode === "slider" ? Math.round(area.w * this.mix) : 0;
+    const shown = area.w - hidden;
+    if (shown < 1) return;
+    this.#context.drawImage(sheet, hidden, 0, shown, area.h, area.x + hidden, area.y, shown, area.h);
+  }
+
+  /** Overlay on a sheet of its own: drawn when a flow comes, not with every frame. */
+  #drawnOverlay(w, h, scale) {
+    const key = [w, h, this.showsFlow, this.showsConfidence, this.minConfidence].join();
+    if (this.#sheetKey === key && this.#sheetFlow === this.#flow) return this.#sheet;
+    this.#sheetKey = key;
+    this.#sheetFlow = this.#flow;
+    this.#sheet.width = w;
+    this.#sheet.height = h;
+    const context = this.#sheet.getContext("2d");
+    const place = { scale, minConfidence: this.minConfidence };
+    if (this.showsConfidence) drawConfidence(context, this.#flow, place);
+    if (this.showsFlow) drawFlow(context, this.#flow, place);
+    return this.#sheet;
   }
 
   #label(text, area) {
