@@ -122,7 +122,7 @@ def check_free(folder: Path) -> None:
     ModelError
         If the folder holds anything but a bundle.
     """
-    if folder.is_file():
-        raise ModelError(f"{folder} is a file", "a new folder, or a bundle")
+    if folder.exists() and not folder.is_dir():
+        raise ModelError(f"{folder} is no folder", "a new folder, or a bundle")
     if folder.is_dir() and not (folder / MANIFEST_NAME).is_file() and any(folder.iterdir()):
         raise ModelError(f"{folder} is not empty and no bundle", "a new folder, or a bundle")

@@ -123,6 +123,35 @@ def test_check_reports_and_passes(bundle: Path, checkpoint: Path, capsys) -> Non
     assert report["operators"]["Conv"] > 20
 
 
+def test_check_fails_where_the_weights_are_not_those_of_the_checkpoint(
+    bundle: Path, checkpoint: Path, tmp_path: Path, capsys
+) -> None:
+    found = load_checkpoint(checkpoint)
+    found.average["mask.bias"][0] += 0.01  # moves the flow by hundredths of a pixel
+    save_checkpoint(tmp_path / "other.pt", found)
+    arguments = ["check", str(bundle), "--checkpoint", str(tmp_path / "other.pt"), "--count", "1"]
+    assert main([*arguments, "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["greatest_difference_px"] > 1e-3
+
+
+def test_half_precision_bundles_run_and_find_about_the_same(
+    bundle: Path, checkpoint: Path, tmp_path: Path
+) -> None:
+    out = tmp_path / "half"
+    common = ["flow", "--checkpoint", str(checkpoint), "--size", "96x64", "--out", str(out)]
+    assert main([*common, "--precision", "fp16"]) == 0
+    read = read_bundle(out)
+    assert read.manifest.precision == "fp16"
+    assert len(read.graph("encode")) < 0.6 * len(read_bundle(bundle).graph("encode"))
+    runner, exact = FlowRunner(read), FlowRunner(read_bundle(bundle))
+    first, second = drawn_pairs(SIZE, 1, 12)[0]
+    field = runner.match(runner.encode(first), runner.encode(second))
+    expected = exact.match(exact.encode(first), exact.encode(second))
+    assert field.is_finite()
+    # rounding moves some cells' best match, but not most
+    assert np.median(np.abs(field.flow - expected.flow)) < 1.0
+
+
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
@@ -132,6 +161,8 @@ def test_check_reports_and_passes(bundle: Path, checkpoint: Path, capsys) -> Non
         (["flow", "--size", "100x64", "--out", "x"], "multiples of 16"),
         (["check", "nowhere"], "is not a folder"),
         (["bench", "nowhere"], "is not a folder"),
+        (["bench", "nowhere", "--runs", "0"], "runs is 0"),
+        (["flow", "--precision", "int8", "--out", "/dev/null"], "is no folder"),
     ],
 )
 def test_what_cannot_run_says_so_in_one_line(arguments, words, capsys) -> None:
