@@ -32,6 +32,7 @@ from dfvs_service.goal_file import ordered_goal
 from dfvs_service.perception.announced import watch_calibration
 from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
+from dfvs_service.perception.frame_door import FrameDoor
 from dfvs_service.perception.gate_link import GateLink
 from dfvs_service.perception.intake import disagreement, make_intake
 from dfvs_service.perception.latency import LatencyWindow
@@ -102,6 +103,8 @@ class PerceptionProcess:
         self._goal = goal = goals[0]
         self._camera = config.camera.model() or goal.sidecar.camera
         self._told_cameras: set[str] = set()
+        is_ours = config.camera.source == "dfvs"
+        self._door = FrameDoor(self._camera.size, time.monotonic_ns()) if is_ours else None
         flow = config.flow
         self._matcher = load_matcher(flow.model, flow.threads, flow.provider)
         self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look-ahead")
@@ -185,7 +188,9 @@ class PerceptionProcess:
     def _on_frame(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: keep the newest sample, do nothing else."""
         attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
-        self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, time.monotonic_ns()))
+        now_ns = time.monotonic_ns()
+        if self._door is None or self._door.admits(attachment, now_ns):
+            self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, now_ns))
 
     def _on_camera(self, announced: CameraModel | DfvsError) -> None:
         """Zenoh's thread: warn, once, of a camera that is not the one in the settings."""
@@ -216,6 +221,8 @@ class PerceptionProcess:
         heard = self._heed_gate()
         if heard and heard[-1].goal != self._goal_digest:
             self._change_goal(heard[-1].goal, telemetry, feed)
+        if self._goal_flaw:  # there is nothing to fly to, whatever the camera sees
+            sample = self._goal_flaw
         now_ns = time.monotonic_ns()
         if isinstance(sample, str):
             report = unhealthy_report(0, 0, sample)
@@ -258,8 +265,6 @@ class PerceptionProcess:
     def _next_sample(self) -> RawSample | str:
         """Newest sample in our own wire format, or why there is none to look at."""
         sample = self._mailbox.take(SILENCE_S)
-        if self._goal_flaw:
-            return self._goal_flaw
         if sample is None:
             since_s = (time.monotonic_ns() - self._last_frame_ns) * 1e-9
             return f"no camera frame on {self._intake.key} for {since_s:.1f} s"
@@ -279,6 +284,7 @@ class PerceptionProcess:
                 "frames": self._frames,
                 "refused": self._eye.refused,
                 "overtaken": self._mailbox.dropped,
+                "turned_away": 0 if self._door is None else self._door.turned_away,
                 "orders_dropped": self._desk.dropped,
             }
             telemetry.offer_json(

@@ -1,11 +1,13 @@
 """The perception process itself, between a real Zenoh and a stand-in for the gate."""
 
+import contextlib
 import json
 import os
 import signal
 import socket
 import subprocess
 import sys
+import threading
 import time
 from pathlib import Path
 from typing import ClassVar
@@ -286,6 +288,31 @@ def test_rubbish_on_the_camera_key_does_no_harm(rig, rng):
         rig.gate.settimeout(5.0)
         rig.report_where(lambda r: "cannot be read" in r.reason, 5.0)
     assert rig.shoot_until(rng, lambda r: r.healthy).reached
+
+
+def test_a_flood_of_bad_frames_does_not_crowd_out_the_good_ones(rig, rng):
+    rig.shoot_until(rng, lambda r: r.healthy)
+    stopped = threading.Event()
+
+    def flood():
+        while not stopped.wait(0.002):
+            rig.session.put(TOPICS.camera, b"x" * 1000, attachment=b"no header")
+
+    thread = threading.Thread(target=flood)
+    thread.start()
+    try:
+        healthy, first = set(), rig.seq
+        for _ in range(20):
+            rig.shoot(rng)
+            with contextlib.suppress(AssertionError, TimeoutError):
+                rig.gate.settimeout(0.5)
+                report = rig.report_where(lambda r: r.healthy and r.seq > first, 0.3)
+                healthy.add(report.seq)
+    finally:
+        stopped.set()
+        thread.join()
+    # A bad frame every 2 ms would replace nearly every good one before it is taken.
+    assert len(healthy) >= 10
 
 
 def test_sigterm_ends_it_at_once(rig):
