@@ -16,6 +16,7 @@ from dfvs_core.gate.states import GateState
 from dfvs_sim.faults.records import Event, is_ours, moves
 from dfvs_sim.faults.rig import Rig, Setup
 from dfvs_sim.faults.service import HarnessError, wait_until
+from dfvs_sim.faults.ways import bring_to
 
 MS = 1_000_000
 S = GateState
@@ -88,7 +89,7 @@ def run_case(rig: Rig, fault: Fault, state: GateState, seed: int) -> Outcome:
         If the state cannot be reached.
     """
     rng = np.random.default_rng([seed, zlib.crc32(fault.name.encode()), list(S).index(state)])
-    rig.bring_to(state)
+    bring_to(rig, state)
     time.sleep(float(rng.uniform(0.0, 0.4)))
     if rig.state is not state:
         raise HarnessError(f"the gate went to {rig.state} before the fault")

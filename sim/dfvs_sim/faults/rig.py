@@ -1,4 +1,4 @@
-"""One service in one world, brought to any state of its gate as often as needed."""
+"""One service in one world: started, disturbed, healed, started again."""
 
 from __future__ import annotations
 
@@ -17,8 +17,7 @@ from typing import Any
 import numpy as np
 
 from dfvs_core.camera import CameraModel
-from dfvs_core.gate.events import Action
-from dfvs_core.gate.states import ENGAGED, GateState
+from dfvs_core.gate.states import GateState
 from dfvs_core.goal import GoalSidecar, Mount
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import PixelFormat
@@ -35,15 +34,13 @@ from dfvs_sim.zenoh_session import open_client, open_peer
 
 CAMERA = CameraModel.from_horizontal_fov(network.WIDTH, network.HEIGHT, math.radians(75.0))
 
-_STARTUP_S, _STATE_S = 40.0, 12.0
+STARTUP_S, STATE_S = 40.0, 12.0
 _MOVING_M_S = 0.05
 _CALM = (
     *("servo.depth='constant'", "servo.constant_depth_m=3.0", "flow.threads=1"),
     *("telemetry.state_hz=20", "telemetry.preview_hz=0", "telemetry.flow_hz=0"),
     *("limits.max_distance_m=1000", "limits.max_engaged_s=3600", "gate.engage='command'"),
 )
-
-S = GateState
 
 
 @dataclass(frozen=True, slots=True)
@@ -193,7 +190,7 @@ class Rig:
         self._run_from, self.disturbed_ns = len(self.world.events), None
         self._service = ServiceProcess(self.words(), self.folder / f"run-{self.runs}")
         since_ns = time.monotonic_ns()
-        if not wait_until(lambda: self.operator.heard_ns > since_ns, _STARTUP_S):
+        if not wait_until(lambda: self.operator.heard_ns > since_ns, STARTUP_S):
             raise HarnessError(f"the service does not come up: {self.service.errors()}")
 
     def stop_service(self) -> None:
@@ -229,20 +226,12 @@ class Rig:
             words += ["--set", setting]
         return words
 
-    def bring_to(self, state: GateState) -> None:
-        """Bring the gate to a state, from wherever it is.
-
-        Raises
-        ------
-        HarnessError
-            If it does not get there.
-        """
-        self.heal()
+    def ensure_service(self) -> None:
+        """Start a service unless one runs."""
         if self._service is None or not self._service.is_running():
             self.start_service()
-        getattr(self, f"_to_{state.lower()}")()
 
-    def await_state(self, *states: GateState, timeout_s: float = _STATE_S) -> None:
+    def await_state(self, *states: GateState, timeout_s: float = STATE_S) -> None:
         """Wait for one of the states.
 
         Raises
@@ -255,14 +244,6 @@ class Rig:
             wanted = " or ".join(states)
             raise HarnessError(f"the gate is in {self.state} ({cause}), not in {wanted}")
 
-    def _disengage(self) -> None:
-        if self.state in ENGAGED:
-            self.operator.order(Action.ABORT)
-            self.await_state(S.ABORT, S.RELEASED)
-        self.world.pilot_mode(Mode.HOLD)
-        self.await_heartbeat()
-        self.place_far()
-
     def await_heartbeat(self) -> None:
         """Wait for the vehicle's next heartbeat to have been heard by the service."""
         since_ns = time.monotonic_ns()
@@ -274,56 +255,6 @@ class Rig:
             2.0,
         )
         time.sleep(0.02)
-
-    def _to_preflight(self) -> None:
-        self.await_state(S.PREFLIGHT)
-        if not wait_until(lambda: "no camera frame" not in str(self.operator.status), _STATE_S):
-            raise HarnessError("no frame reaches the service")
-
-    def _to_ready(self) -> None:
-        if self.state in (*ENGAGED, S.ABORT, S.RELEASED):
-            self._disengage()
-            self.operator.order(Action.ENGAGE)
-            self.operator.order(Action.HOLD)  # takes the order to engage back
-        self.await_state(S.READY, timeout_s=_STARTUP_S)
-
-    def _to_engage(self) -> None:
-        if self.state in (S.IDLE, S.PREFLIGHT):
-            self.await_state(S.READY, timeout_s=_STARTUP_S)
-        elif self.state is not S.READY:
-            self._disengage()
-        self.operator.order(Action.ENGAGE)
-        self.await_state(S.ENGAGE)
-
-    def _to_servo(self) -> None:
-        if self.state is S.HOLD:
-            self.place_far()
-            self.operator.order(Action.ENGAGE)
-        elif self.state is not S.SERVO:
-            self._to_engage()
-        self.await_state(S.SERVO)
-        if not wait_until(self.is_moving, _STATE_S):
-            raise HarnessError(f"nothing moves in {self.state}")
-
-    def _to_hold(self) -> None:
-        if (
-            self.state is not S.HOLD
-            or self.operator.status.get("cause") != "operator ordered to hold"
-        ):
-            self._to_servo()
-            self.operator.order(Action.HOLD)
-        self.await_state(S.HOLD)
-
-    def _to_done(self) -> None:
-        if self.state is S.DONE:
-            return
-        self._to_servo()
-        self.operator.order(Action.HOLD)
-        self.await_state(S.HOLD)
-        self.place_at_goal()
-        time.sleep(0.3)
-        self.operator.order(Action.ENGAGE)
-        self.await_state(S.DONE)
 
     # --- what never changes -----------------------------------------------------------------
 

@@ -1,0 +1,105 @@
+"""The ways to every state of the gate, from wherever it is."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+from dfvs_core.gate.events import Action
+from dfvs_core.gate.states import ENGAGED, GateState
+from dfvs_sim.faults.rig import STARTUP_S, STATE_S, Rig
+from dfvs_sim.faults.service import HarnessError, wait_until
+from dfvs_sim.vehicle.modes import Mode
+
+S = GateState
+
+_FRAMES_S = 0.3
+"""Until frames from a new place have been looked at."""
+
+
+def bring_to(rig: Rig, state: GateState) -> None:
+    """Heal the world and bring the gate to a state.
+
+    Raises
+    ------
+    HarnessError
+        If it does not get there.
+    """
+    rig.heal()
+    rig.ensure_service()
+    _WAYS[state](rig)
+
+
+def _disengage(rig: Rig) -> None:
+    if rig.state in ENGAGED:
+        rig.operator.order(Action.ABORT)
+        rig.await_state(S.ABORT, S.RELEASED)
+    rig.world.pilot_mode(Mode.HOLD)
+    rig.await_heartbeat()
+    rig.place_far()
+
+
+def _to_preflight(rig: Rig) -> None:
+    rig.await_state(S.PREFLIGHT)
+    if not wait_until(lambda: "no camera frame" not in str(rig.operator.status), STATE_S):
+        raise HarnessError("no frame reaches the service")
+
+
+def _to_ready(rig: Rig) -> None:
+    if rig.state in (*ENGAGED, S.ABORT, S.RELEASED):
+        _disengage(rig)
+        rig.operator.order(Action.ENGAGE)
+        rig.operator.order(Action.HOLD)  # takes the order to engage back
+    rig.await_state(S.READY, timeout_s=STARTUP_S)
+
+
+def _to_engage(rig: Rig) -> None:
+    if rig.state in (S.IDLE, S.PREFLIGHT):
+        rig.await_state(S.READY, timeout_s=STARTUP_S)
+    elif rig.state is not S.READY:
+        _disengage(rig)
+    rig.operator.order(Action.ENGAGE)
+    rig.await_state(S.ENGAGE)
+
+
+def _to_servo(rig: Rig) -> None:
+    if rig.state is S.SERVO:  # it may be near its goal already
+        rig.operator.order(Action.HOLD)
+        rig.await_state(S.HOLD)
+    if rig.state is S.HOLD:
+        rig.place_far()
+        rig.operator.order(Action.ENGAGE)
+    else:
+        _to_engage(rig)
+    rig.await_state(S.SERVO)
+    if not wait_until(rig.is_moving, STATE_S):
+        raise HarnessError(f"nothing moves in {rig.state}")
+
+
+def _to_hold(rig: Rig) -> None:
+    if rig.state is not S.HOLD or rig.operator.status.get("cause") != "operator ordered to hold":
+        _to_servo(rig)
+        rig.operator.order(Action.HOLD)
+    rig.await_state(S.HOLD)
+
+
+def _to_done(rig: Rig) -> None:
+    if rig.state is S.DONE:
+        return
+    _to_servo(rig)
+    rig.operator.order(Action.HOLD)
+    rig.await_state(S.HOLD)
+    rig.place_at_goal()
+    time.sleep(_FRAMES_S)
+    rig.operator.order(Action.ENGAGE)
+    rig.await_state(S.DONE)
+
+
+_WAYS: dict[GateState, Callable[[Rig], None]] = {
+    S.PREFLIGHT: _to_preflight,
+    S.READY: _to_ready,
+    S.ENGAGE: _to_engage,
+    S.SERVO: _to_servo,
+    S.HOLD: _to_hold,
+    S.DONE: _to_done,
+}
