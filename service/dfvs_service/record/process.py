@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import sys
 import time
 from collections.abc import Callable
@@ -33,6 +34,12 @@ def limits_of(section: RecordSection) -> RecordLimits:
     )
 
 
+def free_name(folder: Path, name: str) -> str:
+    """Name of a recording that no other in the folder has: ``name``, ``name.2``, ``name.3``, ..."""
+    names = itertools.chain([name], (f"{name}.{number}" for number in itertools.count(2)))
+    return next(free for free in names if not any(folder.glob(f"{free}-*.mcap")))
+
+
 def record(
     config: ServiceConfig, folder: Path, follower: Follower, show: Callable[[Recorder], None]
 ) -> RecordSummary:
@@ -50,7 +57,7 @@ def record(
         Is called a few times a second.
     """
     stamp = time.strftime("%Y%m%dT%H%M%SZ", time.gmtime())
-    name = f"{config.vehicle.name}-{stamp}"
+    name = free_name(folder, f"{config.vehicle.name}-{stamp}")
     recorder = Recorder(folder, name, limits_of(config.record), time.monotonic_ns, _warn)
     for events in follower.events():
         for message, payload in events:

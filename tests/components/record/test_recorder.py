@@ -18,6 +18,7 @@ from dfvs_core.poses import rotation_from_quaternion
 from dfvs_core.wire.frame import PixelFormat
 from dfvs_core.wire.picture import decode_picture
 from dfvs_core.wire.turn import Opening
+from dfvs_service.record.process import free_name
 from dfvs_service.record.reading import RecordingError
 from dfvs_service.record.recorder import Recorder, RecordLimits
 from dfvs_service.record.recovery import recover
@@ -241,6 +242,14 @@ def test_a_file_that_was_cut_short_is_mended(tmp_path, large):
     assert told([mended]) == told([cut])
     with pytest.raises(RecordingError, match="exists"):
         recover(cut, mended)
+
+
+def test_two_recordings_of_one_second_get_names_of_their_own(tmp_path):
+    names = []
+    for _ in range(3):
+        names.append(free_name(tmp_path, "r"))
+        (tmp_path / f"{names[-1]}-000.mcap").touch()
+    assert names == ["r", "r.2", "r.3"]
 
 
 @pytest.mark.parametrize("content", [b"", b"no recording at all", b"\x89MCAP0\r\n"])
