@@ -72,7 +72,7 @@ class Rivals:
                 self.services = event
             case ForeignSetpoint():
                 self.setpoint = event
-            case VelocityTarget():
+            case _:
                 self._compare(event, yaw_rad)
 
     def _compare(self, target: VelocityTarget, yaw_rad: float) -> None:

@@ -3,7 +3,7 @@
 import dataclasses
 
 import pytest
-from gate_rehearsal import Rehearsal
+from gate_rehearsal import Rehearsal, auto_config
 
 from dfvs_core.gate.config import MS, GateConfig, GateTiming, S
 from dfvs_core.gate.engagement import Engagement, cap
@@ -20,7 +20,7 @@ from dfvs_core.gate.events import (
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.gate.preflight import failures, preflight
 from dfvs_core.gate.sight import Sight
-from dfvs_core.gate.states import Cause
+from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import (
     VehiclePicture,
     battery_fault,
@@ -233,3 +233,10 @@ def test_frames_as_fast_as_needed_pass():
         config = dataclasses.replace(CONFIG, min_frame_hz=needed)
         assert failures(preflight(picture(), sight, config, NOW_NS)).startswith(text)
         assert bool(failures(preflight(picture(), sight, config, NOW_NS))) is bool(text)
+
+
+def test_the_gate_tells_since_when_it_is_in_its_state():
+    gate = Rehearsal(auto_config()).until(GateState.SERVO)
+    assert gate.machine.since_ns == gate.last.t_ns
+    gate.run(0.5)
+    assert gate.machine.since_ns == gate.last.t_ns

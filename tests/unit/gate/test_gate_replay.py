@@ -146,3 +146,17 @@ def test_numbers_survive_to_the_last_bit(error_m, velocity, t_ns):
     report = Rehearsal().report(error_m=error_m, velocity=(velocity, 0.0, 0.0, 0.0)).report
     (step,) = read_steps([encode_step(t_ns, [Report(S, report)], GateOutput()) + "\n"])
     assert repr(step.events[0].report) == repr(report)
+
+
+def test_a_refused_order_is_refused_again():
+    gate = Recorded(auto_config()).until(GateState.SERVO)
+    gate.tick(Order(gate.now_ns, Action.GOAL, "ab" * 32))
+    assert '"refusal":"rejected: the goal cannot change' in gate.lines[-1]
+    assert replay(gate.lines).difference == ""
+    forged = gate.lines[-1].replace("order hold first", "order abort first")
+    assert "order hold first" in replay([*gate.lines[:-1], forged]).difference
+
+
+def test_steps_after_a_gap_are_read_on():
+    lines = [encode_gap(7) + "\n", encode_step(5, [], GateOutput()) + "\n"]
+    assert list(read_steps(lines)) == [7, Step(5, (), {})]

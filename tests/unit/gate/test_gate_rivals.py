@@ -172,3 +172,16 @@ def test_odd_targets_lapse_when_none_came_for_a_second():
     for i in range(ODD_TARGETS):
         rivals.take(VelocityTarget(1 * S + 3 + i, (1.0, 0.0, 0.0)), 0.0)
     assert rivals.flight_fault(0) is None
+
+
+def test_a_good_target_soon_after_an_odd_one_clears_nothing():
+    """Between two setpoints of a stranger the autopilot may fly one of ours."""
+    rivals = Rivals()
+    rivals.sent(ZERO, 0)
+    rivals.take(VelocityTarget(1, (1.0, 0.0, 0.0)), 0.0)
+    rivals.hear(Heartbeat(2, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    rivals.take(VelocityTarget(1 + S, (0.0, 0.0, 0.0)), 0.0)
+    for i in range(ODD_TARGETS):
+        assert rivals.flight_fault(0) is None
+        rivals.take(VelocityTarget(2 + S + i, (1.0, 0.0, 0.0)), 0.0)
+    assert rivals.flight_fault(0) is not None
