@@ -7,7 +7,7 @@ CONSTRAINTS ?= constraints.txt
 ARGS ?=
 BIN := .venv/bin
 
-.PHONY: demo test seeds lint types imports pytest setup clean
+.PHONY: demo test seeds lint types imports pytest setup coverage mutation clean
 
 demo: .venv/.stamp-sim
 	$(BIN)/dfvs-demo $(ARGS)
@@ -31,6 +31,16 @@ imports: .venv/.stamp-test
 
 pytest: .venv/.stamp-test
 	$(BIN)/python -m pytest $(ARGS)
+
+# Every branch of the gate's core must be taken by its own tests.
+coverage: .venv/.stamp-test
+	$(BIN)/python -m pytest -q tests/unit/gate --cov=dfvs_core.gate --cov-branch \
+	    --cov-report=term-missing --cov-fail-under=100
+
+# Hours: change every expression of the gate's core, one at a time, and see a test fail.
+mutation: .venv/.stamp-mutation
+	$(BIN)/mutmut run --max-children 1
+	$(BIN)/mutmut results
 
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; \
