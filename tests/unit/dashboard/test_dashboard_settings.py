@@ -1,5 +1,6 @@
 import socket
 import subprocess
+import sys
 
 import pytest
 
@@ -119,3 +120,8 @@ def test_a_new_token_is_a_private_file(tmp_path, capsys):
     assert path.stat().st_mode & 0o777 == 0o600
     assert cli.main(["new-token", "--token-file", str(path)]) == 2
     assert path.read_text().strip() not in capsys.readouterr().out
+
+
+def test_without_the_extra_it_says_what_to_install(monkeypatch, capsys):
+    monkeypatch.setitem(sys.modules, "uvicorn", None)
+    assert "pip install 'dfvs[dashboard]'" in refusal(capsys)
