@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import contextlib
+import dataclasses
 import logging
 import signal
 import sys
@@ -12,7 +13,7 @@ from collections.abc import Sequence
 
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.wire.ros2 import Ros2Link
-from dfvs_service.config import ServiceConfig, ZenohSection
+from dfvs_service.config import ServiceConfig
 from dfvs_service.settings_options import add_settings_options, settings_from
 
 EXIT_OK, EXIT_CANNOT_RUN = 0, 2
@@ -87,7 +88,9 @@ def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading
             return
         ros = stack.enter_context(service)
         if arguments.ros is not None:
-            section = ZenohSection("client", (arguments.ros,), (), config.zenoh.allow_plaintext)
+            section = dataclasses.replace(
+                config.zenoh, mode="client", connect=(arguments.ros,), listen=()
+            )
             other = open_patiently(section, stop)
             if other is None:
                 return
