@@ -145,9 +145,10 @@ export class PathView {
     const r = 7 * scale;
     line(context, [x - r, y], [x + r, y]);
     line(context, [x, y - r], [x, y + r]);
+    const isNearEdge = x > 0.7 * this.#canvas.width;
     context.fillStyle = style("--ink");
-    context.textAlign = "left";
-    context.fillText("goal (estimate)", x + 10 * scale, y - 6 * scale);
+    context.textAlign = isNearEdge ? "right" : "left";
+    context.fillText("goal (estimate)", x + (isNearEdge ? -10 : 10) * scale, y - 6 * scale);
   }
 
   #drawVehicle(context, { project, radius, floor }, scale) {
