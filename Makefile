@@ -1,5 +1,6 @@
 # make demo   fly a simulated drone to a picture, on this machine, with nothing else installed
 # make test   run every check and test
+# make audit  ask a public database for known faults in what is installed (needs the internet)
 # Both set up a virtual environment in .venv first; extra words: make demo ARGS="--seed 3"
 
 PYTHON ?= python3
@@ -7,7 +8,7 @@ CONSTRAINTS ?= constraints.txt
 ARGS ?=
 BIN := .venv/bin
 
-.PHONY: demo test seeds lint types imports pytest setup coverage mutation clean
+.PHONY: demo test seeds lint types imports pytest setup coverage mutation audit clean
 
 demo: .venv/.stamp-sim
 	$(BIN)/dfvs-demo $(ARGS)
@@ -52,6 +53,10 @@ mutation: .venv/.stamp-mutation
 	@echo "Setting up .venv ($*); the first time takes a minute or two"
 	$(BIN)/python -m pip install --quiet -c $(CONSTRAINTS) -e '.[$*]'
 	@touch $@
+
+audit: .venv/.stamp-test
+	$(BIN)/python -m pip install --quiet pip-audit
+	$(BIN)/pip-audit --skip-editable
 
 clean:
 	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

@@ -8,6 +8,7 @@ Nothing that died is ever started again into motion.
 from __future__ import annotations
 
 import contextlib
+import os
 import signal
 import socket
 import sys
@@ -25,6 +26,7 @@ from dfvs_service.beat import Beat
 from dfvs_service.child import Child
 from dfvs_service.config import ServiceConfig
 from dfvs_service.console import Display
+from dfvs_service.notify import Notifier
 from dfvs_service.priority import prefer_this_process
 from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.watch import MS, Watch
@@ -84,6 +86,7 @@ class Parent:
             recorder = Child((*programs.recorder, *place), runtime.stderr("recorder"))
             self._children["recorder"] = recorder
         prefer_this_process()  # after the start of the children, which would inherit it
+        self._notifier = Notifier(os.environ)
         self._watch = Watch(time.monotonic_ns())
         self._beat = Beat(0, str(GateState.IDLE), "starting")
         self._told: set[str] = set()
@@ -97,11 +100,14 @@ class Parent:
 
     def run(self) -> int:
         """Watch until the gate has ended; returns the service's exit code."""
+        self._notifier.ready()
         try:
             while self._gate.code is None:
                 self._turn()
         finally:
+            self._notifier.stopping()
             self._end_all()
+            self._notifier.close()
         if self._code is not None:
             return self._code
         code = self._gate.code
@@ -126,6 +132,7 @@ class Parent:
             return
         if now_ns >= self._next_ping_ns:
             self._next_ping_ns = now_ns + _PING_NS
+            self._notifier.alive()
             for child in self._children.values():
                 child.ping()
         if now_ns >= self._next_show_ns:

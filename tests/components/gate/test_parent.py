@@ -1,7 +1,9 @@
 """The parent with stand-ins for its children: who is killed when, and what the user reads."""
 
+import contextlib
 import io
 import signal
+import socket
 import sys
 import threading
 import time
@@ -80,3 +82,20 @@ def test_a_perception_that_ends_in_flight_leaves_the_gate_to_its_own_judgement(t
     assert code == 1
     assert took_s >= 1.9  # it went on until it was told to stop
     assert "warning: perception ended with code 0" in lines
+
+
+def test_systemd_is_told_of_the_start_of_life_and_of_the_end(tmp_path, monkeypatch):
+    address = tmp_path / "notify"
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as systemd:
+        systemd.bind(str(address))
+        systemd.setblocking(False)
+        monkeypatch.setenv("NOTIFY_SOCKET", str(address))
+        run(tmp_path, ["--code", "0"])
+        heard = []
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                heard.append(systemd.recv(100))
+    assert heard[0] == b"READY=1"
+    assert heard[-1] == b"STOPPING=1"
+    # The stand-in gate lives for half a second, and a sign of life is due every 100 ms.
+    assert heard.count(b"WATCHDOG=1") >= 4

@@ -1,0 +1,46 @@
+"""Signs of life to systemd (sd_notify), where it started this process and asked for them."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Mapping
+
+
+class Notifier:
+    """Tells systemd that the service is up and alive; without systemd it does nothing.
+
+    Parameters
+    ----------
+    environment : mapping
+        ``NOTIFY_SOCKET`` in it is systemd's address.
+    """
+
+    def __init__(self, environment: Mapping[str, str]) -> None:
+        address = environment.get("NOTIFY_SOCKET", "")
+        # A name that begins with @ is an abstract one, which the kernel spells with a zero byte.
+        self._address = "\0" + address[1:] if address.startswith("@") else address
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.setblocking(False)
+
+    def ready(self) -> None:
+        """Say that the service is up."""
+        self._tell("READY=1")
+
+    def alive(self) -> None:
+        """Say that the service is alive."""
+        self._tell("WATCHDOG=1")
+
+    def stopping(self) -> None:
+        """Say that the service is about to end."""
+        self._tell("STOPPING=1")
+
+    def close(self) -> None:
+        """Say nothing more."""
+        self._socket.close()
+
+    def _tell(self, text: str) -> None:
+        # Whoever does not listen must not end a flight.
+        if self._address:
+            with contextlib.suppress(OSError):
+                self._socket.sendto(text.encode(), self._address)
