@@ -24,6 +24,7 @@ class Topics:
     preview    service       5 Hz    JPEG: current view with the flow drawn on it [1]_
     flow       service       10 Hz   coarse grid of flow and confidence: ``wire.flow_grid`` [1]_
     goal       service       change  JPEG: goal picture (cached); attachment: ``wire.frame``
+    route      service       change  JSON: number of the goal at hand, of how many (cached)
     config     service       once    JSON: resolved configuration (cached for late joiners)
     opening    service       change  ``wire.turn``: all that perception works with (cached)
     turn       service       frame   ``wire.turn``: frame, inputs and results, for recorders [1]_

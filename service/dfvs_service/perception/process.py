@@ -166,6 +166,8 @@ class PerceptionProcess:
         feed.offer(opening, encode_png(self._goal.image))
         image, now_ns = self._goal.image, time.monotonic_ns()
         telemetry.offer("goal", lambda: self._pictures.goal(image, now_ns))
+        where = {"t_ns": now_ns, "goal": self._route.index + 1, "of": self._route.count}
+        telemetry.offer_json("route", where)
 
     def _change_goal(self, digest: str, telemetry: Telemetry, feed: TurnFeed) -> None:
         """Look for the goal that the gate accepted; one that is unusable is none, and said so."""

@@ -16,7 +16,7 @@ from dfvs_core.topics import Topics
 
 log = logging.getLogger("dfvs.telemetry")
 
-_CACHED = ("state", "config", "goal")
+_CACHED = ("state", "config", "goal", "route")
 _ON_DEMAND = ("preview", "flow")
 
 
