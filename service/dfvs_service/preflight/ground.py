@@ -107,7 +107,9 @@ def speed_check(
 def exposure_checks(config: ServiceConfig) -> tuple[Check, Check]:
     """Advice about connections that anyone on the network could use."""
     exposed, mavlink = config.zenoh.exposed, config.vehicle.mavlink
-    lines = f"{', '.join(exposed)} not encrypted: anyone there can send frames" if exposed else ""
+    lines = ", ".join((*config.zenoh.connect, *config.zenoh.listen))
+    if exposed:
+        lines = f"{', '.join(exposed)} not encrypted: anyone there can send frames"
     encrypt = "make certificates with deploy/make_certificates.py and use tls/ endpoints"
     private = is_private_mavlink(mavlink)
     return (
