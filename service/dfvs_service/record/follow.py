@@ -21,7 +21,7 @@ from dfvs_service.zenoh_session import open_session
 _WAIT_S = 0.2
 _DRAIN_S = 0.5
 _CONNECT_PAUSE_S = 0.2
-_NICENESS = 10
+_NICENESS = 5
 
 
 class Follower:
@@ -50,8 +50,8 @@ class Follower:
                 yield listener.take(_WAIT_S)
                 self.dropped = listener.dropped
             yield from _rest(listener)
-            self.dropped = listener.dropped
             listener.close()
+            self.dropped = listener.dropped
 
     @property
     def _goes_on(self) -> bool:

@@ -15,6 +15,8 @@ from dfvs_core.topics import Topics
 from dfvs_core.wire.turn import Opening, Turn, unpack
 
 MAX_WAITING_BYTES = 128 * 1024 * 1024
+_BATCH = 4
+"""Few enough that whoever is told to end is asked in time."""
 
 Event = tuple[Opening | Turn, bytes]
 """What was told, and the bytes beside it: a goal's picture, or a sample's payload."""
@@ -44,12 +46,13 @@ class TurnListener:
         )
 
     def take(self, timeout_s: float) -> list[Event]:
-        """Everything that came since, in order; waits at most so long for something to come."""
+        """Some of what came since, in order; waits at most so long for something to come."""
         with self._condition:
             if not self._waiting:
                 self._condition.wait(timeout_s)
-            waiting, self._waiting = self._waiting, deque()
-            self._waiting_bytes = 0
+            count = min(len(self._waiting), _BATCH)
+            waiting = [self._waiting.popleft() for _ in range(count)]
+            self._waiting_bytes -= sum(len(data) for _, data in waiting)
         events: list[Event] = []
         for kind, data in waiting:
             try:
@@ -61,7 +64,8 @@ class TurnListener:
         return events
 
     def close(self) -> None:
-        """Stop listening."""
+        """Stop listening; what was not taken counts as dropped."""
+        self.dropped += len(self._waiting)
         self._openings.undeclare()
         self._turns.undeclare()
 
