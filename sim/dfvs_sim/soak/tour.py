@@ -68,7 +68,8 @@ class Tour(Flight):
         self._runtime = folder / "runtime"
         words = ("--set", f"gate.command_key_file={self._key}", "--runtime-dir", str(self._runtime))
         super().__init__(plan, FlightOptions(service=words), folder, narrate)
-        self._key.unlink(missing_ok=True)
+        for old in (self._key, self._runtime / "gate.jsonl"):  # of an earlier soak
+            old.unlink(missing_ok=True)
         self._order("new-key")
         self._length_s = 60.0 * minutes
         self._rng = np.random.default_rng(plan.seed)
