@@ -51,7 +51,7 @@ class GateTiming:
     good_data_ns: int = 1 * S
     hold_ns: int = 3 * S
     reached_ns: int = 1 * S
-    proof_ns: int = 800 * MS
+    proof_ns: int = 600 * MS
     """Time from the vehicle's first motion until the error must have fallen."""
     proof_limit_ns: int = 3 * S
     """Time for the vehicle to begin to move as asked."""

@@ -4,8 +4,9 @@ A camera mounted the wrong way round, a flipped axis or a wrong goal make the la
 the goal. So the vehicle first moves at a crawl, and flies on only if the error fell while it
 did. What counts as motion is what the vehicle's own estimate shows in the direction that it was
 asked for: a vehicle answers late, and an error that stays while nothing has moved yet proves
-nothing. From the moment it moves it has less than a second; it has three to begin. Errors are
-compared as medians of a few reports, since a single one is noisy.
+nothing. From the moment it moves it has less than a second; it has three to begin. The beginning
+may be jitter of the estimate (0.02 m/s at rest): nothing is judged before a few centimetres were
+flown. Errors are compared as medians of a few reports, since a single one is noisy.
 """
 
 from __future__ import annotations
@@ -19,9 +20,9 @@ from dfvs_core.gate.config import GateTiming, S
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.wire.link import PerceptionReport
 
-BEGUN_M = 0.01
-BEGUN_RAD = 0.02
-"""Motion in the wanted direction that is no jitter of the estimate (0.02 m/s at rest)."""
+BEGUN_M = 0.005
+BEGUN_RAD = 0.01
+"""Motion in the wanted direction that counts as its beginning."""
 
 MIN_PATH_M = 0.03
 MIN_TURN_RAD = 0.05

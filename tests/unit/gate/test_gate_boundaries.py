@@ -67,7 +67,7 @@ def test_these_are_the_times_and_limits_that_safety_rests_on():
         "good_data_ns": 1 * S,
         "hold_ns": 3 * S,
         "reached_ns": 1 * S,
-        "proof_ns": 800 * MS,
+        "proof_ns": 600 * MS,
         "proof_limit_ns": 3 * S,
         "mode_known_ns": 1500 * MS,
         "order_valid_ns": 5 * S,

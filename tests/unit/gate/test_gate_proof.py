@@ -108,10 +108,10 @@ def test_the_error_has_its_time_from_the_first_motion_on():
     assert rehearsed.proof.begun_ns is None
     rehearsed.run(0.14)
     begun_ns = rehearsed.proof.begun_ns
-    # A centimetre at 0.1 m/s, the step between the two runs included.
-    assert begun_ns == 2080 * MS
+    # Half a centimetre at 0.1 m/s, the step between the two runs included.
+    assert begun_ns == 2040 * MS
     rehearsed.now_ns = begun_ns
-    assert rehearsed.run(0.8).judge() is Proof.FAILED
+    assert rehearsed.run(0.6).judge() is Proof.FAILED
     rehearsed.now_ns -= 1
     assert rehearsed.judge() is Proof.OPEN
 

@@ -537,7 +537,7 @@ def test_the_first_second_is_a_crawl():
     gate = Rehearsal(auto_config()).until(GateState.SERVO)
     start_ns = gate.now_ns
     gate.run(3.0)
-    first = [v.speed_m_s for t, v in gate.setpoints if t < start_ns + 900 * MS]
+    first = [v.speed_m_s for t, v in gate.setpoints if t < start_ns + 600 * MS]
     assert max(first) == pytest.approx(0.1)
     assert gate.setpoints[-1][1].speed_m_s == pytest.approx(0.4)
 
@@ -550,7 +550,7 @@ def test_an_error_that_does_not_fall_aborts_within_a_second_of_the_first_motion(
     gate.until(GateState.ABORT)
     assert gate.last.cause is Cause.ERROR_NOT_FALLING
     assert "distance went from" in gate.last.detail
-    # A centimetre at up to 0.1 m/s shows that it moves; 0.8 s later the error must have fallen.
+    # Half a centimetre shows that it moves; 0.6 s later the error must have fallen.
     assert gate.now_ns - moving_ns <= 1 * S
     assert max(v.speed_m_s for _, v in gate.setpoints) <= 0.1 + 1e-12
 
@@ -581,9 +581,9 @@ def test_a_vehicle_that_does_not_follow_aborts_after_three_seconds(follows):
 
 
 def test_a_hold_starts_the_proof_anew():
-    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.7)
+    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.5)
     gate.send([gate.report(healthy=False)])
-    gate.until(GateState.SERVO).forget().run(0.9)
+    gate.until(GateState.SERVO).forget().run(0.6)
     assert max(v.speed_m_s for _, v in gate.setpoints) <= 0.1 + 1e-12
 
 
