@@ -182,7 +182,7 @@ def _from_feed(
         if not missing:
             say(f"picture {len(views)}: enough")
             break
-        say(f"picture {len(views)}: {missing[-1]}")
+        say(f"picture {len(views)}: {'; '.join(missing[:2])}")
     return views, size
 
 

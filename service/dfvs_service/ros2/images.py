@@ -41,32 +41,28 @@ def _as_they_are(rows: ImageArray, _is_bigendian: bool) -> ImageArray:
     return rows
 
 
-def _without_alpha(rows: ImageArray, _is_bigendian: bool) -> ImageArray:
-    return rows[:, :, :3]
-
-
 def _high_byte(rows: ImageArray, is_bigendian: bool) -> ImageArray:
     return rows[:, :, :1] if is_bigendian else rows[:, :, 1:]
 
 
-def _from_yuv(code: int) -> Callable[[ImageArray, bool], ImageArray]:
+def _by_opencv(code: int) -> Callable[[ImageArray, bool], ImageArray]:
     def convert(rows: ImageArray, _is_bigendian: bool) -> ImageArray:
-        rgb: ImageArray = cv2.cvtColor(np.ascontiguousarray(rows), code).astype(np.uint8)
-        return rgb
+        return cv2.cvtColor(np.ascontiguousarray(rows), code).astype(np.uint8, copy=False)
 
     return convert
 
 
 _RGB, _BGR, _MONO = PixelFormat.RGB8, PixelFormat.BGR8, PixelFormat.MONO8
-_UYVY = _Encoding(2, _RGB, _from_yuv(cv2.COLOR_YUV2RGB_UYVY))
-_YUYV = _Encoding(2, _RGB, _from_yuv(cv2.COLOR_YUV2RGB_YUYV))
+_WITHOUT_ALPHA = _by_opencv(cv2.COLOR_RGBA2RGB)  # which drops the fourth of any order
+_UYVY = _Encoding(2, _RGB, _by_opencv(cv2.COLOR_YUV2RGB_UYVY))
+_YUYV = _Encoding(2, _RGB, _by_opencv(cv2.COLOR_YUV2RGB_YUYV))
 _ENCODINGS = {
     "rgb8": _Encoding(3, _RGB, _as_they_are),
     "bgr8": _Encoding(3, _BGR, _as_they_are),
     "8UC3": _Encoding(3, _BGR, _as_they_are),
-    "rgba8": _Encoding(4, _RGB, _without_alpha),
-    "bgra8": _Encoding(4, _BGR, _without_alpha),
-    "8UC4": _Encoding(4, _BGR, _without_alpha),
+    "rgba8": _Encoding(4, _RGB, _WITHOUT_ALPHA),
+    "bgra8": _Encoding(4, _BGR, _WITHOUT_ALPHA),
+    "8UC4": _Encoding(4, _BGR, _WITHOUT_ALPHA),
     "mono8": _Encoding(1, _MONO, _as_they_are),
     "8UC1": _Encoding(1, _MONO, _as_they_are),
     "mono16": _Encoding(2, _MONO, _high_byte),

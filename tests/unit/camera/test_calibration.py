@@ -207,3 +207,24 @@ def test_what_cannot_be_calibrated_is_one_line(tmp_path, capsys, words, message)
     assert message in lines[-1]
     assert lines[-1].startswith("error: ")
     assert sorted(p.name for p in tmp_path.iterdir()) == ["a.png"]
+
+
+def test_from_a_moving_source_only_new_views_are_taken_and_what_is_missing_is_said(
+    tmp_path, capsys
+):
+    _, images = pictures("charuco")
+    path = tmp_path / "board.avi"
+    writer = cv2.VideoWriter(str(path), cv2.VideoWriter.fourcc(*"MJPG"), 200.0, CAMERA.size)
+    for image in images:
+        for _ in range(2):  # a board that is held still is no new view
+            writer.write(image)
+    writer.release()
+    out = tmp_path / "camera.toml"
+    words = ["calibrate", "--board", BOARDS["charuco"], "--source", str(path), "--out", str(out)]
+    assert cli.main([*words, "--json"]) in (0, 1)
+    printed, told = capsys.readouterr()
+    count = len(json.loads(printed)["pictures"])
+    assert 12 <= count <= len(images)
+    assert "camera: picture 1: " in told
+    assert "more" in told.splitlines()[0]
+    assert read_calibration(out).fx == pytest.approx(CAMERA.fx, rel=0.01)
