@@ -1,0 +1,67 @@
+"""The simulated ROS 2 driver and the service's intake, over a real Zenoh session."""
+
+import queue
+import time
+
+import numpy as np
+import pytest
+from test_relay import endpoint, peer
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.wire.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
+from dfvs_service.perception.eye import RawSample
+from dfvs_service.ros2.intake import Ros2Intake
+from dfvs_service.sections import Ros2CameraSection
+from dfvs_sim.camera.ros2 import Ros2CameraConfig, Ros2Publisher
+
+CAMERA = CameraModel(64, 48, 50.0, 51.0, 32.5, 24.0, (0.1, -0.2, 0.01, 0.02, 0.0))
+CLOCK = b"c" * 16
+FORMATS = [PixelFormat.RGB8, PixelFormat.MONO8, PixelFormat.PNG, PixelFormat.JPEG]
+
+
+@pytest.fixture
+def sessions():
+    """Service's side, and the driver's."""
+    place = endpoint()
+    service, driver = peer(listen=(place,)), peer(connect=(place,))
+    yield service, driver
+    driver.close()
+    service.close()
+
+
+@pytest.mark.parametrize("link", ["rmw", "bridge"])
+@pytest.mark.parametrize("pixel_format", FORMATS)
+def test_what_the_driver_sends_is_the_frame_that_was_taken(sessions, rng, link, pixel_format):
+    service, driver = sessions
+    config = Ros2CameraConfig(link, CAMERA, pixel_format, "nose/camera", domain=7)
+    publisher = Ros2Publisher(driver, config)
+    compressed = pixel_format in (PixelFormat.PNG, PixelFormat.JPEG)
+    section = Ros2CameraSection(config.image.name, compressed, domain=7)
+    intake = Ros2Intake(link, section, CLOCK)
+    frames, infos = queue.Queue(), queue.Queue()
+    subscribers = [
+        service.declare_subscriber(intake.key, frames.put),
+        service.declare_subscriber(intake.calibration_key, infos.put),
+    ]
+    image = np.repeat(rng.integers(0, 255, (48, 64, 1)), 3, axis=2).astype(np.uint8)
+    first_ns = taken_ns = time.monotonic_ns()
+    deadline = time.monotonic() + 10.0
+    while (frames.empty() or infos.empty()) and time.monotonic() < deadline:
+        taken_ns = time.monotonic_ns()
+        publisher.publish(*encode_frame(Frame(image, taken_ns, 41), pixel_format, CLOCK), "")
+        time.sleep(0.05)
+    sample = frames.get_nowait()
+    attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
+    raw = RawSample(sample.payload.to_bytes(), attachment, time.monotonic_ns())
+    translated = intake.translate(raw)
+    frame = decode_frame(translated.payload, decode_header(translated.attachment))
+    if pixel_format is PixelFormat.JPEG:
+        assert np.abs(frame.image.astype(int) - image).mean() < 12
+    else:
+        np.testing.assert_array_equal(frame.image, image)
+    # It went to wall-clock time and back; both clocks are read within microseconds.
+    assert first_ns - 5_000_000 < frame.t_capture_ns < taken_ns + 5_000_000
+    assert frame.seq == (41 if link == "rmw" else 1)
+    camera = intake.camera(infos.get_nowait().payload.to_bytes())
+    assert camera == CAMERA
+    del subscribers
