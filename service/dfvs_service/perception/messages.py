@@ -31,7 +31,7 @@ def servo_document(
         "overlap": result.overlap,
         "condition": _number(result.condition),
         "depth_m": result.depth_m,
-        "reached": result.reached,
+        "reached": bool(result.reached),
         "stages_ms": {name: duration * 1e-6 for name, duration in stages_ns.items()},
     }
 
