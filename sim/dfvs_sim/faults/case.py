@@ -12,7 +12,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dfvs_core.gate.states import GateState
+from dfvs_core.gate.states import Cause, GateState
 from dfvs_sim.faults.records import Event, is_ours, moves
 from dfvs_sim.faults.rig import Rig, Setup
 from dfvs_sim.faults.service import HarnessError, wait_until
@@ -22,8 +22,10 @@ MS = 1_000_000
 S = GateState
 
 _SETTLE_S = 0.3
-_LATE_S = 1.0
+_LATE_S = 3.0
 """Over the limit a case is watched for so long, to tell late from never."""
+
+_LATE = (str(Cause.FRAME_OLD), str(Cause.RESULT_LATE))
 
 ANY_ENGAGED = (S.ENGAGE, S.SERVO, S.HOLD, S.DONE)
 FLYING = (S.ENGAGE, S.SERVO, S.HOLD)
@@ -52,7 +54,9 @@ class Fault:
 
     ``seen_by`` says by what it is detected; ``limit_ms`` is the longest time from the fault to
     the reaction (for STREAM the longest gap). ``watch_s`` is how long a fault without a change of
-    state is kept up. ``restarts`` tells that the service does not survive it.
+    state is kept up. ``restarts`` tells that the service does not survive it, ``spares_frames``
+    that it makes no frame late: where frames are late all the same, the machine is too busy for a
+    verdict.
     """
 
     name: str
@@ -65,6 +69,7 @@ class Fault:
     setup: Setup = field(default_factory=Setup)
     watch_s: float = 0.9
     restarts: bool = False
+    spares_frames: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,6 +83,7 @@ class Outcome:
     reaction_ms: float
     cause: str
     problem: str = ""
+    attempts: int = 1
 
 
 def run_case(rig: Rig, fault: Fault, state: GateState, seed: int) -> Outcome:
@@ -99,6 +105,8 @@ def run_case(rig: Rig, fault: Fault, state: GateState, seed: int) -> Outcome:
     if t0_ns is None:
         t0_ns = rig.camera.last_good_ns
     evidence = Evidence.collect(rig, begin_ns, over_ns)
+    if fault.spares_frames and evidence.was_late():
+        raise HarnessError("frames were late by themselves: the machine is too busy")
     return judge(fault, state, seed, t0_ns, evidence)
 
 
@@ -109,6 +117,7 @@ def _watch(rig: Rig, fault: Fault, state: GateState) -> int:
         Reaction.ABORT: lambda: rig.state is S.ABORT,
         Reaction.RELEASED: lambda: rig.state is S.RELEASED,
         Reaction.EXIT: lambda: not rig.service.is_running(),
+        Reaction.SILENCE: lambda: not rig.service.is_running(),
     }
     if fault.reaction is Reaction.ABORT and state is S.READY:
         time.sleep(fault.watch_s)
@@ -146,6 +155,10 @@ class Evidence:
             rig.service.is_running(),
             over_ns,
         )
+
+    def was_late(self) -> bool:
+        """Whether a frame or its result was too old at some time."""
+        return any(t["cause"] in _LATE for t in self.transitions)
 
     def stopped_ns(self, t0_ns: int) -> int:
         """When the first zero after the last motion came; t0_ns where nothing moved since then."""

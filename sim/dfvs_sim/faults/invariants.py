@@ -71,7 +71,7 @@ def check(run: Run) -> list[Violation]:
     return [
         *_limits(setpoints),
         *_only_in_servo(setpoints, timeline),
-        *_rhythm(setpoints, timeline, run.disturbed_ns),
+        *_rhythm(setpoints, timeline, run),
         *_freshness(setpoints, run.frames),
         *_takeovers(ours, timeline),
         *_one_commander(setpoints),
@@ -116,19 +116,18 @@ def _only_in_servo(setpoints: Sequence[Event], timeline: _Timeline) -> Iterator[
             yield Violation("I2", t_ns, text)
 
 
-def _rhythm(
-    setpoints: Sequence[Event], timeline: _Timeline, disturbed_ns: int | None
-) -> Iterator[Violation]:
-    """I3: no pause over 150 ms while engaged."""
+def _rhythm(setpoints: Sequence[Event], timeline: _Timeline, run: Run) -> Iterator[Violation]:
+    """I3: no pause over 150 ms while engaged; not judged where the vehicle itself was late."""
+    late = [e["t_ns"] for e in run.events if e["kind"] == "world_late"]
     for before, after in itertools.pairwise(setpoints):
         a_ns, b_ns = before["t_ns"], after["t_ns"]
-        if disturbed_ns is not None and b_ns >= disturbed_ns:
+        if run.disturbed_ns is not None and b_ns >= run.disturbed_ns:
             return
-        entered_ns = timeline.since(b_ns)
+        if b_ns - a_ns <= _GAP_NS or any(a_ns < t <= b_ns + _GAP_NS for t in late):
+            continue
         engaged = timeline.at(a_ns) in ENGAGED and timeline.at(b_ns) in ENGAGED
-        stays = not any(timeline.at(t) not in ENGAGED for t in timeline.times if a_ns < t <= b_ns)
-        if engaged and stays and b_ns - a_ns > _GAP_NS:
-            text = f"pause of {(b_ns - a_ns) / MS:.0f} ms in {timeline.at(entered_ns)}"
+        if engaged and all(timeline.at(t) in ENGAGED for t in timeline.times if a_ns < t <= b_ns):
+            text = f"pause of {(b_ns - a_ns) / MS:.0f} ms in {timeline.at(b_ns)}"
             yield Violation("I3", b_ns, text)
 
 

@@ -166,13 +166,15 @@ def _run_group(group: list[Case], folder: Path, done: Done, until: float) -> Non
 def _attempt(rig: Rig, fault: Fault, state: GateState, seed: int) -> Outcome:
     """Run a case; a state that is not reached is tried for again with a fresh service."""
     problem = ""
-    for _ in range(_ATTEMPTS):
+    for attempt in range(1, _ATTEMPTS + 1):
         try:
-            return run_case(rig, fault, state, seed)
+            outcome = run_case(rig, fault, state, seed)
+            return dataclasses.replace(outcome, attempts=attempt)
         except Exception as error:  # noqa: BLE001 - whatever the harness fails at is reported
             problem = f"{type(error).__name__}: {error}"
             rig.stop_service()
-    return Outcome(fault.name, str(state), seed, False, float("inf"), "", problem)
+    never = float("inf")
+    return Outcome(fault.name, str(state), seed, False, never, "", problem, _ATTEMPTS)
 
 
 def _violations(run: Run) -> tuple[str, ...]:

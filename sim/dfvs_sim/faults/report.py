@@ -52,6 +52,7 @@ class Row:
     reaction: str
     cause: str
     problems: tuple[str, ...]
+    repeated: int
     times_ms: tuple[float, ...]
 
 
@@ -85,6 +86,7 @@ def _row(fault: Fault, outcomes: Sequence[Outcome]) -> Row:
         reaction=fault.reaction.value,
         cause=causes.most_common(1)[0][0] if causes else "",
         problems=tuple(sorted({o.problem for o in outcomes if o.problem})),
+        repeated=sum(o.attempts > 1 for o in outcomes),
         times_ms=tuple(round(t, 1) for t in times),
     )
 
@@ -96,7 +98,7 @@ def _rounded(value: float | None) -> float | None:
 def as_json(rows: Sequence[Row], violations: Sequence[str]) -> dict[str, Any]:
     """Table for machines."""
     names = ("fault", "state", "seeds", "passed", "p50_ms", "p99_ms", "max_ms", "limit_ms")
-    more = ("what", "seen_by", "reaction", "cause", "problems")
+    more = ("what", "seen_by", "reaction", "cause", "problems", "repeated")
     listed = [{name: getattr(row, name) for name in (*names, *more)} for row in rows]
     return {"rows": listed, "violations": list(violations)}
 
@@ -111,8 +113,10 @@ def verdict(rows: Sequence[Row], violations: Sequence[str]) -> str:
     """One sentence."""
     cases, passed = sum(r.seeds for r in rows), sum(r.passed for r in rows)
     faults = len({r.fault for r in rows})
+    repeated = sum(r.repeated for r in rows)
+    again = f", {repeated} of them not at the first attempt" if repeated else ""
     return (
-        f"{passed} of {cases} cases passed ({faults} faults, {len(rows)} rows); "
+        f"{passed} of {cases} cases passed{again} ({faults} faults, {len(rows)} rows); "
         f"{len(violations)} violations of I1–I9"
     )
 
@@ -142,6 +146,8 @@ _NOTE = (
     "from the fault (for frames: from the capture of the last good one; for a takeover: from the",
     "heartbeat that shows it) to the first zero setpoint, or the state or silence that had to",
     "follow, by the vehicle's own record; 0 means that nothing moved any more when it happened.",
+    "A case is repeated where the state was not reached, or where frames were late without any",
+    "reason: the machine was too busy with other work then.",
     "Results beside a stand-in are no flight evidence, and no failure in N cases bounds the rate",
     "for these faults only.",
 )

@@ -78,6 +78,7 @@ def start_faults() -> tuple[Fault, ...]:
             (S.SERVO,),
             _frozen_world,
             Setup(settings=(NO_PROOF,)),
+            spares_frames=True,
         ),
         Fault(
             "wrong-mount",
@@ -88,6 +89,7 @@ def start_faults() -> tuple[Fault, ...]:
             (S.SERVO,),
             _first_motion,
             Setup(mount=Mount(yaw_rad=math.pi)),
+            spares_frames=True,
         ),
         Fault(
             "config-typo",
@@ -97,5 +99,6 @@ def start_faults() -> tuple[Fault, ...]:
             0.0,
             (S.READY,),
             _misspelt,
+            spares_frames=True,
         ),
     )

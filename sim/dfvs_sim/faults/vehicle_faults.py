@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 import time
 
 import numpy as np
@@ -142,6 +143,10 @@ def _operator_aborts(rig: Rig, _: np.random.Generator) -> int:
 
 def vehicle_faults() -> tuple[Fault, ...]:
     """Faults of vehicle, pilot and commanders, by the rows of the table."""
+    return tuple(dataclasses.replace(fault, spares_frames=True) for fault in _faults())
+
+
+def _faults() -> tuple[Fault, ...]:
     abort, released = Reaction.ABORT, Reaction.RELEASED
     flown = ANY_ENGAGED
     return (
@@ -233,7 +238,7 @@ def vehicle_faults() -> tuple[Fault, ...]:
             "somebody else's setpoints on another link",
             "velocity nobody here asked for",
             abort,
-            2500.0,
+            4000.0,
             (S.SERVO, S.HOLD),
             _foreign_elsewhere,
             Setup(settings=("gate.proof_s=0",)),

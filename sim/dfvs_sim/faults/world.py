@@ -34,6 +34,9 @@ MAVLINK_SIGNAL = mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL
 
 _AHEAD_NS = 25_000_000_000
 _POSE_NS = 100_000_000
+_LATE_NS = 40_000_000
+"""The record is wrong by more than this when the world itself was late: that is noted in it."""
+
 _PARAMETERS = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 5, "SYS_FAILURE_EN": 1}
 _SHADOW_NS = 20_000_000
 _CALL_S = 5.0
@@ -213,6 +216,8 @@ class World:
             now_ns = time.monotonic_ns()
             if now_ns < next_ns:
                 continue
+            if now_ns - next_ns > _LATE_NS:
+                self._note(now_ns, "world_late", {"by_ns": now_ns - next_ns})
             next_ns = max(next_ns + STEP_NS, now_ns)
             self._tell(now_ns)
             if self._shadow is not None and now_ns >= next_shadow_ns:

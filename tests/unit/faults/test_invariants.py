@@ -130,6 +130,9 @@ def test_a_pause_while_engaged_is_found_unless_the_gate_was_broken(flight):
     paused = dataclasses.replace(run, events=events)
     assert found(paused) == {"I3"}
     assert found(dataclasses.replace(paused, disturbed_ns=begin_ns)) == set()
+    late = {"t_ns": begin_ns + 165 * MS, "kind": "world_late", "by_ns": 120 * MS}
+    assert found(with_event(paused, late)) == set()
+    assert found(with_event(paused, late | {"t_ns": begin_ns - 20 * MS})) == {"I3"}
 
 
 def test_flying_by_an_old_frame_is_found(flight):
