@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import queue
+import sys
 from collections.abc import Callable
 from pathlib import Path
 
@@ -13,10 +14,36 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.errors import DfvsError
 from dfvs_core.wire.frame import BOOT_ID_FILE, clock_identity
 from dfvs_service.config import ServiceConfig
-from dfvs_service.perception.intake import Intake, make_intake
+from dfvs_service.perception.intake import Intake, disagreement, make_intake
 from dfvs_service.zenoh_session import open_session
 
+_MOST_WARNINGS = 8
+
 OnCamera = Callable[[CameraModel | DfvsError], None]
+
+
+class CameraDoubts:
+    """Warns, once each, of announcements that contradict the settings.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Of the settings.
+    """
+
+    def __init__(self, camera: CameraModel) -> None:
+        self._camera = camera
+        self._told: set[str] = set()
+
+    def take(self, announced: CameraModel | DfvsError) -> None:
+        """Take an announcement, on any thread; what is wrong goes to standard error."""
+        if isinstance(announced, DfvsError):
+            problem = str(announced)
+        else:
+            problem = disagreement(self._camera, announced)
+        if problem and problem not in self._told and len(self._told) < _MOST_WARNINGS:
+            self._told.add(problem)
+            print(f"warning: {problem}", file=sys.stderr, flush=True)
 
 
 def watch_calibration(

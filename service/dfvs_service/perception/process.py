@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import logging
 import os
-import sys
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
@@ -16,7 +15,6 @@ from typing import Any
 
 import zenoh
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import Engage
 from dfvs_core.goal import Goal, GoalSidecar, Mount
@@ -29,12 +27,12 @@ from dfvs_core.wire.picture import encode_png
 from dfvs_models.catalog import load_matcher
 from dfvs_service.config import ServiceConfig
 from dfvs_service.goal_file import ordered_goal
-from dfvs_service.perception.announced import watch_calibration
+from dfvs_service.perception.announced import CameraDoubts, watch_calibration
 from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.frame_door import FrameDoor
 from dfvs_service.perception.gate_link import GateLink
-from dfvs_service.perception.intake import disagreement, make_intake
+from dfvs_service.perception.intake import make_intake
 from dfvs_service.perception.latency import LatencyWindow
 from dfvs_service.perception.lease import Lease
 from dfvs_service.perception.mailbox import Mailbox
@@ -52,7 +50,6 @@ from dfvs_service.zenoh_session import open_session
 SILENCE_S = 0.1
 _TIMING_PERIOD_NS = 1_000_000_000
 _RECORDER_PATIENCE_S = 10.0
-_MOST_WARNINGS = 8
 
 log = logging.getLogger("dfvs.perception")
 
@@ -101,10 +98,10 @@ class PerceptionProcess:
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
         self._intake = make_intake(config, self._clock)
         self._goal = goal = goals[0]
-        self._camera = config.camera.model() or goal.sidecar.camera
-        self._told_cameras: set[str] = set()
+        camera = config.camera.model() or goal.sidecar.camera
+        self._doubts = CameraDoubts(camera)
         is_ours = config.camera.source == "dfvs"
-        self._door = FrameDoor(self._camera.size, time.monotonic_ns()) if is_ours else None
+        self._door = FrameDoor(camera.size, time.monotonic_ns()) if is_ours else None
         flow = config.flow
         self._matcher = load_matcher(flow.model, flow.threads, flow.provider)
         self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look-ahead")
@@ -134,7 +131,7 @@ class PerceptionProcess:
             telemetry.offer_json("config", dump(self._config))
             self._tell_goal(telemetry, feed)
             frames = session.declare_subscriber(self._intake.key, self._on_frame)
-            camera = watch_calibration(session, self._intake, self._on_camera)
+            camera = watch_calibration(session, self._intake, self._doubts.take)
             orders = session.declare_subscriber(self._topics.command, self._on_command)
             watches = self._config.gate.engage is Engage.NEVER
             lease = Lease(session, self._topics, self._gate.send, watches=watches)
@@ -193,17 +190,6 @@ class PerceptionProcess:
         now_ns = time.monotonic_ns()
         if self._door is None or self._door.admits(attachment, now_ns):
             self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, now_ns))
-
-    def _on_camera(self, announced: CameraModel | DfvsError) -> None:
-        """Zenoh's thread: warn, once, of a camera that is not the one in the settings."""
-        if isinstance(announced, DfvsError):
-            problem = str(announced)
-        else:
-            problem = disagreement(self._camera, announced)
-        fresh = problem not in self._told_cameras and len(self._told_cameras) < _MOST_WARNINGS
-        if problem and fresh:
-            self._told_cameras.add(problem)
-            print(f"warning: {problem}", file=sys.stderr, flush=True)
 
     def _on_command(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: pass an operator's command on; the gate judges it."""
