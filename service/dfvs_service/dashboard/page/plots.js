@@ -3,6 +3,7 @@
 const MAX_POINTS = 3000;
 const PERIOD_MS = 250;
 const HEIGHT_PX = 108;
+const LEAST_SPAN_S = 5;
 const DEGREES = 180 / Math.PI;
 
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -234,7 +235,8 @@ export class Plots {
     const last = Math.max(...this.#all.map((plot) => plot.lastS));
     if (!last) return;
     const firsts = this.#all.map((plot) => plot.firstS).filter((t) => t > 0);
-    const first = this.spanS ? last - this.spanS : Math.min(...firsts, last - 1);
+    const earliest = Math.min(...firsts, last - LEAST_SPAN_S);
+    const first = this.spanS ? Math.max(last - this.spanS, earliest) : earliest;
     this.#all.forEach((plot) => plot.draw(first, last));
   }
 }
