@@ -29,10 +29,11 @@ T = TypeVar("T")
 class Opening:
     """With what perception works from the turn ``first_turn`` on.
 
-    ``opened_ns`` is when it began to, and tells one opening from another. ``clock`` is the identity (hex) of the clock of all ``_ns``; ``unix_offset_ns`` added to them
-    gives Unix time. ``build`` maps software to versions, ``model`` the matcher's files to their
-    SHA-256. ``settings`` are the service's resolved ones, ``sidecar`` the goal's; the goal's
-    picture (PNG) travels beside the opening.
+    ``opened_ns`` is when it began to, and tells one opening from another. ``clock`` is the identity
+    (hex) of the clock of all ``_ns``; ``unix_offset_ns`` added to them gives Unix time. ``build``
+    maps software to versions, ``model`` the matcher's files to their SHA-256. ``settings`` are the
+    service's resolved ones, ``sidecar`` the goal's; the goal's picture (PNG) travels beside the
+    opening.
     """
 
     vehicle: str
@@ -72,9 +73,9 @@ class Sight:
 class Turn:
     """One round of perception's loop.
 
-    ``number`` counts from 0 without gaps, ``opening`` is the ``opened_ns`` of the one that holds. ``heard`` is what
-    the gate said since the turn before, oldest first. ``sight`` is None where no frame came.
-    ``servo`` is the frame's servo document, empty where there is none.
+    ``number`` counts from 0 without gaps, ``opening`` is the ``opened_ns`` of the one that holds.
+    ``heard`` is what the gate said since the turn before, oldest first. ``sight`` is None where no
+    frame came. ``servo`` is the frame's servo document, empty where there is none.
     """
 
     number: int
