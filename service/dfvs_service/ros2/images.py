@@ -71,6 +71,10 @@ _ENCODINGS = {
     "uyvy": _UYVY,
     "yuv422_yuy2": _YUYV,
     "yuyv": _YUYV,
+    "bayer_rggb8": _Encoding(1, _RGB, _by_opencv(cv2.COLOR_BayerRGGB2RGB)),
+    "bayer_bggr8": _Encoding(1, _RGB, _by_opencv(cv2.COLOR_BayerBGGR2RGB)),
+    "bayer_gbrg8": _Encoding(1, _RGB, _by_opencv(cv2.COLOR_BayerGBRG2RGB)),
+    "bayer_grbg8": _Encoding(1, _RGB, _by_opencv(cv2.COLOR_BayerGRBG2RGB)),
 }
 
 

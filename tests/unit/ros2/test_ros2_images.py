@@ -96,6 +96,17 @@ def test_yuv_without_colour_is_grey_of_its_luma(encoding, luma_at):
     assert np.abs(frame.image - expected[:, :, None]).max() <= 2
 
 
+@pytest.mark.parametrize("order", ["rggb", "bggr", "gbrg", "grbg"])
+def test_bayer_patterns_keep_red_red_and_blue_blue(order):
+    colour = {"r": 200, "g": 120, "b": 40}
+    tile = np.array([colour[c] for c in order], np.uint8).reshape(2, 2)
+    pixels = np.tile(tile, (HEIGHT // 2, WIDTH // 2))[:, :, None]
+    frame = Rig().frame(image_message(pixels, f"bayer_{order}8"))
+    np.testing.assert_array_equal(
+        frame.image[2:-2, 2:-2], np.broadcast_to([200, 120, 40], (14, 16, 3))
+    )
+
+
 @pytest.mark.parametrize(
     ("data", "kind", "exact"),
     [
@@ -141,7 +152,7 @@ def test_the_sequence_is_the_publisher_s_where_it_sends_one(picture):
         (lambda p: image_message(p, "rgb8")[:-1], "are no ROS 2 Image"),
         (lambda p: image_message(p, "rgb8") + b"12345", "are no ROS 2 Image"),
         (lambda p: b"\x07\x01" + image_message(p, "rgb8")[2:], "are no ROS 2 Image"),
-        (lambda p: image_message(p, "bayer_rggb8"), "encoding 'bayer_rggb8'"),
+        (lambda p: image_message(p, "32FC1"), "encoding '32FC1'"),
         (lambda p: image_message(p[:, :, :2], "rgb8"), "18 rows of 60 bytes"),
         (lambda p: image_message(p[:, :19, :2], "yuv422"), "an even width"),
         (lambda p: image_message(p, "rgb8", stamp_ns=0), "header.stamp"),
