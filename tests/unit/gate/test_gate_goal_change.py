@@ -99,7 +99,8 @@ def test_waiting_at_the_goal_does_not_use_up_the_next_engagements_time():
 
 
 def test_a_new_goal_while_holding_waits_for_the_operator_who_ordered_to_hold():
-    gate = Rehearsal(auto_config()).until(GateState.SERVO)
+    gate = Rehearsal(auto_config(), error_m=3.0).until(GateState.SERVO).run(3.0)
+    assert max(v.speed_m_s for _, v in gate.setpoints) > 0.2  # the first goal's proof is given
     gate.tick(Order(gate.now_ns, Action.HOLD))
     assert change_goal(gate).refusal == ""
     gate.forget().run(5.0)
