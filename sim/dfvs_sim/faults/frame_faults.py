@@ -12,7 +12,7 @@ from dfvs_core.arrays import ImageArray
 from dfvs_core.gate.states import GateState
 from dfvs_core.wire.picture import encode_png
 from dfvs_sim.faults.camera import Packet, Script, Shot
-from dfvs_sim.faults.case import ANY_ENGAGED, Fault, Inject, Reaction
+from dfvs_sim.faults.case import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
 from dfvs_sim.faults.network import Misbehaviour
 from dfvs_sim.faults.rig import Rig, Setup
 
@@ -21,8 +21,6 @@ MS = 1_000_000
 
 TEXTURE = Setup(sees="texture")
 _STATES = (S.READY, *ANY_ENGAGED)
-_CAPTURE_MS = 300.0
-"""From the capture of the last good frame to zero."""
 
 _SIZE_AT, _FORMAT_AT = 8, 5
 """Offsets of the width and of the pixel format in a frame's attachment."""
@@ -143,7 +141,7 @@ def _misbehaves(what: Misbehaviour) -> Inject:
 
 
 def _hold(name: str, what: str, seen_by: str, inject: Inject, setup: Setup = TEXTURE) -> Fault:
-    return Fault(name, what, seen_by, Reaction.HOLD, _CAPTURE_MS, _STATES, inject, setup)
+    return Fault(name, what, seen_by, Reaction.HOLD, CAPTURE_MS, _STATES, inject, setup)
 
 
 def _abort(name: str, what: str, seen_by: str, inject: Inject, limit_ms: float) -> Fault:

@@ -20,7 +20,7 @@ from typing import TypeAlias
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.states import GateState
 from dfvs_sim.faults import invariants
-from dfvs_sim.faults.case import Fault, Outcome, run_case
+from dfvs_sim.faults.case import Fault, Outcome, run_case, timed
 from dfvs_sim.faults.frame_faults import frame_faults
 from dfvs_sim.faults.process_faults import process_faults
 from dfvs_sim.faults.records import Run
@@ -185,7 +185,8 @@ def _violations(run: Run) -> tuple[str, ...]:
 
 
 def read_outcomes(path: Path) -> tuple[list[Outcome], list[str]]:
-    """Outcomes and violations of earlier slices."""
+    """Outcomes and violations of earlier slices, judged by the limits of today."""
+    faults = all_faults()
     outcomes: list[Outcome] = []
     violations: list[str] = []
     if path.exists():
@@ -194,7 +195,9 @@ def read_outcomes(path: Path) -> tuple[list[Outcome], list[str]]:
             if "violation" in data:
                 violations.append(data["violation"])
             else:
-                outcomes.append(Outcome(**data))
+                outcome = Outcome(**data)
+                if outcome.fault in faults:
+                    outcomes.append(timed(outcome, faults[outcome.fault]))
     return outcomes, violations
 
 

@@ -13,7 +13,7 @@ import time
 import numpy as np
 
 from dfvs_core.gate.states import GateState
-from dfvs_sim.faults.case import ANY_ENGAGED, Fault, Inject, Reaction
+from dfvs_sim.faults.case import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
 from dfvs_sim.faults.rig import Rig, Setup
 
 S = GateState
@@ -117,7 +117,7 @@ def process_faults() -> tuple[Fault, ...]:
             "perception killed",
             "frame age",
             hold,
-            300.0,
+            CAPTURE_MS,
             _MOVING,
             _perception_is(kill),
             restarts=True,
@@ -176,7 +176,7 @@ def process_faults() -> tuple[Fault, ...]:
             "perception gets a tenth of its time",
             "frame age",
             hold,
-            300.0,
+            CAPTURE_MS,
             _MOVING,
             _throttle,
         ),
@@ -196,7 +196,7 @@ def process_faults() -> tuple[Fault, ...]:
             "Zenoh router dies",
             "silence, frame age",
             hold,
-            300.0,
+            CAPTURE_MS,
             _MOVING,
             _kill_router,
             ROUTER,
