@@ -19,9 +19,10 @@ def demo(folder, *words):
 
 @pytest.fixture(scope="module")
 def flight(tmp_path_factory):
-    """One flight, and what it left behind."""
+    """One flight, recorded, and what it left behind."""
     folder = tmp_path_factory.mktemp("demo")
-    done = demo(folder / "flight", "--seed", "0", "--json", str(folder / "summary.json"))
+    words = ("--json", str(folder / "summary.json"), "--service", f"--record {folder / 'record'}")
+    done = demo(folder / "flight", "--seed", "0", *words)
     assert done.returncode in (0, 1), done.stderr
     return done, folder / "flight", json.loads((folder / "summary.json").read_text())
 
@@ -57,6 +58,20 @@ def test_latency_and_setpoint_gap_are_measured(flight):
     _, _, summary = flight
     assert 0 < summary["latency_ms"]["p50"] <= summary["latency_ms"]["p99"]
     assert 0 < summary["max_setpoint_gap_ms"] <= 150  # invariant I3
+
+
+@pytest.mark.slow
+def test_its_recording_gives_the_same_commands_bit_for_bit(flight):
+    _, folder, summary = flight
+    files = sorted((folder.parent / "record").glob("*.mcap"))
+    command = [sys.executable, "-m", "dfvs_service.replay.cli", *map(str, files)]
+    command += ["--json", str(folder / "replay.json")]
+    done = subprocess.run(command, capture_output=True, text=True, timeout=FLIGHT_S, check=False)
+    assert done.returncode == 0, done.stdout + done.stderr
+    replay = json.loads((folder / "replay.json").read_text())
+    assert replay["reasons_to_differ"] == []
+    assert replay["is_identical"]
+    assert len(replay["frames"]) >= summary["frames"] > 50
 
 
 @pytest.mark.slow
