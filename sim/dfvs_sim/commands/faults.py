@@ -52,6 +52,7 @@ def add_parser(subparsers: Any) -> None:
     add("--keep", type=Path, metavar="FILE", help="add results here, and leave out what is in it")
     add("--json", type=Path, metavar="FILE", help="write the table as JSON")
     add("--html", type=Path, metavar="FILE", help="write the table as HTML, and as Markdown beside")
+    add("--remark", default="", metavar="TEXT", help="what readers of the report should know")
     add("--list", action="store_true", help="print the faults and their states, run nothing")
     parser.set_defaults(run=run)
 
@@ -87,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         write_json(args.json, rows, violations)
     if args.html:
-        write_reports(args.html, rows, violations, _command(args))
+        write_reports(args.html, rows, violations, _command(args), args.remark)
     print(verdict(rows, violations))
     passed = all(row.passed == row.seeds for row in rows) and not violations
     return EXIT_OK if passed else EXIT_FAILED

@@ -115,13 +115,17 @@ def verdict(rows: Sequence[Row], violations: Sequence[str]) -> str:
     faults = len({r.fault for r in rows})
     repeated = sum(r.repeated for r in rows)
     again = f", {repeated} of them not at the first attempt" if repeated else ""
+    counts = [r.seeds for r in rows]
+    seeds = f", {min(counts)} to {max(counts)} seeds a row" if counts else ""
     return (
-        f"{passed} of {cases} cases passed{again} ({faults} faults, {len(rows)} rows); "
+        f"{passed} of {cases} cases passed{again} ({faults} faults, {len(rows)} rows{seeds}); "
         f"{len(violations)} violations of I1–I9"
     )
 
 
-def as_markdown(rows: Sequence[Row], violations: Sequence[str], command: str) -> str:
+def as_markdown(
+    rows: Sequence[Row], violations: Sequence[str], command: str, remark: str = ""
+) -> str:
     """Table for people, in a text."""
     lines = [
         "# Faults",
@@ -130,6 +134,7 @@ def as_markdown(rows: Sequence[Row], violations: Sequence[str], command: str) ->
         "",
         *_NOTE,
         "",
+        *([remark, ""] if remark else []),
         "| fault | in state | seen by | reaction | passed | p50 ms | p99 ms | max ms | limit ms |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
@@ -153,7 +158,7 @@ _NOTE = (
 )
 
 
-def as_html(rows: Sequence[Row], violations: Sequence[str], command: str) -> str:
+def as_html(rows: Sequence[Row], violations: Sequence[str], command: str, remark: str = "") -> str:
     """Table for people, in one file without any other."""
     body = "\n".join(_html_row(row) for row in rows)
     listed = "".join(f"<li>{html.escape(text)}</li>" for text in violations)
@@ -167,6 +172,7 @@ def as_html(rows: Sequence[Row], violations: Sequence[str], command: str) -> str
 <body><h1>Faults</h1>
 <p><b>{html.escape(verdict(rows, violations))}.</b></p>
 <p>Made by <code>{html.escape(command)}</code> on {html.escape(_machine())}. {note}</p>
+<p>{html.escape(remark)}</p>
 <table><thead><tr>{"".join(f"<th>{h}</th>" for h in heads)}</tr></thead><tbody>
 {body}
 </tbody></table>{found}</body></html>
@@ -200,10 +206,12 @@ def _machine() -> str:
     return f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
 
 
-def write_reports(page: Path, rows: Sequence[Row], violations: Sequence[str], command: str) -> None:
+def write_reports(
+    page: Path, rows: Sequence[Row], violations: Sequence[str], command: str, remark: str = ""
+) -> None:
     """Write the HTML page and, beside it, the same as Markdown."""
-    _replace(page, as_html(rows, violations, command))
-    _replace(page.with_suffix(".md"), as_markdown(rows, violations, command))
+    _replace(page, as_html(rows, violations, command, remark))
+    _replace(page.with_suffix(".md"), as_markdown(rows, violations, command, remark))
 
 
 def _replace(path: Path, text: str) -> None:
