@@ -97,9 +97,9 @@ def _role_rules(name: str, access: Access) -> list[dict[str, Any]]:
     rules = []
     if access.says:
         rules.append(_rule(f"{name} says", _SAYS, ("ingress",), access.says))
-        rules.append(_rule(f"{name} is heard", _HEARS, ("egress",), access.says))
+        rules.append(_rule(f"{name} is heard", _HEARS, ("egress",), _of_any(access.says)))
     if access.hears:
-        rules.append(_rule(f"{name} hears", _HEARS, ("ingress",), access.hears))
+        rules.append(_rule(f"{name} hears", _HEARS, ("ingress",), _of_any(access.hears)))
         rules.append(_rule(f"{name} is told", _SAYS, ("egress",), access.hears))
     exceptions = (("says", "ingress", access.never_says), ("hears", "egress", access.never_hears))
     for verb, flow, keys in exceptions:
@@ -107,6 +107,12 @@ def _role_rules(name: str, access: Access) -> list[dict[str, Any]]:
             denied = _rule(f"{name} never {verb}", ("put", "delete"), (flow,), keys)
             rules.append({**denied, "permission": "deny"})
     return rules
+
+
+def _of_any(keys: Sequence[str]) -> tuple[str, ...]:
+    """Keys as they are asked for, of one vehicle or of all; answers are of the own one alone."""
+    of_all = ("/".join([first, "*", *rest]) for first, _, *rest in (k.split("/") for k in keys))
+    return (*keys, *of_all)
 
 
 def _rule(

@@ -16,6 +16,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.topics import Topics
 from dfvs_core.wire.zenoh_access import Role, certificate_name
 from dfvs_service.config import load_config
+from dfvs_service.perception.lease import Lease
 from dfvs_service.zenoh_session import open_session
 
 SCRIPT = Path(__file__).parents[3] / "deploy" / "make_certificates.py"
@@ -209,18 +210,41 @@ def test_what_is_kept_reaches_a_dashboard_that_joins_late(hub, folder):
         publisher_detection=True,
     )
     publisher.put("resolved")
-    dashboard = client(hub.endpoint, folder / "dashboard.drone1")
+    names = ("dashboard.drone1", "dashboard.drone2", "camera.drone1")
+    sessions = {name: client(hub.endpoint, folder / name) for name in names}
     heard = []
-    subscriber = zenoh.ext.declare_advanced_subscriber(
-        dashboard,
-        OURS.telemetry("config"),
-        lambda sample: heard.append(sample.payload.to_string()),
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
-    )
-    assert wait_until(lambda: heard == ["resolved"])
-    subscriber.undeclare()
-    dashboard.close()
+    subscribers = [
+        zenoh.ext.declare_advanced_subscriber(
+            sessions[name],
+            key,
+            lambda sample, name=name, key=key: heard.append((name, key)),
+            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
+        )
+        for name in names
+        for key in (OURS.telemetry("config"), "dfvs/*/config")
+    ]
+    # Of its own vehicle, whether it asks for that one or for all; nobody else hears anything.
+    wanted = {("dashboard.drone1", OURS.telemetry("config")), ("dashboard.drone1", "dfvs/*/config")}
+    assert wait_until(lambda: set(heard) >= wanted)
+    time.sleep(0.3)
+    assert set(heard) == wanted
+    for subscriber in subscribers:
+        subscriber.undeclare()
+    for session in sessions.values():
+        session.close()
     publisher.undeclare()
+
+
+def test_two_services_of_a_vehicle_see_each_others_lease(hub, folder):
+    first = client(hub.endpoint, folder / "service.drone1")
+    second = client(hub.endpoint, folder / "service.drone1") if hub.speaker else hub.session
+    leases = [Lease(session, OURS, lambda _: None) for session in (first, second)]
+    assert wait_until(lambda: leases[0].holders().standing_by == (leases[1].name,))
+    assert wait_until(lambda: leases[1].holders().standing_by == (leases[0].name,))
+    for lease in leases:
+        lease.close()
+    for session in (first, second) if hub.speaker else (first,):
+        session.close()
 
 
 def test_who_has_no_certificate_of_our_authority_gets_no_link(hub, folder, tmp_path):
