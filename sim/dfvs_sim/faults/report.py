@@ -119,7 +119,7 @@ def verdict(rows: Sequence[Row], violations: Sequence[str]) -> str:
     seeds = f", {min(counts)} to {max(counts)} seeds a row" if counts else ""
     return (
         f"{passed} of {cases} cases passed{again} ({faults} faults, {len(rows)} rows{seeds}); "
-        f"{len(violations)} violations of I1–I9"
+        f"{len(violations)} violation{'' if len(violations) == 1 else 's'} of I1–I9"
     )
 
 
