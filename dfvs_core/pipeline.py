@@ -15,7 +15,7 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray, ImageArray
 from dfvs_core.colours import is_swapped
-from dfvs_core.correspondence import FlowField
+from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.keyframes import choose_earlier
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.goal import Goal
@@ -65,11 +65,16 @@ class FrameOutcome:
     servo step judged the frame's age.
     """
 
-    report: PerceptionReport
+    frame: Frame
     result: ServoResult
     flow: FlowField
     stages_ns: dict[str, int]
     now_ns: int
+
+    @property
+    def report(self) -> PerceptionReport:
+        """What the gate is told; only of a vehicle's four degrees of freedom."""
+        return make_report(self.frame, self.result)
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +152,9 @@ class Pipeline:
 
         return work
 
-    def process(self, frame: Frame, motion: Motion, engaged: bool) -> FrameOutcome:
+    def process(
+        self, frame: Frame, motion: Motion, engaged: bool, depth: DepthMap | None = None
+    ) -> FrameOutcome:
         """Work on one frame.
 
         Parameters
@@ -158,6 +165,8 @@ class Pipeline:
             The vehicle's state when it was captured.
         engaged : bool
             Whether the vehicle follows: progress is only asked for then.
+        depth : DepthMap, optional
+            Of the frame, where something else measures it (``depth = "given"``).
         """
         T_world_camera = motion.T_world_body() @ self._T_body_camera
         marks = [self._tick()]
@@ -172,10 +181,11 @@ class Pipeline:
             now_ns=self._tick(),
             t_capture_ns=frame.t_capture_ns,
             flow=flow,
-            velocity=motion.level_velocity(),
+            velocity=self._velocity(motion, T_world_camera),
             attitude=Attitude(motion.roll_rad, motion.pitch_rad),
             motion_m=self._camera_motion(T_world_camera),
             earlier=earlier,
+            given_depth=depth,
             engaged=engaged,
         )
         self._last_inputs = inputs
@@ -187,7 +197,7 @@ class Pipeline:
         marks.append(self._tick())
         self._remember(frame, prepared, T_world_camera, flow, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
-        return FrameOutcome(make_report(frame, result), result, flow, stages, inputs.now_ns)
+        return FrameOutcome(frame, result, flow, stages, inputs.now_ns)
 
     def digest(self) -> int:
         """Compare the last frame with an earlier one to learn about depth; time taken, ns.
@@ -223,6 +233,13 @@ class Pipeline:
         guess = predict_flow(camera, self._state.depth_map, stride, T_earlier_current)
         flow = self._matcher.track(prepared, kept.prepared, guess)
         return None if flow is None else EarlierMatch(flow, T_earlier_current)
+
+    def _velocity(self, motion: Motion, T_world_camera: FloatArray) -> FloatArray:
+        """How the vehicle moves, in the components of the task's basis; (d,) m/s, rad/s."""
+        if self._task.mount is not None:
+            return motion.level_velocity()
+        # A free camera's turning is not in the motion; only its prediction would need it.
+        return np.append(T_world_camera[:3, :3].T @ motion.velocity_m_s, np.zeros(3))
 
     def _camera_motion(self, T_world_camera: FloatArray) -> tuple[float, float, float]:
         """Motion since the last frame, in the optical axes of then, m."""
