@@ -16,19 +16,16 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.wire.picture import encode_png
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.bake import bake_room, light_room
-from dfvs_sim.scene.doorway import doorway_rooms
 from dfvs_sim.scene.frames import gltf_from_ned
 from dfvs_sim.scene.glb_writer import save_glb
-from dfvs_sim.scene.interior import KINDS, drawn_interior
+from dfvs_sim.scene.kinds import LIVING_ROOM, ROOM_KINDS, room_of_kind
 from dfvs_sim.scene.light import BakeSettings, load_mitsuba
 from dfvs_sim.scene.mesh import Scene
 from dfvs_sim.scene.poses import floor_of, look_at
-from dfvs_sim.scene.room import HEIGHT_M, LENGTH_M, VIEWS, WIDTH_M, Room, furnished_room
+from dfvs_sim.scene.room import HEIGHT_M, LENGTH_M, VIEWS, WIDTH_M
 
 _View: TypeAlias = tuple[tuple[float, float, float], tuple[float, float, float]]
 """Eye and point looked at, in the scene file's axes, m."""
-_LIVING_ROOM = "living-room"
-_TWO_ROOMS = "two-rooms"
 _EYE_HEIGHT_M, _LOOK_HEIGHT_M = 1.6, 1.0
 _CORNERS = {
     "north-east": np.array([1.0, 1.0]),
@@ -57,7 +54,7 @@ def add_parser(subparsers: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--kind", choices=(_LIVING_ROOM, _TWO_ROOMS, *sorted(KINDS)), default=_LIVING_ROOM)
+    add("--kind", choices=ROOM_KINDS, default=LIVING_ROOM)
     add("--seed", type=int, required=True, help="chooses patterns and furniture")
     add("--out", type=Path, required=True, metavar="FILE", help="scene to write (.glb)")
     add("--light", choices=("traced", "quick"), default="traced", help="default: traced")
@@ -80,7 +77,7 @@ def run(args: argparse.Namespace) -> int:
         _check_output(path, ending)
     scene = _lit(args)
     save_glb(args.out, scene)
-    views = VIEWS if args.kind == _LIVING_ROOM else _corner_views(scene)
+    views = VIEWS if args.kind == LIVING_ROOM else _corner_views(scene)
     description = args.out.with_suffix(".json")
     text = json.dumps(_description(args, scene, views), indent=2)
     description.write_text(text + "\n", encoding="utf-8")
@@ -96,18 +93,12 @@ def _lit(args: argparse.Namespace) -> Scene:
     settings = BakeSettings(samples=args.samples, seed=args.seed)
     if args.light == "traced":
         load_mitsuba()
-    room = _room(args.kind, args.seed)
+    room = room_of_kind(args.kind, args.seed)
     if args.light == "quick":
         return light_room(room, args.seed)
     scene = bake_room(room, settings, _show_progress)
     print(file=sys.stderr)
     return scene
-
-
-def _room(kind: str, seed: int) -> Room:
-    if kind == _LIVING_ROOM:
-        return furnished_room(seed)
-    return doorway_rooms(seed) if kind == _TWO_ROOMS else drawn_interior(seed, kind)
 
 
 def _check_output(path: Path | None, ending: str) -> None:
@@ -146,7 +137,7 @@ def _description(args: argparse.Namespace, scene: Scene, views: dict[str, _View]
     floor_m, low, high = floor_of(scene)
     size = {"east_west": float(high[1] - low[1]), "north_south": float(high[0] - low[0])}
     height = float(floor_m - scene.bounds[0][2])
-    if args.kind == _LIVING_ROOM:  # its view outside reaches beyond its walls
+    if args.kind == LIVING_ROOM:  # its view outside reaches beyond its walls
         size, height = {"east_west": LENGTH_M, "north_south": WIDTH_M}, HEIGHT_M
     return {
         "kind": args.kind,

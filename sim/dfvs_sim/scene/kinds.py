@@ -1,0 +1,27 @@
+"""All kinds of rooms that can be generated, by name."""
+
+from __future__ import annotations
+
+from dfvs_core.errors import ConfigError
+from dfvs_sim.scene.doorway import doorway_rooms
+from dfvs_sim.scene.interior import KINDS, drawn_interior
+from dfvs_sim.scene.room import Room, furnished_room
+
+LIVING_ROOM = "living-room"
+TWO_ROOMS = "two-rooms"
+ROOM_KINDS = (LIVING_ROOM, TWO_ROOMS, *sorted(KINDS))
+
+
+def room_of_kind(kind: str, seed: int) -> Room:
+    """Make a room of a kind, without light; the seed alone decides.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such kind.
+    """
+    if kind not in ROOM_KINDS:
+        raise ConfigError(f"no kind of room {kind!r}", f"one of {', '.join(ROOM_KINDS)}")
+    if kind == LIVING_ROOM:
+        return furnished_room(seed)
+    return doorway_rooms(seed) if kind == TWO_ROOMS else drawn_interior(seed, kind)
