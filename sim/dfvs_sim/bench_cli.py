@@ -7,10 +7,11 @@ import sys
 from collections.abc import Sequence
 
 from dfvs_sim.command_line import run_command
-from dfvs_sim.commands import bench_flow
+from dfvs_sim.commands import bench_flow, bench_scenes, bench_table1
 
-_EPILOG = """example:
+_EPILOG = """examples:
   dfvs-bench flow pairs.npz --bundle classical --json flow.json
+  dfvs-bench table1 --methods true-depth,motion-depth --json table1.json
 """
 
 
@@ -18,12 +19,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one measurement; 0 when it ran, 2 when it cannot, with one line that says why."""
     parser = argparse.ArgumentParser(
         prog="dfvs-bench",
-        description="Measure correspondences on picture pairs with exact flow.",
+        description="Measure correspondences on picture pairs, and servoing methods in scenes.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    bench_flow.add_parser(subparsers)
+    for command in (bench_flow, bench_scenes, bench_table1):
+        command.add_parser(subparsers)
     return run_command(parser, argv)
 
 

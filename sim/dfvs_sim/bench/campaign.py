@@ -1,0 +1,159 @@
+"""Many trials, one after the other or side by side; those that are on disk are not run again."""
+
+from __future__ import annotations
+
+import functools
+import multiprocessing
+import time
+from collections.abc import Iterator, Sequence
+from concurrent.futures import ProcessPoolExecutor, as_completed
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import cv2
+
+from dfvs_core.matching.matcher import Matcher
+from dfvs_models.catalog import load_matcher
+from dfvs_sim.bench.methods import METHODS
+from dfvs_sim.bench.results import TrialRecord, fits, git_revision, read_record, record_path
+from dfvs_sim.bench.results import write_record as keep_record
+from dfvs_sim.bench.task import BenchTask
+from dfvs_sim.bench.trial import goal_sight, run_trial
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene.glb import load_glb
+
+
+@dataclass(frozen=True, slots=True)
+class Job:
+    """A trial to be made.
+
+    Parameters
+    ----------
+    task : BenchTask
+        Scene and poses.
+    method, matcher : str
+        Names, as ``METHODS`` and ``load_matcher`` know them.
+    most_iterations : int
+        Frames that the method is given.
+    revision : str
+        Of the program.
+    """
+
+    task: BenchTask
+    method: str
+    matcher: str
+    most_iterations: int
+    revision: str
+
+
+@dataclass(frozen=True, slots=True)
+class Plan:
+    """What a campaign is to try.
+
+    Parameters
+    ----------
+    tasks : sequence of BenchTask
+    methods : sequence of str
+        Names of methods.
+    matcher : str
+        Name of the matcher that they share.
+    most_iterations : int or None
+        Frames for every method; None gives each its authors' number.
+    """
+
+    tasks: Sequence[BenchTask]
+    methods: Sequence[str]
+    matcher: str
+    most_iterations: int | None = None
+
+    def jobs(self) -> list[Job]:
+        """All trials, scene by scene."""
+        revision = git_revision()
+        return [
+            Job(
+                task,
+                name,
+                self.matcher,
+                self.most_iterations or METHODS[name].iterations,
+                revision,
+            )
+            for task in self.tasks
+            for name in self.methods
+        ]
+
+
+def unfinished(jobs: Sequence[Job], folder: Path) -> tuple[list[Job], list[TrialRecord]]:
+    """Jobs without a record that fits, and the records that the others have."""
+    left, found = [], []
+    for job in jobs:
+        path = record_path(folder, job.task.name, job.method)
+        record = read_record(path) if path.is_file() else None
+        if record is not None and fits(record, job.task, job.matcher, job.most_iterations):
+            found.append(record)
+        else:
+            left.append(job)
+    return left, found
+
+
+def run_jobs(jobs: Sequence[Job], folder: Path, workers: int) -> Iterator[TrialRecord]:
+    """Run trials and keep each one's record in the folder, as they come.
+
+    Raises
+    ------
+    DfvsError
+        If a scene or the matcher cannot be used.
+    """
+    if workers == 1:
+        for job in jobs:
+            record = run_job(job)
+            keep_record(folder, record)
+            yield record
+        return
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, mp_context=context, initializer=_quieten) as pool:
+        futures = [pool.submit(run_job, job) for job in jobs]
+        try:
+            for future in as_completed(futures):
+                keep_record(folder, future.result())
+                yield future.result()
+        finally:
+            pool.shutdown(wait=True, cancel_futures=True)
+
+
+def run_job(job: Job) -> TrialRecord:
+    """Make one trial."""
+    started = time.monotonic()
+    renderer = _renderer(job.task.scene)
+    method = METHODS[job.method].make(goal_sight(job.task, renderer), _matcher(job.matcher))
+    trial = run_trial(job.task, method, renderer, job.most_iterations)
+    return TrialRecord(
+        task=job.task.name,
+        difficulty=job.task.difficulty,
+        method=job.method,
+        matcher=job.matcher,
+        most_iterations=job.most_iterations,
+        start=tuple(float(v) for v in job.task.T_world_start.ravel()),
+        goal=tuple(float(v) for v in job.task.T_world_goal.ravel()),
+        size=job.task.camera.size,
+        version=version("dfvs"),
+        revision=job.revision,
+        seconds=time.monotonic() - started,
+        trial=trial,
+    )
+
+
+def _quieten() -> None:
+    """One thread a worker: they share the processor among themselves."""
+    cv2.setNumThreads(1)
+
+
+@functools.lru_cache(maxsize=1)
+def _renderer(scene: Path) -> Renderer:
+    """Renderer of the scene at hand; jobs come scene by scene."""
+    return Renderer(load_glb(scene))
+
+
+@functools.lru_cache(maxsize=1)
+def _matcher(name: str) -> Matcher:
+    return load_matcher(name, threads=1)

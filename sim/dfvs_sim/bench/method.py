@@ -1,0 +1,95 @@
+"""What the benchmark asks of a servoing method, and what it gives it to see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from dfvs_core.arrays import FloatArray, ImageArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import DepthMap
+from dfvs_core.matching.matcher import Matcher
+
+FRAME_PERIOD_S = 0.1
+"""Time between two frames of methods that reckon in seconds: gain 1/s is 0.1 a frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """What a method may use in one iteration.
+
+    Parameters
+    ----------
+    index : int
+        Number of the iteration, from 0.
+    image : (H, W, 3) uint8
+        RGB.
+    depth : DepthMap
+        True depth (H, W); only methods that say so look at it.
+    T_world_camera : (4, 4)
+        Where the camera is, in a world that knows nothing of the goal: odometry.
+    """
+
+    index: int
+    image: ImageArray
+    depth: DepthMap
+    T_world_camera: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GoalSight:
+    """The goal picture (H, W, 3) RGB, its true depth (H, W), and the camera of both views."""
+
+    camera: CameraModel
+    image: ImageArray
+    depth: DepthMap
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decision:
+    """What a method does with what it saw.
+
+    Parameters
+    ----------
+    T_current_next : (4, 4)
+        Motion of the camera until the next frame, in the current optical frame, m.
+    error : float
+        The method's own error: median flow in px, or grey levels.
+    done : bool
+        The method's own stop rule is satisfied.
+    lost : str
+        Why the method gives up; empty while it does not.
+    """
+
+    T_current_next: FloatArray
+    error: float
+    done: bool = False
+    lost: str = ""
+
+
+class ServoMethod(Protocol):
+    """Leads a free camera to the goal, frame after frame."""
+
+    def decide(self, sight: Sight) -> Decision:
+        """Decide on one frame."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class MethodKind:
+    """A method that the benchmark knows by name.
+
+    Parameters
+    ----------
+    make : callable
+        Build the method for one goal.
+    summary : str
+        What it is, for people.
+    iterations : int
+        How many frames it is given, by its authors' setting.
+    """
+
+    make: Callable[[GoalSight, Matcher], ServoMethod]
+    summary: str
+    iterations: int

@@ -1,0 +1,66 @@
+"""The methods that the benchmark compares, by name."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.servo.config import DepthChoice
+from dfvs_sim.bench import photometric, pnp, published, sift
+from dfvs_sim.bench.method import MethodKind
+from dfvs_sim.bench.ours import PipelineMethod, bench_config
+
+_OURS_ITERATIONS = 150
+
+
+def _ours(depth: DepthChoice, summary: str) -> MethodKind:
+    config = bench_config(depth)
+    return MethodKind(
+        lambda goal, matcher: PipelineMethod(config, goal, matcher), summary, _OURS_ITERATIONS
+    )
+
+
+METHODS: dict[str, MethodKind] = {
+    "true-depth": _ours("given", "the product's law with the true depth"),
+    "motion-depth": _ours("motion", "the product as it flies: depth from its own motion"),
+    "flow-depth": _ours("flow", "the product's law with the paper's depth from flow"),
+    "constant-depth": _ours("constant", "the product's law with 3 m everywhere"),
+    "published": MethodKind(
+        published.PublishedMethod,
+        "the law of the paper's published code, with its flow-depth",
+        published.ITERATIONS,
+    ),
+    "photometric": MethodKind(
+        lambda goal, _: photometric.PhotometricMethod(goal),
+        "photometric visual servoing with the true depth at the goal",
+        photometric.ITERATIONS,
+    ),
+    "sift": MethodKind(
+        lambda goal, _: sift.SiftMethod(goal),
+        "classical image-based servoing on SIFT points with the true depth",
+        sift.ITERATIONS,
+    ),
+    "pnp": MethodKind(
+        pnp.PnpMethod,
+        "position-based servoing: perspective-n-point on flow and the true depth",
+        pnp.ITERATIONS,
+    ),
+}
+"""Methods by name, ours first."""
+
+DEFAULT_METHODS = ("true-depth", "motion-depth", "flow-depth", "photometric", "sift", "pnp")
+"""All but the constant depth, which is no result of the paper's, and the published law: slow."""
+
+
+def chosen_methods(names: Sequence[str] | None) -> dict[str, MethodKind]:
+    """Methods by their names; the default ones where nobody names any.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such method.
+    """
+    for name in names or ():
+        if name not in METHODS:
+            raise ConfigError(f"there is no method {name!r}", f"one of {', '.join(METHODS)}")
+    return {name: METHODS[name] for name in dict.fromkeys(names or DEFAULT_METHODS)}

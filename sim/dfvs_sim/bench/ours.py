@@ -1,0 +1,89 @@
+"""The product itself as a method: its own pipeline, with all six degrees of freedom."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.matching.matcher import Matcher
+from dfvs_core.pipeline import Pipeline
+from dfvs_core.poses import euler_from_rotation, se3_exp
+from dfvs_core.servo.config import DepthChoice, Law, ServoConfig
+from dfvs_core.servo.exchange import Verdict
+from dfvs_core.servo.task import ServoTask
+from dfvs_core.vehicle_history import Motion
+from dfvs_core.wire.frame import Frame
+from dfvs_sim.bench.method import FRAME_PERIOD_S, Decision, GoalSight, Sight
+
+_PERIOD_NS = round(FRAME_PERIOD_S * 1e9)
+_REFUSALS = 5
+"""Frames refused in a row after which the goal counts as lost."""
+
+
+def bench_config(depth: DepthChoice, law: Law = "hybrid") -> ServoConfig:
+    """Settings of the product on a free camera.
+
+    It answers at once, so nothing is predicted; nothing limits its speed, as in the paper; and
+    the gain is 0.1 a frame throughout, the paper's for its depth network.
+    """
+    return ServoConfig(
+        law=law,
+        depth=depth,
+        gain_far=1.0,
+        gain_near=1.0,
+        response_s=0.0,
+        yaw_response_s=0.0,
+        max_horizontal_m_s=10.0,
+        max_turn_rad_s=3.0,
+    )
+
+
+class PipelineMethod:
+    """Runs ``dfvs_core.pipeline`` on the benchmark's frames, as the service does on live ones.
+
+    Parameters
+    ----------
+    config : ServoConfig
+        Law and depth source; true depth is handed over for ``depth = "given"`` alone.
+    goal : GoalSight
+        Only its picture and intrinsics are used.
+    matcher : Matcher
+        Source of correspondences.
+    """
+
+    def __init__(self, config: ServoConfig, goal: GoalSight, matcher: Matcher) -> None:
+        sidecar = GoalSidecar(goal.camera)
+        self._task = ServoTask(config, goal.camera, sidecar)
+        self._now_ns = 0
+        self._pipeline = Pipeline(
+            self._task, matcher, Goal(goal.image, sidecar), lambda: self._now_ns
+        )
+        self._last_position_m: FloatArray | None = None
+        self._refused = 0
+
+    def decide(self, sight: Sight) -> Decision:
+        """Process one frame; a refused frame keeps the camera where it is."""
+        self._now_ns = (sight.index + 1) * _PERIOD_NS
+        depth = sight.depth if self._task.config.depth == "given" else None
+        frame = Frame(sight.image, self._now_ns, sight.index)
+        result = self._pipeline.process(frame, self._odometry(sight), True, depth).result
+        self._pipeline.digest()
+        flown = result.verdict is Verdict.OK
+        self._refused = 0 if flown else self._refused + 1
+        given_up = result.verdict is Verdict.STUCK or self._refused >= _REFUSALS
+        return Decision(
+            T_current_next=se3_exp(result.velocity * FRAME_PERIOD_S),
+            error=result.feature_error_px,
+            done=result.reached,
+            lost=result.verdict.value if given_up else "",
+        )
+
+    def _odometry(self, sight: Sight) -> Motion:
+        """The camera's own motion as a vehicle state, the camera being the body."""
+        position = sight.T_world_camera[:3, 3]
+        last = position if self._last_position_m is None else self._last_position_m
+        self._last_position_m = position
+        roll, pitch, yaw = euler_from_rotation(sight.T_world_camera[:3, :3])
+        velocity = (position - last) / FRAME_PERIOD_S
+        return Motion(self._now_ns, roll, pitch, yaw, velocity, np.array(position))

@@ -1,0 +1,110 @@
+"""Trials on disk: one JSON file each, so that a broken run can be taken up again."""
+
+from __future__ import annotations
+
+import json
+import subprocess
+from dataclasses import asdict, dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+import numpy as np
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.schema import parse
+from dfvs_sim.bench.task import BenchTask
+from dfvs_sim.bench.trial import Trial
+
+_NO_REVISION = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class TrialRecord:
+    """A trial with everything that it depended on.
+
+    Parameters
+    ----------
+    task, difficulty, method, matcher : str
+        What was tried with what.
+    most_iterations : int
+        Frames that the method was given.
+    start, goal : tuple of float
+        Poses (4, 4) row by row, NED.
+    size : tuple of int
+        Width and height of the pictures, px.
+    version, revision : str
+        Of the program.
+    seconds : float
+        How long it took on the machine.
+    trial : Trial
+        What came of it.
+    """
+
+    task: str
+    difficulty: str
+    method: str
+    matcher: str
+    most_iterations: int
+    start: tuple[float, ...]
+    goal: tuple[float, ...]
+    size: tuple[int, ...]
+    version: str
+    revision: str
+    seconds: float
+    trial: Trial
+
+    @property
+    def initial_error(self) -> tuple[float, float]:
+        """Distance in m and angle in rad at the start."""
+        first = self.trial.steps[0]
+        return first.distance_m, first.angle_rad
+
+
+def record_path(folder: Path, task: str, method: str) -> Path:
+    """Where the record of a task and a method lies."""
+    return folder / f"{task}--{method}.json"
+
+
+def write_record(folder: Path, record: TrialRecord) -> None:
+    """Write a record, whole or not at all."""
+    path = record_path(folder, record.task, record.method)
+    part = path.with_suffix(".part")
+    part.write_text(json.dumps(asdict(record)) + "\n", encoding="utf-8")
+    part.replace(path)
+
+
+def read_record(path: Path) -> TrialRecord:
+    """Read a record.
+
+    Raises
+    ------
+    ConfigError
+        If it is none.
+    """
+    try:
+        data = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError) as error:
+        raise ConfigError(f"record {path} cannot be read ({error})", "a file of table1") from error
+    return parse(TrialRecord, data, path.name)
+
+
+def fits(record: TrialRecord, task: BenchTask, matcher: str, most_iterations: int) -> bool:
+    """Tell whether a record is of this very task, with these settings and this program."""
+    return (
+        np.allclose(record.start, task.T_world_start.ravel(), atol=1e-9)
+        and np.allclose(record.goal, task.T_world_goal.ravel(), atol=1e-9)
+        and tuple(record.size) == task.camera.size
+        and (record.matcher, record.most_iterations) == (matcher, most_iterations)
+        and record.version == version("dfvs")
+    )
+
+
+def git_revision() -> str:
+    """Commit of the program, ``+`` after it where files were changed since; or ``unknown``."""
+    folder = Path(__file__).parent
+    try:
+        words = ["git", "-C", str(folder), "describe", "--always", "--abbrev=10", "--dirty=+"]
+        done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=20)
+    except (OSError, subprocess.SubprocessError):
+        return _NO_REVISION
+    return done.stdout.strip() or _NO_REVISION

@@ -1,0 +1,132 @@
+"""The ten scenes of the benchmark: rooms made from seeds, and a task drawn in each.
+
+Every task has the distance and the angle of one row of the paper's Table I; three are easy, four
+medium and three hard, as the paper defines that.
+"""
+
+from __future__ import annotations
+
+import math
+import os
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError
+from dfvs_sim.bench.placing import Placing, draw_task
+from dfvs_sim.bench.task import BenchTask, read_tasks, write_tasks
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene.bake import light_room
+from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.scene.glb_writer import save_glb
+from dfvs_sim.scene.kinds import room_of_kind
+
+SCENES_VERSION = 1
+"""Part of the cache folder's name: to be raised whenever other scenes or tasks would come out."""
+
+CAMERA = CameraModel.from_horizontal_fov(320, 240, math.radians(90.0))
+"""The paper's field of view, at a size that a companion computer works on."""
+
+TASKS_FILE = "tasks.json"
+
+
+@dataclass(frozen=True, slots=True)
+class SceneSpec:
+    """A scene of the benchmark.
+
+    Parameters
+    ----------
+    name, kind : str
+        Name of the task, and kind of its room.
+    seed : int
+        Decides on the room, and on the task in it.
+    difficulty : str
+        ``easy``, ``medium`` or ``hard``.
+    distance_m, angle_deg : float
+        Between start and goal.
+    """
+
+    name: str
+    kind: str
+    seed: int
+    difficulty: str
+    distance_m: float
+    angle_deg: float
+
+    @property
+    def placing(self) -> Placing:
+        """What the task must be like."""
+        features, overlap = _RULES[self.difficulty]
+        return Placing(self.distance_m, math.radians(self.angle_deg), overlap, features)
+
+
+_RULES = {"easy": (150, (0.5, 0.9)), "medium": (80, (0.4, 0.75)), "hard": (50, (0.25, 0.65))}
+"""Least SIFT points in each view, and share of the goal that the start sees, by difficulty."""
+
+SCENES = (
+    SceneSpec("lounge", "lounge", 4001, "easy", 1.42, 18.20),
+    SceneSpec("study", "study", 4002, "easy", 1.49, 16.33),
+    SceneSpec("living-room", "living-room", 4003, "easy", 1.41, 18.07),
+    SceneSpec("hall", "hall", 4004, "medium", 1.15, 17.27),
+    SceneSpec("second-lounge", "lounge", 4005, "medium", 1.64, 30.96),
+    SceneSpec("corridor", "corridor", 4006, "medium", 1.37, 17.26),
+    SceneSpec("second-study", "study", 4007, "medium", 1.95, 22.86),
+    SceneSpec("second-hall", "hall", 4008, "hard", 2.54, 20.02),
+    SceneSpec("two-rooms", "two-rooms", 4009, "hard", 1.94, 31.78),
+    SceneSpec("third-lounge", "lounge", 4010, "hard", 2.43, 36.05),
+)
+"""The ten, in the order of the paper's Table I."""
+
+
+def default_tasks() -> list[BenchTask]:
+    """Tasks of the ten scenes, which are made and kept in the cache on the first call."""
+    folder = cache_folder()
+    if not (folder / TASKS_FILE).is_file():
+        make_scenes(folder, SCENES, lambda _: None)
+    return read_tasks(folder / TASKS_FILE)
+
+
+def cache_folder() -> Path:
+    """Where the ten scenes are kept: under ``$XDG_CACHE_HOME``, or ``~/.cache``."""
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "dfvs" / f"bench-scenes-{SCENES_VERSION}"
+
+
+def make_scenes(
+    folder: Path, specs: tuple[SceneSpec, ...], progress: Callable[[str], None]
+) -> list[BenchTask]:
+    """Make rooms and tasks in a folder; rooms that are there already are kept.
+
+    Raises
+    ------
+    DfvsError
+        If the folder cannot be written or no task fits into a room.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{folder} cannot be made ({error.strerror})", "a folder") from error
+    tasks = []
+    for spec in specs:
+        progress(f"{spec.name}: {spec.kind} from seed {spec.seed}")
+        tasks.append(_task(spec, _room_file(spec, folder)))
+    write_tasks(folder / TASKS_FILE, tasks)
+    return tasks
+
+
+def _room_file(spec: SceneSpec, folder: Path) -> Path:
+    path = folder / f"{spec.kind}-{spec.seed}.glb"
+    if not path.is_file():
+        part = path.with_suffix(".part.glb")
+        save_glb(part, light_room(room_of_kind(spec.kind, spec.seed), spec.seed))
+        part.replace(path)
+    return path
+
+
+def _task(spec: SceneSpec, scene: Path) -> BenchTask:
+    rng = np.random.default_rng([spec.seed, 3])
+    poses = draw_task(Renderer(load_glb(scene)), CAMERA, spec.placing, rng)
+    return BenchTask(spec.name, scene, poses[0], poses[1], CAMERA, spec.difficulty)

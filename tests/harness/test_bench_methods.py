@@ -1,0 +1,88 @@
+"""Every method of the benchmark converges in the setting that its authors made it for."""
+
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.matching.classical import ClassicalMatcher
+from dfvs_core.poses import make_pose, so3_exp
+from dfvs_sim.bench.method import Decision
+from dfvs_sim.bench.methods import METHODS
+from dfvs_sim.bench.task import BenchTask
+from dfvs_sim.bench.trial import goal_sight, run_trial
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.scene.poses import camera_pose
+
+SMALL = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
+LARGE = SMALL.scaled(320, 240)
+T_WORLD_GOAL = camera_pose((0.5, -1.0, -1.3), np.radians(40))
+
+
+@pytest.fixture(scope="module")
+def room():
+    return Renderer(load_glb(builtin_room_path()))
+
+
+def task(distance_m, angle_deg, camera=SMALL):
+    way, axis = np.array([0.6, -0.3, -0.74]), np.array([0.3, 0.8, -0.5])
+    turn = so3_exp(axis / np.linalg.norm(axis) * np.radians(angle_deg))
+    away = make_pose(turn, way / np.linalg.norm(way) * distance_m)
+    return BenchTask("room", Path("room.glb"), T_WORLD_GOAL @ away, T_WORLD_GOAL, camera)
+
+
+def servo(room, name, task, most_iterations):
+    method = METHODS[name].make(goal_sight(task, room), ClassicalMatcher())
+    return run_trial(task, method, room, most_iterations)
+
+
+@pytest.mark.parametrize("name", ["true-depth", "motion-depth", "flow-depth", "constant-depth"])
+def test_the_product_s_law_ends_at_the_goal_by_itself(room, name):
+    trial = servo(room, name, task(0.4, 12), 80)
+    assert trial.end == "done"
+    assert trial.converged
+    assert trial.iterations_to_criterion <= 45  # a gain of 0.1 alone takes 24
+    assert trial.path_ratio < 1.15
+
+
+def test_photometric_servoing_is_exact_from_a_small_offset(room):
+    trial = servo(room, "photometric", task(0.03, 1.5), 120)
+    assert trial.end == "done"
+    assert trial.final.distance_m < 0.001
+    assert trial.final.angle_rad < np.radians(0.1)
+
+
+def test_sift_servoing_converges_from_a_moderate_offset(room):
+    trial = servo(room, "sift", task(0.3, 10, LARGE), 80)
+    assert trial.converged
+    assert trial.path_ratio < 1.3
+
+
+def test_position_based_servoing_goes_straight(room):
+    trial = servo(room, "pnp", task(0.4, 12), 80)
+    assert trial.end == "done"
+    assert trial.converged
+    assert trial.path_ratio < 1.1
+
+
+def test_the_published_law_nears_the_goal_slowly(room):
+    trial = servo(room, "published", task(0.2, 4), 40)
+    first, last = trial.steps[0], trial.final
+    assert last.distance_m < 0.95 * first.distance_m
+    assert last.angle_rad < first.angle_rad
+    assert last.error < first.error
+
+
+def test_a_method_that_goes_astray_is_stopped(room):
+    class Runaway:
+        def decide(self, sight):
+            return Decision(make_pose(np.eye(3), np.array([0.0, 0.0, -0.4])), 1.0)
+
+    trial = run_trial(task(0.2, 4), Runaway(), room, 50)
+    assert trial.end == "left"
+    assert not trial.converged
+    assert trial.iterations_to_criterion is None
+    assert trial.path_m == pytest.approx(0.4 * trial.iterations)
