@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import torch
 from torch import Tensor
-from torch.nn import functional
 
 _GLOBAL_RIDGE = 1e-3
 _RIDGE = 0.02
@@ -35,11 +34,12 @@ def spread_affine(flow: Tensor, weight: Tensor, centres: Tensor) -> Tensor:
     for width in (0.0, 0.25, 0.1):  # shares of the image
         if width > 0:
             robust = _robust(weight, flow - spread, width * scale)
-        spread = _fit_globally(_moments(robust, flow, place).mean((2, 3), keepdim=True), place)
+        spread = _fit_globally(robust, flow, place)
+    step = place[0, 0, 0, 1] - place[0, 0, 0, 0]
     for window, width in ((17, 0.1), (9, 0.06), (5, 0.04)):
         rest = flow - spread
         robust = _robust(weight, rest, width * scale)
-        spread = spread + _fit_locally(_box(_moments(robust, rest, place), window), place)
+        spread = spread + _fit_locally(robust, rest, window, step)
     return spread
 
 
@@ -50,47 +50,65 @@ def _robust(weight: Tensor, rest: Tensor, width: Tensor) -> Tensor:
     return weight * share * share
 
 
-def _moments(weight: Tensor, flow: Tensor, place: Tensor) -> Tensor:
-    """Integrands (N, 12, h, w): w (1, x, y, xx, xy, yy), then w (u, v), w x (u, v), w y (u, v)."""
-    x, y = place[:, :1], place[:, 1:]
-    powers = torch.cat([torch.ones_like(x), x, y, x * x, x * y, y * y], 1)
-    weighted = weight * flow
-    return torch.cat([weight * powers, weighted, weighted * x, weighted * y], 1)
+def _fit_globally(weight: Tensor, flow: Tensor, place: Tensor) -> Tensor:
+    """Flow (N, 2, h, w) of one affine fit; moments are taken about the weighted middle."""
+    share = weight / (weight.sum((2, 3), keepdim=True) + 1e-3)
+    middle = (share * place).sum((2, 3), keepdim=True)  # (N, 2, 1, 1)
+    mean = (share * flow).sum((2, 3), keepdim=True)
+    away = place - middle
+    x, y = away[:, :1], away[:, 1:]
+    xx, xy, yy = ((share * p).sum((2, 3), keepdim=True) for p in (x * x, x * y, y * y))
+    xx, yy = xx + _GLOBAL_RIDGE, yy + _GLOBAL_RIDGE
+    rest = share * (flow - mean)
+    right_x, right_y = ((rest * p).sum((2, 3), keepdim=True) for p in (x, y))
+    determinant = xx * yy - xy * xy
+    slope_x = (yy * right_x - xy * right_y) / determinant
+    slope_y = (xx * right_y - xy * right_x) / determinant
+    return mean + slope_x * x + slope_y * y
 
 
-def _fit_globally(moments: Tensor, place: Tensor) -> Tensor:
-    """Flow (N, 2, h, w) of the affine fit to moments (N, 12, 1, 1): 3 x 3 in closed form."""
-    moments = moments / (moments[:, :1] + 1e-6)
-    a, b, c, d, e, f = torch.split(moments[:, :6], 1, 1)
-    a, d, f = a + _GLOBAL_RIDGE, d + _GLOBAL_RIDGE, f + _GLOBAL_RIDGE
-    right, right_x, right_y = torch.split(moments[:, 6:], 2, 1)  # (N, 2, 1, 1) each
-    cof_a, cof_b, cof_c = d * f - e * e, c * e - b * f, b * e - c * d
-    cof_d, cof_e, cof_f = a * f - c * c, b * c - a * e, a * d - b * b
-    determinant = a * cof_a + b * cof_b + c * cof_c
-    middle = (cof_a * right + cof_b * right_x + cof_c * right_y) / determinant
-    slope_x = (cof_b * right + cof_d * right_x + cof_e * right_y) / determinant
-    slope_y = (cof_c * right + cof_e * right_x + cof_f * right_y) / determinant
-    return middle + slope_x * place[:, :1] + slope_y * place[:, 1:]
+def _window_moments(cells: int, window: int, step: Tensor) -> Tensor:
+    """Matrix (3 cells, cells) that takes a row of cells to moments over a window about each.
+
+    Those of order 0, 1 and 2 about the cell's own place, divided by the window's width; outside
+    counts as zero. Taken about the cell itself they lose nothing to rounding, which moments about
+    the image's middle do.
+    """
+    index = torch.arange(cells, device=step.device, dtype=torch.float32)
+    away = index - index.unsqueeze(1)  # (to, from)
+    inside = (away.abs() <= window // 2).float() / window
+    offset = away * step
+    return torch.cat([inside, inside * offset, inside * offset * offset])
 
 
-def _box(x: Tensor, window: int) -> Tensor:
-    """Mean over a square window, as two thin passes; outside counts as zero."""
-    half = window // 2
-    x = functional.avg_pool2d(x, (window, 1), 1, (half, 0))
-    return functional.avg_pool2d(x, (1, window), 1, (0, half))
+def _fit_locally(weight: Tensor, flow: Tensor, window: int, step: Tensor) -> Tensor:
+    """Value (N, 2, h, w) at each cell of the ridge-held affine fit over a square window.
 
+    Parameters
+    ----------
+    weight : (N, 1, h, w)
+        0 to 1.
+    flow : (N, 2, h, w)
+        px.
+    window : int
+        Width in cells.
+    step : scalar
+        Distance of neighbouring cells.
+    """
+    n, _, h, w = flow.shape
+    rows = _window_moments(h, window, step)  # (3 h, h)
+    columns = _window_moments(w, window, step).T  # (w, 3 w)
+    moments = rows @ torch.cat([weight, weight * flow], 1) @ columns  # (N, 3, 3 h, 3 w)
+    moments = moments.reshape(n, 3, 3, h, 3, w)
 
-def _fit_locally(moments: Tensor, place: Tensor) -> Tensor:
-    """Value (N, 2, h, w) at each cell of the ridge-held affine fit to its own moments."""
-    m, mx, my, mxx, mxy, myy = torch.split(moments[:, :6], 1, 1)
-    x, y = place[:, :1], place[:, 1:]
-    # moments about the cell's own place
-    cx, cy = mx - x * m, my - y * m
-    cxx = mxx - x * (mx + cx) + _SLOPE_RIDGE
-    cxy = mxy - x * my - y * cx
-    cyy = myy - y * (my + cy) + _SLOPE_RIDGE
-    right, right_x, right_y = torch.split(moments[:, 6:], 2, 1)  # (N, 2, h, w) each
-    right_x, right_y = right_x - x * right, right_y - y * right
+    def moment(x: int, y: int, of: slice) -> Tensor:
+        return moments[:, of, y, :, x]
+
+    ones, values = slice(0, 1), slice(1, 3)
+    m, cx, cy = moment(0, 0, ones), moment(1, 0, ones), moment(0, 1, ones)
+    cxx, cxy = moment(2, 0, ones) + _SLOPE_RIDGE, moment(1, 1, ones)
+    cyy = moment(0, 2, ones) + _SLOPE_RIDGE
+    right, right_x, right_y = moment(0, 0, values), moment(1, 0, values), moment(0, 1, values)
     determinant = cxx * cyy - cxy * cxy
     slope_x = (cx * cyy - cy * cxy) / determinant
     slope_y = (cy * cxx - cx * cxy) / determinant
