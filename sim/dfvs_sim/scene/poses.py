@@ -64,13 +64,13 @@ class TaskLimits:
     the goal's pixels that the start sees as well, ``features`` SIFT points in 320 px wide views.
     """
 
-    distance_m: tuple[float, float] = (0.8, 1.3)
-    yaw_rad: tuple[float, float] = (float(np.radians(20.0)), float(np.radians(26.0)))
+    distance_m: tuple[float, float] = (0.8, 1.5)
+    yaw_rad: tuple[float, float] = (float(np.radians(20.0)), float(np.radians(30.0)))
     climb_m: tuple[float, float] = (-0.25, 0.25)
     height_m: tuple[float, float] = (0.8, 1.8)
     depth_m: tuple[float, float] = (1.2, 5.0)
     clearance_m: float = 0.4
-    overlap: float = 0.6
+    overlap: float = 0.5
     features: int = 50
 
 
