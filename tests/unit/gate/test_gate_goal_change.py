@@ -82,7 +82,7 @@ def test_from_the_goal_the_next_one_is_flown_with_a_proof_of_its_own():
     change_goal(gate)
     assert not gate.machine.has_reached
     gate.forget().until(GateState.SERVO, 1.2)
-    gate.run(0.9)
+    gate.run(0.6)
     assert gate.moved()
     assert max(v.speed_m_s for _, v in gate.setpoints) <= 0.1 + 1e-9
     gate.run(2.0)
