@@ -57,3 +57,9 @@ def test_a_crawl_is_slower(stream):
         t_ns += 20 * MS
         v = stream.move(FAST, t_ns, crawls=True)
     assert v.forward_m_s == pytest.approx(GateConfig().proof_speed_m_s)
+
+
+def test_before_the_first_setpoint_the_last_one_counts_as_zero():
+    stream = SetpointStream(GateConfig())
+    assert stream.last == ZERO
+    assert stream.is_silent
