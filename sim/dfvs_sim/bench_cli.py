@@ -7,7 +7,13 @@ import sys
 from collections.abc import Sequence
 
 from dfvs_sim.command_line import run_command
-from dfvs_sim.commands import bench_flow, bench_scenes, bench_table1
+from dfvs_sim.commands import (
+    bench_controller,
+    bench_flow,
+    bench_report,
+    bench_scenes,
+    bench_table1,
+)
 
 _EPILOG = """examples:
   dfvs-bench flow pairs.npz --bundle classical --json flow.json
@@ -24,7 +30,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    for command in (bench_flow, bench_scenes, bench_table1):
+    for command in (bench_flow, bench_scenes, bench_table1, bench_controller, bench_report):
         command.add_parser(subparsers)
     return run_command(parser, argv)
 

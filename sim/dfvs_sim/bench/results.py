@@ -88,6 +88,20 @@ def read_record(path: Path) -> TrialRecord:
     return parse(TrialRecord, data, path.name)
 
 
+def read_records(folder: Path) -> list[TrialRecord]:
+    """Read all records of a folder, by method and task in the order of their names.
+
+    Raises
+    ------
+    ConfigError
+        If there are none, or one is damaged.
+    """
+    paths = sorted(folder.glob("*--*.json"))
+    if not paths:
+        raise ConfigError(f"{folder} holds no trials", "the folder that dfvs-bench table1 filled")
+    return sorted((read_record(path) for path in paths), key=lambda r: (r.method, r.task))
+
+
 def fits(record: TrialRecord, task: BenchTask, matcher: str, most_iterations: int) -> bool:
     """Tell whether a record is of this very task, with these settings and this program."""
     return (

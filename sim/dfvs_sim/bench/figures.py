@@ -1,0 +1,88 @@
+"""Plots of trials, as in the paper's Fig. 5: error, velocities, and the camera's path."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+
+from dfvs_sim.bench.results import TrialRecord
+
+_STYLE: Any = {
+    "font.size": 9,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "axes.titlesize": 10,
+    "legend.frameon": False,
+}
+_FORMATS = ("png", "svg", "pdf")
+
+
+def controller_figure(records: Sequence[TrialRecord], file_format: str = "png") -> bytes:
+    """Plot the trials of one task, a line for every method.
+
+    Parameters
+    ----------
+    records : sequence of TrialRecord
+        Of the same task.
+    file_format : str
+        ``png``, ``svg`` or ``pdf``.
+
+    Returns
+    -------
+    bytes
+        The file.
+    """
+    with mpl.rc_context(_STYLE):
+        figure = Figure(figsize=(11, 7.2), layout="constrained")
+        grid = figure.add_gridspec(2, 2)
+        _errors(figure.add_subplot(grid[0, 0]), records)
+        _speeds(figure.add_subplot(grid[0, 1]), records, slice(0, 3), "Translation (m/s)")
+        _speeds(figure.add_subplot(grid[1, 0]), records, slice(3, 6), "Rotation (rad/s)")
+        _paths(figure.add_subplot(grid[1, 1], projection="3d"), records)
+        buffer = io.BytesIO()
+        figure.savefig(buffer, format=file_format, dpi=100)
+    return buffer.getvalue()
+
+
+def _errors(axes: Any, records: Sequence[TrialRecord]) -> None:
+    """Each method's own error, as a share of what it was at the start."""
+    for record in records:
+        errors = [step.error for step in record.trial.steps]
+        known = np.array([np.nan if e is None else e for e in errors], dtype=np.float64)
+        first = known[np.isfinite(known)][:1]
+        if first.size and first[0] > 0:
+            axes.semilogy(known / first[0], label=record.method)
+    axes.set_title("Feature or photometric error ÷ its first value", loc="left")
+    axes.set_xlabel("iteration")
+    axes.legend()
+
+
+def _speeds(axes: Any, records: Sequence[TrialRecord], part: slice, title: str) -> None:
+    """Length of the linear or angular velocity."""
+    for record in records:
+        velocities = np.array([step.velocity for step in record.trial.steps])[:, part]
+        axes.plot(np.linalg.norm(velocities, axis=1), label=record.method)
+    axes.set_title(title, loc="left")
+    axes.set_xlabel("iteration")
+
+
+def _paths(axes: Any, records: Sequence[TrialRecord]) -> None:
+    for record in records:
+        north, east, down = np.array([step.position_m for step in record.trial.steps]).T
+        axes.plot(east, north, -down, label=record.method)
+    goal = np.array(records[0].goal).reshape(4, 4)[:3, 3]
+    axes.scatter(goal[1], goal[0], -goal[2], marker="*", s=90, color="black", label="goal")
+    axes.set_title("Camera path (m): east, north, up", loc="left")
+    axes.set_aspect("equal")
+
+
+def is_figure_name(suffix: str) -> bool:
+    """Tell whether a file name's ending names a format that can be written."""
+    return suffix.lower().lstrip(".") in _FORMATS

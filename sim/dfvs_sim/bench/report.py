@@ -1,0 +1,203 @@
+"""One self-contained HTML page of a campaign: tables, pictures, plots, and the paper beside it."""
+
+from __future__ import annotations
+
+import base64
+import html
+import math
+from collections.abc import Callable, Sequence
+from importlib.metadata import version
+
+import cv2
+import numpy as np
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.wire.picture import encode_jpeg
+from dfvs_sim.bench.figures import controller_figure
+from dfvs_sim.bench.methods import METHODS
+from dfvs_sim.bench.paper import PAPER_COLUMNS, PAPER_SCENES
+from dfvs_sim.bench.results import TrialRecord
+from dfvs_sim.bench.task import BenchTask
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene.glb import load_glb
+
+_JPEG_QUALITY = 88
+_THUMBNAIL_PX = 200
+_GREY = 128
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 76rem; color: #222; }
+table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
+th, td { padding: .2rem .7rem; text-align: right; border-bottom: 1px solid #ddd; }
+th:first-child, td:first-child { text-align: left; }
+td.nc { color: #b3362f; } img { display: block; } figure { margin: 1rem 0; }
+.grid td { padding: 2px; border: 0; text-align: center; font-size: 12px; }
+"""
+_DIFFERENCES = """What differs from the paper: our scenes are generated rooms and not scans, seen by
+our renderer and not by Habitat; its initial distances and angles are kept, not its poses. Pictures
+are {size}, the paper's 512 × 384. Flow comes from the matcher <code>{matcher}</code>, the paper's
+from FlowNet2. The paper's methods [3] and [4] and its networks were not run again: its columns are
+quoted from its Table I. Ours end by their own stop rule and never by photometric error."""
+
+
+def report_page(
+    tasks: Sequence[BenchTask],
+    records: Sequence[TrialRecord],
+    progress: Callable[[str], None],
+) -> str:
+    """Write the page.
+
+    Parameters
+    ----------
+    tasks : sequence of BenchTask
+        Those that the records are of.
+    records : sequence of TrialRecord
+        In any order, from as many methods and tasks as there are.
+    progress : callable
+        Told which task is being drawn.
+    """
+    known = [name for name in METHODS if any(r.method == name for r in records)]
+    by_key = {(r.task, r.method): r for r in records}
+    tasks = [task for task in tasks if any(r.task == task.name for r in records)]
+    parts = [
+        "<!doctype html><html lang='en'><meta charset='utf-8'><title>DFVS benchmark</title>",
+        f"<style>{_STYLE}</style><h1>DFVS benchmark</h1>",
+        f"<p>{_provenance(records)}</p><p>{_differences(records)}</p>",
+        "<h2>Summary</h2>",
+        _summary_table(records, known, [task.name for task in tasks]),
+        "<h2>Every scene</h2><p>Final error; path; iterations. NC: not within 4 cm and 1°.</p>",
+        _scene_table(tasks, known, by_key),
+        "<h2>Pictures</h2><p>Start, goal, and what is left between goal and end: grey is none."
+        "</p><table class='grid'>",
+        _picture_head(known),
+    ]
+    for task in tasks:
+        progress(task.name)
+        parts.append(_picture_row(task, known, by_key))
+    parts.append("</table><h2>Controllers</h2>")
+    for task in tasks:
+        of_task = [by_key[task.name, name] for name in known if (task.name, name) in by_key]
+        parts.append(f"<figure><figcaption>{html.escape(task.name)}</figcaption>")
+        parts.append(_embedded(controller_figure(of_task), "png", 900) + "</figure>")
+    parts += ["<h2>The paper's Table I</h2>", _paper_table(), "</html>"]
+    return "\n".join(parts)
+
+
+def _provenance(records: Sequence[TrialRecord]) -> str:
+    revisions = ", ".join(sorted({r.revision for r in records}))
+    hours = sum(r.seconds for r in records) / 3600.0
+    return (
+        f"{len(records)} trials, {hours:.1f} hours of wall clock in all; dfvs {version('dfvs')}, "
+        f"revision {html.escape(revisions)}."
+    )
+
+
+def _differences(records: Sequence[TrialRecord]) -> str:
+    sizes = ", ".join(sorted({f"{r.size[0]} × {r.size[1]}" for r in records}))
+    matchers = ", ".join(sorted({r.matcher for r in records}))
+    return _DIFFERENCES.format(size=sizes, matcher=html.escape(matchers))
+
+
+def _summary_table(
+    records: Sequence[TrialRecord], methods: Sequence[str], tasks: Sequence[str]
+) -> str:
+    head = "<tr><th>method<th>converged<th>iterations<th>path ÷ line<th>translation<th>rotation"
+    rows = []
+    for name in methods:
+        group = [r.trial for r in records if r.method == name and r.task in tasks]
+        good = [trial for trial in group if trial.converged]
+        cells = [f"{name}: {METHODS[name].summary}", f"{len(good)} of {len(group)}"]
+        if good:
+            cells += [
+                f"{np.mean([t.iterations for t in good]):.0f}",
+                f"{np.mean([t.path_ratio for t in good]):.2f}",
+                f"{1e3 * np.mean([t.final.distance_m for t in good]):.1f} mm",
+                f"{np.degrees(np.mean([t.final.angle_rad for t in good])):.2f}°",
+            ]
+        rows.append("<tr>" + "".join(f"<td>{html.escape(c)}" for c in cells))
+    note = "<p>Means are over the trials that converged.</p>"
+    return f"<table>{head}{''.join(rows)}</table>{note}"
+
+
+def _scene_table(
+    tasks: Sequence[BenchTask],
+    methods: Sequence[str],
+    by_key: dict[tuple[str, str], TrialRecord],
+) -> str:
+    head = "<tr><th>scene<th>start" + "".join(f"<th>{name}" for name in methods)
+    rows = []
+    for task in tasks:
+        distance_m, angle_rad = task.initial_error
+        row = f"<tr><td>{html.escape(task.name)}<td>{distance_m:.2f} m {_degrees(angle_rad)}"
+        rows.append(row + "".join(_cell(by_key.get((task.name, name))) for name in methods))
+    return f"<table>{head}{''.join(rows)}</table>"
+
+
+def _cell(record: TrialRecord | None) -> str:
+    if record is None:
+        return "<td>–"
+    trial = record.trial
+    errors = f"{1e3 * trial.final.distance_m:.0f} mm {_degrees(trial.final.angle_rad)}"
+    if not trial.converged:
+        return f"<td class='nc' title='{html.escape(trial.end)}'>{errors}<br>NC"
+    return f"<td>{errors}<br>{trial.path_m:.2f} m; {trial.iterations}"
+
+
+def _degrees(angle_rad: float) -> str:
+    return f"{math.degrees(angle_rad):.2f}°"
+
+
+def _picture_head(methods: Sequence[str]) -> str:
+    names = ("", "start", "goal", *methods)
+    return "<tr>" + "".join(f"<td>{name}" for name in names)
+
+
+def _picture_row(
+    task: BenchTask, methods: Sequence[str], by_key: dict[tuple[str, str], TrialRecord]
+) -> str:
+    renderer = Renderer(load_glb(task.scene))
+
+    def view(T_world_camera: object) -> ImageArray:
+        T = np.asarray(T_world_camera, dtype=np.float64).reshape(4, 4)
+        return renderer.render(task.camera, T, antialias=True).image
+
+    goal = view(task.T_world_goal)
+    cells = [html.escape(task.name), _picture(view(task.T_world_start)), _picture(goal)]
+    for name in methods:
+        record = by_key.get((task.name, name))
+        if record is None:
+            cells.append("–")
+        else:
+            cells.append(_picture(_difference(view(record.trial.T_world_end), goal)))
+    return "<tr>" + "".join(f"<td>{cell}" for cell in cells)
+
+
+def _difference(a: ImageArray, b: ImageArray) -> ImageArray:
+    """Grey where two pictures agree."""
+    half = (a.astype(np.int16) - b.astype(np.int16)) // 2 + _GREY
+    return half.astype(np.uint8)
+
+
+def _picture(image: ImageArray) -> str:
+    height = round(_THUMBNAIL_PX * image.shape[0] / image.shape[1])
+    small = cv2.resize(image, (_THUMBNAIL_PX, height), interpolation=cv2.INTER_AREA)
+    thumbnail = np.asarray(small, dtype=np.uint8)
+    return _embedded(encode_jpeg(thumbnail, _JPEG_QUALITY), "jpeg", _THUMBNAIL_PX)
+
+
+def _embedded(data: bytes, kind: str, width_px: int) -> str:
+    text = base64.b64encode(data).decode()
+    return f"<img width='{width_px}' alt='' src='data:image/{kind};base64,{text}'>"
+
+
+def _paper_table() -> str:
+    head = "<tr><th>start" + "".join(f"<th>{name}" for name in PAPER_COLUMNS)
+    rows = []
+    for scene in PAPER_SCENES:
+        row = f"<tr><td>{scene.initial[0]:.2f} m {scene.initial[1]:.2f}°"
+        for k in range(len(PAPER_COLUMNS)):
+            path, iterations = scene.path_m[k], scene.iterations[k]
+            way = "NC" if iterations is None or path is None else f"{path:.2f} m; {iterations}"
+            errors = f"{1e3 * scene.translation_m[k]:.0f} mm {scene.rotation_deg[k]:.2f}°"
+            row += f"<td>{errors}<br>{way}"
+        rows.append(row)
+    return f"<table>{head}{''.join(rows)}</table>"
