@@ -1,0 +1,73 @@
+import numpy as np
+import pytest
+
+from dfvs_core.poses import pose_error
+from dfvs_sim.bench import scenes
+from dfvs_sim.bench.paper import PAPER_SCENES
+from dfvs_sim.bench.placing import Placing, draw_task
+from dfvs_sim.bench.scenes import CAMERA, SCENES, SceneSpec, make_scenes
+from dfvs_sim.bench.task import read_tasks
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.render.truth import visibility
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.free_space import FreeSpace
+from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.scene.mesh import SceneError
+
+PLACING = Placing(1.2, np.radians(18.0), (0.4, 0.8), 60)
+
+
+@pytest.fixture(scope="module")
+def room():
+    return Renderer(load_glb(builtin_room_path()))
+
+
+def test_a_drawn_task_is_what_was_asked_for(room):
+    T_start, T_goal = draw_task(room, CAMERA, PLACING, np.random.default_rng(1))
+    distance_m, angle_rad = pose_error(T_start, T_goal)
+    assert distance_m == pytest.approx(1.2, abs=1e-9)
+    assert angle_rad == pytest.approx(np.radians(18.0), abs=1e-9)
+    depths = (room.depth(CAMERA, T_goal), room.depth(CAMERA, T_start))
+    assert 0.4 <= visibility(CAMERA, (T_goal, T_start), depths).mean() <= 0.8
+    space = FreeSpace(room)
+    way = np.linspace(T_start[:3, 3], T_goal[:3, 3], 20)
+    assert min(space.clearance_m(stop) for stop in way) > 0.15
+
+
+def test_the_seed_alone_decides(room):
+    one, two = (draw_task(room, CAMERA, PLACING, np.random.default_rng(2)) for _ in range(2))
+    np.testing.assert_array_equal(one, two)
+    other = draw_task(room, CAMERA, PLACING, np.random.default_rng(3))
+    assert not np.array_equal(one, other)
+
+
+def test_a_task_that_does_not_fit_is_refused(room, monkeypatch):
+    monkeypatch.setattr("dfvs_sim.bench.placing._GOALS_TRIED", 20)
+    with pytest.raises(SceneError, match=r"30 m"):
+        draw_task(room, CAMERA, Placing(30.0, 0.1, (0.4, 0.8), 60), np.random.default_rng(1))
+
+
+def test_the_ten_start_as_far_away_as_the_paper_s():
+    assert [(s.distance_m, s.angle_deg) for s in SCENES] == [p.initial for p in PAPER_SCENES]
+    difficulties = [spec.difficulty for spec in SCENES]
+    assert [difficulties.count(d) for d in ("easy", "medium", "hard")] == [3, 4, 3]
+    assert len({spec.name for spec in SCENES}) == len({spec.seed for spec in SCENES}) == 10
+
+
+def test_no_scene_is_one_that_a_network_was_trained_or_measured_on():
+    measured = {("lounge", 22), ("study", 2), ("hall", 3)}
+    assert not any(1000 <= spec.seed < 1080 for spec in SCENES)
+    assert not measured & {(spec.kind, spec.seed) for spec in SCENES}
+
+
+def test_a_room_that_is_there_is_kept(tmp_path, monkeypatch):
+    spec = SceneSpec("small", "living-room", 7, "easy", 0.8, 12.0)
+    (tmp_path / "living-room-7.glb").write_bytes(builtin_room_path().read_bytes())
+    monkeypatch.setattr(scenes, "light_room", lambda *_: pytest.fail("made again"))
+    told = []
+    (task,) = make_scenes(tmp_path, (spec,), told.append)
+    assert told == ["small: living-room from seed 7"]
+    (read,) = read_tasks(tmp_path / "tasks.json")
+    assert read.difficulty == "easy"
+    np.testing.assert_allclose(read.T_world_start, task.T_world_start, atol=1e-12)
+    assert task.initial_error == pytest.approx((0.8, np.radians(12.0)))
