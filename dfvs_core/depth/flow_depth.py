@@ -6,16 +6,19 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dfvs_core.arrays import FloatArray
 from dfvs_core.correspondence import DepthMap
 from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState, Memoryless
+
+_LEAST_FORWARD = 0.1
 
 
 @dataclass(frozen=True, slots=True)
 class FlowDepth(Memoryless):
     """``z = alpha / |flow(t, t-1)|`` (DFVS II-B.2), in normalised units, bounded.
 
-    Flow caused by turning counts as if it came from moving, which is what makes it wrong for
-    rotations; ``MotionDepth`` mends that. It is kept as the paper has it, for comparison.
+    Deviation from the paper: the flow that turning alone causes is taken out first, since it says
+    nothing of depth; the rotation is known from the attitude. Otherwise whatever turns seems near.
 
     Parameters
     ----------
@@ -25,12 +28,15 @@ class FlowDepth(Memoryless):
         Bounds; where there is no flow the far bound holds.
     fallback_m : float
         Depth while there is no earlier frame.
+    derotated : bool
+        False: as the paper has it, with the flow of turning counted as if it came from moving.
     """
 
     alpha: float = 0.03
     near_m: float = 0.5
     far_m: float = 10.0
     fallback_m: float = 3.0
+    derotated: bool = True
 
     def estimate(
         self, inputs: DepthInputs, state: DepthState | None
@@ -38,7 +44,17 @@ class FlowDepth(Memoryless):
         """Inverse flow length as depth."""
         if inputs.earlier is None:
             return ConstantDepth(self.fallback_m).estimate(inputs, state)
-        length = np.linalg.norm(inputs.earlier.xy - inputs.xy, axis=2)
+        unmoved = inputs.xy
+        if self.derotated:
+            unmoved = _turned(inputs.xy, inputs.earlier.T_earlier_current[:3, :3])
+        length = np.linalg.norm(inputs.earlier.xy - unmoved, axis=2)
         z = np.clip(self.alpha / np.maximum(length, 1e-9), self.near_m, self.far_m)
         validity = np.where(length > 0, inputs.earlier.confidence, 0.0)
         return DepthMap(z.astype(np.float32), validity.astype(np.float32)), state
+
+
+def _turned(xy: FloatArray, R: FloatArray) -> FloatArray:
+    """Where points xy (h, w, 2) would be seen if the camera had turned by R (3, 3) alone."""
+    rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2) @ R.T
+    turned: FloatArray = rays[..., :2] / np.maximum(rays[..., 2:], _LEAST_FORWARD)
+    return turned
