@@ -108,15 +108,18 @@ def perspective_pose(
     if len(P) < LEAST_POINTS:
         return None
     cv2.setRNGSeed(0)
-    found, turn, shift, agreeing = cv2.solvePnPRansac(
-        np.ascontiguousarray(P),
-        np.ascontiguousarray(xy_goal),
-        np.eye(3),
-        None,
-        iterationsCount=_SAMPLES,
-        reprojectionError=tolerance,
-        flags=cv2.SOLVEPNP_SQPNP,
-    )
+    try:
+        found, turn, shift, agreeing = cv2.solvePnPRansac(
+            np.ascontiguousarray(P),
+            np.ascontiguousarray(xy_goal),
+            np.eye(3),
+            None,
+            iterationsCount=_SAMPLES,
+            reprojectionError=tolerance,
+            flags=cv2.SOLVEPNP_SQPNP,
+        )
+    except cv2.error:  # OpenCV's way to say that the points lie in one spot
+        return None
     if not found or agreeing is None or len(agreeing) < LEAST_POINTS:
         return None
     R = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
