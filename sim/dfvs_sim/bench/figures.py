@@ -9,6 +9,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator
 
 from dfvs_sim.bench.results import TrialRecord
 
@@ -81,6 +82,8 @@ def _paths(axes: Any, records: Sequence[TrialRecord]) -> None:
     axes.scatter(goal[1], goal[0], -goal[2], marker="*", s=90, color="black", label="goal")
     axes.set_title("Camera path (m): east, north, up", loc="left")
     axes.set_aspect("equal")
+    for axis in (axes.xaxis, axes.yaxis, axes.zaxis):
+        axis.set_major_locator(MaxNLocator(3))
 
 
 def is_figure_name(suffix: str) -> bool:
