@@ -25,9 +25,11 @@ _JPEG_QUALITY = 88
 _THUMBNAIL_PX = 160
 _GREY = 128
 _STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 100rem; padding: 0 1rem; color: #222; }
+body { font: 15px/1.5 system-ui, sans-serif; color: #222;
+       margin: 2rem auto; max-width: 100rem; padding: 0 1rem; }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
-th, td { padding: .2rem .7rem; white-space: nowrap; text-align: right; border-bottom: 1px solid #ddd; }
+th, td { padding: .2rem .7rem; text-align: right; white-space: nowrap;
+         border-bottom: 1px solid #ddd; }
 th:first-child, td:first-child { text-align: left; }
 td.nc { color: #b3362f; } img { display: block; } figure { margin: 1rem 0; }
 .grid td { padding: 2px; border: 0; text-align: center; font-size: 12px; }
