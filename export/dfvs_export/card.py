@@ -20,7 +20,9 @@ confidence from 0 to 1 for every pixel. Two graphs: `encode` (once per picture) 
 ## Training data
 No photograph and no outside scene: rooms of random boxes, columns, thin bars and sheets with
 procedural textures, ray cast with exact flow and covisibility (`dfvs-export sheet` draws some).
-Pictures are disturbed on their own: exposure, white balance, blur, glare, noise, JPEG damage.
+In the last run 45 % of the pairs came from 40 furnished rooms of this project's own generator
+(`dfvs-sim pairs --rooms 1000-1039`). Pictures are disturbed on their own: exposure, white balance,
+blur, glare, noise, JPEG damage.
 
 ## Schedule
 {schedule}
