@@ -52,6 +52,9 @@ class Life:
         return sum(len(events) for _, events in self.steps)
 
 
+_FLYING = tuple(e for e in Engage if e is not Engage.NEVER)
+
+
 def draw_config(dice: Dice) -> GateConfig:
     """Draw a configuration; half of them with short times, so that more happens in a life."""
     speed = dice.pick((0.25, 1.0, 1.0))
@@ -61,7 +64,8 @@ def draw_config(dice: Dice) -> GateConfig:
         max_distance_m=dice.pick((0.5, 5.0, 5.0)),
         max_engaged_ns=dice.pick((4, 30, 120)) * S,
         min_battery=dice.pick((0.0, 0.2, 0.2)),
-        engage=dice.pick(tuple(Engage)),
+        # "never" only checks and moves nothing: seldom drawn, so that most lives fly
+        engage=Engage.NEVER if dice.chance(0.05) else dice.pick(_FLYING),
         on_done=dice.pick(tuple(OnDone)),
     )
     if dice.chance(0.5):
