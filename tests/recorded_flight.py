@@ -57,13 +57,18 @@ def fly(rng, frames=24, pixel_format=PixelFormat.JPEG, next_goal_at=None, **sett
     ``next_goal_at`` is the frame from which on another goal is looked for.
     """
     sidecar = GoalSidecar(CAMERA)
-    overrides = {"vehicle.name": "bottled", "flow.threads": 1}
+    overrides = {"vehicle.name": "bottled", "flow.threads": 1, "flow.model": "classical"}
     overrides |= {name.replace("__", "."): value for name, value in settings.items()}
     config, _ = load_config(None, overrides).with_camera((320, 240), sidecar)
     wall = Wall(texture(rng))
     goal = Goal(wall.picture(), sidecar)
     clock = RunningClock(rng)
-    eye = build_eye(config, goal, load_matcher("classical", 1), Clocks(CLOCK, clock, clock))
+    eye = build_eye(
+        config,
+        goal,
+        load_matcher(config.flow.model, config.flow.threads),
+        Clocks(CLOCK, clock, clock),
+    )
     opening = replace(make_opening(config, goal, CLOCK), opened_ns=clock())
     book = TurnBook()
     book.open(opening)
