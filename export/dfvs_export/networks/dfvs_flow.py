@@ -199,19 +199,20 @@ class DfvsFlow(nn.Module):
         """Prepare what the updates at 1/4 start from."""
         channels = self.architecture.fine_channels
         scale = self.log_scale4.exp().clamp(max=_MAX_SCALE)
-        own = _unit(first.at4[:, :channels]).contiguous() * (scale * channels)
+        own = self._comparable(first.at4) * (scale * channels)
         context = torch.cat([first.at4[:, channels:], double(hidden8)], 1)
         return _Fine(own, torch.tanh(self.update4.start(context)), scale)
 
+    def _comparable(self, at4: Tensor) -> Tensor:
+        """Part (N, C, h4, w4) of the features at 1/4 that is compared, of length one."""
+        return _unit(at4[:, : self.architecture.fine_channels]).contiguous()
+
     def _refine(self, fine: _Fine, second: Features, course: _Course) -> Tensor:
         """Update at 1/4 against the second image as it is; return the hidden state."""
-        other = _unit(second.at4[:, : self.architecture.fine_channels]).contiguous()
-        centres = cell_centres(other, 4)
+        other = self._comparable(second.at4)
         hidden, flow = fine.start, course.flow
         for _ in range(self.architecture.updates4):
-            target = centres + flow.detach()
-            there = sample(other, target[:, 0], target[:, 1], 4)
-            seen = local_correlation(fine.own, there, 2)
+            seen = fine.look(other, flow.detach())
             course.looks.append(Look(seen, flow.detach(), 4))
             hidden, step = self.update4(hidden, seen, fine.scale, _soft(flow.detach(), 64.0))
             flow = flow.detach() + step
@@ -236,14 +237,10 @@ class DfvsFlow(nn.Module):
         full = functional.interpolate(base, scale_factor=4.0, mode="bilinear")
         target = cell_centres(full, 1) + full
         warped = sample(second.image, target[:, 0], target[:, 1], 1)
-        channels = self.architecture.fine_channels
-        other = _unit(self.encoder.encode_finely(warped)[1][:, :channels]).contiguous()
-        centres = cell_centres(other, 4)
+        other = self._comparable(self.encoder.encode_finely(warped)[1])
         rest = torch.zeros_like(base)
         for _ in range(self.architecture.updates_warped):
-            target = centres + rest.detach()
-            there = sample(other, target[:, 0], target[:, 1], 4)
-            seen = local_correlation(fine.own, there, 2)
+            seen = fine.look(other, rest.detach())
             course.looks.append(Look(seen, rest.detach(), 4, base))
             motion = _soft(course.flow.detach(), 64.0)
             hidden, step = self.update4(hidden, seen, fine.scale, motion)
@@ -260,6 +257,12 @@ class _Fine:
     own: Tensor
     start: Tensor
     scale: Tensor
+
+    def look(self, other: Tensor, offset: Tensor) -> Tensor:
+        """Scaled similarities (N, 25, h4, w4) around ``offset`` (N, 2, h4, w4) px in ``other``."""
+        target = cell_centres(other, 4) + offset
+        there = sample(other, target[:, 0], target[:, 1], 4)
+        return local_correlation(self.own, there, 2)
 
 
 class _Course:
