@@ -23,6 +23,7 @@ import cv2
 import numpy as np
 import psutil
 import zenoh
+from loopback import free_endpoint
 from textured_wall import Wall, texture, turned
 
 from dfvs_core.camera import CameraModel
@@ -55,9 +56,7 @@ class World:
     def __init__(self, folder, rate_hz, pixel_format):
         self.folder, self.period_s, self.format = folder, 1.0 / rate_hz, pixel_format
         self.images = list(pictures(np.random.default_rng(1)))
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        self.endpoint = free_endpoint()
         sidecar = GoalSidecar(CAMERA)
         (folder / "goal.png").write_bytes(encode_png(self.images[-1]))
         (folder / "goal.json").write_text(sidecar.to_json())

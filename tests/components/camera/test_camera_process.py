@@ -1,7 +1,6 @@
 """``dfvs-camera`` as a process, with a subscriber where the service would be."""
 
 import json
-import socket
 import subprocess
 import sys
 import threading
@@ -10,6 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
+from loopback import free_endpoint
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.schema import parse
@@ -30,9 +30,7 @@ class Listener:
     """Listens where the service would, and keeps every frame."""
 
     def __init__(self):
-        with socket.socket() as probe:
-            probe.bind(("127.0.0.1", 0))
-            self.endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
+        self.endpoint = free_endpoint()
         settings = zenoh.Config()
         for key, value in zenoh_settings("peer", (), (self.endpoint,)):
             settings.insert_json5(key, value)

@@ -4,7 +4,8 @@ import dataclasses
 from pathlib import Path
 
 import pytest
-from dashboard_server import Server, free_port
+from dashboard_server import Server
+from loopback import free_endpoint
 from telemetry_vehicle import TelemetryVehicle
 
 from dfvs_service.key_file import create_key, load_key
@@ -31,7 +32,7 @@ def field(tmp_path_factory):
     for name in ("operator.token", "command.key"):
         create_key(folder / name)
     key = load_key(folder / "command.key")
-    endpoints = [f"tcp/127.0.0.1:{free_port()}" for _ in range(2)]
+    endpoints = [free_endpoint() for _ in range(2)]
     with (
         TelemetryVehicle(endpoints[0], "swift", key) as swift,
         TelemetryVehicle(endpoints[1], "heron") as heron,

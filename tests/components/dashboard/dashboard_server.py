@@ -1,7 +1,6 @@
 """``dfvs-dashboard`` as a process that can be killed and started again."""
 
 import dataclasses
-import socket
 import ssl
 import subprocess
 import sys
@@ -9,13 +8,9 @@ import time
 import urllib.error
 import urllib.request
 
+from loopback import free_tcp_port
+
 STARTUP_S = 30.0
-
-
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @dataclasses.dataclass
@@ -24,7 +19,7 @@ class Server:
 
     endpoints: list
     words: tuple = ()
-    port: int = dataclasses.field(default_factory=free_port)
+    port: int = dataclasses.field(default_factory=free_tcp_port)
     process: subprocess.Popen | None = None
     tls: ssl.SSLContext | None = None
 

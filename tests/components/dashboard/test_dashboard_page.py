@@ -3,7 +3,8 @@
 import shutil
 
 import pytest
-from dashboard_server import Server, free_port
+from dashboard_server import Server
+from loopback import free_endpoint
 from telemetry_vehicle import TelemetryVehicle
 
 from dfvs_core.wire.goal_order import GoalOrder
@@ -224,7 +225,7 @@ def test_everything_fits_and_has_a_name(server, field, open_page, size):
 
 
 def test_a_page_waits_for_a_vehicle_that_is_not_there_yet(open_page):
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint = free_endpoint()
     server = Server([endpoint]).start()
     try:
         page = open_page(server.url)

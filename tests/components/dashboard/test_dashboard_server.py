@@ -8,7 +8,8 @@ import subprocess
 import time
 
 import pytest
-from dashboard_server import Server, free_port
+from dashboard_server import Server
+from loopback import free_endpoint
 from telemetry_vehicle import TelemetryVehicle
 from websockets.exceptions import ConnectionClosed, InvalidStatus
 from websockets.sync.client import connect
@@ -153,7 +154,7 @@ def test_messages_that_are_not_understood_end_that_connection_alone(server, fiel
 
 
 def test_a_service_that_starts_later_and_again_is_found():
-    endpoint = f"tcp/127.0.0.1:{free_port()}"
+    endpoint = free_endpoint()
     server = Server([endpoint]).start()
     try:
         with Browser(server) as browser:

@@ -13,6 +13,7 @@ import cv2
 import numpy as np
 import pytest
 from gate_flight import hovering_vehicle
+from loopback import free_endpoint
 from textured_wall import Wall, texture
 
 from dfvs_core.camera import CameraModel
@@ -32,12 +33,6 @@ TOPICS = Topics("checked")
 CLOCK = clock_identity(Path(BOOT_ID_FILE).read_text())
 NOMINAL_HZ = 8.0
 NEVER_SENT = ("setpoint", "mode_command", "arm_command")
-
-
-def tcp_endpoint():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
 
 
 class Camera:
@@ -141,7 +136,7 @@ def service_watching(folder, mavlink_port, endpoint, picture):
 
 
 def test_everything_that_goes_wrong_gets_its_cross_and_its_remedy(vehicle, views, tmp_path):
-    endpoint = tcp_endpoint()
+    endpoint = free_endpoint()
     with (
         camera_running(endpoint, views[0]) as camera,
         service_watching(tmp_path, vehicle.port, endpoint, views[0]) as watch,
@@ -198,7 +193,7 @@ def run_check(goal, mavlink_port, endpoint, *words):
 
 
 def test_a_good_vehicle_gets_ticks_only_and_nothing_is_sent_to_it(goal, views, tmp_path):
-    endpoint = tcp_endpoint()
+    endpoint = free_endpoint()
     with hovering_vehicle(tmp_path) as vehicle, camera_running(endpoint, views[0]):
         done = run_check(goal, vehicle.port, endpoint, "--check-timeout", "40", "--json")
         assert (done.returncode, done.stderr) == (0, "")
@@ -214,7 +209,7 @@ def test_a_good_vehicle_gets_ticks_only_and_nothing_is_sent_to_it(goal, views, t
 def test_a_dangerous_failsafe_and_a_missing_camera_are_crosses_in_the_table(goal, tmp_path):
     with hovering_vehicle(tmp_path) as vehicle:
         vehicle.order("parameter COM_OF_LOSS_T 60")
-        done = run_check(goal, vehicle.port, tcp_endpoint(), "--check-timeout", "9")
+        done = run_check(goal, vehicle.port, free_endpoint(), "--check-timeout", "9")
         assert done.returncode == 1
         lines = done.stdout.splitlines()
         (parameters,) = [n for n, line in enumerate(lines) if line.startswith("✗ parameters")]
@@ -229,7 +224,7 @@ def test_a_port_that_is_taken_is_an_error_and_no_cross(goal):
     with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
         taken.bind(("127.0.0.1", 0))
         port = taken.getsockname()[1]
-        done = run_check(goal, port, tcp_endpoint(), "--check-timeout", "20")
+        done = run_check(goal, port, free_endpoint(), "--check-timeout", "20")
     assert done.returncode == 2
     assert done.stdout == ""
     assert done.stderr.startswith("error: cannot open the MAVLink connection")

@@ -7,7 +7,8 @@ import time
 import cv2
 import pytest
 from gate_flight import hovering_vehicle
-from test_check import CAMERA, SIZE, TOPICS, Watch, camera_running, tcp_endpoint, views
+from loopback import free_endpoint
+from test_check import CAMERA, SIZE, TOPICS, Watch, camera_running, views
 
 from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_service import cli
@@ -23,7 +24,7 @@ class Service:
     """The real service in a thread of this process, taking orders."""
 
     def __init__(self, folder, mavlink_port, picture):
-        self.endpoint, self.folder = tcp_endpoint(), folder
+        self.endpoint, self.folder = free_endpoint(), folder
         create_key(folder / "key")
         overrides = {
             "vehicle.name": TOPICS.vehicle,

@@ -2,12 +2,12 @@
 
 import json
 import secrets
-import socket
 import threading
 import time
 
 import numpy as np
 import pytest
+from loopback import free_endpoint
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.gate.authority import Authority
@@ -69,9 +69,7 @@ class Service:
 
 @pytest.fixture
 def endpoint():
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{sock.getsockname()[1]}"
+    return free_endpoint()
 
 
 @pytest.fixture

@@ -14,12 +14,11 @@ import urllib.request
 import numpy as np
 import pytest
 import websockets
-import zenoh
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
+from loopback import listening_peer
 from recorded_flight import fly
 
 from dfvs_core.topics import Topics
-from dfvs_core.wire.zenoh_settings import zenoh_settings
 from dfvs_service.perception.turn_feed import TurnFeed
 
 TOPICS = Topics("bottled")
@@ -29,14 +28,8 @@ START_S = 30.0
 @pytest.fixture
 def service():
     """Perception's end: a Zenoh peer that listens, and where."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    settings = zenoh.Config()
-    for key, value in zenoh_settings("peer", (), (endpoint,)):
-        settings.insert_json5(key, value)
-    with zenoh.open(settings) as session:
-        yield session, endpoint
+    with listening_peer() as peer:
+        yield peer
 
 
 class Running:

@@ -1,9 +1,9 @@
 """Leases of two services for the same vehicle, over real Zenoh."""
 
-import socket
 import time
 
 import pytest
+from loopback import free_endpoint
 
 from dfvs_core.topics import Topics
 from dfvs_core.wire.link import LeaseHolders
@@ -18,9 +18,7 @@ WITHIN_S = 5.0
 @pytest.fixture
 def sessions():
     """Two peers that are connected."""
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{sock.getsockname()[1]}"
+    endpoint = free_endpoint()
     listening = load_config(None, {"zenoh.listen": [endpoint]}).zenoh
     calling = load_config(None, {"zenoh.listen": [], "zenoh.connect": [endpoint]}).zenoh
     with open_session(listening) as a, open_session(calling) as b:

@@ -16,6 +16,7 @@ import numpy as np
 import pytest
 import zenoh
 import zenoh.ext
+from loopback import free_endpoint
 from textured_wall import Wall, texture
 
 from dfvs_core.camera import CameraModel
@@ -52,12 +53,6 @@ CLOCK = clock_identity(Path(BOOT_ID_FILE).read_text())
 STARTUP_S = 30.0
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 class Rig:
     """The process, a Zenoh peer beside it, and the gate's end of its socket."""
 
@@ -66,7 +61,7 @@ class Rig:
     def __init__(self, folder, picture, launcher=()):
         self.picture = picture
         self.goal = ""
-        endpoint = f"tcp/127.0.0.1:{free_port()}"
+        endpoint = free_endpoint()
         sidecar = GoalSidecar(CAMERA)
         (folder / "goal.png").write_bytes(encode_png(picture))
         (folder / "goal.json").write_text(sidecar.to_json())

@@ -1,10 +1,10 @@
 """The telemetry thread over real Zenoh: what nobody looks at is not made."""
 
-import socket
 import threading
 import time
 
 import pytest
+from loopback import free_endpoint
 
 from dfvs_core.topics import Topics
 from dfvs_service.config import load_config
@@ -17,10 +17,7 @@ TOPICS = Topics("watched")
 
 @pytest.fixture
 def zenoh_config():
-    with socket.socket() as sock:
-        sock.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{sock.getsockname()[1]}"
-    return load_config(None, {"zenoh.listen": [endpoint]}).zenoh
+    return load_config(None, {"zenoh.listen": [free_endpoint()]}).zenoh
 
 
 def eventually(condition, timeout_s=5.0):

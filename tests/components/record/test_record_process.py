@@ -2,20 +2,18 @@
 
 import os
 import signal
-import socket
 import subprocess
 import sys
 import time
 
 import numpy as np
 import pytest
-import zenoh
+from loopback import listening_peer
 from mcap.reader import make_reader
 from recorded_flight import fly
 
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import PixelFormat
-from dfvs_core.wire.zenoh_settings import zenoh_settings
 from dfvs_service.perception.turn_feed import MAX_WAITING_BYTES, TurnFeed
 from dfvs_service.replay.comparison import compare
 from dfvs_service.replay.flight import Trial, replay
@@ -33,14 +31,8 @@ def flight():
 @pytest.fixture
 def service():
     """Perception's end: a Zenoh peer that listens, and where."""
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    settings = zenoh.Config()
-    for key, value in zenoh_settings("peer", (), (endpoint,)):
-        settings.insert_json5(key, value)
-    with zenoh.open(settings) as session:
-        yield session, endpoint
+    with listening_peer() as peer:
+        yield peer
 
 
 def start_recorder(endpoint, folder):

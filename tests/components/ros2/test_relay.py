@@ -2,12 +2,12 @@
 
 import json
 import queue
-import socket
 import time
 
 import numpy as np
 import pytest
 import zenoh
+from loopback import free_endpoint
 
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
@@ -21,12 +21,6 @@ STATE = {"state": "SERVO", "cause": "", "setpoint": [0.1, 0.2, 0.3, 0.4]}
 TWIST = "geometry_msgs/msg/TwistStamped"
 
 
-def endpoint():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-
-
 def peer(connect=(), listen=()):
     settings = zenoh.Config()
     for key, value in zenoh_settings("peer", connect, listen):
@@ -38,7 +32,7 @@ class Rig:
     """The service's side, the relay between, and ROS's side."""
 
     def __init__(self, link):
-        ports = endpoint(), endpoint()
+        ports = free_endpoint(), free_endpoint()
         self.service, self.ros = peer(listen=ports[:1]), peer(listen=ports[1:])
         self.arrived = queue.Queue()
         self.subscriber = self.ros.declare_subscriber("**", self.arrived.put)

@@ -5,7 +5,8 @@ import time
 
 import numpy as np
 import pytest
-from test_relay import endpoint, peer
+from loopback import free_endpoint
+from test_relay import peer
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.wire.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
@@ -22,7 +23,7 @@ FORMATS = [PixelFormat.RGB8, PixelFormat.MONO8, PixelFormat.PNG, PixelFormat.JPE
 @pytest.fixture
 def sessions():
     """Service's side, and the driver's."""
-    place = endpoint()
+    place = free_endpoint()
     service, driver = peer(listen=(place,)), peer(connect=(place,))
     yield service, driver
     driver.close()

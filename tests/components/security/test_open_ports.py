@@ -11,6 +11,7 @@ import numpy as np
 import psutil
 import pytest
 from gate_flight import hovering_vehicle
+from loopback import free_tcp_port
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.goal import Goal, GoalSidecar
@@ -20,12 +21,6 @@ from dfvs_service.runtime import RuntimeFolder
 
 RUNNER = Path(__file__).parents[1] / "gate" / "run_parent.py"
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
-
-
-def free_tcp_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
 
 
 @pytest.fixture

@@ -1,7 +1,6 @@
 """Certificates of the script in deploy/, and real Zenoh: who gets through, and who does not."""
 
 import shutil
-import socket
 import stat
 import subprocess
 import sys
@@ -11,6 +10,7 @@ from pathlib import Path
 import pytest
 import zenoh
 import zenoh.ext
+from loopback import free_tcp_port
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.topics import Topics
@@ -54,12 +54,6 @@ MAY_HEAR = {
 }
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 def make_certificates(folder, *words):
     command = [sys.executable, str(SCRIPT), "--out", str(folder), *words]
     return subprocess.run(command, capture_output=True, text=True, check=False)
@@ -92,7 +86,7 @@ class Hub:
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     folder = tmp_path_factory.mktemp("zenoh") / "certificates"
-    endpoint = f"tls/127.0.0.1:{free_port()}"
+    endpoint = f"tls/127.0.0.1:{free_tcp_port()}"
     (folder.parent / "endpoint").write_text(endpoint)
     made = make_certificates(
         folder, "--vehicle", "drone1", "--vehicle", "drone2", "--listen", endpoint
@@ -110,7 +104,7 @@ def router_hub(folder):
 
 def service_hub(folder):
     """The service itself, where others connect to it directly."""
-    endpoint = f"tls/127.0.0.1:{free_port()}"
+    endpoint = f"tls/127.0.0.1:{free_tcp_port()}"
     overrides = {"zenoh.listen": [endpoint], **tls(folder / "service.drone1")}
     session = open_session(load_config(None, overrides).zenoh, ("drone1", "drone2"))
     return Hub(session, endpoint, folder, None)

@@ -3,20 +3,17 @@ import subprocess
 import sys
 
 import pytest
+from loopback import free_tcp_port
 
 from dfvs_service.dashboard import cli
 from dfvs_service.dashboard.settings import dashboard_settings
 from dfvs_service.key_file import create_key
 
 
-def free_port():
-    with socket.socket() as probe:
-        probe.bind(("127.0.0.1", 0))
-        return probe.getsockname()[1]
-
-
 def settings(*words):
-    return dashboard_settings(cli.make_parser().parse_args(["--port", str(free_port()), *words]))
+    return dashboard_settings(
+        cli.make_parser().parse_args(["--port", str(free_tcp_port()), *words])
+    )
 
 
 @pytest.fixture
@@ -43,7 +40,7 @@ def certificate(tmp_path_factory):
 
 def refusal(capsys, *words):
     """The one line that a refused command prints."""
-    assert cli.main(["--port", str(free_port()), *words]) == 2
+    assert cli.main(["--port", str(free_tcp_port()), *words]) == 2
     err = capsys.readouterr().err
     assert err.startswith("error: ")
     assert len(err.splitlines()) == 1

@@ -1,0 +1,34 @@
+"""Free places on the loopback interface, and a Zenoh peer that listens at one."""
+
+from __future__ import annotations
+
+import socket
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+import zenoh
+
+from dfvs_core.wire.zenoh_settings import zenoh_settings
+
+
+def free_tcp_port() -> int:
+    """Return a TCP port that nobody listens at now."""
+    with socket.socket() as probe:
+        probe.bind(("127.0.0.1", 0))
+        return int(probe.getsockname()[1])
+
+
+def free_endpoint() -> str:
+    """Zenoh endpoint at a free port."""
+    return f"tcp/127.0.0.1:{free_tcp_port()}"
+
+
+@contextmanager
+def listening_peer() -> Iterator[tuple[zenoh.Session, str]]:
+    """Zenoh peer as a service opens it, and where it listens."""
+    endpoint = free_endpoint()
+    settings = zenoh.Config()
+    for key, value in zenoh_settings("peer", (), (endpoint,)):
+        settings.insert_json5(key, value)
+    with zenoh.open(settings) as session:
+        yield session, endpoint
