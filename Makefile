@@ -1,5 +1,6 @@
 # make demo   fly a simulated drone to a picture, on this machine, with nothing else installed
 # make test   run every check and test
+# make published   convert seven published networks and run them in perception (700 MB, minutes)
 # make audit  ask a public database for known faults in what is installed (needs the internet)
 # Both set up a virtual environment in .venv first; extra words: make demo ARGS="--seed 3"
 
@@ -8,7 +9,7 @@ CONSTRAINTS ?= constraints.txt
 ARGS ?=
 BIN := .venv/bin
 
-.PHONY: demo test seeds lint types imports pytest setup coverage mutation audit clean
+.PHONY: demo test seeds lint types imports pytest setup coverage mutation published audit clean
 
 demo: .venv/.stamp-sim
 	$(BIN)/dfvs-demo $(ARGS)
@@ -43,6 +44,15 @@ mutation: .venv/.stamp-mutation
 	$(BIN)/mutmut run --max-children 1
 	$(BIN)/mutmut results
 
+# An environment of its own: torchvision and an opencv-python that does not go with the headless one.
+published: .venv-published/.stamp
+	.venv-published/bin/python tests/published_networks.py $(ARGS)
+
+.venv-published/.stamp: pyproject.toml $(CONSTRAINTS)
+	$(PYTHON) -m venv .venv-published
+	.venv-published/bin/python -m pip install --quiet -c $(CONSTRAINTS) -e '.[published]'
+	@touch $@
+
 .venv/bin/python:
 	@$(PYTHON) -c 'import sys; v = sys.version_info; \
 	sys.exit(0 if v >= (3, 11) else "error: Python %d.%d is too old; expected 3.11 or newer; run make PYTHON=python3.12" % v[:2])'
@@ -59,4 +69,4 @@ audit: .venv/.stamp-test
 	$(BIN)/pip-audit --skip-editable
 
 clean:
-	rm -rf .venv .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-published .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache

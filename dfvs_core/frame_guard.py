@@ -18,6 +18,9 @@ from dfvs_core.wire.frame import Frame, FrameHeader, decode_frame, decode_header
 MAX_AGE_NS = 250_000_000
 MAX_AHEAD_NS = 20_000_000
 FROZEN_FRAMES = 3
+FROZEN_NS = 150_000_000
+"""A picture that is shown for longer than this is frozen, at however few frames a second."""
+
 _DARK, _BRIGHT, _FLAT = 6.0, 249.0, 2.0
 
 
@@ -37,11 +40,15 @@ class FrameFault(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class GuardState:
-    """What is remembered of the last frame that was let through."""
+    """What is remembered of the last frame that was let through.
+
+    ``shown_ns`` is the capture of the first frame with these very pixels.
+    """
 
     t_capture_ns: int = -1
     checksum: int = -1
     repeats: int = 0
+    shown_ns: int = -1
 
 
 @dataclass(frozen=True, slots=True)
@@ -125,9 +132,11 @@ def check_header(
         return FrameFault.FUTURE, state
     if header.t_capture_ns <= state.t_capture_ns:
         return FrameFault.REORDERED, state
-    repeats = state.repeats + 1 if header.checksum == state.checksum else 0
-    state = GuardState(header.t_capture_ns, header.checksum, repeats)
-    return (FrameFault.FROZEN if repeats + 1 >= FROZEN_FRAMES else None), state
+    t_ns, is_same = header.t_capture_ns, header.checksum == state.checksum
+    repeats, shown_ns = (state.repeats + 1, state.shown_ns) if is_same else (0, t_ns)
+    is_frozen = repeats + 1 >= FROZEN_FRAMES or t_ns - shown_ns > FROZEN_NS
+    state = GuardState(t_ns, header.checksum, repeats, shown_ns)
+    return (FrameFault.FROZEN if is_frozen else None), state
 
 
 def check_picture(image: ImageArray) -> FrameFault | None:

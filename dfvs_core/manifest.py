@@ -111,6 +111,8 @@ class Manifest:
     file of the bundle but the manifest to its SHA-256; ``matching`` says how its flow is used
     unless the user asks otherwise: as it is, or refined by the classical matcher. ``precision``
     is that of its heavy operators; pictures go in and flow comes out as float32 at any.
+    ``working_size`` (width, height) px is what the graphs resize the input to inside, where they
+    do; what goes in and comes out has the input's size all the same.
     """
 
     format: str
@@ -122,6 +124,7 @@ class Manifest:
     licence: str
     origin: str
     flow: FlowOutput | None = None
+    working_size: tuple[int, int] | None = None
     matching: Literal["alone", "hybrid"] = "alone"
     precision: Literal["fp32", "fp16", "int8"] = "fp32"
     accuracy: dict[str, float] = field(default_factory=dict)

@@ -6,7 +6,6 @@ service runs it on live frames; the simulator and the tests run it on rendered o
 
 from __future__ import annotations
 
-import math
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, replace
@@ -15,12 +14,14 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray, ImageArray
 from dfvs_core.colours import is_swapped
-from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_core.correspondence import DepthMap
 from dfvs_core.depth.keyframes import choose_earlier
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.goal import Goal
+from dfvs_core.goal_tracker import GoalTracker, GoodLook
 from dfvs_core.matching.matcher import Matcher, Prepared
-from dfvs_core.poses import invert_pose
+from dfvs_core.outcome import STAGES, FrameOutcome
+from dfvs_core.poses import invert_pose, so3_log
 from dfvs_core.servo.exchange import (
     Attitude,
     EarlierMatch,
@@ -29,19 +30,15 @@ from dfvs_core.servo.exchange import (
     ServoState,
     Verdict,
 )
+from dfvs_core.servo.level import real_pose
 from dfvs_core.servo.step import observe_depth, servo_step
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
-from dfvs_core.wire.link import PerceptionReport
 
 KEPT_FRAMES = 24
-STAGES = ("prepare", "match", "servo")
 DEPTH_PERIOD_NS = 200_000_000
 """Depth changes slowly: it is measured five times a second at most."""
-
-UNKNOWN_ERROR = 1e6
-"""Stands for an error that could not be estimated: the wire carries finite numbers only."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,26 +52,6 @@ class KeptFrame:
 
 Glimpse = Callable[[], ServoResult]
 """A look that is still to be taken."""
-
-
-@dataclass(frozen=True, slots=True)
-class FrameOutcome:
-    """What one frame gave.
-
-    ``stages_ns`` holds the time that each of ``STAGES`` took; ``now_ns`` is the time at which the
-    servo step judged the frame's age.
-    """
-
-    frame: Frame
-    result: ServoResult
-    flow: FlowField
-    stages_ns: dict[str, int]
-    now_ns: int
-
-    @property
-    def report(self) -> PerceptionReport:
-        """What the gate is told; only of a vehicle's four degrees of freedom."""
-        return make_report(self.frame, self.result)
 
 
 @dataclass(frozen=True, slots=True)
@@ -110,9 +87,10 @@ class Pipeline:
         self._T_body_camera = np.eye(4) if task.mount is None else task.mount.T_body_camera()
         self._kept: deque[KeptFrame] = deque(maxlen=KEPT_FRAMES)
         self._state = ServoState()
-        self._last_flow: FlowField | None = None
+        self._tracker = self._make_tracker()
         self._depth_m = task.config.constant_depth_m
         self._digested_ns = 0
+        self._is_depth_new = False
         self._last_inputs: ServoInputs | None = None
 
     def prepare(self, goal: Goal) -> GoalView:
@@ -132,7 +110,12 @@ class Pipeline:
         self._task = task
         self._goal = goal
         self._state = ServoState(depth=self._state.depth, depth_map=self._state.depth_map)
-        self._last_flow = None
+        self._tracker = self._make_tracker()
+
+    def _make_tracker(self) -> GoalTracker:
+        task = self._task
+        cameras = task.camera, task.goal.camera
+        return GoalTracker(self._matcher, self._goal.prepared, *cameras, task.config.stride_px)
 
     def glimpse(self, task: ServoTask, goal: GoalView) -> Glimpse | None:
         """What the last frame says about another goal, to be worked out on any thread.
@@ -172,7 +155,9 @@ class Pipeline:
         marks = [self._tick()]
         prepared = self._matcher.prepare(frame.image)
         marks.append(self._tick())
-        flow = self._matcher.match(prepared, self._goal.prepared, self._last_flow)
+        flow = self._tracker.match(
+            prepared, frame.t_capture_ns, T_world_camera, self._state.depth_map
+        )
         marks.append(self._tick())
         earlier = None
         if self._task.config.depth == "flow" and self._kept:
@@ -195,31 +180,45 @@ class Pipeline:
             verdict = Verdict.WRONG_COLOURS
             result = replace(result, verdict=verdict, velocity=nothing, reached=False)
         marks.append(self._tick())
-        self._remember(frame, prepared, T_world_camera, flow, result)
+        self._remember(inputs, prepared, T_world_camera, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
         return FrameOutcome(frame, result, flow, stages, inputs.now_ns)
 
     def digest(self) -> int:
-        """Compare the last frame with an earlier one to learn about depth; time taken, ns.
+        """Learn from the last frame what serves those to come; time taken, ns.
 
-        To be called once a frame's report is on its way. Most calls do nothing: a comparison is
-        made a few times a second, and only where the camera has moved far enough.
+        To be called once a frame's report is on its way. Most calls do nothing: a few times a
+        second, and only where the camera has moved far enough, it is compared with an earlier one
+        to learn about depth; and the one after it, where little is sure, once more with the goal.
         """
         start_ns = self._tick()
         if self._task.config.depth != "motion" or not self._kept:
             return 0
+        tried = self._reconsider() if self._is_depth_new else self._learn_depth()
+        self._is_depth_new = tried and not self._is_depth_new
+        return self._tick() - start_ns if tried else 0
+
+    def _reconsider(self) -> bool:
+        """Look for more of the goal in the last frame; False where that was not worth a try."""
+        prepared, depth = self._kept[-1].prepared, self._state.depth_map
+        if depth is None:
+            return False
+        return self._tracker.reconsider(prepared, self._kept[-1].t_capture_ns, depth)
+
+    def _learn_depth(self) -> bool:
+        """Compare the last frame with an earlier one; False if too soon, or none is far enough."""
         last = self._kept[-1]
         if last.t_capture_ns - self._digested_ns < DEPTH_PERIOD_NS:
-            return 0
+            return False
         poses = [kept.T_world_camera for kept in self._kept]
         chosen = choose_earlier(poses[:-1], last.T_world_camera, self._depth_m)
         if chosen is None:
-            return 0
+            return False
         self._digested_ns = last.t_capture_ns
         match = self._compare(last.prepared, last.T_world_camera, chosen)
         if match is not None:
             self._state = observe_depth(self._task, self._state, match)
-        return self._tick() - start_ns
+        return True
 
     def _compare(
         self, prepared: Prepared, T_world_camera: FloatArray, index: int
@@ -238,8 +237,11 @@ class Pipeline:
         """How the vehicle moves, in the components of the task's basis; (d,) m/s, rad/s."""
         if self._task.mount is not None:
             return motion.level_velocity()
-        # A free camera's turning is not in the motion; only its prediction would need it.
-        return np.append(T_world_camera[:3, :3].T @ motion.velocity_m_s, np.zeros(3))
+        R = T_world_camera[:3, :3]
+        turning = np.zeros(3)
+        if self._kept and (since_ns := motion.t_ns - self._kept[-1].t_capture_ns) > 0:
+            turning = so3_log(self._kept[-1].T_world_camera[:3, :3].T @ R) / (since_ns * 1e-9)
+        return np.append(R.T @ motion.velocity_m_s, turning)
 
     def _camera_motion(self, T_world_camera: FloatArray) -> tuple[float, float, float]:
         """Motion since the last frame, in the optical axes of then, m."""
@@ -251,37 +253,16 @@ class Pipeline:
 
     def _remember(
         self,
-        frame: Frame,
+        inputs: ServoInputs,
         prepared: Prepared,
         T_world_camera: FloatArray,
-        flow: FlowField,
         result: ServoResult,
     ) -> None:
-        self._kept.append(KeptFrame(frame.t_capture_ns, prepared, T_world_camera))
-        good = result.verdict in (Verdict.OK, Verdict.STUCK)
-        self._last_flow = flow if good else None
+        self._kept.append(KeptFrame(inputs.t_capture_ns, prepared, T_world_camera))
+        T_current_goal, look = self._state.T_current_goal, None
+        if result.verdict in (Verdict.OK, Verdict.STUCK) and T_current_goal is not None:
+            T_goal_current = real_pose(self._task, inputs.attitude, T_current_goal)
+            look = GoodLook(inputs.t_capture_ns, inputs.flow, T_goal_current, T_world_camera)
+        self._tracker.remember(look)
         if result.depth_m > 0:
             self._depth_m = result.depth_m
-
-
-def make_report(frame: Frame, result: ServoResult) -> PerceptionReport:
-    """What the gate is told about a frame."""
-    ok = result.verdict is Verdict.OK
-    forward, right, down, yaw_rate = (float(v) for v in result.velocity)
-    return PerceptionReport(
-        seq=frame.seq,
-        t_capture_ns=frame.t_capture_ns,
-        velocity=(forward, right, down, yaw_rate),
-        healthy=ok,
-        reached=result.reached,
-        lost=result.verdict is Verdict.STUCK,
-        reason="" if ok else result.verdict.value,
-        error_m=_finite(result.error_m),
-        error_rad=_finite(result.error_rad),
-        overlap=result.overlap,
-        feature_error=_finite(result.scale_free_error),
-    )
-
-
-def _finite(value: float) -> float:
-    return value if math.isfinite(value) else UNKNOWN_ERROR

@@ -21,11 +21,23 @@ def define_what_torchvision_needs() -> None:
     """
     import torch
 
+    if hasattr(torch.ops.torchvision, "nms") or _torchvision_fits():
+        return
     library = torch.library.Library("torchvision", "DEF")
     for name in ("nms", "qnms"):
         library.define(f"{name}(Tensor dets, Tensor scores, float iou_threshold) -> Tensor")
     # schemas live as long as the library object does
     globals()["_library"] = library
+
+
+def _torchvision_fits() -> bool:
+    try:
+        import torchvision  # noqa: F401
+    except (ImportError, RuntimeError):
+        for name in [name for name in sys.modules if name.startswith("torchvision")]:
+            del sys.modules[name]  # half imported
+        return False
+    return True
 
 
 def convert(name: str, folder: Path) -> dict[str, object]:

@@ -11,6 +11,8 @@ from dfvs_core.correspondence import DepthMap
 from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState, Memoryless
 
 _LEAST_FORWARD = 0.1
+_TRUST = 0.5
+"""Validity of a depth whose flow is sure: one alpha for every speed makes it a rough measure."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +51,7 @@ class FlowDepth(Memoryless):
             unmoved = _turned(inputs.xy, inputs.earlier.T_earlier_current[:3, :3])
         length = np.linalg.norm(inputs.earlier.xy - unmoved, axis=2)
         z = np.clip(self.alpha / np.maximum(length, 1e-9), self.near_m, self.far_m)
-        validity = np.where(length > 0, inputs.earlier.confidence, 0.0)
+        validity = np.where(length > 0, _TRUST * inputs.earlier.confidence, 0.0)
         return DepthMap(z.astype(np.float32), validity.astype(np.float32)), state
 
 

@@ -103,7 +103,9 @@ class MotionDepth:
         jumped = known & (innovation**2 > 9.0 * (state.variance + variance))
         prior = np.where(jumped, state.variance + innovation**2, state.variance)
         gain = np.where(known, prior / (prior + variance), 0.0)
-        return DepthState(state.rho + gain * innovation, (1.0 - gain) * prior)
+        # Not (1 - gain) * prior: that is 0 where a measurement is far surer than the prior.
+        fused = np.where(known, gain * variance, prior)
+        return DepthState(state.rho + gain * innovation, fused)
 
     def _fill(self, state: DepthState) -> DepthMap:
         """Depth map: estimates drawn towards their median as far as they are uncertain."""

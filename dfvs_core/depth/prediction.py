@@ -14,9 +14,13 @@ _MIN_DEPTH_M = 0.1
 
 
 def predict_flow(
-    camera: CameraModel, depth: DepthMap, stride: int, T_other_current: FloatArray
+    camera: CameraModel,
+    depth: DepthMap,
+    stride: int,
+    T_other_current: FloatArray,
+    other_camera: CameraModel | None = None,
 ) -> FlowField:
-    """Flow from the current view to another view of the same camera.
+    """Flow from the current view to another view.
 
     Parameters
     ----------
@@ -27,6 +31,8 @@ def predict_flow(
         Grid step in px.
     T_other_current : (4, 4)
         Pose of the current camera in the other one, m.
+    other_camera : CameraModel, optional
+        The same camera by default.
 
     Returns
     -------
@@ -38,7 +44,7 @@ def predict_flow(
     P = rays * depth.z_m[..., None]
     Q = P @ T_other_current[:3, :3].T + T_other_current[:3, 3]
     Q[..., 2] = np.maximum(Q[..., 2], _MIN_DEPTH_M)
-    coarse = (camera.project(Q) - pixels).astype(np.float32)
+    coarse = ((other_camera or camera).project(Q) - pixels).astype(np.float32)
     flow: Float32Array = np.asarray(cv2.resize(coarse, camera.size), dtype=np.float32)
     confidence = np.full(flow.shape[:2], GUESS_CONFIDENCE, dtype=np.float32)
     return FlowField(flow, confidence)

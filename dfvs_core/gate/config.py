@@ -69,9 +69,9 @@ class GateConfig:
     """Largest linear speed until the error was seen to fall."""
     max_distance_m: float = 5.0
     max_engaged_ns: int = 120 * S
-    min_overlap: float = 0.15
-    min_frame_hz: float = 5.0
-    """Fewer good frames a second refuse the preflight."""
+    min_overlap: float = 0.09
+    min_frame_hz: float = 8.0
+    """Fewer good frames a second refuse the preflight; one period without any is silence."""
     min_battery: float = 0.2
     max_jump_m: float = 0.5
     """Largest step of the position estimate beyond what the velocity explains."""

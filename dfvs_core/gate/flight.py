@@ -99,7 +99,6 @@ def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:
         return Decision(GateState.ABORT, (Cause.HOLD_TOO_LONG, moment.sight.reason))
     if not engagement.is_proven and moment.sight.overlap < moment.config.min_overlap:
         return None
-    stale = moment.sight.stale(moment.now_ns)
-    if stale is None and moment.sight.good_for_ns(moment.now_ns) >= timing.good_data_ns:
+    if moment.sight.good_for_ns(moment.now_ns) >= timing.good_data_ns:
         return _into_servo(engagement, moment, (Cause.DATA_GOOD, ""))
     return None

@@ -183,6 +183,8 @@ class GateMachine:
         elif self.state in FLYING and engagement.is_held:
             engagement.is_held = False
             self._since = self._now
+        elif self.state is GateState.ABORT:
+            self._refusal = "rejected: the flight is still being ended, order it again"
 
     def _take_goal(self, goal: str) -> None:
         """Look for another goal, where nothing moves: checks, overlap and proof begin anew."""

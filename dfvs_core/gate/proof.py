@@ -7,6 +7,10 @@ asked for: a vehicle answers late, and an error that stays while nothing has mov
 nothing. From the moment it moves it has less than a second; it has three to begin. The beginning
 may be jitter of the estimate (0.02 m/s at rest): nothing is judged before a few centimetres were
 flown. Errors are compared as medians of a few reports, since a single one is noisy.
+
+Two errors are looked at, and either may give the proof. The pose error depends on depth, which is
+learnt during the very same motion and may make it leap; the feature error does not, but goes up
+and down with what is in view where the goal is far away. Whoever flies away sees both grow.
 """
 
 from __future__ import annotations
@@ -124,10 +128,15 @@ class MotionProof:
         """Name the error that did not fall although the vehicle moved."""
         if len(self.errors) < _MIN_REPORTS:
             return f"only {len(self.errors)} reports to judge by"
-        moved, turned = self.followed_m >= MIN_PATH_M, self.followed_rad >= MIN_TURN_RAD
         features = [e[2] for e in self.errors if e[2] is not None]
-        if len(features) == len(self.errors):
-            return _not_falling("feature error", features)
+        if len(features) < len(self.errors):
+            return self._pose_not_fallen()
+        objection = _not_falling("feature error", features)
+        return objection if objection and self._pose_not_fallen() else ""
+
+    def _pose_not_fallen(self) -> str:
+        """Name the part of the pose error that did not fall although the vehicle moved."""
+        moved, turned = self.followed_m >= MIN_PATH_M, self.followed_rad >= MIN_TURN_RAD
         if moved and (text := _not_falling("distance", [e[0] for e in self.errors])):
             return text
         return _not_falling("angle", [e[1] for e in self.errors]) if turned else ""

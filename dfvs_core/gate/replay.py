@@ -10,7 +10,6 @@ from __future__ import annotations
 import dataclasses
 import enum
 import json
-import types
 import typing
 from collections.abc import Iterable, Iterator, Sequence
 from dataclasses import dataclass
@@ -169,6 +168,4 @@ def _build(hint: Any, value: Any) -> Any:
         return hint(*(_build(hints[f.name], v) for f, v in pairs))
     if isinstance(hint, type) and issubclass(hint, enum.Enum):
         return hint(value)
-    if typing.get_origin(hint) is types.UnionType:
-        return value
     return tuple(value) if isinstance(value, list) else value

@@ -108,12 +108,12 @@ class VehiclePicture:
 def link_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fault | None:
     """Name what is missing of the stream from the autopilot."""
     timing = config.timing
-    if (age := now_ns - vehicle.heartbeat.t_ns) > timing.heartbeat_age_ns:
-        return Cause.HEARTBEAT_LOST, _ago(age)
-    if (age := now_ns - vehicle.attitude.t_ns) > timing.telemetry_age_ns:
-        return Cause.TELEMETRY_LOST, f"attitude, {_ago(age)}"
-    if (age := now_ns - vehicle.position.t_ns) > timing.telemetry_age_ns:
-        return Cause.TELEMETRY_LOST, f"position, {_ago(age)}"
+    if now_ns - vehicle.heartbeat.t_ns > timing.heartbeat_age_ns:
+        return Cause.HEARTBEAT_LOST, _ago(vehicle.heartbeat.t_ns, now_ns)
+    if now_ns - vehicle.attitude.t_ns > timing.telemetry_age_ns:
+        return Cause.TELEMETRY_LOST, f"attitude, {_ago(vehicle.attitude.t_ns, now_ns)}"
+    if now_ns - vehicle.position.t_ns > timing.telemetry_age_ns:
+        return Cause.TELEMETRY_LOST, f"position, {_ago(vehicle.position.t_ns, now_ns)}"
     return None
 
 
@@ -155,8 +155,8 @@ def flight_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fa
     return None
 
 
-def _ago(age: int) -> str:
-    return "none heard yet" if age > -NEVER // 2 else f"last one {age / S:.2f} s ago"
+def _ago(t_ns: int, now_ns: int) -> str:
+    return "none heard yet" if t_ns == NEVER else f"last one {(now_ns - t_ns) / S:.2f} s ago"
 
 
 def _is_finite_attitude(attitude: Attitude) -> bool:

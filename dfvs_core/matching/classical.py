@@ -32,8 +32,8 @@ _SURE = 0.5
 _GUESS_STRIDE = 16
 _GUESS_CONFIDENCE = 0.3
 _FEWEST_SAMPLES = 12
-_KEPT_SHARE = 0.7
-_LEAST_SHARE = 0.08
+_KEPT_SHARE = 0.5
+_LEAST_SHARE = 0.05
 _GLANCE_SHARE = 0.1
 _SETTLED_SHARE = 0.65
 _COMMON_SHARE = 0.5
@@ -105,19 +105,36 @@ def _track(
     current: ClassicalPicture, other: ClassicalPicture, guess: FlowField
 ) -> FlowField | None:
     """Refine the flow of the frame before, or None where that does not hold any more."""
-    if guess.confidence.shape != current.size or not guess.is_finite():
+    if not usable(guess, current.size):
         return None
     field = refit(current, other, guess)
+    return field if field is not None and holds(field, guess) else None
+
+
+def usable(guess: FlowField, size: tuple[int, int]) -> bool:
+    """Whether a guess is of pictures of this size (height, width), and finite."""
+    return guess.confidence.shape == size and guess.is_finite()
+
+
+def holds(field: FlowField, guess: FlowField) -> bool:
+    """Whether what came of a guess is about as sure as the guess was."""
     needed = max(_LEAST_SHARE, _KEPT_SHARE * min(sure_share(guess), _COMMON_SHARE))
-    return field if field is not None and sure_share(field) >= needed else None
+    return sure_share(field) >= needed
 
 
 def refit(current: ClassicalPicture, other: ClassicalPicture, guess: FlowField) -> FlowField | None:
     """Fit a smooth motion to what is trusted of a flow and refine it; None if that is little."""
+    motion = smooth_motion(guess)
+    return None if motion is None else refine(current.grey, other.grey, motion.flow())
+
+
+def smooth_motion(guess: FlowField) -> SmoothMotion | None:
+    """Smooth motion fitted to what is trusted of a flow; None if that is little."""
     samples = _sample_flow(guess)
     if len(samples) < _FEWEST_SAMPLES:
         return None
-    return refine(current.grey, other.grey, fit_motion(samples, current.size).flow())
+    height, width = guess.confidence.shape
+    return fit_motion(samples, (height, width))
 
 
 def _sample_flow(field: FlowField) -> Matches:

@@ -2,13 +2,18 @@
 
 A network's flow is rarely wrong as a whole, but seldom good to a fraction of a pixel; dense
 inverse search is the other way round. So the flow of the frame before, or the chance that little
-moved, is tried first; where neither holds the network is run and its flow refined; where little
-of that is sure, features are matched too. The surest result is taken, and the network's own flow
-where none is sure of anything.
+moved, is tried first. Where neither holds the network is run and its flow refined: first on the
+other picture warped by the flow of the frame before, then on the picture as it is. Where much of
+that is unsure, the network looks again, at the picture warped by what was found: what is left of
+the motion is small, and it is at its best there. Where little is sure even then, features are
+matched too; and where nothing comes of them, in a first match, the network is shown the picture
+turned, and nearer or further off. The surest result is taken, and the network's own flow where none
+is sure of anything.
 """
 
 from __future__ import annotations
 
+import math
 from functools import cached_property
 
 import numpy as np
@@ -20,21 +25,31 @@ from dfvs_core.matching.classical import (
     ClassicalMatcher,
     ClassicalPicture,
     bridge,
+    holds,
     match_near,
     refit,
+    smooth_motion,
     sure_share,
+    usable,
 )
 from dfvs_core.matching.matcher import Matcher, Prepared, check_same_size
 from dfvs_core.matching.trust import returns, stays_inside
+from dfvs_core.matching.warping import compose, pixel_grid, sample, similarity_flow
 
 _ENOUGH_SHARE = 0.45
 """Share of sure pixels from which on a first match needs no features beside the network."""
 _ENOUGH_IN_FLIGHT = 0.15
 """The same where the frame before was matched: a result late is worse than one less sure."""
 _SETTLED_SHARE = 0.65
-"""Share of sure pixels from which on nothing is refined a second time."""
+"""Share of sure pixels from which on nothing is looked at or refined a second time."""
 _NOTHING_SHARE = 0.06
 """Share of sure pixels under which a result is as good as none."""
+_FOUND_SHARE = 0.1
+"""Share of sure pixels that ends the looking around."""
+_VIEWS = ((1.0, -40.0), (1.0, 40.0), (0.6, -30.0), (0.6, 30.0), (1.5, -30.0), (1.5, 30.0))
+"""Scales and turns, degrees, that the network hardly bridges by itself, and is shown in turn."""
+_LEFT_SHARE = 0.05
+"""Share of sure pixels that a flight goes on by."""
 _UNCONFIRMED = 0.5
 """Factor on the confidence of a network's flow that no refinement has confirmed."""
 
@@ -45,12 +60,12 @@ class HybridPicture(Prepared):
     def __init__(self, image: ImageArray, classical: ClassicalMatcher, network: Matcher) -> None:
         self.classical = classical.prepare(image)
         super().__init__(self.classical.size)
-        self._image, self._network = image, network
+        self.image, self._network = image, network
 
     @cached_property
     def features(self) -> Prepared:
         """The network's features."""
-        return self._network.prepare(self._image)
+        return self._network.prepare(self.image)
 
 
 class HybridMatcher:
@@ -79,14 +94,19 @@ class HybridMatcher:
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
-        near = match_near(current.classical, other.classical, guess)
+        near = self._match_near(current, other, guess)
         if near is not None:
             return near
-        coarse = self._ask(current, other)
+        coarse = self._ask(current.features, other.features)
         field = _refine(current.classical, other.classical, coarse)
+        if guess is None and sure_share(field) < _SETTLED_SHARE:
+            known = field if sure_share(field) >= _NOTHING_SHARE else coarse
+            field = _surer_of_each(field, self._look_again(current, other, known))
         if sure_share(field) >= (_ENOUGH_SHARE if guess is None else _ENOUGH_IN_FLIGHT):
             return field
         field = _surer(field, bridge(current.classical, other.classical))
+        if guess is None and sure_share(field) < _NOTHING_SHARE:
+            field = _surer(field, self._look_around(current, other))
         if sure_share(field) >= _NOTHING_SHARE:
             return field
         return FlowField(coarse.flow, np.float32(_UNCONFIRMED) * coarse.confidence)
@@ -96,19 +116,69 @@ class HybridMatcher:
         current, other = _check_pair(current, other)
         return self._classical.track(current.classical, other.classical, guess)
 
-    def _ask(self, current: HybridPicture, other: HybridPicture) -> FlowField:
-        """Flow of the network, and how far it can be trusted."""
-        there = self._network.match(current.features, other.features)
+    def _match_near(
+        self, current: HybridPicture, other: HybridPicture, guess: FlowField | None
+    ) -> FlowField | None:
+        """Match by the flow of the frame before, or on the chance that little moved.
+
+        Where the former holds neither for dense inverse search nor for the network, but enough
+        is left of it, that is kept: a frame from scratch takes longer than a flight can wait.
+        """
+        if guess is None:
+            return match_near(current.classical, other.classical, None)
+        if not usable(guess, current.size):
+            return None
+        left = refit(current.classical, other.classical, guess)
+        if left is not None and holds(left, guess):
+            return left
+        again = self._look_again(current, other, guess)
+        if holds(again, guess):
+            return again
+        field = again if left is None else _surer_of_each(left, again)
+        return field if sure_share(field) >= _LEFT_SHARE else None
+
+    def _look_again(
+        self, current: HybridPicture, other: HybridPicture, known: FlowField
+    ) -> FlowField:
+        """Flow by what the network sees once the other picture is warped by what is known.
+
+        Without any confidence where too little is known to warp by, or too little comes of it.
+        """
+        nothing = _unsure(known)
+        motion = smooth_motion(known)
+        if motion is None:
+            return nothing
+        start = motion.flow()
+        warped = self._network.prepare(sample(other.image, pixel_grid(current.size) + start))
+        left = self._ask(current.features, warped)
+        flow = compose(left.flow, start)
+        found = FlowField(flow, left.confidence * stays_inside(flow))
+        return refit(current.classical, other.classical, found) or nothing
+
+    def _look_around(self, current: HybridPicture, other: HybridPicture) -> FlowField:
+        """Flow by what the network sees of the other picture turned, and nearer or further off."""
+        fields = []
+        for scale, turn_deg in _VIEWS:
+            view = similarity_flow(scale, math.radians(turn_deg), current.size)
+            known = FlowField(view, np.ones(current.size, np.float32))
+            fields.append(self._look_again(current, other, known))
+            if sure_share(fields[-1]) >= _FOUND_SHARE:
+                break
+        return max(fields, key=sure_share)
+
+    def _ask(self, current: Prepared, other: Prepared) -> FlowField:
+        """Flow of the network between its features, and how far it can be trusted."""
+        there = self._network.match(current, other)
         trust = there.confidence * stays_inside(there.flow)
         if not self._judges:
-            back = self._network.match(other.features, current.features)
+            back = self._network.match(other, current)
             trust = trust * returns(there.flow, back.flow)
         return FlowField(there.flow, trust)
 
 
 def _refine(current: ClassicalPicture, other: ClassicalPicture, coarse: FlowField) -> FlowField:
     """Refine, and once more, from what the first time made precise, where much is unsure."""
-    nothing = FlowField(coarse.flow, np.zeros_like(coarse.confidence))
+    nothing = _unsure(coarse)
     first = refit(current, other, coarse) or nothing
     if sure_share(first) >= _SETTLED_SHARE:
         return first
@@ -118,6 +188,18 @@ def _refine(current: ClassicalPicture, other: ClassicalPicture, coarse: FlowFiel
 def _surer(first: FlowField, second: FlowField) -> FlowField:
     """Return the flow that more of the picture is sure of."""
     return max(first, second, key=sure_share)
+
+
+def _surer_of_each(first: FlowField, second: FlowField) -> FlowField:
+    """Return the surer of two flows pixel by pixel."""
+    better = second.confidence > first.confidence
+    flow = np.where(better[..., None], second.flow, first.flow)
+    return FlowField(flow, np.maximum(first.confidence, second.confidence))
+
+
+def _unsure(field: FlowField) -> FlowField:
+    """Return a flow without any confidence in it."""
+    return FlowField(field.flow, np.zeros_like(field.confidence))
 
 
 def _check_pair(current: Prepared, other: Prepared) -> tuple[HybridPicture, HybridPicture]:

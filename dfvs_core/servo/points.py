@@ -8,7 +8,10 @@ import numpy as np
 
 from dfvs_core.arrays import BoolArray, FloatArray
 from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import FlowField
+from dfvs_core.correspondence import DepthMap, FlowField
+
+GUESSED_SPREAD = 0.5
+"""Relative standard deviation of inverse depth around a guess: a scene's own spread."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,13 +25,16 @@ class ServoPoints:
     z_m : (N,) float64
         Depth in the current view, m, positive.
     weight : (N,) float64
-        How much each one is trusted, 0 to 1.
+        How much each correspondence is trusted, 0 to 1.
+    depth_spread : (N,) float64
+        Relative standard deviation of inverse depth: 0 where it was measured exactly.
     """
 
     xy: FloatArray
     xy_goal: FloatArray
     z_m: FloatArray
     weight: FloatArray
+    depth_spread: FloatArray
 
     @property
     def error(self) -> FloatArray:
@@ -37,7 +43,13 @@ class ServoPoints:
 
     def select(self, keep: BoolArray) -> ServoPoints:
         """Return the points for which keep : (N,) is true."""
-        return ServoPoints(self.xy[keep], self.xy_goal[keep], self.z_m[keep], self.weight[keep])
+        return ServoPoints(
+            self.xy[keep],
+            self.xy_goal[keep],
+            self.z_m[keep],
+            self.weight[keep],
+            self.depth_spread[keep],
+        )
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,18 +85,20 @@ def sample_grid(field: FlowField, stride: int) -> GridSamples:
 
 
 def points_from_flow(
-    samples: GridSamples, z_m: FloatArray, camera: CameraModel, goal_camera: CameraModel
+    samples: GridSamples, depth: DepthMap, camera: CameraModel, goal_camera: CameraModel
 ) -> ServoPoints:
-    """Turn grid samples with depth z_m : (h, w) into normalised correspondences.
+    """Turn grid samples with their depth (h, w) into normalised correspondences.
 
     Points whose partner lies outside the goal picture get no weight.
     """
+    unsure = 1.0 - np.clip(depth.validity.reshape(-1).astype(np.float64), 0.0, 1.0)
     pixels = samples.pixels.reshape(-1, 2)
     partners = pixels + samples.flow.reshape(-1, 2)
     inside = ((partners >= 0) & (partners <= [goal_camera.width, goal_camera.height])).all(axis=1)
     return ServoPoints(
         xy=camera.normalise(pixels),
         xy_goal=goal_camera.normalise(partners),
-        z_m=z_m.reshape(-1).astype(np.float64),
+        z_m=depth.z_m.reshape(-1).astype(np.float64),
         weight=np.where(inside, samples.confidence.reshape(-1), 0.0),
+        depth_spread=GUESSED_SPREAD * np.sqrt(unsure),
     )

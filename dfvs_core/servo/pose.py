@@ -1,8 +1,10 @@
 """Where the goal is: the camera motion that explains the correspondences, robustly.
 
 Gauss-Newton on the reprojection of the current view's points into the goal picture, with
-Tukey's weights. It gives the error in metres and degrees, tells outliers from what merely moves
-far, and gives the points' depth at the goal that the mean Jacobian needs.
+Tukey's weights. What a point's depth may be wrong by shifts its reprojection along the epipolar
+line alone: there its error counts less, across the line in full. The pose gives the error in
+metres and degrees, tells outliers from what merely moves far, and gives the points' depth at
+the goal that the mean Jacobian needs.
 """
 
 from __future__ import annotations
@@ -21,7 +23,8 @@ from dfvs_core.servo.weights import tukey_weights, weighted_median
 
 _MIN_DEPTH_M = 0.05
 _DAMPING = 1e-3
-_CONVERGED = 1e-7
+_CONVERGED = 1e-5
+"""Step, m or rad, that changes nothing any more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +42,8 @@ class GoalPose:
     z_goal_m : (N,)
         Depth of the points in the goal camera.
     residual : float
-        Weighted median length of the reprojection error, normalised units.
+        Weighted median length of the reprojection error, normalised units; less what the
+        uncertainty of the depth explains.
     inlier_share : float
         Weight kept by Tukey's factors over the prior weight, 0 to 1.
     """
@@ -80,16 +84,18 @@ def estimate_goal_pose(
     weight = points.weight
     for _ in range(iterations):
         xy_seen, z = _project(T, P)
-        error = xy_seen - points.xy_goal
+        noise = _DepthNoise.of(T, xy_seen, z, points.depth_spread, sigma_floor)
+        error = noise.whiten((xy_seen - points.xy_goal)[:, :, None])[:, :, 0]
         length = np.linalg.norm(error, axis=1)
         weight = points.weight * tukey_weights(length, points.weight, sigma_floor)
-        J = interaction_matrix(xy_seen, z) @ basis.B
+        J = noise.whiten(interaction_matrix(xy_seen, z) @ basis.B)
         step = normal_equations(J, error, weight).solve(_DAMPING)
         T = T @ basis.exp(_bounded(step))
         if float(np.abs(step).max()) < _CONVERGED:
             break
     xy_seen, z = _project(T, P)
-    length = np.linalg.norm(xy_seen - points.xy_goal, axis=1)
+    noise = _DepthNoise.of(T, xy_seen, z, points.depth_spread, sigma_floor)
+    length = np.linalg.norm(noise.whiten((xy_seen - points.xy_goal)[:, :, None])[:, :, 0], axis=1)
     weight = points.weight * tukey_weights(length, points.weight, sigma_floor)
     prior = max(float(points.weight.sum()), 1e-12)
     return GoalPose(
@@ -108,6 +114,42 @@ def _project(T_current_goal: FloatArray, P: FloatArray) -> tuple[FloatArray, Flo
     Q = P @ T[:3, :3].T + T[:3, 3]
     z = np.maximum(Q[:, 2], _MIN_DEPTH_M)
     return Q[:, :2] / z[:, None], z
+
+
+@dataclass(frozen=True, slots=True)
+class _DepthNoise:
+    """What wrong depths do to the reprojections.
+
+    A point seen at ``xy`` with depth ``z`` in the goal camera moves by ``(t_xy - xy t_z) / z``
+    for each unit of relative inverse depth, t being the current camera's place there; times its
+    spread that is the noise along its epipolar line, on top of the correspondence's own.
+
+    Parameters
+    ----------
+    along : (N, 2)
+        That shift, normalised units.
+    shrinkage : (N, 2)
+        What is to be taken off an error, for each unit of its product with ``along``.
+    """
+
+    along: FloatArray
+    shrinkage: FloatArray
+
+    @classmethod
+    def of(
+        cls, T_current_goal: FloatArray, xy: FloatArray, z: FloatArray, spread: FloatArray, s: float
+    ) -> _DepthNoise:
+        """Noise of depths with a relative ``spread`` (N,), besides correspondences with ``s``."""
+        t = invert_pose(T_current_goal)[:3, 3]
+        along = (t[:2] - xy * t[2]) * (spread / z)[:, None]
+        squared = np.maximum((along * along).sum(axis=1), 1e-18)
+        shrinkage = along * ((1.0 - s / np.sqrt(s * s + squared)) / squared)[:, None]
+        return cls(along, shrinkage)
+
+    def whiten(self, vectors: FloatArray) -> FloatArray:
+        """Give vectors (N, 2, d) the same noise in every direction."""
+        product = self.along[:, :1] * vectors[:, 0] + self.along[:, 1:] * vectors[:, 1]
+        return vectors - self.shrinkage[:, :, None] * product[:, None, :]
 
 
 def _bounded(step: FloatArray, most: float = 0.7) -> FloatArray:

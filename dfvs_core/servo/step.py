@@ -14,15 +14,14 @@ from dfvs_core.correspondence import DepthMap
 from dfvs_core.depth.choice import depth_source
 from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView
 from dfvs_core.servo.exchange import (
-    Attitude,
     EarlierMatch,
     ServoInputs,
     ServoResult,
     ServoState,
     Verdict,
 )
-from dfvs_core.servo.freedom import rotate_rays, virtual_rotation
 from dfvs_core.servo.law import NormalEquations
+from dfvs_core.servo.level import level_points
 from dfvs_core.servo.motion import distance_and_angle, find_goal, wanted_motion
 from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose, estimate_goal_pose
@@ -35,7 +34,7 @@ from dfvs_core.servo.stop import (
     update_stop,
 )
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.velocity import AdaptiveGain, saturate
+from dfvs_core.servo.velocity import AdaptiveGain, saturate, velocity_for
 from dfvs_core.servo.weights import weighted_median
 
 _MIN_POINTS = 24
@@ -60,11 +59,10 @@ def servo_step(
     # 1. Read the flow on a grid, and give every point a depth.
     samples = sample_grid(inputs.flow, task.config.stride_px)
     depth, depth_state = _estimate_depth(task, state, inputs, samples)
-    z_m = depth.z_m.astype(np.float64)
-    points = points_from_flow(samples, z_m, task.camera, task.goal.camera)
+    points = points_from_flow(samples, depth, task.camera, task.goal.camera)
 
     # 2. Take both views to the gravity-aligned virtual camera.
-    points = _level(task, inputs.attitude, points)
+    points = level_points(task, inputs.attitude, points)
     trusted = points.weight > task.config.min_confidence
     overlap = float(trusted.sum()) / samples.confidence.size
     state = ServoState(depth_state, depth, state.T_current_goal, state.stop)
@@ -74,20 +72,25 @@ def servo_step(
 
     # 3. Find where the goal is, and who is out of line.
     pose = find_goal(task, points, state.T_current_goal)
-    points = ServoPoints(points.xy, points.xy_goal, points.z_m, pose.weight)
+    matched = points
+    points = replace(points, weight=pose.weight)
 
     # 4. Solve for the motion, and make a velocity of it.
     motion, equations = wanted_motion(task, points, pose)
     velocity = _velocity(task, motion, inputs)
 
     # 5. Judge.
-    stop = _watch_progress(task, state, inputs, pose)
+    error_m, error_rad = distance_and_angle(task, pose)
+    scale_free_error = _scale_free_error(task, matched)
+    score = ErrorScore(
+        inputs.t_capture_ns, error_score(error_m, error_rad, task.config), scale_free_error
+    )
+    stop = update_stop(state.stop, score, inputs.engaged)
     feature_error_px = _feature_error_px(task, points)
     verdict = _judge(task, pose, equations, feature_error_px, stop)
     flown = verdict is Verdict.OK
-    error_m, error_rad = distance_and_angle(task, pose)
     residual_px = pose.residual * task.camera.fx
-    speed = float(np.linalg.norm(inputs.velocity[:3]))
+    speed, asked = (float(np.linalg.norm(v[:3])) for v in (inputs.velocity, velocity))
     result = ServoResult(
         verdict=verdict,
         velocity=velocity if flown else np.zeros_like(velocity),
@@ -95,13 +98,13 @@ def servo_step(
         error_m=error_m,
         error_rad=error_rad,
         feature_error_px=feature_error_px,
-        scale_free_error=_scale_free_error(task, points),
+        scale_free_error=scale_free_error,
         residual_px=residual_px,
         inlier_share=pose.inlier_share,
         overlap=overlap,
         condition=equations.condition,
         depth_m=weighted_median(points.z_m, points.weight),
-        reached=flown and residual_px < task.config.tolerance_px and is_reached(stop, speed),
+        reached=flown and residual_px < task.config.tolerance_px and is_reached(stop, speed, asked),
     )
     return result, ServoState(depth_state, depth, pose.T_current_goal, stop)
 
@@ -148,8 +151,12 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
 
 
 def _scale_free_error(task: ServoTask, points: ServoPoints) -> float:
-    """Distance over depth plus angle to the goal, of a scene taken for a wall at one metre."""
-    wall = ServoPoints(points.xy, points.xy_goal, np.ones(len(points.xy)), points.weight)
+    """Distance over depth plus angle to the goal, of a scene taken for a wall at one metre.
+
+    Of all that was matched: who is out of line with the true scene changes as its depth is learnt.
+    """
+    ones = np.ones(len(points.xy))
+    wall = replace(points, z_m=ones, depth_spread=0.0 * ones)
     noise = task.config.flow_noise_px / task.camera.fx
     distance, angle = distance_and_angle(task, estimate_goal_pose(wall, task.basis, noise))
     return distance + angle
@@ -203,33 +210,9 @@ def _on_grid(depth: DepthMap | None, stride: int) -> DepthMap | None:
     return DepthMap(pick(depth.z_m), pick(depth.validity))
 
 
-def _level(task: ServoTask, attitude: Attitude, points: ServoPoints) -> ServoPoints:
-    """Points in the gravity-aligned virtual camera; unchanged for a free camera."""
-    if task.mount is None:
-        return points
-    R_virtual = task.mount.T_body_camera()[:3, :3]
-    R_now = virtual_rotation(attitude.roll_rad, attitude.pitch_rad, R_virtual, R_virtual)
-    goal = task.goal
-    R_goal_mount = goal.mount.T_body_camera()[:3, :3]
-    R_goal = virtual_rotation(goal.roll_rad, goal.pitch_rad, R_goal_mount, R_virtual)
-    xy, depth_ratio, usable = rotate_rays(R_now, points.xy)
-    xy_goal, _, usable_goal = rotate_rays(R_goal, points.xy_goal)
-    weight = np.where(usable & usable_goal, points.weight, 0.0)
-    return ServoPoints(xy, xy_goal, points.z_m * depth_ratio, weight)
-
-
 def _velocity(task: ServoTask, motion: FloatArray, inputs: ServoInputs) -> FloatArray:
-    """Velocity (d,): what will be left of the motion once the vehicle answers, times the gain."""
     age_s = max(inputs.now_ns - inputs.t_capture_ns, 0) * 1e-9
-    ahead = inputs.velocity * (task.response_s + (age_s if task.mount is not None else 0.0))
+    late_s = task.response_s + (age_s if task.mount is not None else 0.0)
     config = task.config
     gain = AdaptiveGain(config.gain_far, config.gain_near, config.gain_error)
-    velocity = gain(float(np.linalg.norm(motion))) * (motion - ahead)
-    return saturate(velocity, task.limits)
-
-
-def _watch_progress(
-    task: ServoTask, state: ServoState, inputs: ServoInputs, pose: GoalPose
-) -> StopState:
-    score = error_score(*distance_and_angle(task, pose), task.config)
-    return update_stop(state.stop, ErrorScore(inputs.t_capture_ns, score), inputs.engaged)
+    return saturate(velocity_for(motion, inputs.velocity, late_s, gain), task.limits)

@@ -16,22 +16,38 @@ _WELL_INSIDE = 0.4
 _PROGRESS_FACTOR = 0.95
 _NEARLY_THERE = 3.0
 _AT_REST_M_S = 0.05
+_LEFT_ALONE_M_S = 0.03
 
 
 @dataclass(frozen=True, slots=True)
 class ErrorScore:
-    """The error of one frame in units of the tolerance: 1 is just good enough."""
+    """The error of one frame in units of the tolerance: 1 is just good enough.
+
+    ``scale_free`` is the same error as it would be in front of a wall at one metre. It does not
+    change when the depth is learnt, as ``score`` does: a start that looked a hand's breadth away
+    may turn out to be a metre away, and flying that metre is progress.
+    """
 
     t_ns: int
     score: float
+    scale_free: float
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """The smallest errors so far, and when either of them last fell."""
+
+    t_ns: int
+    score: float
+    scale_free: float
 
 
 @dataclass(frozen=True, slots=True)
 class StopState:
-    """Memory of the stop rule: recent scores, oldest first, and the best one so far."""
+    """Memory of the stop rule: recent scores, oldest first, and the progress so far."""
 
     recent: tuple[ErrorScore, ...] = ()
-    best: ErrorScore | None = None
+    progress: Progress | None = None
 
 
 def error_score(error_m: float, error_rad: float, config: ServoConfig) -> float:
@@ -43,21 +59,33 @@ def update_stop(state: StopState, now: ErrorScore, engaged: bool) -> StopState:
     """Take one frame's score in; progress counts only while engaged."""
     since = now.t_ns - SETTLE_WINDOW_NS
     recent = (*(s for s in state.recent if s.t_ns >= since), now)
-    best = state.best
-    if not engaged or best is None or now.score < _PROGRESS_FACTOR * best.score:
-        best = now
-    return StopState(recent, best)
+    if not engaged or state.progress is None:
+        return StopState(recent, Progress(now.t_ns, now.score, now.scale_free))
+    return StopState(recent, _advance(state.progress, now))
 
 
-def is_reached(state: StopState, speed_m_s: float) -> bool:
+def _advance(progress: Progress, now: ErrorScore) -> Progress:
+    """Lower each smallest error that was clearly undercut; either one is progress."""
+    nearer = now.score < _PROGRESS_FACTOR * progress.score
+    alike = now.scale_free < _PROGRESS_FACTOR * progress.scale_free
+    return Progress(
+        t_ns=now.t_ns if nearer or alike else progress.t_ns,
+        score=now.score if nearer else progress.score,
+        scale_free=now.scale_free if alike else progress.scale_free,
+    )
+
+
+def is_reached(state: StopState, speed_m_s: float, asked_m_s: float) -> bool:
     """Tell whether the goal is reached: inside tolerance, at rest, and no longer on the move.
 
-    An error that grows again is an overshoot in progress; one that still falls gets better.
+    An error that grows again is an overshoot in progress; one that still falls gets better. A
+    vehicle that must be pushed to stay where it is (``asked_m_s``; the autopilot's integrators
+    are still full of the flight) would drift off as soon as it is left alone.
     """
     if not state.recent:
         return False
     oldest, newest = state.recent[0], state.recent[-1]
-    if newest.score > 1.0 or speed_m_s > _AT_REST_M_S:
+    if newest.score > 1.0 or speed_m_s > _AT_REST_M_S or asked_m_s > _LEFT_ALONE_M_S:
         return False
     change = abs(newest.score - oldest.score)
     return newest.score < _WELL_INSIDE or change < _STEADY
@@ -65,8 +93,8 @@ def is_reached(state: StopState, speed_m_s: float) -> bool:
 
 def is_stuck(state: StopState, progress_s: float) -> bool:
     """Tell whether the error stopped falling, far from the goal."""
-    if not state.recent or state.best is None:
+    if not state.recent or state.progress is None:
         return False
     newest = state.recent[-1]
-    waited_ns = newest.t_ns - state.best.t_ns
+    waited_ns = newest.t_ns - state.progress.t_ns
     return newest.score > _NEARLY_THERE and waited_ns > progress_s * 1e9

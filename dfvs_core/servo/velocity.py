@@ -27,6 +27,24 @@ class AdaptiveGain:
         return self.far + (self.near - self.far) * math.exp(-error / self.error)
 
 
+def velocity_for(
+    motion: FloatArray, velocity: FloatArray, late_s: FloatArray, gain: AdaptiveGain
+) -> FloatArray:
+    """Velocity (d,): what will be left of the motion once the vehicle answers, times the gain.
+
+    Parameters
+    ----------
+    motion : (d,)
+        From the pictured place to the goal, m and rad.
+    velocity : (d,)
+        How the vehicle moves, m/s and rad/s.
+    late_s : (d,)
+        Age of the picture and the time until a velocity is followed, s.
+    gain : AdaptiveGain
+    """
+    return gain(float(np.linalg.norm(motion))) * (motion - velocity * late_s)
+
+
 @dataclass(frozen=True, slots=True)
 class SpeedLimit:
     """A limit on the length of some components of a velocity."""

@@ -24,6 +24,7 @@ from dfvs_export.onnx_pair import (
     MATCH_OUTPUTS,
     OnnxPair,
 )
+from dfvs_export.working_size import Sizes
 from dfvs_models.bundle import Bundle
 
 CARD_NAME = "MODEL_CARD.md"
@@ -40,8 +41,8 @@ class Source:
     licence: str
 
 
-def encode_match_bundle(onnx: OnnxPair, size: tuple[int, int], source: Source) -> Bundle:
-    """Bundle of two graphs for pictures of ``size`` (width, height) px, RGB from 0 to 1."""
+def encode_match_bundle(onnx: OnnxPair, sizes: Sizes, source: Source) -> Bundle:
+    """Bundle of two graphs that were traced at these sizes, for pictures RGB from 0 to 1."""
     contents = {ENCODE_FILE: onnx.encode, MATCH_FILE: onnx.match}
     graphs = {
         "encode": Graph(ENCODE_FILE, ENCODE_INPUTS, ENCODE_OUTPUTS),
@@ -51,12 +52,13 @@ def encode_match_bundle(onnx: OnnxPair, size: tuple[int, int], source: Source) -
         format=BUNDLE_FORMAT,
         name=source.name,
         kind="encode-match",
-        input=PictureInput(width=size[0], height=size[1], multiple_of=16),
+        input=PictureInput(*sizes.picture, multiple_of=16),
         graphs=graphs,
         files=hashes(contents),
         licence=source.licence,
         origin=source.origin,
         flow=FlowOutput(),
+        working_size=sizes.working,
         matching="hybrid",
     )
     return Bundle(manifest, contents)

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
+from dfvs_core.manifest import Manifest
 from dfvs_core.matching.evaluation import LevelScore
 from dfvs_export.train.checkpoint import Checkpoint
 
@@ -13,7 +14,7 @@ _TEMPLATE = """# dfvs-flow
 Dense matching of a camera's picture to a goal picture, for visual servoing: flow in px and a
 confidence from 0 to 1 for every pixel. Two graphs: `encode` (once per picture) and `match`.
 
-- Input: {width} x {height} px, RGB, 0 to 1. Precision: {precision}.
+- Input: {width} x {height} px, RGB, 0 to 1; works at {working}. Precision: {precision}.
 - {parameters:.2f} million parameters, {steps} steps of training.
 - Licence: Apache-2.0, weights and code alike.
 
@@ -41,17 +42,19 @@ blur, glare, noise, JPEG damage.
 
 def model_card(
     checkpoint: Checkpoint,
-    size: tuple[int, int],
-    precision: str,
+    manifest: Manifest,
     scores: Mapping[str, LevelScore],
     pairs_name: str,
 ) -> str:
     """Return the card's text; ``scores`` may be empty, and the card then says so."""
     parameters = sum(v.numel() for v in checkpoint.average.values()) / 1e6
     return _TEMPLATE.format(
-        width=size[0],
-        height=size[1],
-        precision=precision,
+        width=manifest.input.width,
+        height=manifest.input.height,
+        working=" x ".join(
+            map(str, manifest.working_size or (manifest.input.width, manifest.input.height))
+        ),
+        precision=manifest.precision,
         parameters=parameters,
         steps=checkpoint.step,
         schedule=_schedule(checkpoint.origin),

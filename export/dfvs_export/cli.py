@@ -144,6 +144,11 @@ def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     flow = commands.add_parser("flow", help="make a bundle of a flow network")
     _add_network(flow)
     flow.add_argument("--size", default="320x240", metavar="WxH")
+    flow.add_argument(
+        "--working-size",
+        metavar="WxH",
+        help="what dfvs-flow shrinks pictures to inside (default: about 256 px wide)",
+    )
     flow.add_argument("--precision", choices=("fp32", "fp16", "int8"), default="fp32")
     flow.add_argument(
         "--calibration",
@@ -167,7 +172,8 @@ def _add_network(command: argparse.ArgumentParser) -> None:
 def _run_flow(arguments: argparse.Namespace) -> int:
     from dfvs_export.commands import run_flow
 
-    return run_flow(arguments, parse_size(arguments.size))
+    working = arguments.working_size
+    return run_flow(arguments, parse_size(arguments.size), parse_size(working) if working else None)
 
 
 def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

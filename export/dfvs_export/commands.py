@@ -31,8 +31,10 @@ _CALIBRATION_SEED = 900_001
 _PARITY_SEED = 900_002
 
 
-def run_flow(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
-    """Make a bundle of a flow network.
+def run_flow(
+    arguments: argparse.Namespace, size: tuple[int, int], working_size: tuple[int, int] | None
+) -> int:
+    """Make a bundle of a flow network for pictures of ``size`` (width, height) px.
 
     Raises
     ------
@@ -40,7 +42,7 @@ def run_flow(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
         If the model is unknown, or its weights, the frames or the folder cannot be used.
     """
     check_free(arguments.out)
-    network = _network(arguments)
+    network = _network(arguments, working_size)
     _say(f"tracing {arguments.model} at {size[0]}x{size[1]}")
     bundle = network.bundle(size)
     if arguments.precision != "fp32":
@@ -59,7 +61,7 @@ def run_flow(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
     return 0
 
 
-def _network(arguments: argparse.Namespace) -> FlowNetwork:
+def _network(arguments: argparse.Namespace, working_size: tuple[int, int] | None) -> FlowNetwork:
     """Load the network that ``--model`` and the weights name.
 
     Raises
@@ -68,9 +70,11 @@ def _network(arguments: argparse.Namespace) -> FlowNetwork:
         If there is no such network, or its weights cannot be used.
     """
     if arguments.model == NAME:
-        return OwnFlow.load(arguments.checkpoint)
+        return OwnFlow.load(arguments.checkpoint, working_size)
     if not arguments.model.startswith(PREFIX):
         raise ConfigError(f"model {arguments.model!r}", f"{NAME!r} or '{PREFIX}NAME'")
+    if working_size is not None:
+        raise ConfigError("--working-size for a published network", f"it for {NAME} only")
     weights = ForeignWeights(arguments.weights, arguments.sha256)
     return PublishedFlow.load(arguments.model.removeprefix(PREFIX), weights)
 
@@ -118,10 +122,10 @@ def _check_parity(
     """Compare with torch; whether they agree is only asked of fp32."""
     manifest = runner.bundle.manifest
     _say(f"comparing with torch on {arguments.count} drawn pairs")
-    pairs = drawn_pairs(
-        (manifest.input.width, manifest.input.height), arguments.count, _PARITY_SEED
-    )
-    found = parity(_network(arguments), runner, pairs)
+    size = (manifest.input.width, manifest.input.height)
+    resizes_nothing = size if manifest.kind == "encode-match" else None
+    network = _network(arguments, manifest.working_size or resizes_nothing)
+    found = parity(network, runner, drawn_pairs(size, arguments.count, _PARITY_SEED))
     report |= {
         "greatest_difference_px": found.greatest_px,
         "mean_difference_px": found.mean_px,

@@ -18,29 +18,32 @@ from dfvs_export.onnx_pair import (
     MATCH_OUTPUTS,
     OnnxPair,
 )
+from dfvs_export.working_size import Shrink, Sizes, enlarged_flow
 
 OPSET = 17
 
 
 class EncodeGraph(nn.Module):
-    """Image (1, 3, H, W) in [0, 1] to ``Features``."""
+    """Image (1, 3, H, W) in [0, 1] to ``Features``, at the working size."""
 
-    def __init__(self, network: DfvsFlow) -> None:
+    def __init__(self, network: DfvsFlow, sizes: Sizes) -> None:
         super().__init__()
+        self.shrink = Shrink(sizes) if sizes.differ else nn.Identity()
         self.network = network
 
     def forward(self, image: Tensor) -> tuple[Tensor, ...]:
         """Features as a tuple, which is what ONNX knows."""
-        features = self.network.encode(image)
+        features = self.network.encode(self.shrink(image))
         return features.at16, features.at8, features.at4, features.image
 
 
 class MatchGraph(nn.Module):
     """Two sets of features to flow (1, 2, H, W) px and confidence (1, 1, H, W)."""
 
-    def __init__(self, network: DfvsFlow) -> None:
+    def __init__(self, network: DfvsFlow, sizes: Sizes) -> None:
         super().__init__()
         self.network = network
+        self.sizes = sizes
 
     def forward(self, *features: Tensor) -> tuple[Tensor, Tensor]:
         """Flow and confidence from the features of the first image, then of the second."""
@@ -48,16 +51,18 @@ class MatchGraph(nn.Module):
         second = Features(*features[3:])
         first = Features(at16, at8, at4, second.image)  # the first image is not looked at
         match = self.network.match(first, second)
-        full = functional.interpolate(match.confidence(), scale_factor=4.0, mode="bilinear")
-        return match.flow, full
+        width, height = self.sizes.picture
+        sure = functional.interpolate(match.confidence(), (height, width), mode="bilinear")
+        flow = enlarged_flow(match.flow, self.sizes) if self.sizes.differ else match.flow
+        return flow, sure
 
 
-def to_onnx(network: DfvsFlow, size: tuple[int, int]) -> OnnxPair:
-    """Trace both graphs at a fixed size (width, height) px."""
-    width, height = size
+def to_onnx(network: DfvsFlow, sizes: Sizes) -> OnnxPair:
+    """Trace both graphs at fixed sizes."""
+    width, height = sizes.picture
     network = network.eval()
     image = torch.rand(1, 3, height, width, generator=torch.Generator().manual_seed(0))
-    encode, match = EncodeGraph(network).eval(), MatchGraph(network).eval()
+    encode, match = EncodeGraph(network, sizes).eval(), MatchGraph(network, sizes).eval()
     with torch.no_grad():
         features = encode(image)
     return OnnxPair(

@@ -13,9 +13,10 @@ from dfvs_core.manifest import Manifest
 from dfvs_core.matching.evaluation import LevelScore
 from dfvs_export.bundles import Source, encode_match_bundle
 from dfvs_export.card import model_card
-from dfvs_export.graphs import to_onnx
+from dfvs_export.graphs import EncodeGraph, MatchGraph, to_onnx
 from dfvs_export.networks.dfvs_flow import DfvsFlow
 from dfvs_export.train.checkpoint import Checkpoint, load_checkpoint, load_network
+from dfvs_export.working_size import Sizes, default_working_size
 from dfvs_models.bundle import Bundle
 
 NAME = "dfvs-flow"
@@ -23,13 +24,18 @@ NAME = "dfvs-flow"
 
 @dataclass(frozen=True, slots=True)
 class OwnFlow:
-    """dfvs-flow with trained weights; a ``FlowNetwork``."""
+    """dfvs-flow with trained weights; a ``FlowNetwork``.
+
+    ``working_size`` is what it works at inside a bundle; without one, see
+    ``default_working_size``.
+    """
 
     network: DfvsFlow
     checkpoint: Checkpoint
+    working_size: tuple[int, int] | None = None
 
     @classmethod
-    def load(cls, path: Path | None) -> OwnFlow:
+    def load(cls, path: Path | None, working_size: tuple[int, int] | None = None) -> OwnFlow:
         """Read a checkpoint.
 
         Raises
@@ -39,23 +45,35 @@ class OwnFlow:
         """
         if path is None:
             raise ConfigError("no checkpoint given", "--checkpoint FILE.pt of a training run")
-        return cls(load_network(path), load_checkpoint(path))
+        return cls(load_network(path), load_checkpoint(path), working_size)
 
     def bundle(self, size: tuple[int, int]) -> Bundle:
-        """Bundle in fp32 for pictures of ``size`` (width, height) px."""
+        """Bundle in fp32 for pictures of ``size`` (width, height) px.
+
+        Raises
+        ------
+        ConfigError
+            If the working size is larger.
+        """
+        sizes = self._sizes(size)
         origin = (
             f"trained by this project from scratch on drawn rooms, {self.checkpoint.step} steps"
         )
         return encode_match_bundle(
-            to_onnx(self.network, size), size, Source(NAME, origin, "Apache-2.0")
+            to_onnx(self.network, sizes), sizes, Source(NAME, origin, "Apache-2.0")
         )
 
     def flow(self, first: Tensor, second: Tensor) -> Tensor:
         """Flow (1, 2, H, W) px from torch, of pictures as the bundle takes them."""
-        features = [self.network.encode(image) for image in (first, second)]
-        return self.network.match(features[0], features[1]).flow
+        sizes = self._sizes((first.shape[3], first.shape[2]))
+        encode = EncodeGraph(self.network, sizes)
+        a, b = (encode(image) for image in (first, second))
+        flow: Tensor = MatchGraph(self.network, sizes)(*a[:3], *b)[0]
+        return flow
+
+    def _sizes(self, size: tuple[int, int]) -> Sizes:
+        return Sizes(size, self.working_size or default_working_size(size))
 
     def card(self, manifest: Manifest, scores: Mapping[str, LevelScore], pairs_name: str) -> str:
         """Text of the model card; ``scores`` may be empty."""
-        size = (manifest.input.width, manifest.input.height)
-        return model_card(self.checkpoint, size, manifest.precision, scores, pairs_name)
+        return model_card(self.checkpoint, manifest, scores, pairs_name)

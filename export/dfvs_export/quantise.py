@@ -19,6 +19,8 @@ from onnxruntime.quantization import (
 )
 from onnxruntime.quantization.shape_inference import quant_pre_process
 
+from dfvs_export.heavy_nodes import carrying_nodes
+
 Feeds = dict[str, NDArray[np.float32]]
 
 
@@ -51,14 +53,16 @@ def to_int8(
         plain, ready, done = (Path(folder) / f"{name}.onnx" for name in ("plain", "ready", "done"))
         plain.write_bytes(data)
         quant_pre_process(str(plain), str(ready), skip_symbolic_shape=True)
-        chosen = [node.name for node in choose(onnx.load_model(str(ready)).graph)]
+        graph = onnx.load_model(str(ready)).graph
+        heavy = choose(graph)
+        chosen = [node.name for node in (*heavy, *carrying_nodes(graph, heavy))]
         quantize_static(
             str(ready),
             str(done),
             _Frames(feeds),
             quant_format=QuantFormat.QDQ,
             nodes_to_quantize=chosen,
-            op_types_to_quantize=["Conv", "Gemm", "MatMul"],
+            op_types_to_quantize=["Conv", "Gemm", "MatMul", "Add", "Concat", "Relu"],
             per_channel=True,
             activation_type=QuantType.QUInt8,
             weight_type=QuantType.QInt8,

@@ -63,12 +63,25 @@ class ServiceConfig:
     record: RecordSection = field(default_factory=RecordSection)
 
     def __post_init__(self) -> None:
-        """Refuse what a flight has no source for."""
+        """Refuse what a flight has no source for, and what contradicts itself."""
         if self.servo.depth == "given":
             raise ConfigError(
                 "servo.depth = 'given' needs depth with every frame, which no camera sends",
                 "'motion', 'flow' or 'constant'",
             )
+        slowest_hz = S / GateTiming().result_age_ns
+        if self.gate.min_frame_hz < slowest_hz:
+            raise ConfigError(
+                f"gate.min_frame_hz = {self.gate.min_frame_hz:g}: nothing can be flown by frames "
+                f"every {1000 / self.gate.min_frame_hz:.0f} ms, a result counts for "
+                f"{1000 / slowest_hz:.0f} ms",
+                f"{slowest_hz:g} or more",
+            )
+
+    @property
+    def silence_s(self) -> float:
+        """Time without a frame after which the camera is silent: a period of the lowest rate."""
+        return 1.0 / self.gate.min_frame_hz
 
     def gate_config(self) -> GateConfig:
         """Settings of the gate's core."""

@@ -198,7 +198,11 @@ class GateSection:
         _GATE.min_overlap, "share of the view that must show the goal to start", low=0.0, high=1.0
     )
     min_frame_hz: float = setting(
-        _GATE.min_frame_hz, "good frames a second that are needed to start", low=1.0, high=60.0
+        _GATE.min_frame_hz,
+        "good frames a second that are needed to start; a camera that is silent for one period of "
+        "it stops the vehicle",
+        low=1.0,
+        high=60.0,
     )
     min_battery: float = setting(
         _GATE.min_battery, "share of the charge below which the flight ends", low=0.0, high=1.0

@@ -8,7 +8,9 @@ from collections.abc import Sequence
 
 from dfvs_sim.command_line import run_command
 from dfvs_sim.commands import (
+    bench_basin,
     bench_controller,
+    bench_drone,
     bench_flow,
     bench_report,
     bench_scenes,
@@ -18,6 +20,8 @@ from dfvs_sim.commands import (
 _EPILOG = """examples:
   dfvs-bench flow pairs.npz --bundle classical --json flow.json
   dfvs-bench table1 --methods true-depth,motion-depth --json table1.json
+  dfvs-bench basin --workers 2 --plot basin.png
+  dfvs-bench drone --json drone.json
 """
 
 
@@ -30,7 +34,15 @@ def main(argv: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    for command in (bench_flow, bench_scenes, bench_table1, bench_controller, bench_report):
+    for command in (
+        bench_flow,
+        bench_scenes,
+        bench_table1,
+        bench_controller,
+        bench_basin,
+        bench_drone,
+        bench_report,
+    ):
         command.add_parser(subparsers)
     return run_command(parser, argv)
 

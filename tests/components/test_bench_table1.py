@@ -82,10 +82,13 @@ def test_trials_become_plots_and_a_page(folder):
     assert main(["controller", *runs, "--scene", "far", "--out", str(plot)]) == 0
     assert plot.read_bytes().startswith(b"\x89PNG")
     tasks = ["--tasks", str(folder / "tasks.json")]
+    tasks += ["--basin", str(folder / "none"), "--drone", str(folder / "none")]
     assert main(["report", *runs, *tasks, "--out", str(page)]) == 0
     text = page.read_text()
     assert "1 of 2" in text
     assert "src='http" not in text
+    assert "Basin" not in text
+    assert "Flights" not in text
     assert text.count("data:image/jpeg") == 2 * (2 + 2)
 
 

@@ -44,6 +44,7 @@ def servo(seed, task, T_goal_current, iterations=400, constant_z=None):
             xy_goal[seen],
             depth if constant_z is None else np.full(len(depth), constant_z),
             np.ones(len(depth)),
+            np.zeros(len(depth)),
         )
         pose = find_goal(task, points, None)
         motion, _ = wanted_motion(task, points, pose)

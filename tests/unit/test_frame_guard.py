@@ -56,6 +56,13 @@ def test_the_third_equal_picture_counts_as_frozen():
     assert judge(header(t_ms=9_995, checksum=8), state)[0] is None
 
 
+@pytest.mark.parametrize(("gap_ms", "fault"), [(150, None), (151, FrameFault.FROZEN)])
+def test_a_slow_camera_is_frozen_by_the_time_that_one_picture_is_shown(gap_ms, fault):
+    _, state = judge(header(t_ms=9_990 - gap_ms, checksum=7))
+    assert judge(header(t_ms=9_990, checksum=7), state)[0] is fault
+    assert judge(header(t_ms=9_990, checksum=8), state)[0] is None
+
+
 def test_a_refused_frame_changes_nothing():
     state = GuardState(5, 6, 1)
     assert judge(header(t_ms=9_000), state)[1] == state

@@ -12,7 +12,7 @@ from dfvs_export.networks.sampling import double
 
 
 class _Attention(nn.Module):
-    """Pre-norm attention of tokens (N, T, C) to a source (N, S, C), then a feed-forward part."""
+    """Pre-norm attention of tokens within an image or to another's, then a feed-forward part."""
 
     def __init__(self, channels: int, heads: int) -> None:
         super().__init__()
@@ -30,15 +30,33 @@ class _Attention(nn.Module):
             nn.init.normal_(last.weight, std=0.01)
             nn.init.constant_(last.bias, 0.0)
 
-    def _split(self, x: Tensor) -> Tensor:
-        n, t, c = x.shape
-        return x.reshape(n, t, self.heads, c // self.heads).transpose(1, 2)
+    def _queries_keys_values(self, x: Tensor) -> tuple[Tensor, Tensor, Tensor]:
+        """Of tokens (N, T, C), each (N, heads, T, C / heads), by one product.
 
-    def forward(self, x: Tensor, source: Tensor) -> Tensor:
+        What normalisation scales and shifts, and the scale of the queries, goes into the weights.
+        """
         n, t, c = x.shape
-        source = self.norm_source(source)
-        q = self._split(self.query(self.norm_query(x))) * (c // self.heads) ** -0.5
-        k, v = self._split(self.key(source)), self._split(self.value(source))
+        scale = (c // self.heads) ** -0.5
+        query, source = self.norm_query, self.norm_source
+        weights, biases = [], []
+        for norm, layer, factor in (
+            (query, self.query, scale),
+            (source, self.key, 1.0),
+            (source, self.value, 1.0),
+        ):
+            weights.append(layer.weight * (factor * norm.weight))
+            biases.append((layer.weight @ norm.bias + layer.bias) * factor)
+        normal = functional.layer_norm(x, (c,), eps=query.eps)
+        made = functional.linear(normal, torch.cat(weights), torch.cat(biases))
+        heads = made.reshape(n, t, 3, self.heads, c // self.heads).permute(2, 0, 3, 1, 4)
+        return heads[0], heads[1], heads[2]
+
+    def forward(self, x: Tensor, crossed: bool) -> Tensor:
+        """Attend to the tokens (2 N, T, C) themselves, or to those of the other image."""
+        n, t, c = x.shape
+        q, k, v = self._queries_keys_values(x)
+        if crossed:
+            k, v = (torch.cat([side[n // 2 :], side[: n // 2]]) for side in (k, v))
         weights = torch.softmax(q @ k.transpose(2, 3), dim=-1)
         x = x + self.out((weights @ v).transpose(1, 2).reshape(n, t, c))
         y: Tensor = x + self.forward_out(functional.relu(self.forward_in(self.norm_forward(x))))
@@ -67,8 +85,7 @@ class Distinction(nn.Module):
         both = torch.cat([first.at16, second.at16])
         x = (both + self.place(both)).flatten(2).transpose(1, 2)  # (2 N, h16 w16, 128)
         for within, across in zip(self.within, self.across, strict=True):
-            x = within(x, x)
-            x = across(x, torch.cat([x[n:], x[:n]]))
+            x = across(within(x, crossed=False), crossed=True)
         coarse = x.transpose(1, 2).reshape(2 * n, c, h, w)
         y = self.lateral(torch.cat([first.at8, second.at8])) + double(coarse)
         y = y + self.pointwise(functional.relu(self.depthwise(functional.relu(y))))

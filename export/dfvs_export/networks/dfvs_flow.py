@@ -37,7 +37,7 @@ from dfvs_export.networks.sampling import (
     double,
     local_correlation,
     look_up,
-    sample,
+    warp,
 )
 from dfvs_export.networks.update import Update
 
@@ -235,8 +235,7 @@ class DfvsFlow(nn.Module):
         """Update at 1/4 against the second image warped by the flow so far."""
         base = course.flow
         full = functional.interpolate(base, scale_factor=4.0, mode="bilinear")
-        target = cell_centres(full, 1) + full
-        warped = sample(second.image, target[:, 0], target[:, 1], 1)
+        warped = warp(second.image, full, 1)
         other = self._comparable(self.encoder.encode_finely(warped)[1])
         rest = torch.zeros_like(base)
         for _ in range(self.architecture.updates_warped):
@@ -260,9 +259,7 @@ class _Fine:
 
     def look(self, other: Tensor, offset: Tensor) -> Tensor:
         """Scaled similarities (N, 25, h4, w4) around ``offset`` (N, 2, h4, w4) px in ``other``."""
-        target = cell_centres(other, 4) + offset
-        there = sample(other, target[:, 0], target[:, 1], 4)
-        return local_correlation(self.own, there, 2)
+        return local_correlation(self.own, warp(other, offset, 4), 2)
 
 
 class _Course:

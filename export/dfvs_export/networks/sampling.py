@@ -26,13 +26,44 @@ def cell_centres(like: Tensor, stride: int) -> Tensor:
     return torch.stack([x.expand(h, w), y.unsqueeze(1).expand(h, w)]).unsqueeze(0)
 
 
-def sample(maps: Tensor, x: Tensor, y: Tensor, stride: int) -> Tensor:
-    """Bilinear values (M, C, ...) of maps (M, C, h, w) at positions x, y (M, a, b) px."""
-    h, w = maps.shape[2:]
-    grid = torch.stack([x * (2.0 / (stride * w)) - 1.0, y * (2.0 / (stride * h)) - 1.0], dim=-1)
+def sample(maps: Tensor, target: Tensor, stride: int) -> Tensor:
+    """Bilinear values of maps at targets; zero outside.
+
+    Parameters
+    ----------
+    maps : (M, C, h, w)
+        Of this stride.
+    target : (M, 2, a, b)
+        px.
+
+    Returns
+    -------
+    Tensor
+        (M, C, a, b)
+    """
+    grid = _relative(target, maps, stride).permute(0, 2, 3, 1)
+    return _sample_relative(maps, grid)
+
+
+def _relative(target: Tensor, maps: Tensor, stride: int) -> Tensor:
+    """Targets (..., 2, a, b) px as shares of the maps, -1 to 1.
+
+    Done before x and y come last: runtimes are slow where the innermost dimension is two long.
+    """
+    h, w = maps.shape[-2:]
+    per_px = torch.tensor([2.0 / (stride * w), 2.0 / (stride * h)], device=maps.device)
+    return target * per_px.reshape(2, 1, 1) - 1.0
+
+
+def _sample_relative(maps: Tensor, grid: Tensor) -> Tensor:
     return functional.grid_sample(
         maps, grid, mode="bilinear", padding_mode="zeros", align_corners=False
     )
+
+
+def warp(maps: Tensor, flow: Tensor, stride: int) -> Tensor:
+    """Maps (N, C, h, w) seen from where the flow (N, 2, h, w) px starts."""
+    return sample(maps, cell_centres(flow, stride) + flow, stride)
 
 
 def look_up(volume: Tensor, target: Tensor, radius: int) -> Tensor:
@@ -53,21 +84,20 @@ def look_up(volume: Tensor, target: Tensor, radius: int) -> Tensor:
     n, _, h, w = target.shape
     side = 2 * radius + 1
     steps = torch.arange(-radius, radius + 1, device=target.device, dtype=torch.float32) * 8.0
-    dx = steps.expand(side, side).unsqueeze(0)
-    dy = steps.unsqueeze(1).expand(side, side).unsqueeze(0)
-    centre = target.permute(0, 2, 3, 1).reshape(n * h * w, 2, 1, 1)
+    around = torch.stack([steps.repeat(side), steps.repeat_interleave(side)]).unsqueeze(1)
     maps = volume.reshape(n * h * w, 1, h, w)
-    values = sample(maps, centre[:, 0] + dx, centre[:, 1] + dy, 8)
-    return values.reshape(n, h, w, side * side).permute(0, 3, 1, 2)
+    places = target.reshape(n, 2, h * w, 1) + around  # (N, 2, h w, side^2)
+    grid = _relative(places, maps, 8).permute(0, 2, 3, 1)
+    values = _sample_relative(maps, grid.reshape(n * h * w, side, side, 2))
+    return values.reshape(n, h * w, side * side).transpose(1, 2).reshape(n, side * side, h, w)
 
 
 def chained(first: Tensor, second: Tensor) -> Tensor:
     """Flow (N, 2, h4, w4) px of going ``first`` and from there ``second``, both at 1/4."""
     h, w = second.shape[2:]
-    target = cell_centres(second, 4) + first
-    x = target[:, 0].clamp(2.0, 4.0 * w - 2.0)
-    y = target[:, 1].clamp(2.0, 4.0 * h - 2.0)
-    return first + sample(second, x, y, 4)
+    last = torch.tensor([4.0 * w - 2.0, 4.0 * h - 2.0], device=first.device).reshape(1, 2, 1, 1)
+    inside = torch.minimum((cell_centres(second, 4) + first).clamp(min=2.0), last)
+    return first + sample(second, inside, 4)
 
 
 def convex_upsample(flow: Tensor, mask: Tensor) -> Tensor:
@@ -76,17 +106,15 @@ def convex_upsample(flow: Tensor, mask: Tensor) -> Tensor:
     ``mask`` is (N, 9 * 16, h, w) logits.
     """
     n, _, h, w = flow.shape
-    logits = mask.reshape(n, 9, 16, h, w)
-    weights = torch.exp(logits - logits.amax(1, keepdim=True)).unbind(1)  # 9 of (N, 16, h, w)
+    logits = mask.reshape(n, 9, 16 * h * w)
+    weights = torch.exp(logits - logits.amax(1, keepdim=True)).reshape(n, 1, 9, 16, h * w)
     padded = functional.pad(flow, (1, 1, 1, 1), mode="replicate")
-    x, y, total = (torch.zeros_like(weights[0]) for _ in range(3))
-    for k, weight in enumerate(weights):
-        i, j = divmod(k, 3)
-        near = padded[:, :, i : i + h, j : j + w].unsqueeze(2)  # (N, 2, 1, h, w)
-        total = total + weight
-        x = x + weight * near[:, 0]
-        y = y + weight * near[:, 1]
-    return functional.pixel_shuffle(torch.cat([x / total, y / total], 1), 4)
+    near = torch.stack([padded[:, :, i : i + h, j : j + w] for i in range(3) for j in range(3)], 2)
+    weighted = weights * near.reshape(n, 2, 9, 1, h * w)
+    ones = torch.ones(1, 9, dtype=flow.dtype, device=flow.device)  # a product sums more quickly
+    sums = ones @ weighted.reshape(n, 2, 9, 16 * h * w)
+    total = ones @ weights.reshape(n, 1, 9, 16 * h * w)
+    return functional.pixel_shuffle((sums / total).reshape(n, 32, h, w), 4)
 
 
 def local_correlation(first: Tensor, second: Tensor, radius: int) -> Tensor:
@@ -95,10 +123,34 @@ def local_correlation(first: Tensor, second: Tensor, radius: int) -> Tensor:
         correlated: Tensor = _LocalCorrelation.apply(first, second, radius)  # type: ignore[no-untyped-call]
         return correlated
     n, c, h, w = first.shape
-    mean = torch.full((n, 1, c), 1.0 / c, dtype=first.dtype, device=first.device)
-    # a product with a row of ones: runs much faster than a mean over the channels does
-    values = [mean @ (first * part).flatten(2) for part in _shifted(second, radius)]
-    return torch.cat(values, 1).reshape(n, -1, h, w)
+    side, block = 2 * radius + 1, _block(w)
+    wide, blocks = block + 2 * radius, w // block
+    padded = functional.pad(second, (radius, radius, radius, radius)).permute(0, 2, 3, 1)
+    cells = padded.reshape(n, -1, c)  # of all rows, one after the other
+    others = cells[:, _neighbourhoods((h, w), block, radius)].reshape(n, h, blocks, side * wide, c)
+    own = (first * (1.0 / c)).permute(0, 2, 3, 1).reshape(n, h, blocks, block, c)
+    # All pairs of a few neighbouring cells with all that is around them: four times the products
+    # that are asked for, but at full speed. Cell x sees neighbour (i, j) at column i wide + x + j.
+    count = side * wide
+    pairs = (own @ others.transpose(3, 4)).reshape(n, h, blocks, block * count)
+    starts = (i * wide + j for i in range(side) for j in range(side))
+    length = (block - 1) * (count + 1) + 1
+    near = [pairs[..., start : start + length : count + 1] for start in starts]  # (N, h, blocks, _)
+    return torch.cat(near, 1).reshape(n, side * side, h, w)
+
+
+def _block(cells: int) -> int:
+    """Length of the blocks that a row of ``cells``, a multiple of 4, is cut into."""
+    return max(size for size in (4, 8, 12, 16) if cells % size == 0)
+
+
+def _neighbourhoods(size: tuple[int, int], block: int, radius: int) -> Tensor:
+    """Cells of a padded map that are around each block of a map of ``size`` (h, w), in order."""
+    h, w = size
+    rows = torch.arange(h)[:, None] + torch.arange(2 * radius + 1)  # (h, side)
+    columns = torch.arange(0, w, block)[:, None] + torch.arange(block + 2 * radius)
+    index = rows[:, None, :, None] * (w + 2 * radius) + columns[None, :, None, :]
+    return index.flatten()  # of (h, blocks, side, wide)
 
 
 def _shifted(features: Tensor, radius: int) -> list[Tensor]:

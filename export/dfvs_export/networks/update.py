@@ -42,7 +42,7 @@ class Update(nn.Module):
         step = torch.arange(-radius, radius + 1, dtype=torch.float32) * stride
         side = len(step)
         kernel = torch.stack([torch.ones(looked), step.repeat(side), step.repeat_interleave(side)])
-        self.register_buffer("offsets", kernel.reshape(3, looked, 1, 1), persistent=False)
+        self.register_buffer("offsets", kernel, persistent=False)
 
     def forward(
         self, hidden: Tensor, seen: Tensor, highest: Tensor, motion: Tensor
@@ -66,7 +66,8 @@ class Update(nn.Module):
             State, and flow to add (N, 2, h, w) px.
         """
         likely = torch.exp(seen - highest)
-        sums = functional.conv2d(likely.float(), self.offsets)  # (N, 3, h, w): 1, dx, dy
+        sums = self.offsets @ likely.float().flatten(2)  # (N, 3, h w): 1, dx, dy
+        sums = sums.reshape(-1, 3, *seen.shape[2:])
         proposed = sums[:, 1:] / (sums[:, :1] + 1e-30)
         cues = torch.cat([seen * 0.25, proposed / self.stride, motion], 1)
         x = functional.relu(self.look(cues))

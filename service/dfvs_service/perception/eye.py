@@ -8,7 +8,8 @@ from dataclasses import dataclass
 from dfvs_core.camera import CameraModel
 from dfvs_core.frame_guard import Expected, GuardState, admit
 from dfvs_core.goal import Goal
-from dfvs_core.pipeline import UNKNOWN_ERROR, FrameOutcome, Glimpse, GoalView, Pipeline
+from dfvs_core.outcome import UNKNOWN_ERROR, FrameOutcome
+from dfvs_core.pipeline import Glimpse, GoalView, Pipeline
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import VehicleHistory
 from dfvs_core.wire.frame import Frame

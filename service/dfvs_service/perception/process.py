@@ -47,7 +47,6 @@ from dfvs_service.perception.turn_feed import TurnFeed
 from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.zenoh_session import open_session
 
-SILENCE_S = 0.1
 _TIMING_PERIOD_NS = 1_000_000_000
 _RECORDER_PATIENCE_S = 10.0
 
@@ -252,10 +251,10 @@ class PerceptionProcess:
 
     def _next_sample(self) -> RawSample | str:
         """Newest sample in our own wire format, or why there is none to look at."""
-        sample = self._mailbox.take(SILENCE_S)
+        sample = self._mailbox.take(self._config.silence_s)
         if sample is None:
             since_s = (time.monotonic_ns() - self._last_frame_ns) * 1e-9
-            return f"no camera frame on {self._intake.key} for {since_s:.1f} s"
+            return f"no camera frame on {self._intake.key} for {since_s:.2f} s"
         try:
             return self._intake.translate(sample)
         except DfvsError as error:

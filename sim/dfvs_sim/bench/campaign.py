@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import functools
-import multiprocessing
+import threading
 import time
 from collections.abc import Iterator, Sequence
-from concurrent.futures import ProcessPoolExecutor, as_completed
 from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
-
-import cv2
 
 from dfvs_core.matching.matcher import Matcher
 from dfvs_models.catalog import load_matcher
@@ -20,8 +17,11 @@ from dfvs_sim.bench.results import TrialRecord, fits, git_revision, read_record,
 from dfvs_sim.bench.results import write_record as keep_record
 from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.bench.trial import goal_sight, run_trial
+from dfvs_sim.bench.workforce import Workforce
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.glb import load_glb
+
+_ONE_AT_A_TIME = threading.Lock()
 
 
 @dataclass(frozen=True, slots=True)
@@ -96,35 +96,28 @@ def unfinished(jobs: Sequence[Job], folder: Path) -> tuple[list[Job], list[Trial
     return left, found
 
 
-def run_jobs(jobs: Sequence[Job], folder: Path, workers: int) -> Iterator[TrialRecord]:
+def run_jobs(jobs: Sequence[Job], folder: Path, workforce: Workforce) -> Iterator[TrialRecord]:
     """Run trials and keep each one's record in the folder, as they come.
 
     Raises
     ------
     DfvsError
-        If a scene or the matcher cannot be used.
+        If a scene, the matcher or the workforce cannot be used.
     """
-    if workers == 1:
-        for job in jobs:
-            record = run_job(job)
-            keep_record(folder, record)
-            yield record
-        return
-    context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, mp_context=context, initializer=_quieten) as pool:
-        futures = [pool.submit(run_job, job) for job in jobs]
-        try:
-            for future in as_completed(futures):
-                keep_record(folder, future.result())
-                yield future.result()
-        finally:
-            pool.shutdown(wait=True, cancel_futures=True)
+    for record in workforce.finished(run_job, jobs):
+        keep_record(folder, record)
+        yield record
 
 
 def run_job(job: Job) -> TrialRecord:
-    """Make one trial."""
+    """Make one trial; trials of one process follow each other, for they share what is cached."""
+    with _ONE_AT_A_TIME:
+        return _make_trial(job)
+
+
+def _make_trial(job: Job) -> TrialRecord:
     started = time.monotonic()
-    renderer = _renderer(job.task.scene)
+    renderer = renderer_of(job.task.scene)
     method = METHODS[job.method].make(goal_sight(job.task, renderer), _matcher(job.matcher))
     trial = run_trial(job.task, method, renderer, job.most_iterations)
     return TrialRecord(
@@ -143,13 +136,8 @@ def run_job(job: Job) -> TrialRecord:
     )
 
 
-def _quieten() -> None:
-    """One thread a worker: they share the processor among themselves."""
-    cv2.setNumThreads(1)
-
-
-@functools.lru_cache(maxsize=1)
-def _renderer(scene: Path) -> Renderer:
+@functools.lru_cache(maxsize=2)
+def renderer_of(scene: Path) -> Renderer:
     """Renderer of the scene at hand; jobs come scene by scene."""
     return Renderer(load_glb(scene))
 

@@ -13,7 +13,7 @@ from matplotlib.ticker import MaxNLocator
 
 from dfvs_sim.bench.results import TrialRecord
 
-_STYLE: Any = {
+STYLE: Any = {
     "font.size": 9,
     "axes.spines.top": False,
     "axes.spines.right": False,
@@ -22,6 +22,8 @@ _STYLE: Any = {
     "axes.titlesize": 10,
     "legend.frameon": False,
 }
+"""Matplotlib settings of all plots of the benchmark."""
+
 _FORMATS = ("png", "svg", "pdf")
 
 
@@ -40,7 +42,7 @@ def controller_figure(records: Sequence[TrialRecord], file_format: str = "png") 
     bytes
         The file.
     """
-    with mpl.rc_context(_STYLE):
+    with mpl.rc_context(STYLE):
         figure = Figure(figsize=(11, 7.2), layout="constrained")
         grid = figure.add_gridspec(2, 2)
         _errors(figure.add_subplot(grid[0, 0]), records)

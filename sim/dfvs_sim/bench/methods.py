@@ -8,7 +8,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.servo.config import DepthChoice
 from dfvs_sim.bench import photometric, pnp, published, sift
 from dfvs_sim.bench.method import MethodKind
-from dfvs_sim.bench.ours import PipelineMethod, bench_config
+from dfvs_sim.bench.ours import LateDrive, PipelineMethod, bench_config
 
 _OURS_ITERATIONS = 150
 
@@ -20,9 +20,19 @@ def _ours(depth: DepthChoice, summary: str) -> MethodKind:
     )
 
 
+def _late(summary: str) -> MethodKind:
+    config = bench_config("motion", response_s=LateDrive.RESPONSE_S)
+    return MethodKind(
+        lambda goal, matcher: PipelineMethod(config, goal, matcher, LateDrive()),
+        summary,
+        _OURS_ITERATIONS,
+    )
+
+
 METHODS: dict[str, MethodKind] = {
     "true-depth": _ours("given", "the product's law with the true depth"),
     "motion-depth": _ours("motion", "the product as it flies: depth from its own motion"),
+    "motion-depth-late": _late("motion-depth on a camera that answers as late as a PX4 vehicle"),
     "flow-depth": _ours("flow", "the product's law with the paper's depth from flow"),
     "constant-depth": _ours("constant", "the product's law with 3 m everywhere"),
     "published": MethodKind(

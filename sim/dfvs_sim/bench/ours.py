@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+import math
+from collections import deque
+from collections.abc import Callable
+
 import numpy as np
 
 from dfvs_core.arrays import FloatArray
@@ -21,22 +25,48 @@ _REFUSALS = 5
 """Frames refused in a row after which the goal counts as lost."""
 
 
-def bench_config(depth: DepthChoice, law: Law = "hybrid") -> ServoConfig:
+def bench_config(depth: DepthChoice, law: Law = "hybrid", response_s: float = 0.0) -> ServoConfig:
     """Settings of the product on a free camera.
 
-    It answers at once, so nothing is predicted; nothing limits its speed, as in the paper; and
-    the gain is 0.1 a frame throughout, the paper's for its depth network.
+    It answers at once, so nothing is predicted, unless ``response_s`` says that it is late;
+    nothing limits its speed, as in the paper; and the gain is 0.1 a frame throughout, the
+    paper's for its depth network.
     """
     return ServoConfig(
         law=law,
         depth=depth,
         gain_far=1.0,
         gain_near=1.0,
-        response_s=0.0,
-        yaw_response_s=0.0,
+        response_s=response_s,
         max_horizontal_m_s=10.0,
         max_turn_rad_s=3.0,
     )
+
+
+class LateDrive:
+    """A camera that answers as late as a PX4 vehicle: a dead time, then a lag of first order.
+
+    A step of the vehicle's forward velocity reaches 10 % after 0.27 s and 63 % after 0.95 s, one
+    of its yaw rate after 0.16 s and 0.47 s; here all six components are as late as the former.
+    """
+
+    DELAY_FRAMES = 2
+    LAG_S = 0.7
+    RESPONSE_S = DELAY_FRAMES * FRAME_PERIOD_S + LAG_S
+
+    def __init__(self) -> None:
+        self._asked = deque([np.zeros(6)] * self.DELAY_FRAMES)
+        self._twist: FloatArray = np.zeros(6)
+
+    def __call__(self, twist: FloatArray) -> FloatArray:
+        """Mean twist (6,) over the next frame period."""
+        self._asked.append(twist)
+        target = self._asked.popleft()
+        share = 1.0 - math.exp(-FRAME_PERIOD_S / self.LAG_S)
+        before = self._twist
+        self._twist = before + share * (target - before)
+        mean: FloatArray = 0.5 * (before + self._twist)
+        return mean
 
 
 class PipelineMethod:
@@ -50,9 +80,18 @@ class PipelineMethod:
         Only its picture and intrinsics are used.
     matcher : Matcher
         Source of correspondences.
+    drive : callable
+        Takes the twist (6,) that was asked for and gives the one that the camera makes of it.
     """
 
-    def __init__(self, config: ServoConfig, goal: GoalSight, matcher: Matcher) -> None:
+    def __init__(
+        self,
+        config: ServoConfig,
+        goal: GoalSight,
+        matcher: Matcher,
+        drive: Callable[[FloatArray], FloatArray] = lambda twist: twist,
+    ) -> None:
+        self._drive = drive
         sidecar = GoalSidecar(goal.camera)
         self._task = ServoTask(config, goal.camera, sidecar)
         self._now_ns = 0
@@ -73,7 +112,7 @@ class PipelineMethod:
         self._refused = 0 if flown else self._refused + 1
         given_up = result.verdict is Verdict.STUCK or self._refused >= _REFUSALS
         return Decision(
-            T_current_next=se3_exp(result.velocity * FRAME_PERIOD_S),
+            T_current_next=se3_exp(self._drive(result.velocity) * FRAME_PERIOD_S),
             error=result.feature_error_px,
             done=result.reached,
             lost=result.verdict.value if given_up else "",

@@ -1,4 +1,4 @@
-"""What the DFVS paper reports in its Table I, to stand beside our figures.
+"""What the DFVS paper reports in its Table I and of its Fig. 6, to stand beside our figures.
 
 Its scenes are scans seen in another simulator, so the numbers are for scale and not for a ranking.
 """
@@ -104,3 +104,18 @@ PAPER_SCENES = (
     ),
 )
 """Rows of Table I."""
+
+
+@dataclass(frozen=True, slots=True)
+class PaperBasin:
+    """What the paper's text says of a rotation set out to 4 m: a ratio, and its own words."""
+
+    ratio: float
+    words: str
+
+
+PAPER_BASIN = {
+    (20.0, 20.0, 40.0): PaperBasin(0.90, "about 90 percent"),
+    (30.0, 30.0, 50.0): PaperBasin(0.75, "over 75 percent in most cases"),
+}
+"""Flow-depth, by rotation about x, y and z in degrees; sixteen environments a point."""

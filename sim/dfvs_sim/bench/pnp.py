@@ -14,7 +14,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfvs_core.arrays import FloatArray
-from dfvs_core.correspondence import FlowField
+from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.poses import invert_pose, make_pose, se3_exp, se3_log
 from dfvs_core.servo.points import points_from_flow, sample_grid
@@ -74,9 +74,9 @@ class PnpMethod:
         samples = sample_grid(flow, _STRIDE_PX)
         offset = _STRIDE_PX // 2
         grid = (slice(offset, None, _STRIDE_PX), slice(offset, None, _STRIDE_PX))
-        z_m = sight.depth.z_m[grid].astype(np.float64)
-        points = points_from_flow(samples, z_m, self._camera, self._camera)
-        valid = sight.depth.validity[grid].ravel() > 0
+        depth = DepthMap(sight.depth.z_m[grid], sight.depth.validity[grid])
+        points = points_from_flow(samples, depth, self._camera, self._camera)
+        valid = depth.validity.ravel() > 0
         points = points.select(valid & (points.weight > _LEAST_CONFIDENCE))
         rays = np.column_stack([points.xy, np.ones(len(points.xy))])
         found = perspective_pose(

@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-import base64
 import html
 import math
 from collections.abc import Callable, Sequence
+from dataclasses import dataclass
 from importlib.metadata import version
 
 import cv2
@@ -13,8 +13,13 @@ import numpy as np
 
 from dfvs_core.arrays import ImageArray
 from dfvs_core.wire.picture import encode_jpeg
+from dfvs_sim.bench.basin.outcomes import Outcome
+from dfvs_sim.bench.basin.section import basin_section
+from dfvs_sim.bench.drone.records import FlightRecord
+from dfvs_sim.bench.drone.section import drone_section
 from dfvs_sim.bench.figures import controller_figure
 from dfvs_sim.bench.methods import METHODS
+from dfvs_sim.bench.page import embedded
 from dfvs_sim.bench.paper import PAPER_COLUMNS, PAPER_SCENES
 from dfvs_sim.bench.results import TrialRecord
 from dfvs_sim.bench.task import BenchTask
@@ -41,29 +46,65 @@ from FlowNet2. The paper's methods [3] and [4] and its networks were not run aga
 quoted from its Table I. Ours end by their own stop rule and never by photometric error."""
 
 
-def report_page(
-    tasks: Sequence[BenchTask],
-    records: Sequence[TrialRecord],
-    progress: Callable[[str], None],
-) -> str:
-    """Write the page.
+@dataclass(frozen=True, slots=True)
+class Contents:
+    """What a report is about; empty is what was not measured.
 
     Parameters
     ----------
     tasks : sequence of BenchTask
         Those that the records are of.
     records : sequence of TrialRecord
-        In any order, from as many methods and tasks as there are.
+        Of ``table1``, in any order, from as many methods and tasks as there are.
+    outcomes : sequence of Outcome
+        Of ``basin``.
+    flights : sequence of FlightRecord
+        Of ``drone``.
+    """
+
+    tasks: Sequence[BenchTask] = ()
+    records: Sequence[TrialRecord] = ()
+    outcomes: Sequence[Outcome] = ()
+    flights: Sequence[FlightRecord] = ()
+
+    @property
+    def trials(self) -> list[TrialRecord]:
+        """All trials with a free camera."""
+        return [*self.records, *(outcome.record for outcome in self.outcomes)]
+
+
+def report_page(contents: Contents, progress: Callable[[str], None]) -> str:
+    """Write the page.
+
+    Parameters
+    ----------
+    contents : Contents
     progress : callable
         Told which task is being drawn.
     """
+    parts = [
+        "<!doctype html><html lang='en'><meta charset='utf-8'><title>DFVS benchmark</title>",
+        f"<style>{_STYLE}</style><h1>DFVS benchmark</h1>",
+        f"<p>{_provenance(contents)}</p><p>{_differences(contents)}</p>",
+    ]
+    if contents.records:
+        parts += _table_sections(contents.tasks, contents.records, progress)
+    if contents.outcomes:
+        parts.append(basin_section(contents.outcomes))
+    if contents.flights:
+        parts.append(drone_section(contents.flights))
+    parts += ["<h2>The paper's Table I</h2>", _paper_table(), "</html>"]
+    return "\n".join(parts)
+
+
+def _table_sections(
+    tasks: Sequence[BenchTask], records: Sequence[TrialRecord], progress: Callable[[str], None]
+) -> list[str]:
+    """Tables, pictures and controllers of ``table1``."""
     known = [name for name in METHODS if any(r.method == name for r in records)]
     by_key = {(r.task, r.method): r for r in records}
     tasks = [task for task in tasks if any(r.task == task.name for r in records)]
     parts = [
-        "<!doctype html><html lang='en'><meta charset='utf-8'><title>DFVS benchmark</title>",
-        f"<style>{_STYLE}</style><h1>DFVS benchmark</h1>",
-        f"<p>{_provenance(records)}</p><p>{_differences(records)}</p>",
         "<h2>Summary</h2>",
         _summary_table(records, known, [task.name for task in tasks]),
         "<h2>Every scene</h2><p>Final error; path; iterations. NC: not within 4 cm and 1°.</p>",
@@ -79,24 +120,28 @@ def report_page(
     for task in tasks:
         of_task = [by_key[task.name, name] for name in known if (task.name, name) in by_key]
         parts.append(f"<figure><figcaption>{html.escape(task.name)}</figcaption>")
-        parts.append(_embedded(controller_figure(of_task), "png", 900) + "</figure>")
-    parts += ["<h2>The paper's Table I</h2>", _paper_table(), "</html>"]
-    return "\n".join(parts)
+        parts.append(embedded(controller_figure(of_task), "png", 900) + "</figure>")
+    return parts
 
 
-def _provenance(records: Sequence[TrialRecord]) -> str:
-    revisions = ", ".join(sorted({r.revision for r in records}))
-    hours = sum(r.seconds for r in records) / 3600.0
+def _provenance(contents: Contents) -> str:
+    trials, flights = contents.trials, contents.flights
+    revisions = sorted({*(r.revision for r in trials), *(f.revision for f in flights)})
+    hours = sum(r.seconds for r in trials) / 3600.0
     return (
-        f"{len(records)} trials, {hours:.1f} hours of wall clock in all; dfvs {version('dfvs')}, "
-        f"revision {html.escape(revisions)}."
+        f"{len(trials)} trials, {hours:.1f} hours of wall clock in all, and {len(flights)} "
+        f"flights; dfvs {version('dfvs')}, revision {html.escape(', '.join(revisions))}."
     )
 
 
-def _differences(records: Sequence[TrialRecord]) -> str:
-    sizes = ", ".join(sorted({f"{r.size[0]} × {r.size[1]}" for r in records}))
-    matchers = ", ".join(sorted({r.matcher for r in records}))
-    return _DIFFERENCES.format(size=sizes, matcher=html.escape(matchers))
+def _differences(contents: Contents) -> str:
+    trials, flights = contents.trials, contents.flights
+    sizes = {*(tuple(r.size) for r in trials), *(tuple(f.size) for f in flights)}
+    matchers = sorted({*(r.matcher for r in trials), *(f.matcher for f in flights)})
+    return _DIFFERENCES.format(
+        size=", ".join(f"{width} × {height}" for width, height in sorted(sizes)),
+        matcher=html.escape(", ".join(matchers)),
+    )
 
 
 def _summary_table(
@@ -183,12 +228,7 @@ def _picture(image: ImageArray) -> str:
     height = round(_THUMBNAIL_PX * image.shape[0] / image.shape[1])
     small = cv2.resize(image, (_THUMBNAIL_PX, height), interpolation=cv2.INTER_AREA)
     thumbnail = np.asarray(small, dtype=np.uint8)
-    return _embedded(encode_jpeg(thumbnail, _JPEG_QUALITY), "jpeg", _THUMBNAIL_PX)
-
-
-def _embedded(data: bytes, kind: str, width_px: int) -> str:
-    text = base64.b64encode(data).decode()
-    return f"<img width='{width_px}' alt='' src='data:image/{kind};base64,{text}'>"
+    return embedded(encode_jpeg(thumbnail, _JPEG_QUALITY), "jpeg", _THUMBNAIL_PX)
 
 
 def _paper_table() -> str:

@@ -2,17 +2,14 @@
 
 from __future__ import annotations
 
-import json
 import subprocess
-from dataclasses import asdict, dataclass
+from dataclasses import dataclass
 from importlib.metadata import version
 from pathlib import Path
 
-import numpy as np
-
 from dfvs_core.errors import ConfigError
-from dfvs_core.schema import parse
-from dfvs_sim.bench.task import BenchTask
+from dfvs_sim.bench.documents import read_document, write_document
+from dfvs_sim.bench.task import BenchTask, same_poses
 from dfvs_sim.bench.trial import Trial
 
 _NO_REVISION = "unknown"
@@ -67,10 +64,7 @@ def record_path(folder: Path, task: str, method: str) -> Path:
 
 def write_record(folder: Path, record: TrialRecord) -> None:
     """Write a record, whole or not at all."""
-    path = record_path(folder, record.task, record.method)
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(asdict(record)) + "\n", encoding="utf-8")
-    part.replace(path)
+    write_document(record_path(folder, record.task, record.method), record)
 
 
 def read_record(path: Path) -> TrialRecord:
@@ -81,11 +75,7 @@ def read_record(path: Path) -> TrialRecord:
     ConfigError
         If it is none.
     """
-    try:
-        data = json.loads(path.read_text(encoding="utf-8"))
-    except (OSError, ValueError) as error:
-        raise ConfigError(f"record {path} cannot be read ({error})", "a file of table1") from error
-    return parse(TrialRecord, data, path.name)
+    return read_document(TrialRecord, path, f"record {path}", "a file of table1")
 
 
 def read_records(folder: Path) -> list[TrialRecord]:
@@ -105,8 +95,7 @@ def read_records(folder: Path) -> list[TrialRecord]:
 def fits(record: TrialRecord, task: BenchTask, matcher: str, most_iterations: int) -> bool:
     """Tell whether a record is of this very task, with these settings and this program."""
     return (
-        np.allclose(record.start, task.T_world_start.ravel(), atol=1e-9)
-        and np.allclose(record.goal, task.T_world_goal.ravel(), atol=1e-9)
+        same_poses((record.start, record.goal), task.poses)
         and tuple(record.size) == task.camera.size
         and (record.matcher, record.most_iterations) == (matcher, most_iterations)
         and record.version == version("dfvs")

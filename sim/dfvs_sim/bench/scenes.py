@@ -9,7 +9,7 @@ from __future__ import annotations
 import math
 import os
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -19,12 +19,14 @@ from dfvs_core.errors import ConfigError
 from dfvs_sim.bench.placing import Placing, draw_task
 from dfvs_sim.bench.task import BenchTask, read_tasks, write_tasks
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene.bake import light_room
+from dfvs_sim.scene.bake import bake_room, light_room
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.glb_writer import save_glb
 from dfvs_sim.scene.kinds import room_of_kind
+from dfvs_sim.scene.light import BakeSettings
+from dfvs_sim.scene.quick_light import FINE
 
-SCENES_VERSION = 1
+SCENES_VERSION = 3
 """Part of the cache folder's name: to be raised whenever other scenes or tasks would come out."""
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, math.radians(90.0))
@@ -67,16 +69,16 @@ _RULES = {"easy": (150, (0.5, 0.9)), "medium": (80, (0.4, 0.75)), "hard": (50, (
 """Least SIFT points in each view, and share of the goal that the start sees, by difficulty."""
 
 SCENES = (
-    SceneSpec("lounge", "lounge", 4001, "easy", 1.42, 18.20),
-    SceneSpec("study", "study", 4002, "easy", 1.49, 16.33),
-    SceneSpec("living-room", "living-room", 4003, "easy", 1.41, 18.07),
-    SceneSpec("hall", "hall", 4004, "medium", 1.15, 17.27),
-    SceneSpec("second-lounge", "lounge", 4005, "medium", 1.64, 30.96),
-    SceneSpec("corridor", "corridor", 4006, "medium", 1.37, 17.26),
-    SceneSpec("second-study", "study", 4007, "medium", 1.95, 22.86),
-    SceneSpec("second-hall", "hall", 4008, "hard", 2.54, 20.02),
-    SceneSpec("two-rooms", "two-rooms", 4009, "hard", 1.94, 31.78),
-    SceneSpec("third-lounge", "lounge", 4010, "hard", 2.43, 36.05),
+    SceneSpec("living-room", "living-room", 4101, "easy", 1.42, 18.20),
+    SceneSpec("kitchen", "kitchen", 4112, "easy", 1.49, 16.33),
+    SceneSpec("library", "library", 4103, "easy", 1.41, 18.07),
+    SceneSpec("bedroom", "bedroom", 4104, "medium", 1.15, 17.27),
+    SceneSpec("office", "office", 4105, "medium", 1.64, 30.96),
+    SceneSpec("corridor", "passage", 4106, "medium", 1.37, 17.26),
+    SceneSpec("hall", "canteen", 4107, "medium", 1.95, 22.86),
+    SceneSpec("workshop", "workshop", 4108, "hard", 2.54, 20.02),
+    SceneSpec("staircase", "gallery", 4109, "hard", 1.94, 31.78),
+    SceneSpec("courtyard", "courtyard", 4110, "hard", 2.43, 36.05),
 )
 """The ten, in the order of the paper's Table I."""
 
@@ -96,14 +98,21 @@ def cache_folder() -> Path:
 
 
 def make_scenes(
-    folder: Path, specs: tuple[SceneSpec, ...], progress: Callable[[str], None]
+    folder: Path,
+    specs: tuple[SceneSpec, ...],
+    progress: Callable[[str], None],
+    traced: BakeSettings | None = None,
 ) -> list[BenchTask]:
     """Make rooms and tasks in a folder; rooms that are there already are kept.
+
+    With ``traced`` settings the rooms are lit by path tracing as well, once their tasks are drawn:
+    the tasks are the same in either light.
 
     Raises
     ------
     DfvsError
-        If the folder cannot be written or no task fits into a room.
+        If the folder cannot be written, no task fits into a room, or light is to be traced and
+        Mitsuba is not installed.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -112,7 +121,10 @@ def make_scenes(
     tasks = []
     for spec in specs:
         progress(f"{spec.name}: {spec.kind} from seed {spec.seed}")
-        tasks.append(_task(spec, _room_file(spec, folder)))
+        task = _task(spec, _room_file(spec, folder))
+        if traced is not None:
+            task = replace(task, scene=_traced_file(spec, folder, traced))
+        tasks.append(task)
     write_tasks(folder / TASKS_FILE, tasks)
     return tasks
 
@@ -120,9 +132,15 @@ def make_scenes(
 def _room_file(spec: SceneSpec, folder: Path) -> Path:
     path = folder / f"{spec.kind}-{spec.seed}.glb"
     if not path.is_file():
-        part = path.with_suffix(".part.glb")
-        save_glb(part, light_room(room_of_kind(spec.kind, spec.seed), spec.seed))
-        part.replace(path)
+        save_glb(path, light_room(room_of_kind(spec.kind, spec.seed), spec.seed, FINE))
+    return path
+
+
+def _traced_file(spec: SceneSpec, folder: Path, settings: BakeSettings) -> Path:
+    path = folder / f"{spec.kind}-{spec.seed}-traced-{settings.samples}.glb"
+    if not path.is_file():
+        room = room_of_kind(spec.kind, spec.seed)
+        save_glb(path, bake_room(room, settings, lambda _done, _all: None))
     return path
 
 

@@ -75,15 +75,14 @@ def _mean(rows: list[dict[str, Any]], key: str) -> float | None:
     return round(float(np.mean([r[key] for r in rows])), _DIGITS) if rows else None
 
 
-def write_csv(path: Path, records: Iterable[TrialRecord]) -> None:
-    """Write a row for every trial.
+def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
+    """Write a table (CSV) of rows that all have the same columns.
 
     Raises
     ------
     ConfigError
         If the file cannot be written.
     """
-    rows = [row(record) for record in records]
     try:
         with path.open("w", newline="", encoding="utf-8") as file:
             writer = csv.DictWriter(file, fieldnames=list(rows[0]) if rows else [])

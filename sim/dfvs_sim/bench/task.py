@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 import numpy as np
+from numpy.typing import ArrayLike
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.camera import CameraModel
@@ -47,6 +48,11 @@ class BenchTask:
     difficulty: str = ""
 
     @property
+    def poses(self) -> tuple[FloatArray, FloatArray]:
+        """``T_world_start`` and ``T_world_goal``, row by row (16,)."""
+        return self.T_world_start.ravel(), self.T_world_goal.ravel()
+
+    @property
     def initial_error(self) -> tuple[float, float]:
         """Distance in m and angle in rad between start and goal."""
         return pose_error(self.T_world_start, self.T_world_goal)
@@ -77,6 +83,11 @@ class _Entry:
     intrinsics: CameraModel
     axes: Axes = "gltf"
     difficulty: str = ""
+
+
+def same_poses(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike]) -> bool:
+    """Whether two pairs of start and goal are the same, to within what a file keeps."""
+    return all(np.allclose(a, b, atol=1e-9) for a, b in zip(first, second, strict=True))
 
 
 def read_tasks(path: Path) -> list[BenchTask]:

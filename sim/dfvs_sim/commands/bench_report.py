@@ -1,4 +1,4 @@
-"""``dfvs-bench report``: what table1 found, as one HTML page."""
+"""``dfvs-bench report``: what table1, basin and drone found, as one HTML page."""
 
 from __future__ import annotations
 
@@ -8,13 +8,15 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.bench.report import report_page
-from dfvs_sim.bench.results import read_records
+from dfvs_sim.bench.basin.outcomes import BASIN_FILE, read_outcomes
+from dfvs_sim.bench.drone.records import read_records as read_flights
+from dfvs_sim.bench.report import Contents, report_page
+from dfvs_sim.bench.results import TrialRecord, read_records
 from dfvs_sim.bench.scenes import default_tasks
-from dfvs_sim.bench.task import read_tasks
+from dfvs_sim.bench.task import BenchTask, read_tasks
 
 _EPILOG = """example:
-  dfvs-bench report --runs bench-runs --out report.html
+  dfvs-bench report --runs bench-runs --basin basin-runs --drone drone-runs --out report.html
 """
 
 
@@ -23,13 +25,22 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "report",
         help="one HTML page of tables, pictures and plots",
-        description="Gather the trials that table1 kept into one self-contained HTML page: tables, "
-        "pictures (DFVS Fig. 4), plots (Fig. 5), and the paper's figures beside ours.",
+        description="Gather what table1, basin and drone kept into one self-contained HTML page: "
+        "tables, pictures (DFVS Fig. 4), plots (Fig. 5 and 6), and the paper's figures beside "
+        "ours. What was not measured is left out.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--runs", type=Path, default=Path("bench-runs"), metavar="DIR", help="default: bench-runs")
+    add(
+        "--runs",
+        type=Path,
+        default=Path("bench-runs"),
+        metavar="DIR",
+        help="of table1 (default: bench-runs)",
+    )
+    add("--basin", type=Path, default=Path("basin-runs"), metavar="DIR", help="default: basin-runs")
+    add("--drone", type=Path, default=Path("drone-runs"), metavar="DIR", help="default: drone-runs")
     add("--tasks", type=Path, metavar="FILE", help="tasks.json (default: the ten scenes)")
     add("--out", type=Path, required=True, metavar="FILE", help="page to write (.html)")
     parser.set_defaults(run=run)
@@ -45,13 +56,28 @@ def run(args: argparse.Namespace) -> int:
     """
     if args.out.suffix.lower() != ".html" or not args.out.absolute().parent.is_dir():
         raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .html, in a folder")
-    records = read_records(args.runs)
-    tasks = read_tasks(args.tasks) if args.tasks else default_tasks()
-    names = {task.name for task in tasks}
-    records = [record for record in records if record.task in names]
-    if not records:
-        raise ConfigError(f"{args.runs} holds no trials of these tasks", "what table1 has run")
-    page = report_page(tasks, records, lambda name: print(name, file=sys.stderr, flush=True))
+    contents = _contents(args)
+    page = report_page(contents, lambda name: print(name, file=sys.stderr, flush=True))
     args.out.write_text(page, encoding="utf-8")
     print(f"wrote {args.out} ({len(page) / 1e6:.1f} MB)")
     return 0
+
+
+def _contents(args: argparse.Namespace) -> Contents:
+    """All that was measured; what was not is left out."""
+    tasks, records = _table1(args) if args.runs.is_dir() else ([], [])
+    outcomes = read_outcomes(args.basin) if (args.basin / BASIN_FILE).is_file() else []
+    flights = read_flights(args.drone) if args.drone.is_dir() else []
+    if not (records or outcomes or flights):
+        folders = f"{args.runs}, {args.basin} and {args.drone}"
+        raise ConfigError(
+            f"{folders} hold no trials of these tasks", "what table1, basin or drone has run"
+        )
+    return Contents(tasks, records, outcomes, flights)
+
+
+def _table1(args: argparse.Namespace) -> tuple[list[BenchTask], list[TrialRecord]]:
+    records = read_records(args.runs)
+    tasks = read_tasks(args.tasks) if args.tasks else default_tasks()
+    names = {task.name for task in tasks}
+    return tasks, [record for record in records if record.task in names]

@@ -65,9 +65,8 @@ def run(args: argparse.Namespace) -> int:
             print(f"{fault.name:26s} {fault.what:44s} {' '.join(fault.states)}")
         return EXIT_OK
     cases = plan(args.only, args.state, args.seeds)
-    outcomes, violations = read_outcomes(args.keep) if args.keep else ([], [])
-    done = {Case(o.fault, o.state, o.seed) for o in outcomes}
-    todo = [case for case in cases if case not in done]
+    outcomes, violations = read_outcomes(args.keep) if args.keep else ({}, [])
+    todo = [case for case in cases if case not in outcomes or not outcomes[case].has_verdict]
     print(f"{len(todo)} of {len(cases)} cases to run", file=sys.stderr)
 
     def take(result: Result) -> None:
@@ -77,14 +76,14 @@ def run(args: argparse.Namespace) -> int:
         for text in result.violations:
             print(f"  violated {text}", file=sys.stderr, flush=True)
         if (o := result.outcome) is not None:
-            outcomes.append(o)
+            outcomes[Case(o.fault, o.state, o.seed)] = o
             word = "ok" if o.passed else f"FAILED: {o.problem}"
-            left = len(cases) - len({Case(o.fault, o.state, o.seed) for o in outcomes})
+            left = len(set(cases) - set(outcomes))
             line = f"{o.fault:26s} {o.state:8s} seed {o.seed:<3d} {o.reaction_ms:7.0f} ms  {word}"
             print(f"{line}  ({left} left)", file=sys.stderr, flush=True)
 
     run_matrix(todo, args.workers, time.monotonic() + 60.0 * args.minutes, take)
-    rows = make_rows(outcomes, all_faults())
+    rows = make_rows(list(outcomes.values()), all_faults())
     if args.json:
         write_json(args.json, rows, violations)
     if args.html:

@@ -25,6 +25,8 @@ from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.bake import light_room
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.interior import KINDS, drawn_interior
+from dfvs_sim.scene.kinds import BENCHMARK_SEEDS, ROOM_KINDS, room_of_kind
+from dfvs_sim.scene.room import Room
 
 _ROOMS_PER_SHARD = 4
 _ROOMS_KEPT = 40
@@ -32,6 +34,7 @@ _MAX_PAIRS = 1_000_000
 _EPILOG = """examples:
   dfvs-sim pairs --format eval --scene room.glb --count 45 --seed 1 --out room.npz
   dfvs-sim pairs --rooms 1000-1031 --size 192x144 --count 3200 --seed 0 --out runs/room_pairs
+  dfvs-sim pairs --rooms 2000-2063 --kinds all --count 3200 --seed 500 --out runs/place_pairs
 """
 
 
@@ -54,7 +57,12 @@ def add_parser(subparsers: Any) -> None:
     rooms.add_argument(
         "--scene", type=Path, nargs="+", metavar="FILE.glb", help="scenes to look around in"
     )
-    add("--kind", choices=sorted(KINDS), help="kind of all drawn interiors (default: any)")
+    add(
+        "--kinds",
+        metavar="A,B",
+        help=f"kinds of rooms, drawn by the seed, or 'all': {', '.join(ROOM_KINDS)} "
+        f"(default: {', '.join(KINDS)})",
+    )
     add("--format", choices=("shards", "eval"), default="shards", help="default: shards")
     add("--count", type=int, required=True, metavar="N", help="pairs (shards: rounded up to 64)")
     add("--seed", type=int, required=True, help="decides the views; of the first shard")
@@ -93,19 +101,46 @@ _Artists = Sequence[Callable[[], PairArtist]]
 
 
 def _artists(args: argparse.Namespace) -> _Artists:
+    kinds = _kinds(args.kinds)
+
     @functools.lru_cache(maxsize=_ROOMS_KEPT)
     def in_interior(seed: int) -> PairArtist:
-        return PairArtist(Renderer(light_room(drawn_interior(seed, args.kind), seed)))
+        return PairArtist(Renderer(light_room(_room(seed, kinds), seed)))
 
     @functools.lru_cache(maxsize=_ROOMS_KEPT)
     def in_scene(path: Path) -> PairArtist:
         return PairArtist(Renderer(load_glb(path)))
 
     if args.scene is not None:
-        if args.kind is not None:
-            raise ConfigError("--kind was given with --scene", "--kind with --rooms")
+        if args.kinds is not None:
+            raise ConfigError("--kinds was given with --scene", "--kinds with --rooms")
         return [functools.partial(in_scene, path) for path in args.scene]
     return [functools.partial(in_interior, seed) for seed in _seeds(args.rooms)]
+
+
+def _kinds(words: str | None) -> tuple[str, ...]:
+    """Kinds of rooms of ``A,B``; none where nothing is said.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such kind.
+    """
+    if words is None:
+        return ()
+    kinds = ROOM_KINDS if words == "all" else tuple(words.split(","))
+    for kind in kinds:
+        if kind not in ROOM_KINDS:
+            raise ConfigError(f"no kind of room {kind!r}", f"'all', or of {', '.join(ROOM_KINDS)}")
+    return kinds
+
+
+def _room(seed: int, kinds: tuple[str, ...]) -> Room:
+    """Room of one of the kinds; the seed decides on both."""
+    if not kinds:
+        return drawn_interior(seed)
+    drawn = int(np.random.default_rng([seed, 6]).integers(len(kinds)))
+    return room_of_kind(kinds[drawn], seed)
 
 
 def _seeds(words: str) -> range:
@@ -114,12 +149,17 @@ def _seeds(words: str) -> range:
     Raises
     ------
     ConfigError
-        If it is neither.
+        If it is neither, or takes in a seed that is kept for the benchmark.
     """
     match = re.fullmatch(r"(\d{1,9})(?:-(\d{1,9}))?", words)
     first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
     if last < first:
         raise ConfigError(f"--rooms is {words!r}", "seeds such as 1000-1031")
+    if first <= BENCHMARK_SEEDS[-1] and last >= BENCHMARK_SEEDS[0]:
+        raise ConfigError(
+            f"--rooms is {words!r}",
+            f"other seeds than {BENCHMARK_SEEDS[0]} to {BENCHMARK_SEEDS[-1]}, the benchmark's own",
+        )
     return range(first, last + 1)
 
 

@@ -22,7 +22,7 @@ from dfvs_sim.scene.kinds import LIVING_ROOM, ROOM_KINDS, room_of_kind
 from dfvs_sim.scene.light import BakeSettings, load_mitsuba
 from dfvs_sim.scene.mesh import Scene
 from dfvs_sim.scene.poses import floor_of, look_at
-from dfvs_sim.scene.room import HEIGHT_M, LENGTH_M, VIEWS, WIDTH_M
+from dfvs_sim.scene.room import HEIGHT_M, LENGTH_M, VIEWS, WIDTH_M, Room
 
 _View: TypeAlias = tuple[tuple[float, float, float], tuple[float, float, float]]
 """Eye and point looked at, in the scene file's axes, m."""
@@ -75,11 +75,15 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--seed is {args.seed}", "0 or more")
     for path, ending in ((args.out, ".glb"), (args.preview, ".png")):
         _check_output(path, ending)
-    scene = _lit(args)
+    settings = BakeSettings(samples=args.samples, seed=args.seed)
+    if args.light == "traced":
+        load_mitsuba()
+    room = room_of_kind(args.kind, args.seed)
+    scene = _lit(room, args, settings)
     save_glb(args.out, scene)
     views = VIEWS if args.kind == LIVING_ROOM else _corner_views(scene)
     description = args.out.with_suffix(".json")
-    text = json.dumps(_description(args, scene, views), indent=2)
+    text = json.dumps(_description(args, room, scene, views), indent=2)
     description.write_text(text + "\n", encoding="utf-8")
     print(f"wrote {args.out} ({len(scene.triangles)} triangles) and {description}")
     if args.preview is not None:
@@ -88,12 +92,8 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _lit(args: argparse.Namespace) -> Scene:
-    """Make the room that was asked for, with its light."""
-    settings = BakeSettings(samples=args.samples, seed=args.seed)
-    if args.light == "traced":
-        load_mitsuba()
-    room = room_of_kind(args.kind, args.seed)
+def _lit(room: Room, args: argparse.Namespace, settings: BakeSettings) -> Scene:
+    """Light a room as it was asked for."""
     if args.light == "quick":
         return light_room(room, args.seed)
     scene = bake_room(room, settings, _show_progress)
@@ -132,11 +132,14 @@ def _triple(point: FloatArray) -> tuple[float, float, float]:
     return x, y, z
 
 
-def _description(args: argparse.Namespace, scene: Scene, views: dict[str, _View]) -> dict[str, Any]:
+def _description(
+    args: argparse.Namespace, room: Room, scene: Scene, views: dict[str, _View]
+) -> dict[str, Any]:
     """What stands in the JSON file beside a room."""
-    floor_m, low, high = floor_of(scene)
+    _, low, high = floor_of(scene)
     size = {"east_west": float(high[1] - low[1]), "north_south": float(high[0] - low[0])}
-    height = float(floor_m - scene.bounds[0][2])
+    solid = [part for part in room.parts if not room.materials[part.material].shines]
+    height = max(float(part.vertices[:, 2].max()) for part in solid)
     if args.kind == LIVING_ROOM:  # its view outside reaches beyond its walls
         size, height = {"east_west": LENGTH_M, "north_south": WIDTH_M}, HEIGHT_M
     return {

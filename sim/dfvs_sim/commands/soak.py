@@ -20,7 +20,7 @@ from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.soak.plots import write_plots
-from dfvs_sim.soak.tour import Tour
+from dfvs_sim.soak.tour import Stay, Tour
 from dfvs_sim.soak.verdict import MAX_MB_PER_H, document, judge, latency_figures
 
 _FOV_RAD = float(np.radians(75.0))
@@ -45,6 +45,8 @@ def add_parser(subparsers: Any) -> None:
     add = parser.add_argument
     add("--minutes", type=float, default=30.0, metavar="N", help="time to fly (default: 30)")
     add("--seed", type=int, default=0, help="draws the places to fly between")
+    add("--rate", type=float, default=20.0, metavar="HZ", help="frames a second (default: 20)")
+    add("--service", default="", metavar="WORDS", help="further words for dfvs-service")
     add("--out", type=Path, default=Path("soak"), metavar="DIR", help="folder for logs and plots")
     add("--json", type=Path, metavar="FILE", help="write the figures there as well")
     parser.set_defaults(run=run)
@@ -60,6 +62,8 @@ def run(args: argparse.Namespace) -> int:
     """
     if not 1.0 <= args.minutes <= 6000.0:
         raise ConfigError(f"--minutes is {args.minutes:g}", "1 to 6000")
+    if not 1.0 <= args.rate <= 60.0:
+        raise ConfigError(f"--rate is {args.rate:g}", "1 to 60")
     try:
         args.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -69,7 +73,9 @@ def run(args: argparse.Namespace) -> int:
     plan = make_plan(
         Renderer(load_glb(args.scene or builtin_room_path())), camera, args.seed, None, []
     )
-    tour = Tour(plan, args.out.absolute(), args.minutes, lambda text: progress.say(f"  {text}"))
+    words = tuple(args.service.split())
+    stay = Stay(args.out.absolute(), args.minutes, args.rate, words)
+    tour = Tour(plan, stay, lambda text: progress.say(f"  {text}"))
     began_s, ended = time.monotonic(), ""
     try:
         tour.run(lambda watch, track: None)
@@ -117,12 +123,12 @@ def figures(tour: Tour, minutes: float, ended: str) -> dict[str, Any]:
 
 
 def _print(report: dict[str, Any]) -> None:
-    names = f"{'PSS MB':>10s}{'MB/h':>9s}{'95 % interval':>19s}{'fds':>5s}{'threads':>9s}"
+    names = f"{'own MB':>10s}{'MB/h':>9s}{'95 % interval':>19s}{'fds':>5s}{'threads':>9s}"
     print(f"{'process':12s}{names}")
     for p in report["processes"]:
         interval = f"{p['mb_per_h_low']:.2f} to {p['mb_per_h_high']:.2f}"
         print(
-            f"{p['role']:12s}{p['last_pss_mb']:10.1f}{p['mb_per_h']:9.2f}{interval:>19s}"
+            f"{p['role']:12s}{p['last_own_mb']:10.1f}{p['mb_per_h']:9.2f}{interval:>19s}"
             f"{p['descriptors_grown']:+5d}{p['threads_grown']:+9d}  memory {p['memory']}"
         )
     print(

@@ -3,21 +3,17 @@
 from __future__ import annotations
 
 import argparse
-import json
-import os
 import sys
 from collections.abc import Sequence
 from pathlib import Path
-from typing import Any
 
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_sim.demo.cameras import CAMERAS
 from dfvs_sim.demo.flight import Flight, FlightOptions
-from dfvs_sim.demo.pictures import write_pictures
 from dfvs_sim.demo.plan import FlightPlan, make_plan, parse_camera_pose
-from dfvs_sim.demo.plots import write_plots
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.demo.summary import FlightSummary, summarise
+from dfvs_sim.demo.results import replace_json, write_results
+from dfvs_sim.demo.summary import FlightSummary
 from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path, two_rooms_path
@@ -156,12 +152,7 @@ def _fly_one(
         pause=_pause if args.dashboard and sys.stdin.isatty() else lambda _: None,
     )
     log = Flight(plan, options, folder, lambda text: progress.say(f"  {text}")).run(progress.show)
-    summary = summarise(log)
-    _replace(folder / "summary.json", summary.to_json())
-    lines = (json.dumps(document) + "\n" for document in log.watch.servo)
-    (folder / "servo.jsonl").write_text("".join(lines), encoding="utf-8")
-    write_pictures(log, folder)
-    write_plots(log, folder / "plots.png")
+    summary = write_results(log, folder)
     verdict = "converged" if summary.converged else f"{summary.end_state}: {summary.end_cause}"
     progress.say(
         f"  {verdict}: {summary.final_translation_m * 100:.1f} cm and "
@@ -182,14 +173,7 @@ def _write_json(args: argparse.Namespace, summaries: list[FlightSummary]) -> Non
     if args.json is None:
         return
     documents = [s.to_json() for s in summaries]
-    _replace(args.json, documents[0] if args.runs == 1 else documents)
-
-
-def _replace(path: Path, document: Any) -> None:
-    """Write a JSON file whole or not at all."""
-    partial = path.with_name(path.name + ".part")
-    partial.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    os.replace(partial, path)
+    replace_json(args.json, documents[0] if args.runs == 1 else documents)
 
 
 def _print_table(summaries: list[FlightSummary]) -> None:

@@ -38,6 +38,10 @@ class FlightError(DfvsError):
     """The flight could not be brought up."""
 
 
+class NotReadyError(FlightError):
+    """Everything runs, but the service will not fly, and says why."""
+
+
 @dataclass(frozen=True, slots=True)
 class FlightOptions:
     """How to fly.
@@ -241,8 +245,10 @@ class Flight:
 
         Raises
         ------
+        NotReadyError
+            If it is not in time.
         FlightError
-            If it is not in time, or has ended.
+            If it has ended.
         """
         deadline = time.monotonic() + self._options.ready_s
         while time.monotonic() < deadline:
@@ -250,7 +256,7 @@ class Flight:
                 return
             if service.exit_code is not None:
                 raise FlightError(f"dfvs-service ended at once:\n{service.last_lines()}")
-        raise FlightError(
+        raise NotReadyError(
             f"dfvs-service is not ready after {self._options.ready_s:g} s "
             f"(state {watch.state or 'unknown'}: {watch.cause or service.last_lines()})"
         )

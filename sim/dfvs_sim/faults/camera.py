@@ -10,7 +10,8 @@ from dfvs_core.arrays import ImageArray
 from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
 from dfvs_sim.faults.wall import Pose, Wall
 
-PERIOD_NS = 50_000_000
+PERIOD_NS = 66_666_667
+"""Of 15 frames a second."""
 
 Packet = tuple[bytes, bytes]
 """Payload and attachment of one sample on the camera's key."""

@@ -22,8 +22,13 @@ from dfvs_sim.faults.ways import bring_to
 MS = 1_000_000
 S = GateState
 
+NO_VERDICT = "no verdict"
 _TOOK = "took"
 _SETTLE_S = 0.3
+_SHORT_SETTLE_S, _SHORT_SHARE = 0.1, 0.75
+"""READY is left after half a second of failing checks; most faults there are shorter than that."""
+_PHASE_S = 0.2
+"""Faults come at any phase of frames (0.07 s) and of telemetry (0.05 s)."""
 _LATE_S = 3.0
 """Over the limit a case is watched for so long, to tell late from never."""
 
@@ -61,7 +66,7 @@ class Fault:
     the reaction (for STREAM the longest gap). ``watch_s`` is how long a fault without a change of
     state is kept up. ``restarts`` tells that the service does not survive it, ``spares_frames``
     that it makes no frame late: where frames are late all the same, the machine is too busy for a
-    verdict.
+    verdict. ``alone`` tells that it disturbs what else runs on the machine.
     """
 
     name: str
@@ -72,9 +77,10 @@ class Fault:
     states: tuple[GateState, ...]
     inject: Inject
     setup: Setup = field(default_factory=Setup)
-    watch_s: float = 0.9
+    watch_s: float = 0.4
     restarts: bool = False
     spares_frames: bool = False
+    alone: bool = False
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +96,11 @@ class Outcome:
     problem: str = ""
     attempts: int = 1
 
+    @property
+    def has_verdict(self) -> bool:
+        """Whether the case came to its end; one that did not counts as failed, until run again."""
+        return not self.problem.startswith(NO_VERDICT)
+
 
 def run_case(rig: Rig, fault: Fault, state: GateState, seed: int) -> Outcome:
     """Bring the gate to the state, let the fault happen, and judge.
@@ -97,25 +108,32 @@ def run_case(rig: Rig, fault: Fault, state: GateState, seed: int) -> Outcome:
     Raises
     ------
     HarnessError
-        If the state cannot be reached.
+        If the state cannot be reached, or the machine was too busy for a verdict.
     """
     rng = np.random.default_rng([seed, zlib.crc32(fault.name.encode()), list(S).index(state)])
+    rig.places = rng
     bring_to(rig, state)
-    time.sleep(float(rng.uniform(0.0, 0.4)))
+    time.sleep(float(rng.uniform(0.0, _PHASE_S)))
     if rig.state is not state:
         raise HarnessError(f"the gate went to {rig.state} before the fault")
     begin_ns = rig.world.note("fault", name=fault.name, state=str(state), seed=seed)
     t0_ns = fault.inject(rig, rng)
-    over_ns = _watch(rig, fault, state)
+    settle_s = _SETTLE_S
+    if state is S.READY and fault.reaction is Reaction.HOLD and rng.random() < _SHORT_SHARE:
+        settle_s = _SHORT_SETTLE_S
+    over_ns = _watch(rig, fault, state, settle_s)
     if t0_ns is None:
         t0_ns = rig.camera.last_good_ns
     evidence = Evidence.collect(rig, begin_ns, over_ns)
     if fault.spares_frames and evidence.was_late():
         raise HarnessError("frames were late by themselves: the machine is too busy")
-    return judge(fault, state, seed, t0_ns, evidence)
+    outcome = judge(fault, state, seed, t0_ns, evidence)
+    if not outcome.passed and evidence.world_late_ns:
+        raise HarnessError(f"the vehicle stood still for {evidence.world_late_ns / MS:.0f} ms")
+    return outcome
 
 
-def _watch(rig: Rig, fault: Fault, state: GateState) -> int:
+def _watch(rig: Rig, fault: Fault, state: GateState, settle_s: float) -> int:
     """Wait until the reaction has come, or cannot come in time any more; when that was."""
     limit_s = fault.limit_ms / 1000 + _LATE_S
     ends = {
@@ -124,15 +142,14 @@ def _watch(rig: Rig, fault: Fault, state: GateState) -> int:
         Reaction.EXIT: lambda: not rig.service.is_running(),
         Reaction.SILENCE: lambda: not rig.service.is_running(),
     }
-    if fault.reaction is Reaction.ABORT and state is S.READY:
-        time.sleep(fault.watch_s)
-    elif fault.reaction in ends:
+    nothing_flies = fault.reaction is Reaction.ABORT and state is S.READY
+    if fault.reaction in ends and not nothing_flies:
         wait_until(ends[fault.reaction], limit_s)
         over_ns = time.monotonic_ns()
         time.sleep(_SETTLE_S)
         return over_ns
     else:
-        time.sleep(max(fault.watch_s, fault.limit_ms / 1000 + _SETTLE_S))
+        time.sleep(max(fault.watch_s, fault.limit_ms / 1000 + settle_s))
     return time.monotonic_ns()
 
 
@@ -146,6 +163,8 @@ class Evidence:
     state: GateState
     is_running: bool
     over_ns: int
+    world_late_ns: int = 0
+    """Longest time for which the simulated vehicle itself did nothing."""
 
     @classmethod
     def collect(cls, rig: Rig, since_ns: int, over_ns: int) -> Evidence:
@@ -159,6 +178,7 @@ class Evidence:
             rig.state,
             rig.service.is_running(),
             over_ns,
+            max((e["by_ns"] for e in recent if e["kind"] == "world_late"), default=0),
         )
 
     def was_late(self) -> bool:

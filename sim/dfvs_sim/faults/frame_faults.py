@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import struct
 from collections.abc import Callable
 
@@ -11,7 +12,7 @@ import numpy as np
 from dfvs_core.arrays import ImageArray
 from dfvs_core.gate.states import GateState
 from dfvs_core.wire.picture import encode_png
-from dfvs_sim.faults.camera import Packet, Script, Shot
+from dfvs_sim.faults.camera import PERIOD_NS, Packet, Script, Shot
 from dfvs_sim.faults.case import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
 from dfvs_sim.faults.network import Misbehaviour
 from dfvs_sim.faults.rig import Rig, Setup
@@ -68,8 +69,9 @@ def _repeated(rng: np.random.Generator) -> Script:
 
 
 def _swapped_order(rng: np.random.Generator) -> Script:
-    """Every other time lies before the one that came before it."""
-    return lambda shot: [shot.packet(), shot.packet(t_ns=shot.t_ns - 60 * MS)]
+    """Every other time lies half a period before the one that came before it."""
+    back_ns = itertools.cycle((3 * PERIOD_NS // 2, 0))
+    return lambda shot: [shot.packet(t_ns=shot.t_ns - next(back_ns))]
 
 
 def _damaged(shot: Shot, rng: np.random.Generator) -> list[Packet]:

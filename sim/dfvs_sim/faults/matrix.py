@@ -11,7 +11,7 @@ import shutil
 import tempfile
 import time
 import traceback
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from multiprocessing.queues import Queue
 from pathlib import Path
@@ -20,7 +20,7 @@ from typing import TypeAlias
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.states import GateState
 from dfvs_sim.faults import invariants
-from dfvs_sim.faults.case import Fault, Outcome, run_case, timed
+from dfvs_sim.faults.case import NO_VERDICT, Fault, Outcome, run_case, timed
 from dfvs_sim.faults.frame_faults import frame_faults
 from dfvs_sim.faults.process_faults import process_faults
 from dfvs_sim.faults.records import Run
@@ -33,6 +33,9 @@ Done: TypeAlias = "Queue[Result | None]"
 
 _ATTEMPTS = 3
 """A state that is not reached, on a busy machine say, is tried for again: it is no verdict."""
+
+_LIFE = 30
+"""Seeds of one setup share a rig, and what they survive a service, up to so many cases or more."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -88,6 +91,8 @@ def run_matrix(
 ) -> None:
     """Run cases in processes of their own until all are done or the time is up.
 
+    Those that disturb others come last, one at a time.
+
     Parameters
     ----------
     cases : sequence of Case
@@ -97,13 +102,22 @@ def run_matrix(
     on_result : callable
         Takes what the workers report, as it comes.
     """
+    faults = all_faults()
+    alone = [case for case in cases if faults[case.fault].alone]
+    _run_groups(lives([c for c in cases if c not in set(alone)]), workers, until, on_result)
+    _run_groups(lives(alone), 1, until, on_result)
+
+
+def _run_groups(
+    groups: Sequence[list[Case]], workers: int, until: float, on_result: Callable[[Result], None]
+) -> None:
     context = multiprocessing.get_context("spawn")
     todo: Todo = context.Queue()
     done: Done = context.Queue()
-    for group in _groups(cases):
+    for group in groups:
         todo.put(group)
     processes = []
-    for number in range(workers):
+    for number in range(min(workers, len(groups))):
         todo.put(None)
         arguments = (number, todo, done, until)
         processes.append(context.Process(target=_work, args=arguments, daemon=False))
@@ -120,14 +134,25 @@ def run_matrix(
         process.join()
 
 
-def _groups(cases: Sequence[Case]) -> Iterable[list[Case]]:
-    """Cases of one setup and seed, for one rig each; seed by seed, and long ones first."""
+def lives(cases: Sequence[Case]) -> list[list[Case]]:
+    """Cases that share a rig: of one setup, whole seeds of it, state by state.
+
+    The groups of the first seeds come first, and of these the long ones. In one state after the
+    other, since the way from one state to the next takes longer than a case.
+    """
     faults = all_faults()
-    grouped: dict[tuple[Setup, int, bool], list[Case]] = {}
-    for case in cases:
+    found: dict[tuple[Setup, bool], list[list[Case]]] = {}
+    for case in sorted(cases, key=lambda case: case.seed):
         fault = faults[case.fault]
-        grouped.setdefault((fault.setup, case.seed, fault.restarts), []).append(case)
-    return sorted(grouped.values(), key=lambda group: (group[0].seed, -len(group)))
+        groups = found.setdefault((fault.setup, fault.restarts), [[]])
+        if len(groups[-1]) >= _LIFE and groups[-1][-1].seed != case.seed:
+            groups.append([])
+        groups[-1].append(case)
+    order = sorted(
+        (g for groups in found.values() for g in groups), key=lambda g: (g[0].seed, -len(g))
+    )
+    states = list(GateState)
+    return [sorted(group, key=lambda c: states.index(GateState(c.state))) for group in order]
 
 
 def _work(number: int, todo: Todo, done: Done, until: float) -> None:
@@ -147,7 +172,7 @@ def _work(number: int, todo: Todo, done: Done, until: float) -> None:
 
 
 def _run_group(group: list[Case], folder: Path, done: Done, until: float) -> None:
-    """Run the cases of one setup and seed in one rig, and check every run of its service."""
+    """Run the cases of one setup in one rig, and check every run of its service."""
     faults = all_faults()
     rig = Rig(faults[group[0].fault].setup, folder, group[0].seed)
     rig.on_run_over = lambda run: done.put(Result(violations=_violations(run)))
@@ -171,7 +196,7 @@ def _attempt(rig: Rig, fault: Fault, state: GateState, seed: int) -> Outcome:
             outcome = run_case(rig, fault, state, seed)
             return dataclasses.replace(outcome, attempts=attempt)
         except Exception as error:  # noqa: BLE001 - whatever the harness fails at is reported
-            problem = f"{type(error).__name__}: {error}"
+            problem = f"{NO_VERDICT}: {type(error).__name__}, {error}"
             rig.stop_service()
     never = float("inf")
     return Outcome(fault.name, str(state), seed, False, never, "", problem, _ATTEMPTS)
@@ -184,10 +209,13 @@ def _violations(run: Run) -> tuple[str, ...]:
 # --- what was run already ---------------------------------------------------------------------
 
 
-def read_outcomes(path: Path) -> tuple[list[Outcome], list[str]]:
-    """Outcomes and violations of earlier slices, judged by the limits of today."""
+def read_outcomes(path: Path) -> tuple[dict[Case, Outcome], list[str]]:
+    """Outcomes and violations of earlier slices, judged by the limits of today.
+
+    Of a case that was run more than once, the last outcome counts.
+    """
     faults = all_faults()
-    outcomes: list[Outcome] = []
+    outcomes: dict[Case, Outcome] = {}
     violations: list[str] = []
     if path.exists():
         for line in path.read_text(encoding="utf-8").splitlines():
@@ -197,7 +225,8 @@ def read_outcomes(path: Path) -> tuple[list[Outcome], list[str]]:
             else:
                 outcome = Outcome(**data)
                 if outcome.fault in faults:
-                    outcomes.append(timed(outcome, faults[outcome.fault]))
+                    case = Case(outcome.fault, outcome.state, outcome.seed)
+                    outcomes[case] = timed(outcome, faults[outcome.fault])
     return outcomes, violations
 
 

@@ -170,6 +170,7 @@ def process_faults() -> tuple[Fault, ...]:
             150.0,
             (S.SERVO,),
             _starve,
+            alone=True,
         ),
         Fault(
             "throttled",

@@ -151,8 +151,11 @@ _NOTE = (
     "from the fault (for frames: from the capture of the last good one; for a takeover: from the",
     "heartbeat that shows it) to the first zero setpoint, or the state or silence that had to",
     "follow, by the vehicle's own record; 0 means that nothing moved any more when it happened.",
-    "A case is repeated where the state was not reached, or where frames were late without any",
-    "reason: the machine was too busy with other work then.",
+    "Every case draws its place, its phase and what is random in its fault from its own seed;",
+    "where a service survives a fault, it is healed and flies on into the next case.",
+    "A case is repeated where the state was not reached, where frames were late without any",
+    "reason, or where it failed while the simulated vehicle itself stood still: the machine was",
+    "too busy with other work then. Three attempts without a verdict count as a failure.",
     "Results beside a stand-in are no flight evidence, and no failure in N cases bounds the rate",
     "for these faults only.",
 )

@@ -68,6 +68,7 @@ class Rig:
         self.setup = setup
         self.folder = folder
         self.rng = np.random.default_rng(seed)
+        """Of the camera's noise and the vehicle; where the vehicle is put, until a case says."""
         self.topics = Topics("faults")
         self._mavlink = any_port(socket.SOCK_DGRAM)
         self._zenoh = any_port(socket.SOCK_STREAM)
@@ -88,6 +89,8 @@ class Rig:
         """Takes the records of every run of the service, once it is over."""
         self.disturbed_ns: int | None = None
         """When the gate of this run was stopped on purpose."""
+        self.places = self.rng
+        """Where the vehicle is put; a case gives a generator of its own seed."""
         self._run_from = 0
         self._service: ServiceProcess | None = None
         self.world.start()
@@ -128,9 +131,8 @@ class Rig:
 
     def place_far(self) -> None:
         """Put the vehicle somewhere from where the goal is a metre away."""
-        back, side = self.rng.uniform(0.6, 1.0), self.rng.uniform(-0.4, 0.4)
-        position = (-float(back), float(side), float(self.rng.uniform(-0.2, 0.2)))
-        self.world.place(position, float(self.rng.uniform(-0.1, 0.1)))
+        back, side, down, yaw = self.places.uniform((0.6, -0.4, -0.2, -0.1), (1.0, 0.4, 0.2, 0.1))
+        self.world.place((-float(back), float(side), float(down)), float(yaw))
 
     def place_at_goal(self) -> None:
         """Put the vehicle where the goal picture was taken."""
@@ -243,6 +245,18 @@ class Rig:
             cause = self.operator.status.get("cause", "")
             wanted = " or ".join(states)
             raise HarnessError(f"the gate is in {self.state} ({cause}), not in {wanted}")
+
+    def await_sight(self) -> None:
+        """Wait until perception has used a frame of now.
+
+        Raises
+        ------
+        HarnessError
+            If it does not.
+        """
+        since_ns = time.monotonic_ns()
+        if not wait_until(lambda: self.operator.seen_ns >= since_ns, STATE_S):
+            raise HarnessError(f"perception uses no frame in {self.state}")
 
     def await_heartbeat(self) -> None:
         """Wait for the vehicle's next heartbeat to have been heard by the service."""

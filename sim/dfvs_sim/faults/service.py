@@ -39,7 +39,8 @@ class GateLog:
     """The gate's own log, read as it grows."""
 
     path: Path
-    records: list[dict[str, Any]] = field(default_factory=list)
+    changes: list[dict[str, Any]] = field(default_factory=list)
+    """All transitions so far."""
     _read: int = 0
 
     def update(self) -> None:
@@ -49,18 +50,19 @@ class GateLog:
             data = file.read()
             end = data.rfind(b"\n") + 1
             self._read += end
-            self.records += [json.loads(line) for line in data[:end].splitlines()]
+            records = (json.loads(line) for line in data[:end].splitlines())
+            self.changes += [record for record in records if record["kind"] == "transition"]
 
     def transitions(self, since_ns: int = 0) -> list[dict[str, Any]]:
         """Transitions from a time on, oldest first."""
         self.update()
-        return [r for r in self.records if r["kind"] == "transition" and r["t_ns"] >= since_ns]
+        return [change for change in self.changes if change["t_ns"] >= since_ns]
 
     @property
     def state(self) -> str:
         """State after the last transition."""
-        found = self.transitions()
-        return str(found[-1]["target"]) if found else "IDLE"
+        self.update()
+        return str(self.changes[-1]["target"]) if self.changes else "IDLE"
 
 
 class ServiceProcess:
@@ -154,13 +156,23 @@ class Operator:
         self.heard_ns = 0
         self.used_challenge = ""
         """Challenge of the last order."""
-        self._subscriber = session.declare_subscriber(topics.telemetry("state"), self._on_state)
+        self.seen_ns = 0
+        """Capture of the newest frame that perception could use."""
+        self._subscribers = [
+            session.declare_subscriber(topics.telemetry("state"), self._on_state),
+            session.declare_subscriber(topics.telemetry("servo"), self._on_servo),
+        ]
 
     def _on_state(self, sample: zenoh.Sample) -> None:
         with self._changed:
             self.status = json.loads(sample.payload.to_bytes())
             self.heard_ns = time.monotonic_ns()
             self._changed.notify_all()
+
+    def _on_servo(self, sample: zenoh.Sample) -> None:
+        servo = json.loads(sample.payload.to_bytes())
+        if not servo["reason"]:
+            self.seen_ns = servo["t_capture_ns"]
 
     def wait(self, accept: Callable[[dict[str, Any]], bool], timeout_s: float) -> bool:
         """Wait for a state that is accepted; tell whether it came."""

@@ -14,10 +14,11 @@ from dfvs_core.gate.states import GateState
 from dfvs_core.goal import Mount
 from dfvs_sim.faults.case import Fault, Reaction
 from dfvs_sim.faults.rig import Rig, Setup
-from dfvs_sim.faults.service import HarnessError
+from dfvs_sim.faults.service import HarnessError, wait_until
 
 S = GateState
-_MOVING_M_S = 0.05
+_MOVING_M_S = 0.01
+_MOTION_S = 3.0
 _CANNOT_RUN = 2
 _TYPO_S = 20.0
 NO_PROOF = "gate.proof_s=0"
@@ -38,9 +39,15 @@ def _frozen_world(rig: Rig, _: np.random.Generator) -> int:
 def _first_motion(rig: Rig, _: np.random.Generator) -> int:
     """When the vehicle itself, by the truth, began to move in this engagement."""
     engaged_ns = rig.service.log.transitions()[-1]["t_ns"]
-    poses = [e for e in rig.world.events if e["kind"] == "pose" and e["t_ns"] >= engaged_ns]
-    moving = [e["t_ns"] for e in poses if math.hypot(*e["velocity"]) >= _MOVING_M_S]
-    return int(moving[0]) if moving else time.monotonic_ns()
+
+    def moving() -> list[int]:
+        poses = [e for e in rig.world.events[-3000:] if e["kind"] == "pose"]
+        fast = [e for e in poses if math.hypot(*e["velocity"]) >= _MOVING_M_S]
+        return [e["t_ns"] for e in fast if e["t_ns"] >= engaged_ns]
+
+    if not wait_until(lambda: bool(moving()), _MOTION_S):
+        raise HarnessError("the vehicle does not move")
+    return moving()[0]
 
 
 def _misspelt(rig: Rig, _: np.random.Generator) -> int:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import math
 import time
 
 import numpy as np
@@ -26,6 +27,8 @@ _HEARTBEAT_S = 1.5
 _OFF, _WRONG = mavlink.FAILURE_TYPE_OFF, mavlink.FAILURE_TYPE_WRONG
 _BODY_VELOCITY = 0x5C7
 _STICKS_NS = 10_000 * MS
+_FOREIGN_M_S, _ELSEWHERE_M_S = 0.42, 0.4
+"""Speed of another commander, and how far it is from ours; below 0.2 m/s nobody could tell."""
 
 
 def _link_lost(rig: Rig, _: np.random.Generator) -> int:
@@ -51,10 +54,13 @@ def _next_heartbeat(rig: Rig, since_ns: int) -> int:
 
 
 def _taken_over(rig: Rig, rng: np.random.Generator) -> int:
-    modes = (Mode.HOLD, Mode.LAND, Mode.RETURN, Mode.ALTITUDE, Mode.STABILIZED, Mode.POSITION)
-    mode = modes[int(rng.integers(len(modes)))]
+    modes = [Mode.LAND, Mode.RETURN, Mode.ALTITUDE, Mode.STABILIZED, Mode.POSITION, Mode.HOLD]
+    which = int(rng.integers(len(modes)))
 
     def take(px4: Px4, now_ns: int) -> None:
+        # Who selects the mode that is on already changes nothing that anybody could see.
+        others = [mode for mode in modes if mode is not px4.status.mode]
+        mode = others[which % len(others)]
         px4.status.manual_ns = now_ns + _STICKS_NS  # sticks are held from now on
         px4.request_mode(mode, now_ns)
 
@@ -97,21 +103,28 @@ def _service_stands_by(rig: Rig, _: np.random.Generator) -> int:
     return time.monotonic_ns()
 
 
-def _foreign_message() -> Message:
+def _foreign_message(forward_m_s: float, right_m_s: float) -> Message:
     zeros = (0.0,) * 3
     return mavlink.MAVLink_set_position_target_local_ned_message(
-        0, 1, 1, 8, _BODY_VELOCITY, *zeros, 0.3, -0.3, 0.0, *zeros, 0.0, 0.2
+        0, 1, 1, 8, _BODY_VELOCITY, *zeros, forward_m_s, right_m_s, 0.0, *zeros, 0.0, 0.2
     )
 
 
-def _foreign_setpoint(rig: Rig, _: np.random.Generator) -> int:
-    rig.world.send_as_other(_foreign_message())
+def _foreign_setpoint(rig: Rig, rng: np.random.Generator) -> int:
+    forward, right = rng.uniform(-0.5, 0.5, 2)
+    rig.world.send_as_other(_foreign_message(float(forward), float(right)))
     return time.monotonic_ns()
 
 
-def _foreign_elsewhere(rig: Rig, _: np.random.Generator) -> int:
-    """Somebody sends setpoints at 50 Hz on a link of their own."""
-    rig.world.shadow(_foreign_message)
+def _foreign_elsewhere(rig: Rig, rng: np.random.Generator) -> int:
+    """Somebody who wants to go elsewhere sends setpoints at 50 Hz on a link of their own."""
+    ours = next(e for e in reversed(rig.world.events) if e["kind"] == "setpoint")["velocity"]
+    off = 0.0
+    while off < _ELSEWHERE_M_S:
+        angle = rng.uniform(0.0, math.tau)
+        forward, right = _FOREIGN_M_S * math.cos(angle), _FOREIGN_M_S * math.sin(angle)
+        off = math.dist(ours, (forward, right, 0.0))
+    rig.world.shadow(lambda: _foreign_message(forward, right))
     return time.monotonic_ns()
 
 
@@ -214,6 +227,7 @@ def _faults() -> tuple[Fault, ...]:
             0.0,
             (S.READY,),
             _service_stands_by,
+            watch_s=1.0,
         ),
         Fault(
             "service-starts-in-flight",
@@ -223,6 +237,7 @@ def _faults() -> tuple[Fault, ...]:
             0.0,
             (S.SERVO,),
             _service_stands_by,
+            watch_s=1.0,
         ),
         Fault(
             "foreign-setpoint",
@@ -235,7 +250,7 @@ def _faults() -> tuple[Fault, ...]:
         ),
         Fault(
             "foreign-commander",
-            "somebody else's setpoints on another link",
+            "somebody else's setpoints on another link, 0.4 m/s off",
             "velocity nobody here asked for",
             abort,
             4000.0,

@@ -6,7 +6,7 @@ import time
 from collections.abc import Callable
 
 from dfvs_core.gate.events import Action
-from dfvs_core.gate.states import ENGAGED, GateState
+from dfvs_core.gate.states import ENGAGED, Cause, GateState
 from dfvs_sim.faults.rig import STARTUP_S, STATE_S, Rig
 from dfvs_sim.faults.service import HarnessError, wait_until
 from dfvs_sim.vehicle.modes import Mode
@@ -50,6 +50,8 @@ def _to_ready(rig: Rig) -> None:
         _disengage(rig)
         rig.operator.order(Action.ENGAGE)
         rig.operator.order(Action.HOLD)  # takes the order to engage back
+    else:
+        rig.await_sight()  # what healed a moment ago may still lead back to PREFLIGHT
     rig.await_state(S.READY, timeout_s=STARTUP_S)
 
 
@@ -68,7 +70,8 @@ def _to_servo(rig: Rig) -> None:
         rig.await_state(S.HOLD)
     if rig.state is S.HOLD:
         rig.place_far()
-        rig.operator.order(Action.ENGAGE)
+        if _is_held(rig):
+            rig.operator.order(Action.ENGAGE)
     else:
         _to_engage(rig)
     rig.await_state(S.SERVO)
@@ -77,14 +80,16 @@ def _to_servo(rig: Rig) -> None:
 
 
 def _to_hold(rig: Rig) -> None:
-    if rig.state is not S.HOLD or rig.operator.status.get("cause") != "operator ordered to hold":
+    if not _is_held(rig):
         _to_servo(rig)
         rig.operator.order(Action.HOLD)
     rig.await_state(S.HOLD)
+    rig.await_sight()
 
 
 def _to_done(rig: Rig) -> None:
     if rig.state is S.DONE:
+        rig.await_sight()
         return
     _to_servo(rig)
     rig.operator.order(Action.HOLD)
@@ -93,6 +98,11 @@ def _to_done(rig: Rig) -> None:
     time.sleep(_FRAMES_S)
     rig.operator.order(Action.ENGAGE)
     rig.await_state(S.DONE)
+
+
+def _is_held(rig: Rig) -> bool:
+    """Whether the gate holds because it was ordered to."""
+    return rig.state is S.HOLD and rig.service.log.changes[-1]["cause"] == Cause.OPERATOR_HOLD
 
 
 _WAYS: dict[GateState, Callable[[Rig], None]] = {

@@ -23,6 +23,8 @@ EVALUATION_CAMERA = CameraModel(320, 240, 208.5, 208.5, 160.0, 120.0)
 
 _FOV_RAD = (math.radians(58.0), math.radians(92.0))
 _PLACES_TRIED, _MOVES_TRIED = 400, 8
+_HIGHEST_M = 4.5
+"""Above the floor, m: no camera flies higher, be it in a hall or under the sky."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -91,7 +93,7 @@ class PairArtist:
         self._renderer = renderer
         self._space = FreeSpace(renderer)
         floor_m, low, high = floor_of(renderer.scene)
-        ceiling_m = float(renderer.scene.bounds[0][2])
+        ceiling_m = max(float(renderer.scene.bounds[0][2]), floor_m - _HIGHEST_M)
         self._low = np.array([*low, ceiling_m]) + 0.2
         self._high = np.array([*high, floor_m]) - 0.2
         if (self._low >= self._high).any():

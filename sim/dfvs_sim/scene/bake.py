@@ -7,10 +7,11 @@ import numpy as np
 from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_sim.scene.exposure import exposed, filled, smoothed
 from dfvs_sim.scene.frames import ned_from_room
-from dfvs_sim.scene.light import BakeSettings, Progress, measure_irradiance, merged
+from dfvs_sim.scene.light import BakeSettings, Progress, measure_irradiance
 from dfvs_sim.scene.mesh import Scene
-from dfvs_sim.scene.quick_light import quick_irradiance
+from dfvs_sim.scene.quick_light import ROUGH, LightPoints, quick_irradiance
 from dfvs_sim.scene.room import Room
+from dfvs_sim.scene.solids import merged
 from dfvs_sim.scene.texture import Texture
 
 
@@ -25,9 +26,9 @@ def bake_room(room: Room, settings: BakeSettings, progress: Progress) -> Scene:
     return lit_scene(room, measure_irradiance(room, settings, progress))
 
 
-def light_room(room: Room, seed: int) -> Scene:
+def light_room(room: Room, seed: int, count: LightPoints = ROUGH) -> Scene:
     """Light a room within seconds, roughly, and return it as a scene; no Mitsuba needed."""
-    return lit_scene(room, quick_irradiance(room, seed))
+    return lit_scene(room, quick_irradiance(room, seed, count))
 
 
 def lit_scene(room: Room, irradiance: list[FloatArray]) -> Scene:

@@ -11,7 +11,7 @@ from dfvs_sim.scene.solids import Part
 
 _WHITE_BALANCE = 0.7
 _WHITE_POINT = 6.0
-_MIDDLE_LIGHT = 0.5
+_MIDDLE_LIGHT, _MIDDLE_LIGHT_OUTDOORS = 0.5, 0.32
 _SMOOTHING_ROUNDS, _SMOOTHING_CONTRAST = 5, 0.10
 
 
@@ -60,7 +60,8 @@ def exposed(room: Room, irradiance: list[FloatArray]) -> list[Float32Array]:
     walls = [value for part, value in pairs if part.material in room.walls] or irradiance
     usual = np.median(np.concatenate(walls), axis=0)
     gain = (usual.mean() / usual) ** _WHITE_BALANCE
-    exposure = _MIDDLE_LIGHT / float(usual.mean()) * gain
+    middle = _MIDDLE_LIGHT if room.sky is None else _MIDDLE_LIGHT_OUTDOORS
+    exposure = middle / float(usual.mean()) * gain
     colours = []
     for part, value in zip(room.parts, irradiance, strict=True):
         if room.materials[part.material].shines:

@@ -184,7 +184,7 @@ def _windows(layout: Layout, rng: np.random.Generator) -> tuple[Opening, ...]:
     openings = []
     for _ in range(int(rng.integers(1, 4))):
         width, height = float(rng.uniform(0.7, 1.9)), float(rng.uniform(0.8, 1.4))
-        parts = _window(width, height, int(rng.integers(1, 4)))
+        parts = window(width, height, int(rng.integers(1, 4)))
         if rng.random() < 0.4:
             for side in (-1, 1):
                 cloth = decor.curtain(rng, 0.3, height + 0.3, "drape")
@@ -197,7 +197,7 @@ def _windows(layout: Layout, rng: np.random.Generator) -> tuple[Opening, ...]:
     return tuple(openings)
 
 
-def _window(width: float, height: float, panes: int) -> list[Part]:
+def window(width: float, height: float, panes: int) -> list[Part]:
     """Frame around the view outside, its middle at the origin, on a wall towards +y."""
     view = panel(
         (-width / 2, -0.012, -height / 2),

@@ -20,7 +20,7 @@ from dfvs_sim.scene.textures import SIZE_PX, Colour
 _Drawn: TypeAlias = tuple[Float32Array, float]
 """A picture and the metres that it spans."""
 
-_FULL_SIZE = frozenset(("wall", "floor", "ceiling", "rug", "books", "picture", "screen"))
+FULL_SIZE = frozenset(("wall", "floor", "ceiling", "rug", "books", "picture", "screen"))
 _SHINING = frozenset(("globe", "garden"))
 
 
@@ -36,8 +36,8 @@ def interior_materials(names: Iterable[str], rng: np.random.Generator) -> dict[s
     drawn = {}
     for name, stream in zip(wanted, rng.spawn(len(wanted)), strict=True):
         kind = name.rstrip("0123456789")
-        image, span_m = _RECIPES[kind](stream)
-        if kind not in _FULL_SIZE:
+        image, span_m = RECIPES[kind](stream)
+        if kind not in FULL_SIZE:
             image = textures.halved(image)
         drawn[name] = Material(textures.pixels(image), span_m, shines=kind in _SHINING)
     return drawn
@@ -180,7 +180,7 @@ def _globe(_rng: np.random.Generator) -> _Drawn:
     return np.ones((8, 8, 3), np.float32), 1.0
 
 
-_RECIPES: dict[str, Callable[[np.random.Generator], _Drawn]] = {
+RECIPES: dict[str, Callable[[np.random.Generator], _Drawn]] = {
     "wall": _wall,
     "floor": _floor,
     "ceiling": _ceiling,

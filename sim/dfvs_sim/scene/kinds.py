@@ -5,11 +5,14 @@ from __future__ import annotations
 from dfvs_core.errors import ConfigError
 from dfvs_sim.scene.doorway import doorway_rooms
 from dfvs_sim.scene.interior import KINDS, drawn_interior
+from dfvs_sim.scene.places.places import PLACES, drawn_place
 from dfvs_sim.scene.room import Room, furnished_room
 
 LIVING_ROOM = "living-room"
 TWO_ROOMS = "two-rooms"
-ROOM_KINDS = (LIVING_ROOM, TWO_ROOMS, *sorted(KINDS))
+BENCHMARK_SEEDS = range(4000, 4200)
+"""Seeds of rooms that are kept for the benchmark: nothing is to be trained or tuned on them."""
+ROOM_KINDS = (LIVING_ROOM, TWO_ROOMS, *sorted(KINDS), *sorted(PLACES))
 
 
 def room_of_kind(kind: str, seed: int) -> Room:
@@ -24,4 +27,6 @@ def room_of_kind(kind: str, seed: int) -> Room:
         raise ConfigError(f"no kind of room {kind!r}", f"one of {', '.join(ROOM_KINDS)}")
     if kind == LIVING_ROOM:
         return furnished_room(seed)
+    if kind in PLACES:
+        return drawn_place(seed, kind)
     return doorway_rooms(seed) if kind == TWO_ROOMS else drawn_interior(seed, kind)

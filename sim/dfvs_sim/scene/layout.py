@@ -90,19 +90,24 @@ class Layout:
             reach = wall.length_m / 2 - piece.width_m / 2 - _GAP_M
             if reach < 0:
                 continue
-            s = float(self._rng.uniform(-reach, reach))
-            area = (s - piece.width_m / 2, 0.0, s + piece.width_m / 2, piece.height_m)
-            out = wall.distance_m - piece.depth_m / 2 - _OFF_WALL_M
-            x, y = _turned(s, out, wall.turn_deg)
-            size = (piece.width_m, piece.depth_m)
-            footprint = _around(x, y, size if k % 2 == 0 else size[::-1])
-            if _meets(area, self._on_walls[k]) or _meets(footprint, self._floor):
-                continue
-            self._on_walls[k].append(area)
-            self._floor.append(footprint)
-            self.parts += placed(piece.parts, x, y, 0.0, wall.turn_deg)
-            return True
+            if self.stand(piece, k, float(self._rng.uniform(-reach, reach))):
+                return True
         return False
+
+    def stand(self, piece: Piece, k: int, s: float) -> bool:
+        """Stand a piece against wall k, s along it from its middle; False where it cannot."""
+        wall = self.walls[k]
+        area = (s - piece.width_m / 2, 0.0, s + piece.width_m / 2, piece.height_m)
+        out = wall.distance_m - piece.depth_m / 2 - _OFF_WALL_M
+        x, y = _turned(s, out, wall.turn_deg)
+        size = (piece.width_m, piece.depth_m)
+        footprint = _around(x, y, size if k % 2 == 0 else size[::-1])
+        if _beyond(area, wall) or _meets(area, self._on_walls[k]) or _meets(footprint, self._floor):
+            return False
+        self._on_walls[k].append(area)
+        self._floor.append(footprint)
+        self.parts += placed(piece.parts, x, y, 0.0, wall.turn_deg)
+        return True
 
     def on_wall(
         self, piece: Piece, heights_m: tuple[float, float], walls: tuple[int, ...] = (0, 1, 2, 3)
@@ -117,14 +122,23 @@ class Layout:
             if reach < 0 or high > self.height_m - _GAP_M or low < -1e-6:
                 continue
             s = float(self._rng.uniform(-reach, reach))
-            area = (s - piece.width_m / 2, low, s + piece.width_m / 2, high)
-            if _meets(area, self._on_walls[k]):
-                continue
-            self._on_walls[k].append(area)
-            x, y = _turned(s, wall.distance_m, wall.turn_deg)
-            self.parts += placed(piece.parts, x, y, z, wall.turn_deg)
-            return k, s, z
+            if self.hang(piece, k, s, z):
+                return k, s, z
         return None
+
+    def hang(self, piece: Piece, k: int, s: float, z: float) -> bool:
+        """Hang a piece on wall k, its middle at (s, z); False where it cannot."""
+        area = (
+            *(s - piece.width_m / 2, z - piece.height_m),
+            *(s + piece.width_m / 2, z + piece.height_m),
+        )
+        wall = self.walls[k]
+        if _beyond(area, wall) or _meets(area, self._on_walls[k]):
+            return False
+        self._on_walls[k].append(area)
+        x, y = _turned(s, wall.distance_m, wall.turn_deg)
+        self.parts += placed(piece.parts, x, y, z, wall.turn_deg)
+        return True
 
     def in_the_middle(self, piece: Piece, *, turned: bool = True) -> tuple[float, float] | None:
         """Stand a piece anywhere on the floor, turned anyhow; returns where."""
@@ -136,12 +150,26 @@ class Layout:
             return None
         for _ in range(_TRIES):
             x, y = (float(v) for v in self._rng.uniform(-limit, limit))
-            footprint = _around(x, y, size)
-            if not _meets(footprint, self._floor):
-                self._floor.append(footprint)
-                self.parts += placed(piece.parts, x, y, 0.0, angle)
+            if self._put(piece, (x, y), size, angle):
                 return x, y
         return None
+
+    def set_down(self, piece: Piece, x: float, y: float, turn_deg: float = 0.0) -> bool:
+        """Stand a piece with its middle at (x, y), turned; False where that is taken."""
+        c, s = abs(np.cos(np.radians(turn_deg))), abs(np.sin(np.radians(turn_deg)))
+        width, depth = piece.width_m, piece.depth_m
+        size = (float(c * width + s * depth), float(s * width + c * depth))
+        return self._put(piece, (x, y), size, turn_deg)
+
+    def _put(
+        self, piece: Piece, place: tuple[float, float], size: tuple[float, float], turn_deg: float
+    ) -> bool:
+        footprint = _around(*place, size)
+        if _meets(footprint, self._floor):
+            return False
+        self._floor.append(footprint)
+        self.parts += placed(piece.parts, *place, 0.0, turn_deg)
+        return True
 
 
 def _turned(s: float, out: float, turn_deg: float) -> tuple[float, float]:
@@ -152,6 +180,11 @@ def _turned(s: float, out: float, turn_deg: float) -> tuple[float, float]:
 
 def _around(x: float, y: float, size: tuple[float, float]) -> tuple[float, float, float, float]:
     return x - size[0] / 2, y - size[1] / 2, x + size[0] / 2, y + size[1] / 2
+
+
+def _beyond(area: tuple[float, float, float, float], wall: Wall) -> bool:
+    """Tell whether a rectangle (left, low, right, high) reaches past a wall's ends."""
+    return max(-area[0], area[2]) > wall.length_m / 2
 
 
 def _meets(

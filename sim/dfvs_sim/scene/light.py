@@ -21,8 +21,9 @@ from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.errors import DfvsError
 from dfvs_sim.scene.materials import Material
 from dfvs_sim.scene.mesh import Int32Array
+from dfvs_sim.scene.outdoors import Sky
 from dfvs_sim.scene.room import Opening, Room
-from dfvs_sim.scene.solids import Part
+from dfvs_sim.scene.solids import Part, merged
 from dfvs_sim.scene.texture import linear_from_srgb
 
 Progress = Callable[[int, int], None]
@@ -119,6 +120,8 @@ class _Tracer:
             if parts:
                 self._things[name] = self._shape(name, parts, mean_albedo(material))
         self._add_lights([p for p in room.parts if p.emission > 0], room.openings)
+        if room.sky is not None:
+            self._add_daylight(room.sky)
         self._parts = room.parts
 
     def _integrator(self) -> dict[str, Any]:
@@ -158,6 +161,15 @@ class _Tracer:
                 "to_world": towards @ size,
                 "emitter": _emitter(self._settings.sky_radiance, _SKY_WEIGHT),
             }
+
+    def _add_daylight(self, sky: Sky) -> None:
+        """Even light from all over the sky, and the sun's beam."""
+        self._things["daylight"] = {"type": "constant", "radiance": _rgb(sky.radiance)}
+        self._things["sun"] = {
+            "type": "directional",
+            "direction": [float(-x) for x in sky.to_sun],
+            "irradiance": _rgb(sky.sun_irradiance),
+        }
 
     def measure(self, progress: Progress) -> list[FloatArray]:
         """Irradiance (N, 3) at the vertices of each part, 0 for what shines by itself."""
@@ -228,29 +240,21 @@ class _Tracer:
 
 
 def _diffuse(albedo: Any) -> dict[str, Any]:
-    reflectance = {"type": "rgb", "value": [float(x) for x in albedo]}
-    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": reflectance}}
+    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": _rgb(albedo)}}
+
+
+def _rgb(value: Any) -> dict[str, Any]:
+    return {"type": "rgb", "value": [float(x) for x in value]}
 
 
 def _emitter(radiance: Any, weight: float) -> dict[str, Any]:
     """Area light; lights of more weight are sampled more often."""
-    return {
-        "type": "area",
-        "radiance": {"type": "rgb", "value": [float(x) for x in radiance]},
-        "sampling_weight": weight,
-    }
+    return {"type": "area", "radiance": _rgb(radiance), "sampling_weight": weight}
 
 
 def sides(part: Part) -> tuple[float, ...]:
     """Sides on which light falls, as signs of the normal."""
     return (1.0, -1.0) if part.is_sheet else (1.0,)
-
-
-def merged(parts: list[Part]) -> tuple[FloatArray, Int32Array]:
-    """Vertices and triangles of several parts as one mesh."""
-    first = np.cumsum([0] + [len(p.vertices) for p in parts[:-1]])
-    triangles = [p.triangles + n for p, n in zip(parts, first, strict=True)]
-    return np.concatenate([p.vertices for p in parts]), np.concatenate(triangles).astype(np.int32)
 
 
 def pulled_inwards(part: Part) -> FloatArray:

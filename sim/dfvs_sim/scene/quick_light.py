@@ -17,24 +17,42 @@ from dfvs_core.arrays import BoolArray, FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.poses import make_pose
 from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene.daylight import sky_irradiance
 from dfvs_sim.scene.frames import ned_from_room
 from dfvs_sim.scene.free_space import CUBE_FACES
 from dfvs_sim.scene.light import (
     LAMP_RADIANCE,
     BakeSettings,
     mean_albedo,
-    merged,
     pulled_inwards,
     sides,
 )
 from dfvs_sim.scene.mesh import NO_TEXTURE, Int32Array, Scene
 from dfvs_sim.scene.room import Opening, Room
-from dfvs_sim.scene.solids import Part
+from dfvs_sim.scene.solids import Part, merged
 
-_POINTS_PER_OPENING, _BOUNCE_POINTS = 6, 56
 _MAP_SIDE_PX = 128
 _LIFT_M, _NEAREST_M = 0.012, 0.35
 _DARKEST_SLOPE = 0.15
+
+
+@dataclass(frozen=True, slots=True)
+class LightPoints:
+    """By how many points the light is told: the more, the smoother and the slower.
+
+    Parameters
+    ----------
+    per_opening : int
+        Points of sky in each window.
+    bounce : int
+        Points on surfaces that send on what falls on them.
+    """
+
+    per_opening: int = 6
+    bounce: int = 56
+
+
+ROUGH, FINE = LightPoints(), LightPoints(16, 150)
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -55,7 +73,7 @@ class _Surface:
     normals: FloatArray
 
 
-def quick_irradiance(room: Room, seed: int) -> list[FloatArray]:
+def quick_irradiance(room: Room, seed: int, count: LightPoints = ROUGH) -> list[FloatArray]:
     """Irradiance (N, 3) at the vertices of each of a room's parts; as ``measure_irradiance``.
 
     Sheets get the mean of both sides, things that shine nothing.
@@ -65,10 +83,13 @@ def quick_irradiance(room: Room, seed: int) -> list[FloatArray]:
     shadows = _Shadows(surface.parts)
     lamps = [p for p in room.parts if p.emission > 0]
     direct = np.zeros_like(surface.points)
-    for source in _lamp_points(lamps, rng) + _sky_points(room.openings, rng):
+    for source in _lamp_points(lamps, rng) + _sky_points(room.openings, count, rng):
         direct += shadows.light(source, surface)
+    if room.sky is not None:
+        place = (surface.points, surface.normals)
+        direct += sky_irradiance(room.sky, *place, shadows.blockers, rng)
     bounced = np.zeros_like(surface.points)
-    albedo, sources = _bounce_points(room, surface, direct, rng)
+    albedo, sources = _bounce_points((room, surface), direct, count, rng)
     for source in sources:
         bounced += shadows.light(source, surface)
     total = direct + bounced / (1.0 - np.minimum(albedo, 0.7))
@@ -122,15 +143,18 @@ def _even_directions(rng: np.random.Generator) -> FloatArray:
     return np.asarray(corners @ R, np.float64)
 
 
-def _sky_points(openings: tuple[Opening, ...], rng: np.random.Generator) -> list[_Source]:
+def _sky_points(
+    openings: tuple[Opening, ...], count: LightPoints, rng: np.random.Generator
+) -> list[_Source]:
     """Points in the windows: an area A of radiance L has the intensity A L along its normal."""
     sources = []
     for sky in openings:
         width, height = sky.size_m
-        power = width * height * np.array(BakeSettings().sky_radiance) / _POINTS_PER_OPENING
-        columns = np.arange(_POINTS_PER_OPENING) + rng.random(_POINTS_PER_OPENING)
-        s = (columns / _POINTS_PER_OPENING - 0.5) * width
-        z = (rng.permutation(columns) / _POINTS_PER_OPENING - 0.5) * height
+        n = count.per_opening
+        power = width * height * np.array(BakeSettings().sky_radiance) / n
+        columns = np.arange(n) + rng.random(n)
+        s = (columns / n - 0.5) * width
+        z = (rng.permutation(columns) / n - 0.5) * height
         for across, up in zip(s, z, strict=True):
             place = np.array(sky.middle_m) + across * sky.across + [0.0, 0.0, up]
             facing = ned_from_room(sky.inwards)
@@ -139,9 +163,10 @@ def _sky_points(openings: tuple[Opening, ...], rng: np.random.Generator) -> list
 
 
 def _bounce_points(
-    room: Room, surface: _Surface, direct: FloatArray, rng: np.random.Generator
+    place: tuple[Room, _Surface], direct: FloatArray, count: LightPoints, rng: np.random.Generator
 ) -> tuple[FloatArray, list[_Source]]:
-    """Mean reflectance (3,) of the room, and points that send on the direct light (N, 3)."""
+    """Mean reflectance (3,) of a room, and points that send on the direct light (N, 3)."""
+    room, surface = place
     parts = surface.parts
     vertices, triangles = merged(parts)
     normals = np.concatenate([p.normals for p in parts])
@@ -155,14 +180,14 @@ def _bounce_points(
     mean = np.asarray((albedo * area[:, None]).sum(axis=0) / area.sum(), np.float64)
     if weight.sum() <= 0:
         return mean, []
-    steps = (np.arange(_BOUNCE_POINTS) + rng.random(_BOUNCE_POINTS)) / _BOUNCE_POINTS
+    steps = (np.arange(count.bounce) + rng.random(count.bounce)) / count.bounce
     chosen = np.searchsorted(np.cumsum(weight) / weight.sum(), steps).clip(max=len(weight) - 1)
     sources = []
     for k in chosen:
         normal = normals[triangles[k]].mean(axis=0)
-        place = (a[k] + b[k] + c[k]) / 3 + 2 * _LIFT_M * normal
-        power = flux[k] / weight[k] * weight.sum() / _BOUNCE_POINTS / np.pi
-        sources.append(_Source(ned_from_room(place), power, ned_from_room(normal)))
+        at = (a[k] + b[k] + c[k]) / 3 + 2 * _LIFT_M * normal
+        power = flux[k] / weight[k] * weight.sum() / count.bounce / np.pi
+        sources.append(_Source(ned_from_room(at), power, ned_from_room(normal)))
     return mean, sources
 
 
@@ -171,7 +196,7 @@ class _Shadows:
 
     def __init__(self, parts: list[Part]) -> None:
         vertices, triangles = merged(parts)
-        self._renderer = Renderer(_blockers(ned_from_room(vertices), triangles))
+        self.blockers = Renderer(_blockers(ned_from_room(vertices), triangles))
         self._camera = CameraModel.from_horizontal_fov(_MAP_SIDE_PX, _MAP_SIDE_PX, 0.5 * np.pi)
 
     def light(self, source: _Source, surface: _Surface) -> FloatArray:
@@ -199,7 +224,7 @@ class _Shadows:
             here = face == k
             R = CUBE_FACES[k]
             seen = way[here] @ R
-            depth = self._renderer.depth(self._camera, make_pose(R, place))
+            depth = self.blockers.depth(self._camera, make_pose(R, place))
             i, j = (self._camera.project(seen)).T.astype(np.intp).clip(0, _MAP_SIDE_PX - 1)
             steep = np.sqrt(1 - slope[here] ** 2) / np.maximum(slope[here], _DARKEST_SLOPE)
             reach = seen[:, 2] * (1.0 - 1.5 / _MAP_SIDE_PX * steep) - 0.01

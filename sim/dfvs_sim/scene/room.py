@@ -41,6 +41,7 @@ from dfvs_sim.scene.furniture import (
 )
 from dfvs_sim.scene.layout import Wall
 from dfvs_sim.scene.materials import Material, room_materials
+from dfvs_sim.scene.outdoors import Sky
 from dfvs_sim.scene.solids import Part, box, panel, placed, sheet, steps
 
 LENGTH_M, WIDTH_M, HEIGHT_M = 7.0, 6.0, 2.8
@@ -106,13 +107,15 @@ class Opening:
 class Room:
     """Parts of a room in room axes, and their materials by name.
 
-    ``walls`` are the materials whose light sets the exposure (all, where it is empty).
+    ``walls`` are the materials whose light sets the exposure (all, where it is empty); ``sky`` is
+    the daylight over what has no roof.
     """
 
     parts: tuple[Part, ...]
     materials: dict[str, Material]
     walls: frozenset[str] = frozenset()
     openings: tuple[Opening, ...] = ()
+    sky: Sky | None = None
 
 
 def furnished_room(seed: int) -> Room:

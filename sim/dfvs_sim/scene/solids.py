@@ -65,6 +65,29 @@ def placed(
     return [part.moved(x, y, z, turn_deg) for part in parts]
 
 
+def joined(parts: Iterable[Part]) -> list[Part]:
+    """Same meshes with all parts of one material, that do not shine, as one part each."""
+    groups: dict[tuple[str, bool, float, int], list[Part]] = {}
+    for k, part in enumerate(parts):
+        own = k + 1 if part.emission > 0 else 0
+        groups.setdefault((part.material, part.is_sheet, part.emission, own), []).append(part)
+    return [_as_one(group) for group in groups.values()]
+
+
+def _as_one(parts: Sequence[Part]) -> Part:
+    vertices, triangles = merged(parts)
+    normals = np.concatenate([part.normals for part in parts])
+    uv = np.concatenate([part.uv for part in parts])
+    return replace(parts[0], vertices=vertices, normals=normals, uv=uv, triangles=triangles)
+
+
+def merged(parts: Sequence[Part]) -> tuple[FloatArray, Int32Array]:
+    """Vertices and triangles of several parts as one mesh."""
+    first = np.cumsum([0] + [len(p.vertices) for p in parts[:-1]])
+    triangles = [p.triangles + n for p, n in zip(parts, first, strict=True)]
+    return np.concatenate([p.vertices for p in parts]), np.concatenate(triangles).astype(np.int32)
+
+
 def tilted(part: Part, axis: Sequence[float], angle_deg: float) -> Part:
     """Turn a part about an axis (3,) through the origin."""
     a = np.asarray(axis, dtype=np.float64) / np.linalg.norm(axis)

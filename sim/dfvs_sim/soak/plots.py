@@ -16,7 +16,7 @@ def write_plots(samples: list[Sample], path: Path) -> None:
     """Write one figure with four plots."""
     figure = Figure(figsize=(11, 6.5), layout="constrained")
     grid = figure.subplots(2, 2)
-    _lines(grid[0, 0], samples, "pss_mb", "Memory (PSS)", "MB above the least")
+    _lines(grid[0, 0], samples, "own_mb", "Own memory", "MB above the least")
     _lines(grid[0, 1], samples, "descriptors", "File descriptors", "open")
     _lines(grid[1, 0], samples, "threads", "Threads", "running")
     _latency(grid[1, 1], samples)
@@ -27,7 +27,7 @@ def _lines(axes: Any, samples: list[Sample], name: str, title: str, unit: str) -
     for role, colour in _COLOURS.items():
         own = [s for s in samples if s.role == role]
         values = [float(getattr(s, name)) for s in own]
-        if name == "pss_mb" and values:
+        if name == "own_mb" and values:
             least = min(values)
             values = [value - least for value in values]
             role = f"{role}, from {least:.0f} MB"

@@ -6,22 +6,28 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
+from pathlib import Path
 
 import psutil
 
 PERIOD_S = 2.0
+_OWN = ("RssAnon:", "RssShmem:")
 _ROLES = {"dfvs_service.gate": "gate", "dfvs_service.perception": "perception"}
 
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One process at one moment; memory in MB, latency in ms (None where it was not told)."""
+    """One process at one moment; memory in MB, latency in ms (None where it was not told).
+
+    ``own_mb`` leaves out pages of files: the kernel drops them, and other processes that map the
+    same libraries come and go.
+    """
 
     t_s: float
     role: str
     pid: int
     rss_mb: float
-    pss_mb: float
+    own_mb: float
     descriptors: int
     threads: int
     cpu_percent: float
@@ -72,19 +78,33 @@ class Sampler:
         with process.oneshot():
             role = role_of(process.cmdline())
             latency = self._latency_ms() if role == "perception" else None
-            memory = process.memory_full_info()
             return Sample(
                 t_s=round(t_s, 2),
                 role=role,
                 pid=process.pid,
-                rss_mb=memory.rss / 1e6,
-                pss_mb=memory.pss / 1e6,
+                rss_mb=process.memory_info().rss / 1e6,
+                own_mb=own_memory_mb(process.pid),
                 descriptors=process.num_fds(),
                 threads=process.num_threads(),
                 cpu_percent=process.cpu_percent(),
                 latency_p50_ms=None if latency is None else latency[0],
                 latency_p99_ms=None if latency is None else latency[1],
             )
+
+
+def own_memory_mb(pid: int) -> float:
+    """Resident memory of a process that no file stands behind, MB.
+
+    Raises
+    ------
+    psutil.NoSuchProcess
+        If the process has ended.
+    """
+    try:
+        lines = Path(f"/proc/{pid}/status").read_text(encoding="utf-8").splitlines()
+    except (FileNotFoundError, ProcessLookupError) as error:
+        raise psutil.NoSuchProcess(pid) from error
+    return sum(int(line.split()[1]) for line in lines if line.startswith(_OWN)) * 1024 / 1e6
 
 
 def role_of(words: list[str]) -> str:

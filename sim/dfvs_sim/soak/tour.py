@@ -32,7 +32,9 @@ from dfvs_sim.soak.sampling import Sampler
 
 _STRAY_M, _STRAY_RAD = 0.1, 0.05
 _ORDER_S = 20.0
-_MOST_MISSES = 3
+_ENDED_S = 2.0
+"""A flight that ends in ABORT is over after so long; before that it cannot be engaged again."""
+_MOST_MISSES = 10
 _UNDER_WAY = frozenset({"ENGAGE", "SERVO", "HOLD"})
 
 
@@ -48,6 +50,16 @@ class Leg:
     error_rad: float
 
 
+@dataclass(frozen=True, slots=True)
+class Stay:
+    """How long to fly, where records go, frames a second, further words for ``dfvs-service``."""
+
+    folder: Path
+    minutes: float
+    rate_hz: float = 20.0
+    service: tuple[str, ...] = ()
+
+
 class Tour(Flight):
     """A flight that goes on from goal to goal, by signed orders, until the time is over.
 
@@ -55,23 +67,22 @@ class Tour(Flight):
     ----------
     plan : FlightPlan
         Start and goal: the tour goes to and fro between places near these two.
-    folder : Path
-        Exists; takes goals, logs and records.
-    minutes : float
-        How long to fly.
+    stay : Stay
+        Its folder exists; it takes goals, logs and records.
     narrate : callable
         Takes one line for the user at every step.
     """
 
-    def __init__(self, plan: FlightPlan, folder: Path, minutes: float, narrate: Narrate) -> None:
-        self._key = folder / "soak.key"
-        self._runtime = folder / "runtime"
+    def __init__(self, plan: FlightPlan, stay: Stay, narrate: Narrate) -> None:
+        self._key = stay.folder / "soak.key"
+        self._runtime = stay.folder / "runtime"
         words = ("--set", f"gate.command_key_file={self._key}", "--runtime-dir", str(self._runtime))
-        super().__init__(plan, FlightOptions(service=words), folder, narrate)
+        options = FlightOptions(rate_hz=stay.rate_hz, service=(*words, *stay.service))
+        super().__init__(plan, options, stay.folder, narrate)
         for old in (self._key, self._runtime / "gate.jsonl"):  # of an earlier soak
             old.unlink(missing_ok=True)
         self._order("new-key")
-        self._length_s = 60.0 * minutes
+        self._length_s = 60.0 * stay.minutes
         self._rng = np.random.default_rng(plan.seed)
         self.legs: list[Leg] = []
         self.sampler: Sampler | None = None
@@ -157,6 +168,7 @@ class Tour(Flight):
     def _start_again(self, crew: Crew) -> None:
         """Take the vehicle back after a leg that failed, and engage once more."""
         crew.pilot.hold()
+        time.sleep(_ENDED_S)
         self._order("engage")
         self.await_ready(crew.watch, crew.service)
         crew.pilot.engage_offboard()

@@ -23,8 +23,8 @@ class ProcessVerdict:
 
     role: str
     samples: int
-    first_pss_mb: float
-    last_pss_mb: float
+    first_own_mb: float
+    last_own_mb: float
     max_rss_mb: float
     mb_per_h: float
     mb_per_h_low: float
@@ -59,8 +59,8 @@ def judge(samples: list[Sample]) -> list[ProcessVerdict]:
 
 def _judge_one(role: str, own: list[Sample]) -> ProcessVerdict:
     t_h = np.array([s.t_s for s in own]) / 3600.0
-    pss = np.array([s.pss_mb for s in own])
-    slope = robust_slope(t_h, pss)
+    own_mb = np.array([s.own_mb for s in own])
+    slope = robust_slope(t_h, own_mb)
     quarter = max(len(own) // 4, 1)
     if slope.high < MAX_MB_PER_H:
         memory = "passed"
@@ -69,8 +69,8 @@ def _judge_one(role: str, own: list[Sample]) -> ProcessVerdict:
     return ProcessVerdict(
         role=role,
         samples=len(own),
-        first_pss_mb=round(float(np.median(pss[:quarter])), 2),
-        last_pss_mb=round(float(np.median(pss[-quarter:])), 2),
+        first_own_mb=round(float(np.median(own_mb[:quarter])), 2),
+        last_own_mb=round(float(np.median(own_mb[-quarter:])), 2),
         max_rss_mb=round(max(s.rss_mb for s in own), 1),
         mb_per_h=round(slope.value, 2),
         mb_per_h_low=round(slope.low, 2),

@@ -68,6 +68,26 @@ def test_torch_and_onnx_runtime_agree_on_random_weights(bundle: Path, checkpoint
     assert found.mean_px < 1e-3
 
 
+def test_a_bundle_that_works_at_a_smaller_size_gives_flow_of_the_pictures_own(
+    checkpoint: Path, tmp_path: Path, capsys
+) -> None:
+    out = tmp_path / "smaller"
+    arguments = ["flow", "--checkpoint", str(checkpoint), "--size", "160x112", "--out", str(out)]
+    assert main([*arguments, "--working-size", "96x64"]) == 0
+    manifest = read_bundle(out).manifest
+    assert (manifest.input.width, manifest.input.height) == (160, 112)
+    assert manifest.working_size == (96, 64)
+    assert b"works at 96 x 64" in read_bundle(out).contents["MODEL_CARD.md"]
+    capsys.readouterr()
+    main(["check", str(out), "--checkpoint", str(checkpoint), "--count", "2", "--json"])
+    assert json.loads(capsys.readouterr().out)["mean_difference_px"] < 1e-3
+    matcher = load_matcher(f"alone:{out}")
+    first, second = drawn_pairs((160, 112), 1, 14)[0]
+    field = matcher.match(matcher.prepare(first), matcher.prepare(second))
+    assert field.flow.shape == (112, 160, 2)
+    assert field.confidence.shape == (112, 160)
+
+
 def test_only_plain_operators_are_used(bundle: Path) -> None:
     used = set(operators(read_bundle(bundle).contents))
     assert used >= ALLOWED
@@ -159,6 +179,11 @@ def test_half_precision_bundles_run_and_find_about_the_same(
         (["flow", "--model", "raft", "--out", "x"], "model 'raft'"),
         (["flow", "--checkpoint", "gone.pt", "--out", "x"], "no checkpoint at"),
         (["flow", "--size", "100x64", "--out", "x"], "multiples of 16"),
+        (["flow", "--working-size", "90x64", "--out", "x"], "multiples of 16"),
+        (
+            ["flow", "--model", "ptlflow:x", "--working-size", "96x64", "--out", "x"],
+            "dfvs-flow only",
+        ),
         (["check", "nowhere"], "is not a folder"),
         (["bench", "nowhere"], "is not a folder"),
         (["bench", "nowhere", "--runs", "0"], "runs is 0"),

@@ -118,7 +118,7 @@ def service_watching(folder, mavlink_port, endpoint, picture):
         "vehicle.name": TOPICS.vehicle,
         "vehicle.mavlink": f"udpin://127.0.0.1:{mavlink_port}",
         "zenoh.listen": [endpoint],
-        "gate.min_frame_hz": 1.0,  # however busy the machine is
+        "gate.min_frame_hz": 5.0,  # however busy the machine is
     }
     sidecar = GoalSidecar(CAMERA)
     config, _ = load_config(None, overrides).with_camera(SIZE, sidecar)
@@ -188,7 +188,7 @@ def goal(tmp_path, views):
 def run_check(goal, mavlink_port, endpoint, *words):
     command = [sys.executable, "-m", "dfvs_service.cli", "--goal", str(goal), "--check"]
     command += ["--vehicle", TOPICS.vehicle, "--mavlink", f"udpin://127.0.0.1:{mavlink_port}"]
-    command += ["--set", f"zenoh.listen=['{endpoint}']", "--set", "gate.min_frame_hz=1", *words]
+    command += ["--set", f"zenoh.listen=['{endpoint}']", "--set", "gate.min_frame_hz=5", *words]
     return subprocess.run(command, capture_output=True, text=True, timeout=90, check=False)
 
 

@@ -31,7 +31,7 @@ class Service:
             "vehicle.mavlink": f"udpin://127.0.0.1:{mavlink_port}",
             "zenoh.listen": [self.endpoint],
             "gate.engage": "command",
-            "gate.min_frame_hz": 1.0,  # however busy the machine is
+            "gate.min_frame_hz": 5.0,  # however busy the machine is
             "gate.command_key_file": str(folder / "key"),
             "camera.timeout_s": 100,
         }

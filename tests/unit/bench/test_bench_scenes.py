@@ -12,6 +12,8 @@ from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.free_space import FreeSpace
 from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.scene.kinds import BENCHMARK_SEEDS
+from dfvs_sim.scene.light import BakeSettings
 from dfvs_sim.scene.mesh import SceneError
 
 PLACING = Placing(1.2, np.radians(18.0), (0.4, 0.8), 60)
@@ -52,11 +54,12 @@ def test_the_ten_start_as_far_away_as_the_paper_s():
     difficulties = [spec.difficulty for spec in SCENES]
     assert [difficulties.count(d) for d in ("easy", "medium", "hard")] == [3, 4, 3]
     assert len({spec.name for spec in SCENES}) == len({spec.seed for spec in SCENES}) == 10
+    assert len({spec.kind for spec in SCENES}) == 10
 
 
 def test_no_scene_is_one_that_a_network_was_trained_or_measured_on():
     measured = {("lounge", 22), ("study", 2), ("hall", 3)}
-    assert not any(1000 <= spec.seed < 1080 for spec in SCENES)
+    assert {spec.seed for spec in SCENES} <= set(BENCHMARK_SEEDS)
     assert not measured & {(spec.kind, spec.seed) for spec in SCENES}
 
 
@@ -71,3 +74,21 @@ def test_a_room_that_is_there_is_kept(tmp_path, monkeypatch):
     assert read.difficulty == "easy"
     np.testing.assert_allclose(read.T_world_start, task.T_world_start, atol=1e-12)
     assert task.initial_error == pytest.approx((0.8, np.radians(12.0)))
+
+
+def test_traced_light_changes_the_scene_and_not_the_task(tmp_path, monkeypatch):
+    spec = SceneSpec("small", "living-room", 7, "easy", 0.8, 12.0)
+    room = load_glb(builtin_room_path())
+    (tmp_path / "living-room-7.glb").write_bytes(builtin_room_path().read_bytes())
+    monkeypatch.setattr(
+        scenes, "bake_room", lambda _room, settings, _told: asked.append(settings) or room
+    )
+    asked = []
+    (quick,) = make_scenes(tmp_path, (spec,), lambda _: None)
+    (traced,) = make_scenes(tmp_path, (spec,), lambda _: None, BakeSettings(samples=32))
+    assert [settings.samples for settings in asked] == [32]
+    assert traced.scene.name == "living-room-7-traced-32.glb"
+    assert traced.scene.is_file()
+    np.testing.assert_array_equal(traced.T_world_start, quick.T_world_start)
+    (read,) = read_tasks(tmp_path / "tasks.json")
+    assert read.scene.name == traced.scene.name

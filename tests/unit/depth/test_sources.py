@@ -75,6 +75,13 @@ def test_going_forward_brings_the_scene_nearer(scene):
     np.testing.assert_allclose(np.median(before.z_m - after.z_m), 0.25, atol=0.02)
 
 
+def test_a_measurement_far_surer_than_the_prior_leaves_some_doubt(scene):
+    source = MotionDepth(baseline_noise=0.0, pixel_noise=1e-9)
+    depth, state = source.estimate(DepthInputs(GRID, earlier_view(scene, (2.0, 0.5, 0.0))), None)
+    assert (state.variance > 0.0).all()
+    np.testing.assert_allclose(depth.z_m, scene, rtol=1e-3)
+
+
 def test_without_any_measurement_the_prior_holds():
     depth, _ = MotionDepth(prior_m=2.5).estimate(DepthInputs(GRID), None)
     np.testing.assert_allclose(depth.z_m, 2.5, rtol=1e-5)

@@ -7,7 +7,7 @@ import pytest
 from onnx import TensorProto, helper, numpy_helper
 
 from dfvs_export.half import to_half
-from dfvs_export.heavy_nodes import heavy_nodes
+from dfvs_export.heavy_nodes import carrying_nodes, heavy_nodes
 
 SHAPE = (1, 4, 8, 8)
 
@@ -61,6 +61,38 @@ def test_features_in_are_no_picture(model) -> None:
 
 def test_features_out_are_no_flow(model) -> None:
     assert names(model, takes_pictures=True, gives_flow=False) == ["middle", "step"]
+
+
+def product(name: str, inputs: list[str]) -> onnx.NodeProto:
+    return helper.make_node("MatMul", inputs, [f"{name}_out"], name=name)
+
+
+def test_constants_of_the_method_are_no_layers() -> None:
+    weights = {"layer": (32, 32), "sums": (1, 32), "few": (5, 32)}
+    nodes = [
+        product("by_layer", ["x", "layer"]),
+        product("by_sums", ["sums", "by_layer_out"]),
+        product("by_few", ["x", "few"]),
+        product("of_two", ["by_layer_out", "by_few_out"]),
+    ]
+    constants = [numpy_helper.from_array(np.ones(s, np.float32), n) for n, s in weights.items()]
+    graph = helper.make_graph(nodes, "products", [], [], constants)
+    assert [node.name for node in heavy_nodes(graph, False, False)] == ["by_layer"]
+
+
+def test_what_lies_between_two_heavy_nodes_is_carried_and_nothing_else() -> None:
+    nodes = [
+        convolution("one", "x"),
+        helper.make_node("Relu", ["one_out"], ["bent"], name="relu"),
+        helper.make_node("Add", ["bent", "state"], ["sum"], name="add"),
+        convolution("two", "sum"),
+        helper.make_node("Relu", ["two_out"], ["end"], name="last"),
+        helper.make_node("Relu", ["state"], ["other"], name="apart"),
+        helper.make_node("Mul", ["bent", "bent"], ["square"], name="square"),
+    ]
+    graph = helper.make_graph(nodes, "chain", [], [])
+    heavy = [node for node in graph.node if node.op_type == "Conv"]
+    assert [node.name for node in carrying_nodes(graph, heavy)] == ["relu", "add"]
 
 
 def run(data: bytes, picture: np.ndarray) -> np.ndarray:

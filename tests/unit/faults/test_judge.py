@@ -1,10 +1,20 @@
 """How a case is judged: by what was recorded since the fault."""
 
+import math
+
 import pytest
 
 from dfvs_core.gate.states import GateState
-from dfvs_sim.faults.case import Evidence, Fault, Reaction, judge
-from dfvs_sim.faults.matrix import all_faults, plan
+from dfvs_sim.faults.case import NO_VERDICT, Evidence, Fault, Outcome, Reaction, judge
+from dfvs_sim.faults.matrix import (
+    Case,
+    Result,
+    all_faults,
+    append_result,
+    lives,
+    plan,
+    read_outcomes,
+)
 from dfvs_sim.faults.report import make_rows
 
 MS = 1_000_000
@@ -109,3 +119,29 @@ def test_the_plan_holds_every_fault_in_each_of_its_states_for_every_seed():
     assert len(cases) == 3 * sum(len(f.states) for f in faults.values())
     assert len(set(cases)) == len(cases)
     assert {c.state for c in plan(["takeover"], ["SERVO"], 1)} == {"SERVO"}
+
+
+def test_every_case_has_one_life_with_others_of_its_setup_state_by_state():
+    faults, states, cases = all_faults(), list(GateState), plan([], [], 5)
+    groups = lives(cases)
+    assert sorted(map(str, (case for group in groups for case in group))) == sorted(map(str, cases))
+    for group in groups:
+        assert len({(faults[c.fault].setup, faults[c.fault].restarts) for c in group}) == 1
+        order = [states.index(GateState(c.state)) for c in group]
+        assert order == sorted(order)
+    seeds = [min(c.seed for c in group) for group in groups]
+    assert seeds == sorted(seeds)
+
+
+def test_a_case_without_a_verdict_fails_until_a_later_run_gives_one(tmp_path):
+    kept = tmp_path / "runs.jsonl"
+    never = Outcome("black", "SERVO", 3, False, math.inf, "", f"{NO_VERDICT}: machine too busy", 3)
+    append_result(kept, Result(never))
+    append_result(kept, Result(violations=("I1: x",)))
+    case = Case("black", "SERVO", 3)
+    outcomes, violations = read_outcomes(kept)
+    assert (outcomes[case].passed, outcomes[case].has_verdict) == (False, False)
+    append_result(kept, Result(Outcome("black", "SERVO", 3, True, 90.0, "dark")))
+    outcomes, violations = read_outcomes(kept)
+    assert (outcomes[case].passed, outcomes[case].has_verdict) == (True, True)
+    assert violations == ["I1: x"]

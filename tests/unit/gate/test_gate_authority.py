@@ -165,3 +165,26 @@ def test_what_does_not_follow_the_format_is_an_error(data):
 def test_a_command_survives_the_wire():
     command = decode_command(order("abc", Action.HOLD))
     assert (command.vehicle, command.action, command.challenge) == ("drone1", Action.HOLD, "abc")
+
+
+def test_the_last_challenge_counts_for_the_whole_next_period():
+    gate = authority()
+    old = gate.challenge(START_NS)
+    now_ns = START_NS + ROTATION_NS + ROTATION_NS // 2
+    assert gate.judge(order(old), now_ns).text == "accepted: engage"
+
+
+def test_no_challenge_at_all_is_never_a_right_one():
+    gate = authority()
+    verdict = gate.judge(order(""), START_NS)
+    assert verdict.action is None
+    gate.judge(order(gate.challenge(START_NS)), START_NS)
+    assert gate.judge(order(""), START_NS).text == verdict.text
+
+
+def test_a_rejection_says_exactly_why():
+    assert authority(None).judge(b"", START_NS).text == "rejected: no command key is configured"
+    gate = authority()
+    assert gate.judge(b"", START_NS).text.startswith("rejected: ")
+    text = "rejected: its challenge was used or is too old"
+    assert gate.judge(order("unknown"), START_NS).text == text

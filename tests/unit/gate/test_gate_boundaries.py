@@ -76,7 +76,7 @@ def test_these_are_the_times_and_limits_that_safety_rests_on():
     assert limits == pytest.approx((0.5, 0.3, 0.349066, 0.5, 1.047198), abs=1e-6)
     assert (CONFIG.proof_speed_m_s, CONFIG.max_distance_m) == (0.1, 5.0)
     assert (CONFIG.max_engaged_ns, CONFIG.max_jump_m) == (120 * S, 0.5)
-    assert (CONFIG.min_overlap, CONFIG.min_battery) == (0.15, 0.2)
+    assert (CONFIG.min_overlap, CONFIG.min_battery) == (0.09, 0.2)
 
 
 @pytest.mark.parametrize(
@@ -187,10 +187,10 @@ def test_numbers_that_are_just_believed(changes):
 def test_the_overlap():
     config = dataclasses.replace(CONFIG, min_frame_hz=1.0)
     sight = Sight(CONFIG.timing)
-    sight.take(Rehearsal().report(t_capture_ns=NOW_NS, overlap=0.15).report, NOW_NS)
+    sight.take(Rehearsal().report(t_capture_ns=NOW_NS, overlap=0.09).report, NOW_NS)
     assert failures(preflight(picture(), sight, config, NOW_NS)) == ""
-    sight.take(Rehearsal().report(t_capture_ns=NOW_NS + 1, overlap=0.149).report, NOW_NS + 1)
-    assert "goal: overlap 15%" in failures(preflight(picture(), sight, config, NOW_NS))
+    sight.take(Rehearsal().report(t_capture_ns=NOW_NS + 1, overlap=0.0899).report, NOW_NS + 1)
+    assert "goal: overlap 9%" in failures(preflight(picture(), sight, config, NOW_NS))
 
 
 def test_a_repeated_or_older_capture_is_never_flown_by():

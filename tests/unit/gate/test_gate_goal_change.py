@@ -55,14 +55,14 @@ def test_a_ready_gate_goes_back_to_its_checks():
 
 def test_the_checks_ask_for_the_new_goals_overlap():
     gate = Rehearsal(pilot_config()).until(GateState.READY)
-    gate.changes = {"overlap": 0.1}
+    gate.changes = {"overlap": 0.08}
     change_goal(gate)
     gate.run(3.0)
     assert gate.state is GateState.PREFLIGHT
-    assert "overlap 10%" in gate.machine.reason
+    assert "overlap 8%" in gate.machine.reason
 
 
-@pytest.mark.parametrize("flaw", [{"follows_goal": False}, {"changes": {"overlap": 0.1}}])
+@pytest.mark.parametrize("flaw", [{"follows_goal": False}, {"changes": {"overlap": 0.08}}])
 def test_from_the_goal_nothing_moves_until_the_next_one_is_seen(flaw):
     gate = at_goal()
     for name, value in flaw.items():

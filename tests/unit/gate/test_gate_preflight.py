@@ -56,7 +56,7 @@ def test_an_estimate_that_the_autopilot_calls_invalid_is_refused():
     ("changes", "reason"),
     [
         ({"healthy": False, "reason": "too dark"}, "too dark"),
-        ({"overlap": 0.1}, "overlap 10%, 15% needed"),
+        ({"overlap": 0.08}, "overlap 8%, 9% needed"),
         ({"healthy": False, "lost": True, "reason": "wrong goal"}, "goal lost"),
     ],
 )

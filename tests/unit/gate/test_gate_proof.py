@@ -69,8 +69,12 @@ BOTH = (0.1, 0.0, 0.0, 0.2)
         (TURN, triples(angle=(0.3, 0.2)), None),
         (TURN, triples(angle=(0.3, 0.4)), "angle"),
         (BOTH, triples(feature=(0.3, 0.2)), None),
-        (STRAIGHT, triples(distance=(1.0, 0.9), feature=(0.3, 0.31)), "feature"),
+        (STRAIGHT, triples(distance=(1.0, 1.2), feature=(0.3, 0.29)), None),
+        (STRAIGHT, triples(distance=(0.98, 0.95), feature=(0.64, 0.66)), None),
+        (STRAIGHT, triples(distance=(1.0, 1.05), feature=(0.3, 0.31)), "feature"),
+        (BOTH, triples(distance=(1.0, 0.9), feature=(0.3, 0.31)), "feature"),
         (TURN, triples(feature=(0.3, 0.31)), "feature"),
+        (TURN, triples(angle=(0.3, 0.2), feature=(0.3, 0.31)), None),
     ],
 )
 def test_errors_must_fall_in_what_was_moved(asked, errors, objects_to):
@@ -160,6 +164,7 @@ def test_too_few_reports_prove_nothing():
 
 
 def test_a_feature_error_counts_only_if_every_report_has_it():
-    errors = triples(distance=(1.0, 0.95), feature=(0.3, 0.31))
-    errors[3] = (errors[3][0], errors[3][1], None)
+    errors = triples(distance=(1.0, 1.05), feature=(0.3, 0.29))
     assert Rehearsed().run(1.2).see(errors).judge() is Proof.GIVEN
+    errors[3] = (errors[3][0], errors[3][1], None)
+    assert Rehearsed().run(1.2).see(errors).judge() is Proof.FAILED

@@ -91,10 +91,30 @@ def test_a_changed_output_is_found():
     assert "instead of" in replay(gate.lines).difference
 
 
+def test_what_was_said_up_to_a_difference_is_told():
+    gate = eventful_flight()
+    at = max(i for i, line in enumerate(gate.lines) if '"v":[0.1' in line)
+    gate.lines[at] = gate.lines[at].replace('"v":[0.1', '"v":[0.2')
+    result = replay(gate.lines)
+    before_ns = json.loads(gate.lines[at])["t"]
+    assert result.transitions == tuple(t for t in gate.transitions if t.t_ns <= before_ns)
+    assert result.setpoints == sum(t_ns <= before_ns for t_ns, _ in gate.setpoints)
+
+
+def test_a_journal_names_what_was_asked_for():
+    requests = [line for line in eventful_flight().lines if '"mode":"HOLD"' in line]
+    assert len(requests) == 1
+
+
 def test_a_gap_and_a_torn_line_end_the_replay():
-    gate = Recorded(auto_config()).run(1.0)
-    cut = [*gate.lines[:20], encode_gap(3) + "\n", *gate.lines[23:]]
-    assert replay(cut).gap == "3 or more steps are missing after step 19"
+    gate = Recorded(auto_config()).run(3.0)
+    assert gate.setpoints
+    cut = [*gate.lines[:140], encode_gap(3) + "\n", *gate.lines[143:]]
+    result = replay(cut)
+    assert result.gap == "3 or more steps are missing after step 139"
+    whole = replay(gate.lines[:140])
+    assert (result.steps, result.transitions) == (139, whole.transitions)
+    assert result.setpoints == whole.setpoints > 0
     torn = [*gate.lines[:20], gate.lines[20][:-9]]
     assert replay(torn) == replay(gate.lines[:20])
 
@@ -115,6 +135,20 @@ def test_a_gap_and_a_torn_line_end_the_replay():
 )
 def test_what_is_no_journal_is_refused(lines):
     with pytest.raises(WireError):
+        replay(lines)
+
+
+def test_a_journal_of_another_format_is_named():
+    with pytest.raises(WireError) as refused:
+        replay(['{"format": "dfvs-gate-journal/9", "t_ns": 1, "config": {}}\n'])
+    text = "the journal has format 'dfvs-gate-journal/9'; expected 'dfvs-gate-journal/1'"
+    assert str(refused.value) == text
+
+
+def test_an_event_with_more_values_than_it_has_is_damaged():
+    lines = [encode_start(auto_config(), 1) + "\n"]
+    lines.append('{"t": 1, "in": [["BadReport", 1, "x", "more"]], "out": {}}\n')
+    with pytest.raises(WireError, match="damaged"):
         replay(lines)
 
 

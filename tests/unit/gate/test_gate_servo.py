@@ -485,8 +485,9 @@ def test_one_order_engages_again_where_orders_engage():
 def test_engaging_again_must_wait_until_the_abort_is_over():
     gate = in_confirmed(GateState.SERVO)
     gate.vehicle.obeys = False
-    gate.send([Stop(gate.now_ns, ""), Order(gate.now_ns, Action.ENGAGE)])
+    output = gate.send([Stop(gate.now_ns, ""), Order(gate.now_ns, Action.ENGAGE)])
     assert gate.state is GateState.ABORT
+    assert output.refusal == "rejected: the flight is still being ended, order it again"
 
 
 def test_the_operator_holds_and_lets_go_again():

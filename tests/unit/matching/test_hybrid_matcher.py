@@ -11,6 +11,7 @@ from dfvs_core.errors import ImageError
 from dfvs_core.matching.classical import ClassicalMatcher
 from dfvs_core.matching.hybrid import HybridMatcher
 from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.refinement import refine
 
 SIZE = (240, 320)
 
@@ -19,11 +20,19 @@ class Oracle:
     """A matcher that says what it was told to, there and back, and counts how often it is asked.
 
     It knows the way back by the order of its pictures: the first one prepared is the current one.
+    The third is the other one warped: to that it says ``left``, if it was told anything to say.
     """
 
-    def __init__(self, there: np.ndarray, back: np.ndarray, confidence: float) -> None:
+    def __init__(
+        self,
+        there: np.ndarray,
+        back: np.ndarray,
+        confidence: float | np.ndarray,
+        left: np.ndarray | None = None,
+    ) -> None:
         sure = np.full(SIZE, confidence, np.float32)
         self.there, self.back = FlowField(there, sure), FlowField(back, sure)
+        self.left = self.there if left is None else FlowField(left, np.ones(SIZE, np.float32))
         self.pictures: list[Prepared] = []
         self.asked = 0
 
@@ -33,6 +42,8 @@ class Oracle:
 
     def match(self, current: Prepared, other: Prepared, guess: FlowField | None = None):
         self.asked += 1
+        if len(self.pictures) == 3:
+            return self.left
         return self.there if current is self.pictures[0] else self.back
 
 
@@ -71,7 +82,7 @@ def test_a_network_that_judges_itself_is_not_asked_for_the_way_back(wall) -> Non
     plain = np.full((*SIZE, 3), 90, np.uint8)
     oracle = Oracle(constant_flow(12.0, -5.0), constant_flow(30.0, 5.0), 1.0)
     field = match(HybridMatcher(oracle, judges=True), plain, plain)
-    assert oracle.asked == 1
+    assert oracle.asked == 2 + 6  # once more with the picture warped, and in six other views
     assert field.confidence[120, 160] == pytest.approx(0.5)
 
 
@@ -107,11 +118,64 @@ def test_a_networks_coarse_flow_is_refined_where_features_fail(wall, monkeypatch
     assert np.median(error) < 0.5
 
 
+def test_the_network_looks_again_at_what_is_left_of_the_motion(wall, monkeypatch) -> None:
+    """It sees the left half's motion first; the right half moves by another one."""
+    monkeypatch.setattr("dfvs_core.matching.hybrid.bridge", lambda a, b: pytest.fail("not needed"))
+    a = wall.picture()
+    near, far = wall.picture(turned(shift=(24.0, 0.0))), wall.picture(turned(shift=(-16.0, 30.0)))
+    on_left = np.broadcast_to(np.arange(SIZE[1]) < 160, SIZE)
+    b = np.where(on_left[..., None], near, far)
+    truth = np.where(on_left[..., None], constant_flow(24.0, 0.0), constant_flow(-16.0, 30.0))
+    left = truth - constant_flow(24.0, 0.0)
+    once = Oracle(constant_flow(24.0, 0.0), truth, 0.9 * on_left, constant_flow(0.0, 0.0))
+    twice = Oracle(constant_flow(24.0, 0.0), truth, 0.9 * on_left, left)
+    right = np.s_[40:200, 220:300]
+    with monkeypatch.context() as features:
+        features.setattr("dfvs_core.matching.hybrid.bridge", lambda a, b: twice.there)
+        blind = match(HybridMatcher(once, judges=True), a, b)
+    field = match(HybridMatcher(twice, judges=True), a, b)
+    assert twice.asked == 2
+    assert np.mean(blind.confidence[right] > 0.5) < 0.1
+    assert np.mean(field.confidence[right] > 0.5) > 0.6
+    error = np.linalg.norm(field.flow - truth, axis=-1)[right]
+    assert np.median(error) < 0.5
+
+
+def test_the_network_looks_where_a_guess_points_when_the_guess_has_fallen_behind(
+    wall, monkeypatch
+) -> None:
+    """The camera jumped: the flow of the frame before is off by more than can be searched."""
+    monkeypatch.setattr("dfvs_core.matching.hybrid.bridge", lambda a, b: pytest.fail("not needed"))
+    H, jump = turned(roll_deg=25.0, shift=(20.0, 10.0)), constant_flow(75.0, -60.0)
+    truth = exact_flow(H).astype(np.float32)
+    guess = FlowField(truth - jump, np.ones(SIZE, np.float32))
+    # the picture warped by the guess is the first one prepared, so "back" is said of it
+    oracle = Oracle(there=constant_flow(0.0, 0.0), back=jump + np.float32(0.5), confidence=0.9)
+    matcher = HybridMatcher(oracle, judges=True)
+    current, other = matcher.prepare(wall.picture()), matcher.prepare(wall.picture(H))
+    assert matcher.track(current, other, guess) is None
+    field = matcher.match(current, other, guess)
+    assert oracle.asked == 1
+    error = np.linalg.norm(field.flow - truth, axis=-1)[field.confidence > 0.5]
+    assert len(error) > 0.2 * field.confidence.size
+    assert np.median(error) < 0.5
+
+
+def test_a_guess_of_another_size_is_not_used(wall) -> None:
+    H = turned(roll_deg=25.0, shift=(20.0, 10.0))
+    guess = FlowField(np.zeros((120, 160, 2), np.float32), np.ones((120, 160), np.float32))
+    oracle = Oracle(exact_flow(H).astype(np.float32), constant_flow(0.0, 0.0), 0.9)
+    matcher = HybridMatcher(oracle, judges=True)
+    field = matcher.match(matcher.prepare(wall.picture()), matcher.prepare(wall.picture(H)), guess)
+    assert oracle.asked == 1
+    assert np.mean(field.confidence > 0.5) > 0.2
+
+
 def test_a_wrong_network_does_not_displace_a_better_classical_result(wall) -> None:
     a, b = wall.picture(), wall.picture(turned(roll_deg=25.0, shift=(20.0, 10.0)))
     oracle = Oracle(constant_flow(-80.0, 60.0), constant_flow(80.0, -60.0), 1.0)
     field = match(HybridMatcher(oracle, judges=False), a, b)
-    assert oracle.asked == 2  # there and back
+    assert oracle.asked == 4  # there and back, and again with the picture warped
     np.testing.assert_array_equal(field.flow, match(ClassicalMatcher(), a, b).flow)
 
 
@@ -120,3 +184,30 @@ def test_pictures_prepared_by_another_matcher_are_refused(wall) -> None:
     hybrid = HybridMatcher(Oracle(constant_flow(0.0, 0.0), constant_flow(0.0, 0.0), 1.0), True)
     with pytest.raises(ImageError, match="another matcher"):
         hybrid.match(hybrid.prepare(picture), ClassicalMatcher().prepare(picture))
+
+
+class ShortSighted:
+    """A network that sees small motion alone, and is sure of nothing else."""
+
+    def prepare(self, image: np.ndarray) -> Prepared:
+        return ClassicalMatcher().prepare(image)
+
+    def match(self, current: Prepared, other: Prepared, guess: FlowField | None = None):
+        return refine(current.grey, other.grey, constant_flow(0.0, 0.0))
+
+
+@pytest.mark.parametrize(
+    ("scale", "roll_deg"), [(1.0, 40.0), (1.0, -40.0), (0.6, 30.0), (1.5, -30.0)]
+)
+def test_where_nothing_is_found_the_other_picture_is_turned_and_scaled(
+    wall, monkeypatch, scale, roll_deg
+) -> None:
+    monkeypatch.setattr("dfvs_core.matching.classical._motion_from_features", lambda a, b: None)
+    H = turned(roll_deg=roll_deg, shift=(3.0, -2.0), zoom=scale)
+    matcher = HybridMatcher(ShortSighted(), judges=True)
+    field = match(matcher, wall.picture(), wall.picture(H))
+    error = np.linalg.norm(field.flow - exact_flow(H), axis=-1)[field.confidence > 0.5]
+    assert len(error) > 0.1 * field.confidence.size
+    assert np.median(error) < 0.5
+    monkeypatch.setattr("dfvs_core.matching.hybrid._VIEWS", ((1.0, 0.0),))
+    assert np.mean(match(matcher, wall.picture(), wall.picture(H)).confidence > 0.5) < 0.06

@@ -253,6 +253,7 @@ def test_gate_settings_reach_the_gate():
             "gate.proof_m_s": 0.2,
             "gate.min_overlap": 0.3,
             "gate.min_battery": 0.4,
+            "gate.min_frame_hz": 7.5,
             "gate.max_jump_m": 1.5,
             "limits.horizontal_m_s": 0.7,
             "limits.vertical_m_s": 0.2,
@@ -271,6 +272,7 @@ def test_gate_settings_reach_the_gate():
     )
     assert (config.proof_speed_m_s, config.min_overlap, config.min_battery) == (0.2, 0.3, 0.4)
     assert (config.max_jump_m, config.max_distance_m, config.max_engaged_ns) == (1.5, 9.0, 60 * S)
+    assert config.min_frame_hz == 7.5
     velocity = config.velocity
     assert (velocity.horizontal_m_s, velocity.vertical_m_s, velocity.slew_m_s2) == (0.7, 0.2, 0.4)
     assert velocity.yaw_rad_s == pytest.approx(math.radians(30))
@@ -285,3 +287,15 @@ def test_a_service_that_ends_with_the_flight_leaves_the_vehicle_in_hold():
 def test_depth_that_nobody_gives_is_refused():
     with pytest.raises(ConfigError, match="no camera sends"):
         load_config(None, {"servo.depth": "given"})
+
+
+@pytest.mark.parametrize("rate_hz", [8, 5, 60])
+def test_a_camera_is_silent_after_one_period_of_the_lowest_rate_that_may_fly(rate_hz):
+    config = load_config(None, {"gate.min_frame_hz": rate_hz})
+    assert config.silence_s == pytest.approx(1 / rate_hz)
+    assert config.gate_config().min_frame_hz == rate_hz
+
+
+def test_a_rate_at_which_every_result_would_come_too_late_is_refused():
+    with pytest.raises(ConfigError, match=r"frames every 250 ms.*expected 5 or more"):
+        load_config(None, {"gate.min_frame_hz": 4})

@@ -32,12 +32,22 @@ def test_an_evaluation_file_takes_the_levels_in_turn(tmp_path, capsys):
 
 
 def test_shards_of_a_drawn_room_are_filled_and_numbered_by_their_seed(tmp_path):
-    words = ["--rooms", "3", "--kind", "corridor", "--size", "48x36", "--count", "1"]
+    words = ["--rooms", "3", "--kinds", "corridor", "--size", "48x36", "--count", "1"]
     assert run(*words, "--seed", "12", "--out", tmp_path / "pairs") == 0
     (path,) = (tmp_path / "pairs").iterdir()
     assert path.name == shard_name((48, 36), 12) == "shard-48x36-00000012.npz"
     with np.load(path) as arrays:
         assert len(arrays["images"]) == 64
+
+
+def test_seeds_draw_among_the_kinds_that_are_named(monkeypatch):
+    made = []
+    monkeypatch.setattr(pairs, "room_of_kind", lambda kind, seed: made.append((kind, seed)))
+    kinds = ("kitchen", "courtyard", "study")
+    for seed in range(40):
+        pairs._room(seed, kinds)
+    assert [seed for _, seed in made] == list(range(40))
+    assert {kind for kind, _ in made} == set(kinds)
 
 
 @pytest.mark.parametrize(
@@ -50,7 +60,12 @@ def test_shards_of_a_drawn_room_are_filled_and_numbered_by_their_seed(tmp_path):
         (["--rooms", "5", "--size", "small"], "--size is 'small'"),
         (["--rooms", "5", "--size", "10x10"], "image size 10 x 10"),
         (["--scene", "none.glb"], "none.glb cannot be read"),
-        (["--scene", "none.glb", "--kind", "hall"], "--kind was given with --scene"),
+        (["--scene", "none.glb", "--kinds", "hall"], "--kinds was given with --scene"),
+        (["--rooms", "5", "--kinds", "hall,cave"], "no kind of room 'cave'"),
+        (
+            ["--rooms", "3990-4001"],
+            "--rooms is '3990-4001'; expected other seeds than 4000 to 4199",
+        ),
         (["--rooms", "5", "--format", "eval", "--out", "pairs"], "an .npz file"),
         (["--rooms", "5", "--format", "eval", "--out", "no/x.npz"], "an existing folder"),
         (["--rooms", "5", "--format", "eval", "--size", "64x48", "--out", "x.npz"], "no --size"),

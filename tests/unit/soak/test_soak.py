@@ -1,5 +1,6 @@
 import argparse
 import json
+import mmap
 import os
 
 import numpy as np
@@ -7,9 +8,10 @@ import psutil
 import pytest
 
 from dfvs_core.errors import ConfigError
+from dfvs_sim.cli import main
 from dfvs_sim.commands import soak
 from dfvs_sim.soak.plots import write_plots
-from dfvs_sim.soak.sampling import Sample, Sampler, role_of
+from dfvs_sim.soak.sampling import Sample, Sampler, own_memory_mb, role_of
 from dfvs_sim.soak.slope import robust_slope
 from dfvs_sim.soak.tour import Leg
 from dfvs_sim.soak.verdict import judge, latency_figures
@@ -53,7 +55,7 @@ def samples(mb_per_h=0.0, descriptors=lambda t_s: 20, threads=lambda t_s: 5, noi
             role=role,
             pid=1,
             rss_mb=120.0,
-            pss_mb=100.0 + mb_per_h * t_s / 3600.0 + rng.normal(0.0, noise),
+            own_mb=100.0 + mb_per_h * t_s / 3600.0 + rng.normal(0.0, noise),
             descriptors=descriptors(t_s),
             threads=threads(t_s),
             cpu_percent=1.0,
@@ -75,7 +77,7 @@ def test_memory_is_judged_by_the_interval_and_not_by_luck(mb_per_h, noise, memor
 
 def test_the_warm_up_does_not_count():
     warming = [
-        s if s.t_s > 290 else Sample(**{**as_dict(s), "pss_mb": s.t_s / 3.0}) for s in samples()
+        s if s.t_s > 290 else Sample(**{**as_dict(s), "own_mb": s.t_s / 3.0}) for s in samples()
     ]
     assert all(v.passed for v in judge(warming))
 
@@ -111,8 +113,22 @@ def test_a_sample_tells_what_a_process_holds(tmp_path):
         sampler.sample()
     first, second = (s for s in sampler.samples if s.pid == os.getpid())
     assert second.descriptors == first.descriptors + 1
-    assert first.pss_mb == pytest.approx(psutil.Process().memory_full_info().pss / 1e6, rel=0.2)
+    assert 0 < first.own_mb <= first.rss_mb
     assert first.threads >= 1
+
+
+def test_own_memory_is_what_a_process_fills_and_no_page_of_a_file(tmp_path):
+    (tmp_path / "file").write_bytes(bytes(40_000_000))
+    before_mb = own_memory_mb(os.getpid())
+    # A map of its own: an array might lie in memory that an earlier test filled and freed.
+    with mmap.mmap(-1, 40_000_000, flags=mmap.MAP_PRIVATE | mmap.MAP_ANONYMOUS) as filled:
+        for _ in range(40):
+            filled.write(b"x" * 1_000_000)
+        read = np.memmap(tmp_path / "file", np.uint8, "r")
+        assert read.sum() == 0
+        assert own_memory_mb(os.getpid()) - before_mb == pytest.approx(40.0, abs=4.0)
+    with pytest.raises(psutil.NoSuchProcess):
+        own_memory_mb(2**22)
 
 
 class FlownTour:
@@ -164,3 +180,9 @@ def test_an_impossible_time_is_refused(minutes, tmp_path):
     args = parser.parse_args(["soak", "--minutes", minutes, "--out", str(tmp_path)])
     with pytest.raises(ConfigError, match="--minutes"):
         args.run(args)
+
+
+@pytest.mark.parametrize("words", [["--rate", "0.5"], ["--minutes", "0"]])
+def test_a_soak_that_cannot_be_is_said_in_one_line(words, tmp_path, capsys):
+    assert main(["soak", "--out", str(tmp_path), *words]) == 2
+    assert capsys.readouterr().err.startswith(f"error: {words[0]} is ")

@@ -1,0 +1,59 @@
+"""What one frame gave, and what the gate is told of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+from dfvs_core.correspondence import FlowField
+from dfvs_core.servo.exchange import ServoResult, Verdict
+from dfvs_core.wire.frame import Frame
+from dfvs_core.wire.link import PerceptionReport
+
+STAGES = ("prepare", "match", "servo")
+
+UNKNOWN_ERROR = 1e6
+"""Stands for an error that could not be estimated: the wire carries finite numbers only."""
+
+
+@dataclass(frozen=True, slots=True)
+class FrameOutcome:
+    """What one frame gave.
+
+    ``stages_ns`` holds the time that each of ``STAGES`` took; ``now_ns`` is the time at which the
+    servo step judged the frame's age.
+    """
+
+    frame: Frame
+    result: ServoResult
+    flow: FlowField
+    stages_ns: dict[str, int]
+    now_ns: int
+
+    @property
+    def report(self) -> PerceptionReport:
+        """What the gate is told; only of a vehicle's four degrees of freedom."""
+        return make_report(self.frame, self.result)
+
+
+def make_report(frame: Frame, result: ServoResult) -> PerceptionReport:
+    """What the gate is told about a frame."""
+    ok = result.verdict is Verdict.OK
+    forward, right, down, yaw_rate = (float(v) for v in result.velocity)
+    return PerceptionReport(
+        seq=frame.seq,
+        t_capture_ns=frame.t_capture_ns,
+        velocity=(forward, right, down, yaw_rate),
+        healthy=ok,
+        reached=result.reached,
+        lost=result.verdict is Verdict.STUCK,
+        reason="" if ok else result.verdict.value,
+        error_m=_finite(result.error_m),
+        error_rad=_finite(result.error_rad),
+        overlap=result.overlap,
+        feature_error=_finite(result.scale_free_error),
+    )
+
+
+def _finite(value: float) -> float:
+    return value if math.isfinite(value) else UNKNOWN_ERROR

@@ -1,0 +1,90 @@
+"""The sixteen environments that a batch of trials is spread over."""
+
+from __future__ import annotations
+
+import hashlib
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError
+from dfvs_sim.bench.scenes import CAMERA, cache_folder
+from dfvs_sim.bench.task import BenchTask
+from dfvs_sim.scene.bake import light_room
+from dfvs_sim.scene.glb_writer import save_glb
+from dfvs_sim.scene.kinds import ROOM_KINDS, room_of_kind
+
+BATCH = 16
+"""Environments in a batch, as in the paper."""
+
+_FIRST_SEED = 4121
+
+
+@dataclass(frozen=True, slots=True)
+class Environment:
+    """A scene in which tasks are drawn.
+
+    Parameters
+    ----------
+    name : str
+        Unique among those of a batch.
+    scene : Path
+        GLB file.
+    camera : CameraModel
+        Intrinsics of all views.
+    """
+
+    name: str
+    scene: Path
+    camera: CameraModel
+
+    def digest(self) -> str:
+        """SHA-256 of the scene's file.
+
+        Raises
+        ------
+        ConfigError
+            If it cannot be read.
+        """
+        try:
+            return hashlib.sha256(self.scene.read_bytes()).hexdigest()
+        except OSError as error:
+            raise ConfigError(f"scene {self.scene} cannot be read ({error.strerror})") from error
+
+
+def default_environments() -> list[Environment]:
+    """Sixteen rooms, of every kind in turn; their files are in the cache, or yet to be made.
+
+    Their seeds, 4121 to 4136, are kept for the benchmark, and not those of its ten scenes.
+    """
+    folder = cache_folder().with_name(f"{cache_folder().name}-basin")
+    kinds = [ROOM_KINDS[k % len(ROOM_KINDS)] for k in range(BATCH)]
+    names = [f"{kind}-{_FIRST_SEED + k}" for k, kind in enumerate(kinds)]
+    return [Environment(name, folder / f"{name}.glb", CAMERA) for name in names]
+
+
+def make_missing(environments: Sequence[Environment], progress: Callable[[str], None]) -> None:
+    """Make the rooms of ``default_environments`` that are not in the cache yet, quickly lit.
+
+    Raises
+    ------
+    ConfigError
+        If the cache cannot be written.
+    """
+    missing = [place for place in environments if not place.scene.is_file()]
+    for done, place in enumerate(missing):
+        progress(f"making environment {place.name} ({done + 1} of {len(missing)})")
+        kind, _, seed = place.name.rpartition("-")
+        try:
+            place.scene.parent.mkdir(parents=True, exist_ok=True)
+            part = place.scene.with_suffix(".part.glb")
+            save_glb(part, light_room(room_of_kind(kind, int(seed)), int(seed)))
+            part.replace(place.scene)
+        except OSError as error:
+            raise ConfigError(f"{place.scene} cannot be written ({error.strerror})") from error
+
+
+def environments_of(tasks: list[BenchTask]) -> list[Environment]:
+    """Scenes and cameras of tasks; their poses are not used."""
+    return [Environment(task.name, task.scene, task.camera) for task in tasks]

@@ -1,0 +1,45 @@
+"""The limits that a service flies by, asked of the service itself."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+import tomllib
+from collections.abc import Sequence
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.gate.limits import VelocityLimits
+
+_TIMEOUT_S = 60.0
+
+
+def limits_in_force(words: Sequence[str]) -> VelocityLimits:
+    """Limits of a service with these words: the lower of the servo law's and the gate's.
+
+    The crawl of the flight's first moments (``gate.proof_m_s``) is not among them.
+
+    Parameters
+    ----------
+    words : sequence of str
+        ``--set SECTION.KEY=VALUE`` and ``--config FILE``, as ``dfvs-service`` takes them.
+
+    Raises
+    ------
+    ConfigError
+        If the service refuses them.
+    """
+    command = [sys.executable, "-m", "dfvs_service.cli", "config", *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=_TIMEOUT_S)
+    if done.returncode != 0:
+        said = done.stderr.strip().splitlines()[-1:] or ["nothing"]
+        raise ConfigError(f"dfvs-service refuses its settings: {said[0].removeprefix('error: ')}")
+    settings = tomllib.loads(done.stdout)
+    servo, gate = settings["servo"], settings["limits"]
+    return VelocityLimits(
+        horizontal_m_s=min(servo["max_horizontal_m_s"], gate["horizontal_m_s"]),
+        vertical_m_s=min(servo["max_vertical_m_s"], gate["vertical_m_s"]),
+        yaw_rad_s=math.radians(min(servo["max_turn_deg_s"], gate["yaw_deg_s"])),
+        slew_m_s2=gate["slew_m_s2"],
+        yaw_slew_rad_s2=math.radians(gate["yaw_slew_deg_s2"]),
+    )

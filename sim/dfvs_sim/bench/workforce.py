@@ -1,0 +1,103 @@
+"""Who does the work: this process, several of this machine, or a Dask cluster."""
+
+from __future__ import annotations
+
+import importlib
+import multiprocessing
+from collections.abc import Callable, Iterator, Sequence
+from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from contextlib import AbstractContextManager, contextmanager
+from dataclasses import dataclass
+from typing import Any, TypeVar
+
+from dfvs_core.errors import ConfigError
+
+_Job = TypeVar("_Job")
+_Result = TypeVar("_Result")
+_MOST_WORKERS = 256
+
+
+@dataclass(frozen=True, slots=True)
+class Workforce:
+    """Where jobs are done.
+
+    Parameters
+    ----------
+    workers : int
+        Processes of this machine; 1 is this very process.
+    dask : str or None
+        Address of a Dask scheduler, such as ``tcp://127.0.0.1:8786``, which is used instead. Its
+        workers need this package, the scene files at the same paths, and the matcher.
+
+    Raises
+    ------
+    ConfigError
+        If the number of workers is out of range, or given beside a scheduler.
+    """
+
+    workers: int = 1
+    dask: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse what cannot be."""
+        if not 1 <= self.workers <= _MOST_WORKERS:
+            raise ConfigError(f"--workers is {self.workers}", f"1 to {_MOST_WORKERS}")
+        if self.dask is not None and self.workers > 1:
+            raise ConfigError(
+                f"--workers {self.workers} beside --dask", "one of them: the cluster has workers"
+            )
+
+    def finished(self, work: Callable[[_Job], _Result], jobs: Sequence[_Job]) -> Iterator[_Result]:
+        """Do all jobs; results come as they are finished, in any order.
+
+        Whoever stops listening cancels the jobs that have not begun.
+
+        Parameters
+        ----------
+        work : callable
+            A function of a module, which a job and its result can be sent to and from.
+        jobs : sequence
+
+        Raises
+        ------
+        ConfigError
+            If the scheduler cannot be reached.
+        """
+        if not jobs:
+            return
+        if self.workers == 1 and self.dask is None:
+            yield from map(work, jobs)
+            return
+        with self._executor() as executor:
+            futures = [executor.submit(work, job) for job in jobs]
+            try:
+                for future in as_completed(futures):
+                    yield future.result()
+            finally:
+                for future in futures:
+                    future.cancel()
+
+    def _executor(self) -> AbstractContextManager[Executor]:
+        if self.dask is not None:
+            return _dask_executor(self.dask)
+        context = multiprocessing.get_context("spawn")
+        return ProcessPoolExecutor(self.workers, mp_context=context)
+
+
+@contextmanager
+def _dask_executor(address: str) -> Iterator[Executor]:
+    try:
+        distributed: Any = importlib.import_module("distributed")
+    except ImportError as error:
+        raise ConfigError(
+            "--dask needs dask.distributed, which is not installed", "pip install 'dfvs[dask]'"
+        ) from error
+    try:
+        client = distributed.Client(address, set_as_default=False)
+    except (OSError, TimeoutError, ValueError) as error:
+        raise ConfigError(
+            f"--dask {address}: no scheduler answers ({error})",
+            "the address that dask scheduler printed, such as tcp://127.0.0.1:8786",
+        ) from error
+    with client, client.get_executor(pure=False) as executor:
+        yield executor

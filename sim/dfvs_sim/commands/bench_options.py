@@ -1,0 +1,151 @@
+"""Options that the measuring commands of ``dfvs-bench`` share: tasks, workers, outputs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from dfvs_core.errors import ConfigError
+from dfvs_models import DEFAULT_MATCHER
+from dfvs_sim.bench.campaign import Job, run_jobs, unfinished
+from dfvs_sim.bench.results import TrialRecord
+from dfvs_sim.bench.scenes import default_tasks
+from dfvs_sim.bench.tables import trial_line
+from dfvs_sim.bench.task import BenchTask, read_tasks
+from dfvs_sim.bench.workforce import Workforce
+
+_T = TypeVar("_T")
+
+
+def add_task_options(parser: argparse.ArgumentParser, tasks_help: str, runs: str) -> None:
+    """Add what every measurement takes: tasks, matcher, and where results go."""
+    add = parser.add_argument
+    add("--tasks", type=Path, metavar="FILE", help=tasks_help)
+    add("--scenes", metavar="A,B", help="names of the scenes to use (default: all)")
+    add("--bundle", default=DEFAULT_MATCHER, metavar="NAME", help="matcher: see dfvs-bench flow")
+    add("--runs", type=Path, default=Path(runs), metavar="DIR", help=f"default: {runs}")
+    add("--resume", action="store_true", help="keep what is in --runs and fits")
+    add("--json", type=Path, metavar="FILE", help="write a summary")
+    add("--csv", type=Path, metavar="FILE", help="write a row for every trial")
+
+
+def add_method_options(parser: argparse.ArgumentParser, default: Sequence[str]) -> None:
+    """Add ``--methods`` and ``--iterations``."""
+    add = parser.add_argument
+    add("--methods", metavar="A,B", help=f"default: {','.join(default)}")
+    add("--iterations", type=int, metavar="N", help="for every method (default: its authors')")
+
+
+def add_workforce_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--workers`` and ``--dask``."""
+    add = parser.add_argument
+    add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
+    add("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster to use instead")
+
+
+def workforce_from(args: argparse.Namespace) -> Workforce:
+    """Workforce of ``--workers`` and ``--dask``.
+
+    Raises
+    ------
+    ConfigError
+        If they cannot be.
+    """
+    return Workforce(args.workers, args.dask)
+
+
+def check_outputs(args: argparse.Namespace, *more: str) -> None:
+    """Refuse outputs that lie in no folder, before anything runs.
+
+    Raises
+    ------
+    ConfigError
+        Naming the option.
+    """
+    for name in ("json", "csv", "runs", *more):
+        path = getattr(args, name)
+        if path is not None and not path.absolute().parent.is_dir():
+            raise ConfigError(f"--{name} {path} lies in no folder", "an existing folder")
+
+
+def check_iterations(args: argparse.Namespace) -> None:
+    """Refuse a number of iterations that is none.
+
+    Raises
+    ------
+    ConfigError
+        If it is less than one.
+    """
+    if args.iterations is not None and args.iterations < 1:
+        raise ConfigError(f"--iterations is {args.iterations}", "1 or more")
+
+
+def tasks_from(args: argparse.Namespace) -> list[BenchTask]:
+    """Tasks of ``--tasks``, or of the ten scenes; those that ``--scenes`` names, or all.
+
+    Raises
+    ------
+    DfvsError
+        If the file cannot be used, or a name is not known.
+    """
+    tasks = read_tasks(args.tasks) if args.tasks else default_tasks()
+    return named(tasks, args.scenes, lambda task: task.name)
+
+
+def named(items: Sequence[_T], names: str | None, name_of: Callable[[_T], str]) -> list[_T]:
+    """Those of the items that are named, separated by commas, in that order; or all.
+
+    Raises
+    ------
+    ConfigError
+        If a name is not known.
+    """
+    if not names:
+        return list(items)
+    known = {name_of(item): item for item in items}
+    chosen = list(dict.fromkeys(names.split(",")))
+    for name in chosen:
+        if name not in known:
+            raise ConfigError(f"there is no scene {name!r}", f"some of {', '.join(known)}")
+    return [known[name] for name in chosen]
+
+
+def run_trials(
+    args: argparse.Namespace, jobs: Sequence[Job], workforce: Workforce
+) -> list[TrialRecord]:
+    """Run the jobs that ``--resume`` does not find in ``--runs``; all records, old and new."""
+    left, records = unfinished(jobs, args.runs) if args.resume else (jobs, [])
+    if records:
+        print(f"{len(records)} trials are in {args.runs}", file=sys.stderr, flush=True)
+    countdown = Countdown(len(left))
+    for record in run_jobs(left, args.runs, workforce):
+        records.append(record)
+        print(f"{trial_line(record)} {countdown.step()}", file=sys.stderr, flush=True)
+    return records
+
+
+class Countdown:
+    """Tells how far a run is, and how long it still takes by what it took so far.
+
+    Parameters
+    ----------
+    count : int
+        Jobs that are to be done.
+    now_s : callable
+        Clock.
+    """
+
+    def __init__(self, count: int, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._count, self._done = count, 0
+        self._now_s, self._began_s = now_s, now_s()
+
+    def step(self) -> str:
+        """Count one more as done: ``[12/70, 9 min left]``."""
+        self._done += 1
+        elapsed_s = self._now_s() - self._began_s
+        left_min = elapsed_s / self._done * (self._count - self._done) / 60.0
+        return f"[{self._done}/{self._count}, {left_min:.0f} min left]"

@@ -1,0 +1,93 @@
+"""``dfvs-bench drone``: one task flown through the real service, and kept."""
+
+import csv
+import json
+
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_sim.bench.task import BenchTask, write_tasks
+from dfvs_sim.bench_cli import main
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.poses import camera_pose
+
+CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
+GOAL = (0.5, -1.0, -1.3)
+TASK = BenchTask(
+    "room",
+    builtin_room_path(),
+    camera_pose((0.3, -1.25, -1.25), 0.85, -0.08),
+    camera_pose(GOAL, 0.7, 0.05),
+    CAMERA,
+    "easy",
+)
+
+
+def drone(folder, *more):
+    words = ["--tasks", str(folder / "tasks.json"), "--runs", str(folder / "runs")]
+    files = [f"--{name}={folder / f'd.{name}'}" for name in ("json", "csv")]
+    return main(["drone", *words, *files, *more])
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    """A folder with a task, and what ``drone`` made of it."""
+    folder = tmp_path_factory.mktemp("drone")
+    write_tasks(folder / "tasks.json", [TASK])
+    assert drone(folder) == 0
+    return folder
+
+
+@pytest.mark.slow
+def test_the_levelled_task_is_flown_and_timed_against_its_bound(folder):
+    summary = json.loads((folder / "d.json").read_text())
+    flight = summary["per_scene"]["room"]
+    assert flight["converged"], flight
+    assert flight["final_translation_m"] < 0.05
+    assert flight["final_rotation_deg"] < 1.0
+    assert flight["bound_s"] == pytest.approx(2 * (0.32404 / 0.5) ** 0.5, abs=1e-3)
+    assert flight["bound_s"] < flight["within_s"] < flight["done_s"]
+    assert 0 < flight["servo_s"] < flight["within_s"]
+    assert summary["mean_within_ratio"] == pytest.approx(
+        flight["within_s"] / flight["bound_s"], rel=1e-3
+    )
+
+
+@pytest.mark.slow
+def test_the_goal_picture_is_taken_level(folder):
+    pose = json.loads((folder / "runs" / "room" / "goal.json").read_text())["pose_camera"]
+    assert pose == pytest.approx(camera_pose(GOAL, 0.7).ravel().tolist(), abs=1e-9)
+
+
+@pytest.mark.slow
+def test_a_flight_that_is_kept_is_not_flown_again(folder, capsys):
+    flown = (folder / "runs" / "room" / "vehicle.jsonl").stat().st_mtime_ns
+    assert drone(folder, "--resume") == 0
+    assert (folder / "runs" / "room" / "vehicle.jsonl").stat().st_mtime_ns == flown
+    told = capsys.readouterr()
+    assert "1 flights are in" in told.err
+    assert "of 1 converged" in told.out
+    with (folder / "d.csv").open() as file:
+        (row,) = csv.DictReader(file)
+    assert row["revision"]
+    assert row["seed"] == "0"
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (("--set", "limits.speed=3"), "unknown key 'limits.speed'"),
+        (("--set", "flow.model=classical"), "--bundle"),
+        (("--timeout", "0"), "--timeout is 0"),
+        (("--seed", "-1"), "--seed is -1"),
+        (("--scene", "moon"), "no scene 'moon'"),
+    ],
+)
+def test_bad_words_are_one_clear_line(tmp_path, capsys, words, message):
+    write_tasks(tmp_path / "tasks.json", [TASK])
+    assert drone(tmp_path, *words) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert message in error
+    assert error.count("\n") == 1
+    assert not (tmp_path / "runs").exists()

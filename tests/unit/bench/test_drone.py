@@ -1,0 +1,188 @@
+from dataclasses import asdict, replace
+from pathlib import Path
+
+import numpy as np
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError, GeometryError
+from dfvs_core.gate.limits import VelocityLimits
+from dfvs_core.poses import make_pose, so3_exp
+from dfvs_sim.bench.drone.bound import TimeBound
+from dfvs_sim.bench.drone.flights import since, within_s
+from dfvs_sim.bench.drone.levelled import levelled, levelled_task, turn_rad
+from dfvs_sim.bench.drone.limits import limits_in_force
+from dfvs_sim.bench.drone.records import (
+    FlightRecord,
+    Setting,
+    fits,
+    read_records,
+    record_path,
+    write_record,
+)
+from dfvs_sim.bench.drone.section import drone_section
+from dfvs_sim.bench.drone.tables import flight_line, row, summarise, summary_line
+from dfvs_sim.bench.task import BenchTask
+from dfvs_sim.demo.track import TrackPoint
+from dfvs_sim.scene.poses import camera_pose
+
+CAMERA = CameraModel(96, 72, 60, 60, 48, 36)
+START, GOAL = camera_pose((0.0, 0.0, -1.0), 0.2, -0.1), camera_pose((1.0, 0.5, -1.2), -0.3, 0.1)
+TASK = BenchTask("room", Path("room.glb"), START, GOAL, CAMERA)
+LIMITS = VelocityLimits()
+SETTING = Setting("classical", (), LIMITS, 0, 60.0, 40.0, "abc")
+
+
+def record(**changes) -> FlightRecord:
+    values = {
+        "task": "room",
+        "difficulty": "easy",
+        "matcher": "classical",
+        "service": (),
+        "seed": 0,
+        "start": tuple(START.ravel()),
+        "goal": tuple(GOAL.ravel()),
+        "size": (96, 72),
+        "overlap": 0.5,
+        "limits": LIMITS,
+        "bound": TimeBound(4.0, 2.0),
+        "initial_translation_m": 1.1,
+        "initial_rotation_deg": 29.0,
+        "end_state": "DONE",
+        "end_cause": "goal reached",
+        "converged": True,
+        "final_translation_m": 0.01,
+        "final_rotation_deg": 0.2,
+        "servo_s": 1.0,
+        "within_s": 9.0,
+        "done_s": 12.0,
+        "path_ratio": 1.1,
+        "version": "0.1.0",
+        "revision": "abc",
+    }
+    return FlightRecord(**(values | changes))
+
+
+LOST = record(
+    task="hall",
+    end_state="NOT READY",
+    end_cause="the goal is not in view",
+    converged=False,
+    **dict.fromkeys(
+        ("final_translation_m", "final_rotation_deg", "servo_s", "within_s", "done_s", "path_ratio")
+    ),
+)
+
+
+def track(*errors):
+    return [TrackPoint(50_000_000 * k, np.eye(4), m, np.radians(deg)) for k, (m, deg) in errors]
+
+
+def test_levelling_keeps_place_and_heading_and_takes_roll_and_pitch():
+    tilted = START @ make_pose(so3_exp(np.array([0.0, 0.0, 0.4])), np.zeros(3))
+    np.testing.assert_allclose(levelled(tilted), camera_pose((0.0, 0.0, -1.0), 0.2), atol=1e-12)
+
+
+def test_a_camera_that_looks_straight_down_has_no_heading():
+    with pytest.raises(GeometryError, match="-90 degrees"):
+        levelled(camera_pose((0.0, 0.0, -1.0), 0.0, -np.pi / 2))
+
+
+def test_the_turn_is_the_change_of_heading():
+    assert turn_rad(levelled_task(TASK)) == pytest.approx(-0.5)
+    back = replace(TASK, T_world_start=camera_pose((0, 0, 0), 3.0))
+    assert turn_rad(replace(back, T_world_goal=camera_pose((0, 0, 0), -3.0))) == pytest.approx(
+        2 * np.pi - 6.0
+    )
+
+
+def test_it_counts_as_within_only_once_it_stays_there():
+    errors = [(0.5, 9), (0.04, 0.5), (0.06, 0.5), (0.04, 1.2), (0.04, 0.9), (0.01, 0.1)]
+    points = track(*enumerate(errors))
+    assert within_s(points, 0) == pytest.approx(0.2)
+    assert within_s(points, -1_000_000_000) == pytest.approx(1.2)
+    assert within_s(points[:4], 0) is None
+    assert within_s([], 0) is None
+
+
+def test_the_first_motion_is_when_the_gate_enters_servo_after_the_switch():
+    states = [(1, "SERVO"), (5, "ENGAGE"), (1_000_000_005, "SERVO"), (2_000_000_005, "SERVO")]
+    assert since(states, "SERVO", 5) == pytest.approx(1.0)
+    assert since(states, "DONE", 5) is None
+
+
+def test_the_limits_are_the_lower_of_the_law_s_and_the_gate_s():
+    words = ("--set", "limits.horizontal_m_s=0.9", "--set", "servo.max_vertical_m_s=0.1")
+    limits = limits_in_force(words)
+    assert limits.horizontal_m_s == 0.5  # the law's
+    assert limits.vertical_m_s == 0.1
+    assert limits.yaw_slew_rad_s2 == pytest.approx(LIMITS.yaw_slew_rad_s2)
+
+
+def test_settings_that_the_service_refuses_are_refused():
+    with pytest.raises(ConfigError, match=r"unknown key 'limits\.speed'"):
+        limits_in_force(("--set", "limits.speed=3"))
+
+
+def test_ratios_are_over_the_slower_of_way_and_turn():
+    flown = record()
+    assert (flown.within_ratio, flown.motion_ratio, flown.done_ratio) == (2.25, 2.0, 3.0)
+    assert record(converged=False).within_ratio is None
+    assert LOST.done_ratio is None
+
+
+def test_a_record_comes_back_from_disk(tmp_path):
+    for one in (record(), LOST):
+        write_record(tmp_path, one)
+    assert read_records(tmp_path) == [LOST, record()]
+    record_path(tmp_path, "room").write_text("{}")
+    with pytest.raises(ConfigError, match=r"room\.json"):
+        read_records(tmp_path)
+
+
+@pytest.mark.parametrize(
+    "changes",
+    [
+        {"matcher": "dfvs-flow"},
+        {"seed": 1},
+        {"service": ("--set", "gate.proof_s=0")},
+        {"limits": VelocityLimits(horizontal_m_s=0.4)},
+    ],
+)
+def test_a_flight_with_other_settings_is_flown_again(changes):
+    kept = record(version=record_version())
+    assert fits(kept, TASK, SETTING)
+    assert not fits(kept, TASK, replace(SETTING, **changes))
+    moved = replace(TASK, T_world_goal=camera_pose((1.0, 0.5, -1.3), -0.3, 0.1))
+    assert not fits(kept, moved, SETTING)
+
+
+def record_version():
+    from importlib.metadata import version
+
+    return version("dfvs")
+
+
+def test_the_summary_is_honest_about_what_was_not_flown():
+    summary = summarise([record(), LOST])
+    assert (summary["scenes"], summary["converged"]) == (2, 1)
+    assert summary["mean_within_ratio"] == summary["worst_within_ratio"] == 2.25
+    assert summary["per_scene"]["hall"]["end_cause"] == "the goal is not in view"
+    assert summary_line(summary).startswith("1 of 2 converged; within 5 cm and 1° after 2.25 times")
+    assert "NOT READY: the goal is not in view" in flight_line(LOST)
+    assert summary_line(summarise([LOST])) == "0 of 1 converged"
+
+
+def test_the_report_has_a_row_for_every_flight():
+    text = drone_section([record(), LOST])
+    assert "0.5 m/s over ground, 0.3 m/s" in text
+    assert "<td>9.0 s<td>2.25<td>12.0 s<td>3.00<td>0.010 m<td>0.20°" in text
+    assert "NOT READY: the goal is not in view" in text
+
+
+def test_a_row_is_flat_and_names_version_seed_and_revision():
+    values = row(record())
+    assert all(not isinstance(value, dict | list | tuple) for value in values.values())
+    assert {"version", "revision", "seed", "bound_s", "within_ratio"} <= set(values)
+    assert set(row(LOST)) == set(values)
+    assert asdict(record())["bound"] == {"way_s": 4.0, "turn_s": 2.0}

@@ -1,0 +1,65 @@
+import threading
+
+import pytest
+from distributed import LocalCluster
+
+from dfvs_core.errors import ConfigError
+from dfvs_sim.bench.workforce import Workforce
+
+
+def squared(number):
+    if number < 0:
+        raise ConfigError(f"{number} is negative", "a positive number")
+    return number * number, threading.get_ident()
+
+
+@pytest.fixture(scope="module")
+def cluster():
+    with LocalCluster(
+        n_workers=1,
+        threads_per_worker=1,
+        processes=False,
+        host="127.0.0.1",
+        protocol="tcp://",
+        dashboard_address=None,
+    ) as cluster:
+        yield cluster.scheduler_address
+
+
+@pytest.mark.parametrize("workers", [1, 2])
+def test_every_job_is_done_once_on_this_machine(workers):
+    done = Workforce(workers).finished(abs, [3, -1, 2])
+    assert sorted(done) == [1, 2, 3]
+
+
+def test_every_job_is_done_once_on_a_cluster(cluster):
+    done = list(Workforce(dask=cluster).finished(squared, [3, 1, 3]))
+    assert sorted(value for value, _ in done) == [1, 9, 9]
+    assert threading.get_ident() not in {thread for _, thread in done}
+
+
+def test_the_error_of_a_job_on_a_cluster_keeps_its_words(cluster):
+    with pytest.raises(ConfigError, match="-1 is negative; expected a positive number"):
+        list(Workforce(dask=cluster).finished(squared, [1, -1]))
+
+
+def test_jobs_are_not_begun_before_anybody_listens():
+    results = Workforce().finished(squared, [-1])
+    with pytest.raises(ConfigError):
+        next(results)
+
+
+def test_a_scheduler_that_does_not_answer_is_named():
+    import dask
+
+    with (
+        dask.config.set({"distributed.comm.timeouts.connect": "0.2s"}),
+        pytest.raises(ConfigError, match=r"tcp://127\.0\.0\.1:9: no scheduler"),
+    ):
+        list(Workforce(dask="tcp://127.0.0.1:9").finished(squared, [1]))
+
+
+@pytest.mark.parametrize(("workers", "dask"), [(0, None), (257, None), (2, "tcp://127.0.0.1:1")])
+def test_a_workforce_that_cannot_be_is_refused(workers, dask):
+    with pytest.raises(ConfigError, match="--workers"):
+        Workforce(workers, dask)

@@ -1,0 +1,53 @@
+"""What the scripted camera sends while a fault lasts."""
+
+import numpy as np
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.frame_guard import Expected, GuardState, admit
+from dfvs_core.wire.frame import PixelFormat
+from dfvs_sim.faults.camera import PERIOD_NS, Shot
+from dfvs_sim.faults.matrix import all_faults
+
+CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
+CLOCK = b"c" * 16
+T0 = 10**12
+
+
+class Camera:
+    script = None
+
+
+class Rig:
+    def __init__(self):
+        self.camera = Camera()
+
+
+def reasons(fault, rng, count=12):
+    """Why each of the first samples of a fault is refused, empty where it is not."""
+    rig = Rig()
+    all_faults()[fault].inject(rig, rng)
+    told, guard = [], GuardState()
+    for i in range(count):
+        image = rng.integers(0, 255, (120, 160, 3)).astype(np.uint8)
+        t_ns = T0 + i * PERIOD_NS
+        for payload, attachment in rig.camera.script(Shot(image, t_ns, i, PixelFormat.RGB8, CLOCK)):
+            came = admit(guard, payload, attachment, Expected(CAMERA, CLOCK), t_ns + 1_000_000)
+            guard = came.state
+            told.append(came.reason)
+    return told
+
+
+def test_every_other_frame_out_of_order_is_refused(rng):
+    told = reasons("stamps-reordered", rng)
+    assert told[0::2][1:] == ["the frame is not newer than the one before"] * 5
+    assert told[1::2] == [""] * 6
+
+
+def test_a_frozen_camera_is_refused_from_the_third_picture_on(rng):
+    told = reasons("camera-freezes", rng)
+    assert told[:2] == ["", ""]
+    assert set(told[2:]) == {"the camera repeats the same picture"}
+
+
+def test_a_camera_that_stops_sends_nothing(rng):
+    assert reasons("camera-stops", rng) == []

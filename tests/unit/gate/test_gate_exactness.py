@@ -1,0 +1,379 @@
+"""What small changes of the code would change: limits met exactly, signs, what is forgotten."""
+
+import dataclasses
+import math
+
+import pytest
+from gate_rehearsal import TICK_NS, Rehearsal, auto_config, pilot_config
+
+from dfvs_core.gate.config import MS, Engage, GateTiming, OnDone, S
+from dfvs_core.gate.events import (
+    Action,
+    BadReport,
+    ForeignSetpoint,
+    Heartbeat,
+    LocalPosition,
+    ModeRequest,
+    Order,
+    OtherServices,
+    Stop,
+    VehicleMode,
+    VelocityTarget,
+)
+from dfvs_core.gate.limits import ZERO, BodyVelocity
+from dfvs_core.gate.proof import (
+    ASKED_M,
+    ASKED_RAD,
+    BEGUN_M,
+    BEGUN_RAD,
+    MIN_PATH_M,
+    MIN_TURN_RAD,
+    MotionProof,
+    OwnMotion,
+    Proof,
+)
+from dfvs_core.gate.rivals import MAX_ODD_M_S, SEEN_NS, Rivals
+from dfvs_core.gate.sight import Sight, report_fault
+from dfvs_core.gate.states import Cause, GateState
+from dfvs_core.gate.vehicle import VehiclePicture, link_fault
+
+TIMING = GateTiming()
+AHEAD = (1.0, 0.0, 0.0)
+STILL = OwnMotion((0.0, 0.0, 0.0), 0.0)
+
+
+# --- proof of the first motion --------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("moved", "begins"),
+    [
+        ({"moved_m": (BEGUN_M, 0.0, 0.0)}, True),
+        ({"moved_m": (0.999 * BEGUN_M, 0.0, 0.0)}, False),
+        ({"turned_rad": BEGUN_RAD}, True),
+        ({"turned_rad": 0.999 * BEGUN_RAD}, False),
+    ],
+)
+def test_a_motion_begins_exactly_at_its_limit(moved, begins):
+    proof = MotionProof(0, asked_m=AHEAD, asked_rad=1.0, **moved)
+    proof.follow(ZERO, STILL, 5)
+    assert proof.begun_ns == (5 if begins else None)
+
+
+@pytest.mark.parametrize("asked", [{"asked_m": (ASKED_M, 0.0, 0.0)}, {"asked_rad": -ASKED_RAD}])
+def test_a_vehicle_that_stays_fails_exactly_when_its_time_is_over(asked):
+    proof = MotionProof(0, **asked)
+    assert proof.judge(TIMING.proof_limit_ns - 1, TIMING) is Proof.OPEN
+    assert proof.judge(TIMING.proof_limit_ns, TIMING) is Proof.FAILED
+
+
+@pytest.mark.parametrize(
+    ("moved", "column", "name"),
+    [
+        ({"moved_m": (MIN_PATH_M, 0.0, 0.0)}, 0, "distance"),
+        ({"turned_rad": MIN_TURN_RAD}, 1, "angle"),
+    ],
+)
+def test_motion_shows_something_exactly_from_its_least_on(moved, column, name):
+    def proof():
+        return MotionProof(0, asked_m=AHEAD, asked_rad=1.0, begun_ns=0, **moved)
+
+    falls, grows = proof(), proof()
+    for share in (1.0, 0.9, 0.8, 0.7):  # four reports are just enough
+        falls.errors.append((share, share, None))
+        errors = [0.1 * share, 0.1 * share]
+        errors[column] = 0.3 - 0.1 * share
+        grows.errors.append((*errors, None))
+    assert falls.judge(TIMING.proof_ns, TIMING) is Proof.GIVEN
+    assert grows.judge(TIMING.proof_ns, TIMING) is Proof.FAILED
+    assert grows.objection == f"{name} went from 0.2050 to 0.2250"
+
+
+def test_a_feature_error_that_grows_is_named():
+    proof = MotionProof(0, asked_m=AHEAD, moved_m=(MIN_PATH_M, 0.0, 0.0), begun_ns=0)
+    proof.errors += [(1.0, 1.0, 0.1 * i) for i in range(4)]
+    assert proof.judge(TIMING.proof_ns, TIMING) is Proof.FAILED
+    assert proof.objection == "feature error went from 0.0500 to 0.2500"
+
+
+def test_one_half_of_few_reports_is_compared_with_the_other():
+    proof = MotionProof(0, asked_m=AHEAD, moved_m=(MIN_PATH_M, 0.0, 0.0), begun_ns=0)
+    distances = (1.0, 1.0, 2.0, 2.0, 1.5, 1.4, 1.3, 1.2)
+    proof.errors += [(distance, 0.0, None) for distance in distances]
+    # Medians of 1.5 and 1.35; of the first and last two alone it would be 1.0 and 1.25.
+    assert proof.judge(TIMING.proof_ns, TIMING) is Proof.GIVEN
+
+
+def test_what_was_asked_and_flown_is_counted_in_the_body_frame():
+    proof = MotionProof(0)
+    own = OwnMotion((0.3, 0.0, 0.1), math.pi / 2)  # heads east, drifts north: to its left
+    for t_ns in (0, 50 * MS):
+        proof.follow(BodyVelocity(0.1, 0.2, 0.3, 0.4), own, t_ns)
+    assert proof.asked_m == pytest.approx((0.005, 0.01, 0.015))
+    assert proof.asked_rad == pytest.approx(0.02)
+    assert proof.moved_m == pytest.approx((0.0, -0.015, 0.005))
+
+
+# --- sight, vehicle, rivals -----------------------------------------------------------------
+
+
+def test_without_a_good_report_there_is_no_goal_reached_and_no_velocity():
+    sight = Sight(TIMING)
+    assert (sight.reached_for_ns(5), sight.velocity()) == (-1, ZERO)
+    report = Rehearsal().report(reached=True, t_capture_ns=9 * MS).report
+    sight.take(report, 10 * MS)
+    assert sight.reached_for_ns(10 * MS) == 0
+    sight.spoil((Cause.GATE_STALLED, ""))
+    assert (sight.reached_for_ns(11 * MS), sight.velocity()) == (-1, ZERO)
+
+
+def test_a_link_that_was_never_heard_is_said_to_be_so():
+    vehicle, config = VehiclePicture(), auto_config()
+    assert link_fault(vehicle, config, S) == (Cause.HEARTBEAT_LOST, "none heard yet")
+    vehicle.take(Heartbeat(0, VehicleMode.HOLD, armed=True))
+    assert link_fault(vehicle, config, 3 * S) == (Cause.HEARTBEAT_LOST, "last one 3.00 s ago")
+
+
+def is_odd(sent, velocity_m_s, yaw_rad=0.0):
+    rivals = Rivals()
+    rivals.sent(sent, 0)
+    for t_ns in (1, 2, 3, 4, 5):
+        rivals.take(VelocityTarget(t_ns, velocity_m_s), yaw_rad)
+        rivals.hear(Heartbeat(t_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    return rivals.flight_fault(0) is not None
+
+
+def test_a_target_is_odd_beyond_its_limit_and_not_at_it():
+    assert not is_odd(ZERO, (MAX_ODD_M_S, 0.0, 0.0))
+    assert is_odd(ZERO, (math.nextafter(MAX_ODD_M_S, 1.0), 0.0, 0.0))
+
+
+def test_to_the_right_is_south_of_who_heads_east():
+    sent = BodyVelocity(0.0, 0.4, 0.0, 0.0)
+    assert not is_odd(sent, (-0.4, 0.0, 0.0), math.pi / 2)
+    assert is_odd(sent, (0.4, 0.0, 0.0), math.pi / 2)
+
+
+@pytest.mark.parametrize(("late_ns", "is_odd"), [(0, False), (1, True)])
+def test_what_was_sent_half_a_second_ago_still_explains_a_target(late_ns, is_odd):
+    rivals = Rivals()
+    for t_ns, forward_m_s in ((0, 0.5), (10, 0.0), (10 + S // 2 + late_ns, 0.0)):
+        rivals.sent(BodyVelocity(forward_m_s, 0.0, 0.0, 0.0), t_ns)
+    for t_ns in (S, S + 1, S + 2, S + 3, S + 4):
+        rivals.take(VelocityTarget(t_ns, (0.5, 0.0, 0.0)), 0.0)
+        rivals.hear(Heartbeat(t_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    assert (rivals.flight_fault(0) is not None) is is_odd
+
+
+def test_a_heartbeat_as_old_as_the_first_odd_target_confirms_nothing():
+    rivals = Rivals()
+    rivals.sent(ZERO, 0)
+    rivals.take(VelocityTarget(5, (1.0, 0.0, 0.0)), 0.0)
+    rivals.hear(Heartbeat(5, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    for t_ns in (6, 7, 8, 9):
+        rivals.take(VelocityTarget(t_ns, (1.0, 0.0, 0.0)), 0.0)
+    assert rivals.flight_fault(0) is None
+
+
+def test_every_other_service_is_named():
+    rivals = Rivals()
+    rivals.take(OtherServices(1, engaged=("a", "b")), 0.0)
+    assert rivals.flight_fault(0) == (Cause.TWO_COMMANDERS, "another service is engaged (a, b)")
+
+
+def test_who_keeps_us_from_engaging_is_named_and_for_exactly_how_long():
+    rivals = Rivals()
+    rivals.take(OtherServices(1, standing_by=("a",), engaged=("b",)), 0.0)
+    text = "another service for this vehicle runs (a, b): stop one of them"
+    assert rivals.preflight_fault(2) == text
+    rivals = Rivals()
+    rivals.take(ForeignSetpoint(7, "x"), 0.0)
+    assert rivals.preflight_fault(7 + SEEN_NS) == "somebody else sends setpoints (x)"
+    assert rivals.preflight_fault(8 + SEEN_NS) == ""
+
+
+@pytest.mark.parametrize(
+    ("age_ms", "cause", "detail"),
+    [
+        (-6, Cause.REPORT_REJECTED, "captured 6 ms in the future"),
+        (201, Cause.RESULT_LATE, "201 ms after capture"),
+    ],
+)
+def test_a_report_out_of_time_says_by_how_much(age_ms, cause, detail):
+    report = Rehearsal().report(t_capture_ns=S - age_ms * MS).report
+    assert report_fault(report, S, TIMING) == (cause, detail)
+
+
+def test_a_position_that_is_no_number_is_an_endless_jump():
+    vehicle = VehiclePicture()
+    for t_ns, north_m in ((1, 0.0), (2, math.nan)):
+        vehicle.take(LocalPosition(t_ns, (north_m, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    assert vehicle.jump_m == math.inf
+
+
+# --- orders ---------------------------------------------------------------------------------
+
+
+def test_an_order_to_engage_does_not_lengthen_a_hold_that_nobody_ordered():
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.sees = False
+    gate.until(GateState.HOLD).run(2.5)
+    gate.send([Order(gate.now_ns, Action.ENGAGE)])
+    gate.until(GateState.ABORT, 0.6)
+
+
+def test_a_goal_that_comes_after_an_abort_engages_nobody():
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.vehicle.obeys = False
+    gate.send([Stop(gate.now_ns, "")])
+    assert not gate.machine.stream.is_silent
+    output = gate.send([Order(gate.now_ns, Action.GOAL, "ab" * 32)])
+    assert (gate.state, output.transitions) == (GateState.ABORT, ())
+
+
+def test_a_goal_that_comes_after_the_vehicle_was_handed_over_engages_nobody():
+    gate = Rehearsal(auto_config(on_done=OnDone.HOLD), changes={"reached": True})
+    gate.until(GateState.DONE).run(1.5)
+    assert gate.machine.stream.is_silent
+    gate.send([Order(gate.now_ns, Action.GOAL, "ab" * 32)])
+    assert gate.state is GateState.DONE
+
+
+def test_a_goal_is_logged_by_the_first_twelve_of_its_digits():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    gate.send([Order(gate.now_ns, Action.GOAL, "0123456789abcdef" * 4)])
+    assert (gate.last.cause, gate.last.detail) == (Cause.OPERATOR_GOAL, "0123456789ab")
+
+
+@pytest.mark.parametrize(("late_ns", "engages"), [(0, True), (1, False)])
+def test_an_order_to_engage_counts_for_exactly_five_seconds(late_ns, engages):
+    gate = Rehearsal(auto_config(engage=Engage.COMMAND)).until(GateState.READY)
+    gate.vehicle.in_air = False
+    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    ordered_ns = gate.now_ns
+    gate.run(4.9)
+    assert gate.state is GateState.READY
+    gate.vehicle.in_air = True
+    gate.now_ns = ordered_ns + TIMING.order_valid_ns + late_ns
+    gate.send(gate.nominal())
+    assert (gate.state is GateState.ENGAGE) is engages
+
+
+# --- times ----------------------------------------------------------------------------------
+
+
+def test_a_bad_report_says_why_until_a_good_one_comes():
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.send([BadReport(gate.now_ns, "rubbish")])
+    assert gate.machine.sight.stale(gate.now_ns) == (Cause.REPORT_REJECTED, "rubbish")
+
+
+def test_ready_bears_failing_checks_for_exactly_half_a_second():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    gate.vehicle.battery = 0.1
+    gate.tick()
+    failing_ns = gate.now_ns
+    gate.until(GateState.PREFLIGHT, 1.0)
+    assert gate.last.t_ns - failing_ns == TIMING.ready_grace_ns
+
+
+def test_zeros_stream_for_exactly_a_second_before_offboard_is_asked_for():
+    gate = Rehearsal().until(GateState.SERVO)
+    engaged_ns = next(t.t_ns for t in gate.transitions if t.target is GateState.ENGAGE)
+    assert gate.requests == [(engaged_ns + TIMING.engage_zero_ns, ModeRequest.OFFBOARD)]
+
+
+def test_the_pilots_offboard_leads_to_servo_after_exactly_a_second():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    gate.beat(mode=VehicleMode.OFFBOARD)
+    engaged_ns = gate.last.t_ns
+    gate.vehicle.sends_heartbeat = False  # the one that showed OFFBOARD is enough
+    gate.now_ns = engaged_ns + TIMING.engage_zero_ns - TICK_NS
+    gate.send(gate.nominal())
+    assert gate.state is GateState.ENGAGE
+    gate.tick()
+    assert (gate.state, gate.last.t_ns) == (GateState.SERVO, engaged_ns + TIMING.engage_zero_ns)
+
+
+def test_offboard_is_waited_for_exactly_two_seconds():
+    gate = Rehearsal()
+    gate.vehicle.obeys = False
+    gate.until(GateState.ABORT)
+    (asked_ns, _) = gate.requests[0]
+    assert gate.last.t_ns == asked_ns + TIMING.confirm_ns + TICK_NS
+    assert gate.last.detail == "within 2 s"
+
+
+def test_the_goal_is_reached_after_exactly_a_second_in_tolerance():
+    gate = Rehearsal(changes={"reached": True}).until(GateState.DONE)
+    servo, done = gate.transitions[-2:]
+    assert (servo.target, done.t_ns - servo.t_ns) == (GateState.SERVO, TIMING.reached_ns)
+
+
+def test_a_hold_lasts_exactly_three_seconds():
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.sees = False
+    gate.until(GateState.ABORT)
+    hold, abort = gate.transitions[-2:]
+    assert abort.t_ns - hold.t_ns == TIMING.hold_ns + TICK_NS
+
+
+def test_flight_goes_on_after_exactly_a_second_of_good_data():
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.send([BadReport(gate.now_ns, "")])
+    gate.until(GateState.SERVO)
+    hold, servo = gate.transitions[-2:]
+    assert servo.t_ns - hold.t_ns == TIMING.good_data_ns + TICK_NS  # the first good one comes then
+
+
+def test_an_overlap_just_large_enough_lets_a_hold_end():
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.send([gate.report(healthy=False)])
+    gate.changes = {"overlap": gate.config.min_overlap}
+    gate.until(GateState.SERVO, 1.2)
+
+
+def test_engaging_without_good_data_never_passes_through_servo():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    gate.sees = False
+    gate.run(0.3)
+    gate.beat(mode=VehicleMode.OFFBOARD)
+    gate.until(GateState.HOLD, 1.2)
+    assert GateState.SERVO not in [t.target for t in gate.transitions]
+
+
+@pytest.mark.parametrize(("proof_ns", "speed_m_s"), [(0, 0.4), (1, 0.1)])
+def test_without_a_time_for_it_no_proof_is_asked_for(proof_ns, speed_m_s):
+    config = auto_config(timing=dataclasses.replace(TIMING, proof_ns=proof_ns))
+    gate = Rehearsal(config, error_m=1.0, fall_m_s=0.0, changes={"error_m": 1.0})
+    gate.vehicle.follows = 0.0  # and so proves nothing
+    gate.until(GateState.SERVO).run(1.5)
+    assert gate.setpoints[-1][1].forward_m_s == pytest.approx(speed_m_s)
+
+
+def test_leaving_ready_streams_zeros_for_exactly_as_long_as_a_heartbeat_counts():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    gate.vehicle.battery = 0.1
+    gate.until(GateState.PREFLIGHT, 1.0).run(3.0)
+    assert gate.setpoints[-1] == (gate.last.t_ns + TIMING.mode_known_ns, ZERO)
+
+
+def test_an_abort_streams_zeros_for_exactly_as_long_as_a_heartbeat_counts():
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.vehicle.obeys = gate.vehicle.sends_heartbeat = False
+    gate.send([Stop(gate.now_ns, "")])
+    begin_ns = gate.now_ns
+    gate.run(3.0)
+    assert gate.setpoints[-1] == (begin_ns + TIMING.mode_known_ns, ZERO)
+
+
+@pytest.mark.parametrize(("age_ns", "asks"), [(0, True), (1, False)])
+def test_hold_is_asked_for_by_a_heartbeat_that_still_counts(age_ns, asks):
+    gate = Rehearsal().until(GateState.SERVO)
+    beat_ns = gate.machine.vehicle.heartbeat.t_ns
+    gate.vehicle.sends_heartbeat = False
+    while gate.now_ns < beat_ns + TIMING.mode_known_ns - TICK_NS:
+        gate.tick()
+    gate.now_ns = beat_ns + TIMING.mode_known_ns + age_ns
+    output = gate.send([Stop(gate.now_ns, "")])
+    assert output.mode_request is (ModeRequest.HOLD if asks else None)
