@@ -21,7 +21,10 @@ from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.poses import invert_pose
 
 GUESS_NS = 1_500_000_000
-"""How long a good frame leads to the goal; a vehicle that sees none brakes."""
+"""How long a search goes by a good frame; a vehicle that sees no goal brakes."""
+
+TRIED_NS = 15_000_000_000
+"""How long a good frame is tried before a search: on a slow computer a search takes seconds."""
 
 _CLEAR_SHARE = 0.45
 """Share of sure pixels from which on the flow of a frame is guess enough for the next."""
@@ -98,7 +101,7 @@ class GoalTracker:
             Of the frame before, on the grid.
         """
         last = self._last
-        if last is None or t_capture_ns - last.t_capture_ns > GUESS_NS:
+        if last is None or t_capture_ns - last.t_capture_ns > TRIED_NS:
             return self._matcher.match(prepared, self._goal)
         flow = self._matcher.track(prepared, self._goal, last.flow)
         if flow is None and depth is not None:
@@ -106,6 +109,8 @@ class GoalTracker:
             flow = self._foretell(prepared, last.T_goal_current @ T_last_current, depth)
         if flow is not None:
             return flow
+        if t_capture_ns - last.t_capture_ns > GUESS_NS:
+            return self._matcher.match(prepared, self._goal)
         if self._is_lost:
             return self._matcher.match(prepared, self._goal, last.flow)
         return FlowField(last.flow.flow, np.zeros_like(last.flow.confidence))

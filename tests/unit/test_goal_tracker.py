@@ -7,7 +7,7 @@ import pytest
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import DepthMap, FlowField
-from dfvs_core.goal_tracker import GUESS_NS, GoalTracker, GoodLook
+from dfvs_core.goal_tracker import GUESS_NS, TRIED_NS, GoalTracker, GoodLook
 from dfvs_core.matching.matcher import Prepared
 from dfvs_core.poses import make_pose
 
@@ -32,14 +32,19 @@ class Matcher:
     holds: list[bool]
     share: float = 0.3
     guesses: list[float | None] = field(default_factory=list)
-    searches: int = 0
+    starts: list[float | None] = field(default_factory=list)
+    """What the searches began from."""
+
+    @property
+    def searches(self):
+        return len(self.starts)
 
     def track(self, current, other, guess):
         self.guesses.append(float(np.median(guess.flow[..., 0])))
         return flow(self.guesses[-1], self.share) if self.holds.pop(0) else None
 
     def match(self, current, other, guess=None):
-        self.searches += 1
+        self.starts.append(None if guess is None else float(np.median(guess.flow[..., 0])))
         return flow(99.0)
 
 
@@ -88,11 +93,27 @@ def test_a_goal_that_is_seen_again_may_be_missed_once_again():
     assert matcher.searches == 0
 
 
-@pytest.mark.parametrize(("t_ns", "tracked"), [(GUESS_NS, 1), (GUESS_NS + 1, 0)])
-def test_a_look_leads_for_a_while_only(t_ns, tracked):
+@pytest.mark.parametrize(("t_ns", "tracked"), [(TRIED_NS, 1), (TRIED_NS + 1, 0)])
+def test_a_look_is_tried_for_a_while_only(t_ns, tracked):
+    """As long as a search takes on a slow computer, or it would search for ever."""
     matcher = Matcher([True])
     tracker(matcher).match(FRAME, t_ns, moved(0.0), DEPTH)
     assert (len(matcher.guesses), matcher.searches) == (tracked, 1 - tracked)
+
+
+@pytest.mark.parametrize(("t_ns", "start"), [(GUESS_NS, -7.0), (GUESS_NS + 1, None)])
+def test_a_search_goes_by_a_recent_look_only(t_ns, start):
+    matcher = Matcher([False, False])
+    eye = tracker(matcher)
+    eye.remember(None)
+    eye.match(FRAME, t_ns, moved(0.0), DEPTH)
+    assert matcher.starts == [start]
+
+
+def test_a_frame_long_after_a_look_is_searched_at_once():
+    matcher = Matcher([False, False])
+    tracker(matcher).match(FRAME, GUESS_NS + 1, moved(0.0), DEPTH)
+    assert matcher.starts == [None]
 
 
 def test_without_a_look_everything_is_searched():

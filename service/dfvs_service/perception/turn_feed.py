@@ -53,14 +53,15 @@ class TurnFeed:
         self._waiting_bytes = 0
         self._closed = False
         self.dropped = 0
+        # Without its opening no turn can be read. This thread may block, up to the lease of a
+        # recorder that hangs; the queue then drops.
         self._openings = zenoh.ext.declare_advanced_publisher(
             session,
             topics.telemetry("opening"),
-            congestion_control=zenoh.CongestionControl.DROP,
+            congestion_control=zenoh.CongestionControl.BLOCK,
             cache=zenoh.ext.CacheConfig(max_samples=1),
             publisher_detection=True,
         )
-        # This thread may block, up to the lease of a recorder that hangs; the queue then drops.
         self._turns = session.declare_publisher(
             topics.telemetry("turn"),
             congestion_control=zenoh.CongestionControl.BLOCK,

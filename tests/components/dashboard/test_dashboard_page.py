@@ -14,7 +14,7 @@ sync_api = pytest.importorskip("playwright.sync_api")
 
 NAMES = ("chromium", "chromium-browser", "google-chrome")
 CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
-PATIENCE_MS = 20_000
+PATIENCE_MS = 60_000
 
 pytestmark = pytest.mark.skipif(
     CHROMIUM is None, reason="no Chromium on this machine (Debian: apt-get install chromium)"
@@ -120,6 +120,7 @@ def test_pictures_and_numbers_move_and_nothing_comes_from_elsewhere(server, fiel
 def test_flow_confidence_and_ways_to_compare_change_the_picture(server, field, open_page):
     page = open_page(server.url)
     watch(page, "swift")
+    page.wait("() => Object.values(dfvsScreen().has).every(Boolean)")
     field.swift.is_paused = True
     try:
         page.wait("() => !document.getElementById('view-notice').hidden")

@@ -77,10 +77,14 @@ def test_metrics_are_scraped_over_http(service):
                 assert response.headers["Content-Type"].startswith("text/plain")
                 return response.read().decode()
 
-        serving = 'dfvs_gate_state{state="SERVO",vehicle="bottled"} 1'
-        text = until(scrape, lambda text: "capture_to_report" in text and serving in text)
-    assert re.search(r'dfvs_error_meters\{vehicle="bottled"\} 0.25', text)
-    assert re.search(r'dfvs_telemetry_unreadable_total\{vehicle="bottled"\} [1-9]', text)
+        asked = (
+            r"capture_to_report",
+            r'dfvs_gate_state\{state="SERVO",vehicle="bottled"\} 1',
+            r'dfvs_error_meters\{vehicle="bottled"\} 0.25',
+            r'dfvs_telemetry_unreadable_total\{vehicle="bottled"\} [1-9]',
+        )
+        # The samples were put a moment ago, each on a key of its own.
+        until(scrape, lambda text: all(re.search(one, text) for one in asked))
     assert metrics.code == 0
 
 

@@ -46,13 +46,15 @@ export class View {
     return this.#captureMs;
   }
 
-  /** Frames a second and delay from capture to screen over the last seconds. */
+  /** Which pictures and flow are here to be shown, frames a second and delay from capture to screen
+   * over the last seconds. */
   get stats() {
     const since = performance.now() - 3000;
     const drawn = this.#drawnAt.filter((t) => t > since).length;
     const delays = [...this.#delays].sort((a, b) => a - b);
     const at = (share) => (delays.length ? delays[Math.floor(share * (delays.length - 1))] : null);
-    return { frames: this.frames, fps: drawn / 3, p50Ms: at(0.5), p99Ms: at(0.99) };
+    const has = { view: !!this.#bitmaps[PICTURE.VIEW], goal: !!this.#bitmaps[PICTURE.GOAL], flow: !!this.#flow };
+    return { has, frames: this.frames, fps: drawn / 3, p50Ms: at(0.5), p99Ms: at(0.99) };
   }
 
   /** Forget everything: another vehicle is watched. */
