@@ -14,6 +14,9 @@ from dfvs_core.matching.warping import compose, lands_inside, pixel_grid, sample
 
 _ROAM_PX = 4.0
 
+_THERE_ROUNDS, _BACK_ROUNDS = 10, 4
+"""Rounds of smoothing, half of the time of a search. The way back is a witness only."""
+
 _GAIN_LIMITS = (0.5, 2.0)
 _GAIN_STRIDE = 4
 _GAIN_ROUNDS = 3
@@ -22,7 +25,7 @@ _FEWEST_GREYS = 100
 
 def glance(current: ImageArray, other: ImageArray) -> FlowField:
     """Flow of small motion between two grey pictures (H, W), coarse but quick."""
-    return _refine(current, other, _still(current), _coarse_search())
+    return _refine(current, other, _still(current), _coarse_search(), _coarse_search())
 
 
 def refine(current: ImageArray, other: ImageArray, start: Float32Array) -> FlowField:
@@ -31,31 +34,35 @@ def refine(current: ImageArray, other: ImageArray, start: Float32Array) -> FlowF
     The other picture is warped by ``start`` and its brightness fitted, dense inverse search
     finds what is left of the motion, both ways, and the flows are chained.
     """
-    return _refine(current, other, start, _fine_search())
+    searches = _fine_search(_THERE_ROUNDS), _fine_search(_BACK_ROUNDS)
+    return _refine(current, other, start, *searches)
 
 
 def _refine(
-    current: ImageArray, other: ImageArray, start: Float32Array, dis: cv2.DISOpticalFlow
+    current: ImageArray,
+    other: ImageArray,
+    start: Float32Array,
+    way_there: cv2.DISOpticalFlow,
+    way_back: cv2.DISOpticalFlow,
 ) -> FlowField:
     at = pixel_grid(current.shape[:2])
     aligned = _fit_brightness(current, sample(other, at + start), lands_inside(start))
-    there = _search(dis, current, aligned)
-    back = _search(dis, aligned, current)
+    there = _search(way_there, current, aligned)
+    back = _search(way_back, aligned, current)
     flow = compose(there, start)
     confidence = returns(there, back) * looks_alike(current, sample(aligned, at + there))
     confidence *= _stays_near(there) * stays_inside(flow)
     return FlowField(flow, confidence)
 
 
-def _fine_search() -> cv2.DISOpticalFlow:
-    """Dense inverse search (Kroeger et al. 2016) down to half resolution.
+def _fine_search(rounds: int) -> cv2.DISOpticalFlow:
+    """Dense inverse search (Kroeger et al. 2016) down to half resolution, smoothed.
 
-    Twice as smooth as OpenCV's preset, with twice the iterations to get there: plain walls
-    say little, and what they say is noise.
+    Twice as smooth as OpenCV's preset: plain walls say little, and what they say is noise.
     """
     dis = cv2.DISOpticalFlow.create(cv2.DISOPTICAL_FLOW_PRESET_MEDIUM)
     dis.setVariationalRefinementAlpha(40.0)
-    dis.setVariationalRefinementIterations(10)
+    dis.setVariationalRefinementIterations(rounds)
     return dis
 
 

@@ -6,6 +6,7 @@ as in ours (at 0.5, 0.5); homographies in here act on OpenCV's.
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import TypeVar, cast
 
@@ -17,11 +18,17 @@ from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 Values = TypeVar("Values", ImageArray, Float32Array)
 
 
+@functools.lru_cache(maxsize=8)
 def pixel_grid(size: tuple[int, int]) -> Float32Array:
-    """Coordinates (H, W, 2) as (u, v) of the pixels' centres, the first one at (0, 0)."""
+    """Coordinates (H, W, 2) as (u, v) of the pixels' centres, the first one at (0, 0).
+
+    Kept for the next frame, and therefore read-only.
+    """
     height, width = size
     u, v = np.arange(width, dtype=np.float32), np.arange(height, dtype=np.float32)
-    return np.stack(np.meshgrid(u, v), axis=-1)
+    grid = np.stack(np.meshgrid(u, v), axis=-1)
+    grid.flags.writeable = False
+    return grid
 
 
 def sample(values: Values, at: Float32Array) -> Values:

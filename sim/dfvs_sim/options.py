@@ -19,9 +19,12 @@ def add_scene_option(parser: argparse.ArgumentParser) -> None:
     )
 
 
-def add_camera_options(parser: argparse.ArgumentParser) -> None:
-    """Add ``--size`` and ``--fov``."""
-    parser.add_argument("--size", default="320x240", metavar="WxH", help="picture size in px")
+def add_camera_options(
+    parser: argparse.ArgumentParser, size: str = "320x240", what: str = "picture size in px"
+) -> None:
+    """Add ``--size``, with its default and help, and ``--fov``."""
+    help_text = f"{what} (default: %(default)s)"
+    parser.add_argument("--size", default=size, metavar="WxH", help=help_text)
     parser.add_argument(
         "--fov", type=float, default=75.0, metavar="DEG", help="horizontal field of view"
     )

@@ -21,6 +21,10 @@ from dfvs_sim.render.renderer import Renderer
 CameraPoses = Callable[[int], FloatArray | None]
 """``T_scene_camera`` (4, 4) at a monotonic time in ns, None where it is not known."""
 
+_LONGEST_LEAD_NS = 100_000_000
+_LEAD_SHARE = 0.1
+"""Share of the last picture in the estimate of how long one takes."""
+
 Publish = Callable[[bytes, bytes, str], None]
 """Takes payload, attachment and the encoding's name of a frame."""
 
@@ -39,6 +43,9 @@ class MockCameraConfig:
 
 class MockCamera:
     """Renders and publishes frames until stopped.
+
+    A picture shows the moment at which it is ready, by the pose foretold for then: how long a
+    machine renders is no latency of the camera, up to a tenth of a second.
 
     Parameters
     ----------
@@ -65,6 +72,7 @@ class MockCamera:
         self._rng = np.random.default_rng(config.seed)
         self._noise = SensorNoise.make(config.camera.size, config.noise, self._rng)
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self._lead_ns = 0
         self.frames = 0
 
     def run(self, stop: threading.Event) -> None:
@@ -72,11 +80,15 @@ class MockCamera:
         period_ns = round(1e9 / self._config.rate_hz)
         due_ns = time.monotonic_ns()
         while not stop.wait(max(due_ns - time.monotonic_ns(), 0) * 1e-9):
-            self.shoot(time.monotonic_ns())
+            begun_ns = time.monotonic_ns()
+            self.shoot(begun_ns + self._lead_ns)
+            taken_ns = time.monotonic_ns() - begun_ns
+            lead_ns = self._lead_ns + _LEAD_SHARE * (taken_ns - self._lead_ns)
+            self._lead_ns = min(round(lead_ns), _LONGEST_LEAD_NS)
             due_ns = max(due_ns + period_ns, time.monotonic_ns())
 
     def shoot(self, t_ns: int) -> None:
-        """Take the picture of time t_ns and publish it, if the pose is known."""
+        """Take the picture of time t_ns, not before it, and publish it, if the pose is known."""
         T_scene_camera = self._poses(t_ns)
         if T_scene_camera is None:
             return
@@ -86,6 +98,7 @@ class MockCamera:
         payload, attachment = encode_frame(
             frame, self._config.pixel_format, self._clock, self._config.quality
         )
+        time.sleep(max(t_ns - time.monotonic_ns(), 0) * 1e-9)
         self._publish(payload, attachment, ENCODINGS[self._config.pixel_format])
         self.frames += 1
 

@@ -10,6 +10,7 @@ from pathlib import Path
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_sim.demo.cameras import CAMERAS
 from dfvs_sim.demo.flight import Flight, FlightOptions
+from dfvs_sim.demo.pace import affordable_size, match_ms
 from dfvs_sim.demo.plan import FlightPlan, make_plan, parse_camera_pose
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results import replace_json, write_results
@@ -21,6 +22,8 @@ from dfvs_sim.scene.glb import load_glb
 
 DOORWAY_ROUTE = ("0,-2,-1.3,90", "0,-1,-1.3,77", "0.1,-0.15,-1.3,47", "0.2,0.7,-1.3,16")
 """Start and goals in the two rooms: eastwards through the doorway, then round to the north."""
+
+AUTO = "auto"
 
 EXIT_OK, EXIT_NOT_REACHED, EXIT_CANNOT_RUN = 0, 1, 2
 _EPILOG = """examples:
@@ -57,7 +60,8 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_scene_option(parser)
-    add_camera_options(parser)
+    what = "picture size in px, or auto: what this machine can compare in time"
+    add_camera_options(parser, AUTO, what)
     add = parser.add_argument
     add("--seed", type=int, default=0, help="draws start and goal, and the noise")
     add("--runs", type=int, default=1, metavar="N", help="fly N seeds, one after the other")
@@ -73,7 +77,7 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="fly through a doorway by three goals; the last one is out of sight at the start",
     )
-    add("--rate", type=float, default=20.0, metavar="HZ", help="frames a second")
+    add("--rate", type=float, default=15.0, metavar="HZ", help="frames a second")
     add("--timeout", type=float, default=90.0, metavar="S", help="give up a flight after so long")
     add("--ready", type=float, default=40.0, metavar="S", help="wait so long for the service")
     add(
@@ -95,6 +99,8 @@ def _parser() -> argparse.ArgumentParser:
 def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
     if args.runs < 1:
         raise ConfigError(f"--runs is {args.runs}", "1 or more")
+    if args.size == AUTO:
+        args.size = _measured_size(progress)
     camera = camera_from(args)
     if args.route:
         _take_route(args)
@@ -112,6 +118,14 @@ def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
     if args.runs > 1:
         _print_table(summaries)
     return EXIT_OK if all(s.converged for s in summaries) else EXIT_NOT_REACHED
+
+
+def _measured_size(progress: Progress) -> str:
+    """Size of the pictures by what this machine takes for a match."""
+    taken_ms = match_ms()
+    size = "{}x{}".format(*affordable_size(taken_ms))
+    progress.say(f"{taken_ms:.0f} ms a match on this machine: pictures of {size} (--size)")
+    return size
 
 
 def _take_route(args: argparse.Namespace) -> None:

@@ -16,6 +16,7 @@ from dfvs_core.wire.picture import encode_png
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, Publish
 from dfvs_sim.demo.cameras import CameraLink, camera_link
 from dfvs_sim.demo.children import Child
+from dfvs_sim.demo.pace import service_threads
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.ports import LOOPBACK, FlightPorts
 from dfvs_sim.demo.track import Track
@@ -57,7 +58,7 @@ class FlightOptions:
     height_m: float = 1.5
     timeout_s: float = 90.0
     ready_s: float = 40.0
-    rate_hz: float = 20.0
+    rate_hz: float = 15.0
     autopilot: str | None = None
     ground: str | None = None
     service: tuple[str, ...] = ()
@@ -203,6 +204,7 @@ class Flight:
             *("dfvs_service.cli", "--goal", *map(str, self._goal_pictures())),
             *("--vehicle", VEHICLE_NAME, "--mavlink", mavlink),
             *("--set", f'zenoh.listen=["{self._ports.zenoh_endpoint}"]'),
+            *("--set", f"flow.threads={service_threads()}"),
             *self._link.service_words,
             *self._options.service,
         ]

@@ -1,0 +1,55 @@
+"""Pictures that this machine can compare in time, beside drawing them and flying the vehicle."""
+
+from __future__ import annotations
+
+import os
+import time
+
+import cv2
+import numpy as np
+
+from dfvs_core.arrays import ImageArray
+from dfvs_models import DEFAULT_MATCHER
+from dfvs_models.catalog import load_matcher
+
+SIZES = (((320, 240), 28.0), ((256, 192), 40.0), ((192, 144), np.inf))
+"""Picture sizes, and how long a match of the largest one may take for each, ms."""
+
+_FRAMES = 9
+_SHIFT_PX = 3
+
+
+def service_threads() -> int:
+    """Threads for the comparison: one where the simulation needs the only other core."""
+    return 1 if (os.cpu_count() or 1) <= 2 else 2
+
+
+def match_ms() -> float:
+    """Time to follow the goal in a picture of the largest size, ms: median of a few."""
+    matcher = load_matcher(DEFAULT_MATCHER, service_threads())
+    picture = _picture()
+    goal = matcher.prepare(picture)
+    moved = np.roll(picture, _SHIFT_PX, axis=1)
+    flow = matcher.match(matcher.prepare(moved), goal)
+    times = []
+    for _ in range(_FRAMES):
+        begin = time.perf_counter()
+        matcher.track(matcher.prepare(moved), goal, flow)
+        times.append(time.perf_counter() - begin)
+    return 1000.0 * float(np.median(times))
+
+
+def affordable_size(taken_ms: float) -> tuple[int, int]:
+    """Width and height of the largest pictures for which a machine is quick enough."""
+    return next(size for size, most_ms in SIZES if taken_ms <= most_ms)
+
+
+def _picture() -> ImageArray:
+    """Picture (H, W, 3) with detail at several scales."""
+    (width, height), _ = SIZES[0]
+    rng = np.random.default_rng(0)
+    total = np.zeros((height, width, 3), np.float32)
+    for cells in (10, 20, 40, 80):
+        noise = rng.normal(size=(3 * cells // 4, cells, 3)).astype(np.float32)
+        total += cv2.resize(noise, (width, height), interpolation=cv2.INTER_CUBIC)
+    return np.asarray(np.clip(128.0 + 30.0 * total, 0.0, 255.0), np.uint8)
