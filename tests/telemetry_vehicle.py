@@ -63,6 +63,8 @@ class TelemetryVehicle:
         self.pictures = Pictures(CLOCK, 0.3, 70)
         self.goal, self.views, self.flows = approach()
         self.is_paused = False
+        self.halfway = threading.Event()
+        """Set by every frame that the goal is neither near nor far in."""
         self.seq = 0
         self.orders = []
         now_ns = time.monotonic_ns()
@@ -103,6 +105,12 @@ class TelemetryVehicle:
             self.goals.append(GoalOrder.from_bytes(data))
         self.orders.append(verdict.text)
 
+    def pause_halfway(self):
+        """Send no more frames, after one that has a flow to be seen."""
+        self.halfway.clear()
+        assert self.halfway.wait(2 * LAP_S)
+        self.is_paused = True
+
     def enter(self, state, cause):
         self.state, self.cause, self.since_ns = state, cause, time.monotonic_ns()
 
@@ -116,6 +124,8 @@ class TelemetryVehicle:
         t_ns = time.monotonic_ns()
         t_s = (t_ns - self.started_ns) * 1e-9
         left = 0.5 + 0.5 * math.cos(2 * math.pi * t_s / LAP_S)
+        if 0.4 < left < 0.6:
+            self.halfway.set()
         index = round((1.0 - left) * (PICTURES - 1))
         frame = Frame(self.views[index], t_ns, self.seq)
         payload, attachment = encode_frame(frame, self.pixel_format, CLOCK)

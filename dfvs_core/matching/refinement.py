@@ -14,7 +14,7 @@ from dfvs_core.matching.warping import compose, lands_inside, pixel_grid, sample
 
 _ROAM_PX = 4.0
 
-_THERE_ROUNDS, _BACK_ROUNDS = 10, 4
+_THERE_ROUNDS, _BACK_ROUNDS = 10, 6
 """Rounds of smoothing, half of the time of a search. The way back is a witness only."""
 
 _GAIN_LIMITS = (0.5, 2.0)

@@ -18,22 +18,13 @@ FAR_DISTANCE = 0.15
 """Distance to the goal, over the depth of the scene, from which on it does so too."""
 
 
-CLEAR_SHARE = 0.8
-"""Share of the points that a pose must explain to need no other one beside it."""
-
-
 def find_goal(task: ServoTask, points: ServoPoints, T_guess: FloatArray | None) -> GoalPose:
-    """Goal pose from the last frame's result and, unless that is clear, from scratch.
-
-    The better one counts.
-    """
+    """Goal pose from the last frame's result and from scratch; the better one counts."""
     noise = task.config.flow_noise_px / task.camera.fx
-    if T_guess is None:
-        return estimate_goal_pose(points, task.basis, noise)
-    warm = estimate_goal_pose(points, task.basis, noise, T_guess)
-    if warm.inlier_share >= CLEAR_SHARE:
-        return warm
     fresh = estimate_goal_pose(points, task.basis, noise)
+    if T_guess is None:
+        return fresh
+    warm = estimate_goal_pose(points, task.basis, noise, T_guess)
     return warm if warm.residual < fresh.residual else fresh
 
 

@@ -21,7 +21,7 @@ from dfvs_core.servo.law import normal_equations
 from dfvs_core.servo.points import ServoPoints
 from dfvs_core.servo.weights import tukey_weights, weighted_median
 
-MIN_DEPTH_M = 0.05
+_MIN_DEPTH_M = 0.05
 _DAMPING = 1e-3
 _CONVERGED = 1e-4
 """Step, m or rad, that changes nothing any more."""
@@ -112,7 +112,7 @@ def _project(T_current_goal: FloatArray, P: FloatArray) -> tuple[FloatArray, Flo
     """Normalised coordinates (N, 2) and depth (N,) of current points in the goal camera."""
     T = invert_pose(T_current_goal)
     Q = P @ T[:3, :3].T + T[:3, 3]
-    z = np.maximum(Q[:, 2], MIN_DEPTH_M)
+    z = np.maximum(Q[:, 2], _MIN_DEPTH_M)
     return Q[:, :2] / z[:, None], z
 
 

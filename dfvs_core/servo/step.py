@@ -24,7 +24,7 @@ from dfvs_core.servo.law import NormalEquations
 from dfvs_core.servo.level import level_points
 from dfvs_core.servo.motion import distance_and_angle, find_goal, wanted_motion
 from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
-from dfvs_core.servo.pose import MIN_DEPTH_M, GoalPose, estimate_goal_pose
+from dfvs_core.servo.pose import GoalPose, estimate_goal_pose
 from dfvs_core.servo.stop import (
     ErrorScore,
     StopState,
@@ -81,8 +81,7 @@ def servo_step(
 
     # 5. Judge.
     error_m, error_rad = distance_and_angle(task, pose)
-    depth_m = weighted_median(points.z_m, points.weight)
-    scale_free_error = _scale_free_error(task, matched, pose, depth_m)
+    scale_free_error = _scale_free_error(task, matched)
     score = ErrorScore(
         inputs.t_capture_ns, error_score(error_m, error_rad, task.config), scale_free_error
     )
@@ -104,7 +103,7 @@ def servo_step(
         inlier_share=pose.inlier_share,
         overlap=overlap,
         condition=equations.condition,
-        depth_m=depth_m,
+        depth_m=weighted_median(points.z_m, points.weight),
         reached=flown and residual_px < task.config.tolerance_px and is_reached(stop, speed, asked),
     )
     return result, ServoState(depth_state, depth, pose.T_current_goal, stop)
@@ -151,21 +150,15 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
     )
 
 
-def _scale_free_error(
-    task: ServoTask, points: ServoPoints, pose: GoalPose, depth_m: float
-) -> float:
+def _scale_free_error(task: ServoTask, points: ServoPoints) -> float:
     """Distance over depth plus angle to the goal, of a scene taken for a wall at one metre.
 
     Of all that was matched: who is out of line with the true scene changes as its depth is learnt.
-    The search begins at the true scene's ``pose``, brought to a depth of one metre.
     """
     ones = np.ones(len(points.xy))
     wall = replace(points, z_m=ones, depth_spread=0.0 * ones)
     noise = task.config.flow_noise_px / task.camera.fx
-    T_guess = pose.T_current_goal.copy()
-    T_guess[:3, 3] /= max(depth_m, MIN_DEPTH_M)
-    found = estimate_goal_pose(wall, task.basis, noise, T_guess)
-    distance, angle = distance_and_angle(task, found)
+    distance, angle = distance_and_angle(task, estimate_goal_pose(wall, task.basis, noise))
     return distance + angle
 
 

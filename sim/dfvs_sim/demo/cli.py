@@ -10,7 +10,7 @@ from pathlib import Path
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_sim.demo.cameras import CAMERAS
 from dfvs_sim.demo.flight import Flight, FlightOptions
-from dfvs_sim.demo.pace import affordable_size, match_ms
+from dfvs_sim.demo.pace import SIZES, affordable_size, as_text, match_ms
 from dfvs_sim.demo.plan import FlightPlan, make_plan, parse_camera_pose
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results import replace_json, write_results
@@ -99,8 +99,9 @@ def _parser() -> argparse.ArgumentParser:
 def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
     if args.runs < 1:
         raise ConfigError(f"--runs is {args.runs}", "1 or more")
-    if args.size == AUTO:
-        args.size = _measured_size(progress)
+    is_size_open = args.size == AUTO
+    if is_size_open:
+        args.size = as_text(SIZES[0][0])
     camera = camera_from(args)
     if args.route:
         _take_route(args)
@@ -109,6 +110,10 @@ def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
     if args.json is not None and not args.json.absolute().parent.is_dir():
         raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
+    if is_size_open:
+        make_plan(renderer, camera, args.seed, start, goals)  # what cannot be flown is said first
+        args.size = _measured_size(progress)
+        camera = camera_from(args)
     summaries = []
     for seed in range(args.seed, args.seed + args.runs):
         plan = make_plan(renderer, camera, seed, start, goals)
@@ -123,7 +128,7 @@ def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
 def _measured_size(progress: Progress) -> str:
     """Size of the pictures by what this machine takes for a match."""
     taken_ms = match_ms()
-    size = "{}x{}".format(*affordable_size(taken_ms))
+    size = as_text(affordable_size(taken_ms))
     progress.say(f"{taken_ms:.0f} ms a match on this machine: pictures of {size} (--size)")
     return size
 

@@ -44,6 +44,11 @@ def affordable_size(taken_ms: float) -> tuple[int, int]:
     return next(size for size, most_ms in SIZES if taken_ms <= most_ms)
 
 
+def as_text(size: tuple[int, int]) -> str:
+    """Size as ``--size`` takes it."""
+    return f"{size[0]}x{size[1]}"
+
+
 def _picture() -> ImageArray:
     """Picture (H, W, 3) with detail at several scales."""
     (width, height), _ = SIZES[0]

@@ -121,7 +121,7 @@ def test_flow_confidence_and_ways_to_compare_change_the_picture(server, field, o
     page = open_page(server.url)
     watch(page, "swift")
     page.wait("() => Object.values(dfvsScreen().has).every(Boolean)")
-    field.swift.is_paused = True
+    field.swift.pause_halfway()
     try:
         page.wait("() => !document.getElementById('view-notice').hidden")
         seen = {page.pixels()["hash"]}
