@@ -81,7 +81,7 @@ def summarise(log: FlightLog) -> FlightSummary:
         latency_ms=_latency_ms(log, setpoints),
         stages_ms=log.watch.timing.get("stages", {}),
         max_setpoint_gap_ms=_max_setpoint_gap_ms(setpoints),
-        states=[state for _, state in log.watch.states],
+        states=[state for t_ns, state in log.watch.states if t_ns <= log.ended_ns],
     )
 
 
