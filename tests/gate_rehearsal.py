@@ -49,6 +49,8 @@ class Vehicle:
     sends_heartbeat: bool = True
     sends_attitude: bool = True
     sends_position: bool = True
+    sends_status: bool = True
+    parameters_told: bool = True
     obeys: bool = True
     follows: float = 1.0
     """Share of a setpoint that it flies, at once."""
@@ -119,13 +121,14 @@ class Rehearsal:
     def nominal(self) -> list[Event]:
         """Everything that arrives in one tick of an undisturbed flight."""
         v, now = self.vehicle, self.now_ns
-        events: list[Event] = [
-            LandedState(now, v.in_air, not v.in_air),
-            Battery(now, v.battery),
-            Health(now, v.healthy, "" if v.healthy else "not healthy: gyroscope", v.can_arm),
-            EstimatorState(now, valid=True),
-            ParametersRead(now),
-        ]
+        events: list[Event] = [ParametersRead(now)] if v.parameters_told else []
+        if v.sends_status:
+            events += [
+                LandedState(now, v.in_air, not v.in_air),
+                Battery(now, v.battery),
+                Health(now, v.healthy, "" if v.healthy else "not healthy: gyroscope", v.can_arm),
+                EstimatorState(now, valid=True),
+            ]
         if v.sends_attitude:
             events.append(Attitude(now, v.roll_rad, 0.0, self.yaw_rad))
         if v.sends_position:

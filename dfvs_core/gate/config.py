@@ -39,7 +39,10 @@ class GateTiming:
     clock_skew_ns: int = 5 * MS
     heartbeat_age_ns: int = 2 * S
     telemetry_age_ns: int = 500 * MS
-    health_age_ns: int = 2 * S
+    status_age_ns: int = 2 * S
+    """Of what the autopilot tells less often: its estimator's flags, sensors, battery, landing."""
+    parameters_age_ns: int = 30 * S
+    """Failsafe parameters read longer ago may have been changed since."""
     stall_ns: int = 150 * MS
     """A gate that was away for longer let the stream pause, and stops."""
     slew_step_ns: int = 100 * MS

@@ -67,25 +67,21 @@ class VelocityLimits:
     slew_m_s2: float = 0.5
     yaw_slew_rad_s2: float = math.radians(60.0)
 
-    def capped(self, speed_m_s: float) -> VelocityLimits:
-        """Return the same limits with no linear speed above ``speed_m_s``."""
-        return VelocityLimits(
-            min(self.horizontal_m_s, speed_m_s),
-            min(self.vertical_m_s, speed_m_s),
-            self.yaw_rad_s,
-            self.slew_m_s2,
-            self.yaw_slew_rad_s2,
-        )
-
 
 def _ratio(limit: float, value: float) -> float:
     """Factor that takes ``value`` to its limit, 1 where it is within."""
     return limit / value if value > limit else 1.0
 
 
-def saturate(velocity: BodyVelocity, limits: VelocityLimits) -> BodyVelocity:
-    """Scale a finite velocity as a whole until every axis is within its limit."""
+def saturate(
+    velocity: BodyVelocity, limits: VelocityLimits, most_m_s: float = math.inf
+) -> BodyVelocity:
+    """Scale a finite velocity as a whole until every axis is within its limit.
+
+    ``most_m_s`` bounds the length of the linear velocity besides, as in a crawl.
+    """
     factor = min(
+        _ratio(most_m_s, velocity.speed_m_s),
         _ratio(limits.horizontal_m_s, velocity.horizontal_m_s),
         _ratio(limits.vertical_m_s, abs(velocity.down_m_s)),
         _ratio(limits.yaw_rad_s, abs(velocity.yaw_rad_s)),

@@ -72,6 +72,7 @@ class GateMachine:
         self._failing_since: int | None = None
         self._ordered_ns: int | None = None
         self._hold_asked = False
+        self._is_stopped = False
         self._transitions: list[Transition] = []
         self._request: ModeRequest | None = None
         self._refusal = ""
@@ -136,6 +137,7 @@ class GateMachine:
             case Order():
                 self._take_order(event)
             case Stop():
+                self._is_stopped = True
                 cause = Cause.UNSUPERVISED if event.unsupervised else Cause.STOPPED
                 self._abort((cause, event.detail))
             case _:
@@ -175,16 +177,24 @@ class GateMachine:
             self._ordered_ns = None
             engagement.is_held = self.state in FLYING
             self._hold_servo((Cause.OPERATOR_HOLD, ""))
+        else:
+            self._take_engage()
+
+    def _take_engage(self) -> None:
+        if self._is_stopped:
+            self._refusal = "rejected: the service is being ended"
         elif self.is_finished:
             self._ordered_ns = self._now
             self._go(GateState.PREFLIGHT, (Cause.OPERATOR_AGAIN, ""))
         elif self.state in (GateState.PREFLIGHT, GateState.READY):
             self._ordered_ns = self._now
-        elif self.state in FLYING and engagement.is_held:
-            engagement.is_held = False
+        elif self.state in FLYING and self._engagement.is_held:
+            self._engagement.is_held = False
             self._since = self._now
         elif self.state is GateState.ABORT:
             self._refusal = "rejected: the flight is still being ended, order it again"
+        elif self.state is GateState.DONE:
+            self._refusal = "rejected: the goal is reached, order another one"
 
     def _take_goal(self, goal: str) -> None:
         """Look for another goal, where nothing moves: checks, overlap and proof begin anew."""

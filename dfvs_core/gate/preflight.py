@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dfvs_core.gate.config import MS, GateConfig
+from dfvs_core.gate.config import MS, GateConfig, S
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.vehicle import (
     NEVER,
@@ -43,16 +43,16 @@ def preflight(
     return (
         _from_fault("link", link_fault(vehicle, config, now_ns), _LINK),
         _from_fault("estimator", estimate_fault(vehicle, config), _ESTIMATOR),
-        _health(vehicle, config, now_ns),
+        _health(vehicle),
         _battery(vehicle, config),
-        _parameters(vehicle),
+        _parameters(vehicle, config, now_ns),
         _advice(vehicle),
         _frames(sight, config, now_ns),
         _overlap(sight, config),
     )
 
 
-_LINK = "check vehicle.mavlink, the cable, and that the autopilot streams attitude and position"
+_LINK = "check vehicle.mavlink, the cable, and that the autopilot streams what is missing"
 _ESTIMATOR = (
     "wait for the autopilot's estimate; give it GNSS, flow or vision, and space to calibrate"
 )
@@ -88,21 +88,19 @@ def _from_fault(name: str, fault: Fault | None, remedy: str, found: str = "") ->
     return Check(name, False, f"{cause}, {detail}" if detail else str(cause), remedy)
 
 
-def _health(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Check:
-    problem = _health_problem(vehicle, config, now_ns)
+def _health(vehicle: VehiclePicture) -> Check:
+    problem = _health_problem(vehicle)
     return Check("health", not problem, problem, _HEALTH if problem else "")
 
 
-def _health_problem(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> str:
+def _health_problem(vehicle: VehiclePicture) -> str:
     if vehicle.heartbeat.failsafe:
         return "autopilot in failsafe"
-    if now_ns - vehicle.health.t_ns > config.timing.health_age_ns:
-        return "no SYS_STATUS heard"
     if not vehicle.health.ok:
         return vehicle.health.detail
     if not vehicle.is_armed and not vehicle.health.can_arm:
         return "the autopilot's checks before arming fail"
-    return "no EXTENDED_SYS_STATE heard" if vehicle.landed.t_ns == NEVER else ""
+    return ""
 
 
 def _battery(vehicle: VehiclePicture, config: GateConfig) -> Check:
@@ -111,11 +109,12 @@ def _battery(vehicle: VehiclePicture, config: GateConfig) -> Check:
     return _from_fault("battery", battery_fault(vehicle, config), _BATTERY, found)
 
 
-def _parameters(vehicle: VehiclePicture) -> Check:
+def _parameters(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Check:
     """Refuse a failsafe that is not known, or that would not bring the vehicle to a stop."""
     read = vehicle.parameters
-    if read.t_ns == NEVER:
-        return Check("parameters", False, "not read back yet", "wait a few seconds")
+    if now_ns - read.t_ns > config.timing.parameters_age_ns:
+        when = "yet" if read.t_ns == NEVER else f"for {(now_ns - read.t_ns) / S:.0f} s"
+        return Check("parameters", False, f"not read back {when}", "wait a few seconds")
     detail = "; ".join(read.refusals)
     return Check("parameters", not detail, detail or read.found, _PARAMETERS if detail else "")
 

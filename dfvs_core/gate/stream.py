@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.limits import ZERO, BodyVelocity, saturate, slew
 
@@ -38,10 +40,9 @@ class SetpointStream:
         if self.is_silent or gap_ns < self._least_gap_ns:
             return None
         limits = self._config.velocity
-        if crawls:
-            limits = limits.capped(self._config.proof_speed_m_s)
+        target = saturate(wanted, limits, self._config.proof_speed_m_s if crawls else math.inf)
         dt_s = min(gap_ns, self._config.timing.slew_step_ns) / S
-        return self._send(slew(self.last, saturate(wanted, limits), dt_s, limits), now_ns)
+        return self._send(slew(self.last, target, dt_s, limits), now_ns)
 
     @property
     def _least_gap_ns(self) -> int:

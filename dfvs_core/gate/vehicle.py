@@ -28,6 +28,8 @@ Fault = tuple[Cause, str]
 NEVER = -(1 << 62)
 """Time of a message that was not heard yet: older than any limit."""
 
+_UNHEARD = "none heard yet"
+
 
 @dataclass(slots=True)
 class VehiclePicture:
@@ -44,8 +46,10 @@ class VehiclePicture:
         default_factory=lambda: LandedState(NEVER, in_air=False, on_ground=False)
     )
     battery: Battery = field(default_factory=lambda: Battery(NEVER, None))
-    health: Health = field(default_factory=lambda: Health(NEVER, ok=False))
-    estimator: EstimatorState = field(default_factory=lambda: EstimatorState(NEVER, valid=True))
+    health: Health = field(default_factory=lambda: Health(NEVER, ok=False, detail=_UNHEARD))
+    estimator: EstimatorState = field(
+        default_factory=lambda: EstimatorState(NEVER, valid=False, detail=_UNHEARD)
+    )
     parameters: ParametersRead = field(default_factory=lambda: ParametersRead(NEVER))
     rivals: Rivals = field(default_factory=Rivals)
     jump_m: float = 0.0
@@ -110,10 +114,16 @@ def link_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Faul
     timing = config.timing
     if now_ns - vehicle.heartbeat.t_ns > timing.heartbeat_age_ns:
         return Cause.HEARTBEAT_LOST, _ago(vehicle.heartbeat.t_ns, now_ns)
-    if now_ns - vehicle.attitude.t_ns > timing.telemetry_age_ns:
-        return Cause.TELEMETRY_LOST, f"attitude, {_ago(vehicle.attitude.t_ns, now_ns)}"
-    if now_ns - vehicle.position.t_ns > timing.telemetry_age_ns:
-        return Cause.TELEMETRY_LOST, f"position, {_ago(vehicle.position.t_ns, now_ns)}"
+    streams = (
+        ("attitude", vehicle.attitude.t_ns, timing.telemetry_age_ns),
+        ("position", vehicle.position.t_ns, timing.telemetry_age_ns),
+        ("estimator's flags", vehicle.estimator.t_ns, timing.status_age_ns),
+        ("sensors and battery", vehicle.health.t_ns, timing.status_age_ns),
+        ("landed state", vehicle.landed.t_ns, timing.status_age_ns),
+    )
+    for name, t_ns, age_ns in streams:
+        if now_ns - t_ns > age_ns:
+            return Cause.TELEMETRY_LOST, f"{name}, {_ago(t_ns, now_ns)}"
     return None
 
 
@@ -156,7 +166,7 @@ def flight_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fa
 
 
 def _ago(t_ns: int, now_ns: int) -> str:
-    return "none heard yet" if t_ns == NEVER else f"last one {(now_ns - t_ns) / S:.2f} s ago"
+    return _UNHEARD if t_ns == NEVER else f"last one {(now_ns - t_ns) / S:.2f} s ago"
 
 
 def _is_finite_attitude(attitude: Attitude) -> bool:

@@ -1,12 +1,13 @@
 """Compressed pictures to pixels, with the size read from the header before anything is decoded.
 
 A few hundred bytes of PNG can unfold to a gigabyte, so no byte is decoded before the header's
-size was found acceptable. Two kinds of pictures take time instead of memory and are refused as
-well: a JPEG of very many scans, and a PNG whose data unfold to more than its pixels.
+size was found acceptable. Some kinds of pictures take time instead of memory and are refused as
+well: a JPEG of very many scans or segments, and a PNG whose data unfold to more than its pixels.
 """
 
 from __future__ import annotations
 
+import re
 import struct
 import zlib
 
@@ -33,6 +34,9 @@ _JPEG_OTHER_SIZE_MARKERS = frozenset(range(0xC3, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_SCAN = b"\xff\xda"
 _MAX_JPEG_SCANS = 64
 """Usual progressive pictures have ten; every scan walks all blocks again for a dozen bytes."""
+_JPEG_FILL = re.compile(rb"\xff+")
+"""A marker may be preceded by any number of them."""
+_MAX_JPEG_SEGMENTS = 1024
 _JPEG_BARE_MARKERS = frozenset({0x01, *range(0xD0, 0xD8)})
 
 
@@ -57,13 +61,15 @@ def picture_size(data: bytes) -> tuple[int, int]:
 def _jpeg_size(data: bytes) -> tuple[int, int]:
     """Walk the segments of a JPEG to its frame header."""
     at = 2
-    while at + 9 <= len(data):
-        if data[at] != 0xFF:
+    for _ in range(_MAX_JPEG_SEGMENTS):
+        fill = _JPEG_FILL.match(data, at)
+        at = at if fill is None else fill.end() - 1
+        if at + 9 > len(data):
+            raise ImageError("the JPEG header is cut short")
+        if fill is None:
             raise ImageError("the JPEG header is damaged")
         marker = data[at + 1]
-        if marker == 0xFF:
-            at += 1
-        elif marker in _JPEG_BARE_MARKERS:
+        if marker in _JPEG_BARE_MARKERS:
             at += 2
         elif marker in _JPEG_SIZE_MARKERS:
             height, width = struct.unpack(">HH", data[at + 5 : at + 9])
@@ -72,7 +78,7 @@ def _jpeg_size(data: bytes) -> tuple[int, int]:
             raise ImageError(f"JPEG of kind 0x{marker:02X}", "a baseline or progressive JPEG")
         else:
             at += 2 + int.from_bytes(data[at + 2 : at + 4], "big")
-    raise ImageError("the JPEG header is cut short")
+    raise ImageError("the JPEG header has too many segments", f"at most {_MAX_JPEG_SEGMENTS}")
 
 
 def decode_picture(data: bytes, max_pixels: int = MAX_PICTURE_PIXELS) -> ImageArray:

@@ -29,6 +29,7 @@ from dfvs_service.goal_file import (
 )
 from dfvs_service.key_file import create_key, load_key
 from dfvs_service.parent import Programs, fly, furnish
+from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.replay_gate import replay_gate
 from dfvs_service.runtime import RuntimeFolder
@@ -201,10 +202,11 @@ def _fly(words: Sequence[str]) -> int:
     if arguments.check:
         return _check(config, first, arguments)
     config, goal = _resolve(config, first)
-    later = [_later_goal(config, picture) for picture in others]
+    later = [_resolve(config, picture)[1] for picture in others]
+    for picture, each in zip((first, *others), (goal, *later), strict=True):
+        _check_camera(config, picture, each)
     _check_model(config)
-    if config.gate.command_key_file:
-        load_key(Path(config.gate.command_key_file))
+    _check_commands(config)
     for line in exposure_warnings(config):
         print(f"warning: {line}", file=sys.stderr)
     with _runtime(arguments.runtime_dir) as runtime:
@@ -240,17 +242,23 @@ def _resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]
     return config, checked_goal(picture, image, sidecar)
 
 
-def _later_goal(config: ServiceConfig, picture: Path) -> Goal:
-    """Goal that follows the first one, checked against the camera of the settings."""
-    _, goal = _resolve(config, picture)
-    flown = config.camera.model()
-    if flown is not None and goal.sidecar.camera.size != flown.size:
+def _check_commands(config: ServiceConfig) -> None:
+    """Refuse a key that cannot be used, and to wait for commands that nobody can sign."""
+    if config.gate.command_key_file:
+        load_key(Path(config.gate.command_key_file))
+    elif config.gate.engage is Engage.COMMAND:
         raise ConfigError(
-            f"the goal picture {picture} is of a camera of {goal.sidecar.camera.width} x "
-            f"{goal.sidecar.camera.height} px",
-            f"{flown.width} x {flown.height} px, as the goals before it",
+            "gate.engage is 'command', but there is no key",
+            "gate.command_key_file",
+            "make one with dfvs-service command new-key, or engage by the pilot's switch",
         )
-    return goal
+
+
+def _check_camera(config: ServiceConfig, picture: Path, goal: Goal) -> None:
+    """Refuse a goal of another camera than the one that flies."""
+    check = camera_check(config, goal)
+    if not check.ok:
+        raise ConfigError(f"goal picture {picture}: {check.detail}", remedy=check.remedy)
 
 
 def _with_announced(config: ServiceConfig, sidecar: GoalSidecar | None) -> ServiceConfig:

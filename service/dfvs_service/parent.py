@@ -26,6 +26,7 @@ from dfvs_service.beat import Beat
 from dfvs_service.child import Child
 from dfvs_service.config import ServiceConfig
 from dfvs_service.console import Display
+from dfvs_service.narrator import Narrator
 from dfvs_service.notify import Notifier
 from dfvs_service.priority import prefer_this_process
 from dfvs_service.runtime import RuntimeFolder
@@ -36,9 +37,12 @@ EXIT_ENDED, EXIT_CANNOT_RUN = 1, 2
 _LOOK_S = 0.02
 _PING_NS = 100 * MS
 _SHOW_NS = 200 * MS
-_STOP_LIMIT_S = 1.8
-_PERCEPTION_STOP_S = 0.4
-_RECORDER_STOP_S = 0.8
+_STOP_LIMIT_S = 1.6
+_END_LIMIT_S = 1.95
+"""From the request to stop until nothing runs any more; the gate's own time comes first."""
+_LEAST_END_S = 0.15
+_QUIET_END_S = 0.8
+_LAST_WORDS_S = 0.3
 _NOTABLE = ("error: ", "warning: ")
 
 
@@ -74,7 +78,7 @@ class Parent:
     """Starts gate and perception in a furnished runtime folder, and watches over them."""
 
     def __init__(self, runtime: RuntimeFolder, programs: Programs, display: Display) -> None:
-        self._display = display
+        self._narrator = Narrator(display)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind(str(runtime.parent_socket))
         self._socket.settimeout(_LOOK_S)
@@ -92,11 +96,16 @@ class Parent:
         self._told: set[str] = set()
         self._next_ping_ns = self._next_show_ns = 0
         self._stop_requested = False
+        self._stop_by_s: float | None = None
+        self.is_heard = True
+        """Whether all that was said has reached the terminal, once ``run`` has ended."""
         self._code: int | None = None
 
     def stop(self, _signal: int, _frame: FrameType | None) -> None:
         """Signal handler: end the flight in an orderly way."""
         self._stop_requested = True
+        if self._stop_by_s is None:
+            self._stop_by_s = time.monotonic() + _END_LIMIT_S
 
     def run(self) -> int:
         """Watch until the gate has ended; returns the service's exit code."""
@@ -137,7 +146,7 @@ class Parent:
                 child.ping()
         if now_ns >= self._next_show_ns:
             self._next_show_ns = now_ns + _SHOW_NS
-            self._show()
+            self._narrator.show(self._beat)
             self._pass_on_errors()
             self._heed_perception()
             self._heed_recorder()
@@ -184,19 +193,19 @@ class Parent:
 
     def _end_all(self) -> None:
         """Leave no process behind, and no error unsaid."""
+        now_s = time.monotonic()
+        until_s = now_s + _QUIET_END_S if self._stop_by_s is None else self._stop_by_s
         # The recorder last: the others have something to say until their end.
-        limits_s = (_STOP_LIMIT_S, _PERCEPTION_STOP_S, _RECORDER_STOP_S)
-        for child, limit_s in zip(self._children.values(), limits_s, strict=False):
+        for child in self._children.values():
             if child.code is None:
                 child.terminate()
-            if not child.wait(limit_s):
+            if not child.wait(max(until_s - time.monotonic(), _LEAST_END_S)):
                 child.kill()
-                child.wait(limit_s)
-        self._show()
+                child.wait(_QUIET_END_S)
+        self._narrator.show(self._beat)
         self._pass_on_errors()
         self._lament()
-        with contextlib.suppress(OSError):
-            self._display.close()
+        self.is_heard = self._narrator.close(_LAST_WORDS_S)
         self._socket.close()
 
     def _pass_on_errors(self) -> None:
@@ -208,16 +217,10 @@ class Parent:
                 if line.startswith(_NOTABLE):
                     self._say(line)
 
-    def _show(self) -> None:
-        # A terminal that is gone must not end a flight.
-        with contextlib.suppress(OSError):
-            self._display.show(self._beat)
-
     def _say(self, line: str) -> None:
         if line not in self._told:
             self._told.add(line)
-            with contextlib.suppress(OSError):
-                self._display.say(line)
+            self._narrator.say(line)
 
 
 def fly(runtime: RuntimeFolder, programs: Programs, display: Display) -> int:
@@ -229,4 +232,7 @@ def supervise(parent: Parent) -> int:
     """Run a parent that ends in an orderly way when it is told to; returns its exit code."""
     for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
         signal.signal(number, parent.stop)
-    return parent.run()
+    code = parent.run()
+    if not parent.is_heard:
+        os._exit(code)  # the interpreter's end would wait for a terminal that takes nothing
+    return code

@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     autopilot = Autopilot(gate.emit, gate.note)
     vehicle = config.vehicle
     start_autopilot(
-        lambda: autopilot.connect(vehicle.mavlink, vehicle.timeout_s), autopilot.prepare, gate.fail
+        lambda: autopilot.connect(vehicle.mavlink, vehicle.timeout_s), autopilot.watch, gate.fail
     )
     try:
         never = config.gate.engage is Engage.NEVER

@@ -40,6 +40,7 @@ from dfvs_service.gate.failsafe import LOSS_ACTION, LOSS_TIME, judge_failsafe
 AUTOPILOT_COMPONENT = 1
 _POLL_S = 0.5
 _READ_AGAIN_S = 1.0
+_READ_EVERY_S = 10.0
 
 Emit = Callable[[VehicleEvent], None]
 Note = Callable[[str, str], None]
@@ -67,7 +68,10 @@ class Autopilot:
         self._mavsdk: Mavsdk | None = None
         self._system: System | None = None
         self._direct: MavlinkDirect | None = None
+        self._param: Param | None = None
         self._system_id = 0
+        self._others: dict[int, MavlinkDirect] = {}
+        """Other systems on this link, by their id: each has a subscription of its own."""
         log_subscribe(self._take_log)
 
     def _take_log(self, level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
@@ -107,6 +111,7 @@ class Autopilot:
         self._system_id = int(self._system.get_system_id())
         direct = MavlinkDirect(self._system)
         self._subscribe(direct)
+        self._param = Param(self._system)
         self._direct = direct
 
     @staticmethod
@@ -132,6 +137,9 @@ class Autopilot:
             self._listen(direct, name, functools.partial(self._take_single, convert))
         self._listen(direct, "SYS_STATUS", self._take_system_status)
         self._listen(direct, "COMMAND_ACK", self._take_ack)
+        self._subscribe_foreign(direct)
+
+    def _subscribe_foreign(self, direct: MavlinkDirect) -> None:
         for name in px4.FOREIGN_SETPOINTS:
             direct.subscribe_message(name, self._take_foreign)
 
@@ -170,25 +178,46 @@ class Autopilot:
     def _take_ack(self, _t_ns: int, fields: Mapping[str, Any]) -> None:
         # Only for the log: PX4 acknowledges a mode change twice, and the first one always says
         # yes. What happened is seen in the heartbeat.
-        self._note("ack", f"command {fields.get('command')} result {fields.get('result')}")
+        if not px4.is_routine(fields):
+            self._note("ack", f"command {fields.get('command')} result {fields.get('result')}")
 
-    def prepare(self) -> None:
-        """Ask for faster telemetry and read the failsafe parameters back; blocks for seconds."""
-        direct, system = self._direct, self._system
-        if direct is None or system is None:
-            return
-        for message_id, interval_us in px4.MESSAGE_INTERVALS_US.items():
-            self._send(
-                "COMMAND_LONG", px4.interval_fields(message_id, interval_us, self._system_id)
-            )
-        param = Param(system)
+    def watch(self) -> None:
+        """Keep telemetry coming, parameters read and other systems heard; never returns.
+
+        All of it again and again: a request may be lost, an autopilot starts anew with other
+        parameters, and a system that sends setpoints need not have been there before.
+        """
+        next_read_s = time.monotonic()
         while True:
-            loss_s = _read(LOSS_TIME, param.get_param_float)
-            action = _read(LOSS_ACTION, param.get_param_int)
-            self._emit(judge_failsafe(time.monotonic_ns(), loss_s, action))
-            if loss_s is not None and action is not None:
-                return
-            time.sleep(_READ_AGAIN_S)
+            self._hear_others()
+            if time.monotonic() >= next_read_s:
+                self._ask_for_telemetry()
+                known = self._read_failsafe()
+                next_read_s = time.monotonic() + (_READ_EVERY_S if known else _READ_AGAIN_S)
+            time.sleep(_POLL_S)
+
+    def _hear_others(self) -> None:
+        """Subscribe to what other systems send: MAVSDK gives a system's own messages alone."""
+        systems = [] if self._mavsdk is None else self._mavsdk.get_systems()
+        for system in systems:
+            number = int(system.get_system_id())
+            if number not in (0, self._system_id, *self._others):
+                self._others[number] = MavlinkDirect(system)
+                self._subscribe_foreign(self._others[number])
+
+    def _ask_for_telemetry(self) -> None:
+        for message_id, interval_us in px4.MESSAGE_INTERVALS_US.items():
+            fields = px4.interval_fields(message_id, interval_us, self._system_id)
+            self._send("COMMAND_LONG", fields)
+
+    def _read_failsafe(self) -> bool:
+        """Read the failsafe parameters back; tell whether the autopilot told them."""
+        if self._param is None:
+            return False
+        loss_s = _read(LOSS_TIME, self._param.get_param_float)
+        action = _read(LOSS_ACTION, self._param.get_param_int)
+        self._emit(judge_failsafe(time.monotonic_ns(), loss_s, action))
+        return loss_s is not None and action is not None
 
     def send_velocity(self, velocity: BodyVelocity) -> None:
         """Send one setpoint."""

@@ -167,9 +167,10 @@ class GateProcess:
         return events
 
     def _warn(self, event: ParametersRead) -> None:
-        self._warnings = (*event.refusals, *event.advice)
+        told, self._warnings = self._warnings, (*event.refusals, *event.advice)
         for line in self._warnings:
-            self._journal.add(event.t_ns, "warning", text=line)
+            if line not in told:
+                self._journal.add(event.t_ns, "warning", text=line)
 
     def _apply(self, output: GateOutput, link: AutopilotLink, now_ns: int) -> None:
         """Send first, log afterwards."""
@@ -244,15 +245,15 @@ class GateProcess:
 
 
 def start_autopilot(
-    connect: Callable[[], None], prepare: Callable[[], None], fail: Callable[[DfvsError], None]
+    connect: Callable[[], None], watch: Callable[[], None], fail: Callable[[DfvsError], None]
 ) -> None:
-    """Run the blocking part of the autopilot's set-up on a thread."""
+    """Connect, and watch what changes slowly, on a thread: both block."""
 
     def work() -> None:
         try:
             connect()
-            prepare()
+            watch()
         except DfvsError as error:
             fail(error)
 
-    threading.Thread(target=work, name="autopilot-setup", daemon=True).start()
+    threading.Thread(target=work, name="autopilot-watch", daemon=True).start()

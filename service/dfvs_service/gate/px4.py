@@ -186,6 +186,11 @@ def interval_fields(message_id: int, interval_us: int, system_id: int) -> dict[s
     return _command(_SET_MESSAGE_INTERVAL, system_id, (float(message_id), float(interval_us)))
 
 
+def is_routine(ack: Mapping[str, Any]) -> bool:
+    """Tell whether COMMAND_ACK grants what is asked for again and again: a message's interval."""
+    return (ack.get("command"), ack.get("result")) == (_SET_MESSAGE_INTERVAL, 0)
+
+
 def _command(number: int, system_id: int, values: tuple[float, ...]) -> dict[str, Any]:
     padded = (*values, *(0.0,) * (7 - len(values)))
     return {

@@ -10,8 +10,8 @@ from dfvs_core.gate.preflight import Check
 from dfvs_core.goal import Goal
 from dfvs_service.config import ServiceConfig
 from dfvs_service.parent import Parent, Programs, furnish, supervise
+from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.ground import (
-    camera_check,
     command_check,
     error_check,
     exposure_checks,

@@ -9,7 +9,6 @@ from pathlib import Path
 
 import numpy as np
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import MS, Engage, GateTiming
 from dfvs_core.gate.preflight import Check
@@ -19,9 +18,6 @@ from dfvs_models.catalog import load_matcher, model_files
 from dfvs_service.config import ServiceConfig
 from dfvs_service.exposure import is_private_mavlink
 from dfvs_service.key_file import load_key
-
-_TOLERANCE = 0.02
-"""Relative difference of two calibrations that are of the same camera."""
 
 _FRAMES = 5
 _SHIFT_PX = 4
@@ -34,35 +30,6 @@ must not be older than the gate accepts."""
 def error_check(name: str, error: DfvsError) -> Check:
     """Line for an error that says itself what to do."""
     return Check(name, False, error.problem, error.remedy or f"expected {error.expected}")
-
-
-def camera_check(config: ServiceConfig, goal: Goal) -> Check:
-    """Compare the camera that flies with the one that took the goal."""
-    flown, taken = config.camera.model(), goal.sidecar.camera
-    if flown is None:
-        flown = taken
-    detail = f"{flown.width} x {flown.height} px, focal length {flown.fx:.0f} px"
-    difference = calibration_difference(flown, taken)
-    if not difference:
-        return Check("camera", True, detail)
-    remedy = "take the goal with the camera that flies, or calibrate again"
-    return Check("camera", False, f"{detail}; {difference}", remedy)
-
-
-def calibration_difference(flown: CameraModel, taken: CameraModel) -> str:
-    """Say in what two calibrations differ more than two of the same camera would; else empty."""
-    if flown.size != taken.size:
-        return f"the goal was taken at {taken.width} x {taken.height} px"
-    pairs = {
-        "focal length": (flown.fx, taken.fx, flown.fx),
-        "vertical focal length": (flown.fy, taken.fy, flown.fy),
-        "principal point's x": (flown.cx, taken.cx, flown.width),
-        "principal point's y": (flown.cy, taken.cy, flown.height),
-    }
-    for name, (here, there, scale) in pairs.items():
-        if abs(here - there) > _TOLERANCE * scale:
-            return f"the goal's {name} is {there:.1f} px, here it is {here:.1f}"
-    return ""
 
 
 def model_check(config: ServiceConfig) -> tuple[Check, Matcher | None]:

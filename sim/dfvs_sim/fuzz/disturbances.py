@@ -62,6 +62,7 @@ class World:
     beats: bool = True
     tells_attitude: bool = True
     tells_position: bool = True
+    tells_status: bool = True
     obeys: bool = True
     sees: bool = True
     latency_ns: int = 40 * MS
@@ -138,6 +139,7 @@ def _telemetry(world: World, dice: Dice) -> World:
         {"beats": False},
         {"tells_attitude": False},
         {"tells_position": False},
+        {"tells_status": False},
         {"roll_rad": math.nan},
         {"estimator_valid": False},
         {"healthy": False},
@@ -186,6 +188,13 @@ def _landed_state(t_ns: int, dice: Dice) -> LandedState:
     return LandedState(t_ns, flies, not flies and dice.chance(0.5))
 
 
+def _stop(t_ns: int, dice: Dice) -> Event:
+    """Seldom: nothing moves any more in a life that was told to stop."""
+    if dice.chance(0.8):
+        return BadReport(t_ns, "garbage")
+    return Stop(t_ns, "told to", dice.chance(0.5))
+
+
 _ODD_EVENTS: tuple[Callable[[int, Dice], Event], ...] = (
     lambda t, dice: Heartbeat(t, dice.pick(MODES), dice.chance(0.8), dice.chance(0.1)),
     lambda t, dice: Attitude(t, *_triple(dice)),
@@ -200,7 +209,7 @@ _ODD_EVENTS: tuple[Callable[[int, Dice], Event], ...] = (
     lambda t, dice: VelocityTarget(t, _triple(dice)),
     lambda t, dice: ForeignSetpoint(t, "from elsewhere"),
     lambda t, dice: OtherServices(t, *dice.pick(((), (("another",),), ((), ("another",))))),
-    lambda t, dice: Stop(t, "told to", dice.chance(0.5)),
+    _stop,
     lambda t, dice: Report(t, odd_report(t, dice)),
 )
 

@@ -18,6 +18,7 @@ from dfvs_core.gate.events import (
     EstimatorState,
     Event,
     ForeignSetpoint,
+    Health,
     Heartbeat,
     LandedState,
     LocalPosition,
@@ -62,7 +63,9 @@ class Evidence:
         self._velocity_m_s: tuple[float, ...] = (0.0, 0.0, 0.0)
         self._attitude_finite = self._position_finite = True
         self._failsafe = self._on_ground = False
-        self._estimator_valid = True
+        self._estimator_valid = False
+        self._estimator_ns = self._health_ns = self._landed_ns = _LONG_AGO
+        self._is_stopped = False
         self._battery: float | None = None
         self._rival = False
 
@@ -87,6 +90,7 @@ class Evidence:
                 self._spoil("a report that is none")
             case Stop():
                 self.faults.append("told to stop")
+                self._is_stopped = True
             case Order() if event.action in (Action.HOLD, Action.ABORT):
                 self.faults.append(f"ordered to {event.action}")
             case _:
@@ -102,11 +106,14 @@ class Evidence:
                 self._attitude_ns = t_ns
                 self._attitude_finite = _finite(event.roll_rad, event.pitch_rad, event.yaw_rad)
             case LandedState():
+                self._landed_ns = t_ns
                 self.in_air, self._on_ground = event.in_air, event.on_ground
+            case Health():
+                self._health_ns = t_ns
             case Battery():
                 self._battery = event.remaining
             case EstimatorState():
-                self._estimator_valid = event.valid
+                self._estimator_ns, self._estimator_valid = t_ns, event.valid
             case OtherServices():
                 self._rival = bool(event.engaged)
                 self.is_alone = not (event.engaged or event.standing_by)
@@ -165,10 +172,17 @@ class Evidence:
     def objection(self, now_ns: int) -> str | None:
         """Say why the vehicle must not be moved now, None where it may."""
         config, timing = self._config, self._config.timing
+        if self._is_stopped:
+            return "told to stop"
         if now_ns - self._heartbeat_ns > timing.heartbeat_age_ns:
             return "no heartbeat"
         if now_ns - min(self._attitude_ns, self._position_ns) > timing.telemetry_age_ns:
             return "no telemetry"
+        if (
+            now_ns - min(self._estimator_ns, self._health_ns, self._landed_ns)
+            > timing.status_age_ns
+        ):
+            return "no word of estimator, sensors or landing"
         if not (self._attitude_finite and self._position_finite and self._estimator_valid):
             return "no valid estimate"
         if config.min_battery > 0 and not (self._battery or 0.0) >= config.min_battery:

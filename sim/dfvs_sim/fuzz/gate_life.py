@@ -113,7 +113,7 @@ class Surroundings:
         self._advance()
         if dice.chance(0.02):
             world = disturbed(world, dice)
-        elif dice.chance(0.06):
+        elif dice.chance(0.06 if world.tells_status else 0.01):  # two seconds count there
             world = calm(world, dice)
         self._world = world
         self._people(state)
@@ -182,7 +182,7 @@ class Surroundings:
             events.append(Heartbeat(now, world.mode, world.armed, world.failsafe))
         if world.mode is VehicleMode.OFFBOARD and self._dice.chance(0.3):
             events.append(VelocityTarget(now, self._flown_m_s))
-        if now - self._slow_ns >= 700 * MS:
+        if world.tells_status and now - self._slow_ns >= 700 * MS:
             self._slow_ns = now
             events += self._slow(now)
         if self._dice.chance(0.15 if state in ENDED or state is GateState.READY else 0.01):

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Sequence
 
 from dfvs_core.gate.config import Engage, GateConfig, S
@@ -211,8 +212,9 @@ class InvariantChecker:
         limits = self.config.velocity
         if now_ns - self._servo_ns >= self.config.timing.proof_ns:
             self._proven = True
-        if not self._proven:
-            limits = limits.capped(self.config.proof_speed_m_s)
+        crawl_m_s = math.inf if self._proven else self.config.proof_speed_m_s
+        length_m_s = math.hypot(v.forward_m_s, v.right_m_s, v.down_m_s)
+        _demand(length_m_s <= crawl_m_s + _ROUNDING, "I1", f"no crawl: {v}")
         _demand(v.horizontal_m_s <= limits.horizontal_m_s + _ROUNDING, "I1", f"too fast: {v}")
         _demand(abs(v.down_m_s) <= limits.vertical_m_s + _ROUNDING, "I1", f"too fast: {v}")
         _demand(abs(v.yaw_rad_s) <= limits.yaw_rad_s + _ROUNDING, "I1", f"too fast: {v}")

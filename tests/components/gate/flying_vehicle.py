@@ -18,6 +18,7 @@ import numpy as np
 
 from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts, wait_for_data
 from dfvs_sim.vehicle.modes import Mode, mode_from_custom
+from dfvs_sim.vehicle.parameters import ParameterTable
 from dfvs_sim.vehicle.px4 import STEP_NS, Px4, VehicleConfig
 from dfvs_sim.vehicle.record import VehicleRecord
 from dfvs_sim.vehicle.streams import COMPANION
@@ -50,7 +51,8 @@ def obey(px4: Px4, line: str, now_ns: int) -> bool:
     elif word == "battery":
         px4.status.battery = float(rest[0])
     elif word == "parameter":
-        px4.parameters.set_from_wire(rest[0], float(rest[1]), px4.parameters.kind(rest[0]))
+        wire = ParameterTable({rest[0]: float(rest[1])}).on_wire(rest[0])
+        px4.parameters.set_from_wire(rest[0], wire, px4.parameters.kind(rest[0]))
     return word != "mute"
 
 

@@ -2,6 +2,7 @@
 
 import contextlib
 import io
+import os
 import signal
 import socket
 import sys
@@ -18,6 +19,12 @@ from dfvs_service.runtime import RuntimeFolder
 FAKE_GATE = str(Path(__file__).parent / "fake_gate.py")
 IDLE = "import time; time.sleep(60)"
 BROKEN = "import sys; print('noise\\nerror: no such model', file=sys.stderr); sys.exit(2)"
+
+
+def drain(descriptor):
+    """Read until the other end is closed."""
+    while os.read(descriptor, 65536):
+        pass
 
 
 def run(folder, gate, perception=IDLE, stop_after_s=None):
@@ -67,6 +74,45 @@ def test_a_gate_that_does_not_end_when_told_is_killed_within_two_seconds(tmp_pat
     assert code == 1
     assert any("did not end in time" in line for line in lines)
     assert took_s < 1.0 + 2.0 + 0.5
+
+
+def test_slow_children_do_not_hold_up_the_end_either(tmp_path):
+    """A deaf gate, perception and recorder together: still within two seconds."""
+    deaf = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(60)"
+    child = (sys.executable, "-c", deaf)
+    programs = Programs((sys.executable, FAKE_GATE, "--deaf"), child, child)
+    parent = Parent(RuntimeFolder(tmp_path), programs, ChangeLines(io.StringIO()))
+    told = []
+
+    def stop():
+        told.append(time.monotonic())
+        parent.stop(signal.SIGTERM, None)
+
+    threading.Timer(1.0, stop).start()
+    parent.run()
+    assert time.monotonic() - told[0] < 2.0 + 0.5  # two seconds, and what a busy machine takes
+
+
+def test_a_stopped_terminal_does_not_stop_the_watch(tmp_path):
+    """The gate hangs while nobody reads: it is killed all the same."""
+    read, write = os.pipe()
+    os.set_blocking(write, False)
+    with contextlib.suppress(BlockingIOError):
+        while True:
+            os.write(write, b"." * 4096)
+    os.set_blocking(write, True)
+    gate = (sys.executable, FAKE_GATE, "--hang", "--deaf")
+    programs = Programs(gate, (sys.executable, "-c", IDLE))
+    with os.fdopen(write, "w") as stream:
+        parent = Parent(RuntimeFolder(tmp_path), programs, ChangeLines(stream))
+        start = time.monotonic()
+        assert parent.run() == 1
+        assert time.monotonic() - start < 4.0
+        assert not parent.is_heard
+        drained = threading.Thread(target=drain, args=(read,))
+        drained.start()
+    drained.join(5.0)
+    os.close(read)
 
 
 def test_a_perception_that_cannot_run_ends_the_service_with_its_error(tmp_path):

@@ -92,6 +92,27 @@ def forgets_to_log(old):
     return lambda *args: dataclasses.replace(old(*args), transitions=())
 
 
+def crawls_axis_by_axis(old):
+    def saturate(velocity, limits, most_m_s):
+        vertical = min(limits.vertical_m_s, most_m_s)
+        horizontal = min(limits.horizontal_m_s, most_m_s)
+        return old(
+            velocity,
+            dataclasses.replace(limits, horizontal_m_s=horizontal, vertical_m_s=vertical),
+        )
+
+    return saturate
+
+
+def forgets_old_status(old):
+    def flight_fault(*args):
+        fault = old(*args)
+        names = ("estimator's flags", "sensors", "landed state")
+        return None if fault is not None and fault[1].startswith(names) else fault
+
+    return flight_fault
+
+
 def leaves_an_end_by_itself(old):
     def judge(self):
         if self.state is GateState.RELEASED:
@@ -102,7 +123,8 @@ def leaves_an_end_by_itself(old):
 
 
 BROKEN = [
-    ("I1", stream, "saturate", lambda old: lambda velocity, limits: velocity),
+    ("I1", stream, "saturate", lambda old: lambda velocity, limits, most_m_s: velocity),
+    ("I1", stream, "saturate", crawls_axis_by_axis),
     ("I1", stream, "slew", lambda old: lambda last, target, dt_s, limits: target),
     ("I1", SetpointStream, "move", sends_faster),
     ("I1", flight, "cap", lambda old: forever(None)),
@@ -111,6 +133,7 @@ BROKEN = [
     ("I3", SetpointStream, "zero", pauses),
     ("I4", Sight, "stale", lambda old: forever(None)),
     ("I4", flight, "flight_fault", lambda old: forever(None)),
+    ("I4", flight, "flight_fault", forgets_old_status),
     ("I4", GateMachine, "_blind", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", lambda old: forever(None)),
     ("I5", Engagement, "heed", lambda old: forever(None)),

@@ -10,6 +10,7 @@ from dfvs_core.gate.engagement import Engagement, cap
 from dfvs_core.gate.events import (
     Attitude,
     Battery,
+    EstimatorState,
     Health,
     Heartbeat,
     LandedState,
@@ -33,17 +34,19 @@ NOW_NS = 10**12
 CONFIG = GateConfig()
 
 
-def picture(heartbeat_ns=0, attitude_ns=0, position_ns=0, health_ns=0, position=(0.0, 0.0, 0.0)):
+def picture(place=(0.0, 0.0, 0.0), **age_ns):
     """A sound vehicle, its messages as old as said."""
     vehicle = VehiclePicture()
+    t_ns = {name: NOW_NS - age for name, age in age_ns.items()}
     for event in (
-        Heartbeat(NOW_NS - heartbeat_ns, VehicleMode.OFFBOARD, armed=True),
-        Attitude(NOW_NS - attitude_ns, 0.0, 0.0, 0.0),
-        LocalPosition(NOW_NS - position_ns, position, (0.0, 0.0, 0.0)),
-        LandedState(NOW_NS, in_air=True, on_ground=False),
+        Heartbeat(t_ns.get("heartbeat", NOW_NS), VehicleMode.OFFBOARD, armed=True),
+        Attitude(t_ns.get("attitude", NOW_NS), 0.0, 0.0, 0.0),
+        LocalPosition(t_ns.get("position", NOW_NS), place, (0.0, 0.0, 0.0)),
+        EstimatorState(t_ns.get("estimator", NOW_NS), valid=True),
+        LandedState(t_ns.get("landed", NOW_NS), in_air=True, on_ground=False),
         Battery(NOW_NS, 0.2),
-        Health(NOW_NS - health_ns, ok=True),
-        ParametersRead(NOW_NS),
+        Health(t_ns.get("health", NOW_NS), ok=True),
+        ParametersRead(t_ns.get("parameters", NOW_NS)),
     ):
         vehicle.take(event)
     return vehicle
@@ -57,7 +60,8 @@ def test_these_are_the_times_and_limits_that_safety_rests_on():
         "clock_skew_ns": 5 * MS,
         "heartbeat_age_ns": 2 * S,
         "telemetry_age_ns": 500 * MS,
-        "health_age_ns": 2 * S,
+        "status_age_ns": 2 * S,
+        "parameters_age_ns": 30 * S,
         "stall_ns": 150 * MS,
         "slew_step_ns": 100 * MS,
         "ready_after_ns": 1 * S,
@@ -80,27 +84,48 @@ def test_these_are_the_times_and_limits_that_safety_rests_on():
 
 
 @pytest.mark.parametrize(
-    ("message", "limit_ns"),
-    [("heartbeat_ns", 2 * S), ("attitude_ns", 500 * MS), ("position_ns", 500 * MS)],
+    ("message", "limit_ns", "words"),
+    [
+        ("heartbeat", 2 * S, "last one"),
+        ("attitude", 500 * MS, "attitude"),
+        ("position", 500 * MS, "position"),
+        ("estimator", 2 * S, "estimator's flags"),
+        ("health", 2 * S, "sensors and battery"),
+        ("landed", 2 * S, "landed state"),
+    ],
 )
-def test_the_link(message, limit_ns):
+def test_the_link(message, limit_ns, words):
     assert link_fault(picture(**{message: limit_ns}), CONFIG, NOW_NS) is None
-    assert link_fault(picture(**{message: limit_ns + 1}), CONFIG, NOW_NS) is not None
+    cause, detail = link_fault(picture(**{message: limit_ns + 1}), CONFIG, NOW_NS)
+    assert cause is (Cause.HEARTBEAT_LOST if message == "heartbeat" else Cause.TELEMETRY_LOST)
+    assert words in detail
+    assert flight_fault(picture(**{message: limit_ns + 1}), CONFIG, NOW_NS) == (cause, detail)
 
 
 def test_a_lost_link_says_since_when():
-    assert link_fault(picture(heartbeat_ns=2500 * MS), CONFIG, NOW_NS) == (
+    assert link_fault(picture(heartbeat=2500 * MS), CONFIG, NOW_NS) == (
         Cause.HEARTBEAT_LOST,
         "last one 2.50 s ago",
     )
+    assert link_fault(picture(estimator=2500 * MS), CONFIG, NOW_NS) == (
+        Cause.TELEMETRY_LOST,
+        "estimator's flags, last one 2.50 s ago",
+    )
 
 
-def test_the_age_of_the_health_report():
+def test_parameters_read_too_long_ago():
     sight = Sight(CONFIG.timing)
-    fresh = preflight(picture(health_ns=2 * S), sight, CONFIG, NOW_NS)
-    stale = preflight(picture(health_ns=2 * S + 1), sight, CONFIG, NOW_NS)
-    assert "health" not in failures(fresh)
-    assert "health" in failures(stale)
+    fresh = preflight(picture(parameters=30 * S), sight, CONFIG, NOW_NS)
+    stale = preflight(picture(parameters=30 * S + 1), sight, CONFIG, NOW_NS)
+    assert "parameters" not in failures(fresh)
+    assert "parameters: not read back for 30 s" in failures(stale)
+
+
+def test_an_estimator_that_was_never_heard_is_not_valid():
+    assert estimate_fault(VehiclePicture(), CONFIG) == (
+        Cause.ESTIMATOR_INVALID,
+        "none heard yet",
+    )
 
 
 def test_the_battery():
@@ -149,8 +174,8 @@ def engaged(start_ns):
 
 
 def test_the_distance_from_the_start():
-    assert cap(engaged(NOW_NS), picture(position=(3.0, 4.0, 0.0)), CONFIG, NOW_NS) is None
-    far = cap(engaged(NOW_NS), picture(position=(3.0, 4.0, 0.01)), CONFIG, NOW_NS)
+    assert cap(engaged(NOW_NS), picture(place=(3.0, 4.0, 0.0)), CONFIG, NOW_NS) is None
+    far = cap(engaged(NOW_NS), picture(place=(3.0, 4.0, 0.01)), CONFIG, NOW_NS)
     assert far == (Cause.DISTANCE_CAP, "5.00 m, 5 m allowed")
 
 

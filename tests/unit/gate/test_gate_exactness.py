@@ -377,3 +377,46 @@ def test_hold_is_asked_for_by_a_heartbeat_that_still_counts(age_ns, asks):
     gate.now_ns = beat_ns + TIMING.mode_known_ns + age_ns
     output = gate.send([Stop(gate.now_ns, "")])
     assert output.mode_request is (ModeRequest.HOLD if asks else None)
+
+
+def test_a_gate_that_was_told_to_stop_takes_no_order_to_engage():
+    """In one step with the stop, and after a takeover that the stop finds ended already."""
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    gate.vehicle.mode = VehicleMode.HOLD
+    gate.send([Stop(gate.now_ns, "by SIGTERM"), Order(gate.now_ns, Action.ENGAGE)])
+    assert gate.state is GateState.ABORT
+    gate.run(3.0)
+    assert gate.machine.is_finished
+    output = gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    assert (gate.state, output.refusal) == (
+        GateState.ABORT,
+        "rejected: the service is being ended",
+    )
+
+
+def test_a_stop_after_a_takeover_is_not_overruled():
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.beat(mode=VehicleMode.POSITION)
+    assert gate.state is GateState.RELEASED
+    gate.tick(Stop(gate.now_ns, "by SIGTERM"), Order(gate.now_ns, Action.ENGAGE))
+    gate.run(3.0)
+    assert gate.state is GateState.RELEASED
+    assert gate.machine.is_finished
+
+
+def test_an_order_to_engage_at_the_goal_is_refused_with_what_to_do():
+    gate = Rehearsal()
+    gate.changes["reached"] = True
+    gate.until(GateState.DONE)
+    output = gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    assert output.refusal == "rejected: the goal is reached, order another one"
+    assert gate.state is GateState.DONE
+
+
+def test_parameters_that_are_not_read_again_lead_back_to_preflight():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    gate.vehicle.parameters_told = False
+    gate.until(GateState.PREFLIGHT, 31.0)
+    assert "parameters: not read back for 31 s" in gate.last.detail
+    gate.vehicle.parameters_told = True
+    gate.until(GateState.READY, 1.2)

@@ -72,11 +72,17 @@ def test_slew_needs_the_time_that_the_limit_says():
     assert steps in (50, 51)  # 0.5 m/s at 0.5 m/s² is 1 s of 20 ms steps, give or take rounding
 
 
-def test_a_crawl_caps_linear_speeds_alone():
-    crawl = LIMITS.capped(0.1)
-    assert (crawl.horizontal_m_s, crawl.vertical_m_s) == (0.1, 0.1)
-    assert crawl.yaw_rad_s == LIMITS.yaw_rad_s
-    assert LIMITS.capped(9.0) == LIMITS
+@pytest.mark.parametrize("wanted", [(0.3, 0.0, 0.3), (0.0, 0.08, -0.08), (-5.0, 1.0, 0.2)])
+def test_a_crawl_bounds_the_length_of_the_linear_velocity(wanted):
+    asked = BodyVelocity(*wanted, 0.01)
+    crawl = saturate(asked, LIMITS, 0.1)
+    assert crawl.speed_m_s == pytest.approx(0.1)
+    assert crawl == asked.scaled(0.1 / asked.speed_m_s)
+
+
+def test_a_crawl_leaves_slow_motion_and_turning_as_they_are():
+    slow = BodyVelocity(0.06, 0.0, 0.08, LIMITS.yaw_rad_s)
+    assert saturate(slow, LIMITS, 0.1) == slow
 
 
 @pytest.mark.parametrize("bad", [math.nan, math.inf, -math.inf])
@@ -88,11 +94,6 @@ def test_a_velocity_that_is_not_finite_says_so(bad):
 def test_a_sum_adds_every_component():
     total = BodyVelocity(0.1, 0.2, 0.3, 0.4).plus(BodyVelocity(1.0, 2.0, 3.0, 4.0))
     assert components(total) == pytest.approx((1.1, 2.2, 3.3, 4.4))
-
-
-def test_a_cap_touches_linear_speeds_alone():
-    limits = VelocityLimits(0.7, 0.4, 0.5, 0.6, 0.8)
-    assert limits.capped(0.1) == VelocityLimits(0.1, 0.1, 0.5, 0.6, 0.8)
 
 
 def test_a_target_within_reach_is_met_to_the_last_bit():

@@ -85,13 +85,13 @@ def test_messages_that_never_came_are_named():
     machine = GateMachine(gate.config, gate.now_ns)
     machine.step(gate.now_ns, [gate.heartbeat()])
     reasons = {check.name: check.detail for check in machine.checks() if check.refuses}
-    assert reasons["health"] == "no SYS_STATUS heard"
+    assert reasons["health"] == "none heard yet"
     assert reasons["parameters"] == "not read back yet"
     events = [e for e in gate.nominal() if not hasattr(e, "in_air")]
     machine.step(gate.now_ns + MS, events)
     reasons = {check.name: check.detail for check in machine.checks() if check.refuses}
     assert reasons.pop("frames").startswith("1.0 a second")
-    assert reasons == {"health": "no EXTENDED_SYS_STATE heard"}
+    assert reasons == {"link": "vehicle's telemetry lost, landed state, none heard yet"}
 
 
 def test_advice_on_parameters_does_not_refuse():

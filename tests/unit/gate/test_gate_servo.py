@@ -255,6 +255,7 @@ def test_another_mode_than_the_awaited_hold_is_a_takeover():
     [
         ("sends_heartbeat", False, Cause.HEARTBEAT_LOST, 3 * S),
         ("sends_attitude", False, Cause.TELEMETRY_LOST, 600 * MS),
+        ("sends_status", False, Cause.TELEMETRY_LOST, 2100 * MS),
         ("sends_position", False, Cause.TELEMETRY_LOST, 600 * MS),
         ("battery", 0.1, Cause.BATTERY_LOW, 20 * MS),
         ("battery", None, Cause.BATTERY_LOW, 20 * MS),
@@ -456,7 +457,7 @@ def test_the_operator_may_engage_again(state):
     if state is GateState.RELEASED:
         gate.beat(mode=VehicleMode.HOLD)
     else:
-        gate.send([Stop(gate.now_ns, "")])
+        gate.send([Order(gate.now_ns, Action.ABORT)])
         gate.run(1.0)
     assert gate.state is state
     gate.forget().send([Order(gate.now_ns, Action.ENGAGE)])
@@ -485,7 +486,8 @@ def test_one_order_engages_again_where_orders_engage():
 def test_engaging_again_must_wait_until_the_abort_is_over():
     gate = in_confirmed(GateState.SERVO)
     gate.vehicle.obeys = False
-    output = gate.send([Stop(gate.now_ns, ""), Order(gate.now_ns, Action.ENGAGE)])
+    orders = [Order(gate.now_ns, action) for action in (Action.ABORT, Action.ENGAGE)]
+    output = gate.send(orders)
     assert gate.state is GateState.ABORT
     assert output.refusal == "rejected: the flight is still being ended, order it again"
 

@@ -14,10 +14,10 @@ from dfvs_core.gate.preflight import Check
 from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_service.config import load_config
 from dfvs_service.key_file import create_key
+from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.check import check_camera_and_model
 from dfvs_service.preflight.ground import (
     MATCH_BUDGET_NS,
-    camera_check,
     command_check,
     exposure_checks,
     model_check,

@@ -156,6 +156,9 @@ def test_a_mode_request_never_carries_the_flag_for_arming(request_, numbers):
 def test_an_interval_is_asked_for_in_microseconds():
     fields = px4.interval_fields(32, 20_000, 1)
     assert (fields["command"], fields["param1"], fields["param2"]) == (511, 32.0, 20_000.0)
+    assert px4.is_routine({"command": fields["command"], "result": 0})
+    assert not px4.is_routine({"command": fields["command"], "result": 3})
+    assert not px4.is_routine({"command": 176, "result": 0})
 
 
 @pytest.mark.parametrize(

@@ -94,6 +94,24 @@ def test_a_key_that_is_not_there(goal, tmp_path, capsys):
     assert "new-key" in refused(capsys, "--goal", str(goal), *words)
 
 
+def test_waiting_for_commands_that_nobody_can_sign(goal, capsys):
+    words = ["--camera-fov", "70", "--engage", "command"]
+    assert "command_key_file" in refused(capsys, "--goal", str(goal), *words)
+
+
+@pytest.mark.parametrize("follows", [False, True], ids=["first goal", "goal of a route"])
+def test_a_goal_of_another_lens_than_the_cameras(follows, goal, tmp_path, capsys):
+    other = tmp_path / "other.png"
+    other.write_bytes(goal.read_bytes())
+    sidecar = GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 0.9))
+    other.with_suffix(".json").write_text(sidecar.to_json())
+    goals = [goal, other] if follows else [other]
+    words = [word for path in goals for word in ("--goal", str(path))]
+    line = refused(capsys, *words, "--camera-fov", "70")
+    assert "other.png" in line
+    assert "the goal's focal length is 66.2 px, here it is 45.7" in line
+
+
 def test_a_runtime_folder_in_use(goal, tmp_path, capsys):
     folder = tmp_path / "run"
     folder.mkdir()

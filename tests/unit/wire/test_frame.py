@@ -152,6 +152,26 @@ def test_odd_kinds_of_jpeg_are_refused(frame, marker):
         picture_size(data)
 
 
+@pytest.mark.parametrize(
+    ("filler", "reason"),
+    [
+        (b"\xff" * 8_000_000, "cut short"),
+        (b"\xff\x01" * 4_000_000, "too many segments"),
+        (b"\xff\xe0\x00\x02" * 2_000_000, "too many segments"),
+    ],
+    ids=["fill bytes", "bare markers", "empty segments"],
+)
+def test_megabytes_before_a_jpegs_size_are_not_walked_through(filler, reason):
+    with pytest.raises(ImageError, match=reason):
+        picture_size(b"\xff\xd8\xff\xe0\x00\x02" + filler)
+
+
+def test_fill_bytes_before_a_marker_are_passed_over(frame):
+    data = encode_jpeg(frame.image)
+    at = data.index(b"\xff\xc0")
+    assert picture_size(data[:at] + b"\xff" * 5 + data[at:]) == (64, 48)
+
+
 def test_pixels_stay_where_the_sensor_had_them(frame):
     """An Exif note that the picture be turned by 180 degrees changes nothing."""
     tag = struct.pack("<HHIHH", 0x112, 3, 1, 3, 0)

@@ -1,0 +1,57 @@
+"""Words for a terminal that takes them, takes none, or is gone."""
+
+import threading
+
+from dfvs_service.beat import Beat
+from dfvs_service.narrator import Narrator
+
+
+class Terminal:
+    def __init__(self):
+        self.lines, self.is_open = [], threading.Event()
+        self.is_open.set()
+        self.closed = False
+
+    def show(self, beat):
+        self.say(beat.state)
+
+    def say(self, line):
+        self.is_open.wait()
+        self.lines.append(line)
+
+    def close(self):
+        self.closed = True
+
+
+def test_words_come_in_their_order_and_the_terminal_is_left_clean():
+    terminal = Terminal()
+    narrator = Narrator(terminal)
+    narrator.show(Beat(0, "READY", ""))
+    narrator.say("warning: so")
+    assert narrator.close(5.0)
+    assert terminal.lines == ["READY", "warning: so"]
+    assert terminal.closed
+
+
+def test_a_stopped_terminal_blocks_nobody_and_keeps_what_must_be_said():
+    terminal = Terminal()
+    terminal.is_open.clear()
+    narrator = Narrator(terminal)
+    for number in range(1000):
+        narrator.show(Beat(0, f"state {number}", ""))
+    narrator.say("error: the gate hung")
+    assert not narrator.close(0.01)
+    terminal.is_open.set()
+    assert narrator.close(5.0)
+    assert terminal.lines[-1] == "error: the gate hung"
+    assert len(terminal.lines) < 20
+
+
+def test_a_terminal_that_is_gone_does_not_silence_the_next_word():
+    terminal = Terminal()
+    terminal.show = lambda beat: (_ for _ in ()).throw(BrokenPipeError)
+    narrator = Narrator(terminal)
+    narrator.show(Beat(0, "READY", ""))
+    narrator.say("still here")
+    assert narrator.close(5.0)
+    assert terminal.lines == ["still here"]
