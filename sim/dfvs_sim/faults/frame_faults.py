@@ -2,23 +2,27 @@
 
 from __future__ import annotations
 
+import dataclasses
 import itertools
 import struct
+import zlib
 from collections.abc import Callable
 
 import cv2
 import numpy as np
 
 from dfvs_core.arrays import ImageArray
-from dfvs_core.gate.states import GateState
+from dfvs_core.gate.states import Cause, GateState
+from dfvs_core.wire.frame import PixelFormat, decode_header, encode_header
 from dfvs_core.wire.picture import encode_png
 from dfvs_sim.faults.camera import PERIOD_NS, Packet, Script, Shot
-from dfvs_sim.faults.case import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
+from dfvs_sim.faults.fault import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
 from dfvs_sim.faults.network import Misbehaviour
 from dfvs_sim.faults.rig import Rig, Setup
 
 S = GateState
 MS = 1_000_000
+PNG = PixelFormat.PNG
 
 TEXTURE = Setup(sees="texture")
 _STATES = (S.READY, *ANY_ENGAGED)
@@ -106,8 +110,10 @@ def _other_format(shot: Shot, rng: np.random.Generator) -> list[Packet]:
 
 
 def _bomb(shot: Shot, rng: np.random.Generator) -> list[Packet]:
-    """A small PNG of many pixels, said to be a small picture."""
-    return [(_BOMB, shot.packet()[1])]
+    """A small PNG of many pixels, said to be a small picture, with its own checksum."""
+    said = decode_header(shot.packet()[1])
+    checksum = zlib.crc32(_BOMB)
+    return [(_BOMB, encode_header(dataclasses.replace(said, checksum=checksum, pixel_format=PNG)))]
 
 
 _BOMB = encode_png(np.zeros((6000, 6000, 3), np.uint8))
@@ -143,11 +149,42 @@ def _misbehaves(what: Misbehaviour) -> Inject:
 
 
 def _hold(name: str, what: str, seen_by: str, inject: Inject, setup: Setup = TEXTURE) -> Fault:
-    return Fault(name, what, seen_by, Reaction.HOLD, CAPTURE_MS, _STATES, inject, setup)
+    hold, says = Reaction.HOLD, _SAYS[name]
+    return Fault(name, what, seen_by, hold, CAPTURE_MS, _STATES, inject, setup, says=says)
 
 
 def _abort(name: str, what: str, seen_by: str, inject: Inject, limit_ms: float) -> Fault:
-    return Fault(name, what, seen_by, Reaction.ABORT, limit_ms, (S.SERVO,), inject)
+    held = (str(Cause.HOLD_TOO_LONG),)
+    return Fault(name, what, seen_by, Reaction.ABORT, limit_ms, (S.SERVO,), inject, says=held)
+
+
+_UNREADABLE, _UNSURE = "the frame cannot be read", "too little of the view shows the goal"
+_SAYS: dict[str, tuple[str, ...]] = {
+    "camera-stops": ("no camera frame",),
+    "camera-freezes": ("repeats the same picture",),
+    "frames-repeat": ("not newer than the one before", "old when it arrived"),
+    "stamps-old": ("old when it arrived",),
+    "stamps-future": ("still to come",),
+    "stamps-reordered": ("not newer than the one before",),
+    "other-clock": ("another machine's clock",),
+    "wrong-size": ("size is not the camera's",),
+    "wrong-format": (_UNREADABLE,),
+    "wrong-colours": ("red and blue are exchanged",),
+    "black": ("the picture is black",),
+    "saturated": ("the picture is white",),
+    "no-contrast": ("no contrast",),
+    "corrupt-jpeg": ("checksum",),
+    "truncated-jpeg": ("checksum",),
+    "image-bomb": (_UNREADABLE, "size is not the camera's"),
+    "hostile-frames": (_UNREADABLE,),
+    "no-texture": (_UNSURE, "repeats the same picture"),
+    "goal-lost": (_UNSURE,),
+    "network-nan": (_UNSURE,),
+    "network-garbage": (_UNSURE,),
+    "network-unsure": (_UNSURE,),
+    "network-slow": (str(Cause.FRAME_OLD), str(Cause.RESULT_LATE)),
+}
+"""What the gate must give as its reason for each fault that leads to HOLD."""
 
 
 def frame_faults() -> tuple[Fault, ...]:
@@ -162,6 +199,7 @@ def frame_faults() -> tuple[Fault, ...]:
         (S.SERVO,),
         _misbehaves(Misbehaviour.STUCK),
         restarts=True,
+        says=(str(Cause.HOLD_TOO_LONG),),
     )
     return (
         _hold("camera-stops", "camera stops", "silence, frame age", silent),

@@ -26,6 +26,7 @@ _LIMITS = VelocityLimits()
 _ROUNDING = 1e-6
 """Of float32 on the wire."""
 _SLEW_S = 0.1
+_CRAWL_M_S, _PROOF_NS = 0.1, 600 * MS
 _GAP_NS = 150 * MS
 _CAPTURE_NS = 300 * MS
 _FAULT_NS = 100 * MS
@@ -70,6 +71,7 @@ def check(run: Run) -> list[Violation]:
     timeline = _Timeline(run.transitions)
     return [
         *_limits(setpoints),
+        *_crawl(setpoints, timeline, run),
         *_only_in_servo(setpoints, timeline),
         *_rhythm(setpoints, timeline, run),
         *_freshness(setpoints, run.frames),
@@ -101,6 +103,18 @@ def _limits(setpoints: Sequence[Event]) -> Iterator[Violation]:
         change = math.dist(before["velocity"], after["velocity"])
         if moves(after) and change > _LIMITS.slew_m_s2 * _SLEW_S + _ROUNDING:
             yield Violation("I1", after["t_ns"], f"velocity changed by {change:.3f} m/s")
+
+
+def _crawl(setpoints: Sequence[Event], timeline: _Timeline, run: Run) -> Iterator[Violation]:
+    """I1: at a crawl until the first motion can have been proven."""
+    begins = [t["t_ns"] for t in run.transitions if t["source"] == S.ENGAGE and run.crawls]
+    for setpoint in filter(moves, setpoints):
+        since_ns = timeline.since(setpoint["t_ns"])
+        finite = [v for v in setpoint["velocity"] if not isinstance(v, str)]
+        speed = math.hypot(*finite)
+        is_first = since_ns in begins and setpoint["t_ns"] - since_ns < _PROOF_NS
+        if is_first and speed > _CRAWL_M_S + _ROUNDING:
+            yield Violation("I1", setpoint["t_ns"], f"no crawl, {speed:.3f} m/s")
 
 
 def _only_in_servo(setpoints: Sequence[Event], timeline: _Timeline) -> Iterator[Violation]:

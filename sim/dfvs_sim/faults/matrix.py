@@ -20,8 +20,10 @@ from typing import TypeAlias
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.states import GateState
 from dfvs_sim.faults import invariants
-from dfvs_sim.faults.case import NO_VERDICT, Fault, Outcome, run_case, timed
+from dfvs_sim.faults.case import run_case
+from dfvs_sim.faults.fault import NO_VERDICT, Fault, Outcome
 from dfvs_sim.faults.frame_faults import frame_faults
+from dfvs_sim.faults.judging import timed
 from dfvs_sim.faults.process_faults import process_faults
 from dfvs_sim.faults.records import Run
 from dfvs_sim.faults.rig import Rig, Setup

@@ -12,13 +12,13 @@ import time
 
 import numpy as np
 
-from dfvs_core.gate.states import GateState
-from dfvs_sim.faults.case import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
+from dfvs_core.gate.states import Cause, GateState
+from dfvs_sim.faults.fault import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
 from dfvs_sim.faults.rig import Rig, Setup
 
 S = GateState
 _STATES = (S.READY, *ANY_ENGAGED)
-_MOVING = (S.SERVO, S.HOLD)
+_FLOWN = (S.SERVO, S.HOLD, S.DONE)
 _HOGS = 2
 """Busy processes for every core."""
 _HOG_S, _THROTTLE_S = 2.0, 1.5
@@ -118,9 +118,10 @@ def process_faults() -> tuple[Fault, ...]:
             "frame age",
             hold,
             CAPTURE_MS,
-            _MOVING,
+            ANY_ENGAGED,
             _perception_is(kill),
             restarts=True,
+            says=(str(Cause.FRAME_OLD),),
         ),
         Fault(
             "perception-hangs",
@@ -131,6 +132,7 @@ def process_faults() -> tuple[Fault, ...]:
             (S.SERVO,),
             _perception_is(stop),
             restarts=True,
+            says=(str(Cause.HOLD_TOO_LONG),),
         ),
         Fault(
             "parent-dies",
@@ -141,6 +143,7 @@ def process_faults() -> tuple[Fault, ...]:
             ANY_ENGAGED,
             _signals("parent", kill),
             restarts=True,
+            says=(str(Cause.UNSUPERVISED),),
         ),
         Fault(
             "parent-hangs",
@@ -148,9 +151,10 @@ def process_faults() -> tuple[Fault, ...]:
             "no sign of life for 1 s",
             abort,
             1400.0,
-            (S.SERVO,),
+            ANY_ENGAGED,
             _signals("parent", stop),
             restarts=True,
+            says=(str(Cause.UNSUPERVISED),),
         ),
         Fault(
             "sigterm",
@@ -161,6 +165,7 @@ def process_faults() -> tuple[Fault, ...]:
             _STATES,
             _signals("parent", signal.SIGTERM),
             restarts=True,
+            says=(str(Cause.STOPPED),),
         ),
         Fault(
             "cpu-starved",
@@ -168,7 +173,7 @@ def process_faults() -> tuple[Fault, ...]:
             "missed deadlines",
             Reaction.STREAM,
             150.0,
-            (S.SERVO,),
+            (S.SERVO, S.HOLD, S.DONE),
             _starve,
             alone=True,
         ),
@@ -178,8 +183,9 @@ def process_faults() -> tuple[Fault, ...]:
             "frame age",
             hold,
             CAPTURE_MS,
-            _MOVING,
+            _FLOWN,
             _throttle,
+            says=(str(Cause.FRAME_OLD),),
         ),
         Fault(
             "disk-full",
@@ -187,7 +193,7 @@ def process_faults() -> tuple[Fault, ...]:
             "bounded queue",
             Reaction.STREAM,
             150.0,
-            _MOVING,
+            _FLOWN,
             _fill_disk,
             watch_s=1.0,
             restarts=True,
@@ -198,8 +204,9 @@ def process_faults() -> tuple[Fault, ...]:
             "silence, frame age",
             hold,
             CAPTURE_MS,
-            _MOVING,
+            _STATES,
             _kill_router,
             ROUTER,
+            says=("no camera frame",),
         ),
     )

@@ -28,6 +28,8 @@ class Run:
     frames: Sequence[int]
     journal: Path
     disturbed_ns: int | None = None
+    crawls: bool = True
+    """The first motion of every flight must be proven at a crawl."""
 
 
 def is_ours(event: Event) -> bool:

@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 
 from dfvs_core.gate.states import GateState
-from dfvs_sim.faults.case import Fault, Outcome
+from dfvs_sim.faults.fault import Fault, Outcome
 
 _MAX_CAUSE = 80
 _STYLE = """

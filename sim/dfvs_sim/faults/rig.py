@@ -36,6 +36,9 @@ CAMERA = CameraModel.from_horizontal_fov(network.WIDTH, network.HEIGHT, math.rad
 
 STARTUP_S, STATE_S = 40.0, 12.0
 _MOVING_M_S = 0.05
+NO_PROOF = "gate.proof_s=0"
+"""Setting of flights whose first motion proves nothing."""
+
 _CALM = (
     *("servo.depth='constant'", "servo.constant_depth_m=3.0", "flow.threads=1"),
     *("telemetry.state_hz=20", "telemetry.preview_hz=0", "telemetry.flow_hz=0"),
@@ -212,6 +215,7 @@ class Rig:
             list(self.camera.good_ns),
             service.runtime / "gate-inputs.jsonl",
             self.disturbed_ns,
+            NO_PROOF not in self.setup.settings,
         )
 
     def words(self) -> list[str]:

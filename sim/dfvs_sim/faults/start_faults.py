@@ -10,10 +10,10 @@ import time
 import numpy as np
 
 from dfvs_core.gate.events import Action
-from dfvs_core.gate.states import GateState
+from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.goal import Mount
-from dfvs_sim.faults.case import Fault, Reaction
-from dfvs_sim.faults.rig import Rig, Setup
+from dfvs_sim.faults.fault import Fault, Reaction
+from dfvs_sim.faults.rig import NO_PROOF, Rig, Setup
 from dfvs_sim.faults.service import HarnessError, wait_until
 
 S = GateState
@@ -21,7 +21,8 @@ _MOVING_M_S = 0.01
 _MOTION_S = 3.0
 _CANNOT_RUN = 2
 _TYPO_S = 20.0
-NO_PROOF = "gate.proof_s=0"
+_TRAVEL_M, _TRAVEL_S = 0.2, 8.0
+_ENGAGED_S = 8.0
 
 
 def _ordered(rig: Rig, _: np.random.Generator) -> int:
@@ -48,6 +49,34 @@ def _first_motion(rig: Rig, _: np.random.Generator) -> int:
     if not wait_until(lambda: bool(moving()), _MOTION_S):
         raise HarnessError("the vehicle does not move")
     return moving()[0]
+
+
+def _engaged_ns(rig: Rig) -> int:
+    """When the gate was engaged last."""
+    entered = [t["t_ns"] for t in rig.service.log.transitions() if t["target"] == S.ENGAGE]
+    return int(entered[-1])
+
+
+def _flown_far(rig: Rig, _: np.random.Generator) -> int:
+    """When the vehicle itself, by the truth, was further from its start than it may be."""
+    poses = [e for e in rig.world.events if e["kind"] == "pose"]
+    begin_ns = _engaged_ns(rig)
+    start = next(e["place"] for e in poses if e["t_ns"] >= begin_ns)
+
+    def beyond() -> list[int]:
+        recent = [e for e in rig.world.events[-3000:] if e["kind"] == "pose"]
+        return [e["t_ns"] for e in recent if math.dist(e["place"], start) > _TRAVEL_M]
+
+    if not wait_until(lambda: bool(beyond()), _TRAVEL_S):
+        raise HarnessError(f"the vehicle does not fly {_TRAVEL_M} m")
+    return beyond()[0]
+
+
+def _flown_long(rig: Rig, _: np.random.Generator) -> int:
+    """When the gate has been engaged for as long as it may be."""
+    end_ns = _engaged_ns(rig) + int(_ENGAGED_S * 1e9)
+    wait_until(lambda: time.monotonic_ns() >= end_ns, _ENGAGED_S)
+    return end_ns
 
 
 def _misspelt(rig: Rig, _: np.random.Generator) -> int:
@@ -86,6 +115,7 @@ def start_faults() -> tuple[Fault, ...]:
             _frozen_world,
             Setup(settings=(NO_PROOF,)),
             spares_frames=True,
+            says=(str(Cause.GOAL_LOST),),
         ),
         Fault(
             "wrong-mount",
@@ -97,6 +127,33 @@ def start_faults() -> tuple[Fault, ...]:
             _first_motion,
             Setup(mount=Mount(yaw_rad=math.pi)),
             spares_frames=True,
+            says=(str(Cause.ERROR_NOT_FALLING),),
+        ),
+        Fault(
+            "flies-too-far",
+            f"further from where it was engaged than {_TRAVEL_M} m",
+            "travel cap",
+            Reaction.ABORT,
+            200.0,
+            (S.SERVO,),
+            _flown_far,
+            Setup(settings=(f"limits.max_distance_m={_TRAVEL_M}",)),
+            restarts=True,
+            spares_frames=True,
+            says=(str(Cause.DISTANCE_CAP),),
+        ),
+        Fault(
+            "flies-too-long",
+            f"engaged for over {_ENGAGED_S} s",
+            "time cap",
+            Reaction.ABORT,
+            200.0,
+            (S.SERVO, S.HOLD),
+            _flown_long,
+            Setup(settings=(f"limits.max_engaged_s={_ENGAGED_S}",)),
+            restarts=True,
+            spares_frames=True,
+            says=(str(Cause.TIME_CAP),),
         ),
         Fault(
             "config-typo",

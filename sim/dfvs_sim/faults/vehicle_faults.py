@@ -10,10 +10,10 @@ import numpy as np
 from pymavlink.dialects.v20 import common as mavlink
 
 from dfvs_core.gate.events import Action
-from dfvs_core.gate.states import GateState
+from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.wire.command import encode_command
-from dfvs_sim.faults.case import ANY_ENGAGED, FLYING, Fault, Reaction
-from dfvs_sim.faults.rig import Rig, Setup
+from dfvs_sim.faults.fault import ANY_ENGAGED, Fault, Reaction
+from dfvs_sim.faults.rig import NO_PROOF, Rig, Setup
 from dfvs_sim.faults.service import KEY, wait_until
 from dfvs_sim.faults.world import BATTERY, GPS, MAVLINK_SIGNAL
 from dfvs_sim.vehicle.modes import Mode
@@ -27,6 +27,10 @@ _HEARTBEAT_S = 1.5
 _OFF, _WRONG = mavlink.FAILURE_TYPE_OFF, mavlink.FAILURE_TYPE_WRONG
 _BODY_VELOCITY = 0x5C7
 _STICKS_NS = 10_000 * MS
+_STATIONS = ((255, 190), (245, 191), (1, 196))
+"""System and component of others who send: two ground stations, and one under our vehicle's id."""
+_STATION_NS, _STATION_PERIOD_S = 1500 * MS, 0.02
+_SETPOINTS = ("setpoints of somebody else", "somebody else sends setpoints")
 _FOREIGN_M_S, _ELSEWHERE_M_S = 0.42, 0.4
 """Speed of another commander, and how far it is from ours; below 0.2 m/s nobody could tell."""
 
@@ -116,6 +120,17 @@ def _foreign_setpoint(rig: Rig, rng: np.random.Generator) -> int:
     return time.monotonic_ns()
 
 
+def _foreign_system(rig: Rig, rng: np.random.Generator) -> int:
+    """Somebody under a system id of their own sends setpoints, at 50 Hz for a while."""
+    forward, right = rng.uniform(-0.5, 0.5, 2)
+    sender = _STATIONS[int(rng.integers(len(_STATIONS)))]
+    t_ns = time.monotonic_ns()
+    while time.monotonic_ns() < t_ns + _STATION_NS and rig.state not in (S.ABORT, S.PREFLIGHT):
+        rig.world.send_as_other(_foreign_message(float(forward), float(right)), sender)
+        time.sleep(_STATION_PERIOD_S)
+    return t_ns
+
+
 def _foreign_elsewhere(rig: Rig, rng: np.random.Generator) -> int:
     """Somebody who wants to go elsewhere sends setpoints at 50 Hz on a link of their own."""
     ours = next(e for e in reversed(rig.world.events) if e["kind"] == "setpoint")["velocity"]
@@ -171,6 +186,7 @@ def _faults() -> tuple[Fault, ...]:
             700.0,
             _READY_OR_ENGAGED,
             _link_lost,
+            says=(str(Cause.TELEMETRY_LOST), "frames:"),
         ),
         Fault(
             "heartbeat-lost",
@@ -178,11 +194,30 @@ def _faults() -> tuple[Fault, ...]:
             "heartbeat over 2 s old",
             abort,
             2100.0,
-            (S.SERVO, S.HOLD),
+            _READY_OR_ENGAGED,
             _heartbeat_lost,
+            says=(str(Cause.HEARTBEAT_LOST),),
         ),
-        Fault("takeover", "pilot takes over", "mode", released, 50.0, flown, _taken_over),
-        Fault("disarmed", "disarmed in the air", "state", released, 50.0, flown, _disarmed),
+        Fault(
+            "takeover",
+            "pilot takes over",
+            "mode",
+            released,
+            50.0,
+            flown,
+            _taken_over,
+            says=(str(Cause.TAKEOVER),),
+        ),
+        Fault(
+            "disarmed",
+            "disarmed in the air",
+            "state",
+            released,
+            50.0,
+            flown,
+            _disarmed,
+            says=(str(Cause.DISARMED),),
+        ),
         Fault(
             "estimator-invalid",
             "estimator loses the position",
@@ -191,6 +226,7 @@ def _faults() -> tuple[Fault, ...]:
             200.0,
             _READY_OR_ENGAGED,
             _estimator_invalid,
+            says=(str(Cause.ESTIMATOR_INVALID),),
         ),
         Fault(
             "estimator-jumps",
@@ -200,6 +236,7 @@ def _faults() -> tuple[Fault, ...]:
             200.0,
             flown,
             _estimator_jumps,
+            says=(str(Cause.ESTIMATOR_JUMP),),
         ),
         Fault(
             "battery-low",
@@ -209,6 +246,7 @@ def _faults() -> tuple[Fault, ...]:
             1000.0,
             _READY_OR_ENGAGED,
             _battery_low,
+            says=(str(Cause.BATTERY_LOW),),
         ),
         Fault(
             "second-service",
@@ -218,6 +256,7 @@ def _faults() -> tuple[Fault, ...]:
             500.0,
             (S.READY, *ANY_ENGAGED),
             _second_service,
+            says=(str(Cause.TWO_COMMANDERS), "another service"),
         ),
         Fault(
             "service-stands-by",
@@ -245,8 +284,19 @@ def _faults() -> tuple[Fault, ...]:
             "foreign setpoint",
             abort,
             100.0,
-            (S.READY, *FLYING),
+            _READY_OR_ENGAGED,
             _foreign_setpoint,
+            says=_SETPOINTS,
+        ),
+        Fault(
+            "foreign-system",
+            "setpoints of a ground station on the link",
+            "foreign setpoint of any system",
+            abort,
+            1000.0,
+            _READY_OR_ENGAGED,
+            _foreign_system,
+            says=_SETPOINTS,
         ),
         Fault(
             "foreign-commander",
@@ -254,9 +304,10 @@ def _faults() -> tuple[Fault, ...]:
             "velocity nobody here asked for",
             abort,
             4000.0,
-            (S.SERVO, S.HOLD),
+            (S.SERVO, S.HOLD, S.DONE),
             _foreign_elsewhere,
-            Setup(settings=("gate.proof_s=0",)),
+            Setup(settings=(NO_PROOF,)),
+            says=(str(Cause.TWO_COMMANDERS),),
         ),
         Fault(
             "forged-commands",
@@ -264,7 +315,7 @@ def _faults() -> tuple[Fault, ...]:
             "authority",
             Reaction.IGNORED,
             0.0,
-            (S.READY, S.SERVO, S.HOLD),
+            (S.READY, S.SERVO, S.HOLD, S.DONE),
             _forged,
             watch_s=0.5,
         ),
@@ -274,7 +325,7 @@ def _faults() -> tuple[Fault, ...]:
             "challenge",
             Reaction.IGNORED,
             0.0,
-            (S.READY, S.SERVO, S.HOLD),
+            (S.READY, S.SERVO, S.HOLD, S.DONE),
             _replayed,
             watch_s=0.5,
         ),
@@ -286,5 +337,6 @@ def _faults() -> tuple[Fault, ...]:
             500.0,
             ANY_ENGAGED,
             _operator_aborts,
+            says=(str(Cause.OPERATOR_ABORT),),
         ),
     )

@@ -132,9 +132,13 @@ class World:
         position = (north + x, east + y, v.down_m + z)
         return Pose(position, v.roll_rad, v.pitch_rad, v.yaw_rad + self._turn_rad)
 
-    def send_as_other(self, message: Any) -> None:
-        """Let the vehicle's link carry a message of another component, as PX4 forwards them."""
-        self.do(lambda _px4, _now: self._link.send_bytes(message.pack(self._rogue)))
+    def send_as_other(self, message: Any, sender: tuple[int, int] | None = None) -> None:
+        """Let the vehicle's link carry a message of another component, as PX4 forwards them.
+
+        ``sender`` is its (system, component); without it, one under the vehicle's own system.
+        """
+        speaker = self._rogue if sender is None else mavlink.MAVLink(None, *sender)
+        self.do(lambda _px4, _now: self._link.send_bytes(message.pack(speaker)))
 
     def shadow(self, make: Callable[[], Any] | None) -> None:
         """Let somebody else send a message to the vehicle at 50 Hz on another link, or stop it."""
@@ -232,7 +236,8 @@ class World:
                 next_pose_ns = now_ns + _POSE_NS
                 v = self._px4.flight.vehicle
                 velocity = [round(a, 4) for a in (v.v_north_m_s, v.v_east_m_s, v.v_down_m_s)]
-                self._note(now_ns, "pose", {"velocity": velocity})
+                place = [round(a, 4) for a in (v.north_m, v.east_m, v.down_m)]
+                self._note(now_ns, "pose", {"velocity": velocity, "place": place})
 
     def _answer(self, now_ns: int) -> None:
         for message in self._link.receive():

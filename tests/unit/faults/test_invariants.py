@@ -93,6 +93,15 @@ def test_a_good_flight_violates_nothing(flight):
     assert check(run) == []
 
 
+def test_a_first_motion_that_is_no_crawl_is_found(flight):
+    gate, run = flight
+    i = next(i for i, e in enumerate(run.events) if e["t_ns"] > state_ns(gate, "SERVO") + 500 * MS)
+    before = [e for e in run.events[: i + 1] if e["kind"] == "setpoint"]
+    fast = {**before[-1], "velocity": [0.1, 0.0, 0.04]}
+    assert found(with_event(run, fast)) == {"I1"}
+    assert not found(dataclasses.replace(with_event(run, fast), crawls=False))
+
+
 @pytest.mark.parametrize(
     "change",
     [

@@ -1,11 +1,13 @@
 """How a case is judged: by what was recorded since the fault."""
 
+import dataclasses
 import math
 
 import pytest
 
 from dfvs_core.gate.states import GateState
-from dfvs_sim.faults.case import NO_VERDICT, Evidence, Fault, Outcome, Reaction, judge
+from dfvs_sim.faults.fault import NO_VERDICT, Fault, Outcome, Reaction
+from dfvs_sim.faults.judging import Evidence, judge
 from dfvs_sim.faults.matrix import (
     Case,
     Result,
@@ -54,8 +56,45 @@ def seen(state, moving_until_ms=200, transitions=(), **changes):
     return Evidence(**{**values, **changes})
 
 
-def verdict(reaction, evidence, state=S.SERVO, limit_ms=300.0):
-    return judge(fault(reaction, limit_ms), state, 0, T0, evidence)
+HELD = [{"t_ns": T0 + 50 * MS, "mode": "HOLD"}]
+
+
+def verdict(reaction, evidence, state=S.SERVO, limit_ms=300.0, says=()):
+    case = dataclasses.replace(fault(reaction, limit_ms), says=says)
+    return judge(case, state, 0, T0, evidence)
+
+
+@pytest.mark.parametrize(
+    ("reaction", "state", "target"),
+    [
+        (Reaction.HOLD, S.SERVO, S.HOLD),
+        (Reaction.ABORT, S.HOLD, S.ABORT),
+        (Reaction.RELEASED, S.SERVO, S.RELEASED),
+        (Reaction.HOLD, S.READY, S.PREFLIGHT),
+        (Reaction.ABORT, S.READY, S.PREFLIGHT),
+    ],
+)
+def test_a_reaction_for_another_reason_than_the_fault_does_not_pass(reaction, state, target):
+    silent = setpoints(-200, 20)
+    evidence = seen(target, -200, [to(target, 10)], setpoints=silent)
+    assert verdict(reaction, evidence, state, says=("not this", "why")).passed
+    outcome = verdict(reaction, evidence, state, says=("not this",))
+    assert (outcome.passed, outcome.problem) == (False, "the gate said 'some cause: why'")
+
+
+def test_frames_that_grow_old_are_reason_enough_where_frames_are_at_fault():
+    old = {**to(S.HOLD, 210), "cause": "last good frame too old"}
+    assert verdict(Reaction.HOLD, seen(S.HOLD, 200, [old]), says=("black",)).passed
+    ended = seen(S.ABORT, 100, [{**old, "target": "ABORT"}])
+    assert not verdict(Reaction.ABORT, ended, says=("black",)).passed
+
+
+def test_a_fault_that_lasts_must_lead_from_ready_back_to_preflight():
+    stays = seen(S.READY, -200, must_leave=True)
+    assert "went on to pass" in verdict(Reaction.HOLD, stays, S.READY).problem
+    leaves = seen(S.PREFLIGHT, -200, [to(S.PREFLIGHT, 600)], must_leave=True)
+    assert verdict(Reaction.HOLD, leaves, S.READY).passed
+    assert verdict(Reaction.HOLD, seen(S.READY, -200), S.READY).passed
 
 
 def test_hold_is_timed_to_the_first_zero():
@@ -75,7 +114,8 @@ def test_hold_is_timed_to_the_first_zero():
         (Reaction.SILENCE, seen(S.SERVO, is_running=False), "1000 ms"),
         (Reaction.SILENCE, seen(S.SERVO, setpoints=[]), "still runs"),
         (Reaction.EXIT, seen(S.ABORT), "still runs"),
-        (Reaction.EXIT, seen(S.ABORT, is_running=False), "900 ms"),
+        (Reaction.EXIT, seen(S.ABORT, is_running=False), "not given back to Hold"),
+        (Reaction.EXIT, seen(S.ABORT, is_running=False, mode_commands=HELD), "900 ms"),
         (Reaction.STREAM, seen(S.SERVO, setpoints=[]), "no setpoints"),
         (Reaction.REFUSED, seen(S.ENGAGE), "ENGAGE"),
         (Reaction.IGNORED, seen(S.HOLD), "HOLD"),
