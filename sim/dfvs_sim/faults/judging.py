@@ -8,7 +8,7 @@ import math
 from dataclasses import dataclass
 
 from dfvs_core.gate.states import Cause, GateState
-from dfvs_sim.faults.fault import ANY_ENGAGED, UNFIT, Fault, Outcome, Reaction
+from dfvs_sim.faults.fault import UNFIT, Fault, Outcome, Reaction
 from dfvs_sim.faults.records import Event, is_ours, moves
 from dfvs_sim.faults.rig import Rig
 
@@ -155,7 +155,8 @@ def _exit_problem(state: GateState, seen: Evidence) -> str:
     if seen.is_running:
         return "the service still runs"
     held = any(m["mode"] == "HOLD" for m in seen.mode_commands)
-    return "" if held or state not in ANY_ENGAGED else "the vehicle was not given back to Hold"
+    is_offboard = state in (S.SERVO, S.HOLD, S.DONE)  # in ENGAGE perhaps not yet
+    return "the vehicle was not given back to Hold" if is_offboard and not held else ""
 
 
 def _unfit_problem(seen: Evidence) -> str:
