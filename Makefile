@@ -17,7 +17,7 @@ demo: .venv/.stamp-sim
 seeds: .venv/.stamp-sim
 	$(BIN)/dfvs-demo --runs 10 $(ARGS)
 
-test: lint types imports pytest
+test: lint types imports coverage pytest
 
 setup: .venv/.stamp-dev
 

@@ -12,6 +12,14 @@ from pathlib import Path
 ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """Our matrices are small; BLAS threads that spin beside them made matching 3 times slower."""
 
+STEADY_HEAP = {
+    "MALLOC_ARENA_MAX": "2",
+    "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
+    "MALLOC_TRIM_THRESHOLD_": str(256 << 20),
+}
+"""glibc's limits, fixed. Left alone they follow the largest block that was freed so far: arrays move
+between heap and mappings whenever a larger picture came by, and the heap was seen to grow in steps."""
+
 
 class Child:
     """One of the service's processes.
@@ -30,7 +38,7 @@ class Child:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=errors,
-                env=os.environ | ONE_BLAS_THREAD,
+                env=STEADY_HEAP | os.environ | ONE_BLAS_THREAD,
             )
         if self._process.stdin is None:
             raise RuntimeError("the child has no standard input")

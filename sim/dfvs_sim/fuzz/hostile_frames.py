@@ -250,6 +250,7 @@ _KINDS: tuple[tuple[str, Callable[[Corpus, Dice], Made]], ...] = (
     ("JPEG with odd segments", _jpeg(lambda c, dice: odd.with_odd_segments(dice, c.good[_J]))),
     ("JPEG with an odd header", _jpeg(lambda c, dice: odd.with_odd_frame_header(dice, c.good[_J]))),
     ("JPEG with two headers", _jpeg(lambda c, dice: odd.second_frame_header(dice, c.good[_J]))),
+    ("JPEG with a long way", _jpeg(lambda c, dice: odd.long_way(dice, c.good[_J]))),
     ("JPEG of many scans", _jpeg(lambda c, dice: odd.scan_bomb(dice, CAMERA.size))),
 )
 KINDS = tuple(name for name, _ in _KINDS)

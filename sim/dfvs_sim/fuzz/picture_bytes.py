@@ -134,6 +134,12 @@ def second_frame_header(dice: Dice, data: bytes) -> bytes:
     return data[:at] + jpeg_segment(dice.pick((0xC0, 0xC2)), content) + data[at:]
 
 
+def long_way(dice: Dice, data: bytes) -> bytes:
+    """JPEG with up to 8 MB of fill bytes, bare markers or empty segments before its size."""
+    filler = dice.pick((b"\xff", b"\xff\x01", b"\xff\xe0\x00\x02"))
+    return data[:2] + filler * dice.integer(1, 8_000_000 // len(filler)) + data[2:]
+
+
 def scan_bomb(dice: Dice, size: tuple[int, int]) -> bytes:
     """Progressive JPEG with scan after scan of a dozen bytes, each a walk over all blocks."""
     table = bytes([1] + [0] * 15)
