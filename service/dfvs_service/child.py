@@ -17,8 +17,11 @@ STEADY_HEAP = {
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
     "MALLOC_TRIM_THRESHOLD_": str(256 << 20),
 }
-"""glibc's limits, fixed. Left alone they follow the largest block that was freed so far: arrays move
-between heap and mappings whenever a larger picture came by, and the heap was seen to grow in steps."""
+"""glibc's limits, fixed: left alone they follow the largest block that was freed so far.
+
+Arrays then move between heap and mappings whenever a larger picture came by, and the heap was seen
+to grow in steps.
+"""
 
 
 class Child:
