@@ -1,0 +1,180 @@
+"""The preflight list word by word: what an operator reads before every flight."""
+
+import pytest
+from gate_rehearsal import Rehearsal, pilot_config
+
+from dfvs_core.gate.config import GateConfig
+from dfvs_core.gate.events import (
+    Battery,
+    EstimatorState,
+    ForeignSetpoint,
+    Health,
+    Heartbeat,
+    OtherServices,
+    ParametersRead,
+    VehicleMode,
+)
+from dfvs_core.gate.machine import GateMachine
+from dfvs_core.gate.preflight import Check, failures, sole_commander
+from dfvs_core.gate.states import GateState
+from dfvs_core.gate.vehicle import VehiclePicture
+
+LINK = "check vehicle.mavlink, the cable, and that the autopilot streams what is missing"
+ESTIMATOR = (
+    "wait for the autopilot's estimate; give it GNSS, flow or vision, and space to calibrate"
+)
+HEALTH = "see what the ground station says; calibrate, or wait until the autopilot is ready to arm"
+BATTERY = "charge or change the battery, or give the autopilot a power module"
+PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
+FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
+GOAL = "move to where the goal is in view, or take another goal picture"
+COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
+LOST = "goal lost, perception unhealthy: wrong goal"
+ADVISED = Check("advised parameters", True, "", "", False)
+
+
+def ready():
+    return Rehearsal(pilot_config()).until(GateState.READY)
+
+
+def listed(gate):
+    return {check.name: check for check in gate.machine.checks()}
+
+
+def test_before_anything_is_heard():
+    assert GateMachine(GateConfig(), 0).checks() == (
+        Check("link", False, "vehicle's heartbeat lost, none heard yet", LINK),
+        Check("estimator", False, "estimator invalid, none heard yet", ESTIMATOR),
+        Check("health", False, "none heard yet", HEALTH),
+        Check("battery", False, "battery low, charge unknown", BATTERY),
+        Check("parameters", False, "not read back yet", "wait a few seconds"),
+        ADVISED,
+        Check("frames", False, "no good data, no report yet", FRAMES),
+        Check("goal", False, "overlap 0%, 9% needed", GOAL),
+        Check("sole commander", True, "", ""),
+    )
+
+
+def test_where_all_is_well():
+    gate = ready()
+    gate.tick(ParametersRead(gate.now_ns, found="COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"))
+    assert gate.machine.checks() == (
+        Check("link", True, "", ""),
+        Check("estimator", True, "", ""),
+        Check("health", True, "", ""),
+        Check("battery", True, "90% left", ""),
+        Check("parameters", True, "COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5", ""),
+        ADVISED,
+        Check("frames", True, "50.0 a second, results 40 ms after capture", ""),
+        Check("goal", True, "overlap 80%", ""),
+        Check("sole commander", True, "", ""),
+    )
+
+
+@pytest.mark.parametrize(
+    ("changes", "expected"),
+    [
+        ({"failsafe": True}, Check("health", False, "autopilot in failsafe", HEALTH)),
+        (
+            {"armed": False, "can_arm": False},
+            Check("health", False, "the autopilot's checks before arming fail", HEALTH),
+        ),
+        (
+            {"battery": 0.1},
+            Check("battery", False, "battery low, 10% left, 20% needed", BATTERY),
+        ),
+    ],
+)
+def test_an_unfit_vehicle(changes, expected):
+    gate = ready()
+    gate.beat(**changes)
+    gate.tick()
+    assert listed(gate)[expected.name] == expected
+
+
+def test_a_fault_without_details_is_named_alone():
+    gate = ready()
+    gate.send([EstimatorState(gate.now_ns, valid=False)])
+    assert listed(gate)["estimator"] == Check("estimator", False, "estimator invalid", ESTIMATOR)
+
+
+def test_parameters_with_refusals_and_with_advice():
+    gate = ready()
+    gate.tick(ParametersRead(gate.now_ns, refusals=("one", "two")))
+    assert listed(gate)["parameters"] == Check("parameters", False, "one; two", PARAMETERS)
+    gate.tick(ParametersRead(gate.now_ns, advice=("three", "four"), found="found"))
+    assert listed(gate)["parameters"] == Check("parameters", True, "found", "")
+    advised = Check("advised parameters", False, "three; four", PARAMETERS, False)
+    assert listed(gate)["advised parameters"] == advised
+    assert not advised.refuses
+
+
+@pytest.mark.parametrize(
+    ("changes", "name", "detail", "remedy"),
+    [
+        ({"overlap": 0.08}, "goal", "overlap 8%, 9% needed", GOAL),
+        (
+            {"healthy": False, "lost": True, "reason": "wrong goal"},
+            "goal",
+            LOST,
+            GOAL,
+        ),
+        (
+            {"healthy": False, "reason": "too dark"},
+            "frames",
+            "perception unhealthy, too dark",
+            FRAMES,
+        ),
+    ],
+)
+def test_a_view_that_does_not_fit(changes, name, detail, remedy):
+    gate = ready()
+    gate.changes = changes
+    gate.tick()
+    assert listed(gate)[name] == Check(name, False, detail, remedy)
+
+
+def test_frames_that_are_too_few():
+    gate = Rehearsal(pilot_config(min_frame_hz=60.0)).run(3.0)
+    detail = "50.0 a second, results 40 ms after capture; 60 needed"
+    assert listed(gate)["frames"] == Check("frames", False, detail, FRAMES)
+
+
+def test_others_who_command():
+    gate = Rehearsal(pilot_config()).until(GateState.PREFLIGHT)
+    gate.beat(mode=gate.vehicle.mode)
+    vehicle, now_ns = gate.machine.vehicle, gate.now_ns
+    vehicle.take(ForeignSetpoint(now_ns, "from afar"))
+    detail = "somebody else sends setpoints (from afar)"
+    found = sole_commander(vehicle, now_ns, may_be_offboard=False)
+    assert found == Check("sole commander", False, detail, COMMANDER)
+    vehicle.take(OtherServices(now_ns, ("a", "b"), ("c",)))
+    detail = "another service for this vehicle runs (a, b, c): stop one of them"
+    found = sole_commander(vehicle, now_ns, may_be_offboard=True)
+    assert found == Check("sole commander", False, detail, COMMANDER)
+
+
+@pytest.mark.parametrize("armed", [True, False])
+@pytest.mark.parametrize("awaited", [True, False])
+def test_offboard_by_somebody_else(armed, awaited):
+    vehicle = VehiclePicture(heartbeat=Heartbeat(0, VehicleMode.OFFBOARD, armed))
+    found = sole_commander(vehicle, 0, may_be_offboard=awaited)
+    detail = "the vehicle is in OFFBOARD, but not by this service"
+    bad = Check("sole commander", False, detail, COMMANDER)
+    assert found == (bad if armed and not awaited else Check("sole commander", True, "", ""))
+
+
+def test_a_charge_that_nobody_asks_for_is_no_finding():
+    gate = Rehearsal(pilot_config(min_battery=0.0)).until(GateState.READY)
+    gate.send([Battery(gate.now_ns, None), Health(gate.now_ns, ok=True)])
+    assert listed(gate)["battery"] == Check("battery", True, "", "")
+
+
+def test_failures_are_one_line_of_those_that_refuse():
+    checks = (
+        Check("a", False, "one"),
+        Check("b", True, "two"),
+        Check("c", False, "three", binding=False),
+        Check("d", False, "four"),
+    )
+    assert failures(checks) == "a: one; d: four"
