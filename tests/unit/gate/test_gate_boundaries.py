@@ -1,6 +1,7 @@
 """Limits to the nanosecond: what is exactly at a limit passes, one more does not."""
 
 import dataclasses
+import math
 
 import pytest
 from gate_rehearsal import Rehearsal, auto_config
@@ -265,3 +266,26 @@ def test_the_gate_tells_since_when_it_is_in_its_state():
     assert gate.machine.since_ns == gate.last.t_ns
     gate.run(0.5)
     assert gate.machine.since_ns == gate.last.t_ns
+
+
+@pytest.mark.parametrize(
+    ("event", "fault"),
+    [
+        (Attitude(NOW_NS, 0.0, math.nan, 0.0), "estimator invalid: attitude is not finite"),
+        (
+            LocalPosition(NOW_NS, (0.0, math.inf, 0.0), (0.0, 0.0, 0.0)),
+            "estimator invalid: position or velocity is not finite",
+        ),
+        (Battery(NOW_NS, None), "battery low: charge unknown"),
+        (LandedState(NOW_NS, in_air=False, on_ground=True), "vehicle on the ground: "),
+        (
+            Health(NOW_NS - 2500 * MS, ok=True),
+            "vehicle's telemetry lost: sensors and battery, last one 2.50 s ago",
+        ),
+    ],
+)
+def test_faults_of_the_vehicle_word_by_word(event, fault):
+    vehicle = picture()
+    vehicle.take(event)
+    cause, detail = flight_fault(vehicle, CONFIG, NOW_NS)
+    assert f"{cause}: {detail}" == fault

@@ -420,3 +420,36 @@ def test_parameters_that_are_not_read_again_lead_back_to_preflight():
     assert "parameters: not read back for 31 s" in gate.last.detail
     gate.vehicle.parameters_told = True
     gate.until(GateState.READY, 1.2)
+
+
+def test_the_reasons_of_a_flight_word_by_word():
+    gate = Rehearsal().until(GateState.PREFLIGHT)
+    gate.tick()
+    assert gate.machine.reason == "checks pass"
+    gate.changes["reached"] = True
+    gate.until(GateState.DONE)
+    assert [(str(t.target), t.reason) for t in gate.transitions] == [
+        ("PREFLIGHT", "vehicle heard"),
+        ("READY", "checks passed"),
+        ("ENGAGE", "armed and in the air"),
+        ("SERVO", "OFFBOARD confirmed"),
+        ("DONE", "goal reached"),
+    ]
+
+
+@pytest.mark.parametrize(
+    ("unsupervised", "reason"),
+    [(False, "service stops: by SIGTERM"), (True, "parent process silent: by SIGTERM")],
+)
+def test_a_stop_says_whose_it_is(unsupervised, reason):
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.send([Stop(gate.now_ns, "by SIGTERM", unsupervised)])
+    assert (gate.state, gate.machine.reason) == (GateState.ABORT, reason)
+
+
+@pytest.mark.parametrize(("late_ns", "state"), [(0, GateState.SERVO), (1, GateState.HOLD)])
+def test_a_gate_stalls_beyond_its_limit_and_not_at_it(late_ns, state):
+    gate = Rehearsal().until(GateState.SERVO)
+    gate.now_ns += TIMING.stall_ns + late_ns
+    gate.send([])
+    assert gate.state is state
