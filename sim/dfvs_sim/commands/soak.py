@@ -8,14 +8,12 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
 from dfvs_sim.demo.flight import FlightError
+from dfvs_sim.demo.pace import AUTO, SIZE_HELP, measured_size
 from dfvs_sim.demo.plan import make_plan
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.options import add_scene_option, write_json
+from dfvs_sim.options import add_camera_options, add_scene_option, camera_from, write_json
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
@@ -23,7 +21,6 @@ from dfvs_sim.soak.plots import write_plots
 from dfvs_sim.soak.tour import Stay, Tour
 from dfvs_sim.soak.verdict import MAX_MB_PER_H, document, judge, latency_figures
 
-_FOV_RAD = float(np.radians(75.0))
 _EPILOG = """example:
   dfvs-sim soak --minutes 30 --json soak.json --out soak
 
@@ -42,10 +39,11 @@ def add_parser(subparsers: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_scene_option(parser)
+    add_camera_options(parser, AUTO, SIZE_HELP)
     add = parser.add_argument
     add("--minutes", type=float, default=30.0, metavar="N", help="time to fly (default: 30)")
     add("--seed", type=int, default=0, help="draws the places to fly between")
-    add("--rate", type=float, default=20.0, metavar="HZ", help="frames a second (default: 20)")
+    add("--rate", type=float, default=15.0, metavar="HZ", help="frames a second (default: 15)")
     add("--service", default="", metavar="WORDS", help="further words for dfvs-service")
     add("--out", type=Path, default=Path("soak"), metavar="DIR", help="folder for logs and plots")
     add("--json", type=Path, metavar="FILE", help="write the figures there as well")
@@ -69,10 +67,10 @@ def run(args: argparse.Namespace) -> int:
     except OSError as error:
         raise ConfigError(f"cannot make the folder {args.out} ({error.strerror})") from error
     progress = Progress()
-    camera = CameraModel.from_horizontal_fov(320, 240, _FOV_RAD)
-    plan = make_plan(
-        Renderer(load_glb(args.scene or builtin_room_path())), camera, args.seed, None, []
-    )
+    if args.size == AUTO:
+        args.size = measured_size(progress.say)
+    renderer = Renderer(load_glb(args.scene or builtin_room_path()))
+    plan = make_plan(renderer, camera_from(args), args.seed, None, [])
     words = tuple(args.service.split())
     stay = Stay(args.out.absolute(), args.minutes, args.rate, words)
     tour = Tour(plan, stay, lambda text: progress.say(f"  {text}"))

@@ -10,7 +10,7 @@ from pathlib import Path
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_sim.demo.cameras import CAMERAS
 from dfvs_sim.demo.flight import Flight, FlightOptions
-from dfvs_sim.demo.pace import SIZES, affordable_size, as_text, match_ms
+from dfvs_sim.demo.pace import AUTO, SIZE_HELP, SIZES, as_text, measured_size
 from dfvs_sim.demo.plan import FlightPlan, make_plan, parse_camera_pose
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results import replace_json, write_results
@@ -23,7 +23,6 @@ from dfvs_sim.scene.glb import load_glb
 DOORWAY_ROUTE = ("0,-2,-1.3,90", "0,-1,-1.3,77", "0.1,-0.15,-1.3,47", "0.2,0.7,-1.3,16")
 """Start and goals in the two rooms: eastwards through the doorway, then round to the north."""
 
-AUTO = "auto"
 
 EXIT_OK, EXIT_NOT_REACHED, EXIT_CANNOT_RUN = 0, 1, 2
 _EPILOG = """examples:
@@ -60,8 +59,7 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_scene_option(parser)
-    what = "picture size in px, or auto: what this machine can compare in time"
-    add_camera_options(parser, AUTO, what)
+    add_camera_options(parser, AUTO, SIZE_HELP)
     add = parser.add_argument
     add("--seed", type=int, default=0, help="draws start and goal, and the noise")
     add("--runs", type=int, default=1, metavar="N", help="fly N seeds, one after the other")
@@ -112,7 +110,7 @@ def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
     if is_size_open:
         make_plan(renderer, camera, args.seed, start, goals)  # what cannot be flown is said first
-        args.size = _measured_size(progress)
+        args.size = measured_size(progress.say)
         camera = camera_from(args)
     summaries = []
     for seed in range(args.seed, args.seed + args.runs):
@@ -123,14 +121,6 @@ def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
     if args.runs > 1:
         _print_table(summaries)
     return EXIT_OK if all(s.converged for s in summaries) else EXIT_NOT_REACHED
-
-
-def _measured_size(progress: Progress) -> str:
-    """Size of the pictures by what this machine takes for a match."""
-    taken_ms = match_ms()
-    size = as_text(affordable_size(taken_ms))
-    progress.say(f"{taken_ms:.0f} ms a match on this machine: pictures of {size} (--size)")
-    return size
 
 
 def _take_route(args: argparse.Namespace) -> None:

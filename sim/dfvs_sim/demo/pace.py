@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import os
 import time
+from collections.abc import Callable
 
 import cv2
 import numpy as np
@@ -14,6 +15,9 @@ from dfvs_models.catalog import load_matcher
 
 SIZES = (((320, 240), 28.0), ((256, 192), 40.0), ((192, 144), np.inf))
 """Picture sizes, and how long a match of the largest one may take for each, ms."""
+
+AUTO = "auto"
+SIZE_HELP = "picture size in px, or auto: what this machine can compare in time"
 
 _FRAMES = 9
 _SHIFT_PX = 3
@@ -42,6 +46,14 @@ def match_ms() -> float:
 def affordable_size(taken_ms: float) -> tuple[int, int]:
     """Width and height of the largest pictures for which a machine is quick enough."""
     return next(size for size, most_ms in SIZES if taken_ms <= most_ms)
+
+
+def measured_size(say: Callable[[str], None]) -> str:
+    """Size of the pictures by what this machine takes for a match, as ``--size`` takes it."""
+    taken_ms = match_ms()
+    size = as_text(affordable_size(taken_ms))
+    say(f"{taken_ms:.0f} ms a match on this machine: pictures of {size} (--size)")
+    return size
 
 
 def as_text(size: tuple[int, int]) -> str:
