@@ -453,3 +453,29 @@ def test_a_gate_stalls_beyond_its_limit_and_not_at_it(late_ns, state):
     gate.now_ns += TIMING.stall_ns + late_ns
     gate.send([])
     assert gate.state is state
+
+
+def test_the_reasons_of_holds_and_of_disarming_word_by_word():
+    gate = Rehearsal().until(GateState.ENGAGE)
+    gate.tick(Order(gate.now_ns, Action.HOLD))
+    gate.until(GateState.HOLD)
+    assert gate.machine.reason == "operator ordered to hold"
+    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.until(GateState.SERVO)
+    assert gate.machine.reason == "good data"
+    gate.beat(armed=False)
+    assert (gate.state, gate.machine.reason) == (GateState.RELEASED, "vehicle disarmed")
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"error_rad": math.nan}, "numbers that are not finite"),
+        ({"overlap": 1.1}, "error or overlap out of range"),
+        ({"feature_error": -0.1}, "feature error out of range"),
+    ],
+)
+def test_numbers_that_cannot_be_are_named_word_by_word(changes, words):
+    gate = Rehearsal()
+    report = gate.report(**changes).report
+    assert report_fault(report, gate.now_ns, TIMING) == (Cause.REPORT_REJECTED, words)
