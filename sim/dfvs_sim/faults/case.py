@@ -43,14 +43,13 @@ def run_case(rig: Rig, fault: Fault, state: GateState, seed: int) -> Outcome:
         raise HarnessError(f"the gate went to {rig.state} before the fault")
     begin_ns = rig.world.note("fault", name=fault.name, state=str(state), seed=seed)
     t0_ns = fault.inject(rig, rng)
-    settle_s = _SETTLE_S
+    settle_s, must_leave = _SETTLE_S, False
     if state is S.READY and fault.reaction in UNFIT:
         is_short = fault.reaction is Reaction.HOLD and rng.random() < _SHORT_SHARE
-        settle_s = _SHORT_SETTLE_S if is_short else _READY_SETTLE_S
+        settle_s, must_leave = (_SHORT_SETTLE_S if is_short else _READY_SETTLE_S), not is_short
     over_ns = _watch(rig, fault, state, settle_s)
     if t0_ns is None:
         t0_ns = rig.camera.last_good_ns
-    must_leave = settle_s == _READY_SETTLE_S
     evidence = Evidence.collect(rig, begin_ns, over_ns, must_leave=must_leave)
     if fault.spares_frames and evidence.was_late():
         raise HarnessError("frames were late by themselves: the machine is too busy")
