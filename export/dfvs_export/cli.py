@@ -13,12 +13,13 @@ _EXAMPLES = """examples:
   dfvs-export sheet --seed 3 --out sheet.png
   dfvs-export train flow --minutes 60 --out runs/flow
   dfvs-export train flow --resume runs/flow/last.pt --size 320x240 --minutes 60 --out runs/fine
-  dfvs-export flow --model dfvs-flow --checkpoint runs/fine/best.pt --size 320x240 --out bundle
+  dfvs-export flow --model dfvs-flow --size 640x480 --out bundle
+  dfvs-export flow --model dfvs-flow --checkpoint runs/fine/best.pt --size 320x240 --out fine
   dfvs-export flow --model ptlflow:rapidflow_it3 --weights things --sha256 HEX --out rapidflow
-  dfvs-export flow --checkpoint runs/fine/best.pt --precision int8 --out bundle-int8
-  dfvs-export check bundle --checkpoint runs/fine/best.pt --pairs pairs.npz
-  dfvs-export check bundle-int8 --pairs pairs.npz --reference bundle
-  dfvs-export bench bundle other-bundle --size 320x240 --threads 2 --json bench.json
+  dfvs-export flow --precision int8 --out bundle-int8
+  dfvs-export check bundle --pairs pairs.npz
+  dfvs-export check bundle-int8 --pairs pairs.npz --reference dfvs-flow
+  dfvs-export bench dfvs-flow bundle-int8 --size 320x240 --threads 2 --json bench.json
 """
 
 
@@ -94,7 +95,12 @@ def _add_train_flow(networks: argparse._SubParsersAction[argparse.ArgumentParser
     flow.add_argument("--out", type=Path, required=True, help="folder of the run")
     flow.add_argument("--minutes", type=float, default=60.0)
     flow.add_argument("--steps", type=int, help="train so many steps instead of minutes")
-    flow.add_argument("--resume", type=Path, metavar="FILE.pt", help="go on from a checkpoint")
+    flow.add_argument(
+        "--resume",
+        type=Path,
+        metavar="FILE.pt",
+        help="go on from a checkpoint, or from the shipped weights: dfvs-flow",
+    )
     flow.add_argument("--size", default="192x144", metavar="WxH")
     flow.add_argument("--batch", type=int, default=8, help="pairs per step, each used both ways")
     flow.add_argument("--learning-rate", type=float, default=6e-4)
@@ -114,9 +120,11 @@ def _add_train_flow(networks: argparse._SubParsersAction[argparse.ArgumentParser
 
 
 def _run_train_flow(arguments: argparse.Namespace) -> int:
+    from dfvs_export.own import NAME, SHIPPED
     from dfvs_export.train.flow import train_flow
     from dfvs_export.train.settings import TrainSettings
 
+    resume = SHIPPED if arguments.resume == Path(NAME) else arguments.resume
     settings = TrainSettings(
         out=arguments.out,
         minutes=arguments.minutes,
@@ -135,7 +143,7 @@ def _run_train_flow(arguments: argparse.Namespace) -> int:
         keep_norms=arguments.keep_norms,
         checkpoint_minutes=arguments.checkpoint_minutes,
     )
-    path = train_flow(settings, arguments.resume, lambda line: print(line, flush=True))
+    path = train_flow(settings, resume, lambda line: print(line, flush=True))
     print(f"wrote {path}")
     return 0
 
@@ -164,7 +172,9 @@ def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
 
 def _add_network(command: argparse.ArgumentParser) -> None:
     command.add_argument("--model", default="dfvs-flow", help="dfvs-flow or ptlflow:NAME")
-    command.add_argument("--checkpoint", type=Path, metavar="FILE.pt", help="of dfvs-flow")
+    command.add_argument(
+        "--checkpoint", type=Path, metavar="FILE.pt", help="of dfvs-flow (default: the shipped one)"
+    )
     command.add_argument("--weights", metavar="NAME|FILE", help="of a published network")
     command.add_argument("--sha256", metavar="HEX", help="what these weights have to hash to")
 
@@ -181,15 +191,15 @@ def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "check",
         help="check a bundle's files, operators and accuracy",
         description="Check a bundle: files against their hashes, operators, and, where its"
-        " network is named (--checkpoint, or --model), ONNX Runtime against torch, to 1e-3 px.",
+        " weights are the shipped or named ones (--checkpoint, --model), ONNX Runtime against"
+        " torch, to 1e-3 px.",
     )
-    check.add_argument("bundle", type=Path)
+    check.add_argument("bundle", metavar="BUNDLE", help="folder, or dfvs-flow: the shipped one")
     _add_network(check)
     check.add_argument("--count", type=int, default=4, help="drawn pairs to compare with torch on")
     check.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
     check.add_argument(
         "--reference",
-        type=Path,
         metavar="BUNDLE",
         help="with --pairs: fail where the error is more than 15 %% above this bundle's",
     )
@@ -205,7 +215,7 @@ def _run_check(arguments: argparse.Namespace) -> int:
 
 def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     bench = commands.add_parser("bench", help="time bundles side by side")
-    bench.add_argument("bundles", type=Path, nargs="+", metavar="BUNDLE")
+    bench.add_argument("bundles", nargs="+", metavar="BUNDLE", help="folder, or dfvs-flow")
     bench.add_argument("--size", default="320x240", metavar="WxH")
     bench.add_argument("--threads", type=int, default=2)
     bench.add_argument("--runs", type=int, default=30)

@@ -8,6 +8,7 @@ import sys
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError, ModelError
+from dfvs_core.manifest import Manifest
 from dfvs_export.bench import BenchPlan, bench
 from dfvs_export.bundles import check_free, described, write_bundle
 from dfvs_export.calibration import ImagePair, read_frames
@@ -26,6 +27,7 @@ from dfvs_export.own import NAME, OwnFlow
 from dfvs_export.precision import in_precision
 from dfvs_export.running import FlowRunner
 from dfvs_models.bundle import read_bundle
+from dfvs_models.catalog import bundle_folder
 
 _CALIBRATION_SEED = 900_001
 _PARITY_SEED = 900_002
@@ -97,7 +99,7 @@ def run_check(arguments: argparse.Namespace) -> int:
     ConfigError, ModelError
         If the bundle, or what it is to be compared with, cannot be used.
     """
-    bundle = read_bundle(arguments.bundle)
+    bundle = read_bundle(bundle_folder(arguments.bundle))
     report: dict[str, object] = {
         "bundle": bundle.manifest.name,
         "precision": bundle.manifest.precision,
@@ -106,14 +108,22 @@ def run_check(arguments: argparse.Namespace) -> int:
     }
     runner = FlowRunner(bundle)
     holds = True
-    if arguments.checkpoint or arguments.model != NAME:
+    if _knows_weights(arguments, bundle.manifest):
         holds &= _check_parity(arguments, runner, report)
+    else:
+        report["torch"] = "not compared: weights that were not named (--checkpoint, --model)"
     if arguments.pairs:
         holds &= _check_accuracy(arguments, runner, report)
     elif arguments.reference:
         raise ConfigError("--reference without --pairs", "--pairs PAIRS.npz to compare accuracy on")
     print(json.dumps(report, indent=None if arguments.json else 2))
     return 0 if holds else 1
+
+
+def _knows_weights(arguments: argparse.Namespace, manifest: Manifest) -> bool:
+    """Whether the network that a bundle was made of is named, or is the shipped one."""
+    is_named = arguments.checkpoint is not None or arguments.model != NAME
+    return is_named or manifest.origin == OwnFlow.load(None).origin
 
 
 def _check_parity(
@@ -143,9 +153,8 @@ def _check_accuracy(
     if not arguments.reference:
         return True
     _say(f"measuring accuracy of {arguments.reference}")
-    ratios = error_ratios(
-        scores, accuracy(FlowRunner(read_bundle(arguments.reference)), arguments.pairs)
-    )
+    reference = FlowRunner(read_bundle(bundle_folder(arguments.reference)))
+    ratios = error_ratios(scores, accuracy(reference, arguments.pairs))
     report["error_over_reference"] = ratios
     return max(ratios.values()) <= MOST_ERROR_RATIO
 
@@ -159,7 +168,7 @@ def run_bench(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
         If a bundle cannot be used, or the results cannot be written.
     """
     plan = BenchPlan(size, arguments.threads, arguments.runs)
-    results = bench(arguments.bundles, plan, _say)
+    results = bench([bundle_folder(name) for name in arguments.bundles], plan, _say)
     for r in results:
         print(
             f"{r.bundle:24} {r.precision}  median {r.median_ms:8.1f} ms  p99 {r.p99_ms:8.1f} ms"

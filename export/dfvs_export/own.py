@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
+import hashlib
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 
 from torch import Tensor
 
-from dfvs_core.errors import ConfigError
 from dfvs_core.manifest import Manifest
 from dfvs_core.matching.evaluation import LevelScore
 from dfvs_export.bundles import Source, encode_match_bundle
@@ -20,6 +20,8 @@ from dfvs_export.working_size import Sizes, default_working_size
 from dfvs_models.bundle import Bundle
 
 NAME = "dfvs-flow"
+SHIPPED = Path(__file__).parent / "assets" / f"{NAME}.pt"
+"""The weights of the bundle that comes with ``dfvs_models``."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,16 +38,26 @@ class OwnFlow:
 
     @classmethod
     def load(cls, path: Path | None, working_size: tuple[int, int] | None = None) -> OwnFlow:
-        """Read a checkpoint.
+        """Read a checkpoint, or where none is named the shipped weights.
 
         Raises
         ------
-        ConfigError, ModelError
-            If none is named, or it cannot be used.
+        ModelError
+            If it cannot be used.
         """
-        if path is None:
-            raise ConfigError("no checkpoint given", "--checkpoint FILE.pt of a training run")
+        path = path or SHIPPED
         return cls(load_network(path), load_checkpoint(path), working_size)
+
+    @property
+    def origin(self) -> str:
+        """Where the weights come from, and which they are, as manifests say it."""
+        digest = hashlib.sha256()
+        for name, value in sorted(self.checkpoint.average.items()):
+            digest.update(name.encode() + value.numpy().tobytes())
+        return (
+            f"trained by this project from scratch on drawn rooms, {self.checkpoint.step} steps,"
+            f" weights {digest.hexdigest()[:12]}"
+        )
 
     def bundle(self, size: tuple[int, int]) -> Bundle:
         """Bundle in fp32 for pictures of ``size`` (width, height) px.
@@ -56,12 +68,8 @@ class OwnFlow:
             If the working size is larger.
         """
         sizes = self._sizes(size)
-        origin = (
-            f"trained by this project from scratch on drawn rooms, {self.checkpoint.step} steps"
-        )
-        return encode_match_bundle(
-            to_onnx(self.network, sizes), sizes, Source(NAME, origin, "Apache-2.0")
-        )
+        source = Source(NAME, self.origin, "Apache-2.0")
+        return encode_match_bundle(to_onnx(self.network, sizes), sizes, source)
 
     def flow(self, first: Tensor, second: Tensor) -> Tensor:
         """Flow (1, 2, H, W) px from torch, of pictures as the bundle takes them."""

@@ -90,15 +90,20 @@ def packaged_bundles() -> dict[str, Path]:
     return {path.parent.name: path.parent for path in sorted(_PACKAGED.glob(f"*/{MANIFEST_NAME}"))}
 
 
+def bundle_folder(name_or_path: str) -> Path:
+    """Folder of a bundle; those that come with this package go by their names alone.
+
+    A folder of the same name is asked for as ``./NAME``.
+    """
+    return packaged_bundles().get(name_or_path, Path(name_or_path))
+
+
 def _folder(name_or_path: str) -> Path:
-    packaged = packaged_bundles()  # a folder of the same name is asked for as ./NAME
-    if name_or_path in packaged:
-        return packaged[name_or_path]
-    folder = Path(name_or_path)
+    folder = bundle_folder(name_or_path)
     if not folder.exists():
         raise ModelError(
             f"there is no model {name_or_path!r}",
             f"{CLASSICAL!r} or the folder of a bundle ({MANIFEST_NAME} and its ONNX files)",
-            f"bundles in this package: {', '.join(packaged) or 'none'}",
+            f"bundles in this package: {', '.join(packaged_bundles()) or 'none'}",
         )
     return folder

@@ -23,7 +23,7 @@ class Checkpoint:
     weights, average : dict
         State of the network, and its exponential average (which is what gets exported).
     optimiser : dict
-        State of the optimiser.
+        State of the optimiser; empty where it was left out, as of the shipped weights.
     step : int
         Steps taken, over all runs that led here.
     origin : tuple of dict

@@ -77,11 +77,13 @@ class FlowTraining:
             self.network.parameters(), lr=settings.learning_rate, weight_decay=1e-4
         )
         self.step = 0
-        self.warm_up = 0.0 if checkpoint else _WARM_UP  # a resumed optimiser is warm
+        self.warm_up = _WARM_UP
         self.origin: tuple[dict[str, Any], ...] = (describe(settings, architecture),)
         if checkpoint:
             self.network.load_state_dict(checkpoint.weights)
-            self.optimiser.load_state_dict(checkpoint.optimiser)
+            if checkpoint.optimiser:  # shipped weights come without
+                self.optimiser.load_state_dict(checkpoint.optimiser)
+                self.warm_up = 0.0  # it is warm already
             self.step = checkpoint.step
             self.origin = checkpoint.origin + self.origin
         if settings.keep_norms:

@@ -175,7 +175,6 @@ def test_half_precision_bundles_run_and_find_about_the_same(
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
-        (["flow", "--out", "x"], "no checkpoint given"),
         (["flow", "--model", "raft", "--out", "x"], "model 'raft'"),
         (["flow", "--checkpoint", "gone.pt", "--out", "x"], "no checkpoint at"),
         (["flow", "--size", "100x64", "--out", "x"], "multiples of 16"),
