@@ -19,8 +19,8 @@ S = GateState
 _SETTLE_S = 0.3
 _SHORT_SETTLE_S, _SHORT_SHARE = 0.1, 0.5
 """READY is left after half a second of failing checks; every other fault there is shorter."""
-_READY_SETTLE_S = 0.9
-"""Beyond a fault's limit in READY: those that are not short must lead back to PREFLIGHT."""
+_READY_LEFT_S = 2.5
+"""Faults in READY that are not short must lead to PREFLIGHT by then, some by the frame rate."""
 _PHASE_S = 0.2
 """Faults come at any phase of frames (0.07 s) and of telemetry (0.05 s)."""
 _LATE_S = 3.0
@@ -43,11 +43,13 @@ def run_case(rig: Rig, fault: Fault, state: GateState, seed: int) -> Outcome:
         raise HarnessError(f"the gate went to {rig.state} before the fault")
     begin_ns = rig.world.note("fault", name=fault.name, state=str(state), seed=seed)
     t0_ns = fault.inject(rig, rng)
-    settle_s, must_leave = _SETTLE_S, False
+    must_leave = is_short = False
     if state is S.READY and fault.reaction in UNFIT:
-        is_short = fault.reaction is Reaction.HOLD and rng.random() < _SHORT_SHARE
-        settle_s, must_leave = (_SHORT_SETTLE_S if is_short else _READY_SETTLE_S), not is_short
-    over_ns = _watch(rig, fault, state, settle_s)
+        is_short = fault.reaction is Reaction.HOLD and bool(rng.random() < _SHORT_SHARE)
+        must_leave = not is_short
+    if must_leave:
+        wait_until(lambda: rig.state is S.PREFLIGHT, _READY_LEFT_S)
+    over_ns = _watch(rig, fault, state, _SHORT_SETTLE_S if is_short else _SETTLE_S)
     if t0_ns is None:
         t0_ns = rig.camera.last_good_ns
     evidence = Evidence.collect(rig, begin_ns, over_ns, must_leave=must_leave)

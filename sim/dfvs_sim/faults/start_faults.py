@@ -6,6 +6,7 @@ import math
 import subprocess
 import sys
 import time
+from typing import Any
 
 import numpy as np
 
@@ -59,13 +60,17 @@ def _engaged_ns(rig: Rig) -> int:
 
 def _flown_far(rig: Rig, _: np.random.Generator) -> int:
     """When the vehicle itself, by the truth, was further from its start than it may be."""
-    poses = [e for e in rig.world.events if e["kind"] == "pose"]
-    begin_ns = _engaged_ns(rig)
-    start = next(e["place"] for e in poses if e["t_ns"] >= begin_ns)
+    engaged_ns, events = _engaged_ns(rig), rig.world.events
+    first = next(k for k, e in enumerate(events) if e["t_ns"] >= engaged_ns)
+
+    def flown() -> list[dict[str, Any]]:
+        """Poses of this engagement; the rig keeps those of flights before it, too."""
+        return [e for e in events[first:] if e["kind"] == "pose" and e["t_ns"] >= engaged_ns]
+
+    start = flown()[0]["place"]
 
     def beyond() -> list[int]:
-        recent = [e for e in rig.world.events[-3000:] if e["kind"] == "pose"]
-        return [e["t_ns"] for e in recent if math.dist(e["place"], start) > _TRAVEL_M]
+        return [e["t_ns"] for e in flown() if math.dist(e["place"], start) > _TRAVEL_M]
 
     if not wait_until(lambda: bool(beyond()), _TRAVEL_S):
         raise HarnessError(f"the vehicle does not fly {_TRAVEL_M} m")

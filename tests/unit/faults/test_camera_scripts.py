@@ -37,10 +37,10 @@ def reasons(fault, rng, count=12):
     return told
 
 
-def test_every_other_frame_out_of_order_is_refused(rng):
+def test_frames_out_of_order_are_refused(rng):
     told = reasons("stamps-reordered", rng)
-    assert told[0::2][1:] == ["the frame is not newer than the one before"] * 5
-    assert told[1::2] == [""] * 6
+    refused = "the frame is not newer than the one before"
+    assert told == ["", refused, ""] + [refused, refused, ""] * 3
 
 
 def test_a_frozen_camera_is_refused_from_the_third_picture_on(rng):
