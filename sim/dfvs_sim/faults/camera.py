@@ -66,6 +66,15 @@ class ScriptedCamera:
         self._publish = publish
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
         self._seq = 0
+        self._good_to_come = 0
+
+    def film(self, script: Script | None, *, first_is_good: bool = False) -> None:
+        """Follow a script from the next frame on, or none.
+
+        ``first_is_good`` tells that its first sample shows the truth of its time.
+        """
+        self._good_to_come = int(first_is_good)
+        self.script = script
 
     @property
     def last_good_ns(self) -> int:
@@ -78,7 +87,8 @@ class ScriptedCamera:
         self._seq += 1
         script = self.script
         packets = [shot.packet()] if script is None else script(shot)
-        if script is None:
+        if script is None or self._good_to_come:
             self.good_ns.append(t_ns)
+            self._good_to_come = 0
         for payload, attachment in packets:
             self._publish(payload, attachment)

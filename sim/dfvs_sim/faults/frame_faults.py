@@ -31,11 +31,11 @@ _SIZE_AT, _FORMAT_AT = 8, 5
 """Offsets of the width and of the pixel format in a frame's attachment."""
 
 
-def _films(make: Callable[[np.random.Generator], Script]) -> Inject:
+def _films(make: Callable[[np.random.Generator], Script], *, first_is_good: bool = False) -> Inject:
     """Let the camera follow a script from its next frame on."""
 
     def inject(rig: Rig, rng: np.random.Generator) -> None:
-        rig.camera.script = make(rng)
+        rig.camera.film(make(rng), first_is_good=first_is_good)
 
     return inject
 
@@ -204,8 +204,15 @@ def frame_faults() -> tuple[Fault, ...]:
     return (
         _hold("camera-stops", "camera stops", "silence, frame age", silent),
         _abort("camera-stops-for-good", "camera stops for good", "3 s in HOLD", silent, 3600.0),
-        _hold("camera-freezes", "camera freezes", "same pixels ×3", _films(_held)),
-        _hold("frames-repeat", "one sample again and again", "capture time", _films(_repeated)),
+        _hold(
+            "camera-freezes", "camera freezes", "same pixels ×3", _films(_held, first_is_good=True)
+        ),
+        _hold(
+            "frames-repeat",
+            "one sample again and again",
+            "capture time",
+            _films(_repeated, first_is_good=True),
+        ),
         _hold(
             "stamps-old",
             "stamps a second old",

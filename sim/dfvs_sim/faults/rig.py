@@ -143,7 +143,7 @@ class Rig:
 
     def heal(self) -> None:
         """Take back whatever a fault did to the world."""
-        self.camera.script = None
+        self.camera.film(None)
         for token in self._tokens:
             token.undeclare()
         self._tokens.clear()

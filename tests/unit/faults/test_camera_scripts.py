@@ -5,7 +5,7 @@ import numpy as np
 from dfvs_core.camera import CameraModel
 from dfvs_core.frame_guard import Expected, GuardState, admit
 from dfvs_core.wire.frame import PixelFormat
-from dfvs_sim.faults.camera import PERIOD_NS, Shot
+from dfvs_sim.faults.camera import PERIOD_NS, ScriptedCamera, Shot
 from dfvs_sim.faults.matrix import all_faults
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
@@ -13,13 +13,14 @@ CLOCK = b"c" * 16
 T0 = 10**12
 
 
-class Camera:
-    script = None
+class Wall:
+    def shoot(self, pose):
+        return np.full((120, 160, 3), 128, np.uint8)
 
 
 class Rig:
     def __init__(self):
-        self.camera = Camera()
+        self.camera = ScriptedCamera(Wall(), PixelFormat.RGB8, lambda payload, attachment: None)
 
 
 def reasons(fault, rng, count=12):
@@ -47,6 +48,24 @@ def test_a_frozen_camera_is_refused_from_the_third_picture_on(rng):
     told = reasons("camera-freezes", rng)
     assert told[:2] == ["", ""]
     assert set(told[2:]) == {"the camera repeats the same picture"}
+
+
+def test_the_first_picture_of_a_frozen_camera_is_of_its_time_and_no_later_one(rng):
+    camera = (rig := Rig()).camera
+    camera.shoot(None, T0)
+    all_faults()["camera-freezes"].inject(rig, rng)
+    for i in range(1, 4):
+        camera.shoot(None, T0 + i * PERIOD_NS)
+    assert camera.last_good_ns == T0 + PERIOD_NS
+
+
+def test_no_frame_of_another_fault_is_good(rng):
+    camera = (rig := Rig()).camera
+    camera.shoot(None, T0)
+    all_faults()["stamps-reordered"].inject(rig, rng)
+    for i in range(1, 4):
+        camera.shoot(None, T0 + i * PERIOD_NS)
+    assert camera.last_good_ns == T0
 
 
 def test_a_camera_that_stops_sends_nothing(rng):
