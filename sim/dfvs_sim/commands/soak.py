@@ -17,7 +17,6 @@ from dfvs_sim.options import add_camera_options, add_scene_option, camera_from, 
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.soak.plots import write_plots
 from dfvs_sim.soak.tour import Stay, Tour
 from dfvs_sim.soak.verdict import MAX_MB_PER_H, document, judge, latency_figures
 
@@ -102,6 +101,8 @@ def figures(tour: Tour, minutes: float, ended: str) -> dict[str, Any]:
         verdicts = judge(samples)
     except ValueError as error:
         raise ConfigError(f"too short a flight to judge ({error})", "more --minutes") from error
+    from dfvs_sim.soak.plots import write_plots  # matplotlib takes a second to import
+
     write_plots(samples, tour.folder / "soak.png")
     holds = [t for t in tour.transitions() if (t["source"], t["target"]) == ("SERVO", "HOLD")]
     reached = sum(leg.state == "DONE" for leg in tour.legs)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import functools
 import itertools
 import struct
 import zlib
@@ -109,14 +110,22 @@ def _other_format(shot: Shot, rng: np.random.Generator) -> list[Packet]:
     return [(payload, _header(attachment, _FORMAT_AT, "B", int(rng.choice([0, 1, 2, 9, 255]))))]
 
 
-def _bomb(shot: Shot, rng: np.random.Generator) -> list[Packet]:
+@functools.cache
+def _bomb() -> bytes:
+    return encode_png(np.zeros((6000, 6000, 3), np.uint8))
+
+
+def _bombs(rng: np.random.Generator) -> Script:
     """A small PNG of many pixels, said to be a small picture, with its own checksum."""
-    said = decode_header(shot.packet()[1])
-    checksum = zlib.crc32(_BOMB)
-    return [(_BOMB, encode_header(dataclasses.replace(said, checksum=checksum, pixel_format=PNG)))]
+    payload = _bomb()  # made here: half a second would keep the camera waiting
+    checksum = zlib.crc32(payload)
 
+    def script(shot: Shot) -> list[Packet]:
+        said = decode_header(shot.packet()[1])
+        header = dataclasses.replace(said, checksum=checksum, pixel_format=PNG)
+        return [(payload, encode_header(header))]
 
-_BOMB = encode_png(np.zeros((6000, 6000, 3), np.uint8))
+    return script
 
 
 def _flood(shot: Shot, rng: np.random.Generator) -> list[Packet]:
@@ -247,7 +256,7 @@ def frame_faults() -> tuple[Fault, ...]:
         _hold("no-contrast", "grey picture", "contrast", _shows(lambda i: i // 128 + 120)),
         _hold("corrupt-jpeg", "flipped bits in a JPEG", "checksum", _sends(_damaged)),
         _hold("truncated-jpeg", "JPEG cut short", "checksum", _sends(_cut)),
-        _hold("image-bomb", "36 megapixels in a PNG of 100 kB", "header", _sends(_bomb)),
+        _hold("image-bomb", "36 megapixels in a PNG of 100 kB", "header", _films(_bombs)),
         _hold("hostile-frames", "400 rubbish samples a second", "header, checksum", _sends(_flood)),
         _hold("no-texture", "stripes", "conditioning, agreement", _shows(_stripes)),
         _hold("goal-lost", "view shares nothing with the goal", "overlap", _shows(_elsewhere)),

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import struct
 import zlib
 
@@ -19,8 +20,12 @@ _CHUNKS = (
     *(b"gAMA", b"cHRM", b"sBIT", b"bKGD", b"pHYs", b"tIME", b"IDAT", b"IEND", b"IHDR", b"xxXx"),
 )
 _MARKERS = (*range(0xC0, 0xD0), *range(0xDA, 0xE3), 0xEE, 0xFE, 0x01, 0xF0)
-_ZEROS = {level: zlib.compress(bytes(1 << 26), level) for level in (9,)}
-"""64 MiB of zeros in 64 KiB."""
+
+
+@functools.cache
+def _zeros() -> bytes:
+    """64 MiB of zeros in 64 KiB."""
+    return zlib.compress(bytes(1 << 26), 9)
 
 
 def random_bytes(dice: Dice, most: int) -> bytes:
@@ -55,19 +60,19 @@ def odd_png(dice: Dice, size: tuple[int, int]) -> bytes:
 def png_size_bomb(dice: Dice) -> bytes:
     """PNG whose header announces more pixels than memory holds."""
     size = (dice.pick(_ODD_SIZES[3:]), dice.pick(_ODD_SIZES[3:]))
-    return png(size, dice.pick((1, 8, 16)), dice.pick((0, 2, 6)), _ZEROS[9])
+    return png(size, dice.pick((1, 8, 16)), dice.pick((0, 2, 6)), _zeros())
 
 
 def png_data_bomb(dice: Dice, size: tuple[int, int]) -> bytes:
     """PNG of the right size whose data unfold to far more, in its pixels or in a side chunk."""
     if dice.chance(0.5):
-        return png(size, 8, 2, _ZEROS[9] * dice.integer(1, 3))
+        return png(size, 8, 2, _zeros() * dice.integer(1, 3))
     line = bytes(1 + 3 * size[0])
     honest = png(size, 8, 2, zlib.compress(line * size[1], 1))
     kind, head = dice.pick(
         ((b"zTXt", b"key\0\0"), (b"iTXt", b"key\0\1\0\0\0"), (b"iCCP", b"key\0\0"))
     )
-    return with_chunk(honest, kind, head + _ZEROS[9])
+    return with_chunk(honest, kind, head + _zeros())
 
 
 def with_chunk(data: bytes, kind: bytes, content: bytes) -> bytes:
@@ -92,7 +97,7 @@ def animation(dice: Dice, data: bytes, size: tuple[int, int]) -> bytes:
     extra = b""
     for i in range(dice.pick((1, 100))):
         extra += png_chunk(b"fcTL", struct.pack(">I", 1 + 2 * i) + control)
-        extra += png_chunk(b"fdAT", struct.pack(">I", 2 + 2 * i) + _ZEROS[9][:1000])
+        extra += png_chunk(b"fdAT", struct.pack(">I", 2 + 2 * i) + _zeros()[:1000])
     head = png_chunk(b"acTL", struct.pack(">II", dice.pick((1, 101, 1 << 31)), 0))
     head += png_chunk(b"fcTL", struct.pack(">I", 0) + control)
     return data[:PNG_HEAD_BYTES] + head + data[PNG_HEAD_BYTES:-12] + extra + data[-12:]

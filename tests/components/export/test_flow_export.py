@@ -22,7 +22,7 @@ from dfvs_export.train.checkpoint import (  # noqa: E402
     save_checkpoint,
 )
 from dfvs_models.bundle import read_bundle  # noqa: E402
-from dfvs_models.catalog import load_matcher  # noqa: E402
+from dfvs_models.catalog import bundle_folder, load_matcher  # noqa: E402
 
 SIZE = (96, 64)
 ALLOWED = {"GridSample", "ArgMax", "Conv", "MatMul", "Softmax", "Gather"}
@@ -86,6 +86,29 @@ def test_a_bundle_that_works_at_a_smaller_size_gives_flow_of_the_pictures_own(
     field = matcher.match(matcher.prepare(first), matcher.prepare(second))
     assert field.flow.shape == (112, 160, 2)
     assert field.confidence.shape == (112, 160)
+
+
+def test_the_shipped_weights_give_bundles_of_any_size_that_check_compares(
+    tmp_path: Path, capsys
+) -> None:
+    out = tmp_path / "small"
+    assert main(["flow", "--model", "dfvs-flow", "--size", "160x112", "--out", str(out)]) == 0
+    shipped = read_bundle(bundle_folder("dfvs-flow")).manifest
+    assert read_bundle(out).manifest.origin == shipped.origin
+    assert "9138 steps" in (out / "MODEL_CARD.md").read_text()
+    capsys.readouterr()
+    assert main(["check", str(out), "--count", "2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["greatest_difference_px"] < 1e-3
+
+
+def test_the_shipped_bundle_holds_the_shipped_weights(capsys) -> None:
+    assert main(["check", "dfvs-flow", "--count", "1", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["greatest_difference_px"] < 1e-3
+
+
+def test_weights_that_nobody_named_are_not_compared(bundle: Path, capsys) -> None:
+    assert main(["check", str(bundle), "--json"]) == 0
+    assert "not compared" in json.loads(capsys.readouterr().out)["torch"]
 
 
 def test_only_plain_operators_are_used(bundle: Path) -> None:

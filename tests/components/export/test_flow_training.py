@@ -12,6 +12,7 @@ torch = pytest.importorskip("torch")
 from dfvs_core.errors import ConfigError, ModelError  # noqa: E402
 from dfvs_export.data.pairs import PairSettings  # noqa: E402
 from dfvs_export.data.shards import write_shard  # noqa: E402
+from dfvs_export.own import SHIPPED  # noqa: E402
 from dfvs_export.train.checkpoint import load_checkpoint, load_network  # noqa: E402
 from dfvs_export.train.flow import learning_rate, train_flow  # noqa: E402
 from dfvs_export.train.settings import TrainSettings  # noqa: E402
@@ -63,6 +64,13 @@ def test_a_resumed_run_repeats_to_the_last_bit(tmp_path: Path, shards: Path) -> 
         assert torch.equal(value, two.weights[name]), name
     before = load_checkpoint(start)
     assert not torch.equal(before.weights["mask.weight"], one.weights["mask.weight"])
+
+
+def test_training_goes_on_from_the_shipped_weights(tmp_path: Path, shards: Path) -> None:
+    last = train_flow(settings(tmp_path, shards, 2), SHIPPED, lambda line: None)
+    end = load_checkpoint(last)
+    assert end.step == load_checkpoint(SHIPPED).step + 2
+    assert end.optimiser["state"]
 
 
 def test_makers_supply_pairs_while_the_training_runs(tmp_path: Path) -> None:
