@@ -13,6 +13,8 @@ from dfvs_core.arrays import Float32Array
 from dfvs_core.errors import ModelError
 
 _FATAL_ONLY = 4
+_REMOTE = "AzureExecutionProvider"
+"""Comes with every ONNX Runtime, takes no operator of a network, and would leave it to the CPU."""
 _LOAD_ERRORS = (
     runtime_errors.Fail,
     runtime_errors.InvalidArgument,
@@ -21,6 +23,8 @@ _LOAD_ERRORS = (
     runtime_errors.NotImplemented,
     runtime_errors.RuntimeException,
     runtime_errors.EPFail,
+    RuntimeError,
+    ValueError,
 )
 """What ONNX Runtime raises; they share no base but ``Exception``."""
 
@@ -34,7 +38,7 @@ class Execution:
 
     def __post_init__(self) -> None:
         """Refuse a provider that this installation lacks: ONNX Runtime itself would only warn."""
-        available = onnxruntime.get_available_providers()
+        available = [p for p in onnxruntime.get_available_providers() if p != _REMOTE]
         if self.provider not in available:
             raise ModelError(
                 f"ONNX Runtime has no provider {self.provider!r} here",
@@ -79,7 +83,7 @@ class OnnxGraph:
         options.add_session_config_entry("session.intra_op.allow_spinning", "0")
         try:
             self._session = onnxruntime.InferenceSession(
-                data, options, providers=[execution.provider]
+                data, options, providers=[execution.provider], enable_fallback=0
             )
         except _LOAD_ERRORS as error:
             raise ModelError(f"ONNX Runtime cannot load {name!r}: {_one_line(error)}") from error

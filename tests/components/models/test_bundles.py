@@ -156,7 +156,61 @@ def test_weights_that_are_not_numbers_are_noticed_at_the_start(bundle):
         values = numpy_helper.to_array(tensor)
         if values.dtype == np.float32 and values.ndim == 4:
             tensor.CopyFrom(numpy_helper.from_array(np.full_like(values, np.nan), tensor.name))
+    assert "not numbers" in refusal(rewrite(bundle, model))
+
+
+def test_weights_that_are_too_large_are_noticed_at_the_start(bundle):
+    model = network()
+    for tensor in model.graph.initializer:
+        values = numpy_helper.to_array(tensor)
+        if values.dtype == np.float32 and values.ndim == 4:
+            tensor.CopyFrom(numpy_helper.from_array(np.full_like(values, np.inf), tensor.name))
     assert "not finite" in refusal(rewrite(bundle, model))
+
+
+@pytest.mark.parametrize("element", [np.float16, np.float32, np.float64])
+@pytest.mark.parametrize("raw", [True, False])
+def test_weights_that_are_not_numbers_are_found_in_every_notation(element, raw):
+    values = np.array([1.0, np.nan, 2.0], element)
+    tensor = numpy_helper.from_array(values, "w")
+    if not raw:
+        kind = helper.np_dtype_to_tensor_dtype(values.dtype)
+        tensor = helper.make_tensor("w", kind, values.shape, values)
+    model = helper.make_model(helper.make_graph([], "g", [], [], [tensor]))
+    with pytest.raises(ModelError, match="not numbers"):
+        check_onnx(model.SerializeToString(), "net.onnx")
+
+
+def test_a_constant_that_is_not_a_number_is_found():
+    node = helper.make_node("Constant", [], ["w"], value_float=float("nan"))
+    model = helper.make_model(helper.make_graph([node], "g", [], []))
+    with pytest.raises(ModelError, match="not numbers"):
+        check_onnx(model.SerializeToString(), "net.onnx")
+
+
+def test_infinite_constants_are_numbers():
+    node = helper.make_node("Constant", [], ["w"], value_float=float("-inf"))
+    check_onnx(
+        helper.make_model(helper.make_graph([node], "g", [], [])).SerializeToString(), "net.onnx"
+    )
+
+
+def test_a_field_whose_number_other_readers_cut_down_hides_nothing():
+    graph = one_node("Steal", domain="evil.example").graph.SerializeToString()
+    key, shifts = (7 << 3 | 2) + (1 << 32), range(0, 35, 7)
+    tag = bytes((key >> shift & 0x7F) | (0x80 if shift < 28 else 0) for shift in shifts)
+    plain = helper.make_model(helper.make_graph([], "g", [], [])).SerializeToString()
+    hidden = plain + tag + _varint(len(graph)) + graph
+    with pytest.raises(ModelError, match="field number"):
+        check_onnx(hidden, "net.onnx")
+
+
+def _varint(value):
+    digits = []
+    while value > 0x7F:
+        digits.append(value & 0x7F | 0x80)
+        value >>= 7
+    return bytes([*digits, value])
 
 
 def test_custom_operators_are_refused(bundle):
@@ -204,6 +258,7 @@ def test_a_network_cut_short_anywhere_never_crashes_the_check():
 
 
 def test_a_provider_that_is_not_there_is_refused_by_name(bundle):
+    assert "no provider 'Azure" in refusal(bundle, provider="AzureExecutionProvider")
     text = refusal(bundle, provider="CUDAExecutionProvider")
     assert "no provider 'CUDAExecutionProvider'" in text
     assert "CPUExecutionProvider" in text
