@@ -10,6 +10,7 @@ from dataclasses import asdict, dataclass
 from multiprocessing.connection import Connection
 from pathlib import Path
 
+import cv2
 import numpy as np
 
 from dfvs_core.errors import ConfigError, DfvsError, ModelError
@@ -149,17 +150,17 @@ def _expect(pipe: Connection) -> float:
 
 def _work(pipe: Connection, folder: Path, plan: BenchPlan) -> None:
     """Serve one bundle: a run per request, in the order they come."""
-    try:
-        runner = FlowRunner(read_bundle(folder), plan.threads)
-    except DfvsError as error:
-        pipe.send(str(error))
-        return
     width, height = plan.size
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (2, height, width, 3), dtype=np.uint8)
-    goal = runner.encode(images[1])
-    for _ in range(_WARM_UP):
-        runner.match(runner.encode(images[0]), goal)
+    try:
+        runner = FlowRunner(read_bundle(folder), plan.threads)
+        goal = runner.encode(images[1])
+        for _ in range(_WARM_UP):
+            runner.match(runner.encode(images[0]), goal)
+    except (DfvsError, ValueError, cv2.error) as error:  # also what is not as its manifest says
+        pipe.send(f"bundle {folder.name} cannot be run: {error}")
+        return
     with contextlib.suppress(EOFError, OSError):  # another worker failed, and so all end
         pipe.send(0.0)
         while pipe.recv() == "run":

@@ -101,9 +101,10 @@ def write_bundle(folder: Path, bundle: Bundle) -> None:
     ModelError
         If the folder exists and is no bundle, or cannot be written.
     """
+    check_free(folder)
+    folder = folder.resolve()
     part = folder.with_name(folder.name + ".part")
     try:
-        check_free(folder)
         shutil.rmtree(part, ignore_errors=True)
         part.mkdir(parents=True)
         for name, data in bundle.contents.items():
@@ -122,9 +123,23 @@ def check_free(folder: Path) -> None:
     Raises
     ------
     ModelError
-        If the folder holds anything but a bundle.
+        If the folder holds anything but a bundle, or cannot be looked at.
     """
-    if folder.exists() and not folder.is_dir():
-        raise ModelError(f"{folder} is no folder", "a new folder, or a bundle")
-    if folder.is_dir() and not (folder / MANIFEST_NAME).is_file() and any(folder.iterdir()):
-        raise ModelError(f"{folder} is not empty and no bundle", "a new folder, or a bundle")
+    try:
+        if folder.exists() and not folder.is_dir():
+            raise ModelError(f"{folder} is no folder", "a new folder, or a bundle")
+        if folder.is_dir() and any(folder.iterdir()) and not _holds_a_bundle(folder):
+            raise ModelError(f"{folder} is not empty and no bundle", "a new folder, or a bundle")
+    except OSError as error:
+        raise ModelError(f"{folder} cannot be read ({error.strerror})") from error
+
+
+def _holds_a_bundle(folder: Path) -> bool:
+    """Whether there is a manifest of ours, and nothing that it does not name."""
+    path = folder / MANIFEST_NAME
+    try:
+        manifest = Manifest.from_json(path.read_bytes()) if path.is_file() else None
+    except ModelError:
+        return False
+    ours = {MANIFEST_NAME, *(manifest.files if manifest else ())}
+    return manifest is not None and {entry.name for entry in folder.iterdir()} <= ours

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
+from pathlib import Path
 from typing import Any
 
 from dfvs_core.manifest import Manifest
@@ -21,8 +22,8 @@ confidence from 0 to 1 for every pixel. Two graphs: `encode` (once per picture) 
 ## Training data
 No photograph and no outside scene: rooms of random boxes, columns, thin bars and sheets with
 procedural textures, ray cast with exact flow and covisibility (`dfvs-export sheet` draws some).
-In the last run 45 % of the pairs came from 40 furnished rooms of this project's own generator
-(`dfvs-sim pairs --rooms 1000-1039`). Pictures are disturbed on their own: exposure, white balance,
+{others}
+Pictures are disturbed on their own: exposure, white balance,
 blur, glare, noise, JPEG damage.
 
 ## Schedule
@@ -32,7 +33,7 @@ blur, glare, noise, JPEG damage.
 {accuracy}
 
 ## What it is bad at
-- It was trained for a short time on a processor; large motion is where that shows.
+- It was trained for {steps} steps on {device}; large motion is where too few show first.
 - Rooms are made of planes in its training: foliage, water, crowds and outdoor distance were not
   in it. Neither were moving things: the scene is taken to be still.
 - Plain walls are filled in from the edges around them; confidence is the thing to trust there.
@@ -58,8 +59,22 @@ def model_card(
         parameters=parameters,
         steps=checkpoint.step,
         schedule=_schedule(checkpoint.origin),
+        others=_others(checkpoint),
+        device=" and ".join(
+            sorted({run["settings"].get("device", "cpu") for run in checkpoint.origin})
+        ),
         accuracy=accuracy_table(scores, pairs_name),
     )
+
+
+def _others(checkpoint: Checkpoint) -> str:
+    """Say what else may have been in the shards that the last run drew from."""
+    folder = checkpoint.origin[-1]["settings"].get("pairs")
+    if checkpoint.notes:
+        return checkpoint.notes
+    if folder:
+        return f"The last run drew from all shards in `{Path(folder).name}`, whoever made them."
+    return "Nothing else."
 
 
 def _schedule(origin: tuple[Mapping[str, Any], ...]) -> str:
@@ -80,8 +95,7 @@ def accuracy_table(scores: Mapping[str, LevelScore], pairs_name: str) -> str:
     if not scores:
         return "Not measured for this bundle."
     lines = [
-        f"On `{pairs_name}`, a room that was kept out of training, over the pixels seen in both "
-        "pictures:",
+        f"On `{pairs_name}`, over the pixels seen in both pictures:",
         "",
         "| motion | mean error | under 3 px | error of the surer half | pairs |",
         "|---|---|---|---|---|",

@@ -6,23 +6,22 @@ import io
 from collections import Counter
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import onnx
 import torch
 from numpy.typing import NDArray
 
-from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ModelError
 from dfvs_core.matching.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
+from dfvs_core.matching.matcher import Matcher
 from dfvs_export.calibration import ImagePair
 from dfvs_export.data.pairs import PairSettings, make_pair
 from dfvs_export.data.shards import TEXTURES_PER_SHARD
 from dfvs_export.data.textures import make_texture_bank
 from dfvs_export.network import FlowNetwork
 from dfvs_export.running import FlowRunner
-from dfvs_export.train.validation import read_pairs
+from dfvs_models.evaluation_file import FlowPairs
 
 PARITY_LIMIT_PX = 1e-3
 """Greatest difference of flow in fp32 between torch and ONNX Runtime."""
@@ -81,7 +80,7 @@ def operators(contents: dict[str, bytes]) -> Counter[str]:
 
 
 def parity(network: FlowNetwork, runner: FlowRunner, pairs: Iterable[ImagePair]) -> Parity:
-    """Compare torch with ONNX Runtime on pairs of the bundle's size."""
+    """Compare torch with ONNX Runtime on pairs, one or more, of the bundle's size."""
     greatest, means = [], []
     for first, second in pairs:
         field = runner.match(runner.encode(first), runner.encode(second))
@@ -97,21 +96,19 @@ def parity(network: FlowNetwork, runner: FlowRunner, pairs: Iterable[ImagePair])
 def error_ratios(
     scores: Mapping[str, LevelScore], reference: Mapping[str, LevelScore]
 ) -> dict[str, float]:
-    """Mean error over that of a reference on the same pairs, by level of motion."""
+    """Mean error over that of a reference on the same pairs, one or more, by level of motion."""
     return {
         level: round(score.epe_px / reference[level].epe_px, 4) for level, score in scores.items()
     }
 
 
-def accuracy(runner: FlowRunner, path: Path) -> dict[str, LevelScore]:
-    """Score a bundle on a benchmark file, by level of motion."""
+def accuracy(matcher: Matcher, pairs: FlowPairs) -> dict[str, LevelScore]:
+    """Score a network on pairs with exact flow, by level of motion."""
     found: dict[str, list[PairScore]] = {}
-    for first, second, flow, visible, level in read_pairs(path):
-        field: FlowField = runner.match(
-            runner.encode(first.astype(np.uint8)), runner.encode(second.astype(np.uint8))
-        )
-        score = score_pair(field, flow.astype(np.float32), visible.astype(np.bool_))
-        found.setdefault(LEVELS[int(level)], []).append(score)
+    columns = (pairs.current, pairs.other, pairs.flow, pairs.visible, pairs.level)
+    for first, second, flow, visible, level in zip(*columns, strict=True):
+        field = matcher.match(matcher.prepare(first), matcher.prepare(second))
+        found.setdefault(LEVELS[int(level)], []).append(score_pair(field, flow, visible))
     return {name: summarise(found[name]) for name in LEVELS if name in found}
 
 

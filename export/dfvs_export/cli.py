@@ -21,6 +21,8 @@ _EXAMPLES = """examples:
   dfvs-export check bundle-int8 --pairs pairs.npz --reference dfvs-flow
   dfvs-export bench dfvs-flow bundle-int8 --size 320x240 --threads 2 --json bench.json
 """
+_EXTRA = frozenset({"torch", "onnx", "matplotlib", "safetensors"})
+"""What comes with the extra ``export``."""
 
 
 def main(argv: Sequence[str] | None = None) -> int:
@@ -30,6 +32,11 @@ def main(argv: Sequence[str] | None = None) -> int:
         result: int = arguments.run(arguments)
     except DfvsError as error:
         print(f"error: {error}", file=sys.stderr)
+        return 2
+    except ModuleNotFoundError as error:
+        if (error.name or "").partition(".")[0] not in _EXTRA:
+            raise
+        print(f"error: {error.name} is not installed; pip install 'dfvs[export]'", file=sys.stderr)
         return 2
     except KeyboardInterrupt:
         print("error: stopped by the user", file=sys.stderr)
@@ -224,7 +231,7 @@ def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _run_bench(arguments: argparse.Namespace) -> int:
-    from dfvs_export.commands import run_bench
+    from dfvs_export.bench_command import run_bench
 
     return run_bench(arguments, parse_size(arguments.size))
 

@@ -1,15 +1,16 @@
-"""What ``dfvs-export flow``, ``check`` and ``bench`` do."""
+"""What ``dfvs-export flow`` and ``check`` do."""
 
 from __future__ import annotations
 
 import argparse
 import json
-import sys
 from pathlib import Path
+
+import numpy as np
 
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.manifest import Manifest
-from dfvs_export.bench import BenchPlan, bench
+from dfvs_core.matching.matcher import Matcher
 from dfvs_export.bundles import check_free, described, write_bundle
 from dfvs_export.calibration import ImagePair, read_frames
 from dfvs_export.check import (
@@ -25,9 +26,12 @@ from dfvs_export.foreign import PREFIX, ForeignWeights, PublishedFlow
 from dfvs_export.network import FlowNetwork
 from dfvs_export.own import NAME, OwnFlow
 from dfvs_export.precision import in_precision
+from dfvs_export.progress import say
 from dfvs_export.running import FlowRunner
 from dfvs_models.bundle import read_bundle
-from dfvs_models.catalog import bundle_folder
+from dfvs_models.catalog import bundle_folder, network_matcher
+from dfvs_models.evaluation_file import read_flow_pairs
+from dfvs_models.onnx_session import Execution
 
 _CALIBRATION_SEED = 900_001
 _PARITY_SEED = 900_002
@@ -44,17 +48,20 @@ def run_flow(
         If the model is unknown, or its weights, the frames or the folder cannot be used.
     """
     check_free(arguments.out)
+    pairs = read_flow_pairs(arguments.pairs) if arguments.pairs else None
+    if arguments.calibration and arguments.precision != "int8":
+        raise ConfigError(f"--calibration with {arguments.precision}", "it with --precision int8")
     network = _network(arguments, working_size)
-    _say(f"tracing {arguments.model} at {size[0]}x{size[1]}")
+    say(f"tracing {arguments.model} at {size[0]}x{size[1]}")
     bundle = network.bundle(size)
     if arguments.precision != "fp32":
-        _say(f"converting to {arguments.precision}")
+        say(f"converting to {arguments.precision}")
         frames = _frames(arguments, size) if arguments.precision == "int8" else []
         bundle = in_precision(bundle, arguments.precision, frames)
     scores = {}
-    if arguments.pairs:
-        _say(f"measuring accuracy on {arguments.pairs}")
-        scores = accuracy(FlowRunner(bundle), arguments.pairs)
+    if pairs is not None:
+        say(f"measuring accuracy on {arguments.pairs}")
+        scores = accuracy(network_matcher(bundle, Execution()), pairs)
     card = network.card(bundle.manifest, scores, Path(arguments.pairs or "").name)
     write_bundle(arguments.out, described(bundle, card, accuracy_figures(scores)))
     if arguments.model != NAME and arguments.weights is None:
@@ -71,14 +78,22 @@ def _network(arguments: argparse.Namespace, working_size: tuple[int, int] | None
     ConfigError, ModelError
         If there is no such network, or its weights cannot be used.
     """
+    checkpoint, weights, digest = arguments.checkpoint, arguments.weights, arguments.sha256
     if arguments.model == NAME:
-        return OwnFlow.load(arguments.checkpoint, working_size)
+        if weights is not None or digest is not None:
+            raise ConfigError(f"--weights or --sha256 for {NAME}", "--checkpoint FILE.pt")
+        return OwnFlow.load(checkpoint, working_size)
     if not arguments.model.startswith(PREFIX):
         raise ConfigError(f"model {arguments.model!r}", f"{NAME!r} or '{PREFIX}NAME'")
     if working_size is not None:
         raise ConfigError("--working-size for a published network", f"it for {NAME} only")
-    weights = ForeignWeights(arguments.weights, arguments.sha256)
-    return PublishedFlow.load(arguments.model.removeprefix(PREFIX), weights)
+    if checkpoint is not None and weights is not None:
+        raise ConfigError("--checkpoint and --weights together", "one of them")
+    if checkpoint is not None and not checkpoint.is_file():
+        raise ConfigError(f"no checkpoint at {checkpoint}", "a file")
+    source = weights if checkpoint is None else str(checkpoint)
+    name = arguments.model.removeprefix(PREFIX)
+    return PublishedFlow.load(name, ForeignWeights(source, digest))
 
 
 def _frames(arguments: argparse.Namespace, size: tuple[int, int]) -> list[ImagePair]:
@@ -106,16 +121,18 @@ def run_check(arguments: argparse.Namespace) -> int:
         "files": "all as announced",
         "operators": dict(operators(bundle.contents)),
     }
-    runner = FlowRunner(bundle)
+    matcher = network_matcher(bundle, Execution())  # as the service loads it: shapes, numbers
+    if arguments.count < 1:
+        raise ConfigError(f"--count is {arguments.count}", "1 or more")
+    if arguments.reference and not arguments.pairs:
+        raise ConfigError("--reference without --pairs", "--pairs PAIRS.npz to compare accuracy on")
     holds = True
     if _knows_weights(arguments, bundle.manifest):
-        holds &= _check_parity(arguments, runner, report)
+        holds &= _check_parity(arguments, FlowRunner(bundle), report)
     else:
         report["torch"] = "not compared: weights that were not named (--checkpoint, --model)"
     if arguments.pairs:
-        holds &= _check_accuracy(arguments, runner, report)
-    elif arguments.reference:
-        raise ConfigError("--reference without --pairs", "--pairs PAIRS.npz to compare accuracy on")
+        holds &= _check_accuracy(arguments, matcher, report)
     print(json.dumps(report, indent=None if arguments.json else 2))
     return 0 if holds else 1
 
@@ -131,7 +148,7 @@ def _check_parity(
 ) -> bool:
     """Compare with torch; whether they agree is only asked of fp32."""
     manifest = runner.bundle.manifest
-    _say(f"comparing with torch on {arguments.count} drawn pairs")
+    say(f"comparing with torch on {arguments.count} drawn pairs")
     size = (manifest.input.width, manifest.input.height)
     resizes_nothing = size if manifest.kind == "encode-match" else None
     network = _network(arguments, manifest.working_size or resizes_nothing)
@@ -140,48 +157,23 @@ def _check_parity(
         "greatest_difference_px": found.greatest_px,
         "mean_difference_px": found.mean_px,
     }
+    if not np.isfinite(found.greatest_px):
+        raise ModelError("torch or ONNX Runtime gives values that are not finite", "finite flow")
     return found.holds or manifest.precision != "fp32"
 
 
 def _check_accuracy(
-    arguments: argparse.Namespace, runner: FlowRunner, report: dict[str, object]
+    arguments: argparse.Namespace, matcher: Matcher, report: dict[str, object]
 ) -> bool:
     """Measure accuracy and, where a reference is given, how much of it was lost."""
-    _say(f"measuring accuracy on {arguments.pairs}")
-    scores = accuracy(runner, arguments.pairs)
+    say(f"measuring accuracy on {arguments.pairs}")
+    pairs = read_flow_pairs(arguments.pairs)
+    scores = accuracy(matcher, pairs)
     report["accuracy"] = accuracy_figures(scores)
     if not arguments.reference:
         return True
-    _say(f"measuring accuracy of {arguments.reference}")
-    reference = FlowRunner(read_bundle(bundle_folder(arguments.reference)))
-    ratios = error_ratios(scores, accuracy(reference, arguments.pairs))
+    say(f"measuring accuracy of {arguments.reference}")
+    reference = network_matcher(read_bundle(bundle_folder(arguments.reference)), Execution())
+    ratios = error_ratios(scores, accuracy(reference, pairs))
     report["error_over_reference"] = ratios
     return max(ratios.values()) <= MOST_ERROR_RATIO
-
-
-def run_bench(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
-    """Measure bundles side by side.
-
-    Raises
-    ------
-    ConfigError, ModelError
-        If a bundle cannot be used, or the results cannot be written.
-    """
-    plan = BenchPlan(size, arguments.threads, arguments.runs)
-    results = bench([bundle_folder(name) for name in arguments.bundles], plan, _say)
-    for r in results:
-        print(
-            f"{r.bundle:24} {r.precision}  median {r.median_ms:8.1f} ms  p99 {r.p99_ms:8.1f} ms"
-            f"  {r.resident_mb:7.1f} MB"
-        )
-    if arguments.json:
-        try:
-            arguments.json.write_text(json.dumps([r.as_json() for r in results], indent=2) + "\n")
-        except OSError as error:
-            raise ModelError(f"cannot write {arguments.json} ({error.strerror})") from error
-    return 0
-
-
-def _say(line: str) -> None:
-    """Report progress, apart from results."""
-    print(line, file=sys.stderr, flush=True)

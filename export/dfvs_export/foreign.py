@@ -14,6 +14,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import safetensors.torch
 import torch
 from torch import Tensor, nn
 
@@ -27,6 +28,7 @@ from dfvs_models.bundle import Bundle
 
 PREFIX = "ptlflow:"
 _MULTIPLE = 16
+_SAFETENSORS = ".safetensors"
 _CARD = """# {name}
 
 A published network, converted through ptlflow: {origin}.
@@ -93,9 +95,10 @@ def load_foreign(name: str, weights: ForeignWeights) -> nn.Module:
 def _ptlflow() -> Any:
     try:
         return importlib.import_module("ptlflow")
-    except ImportError as error:
+    except (ImportError, RuntimeError) as error:  # the latter for a torchvision of another build
+        reason = str(error).splitlines()[0]
         raise ConfigError(
-            f"ptlflow cannot be imported ({error})",
+            f"ptlflow cannot be imported ({reason})",
             "it, with torchvision",
             "pip install 'dfvs[published]'",
         ) from error
@@ -136,7 +139,7 @@ def _download(known: dict[str, str], name: str) -> bytes:
 
 
 def read_state(data: bytes, name: str) -> dict[str, Tensor]:
-    """Weights of a checkpoint, from its bytes, as plain tensors.
+    """Weights of a checkpoint (``.safetensors``, or torch's own kind) as plain tensors.
 
     Raises
     ------
@@ -144,6 +147,8 @@ def read_state(data: bytes, name: str) -> dict[str, Tensor]:
         If it holds anything but plain data, or no weights.
     """
     try:
+        if name.endswith(_SAFETENSORS):
+            return safetensors.torch.load(data)
         found = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
     except Exception as error:  # torch raises a dozen kinds for a bad file
         raise ModelError(

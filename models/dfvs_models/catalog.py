@@ -43,13 +43,21 @@ def load_matcher(
         return ClassicalMatcher()
     matching, where = _split(name_or_path)
     bundle = read_bundle(_folder(where))
-    network = _network(bundle, execution)
+    network = network_matcher(bundle, execution)
     if (matching or bundle.manifest.matching) == "alone":
         return network
     return HybridMatcher(network, judges=bundle.manifest.kind == "encode-match")
 
 
-def _network(bundle: Bundle, execution: Execution) -> Matcher:
+def network_matcher(bundle: Bundle, execution: Execution) -> Matcher:
+    """Load a bundle's network alone, with every check that is made before anything flies by it.
+
+    Raises
+    ------
+    ModelError
+        If the bundle gives no flow, its graphs are not what its manifest says, or the provider
+        cannot be used.
+    """
     kind = bundle.manifest.kind
     if kind == "mono":
         raise ModelError(

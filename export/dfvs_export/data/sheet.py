@@ -35,6 +35,10 @@ def write_sheet(path: Path, settings: PairSettings, count: int, seed: int) -> No
     ConfigError
         If the picture cannot be written.
     """
+    if count < 1:
+        raise ConfigError(f"{count} pairs", "1 or more")
+    if path.suffix.lower() not in (".png", ".jpg", ".jpeg"):
+        raise ConfigError(f"cannot write {path}", "a .png or .jpg file")
     torch.manual_seed(seed)
     g = torch.Generator().manual_seed(seed)
     bank = make_texture_bank(TEXTURES_PER_SHARD, g)

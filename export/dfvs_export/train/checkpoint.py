@@ -7,11 +7,17 @@ from pathlib import Path
 from typing import Any
 
 import torch
-from torch import nn
+from torch import Tensor, nn
 
 from dfvs_core.errors import ModelError
 from dfvs_export.networks.architecture import FlowArchitecture
 from dfvs_export.networks.dfvs_flow import DfvsFlow
+
+_MOST_WIDE = 4096
+_SETTINGS = frozenset(
+    {"steps", "minutes", "size", "pairs_per_step", "learning_rate", "precision", "seed"}
+)
+"""What a model card tells of a run."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -30,6 +36,8 @@ class Checkpoint:
         Settings of those runs, oldest first.
     architecture : FlowArchitecture
         Sizes of the network.
+    notes : str
+        What a model card has to say of the pairs besides.
     """
 
     weights: dict[str, Any]
@@ -38,6 +46,19 @@ class Checkpoint:
     step: int
     origin: tuple[dict[str, Any], ...]
     architecture: FlowArchitecture
+    notes: str = ""
+
+    def __post_init__(self) -> None:
+        """Refuse what no training wrote."""
+        sizes = [getattr(self.architecture, name) for name in FlowArchitecture.__slots__]
+        if not all(isinstance(n, int) and 0 < n <= _MOST_WIDE for n in sizes):
+            raise ValueError(f"its architecture is {self.architecture}")
+        for state in (self.weights, self.average):
+            kinds = {v.dtype if isinstance(v, Tensor) else None for v in state.values()}
+            if not kinds <= {torch.float32, torch.int64}:
+                raise ValueError("its weights are no tensors of float32")
+        if not all(run["settings"].keys() >= _SETTINGS for run in self.origin):
+            raise ValueError("it does not tell of its training")
 
 
 def save_checkpoint(path: Path, checkpoint: Checkpoint) -> None:
@@ -83,11 +104,24 @@ def load_network(path: Path) -> DfvsFlow:
     """
     checkpoint = load_checkpoint(path)
     network = DfvsFlow(checkpoint.architecture)
-    try:
-        network.load_state_dict(checkpoint.average)
-    except RuntimeError as error:
-        raise ModelError(f"{path} does not fit the network", "weights of dfvs-flow") from error
+    fill(network, checkpoint.average)
     return network.eval()
+
+
+def fill(network: DfvsFlow, state: dict[str, Any]) -> None:
+    """Give a network weights.
+
+    Raises
+    ------
+    ModelError
+        If they do not fit.
+    """
+    try:
+        network.load_state_dict(state)
+    except RuntimeError as error:
+        raise ModelError(
+            "the checkpoint does not fit the network", "weights of dfvs-flow"
+        ) from error
 
 
 class RunningAverage:

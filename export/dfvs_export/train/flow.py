@@ -13,6 +13,7 @@ from typing import Any
 import torch
 from torch import Tensor
 
+from dfvs_core.errors import ConfigError
 from dfvs_export.data.photometric import disturb
 from dfvs_export.data.shards import Batch
 from dfvs_export.data.stream import PairMakers, PairStream
@@ -21,13 +22,14 @@ from dfvs_export.networks.dfvs_flow import DfvsFlow, Match
 from dfvs_export.train.checkpoint import (
     Checkpoint,
     RunningAverage,
+    fill,
     load_checkpoint,
     save_checkpoint,
 )
 from dfvs_export.train.curve import draw_curve
 from dfvs_export.train.loss import Truth, flow_loss
 from dfvs_export.train.settings import TrainSettings, describe
-from dfvs_export.train.validation import LevelScores, score_network
+from dfvs_export.train.validation import LevelScores, read_validation, score_network
 
 _AVERAGE_DECAY = 0.998
 _FIRST_SHARD_WAIT_S = 600.0
@@ -63,15 +65,31 @@ def truth_of(batch: Batch) -> Truth:
     )
 
 
+def _device(name: str) -> torch.device:
+    """Return a device that torch can use.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot.
+    """
+    try:
+        return torch.zeros(1, device=name).device
+    except (RuntimeError, AssertionError) as error:  # the latter where torch was built without it
+        reason = str(error).splitlines()[0]
+        raise ConfigError(f"torch cannot use the device {name!r} ({reason})", "cpu") from error
+
+
 class FlowTraining:
     """One run: the network, its optimiser and where it stands."""
 
     def __init__(self, settings: TrainSettings, resume: Path | None = None) -> None:
         torch.manual_seed(settings.seed)
         self.settings = settings
+        self.validation = read_validation(settings.validation) if settings.validation else None
         checkpoint = load_checkpoint(resume) if resume else None
         architecture = checkpoint.architecture if checkpoint else FlowArchitecture()
-        network = DfvsFlow(architecture).to(settings.device)
+        network = DfvsFlow(architecture).to(_device(settings.device))
         self.network = network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
         self.optimiser = torch.optim.AdamW(
             self.network.parameters(), lr=settings.learning_rate, weight_decay=1e-4
@@ -80,7 +98,7 @@ class FlowTraining:
         self.warm_up = _WARM_UP
         self.origin: tuple[dict[str, Any], ...] = (describe(settings, architecture),)
         if checkpoint:
-            self.network.load_state_dict(checkpoint.weights)
+            fill(self.network, checkpoint.weights)
             if checkpoint.optimiser:  # shipped weights come without
                 self.optimiser.load_state_dict(checkpoint.optimiser)
                 self.warm_up = 0.0  # it is warm already
@@ -143,14 +161,19 @@ def train_flow(settings: TrainSettings, resume: Path | None, report: Callable[[s
         If there are no pairs to train on, or the checkpoint to resume cannot be used.
     """
     torch.set_num_threads(settings.threads)
-    settings.out.mkdir(parents=True, exist_ok=True)
     training = FlowTraining(settings, resume)
+    try:
+        settings.out.mkdir(parents=True, exist_ok=True)
+        settings.pairs_folder.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{error.filename} cannot be made ({error.strerror})") from error
     pairs = settings.pair_settings()
     folder = settings.pairs_folder
     first_seed = (settings.seed + 1) * _MAKER_SEED_STRIDE + training.step
     stream = PairStream(folder, pairs, settings.pairs_per_step, settings.seed, _FIRST_SHARD_WAIT_S)
-    with PairMakers(folder, pairs, settings.makers, first_seed, settings.keep_shards):
-        stream.batch(training.step)  # waits for the first shard, off the clock
+    makers = PairMakers(folder, pairs, settings.makers, first_seed, settings.keep_shards)
+    with makers:
+        stream.batch(training.step, check=makers.check)  # waits for the first shard, off the clock
         return _loop(training, stream, report)
 
 
@@ -183,8 +206,8 @@ def _save(training: FlowTraining, report: Callable[[str], None]) -> Path:
     out = training.settings.out
     path = out / "last.pt"
     save_checkpoint(path, training.checkpoint())
-    if training.settings.validation:
-        scores = score_network(training.averaged_network(), training.settings.validation)
+    if training.validation is not None:
+        scores = score_network(training.averaged_network(), training.validation)
         report(f"step {training.step}  " + "  ".join(s.line() for s in scores))
         row: dict[str, float] = {"step": training.step}
         for s in scores:

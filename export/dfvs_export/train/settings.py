@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
@@ -72,8 +73,16 @@ class TrainSettings:
             raise ConfigError(f"size {self.size} px", "multiples of 16")
         if self.precision not in ("bf16", "fp32"):
             raise ConfigError(f"precision {self.precision!r}", "'bf16' or 'fp32'")
-        if self.steps is None and self.minutes <= 0:
+        if self.steps is None and not 0 < self.minutes < math.inf:
             raise ConfigError(f"minutes = {self.minutes}", "a positive number")
+        if self.steps is not None and self.steps < 1:
+            raise ConfigError(f"steps = {self.steps}", "1 or more")
+        least = {"threads": 1, "makers": 0, "keep_shards": 1}
+        for name, limit in least.items():
+            if getattr(self, name) < limit:
+                raise ConfigError(f"{name} = {getattr(self, name)}", f"{limit} or more")
+        if not 0 < self.learning_rate < math.inf:
+            raise ConfigError(f"learning_rate = {self.learning_rate}", "a positive number")
 
     @property
     def pairs_folder(self) -> Path:

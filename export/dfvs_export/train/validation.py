@@ -2,19 +2,17 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from numpy.typing import NDArray
 from torch.nn import functional
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.matching.evaluation import LEVELS
 from dfvs_export.networks.dfvs_flow import DfvsFlow
-
-LEVELS = ("small", "medium", "large")
+from dfvs_models.evaluation_file import FlowPairs, read_flow_pairs
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,38 +44,34 @@ class LevelScores:
         return f"{self.level} {self.epe_px:.2f} px {100 * self.under_3px:.0f} %"
 
 
-def read_pairs(path: Path) -> Iterator[tuple[NDArray[np.generic], ...]]:
-    """Images a and b, flow, mask and level of every pair of a benchmark ``.npz``.
+def read_validation(path: Path) -> FlowPairs:
+    """Pairs to watch a training on.
 
     Raises
     ------
-    ConfigError
-        If the file is missing or lacks an array.
+    ConfigError, ImageError
+        If they cannot be read, or the network does not take their size.
     """
-    if not path.is_file():
-        raise ConfigError(f"no pairs at {path}", "an .npz file with IA, IB, flow, vis and level")
-    with np.load(path, allow_pickle=False) as arrays:
-        names = ("IA", "IB", "flow", "vis", "level")
-        missing = [name for name in names if name not in arrays]
-        if missing:
-            raise ConfigError(f"{path} lacks {', '.join(missing)}", ", ".join(names))
-        columns = [arrays[name] for name in names]
-    yield from zip(*columns, strict=True)
+    pairs = read_flow_pairs(path)
+    height, width = pairs.current.shape[1:3]
+    if height % 16 or width % 16:
+        raise ConfigError(f"{path} holds pictures of {width}x{height} px", "multiples of 16")
+    return pairs
 
 
-def score_network(network: DfvsFlow, path: Path) -> tuple[LevelScores, ...]:
-    """Measure a network in evaluation mode on a benchmark file."""
+def score_network(network: DfvsFlow, pairs: FlowPairs) -> tuple[LevelScores, ...]:
+    """Measure a network in evaluation mode on pairs with exact flow."""
     device = next(network.parameters()).device
     found: dict[int, list[tuple[float, float, float]]] = {}
-    for image_a, image_b, flow, visible, level in read_pairs(path):
+    columns = (pairs.current, pairs.other, pairs.flow, pairs.visible, pairs.level)
+    for image_a, image_b, flow, seen, level in zip(*columns, strict=True):
         stack = torch.from_numpy(np.stack([image_a, image_b])).to(device)
         images = stack.permute(0, 3, 1, 2).float() / 255.0
         with torch.no_grad():
             match = network.match(network.encode(images[:1]), network.encode(images[1:]))
         sure = functional.interpolate(match.confidence(), scale_factor=4.0, mode="bilinear")[0, 0]
         estimate = match.flow[0].permute(1, 2, 0).cpu().numpy()
-        seen = visible.astype(np.bool_)
-        error = np.linalg.norm(estimate - flow.astype(np.float32), axis=2)[seen]
+        error = np.linalg.norm(estimate - flow, axis=2)[seen]
         best = np.argsort(-sure.cpu().numpy()[seen])[: max(1, len(error) // 2)]
         row = (float(error.mean()), float((error < 3.0).mean()), float(error[best].mean()))
         found.setdefault(int(level), []).append(row)

@@ -18,7 +18,7 @@ from dfvs_core.matching.evaluation import LEVELS, LevelScore, PairScore, score_p
 from dfvs_core.matching.matcher import Matcher
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
-from dfvs_sim.pairs.evaluation_file import FlowPairs, read_flow_pairs
+from dfvs_models.evaluation_file import FlowPairs, read_flow_pairs
 
 _EPILOG = """examples:
   dfvs-bench flow pairs.npz --json flow.json

@@ -1,7 +1,10 @@
 from __future__ import annotations
 
+import importlib
 import json
 import math
+import shutil
+import sys
 from pathlib import Path
 
 import numpy as np
@@ -281,3 +284,112 @@ def test_our_network_is_refined_unless_it_is_asked_for_alone(bundle: Path) -> No
     plain = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
     assert isinstance(matcher, HybridMatcher)
     assert matcher.match(matcher.prepare(plain), matcher.prepare(plain)).is_finite()
+
+
+@pytest.mark.parametrize(
+    ("arguments", "words"),
+    [
+        (["flow", "--weights", "w.pt", "--out", "x"], "--weights or --sha256 for dfvs-flow"),
+        (["flow", "--sha256", "00", "--out", "x"], "--weights or --sha256 for dfvs-flow"),
+        (["flow", "--calibration", "frames", "--out", "x"], "--calibration with fp32"),
+        (["flow", "--pairs", "gone.npz", "--out", "x"], "cannot be read"),
+        (
+            [
+                "flow",
+                "--model",
+                "ptlflow:x",
+                "--checkpoint",
+                "a.pt",
+                "--weights",
+                "b",
+                "--out",
+                "x",
+            ],
+            "--checkpoint and --weights together",
+        ),
+        (["flow", "--model", "ptlflow:x", "--checkpoint", "gone.pt", "--out", "x"], "gone.pt"),
+        (["check", "dfvs-flow", "--count", "0"], "--count is 0"),
+        (["sheet", "--pairs", "0", "--out", "x.png"], "0 pairs"),
+        (["sheet", "--out", "x.foo"], "x.foo"),
+        (["flow", "--out", "/"], "is not empty and no bundle"),
+        (["train", "flow", "--steps", "0", "--out", "x"], "steps = 0"),
+        (["train", "flow", "--minutes", "nan", "--out", "x"], "minutes = nan"),
+        (["train", "flow", "--threads", "0", "--out", "x"], "threads = 0"),
+        (["train", "flow", "--device", "nowhere", "--out", "x"], "'nowhere'"),
+        (["train", "flow", "--validation", "gone.npz", "--out", "x"], "gone.npz"),
+        (["train", "flow", "--out", "/dev/null/x"], "cannot be made"),
+    ],
+)
+def test_what_is_asked_for_in_vain_is_refused_before_any_work(
+    arguments, words, capsys, tmp_path, monkeypatch
+) -> None:
+    monkeypatch.chdir(tmp_path)
+    assert main(arguments) == 2
+    error = capsys.readouterr().err
+    assert error.startswith("error: ")
+    assert words in error
+    assert error.count("\n") == 1
+
+
+def test_a_folder_that_only_looks_like_a_bundle_is_not_overwritten(tmp_path: Path) -> None:
+    (tmp_path / "manifest.json").write_text('{"name": "a web page"}')
+    (tmp_path / "index.html").write_text("keep me")
+    assert main(["flow", "--size", "96x64", "--out", str(tmp_path)]) == 2
+    assert (tmp_path / "index.html").read_text() == "keep me"
+
+
+def test_check_refuses_what_the_service_refuses(bundle: Path, tmp_path: Path, capsys) -> None:
+    lying = tmp_path / "lying"
+    shutil.copytree(bundle, lying)
+    text = (lying / "manifest.json").read_text()
+    (lying / "manifest.json").write_text(text.replace('"width": 96', '"width": 112'))
+    assert main(["check", str(lying)]) == 2
+    assert "graph 'encode' takes" in capsys.readouterr().err
+
+
+def test_accuracy_is_measured_on_pairs_of_another_size(
+    bundle: Path, tmp_path: Path, capsys
+) -> None:
+    pairs = drawn_pairs((128, 96), 3, 5)
+    flow = np.zeros((3, 96, 128, 2), np.float16)
+    columns = {"IA": [p[0] for p in pairs], "IB": [p[1] for p in pairs]}
+    file = tmp_path / "pairs.npz"
+    np.savez(file, flow=flow, vis=np.ones(flow.shape[:3], bool), level=np.arange(3), **columns)
+    assert main(["check", str(bundle), "--pairs", str(file), "--json"]) == 0
+    assert "large_epe_px" in json.loads(capsys.readouterr().out)["accuracy"]
+    arguments = ["check", str(bundle), "--pairs", str(file), "--reference", str(bundle), "--json"]
+    assert main(arguments) == 0
+    ratios = json.loads(capsys.readouterr().out)["error_over_reference"]
+    assert ratios == {"small": 1.0, "medium": 1.0, "large": 1.0}
+
+
+@pytest.mark.parametrize("change", ["architecture", "average", "origin", "half"])
+def test_checkpoints_that_no_training_wrote_are_refused(
+    checkpoint: Path, tmp_path: Path, capsys, change: str
+) -> None:
+    fields = torch.load(checkpoint, weights_only=True)
+    if change == "architecture":
+        fields["architecture"]["width2"] = -4
+    elif change == "average":
+        fields["average"] = [1, 2]
+    elif change == "origin":
+        fields["origin"] = [{"settings": {}}]
+    else:
+        fields["average"] = {k: v.bfloat16() for k, v in fields["average"].items()}
+    torch.save(fields, tmp_path / "odd.pt")
+    arguments = ["flow", "--checkpoint", str(tmp_path / "odd.pt"), "--out", str(tmp_path / "x")]
+    assert main(arguments) == 2
+    assert "is no checkpoint" in capsys.readouterr().err
+
+
+def test_bench_runs_without_torch(bundle: Path, monkeypatch, capsys) -> None:
+    for name in [n for n in sys.modules if n.partition(".")[0] in ("torch", "dfvs_export")]:
+        monkeypatch.delitem(sys.modules, name)
+    monkeypatch.setitem(sys.modules, "torch", None)
+    cli = importlib.import_module("dfvs_export.cli")
+    assert cli.main(["bench", "nowhere"]) == 2
+    assert "nowhere" in capsys.readouterr().err
+    assert cli.main(["check", str(bundle)]) == 2
+    assert capsys.readouterr().err == (
+        "error: torch is not installed; pip install 'dfvs[export]'\n"
+    )

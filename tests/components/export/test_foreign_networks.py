@@ -13,6 +13,7 @@ import published_conversion
 import pytest
 
 torch = pytest.importorskip("torch")
+safetensors = pytest.importorskip("safetensors.torch")
 
 from dfvs_core.errors import ConfigError, ModelError  # noqa: E402
 from dfvs_core.manifest import sha256  # noqa: E402
@@ -120,3 +121,10 @@ def test_a_published_network_agrees_with_torch_and_runs_in_the_service(name, con
 def test_flownet2_agrees_with_torch_and_runs_in_the_service(tmp_path: Path) -> None:
     """Alone: its 162 million parameters take gigabytes while they are converted."""
     check_conversion(conversions(("flownet2",), tmp_path)["flownet2"])
+
+
+def test_safetensors_are_read() -> None:
+    data = safetensors.save({"w": torch.ones(2)})
+    assert torch.equal(read_state(data, "net.safetensors")["w"], torch.ones(2))
+    with pytest.raises(ModelError, match="no plain checkpoint"):
+        read_state(data[:-3], "net.safetensors")

@@ -8,8 +8,8 @@ from dfvs_core.errors import ImageError
 from dfvs_core.matching.evaluation import LEVELS
 from dfvs_core.pair_files import SHARD_ARRAYS
 from dfvs_core.poses import invert_pose, so3_log
+from dfvs_models.evaluation_file import read_flow_pairs
 from dfvs_sim.pairs.drawing import EVALUATION_CAMERA, PairArtist, Rules
-from dfvs_sim.pairs.evaluation_file import read_flow_pairs
 from dfvs_sim.pairs.files import evaluation_arrays, shard_arrays, write_arrays
 from dfvs_sim.pairs.motion import training_motion
 from dfvs_sim.render.renderer import Renderer

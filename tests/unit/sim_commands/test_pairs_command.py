@@ -6,8 +6,8 @@ import pytest
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.pair_files import shard_name
+from dfvs_models.evaluation_file import read_flow_pairs
 from dfvs_sim.commands import pairs
-from dfvs_sim.pairs.evaluation_file import read_flow_pairs
 from dfvs_sim.scene import builtin_room_path
 
 

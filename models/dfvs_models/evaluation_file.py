@@ -6,6 +6,7 @@ import zipfile
 import zlib
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 from numpy.typing import NDArray
@@ -14,8 +15,8 @@ from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.evaluation import LEVELS
 from dfvs_core.pair_files import EVALUATION_ARRAYS
-from dfvs_sim.pairs.files import Arrays
 
+_Arrays = dict[str, NDArray[Any]]
 _EXPECTED = f"an .npz with {', '.join(EVALUATION_ARRAYS)}"
 
 
@@ -63,7 +64,7 @@ def read_flow_pairs(path: Path) -> FlowPairs:
     return pairs
 
 
-def _read(path: Path) -> Arrays:
+def _read(path: Path) -> _Arrays:
     try:
         with zipfile.ZipFile(path), np.load(path, allow_pickle=False) as data:
             return {name: data[name] for name in EVALUATION_ARRAYS}
@@ -71,7 +72,7 @@ def _read(path: Path) -> Arrays:
         raise ImageError(f"pairs file {str(path)!r} cannot be read ({error})", _EXPECTED) from error
 
 
-def _check_shapes(path: Path, arrays: Arrays) -> None:
+def _check_shapes(path: Path, arrays: _Arrays) -> None:
     if arrays["IA"].ndim != 4:
         raise ImageError(f"IA in {str(path)!r} has the shape {arrays['IA'].shape}", "(N, H, W, 3)")
     count, height, width = arrays["IA"].shape[:3]
