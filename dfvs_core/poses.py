@@ -89,7 +89,8 @@ def check_pose(T: FloatArray, name: str = "pose") -> FloatArray:
     Raises
     ------
     GeometryError
-        If the shape is wrong, a value is not finite, or the rotation is not orthonormal.
+        If the shape is wrong, a value is not finite, the rotation is not orthonormal, or the
+        last row is not that of a pose.
     """
     T = np.asarray(T, dtype=np.float64)
     if T.shape != (4, 4) or not np.isfinite(T).all():
@@ -97,6 +98,11 @@ def check_pose(T: FloatArray, name: str = "pose") -> FloatArray:
     R = T[:3, :3]
     if not np.allclose(R @ R.T, np.eye(3), atol=1e-5) or np.linalg.det(R) < 0:
         raise GeometryError(f"{name} has a rotation that is not orthonormal", "a rigid motion")
+    if not np.allclose(T[3], [0.0, 0.0, 0.0, 1.0], atol=1e-6):
+        last = ", ".join(f"{value:g}" for value in T[3])
+        raise GeometryError(
+            f"{name} has the last row ({last})", "0, 0, 0, 1", "it may be transposed"
+        )
     return T
 
 

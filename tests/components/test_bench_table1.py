@@ -2,13 +2,14 @@
 
 import csv
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.poses import make_pose, so3_exp
-from dfvs_sim.bench.results import read_records
+from dfvs_sim.bench.results import fits, read_records
 from dfvs_sim.bench.task import BenchTask, read_tasks, write_tasks
 from dfvs_sim.bench_cli import main
 from dfvs_sim.scene import builtin_room_path
@@ -19,16 +20,20 @@ CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 GOAL = camera_pose((0.5, -1.0, -1.3), np.radians(40))
 
 
-def bench_task(name, distance_m, angle_deg):
+OTHER_GOAL = camera_pose((-0.5, 0.6, -1.2), np.radians(-60))
+
+
+def bench_task(name, distance_m, angle_deg, goal=GOAL):
     away = make_pose(so3_exp(np.array([0.0, np.radians(angle_deg), 0.0])), [0, 0, -distance_m])
-    return BenchTask(name, builtin_room_path(), GOAL @ away, GOAL, CAMERA, "easy")
+    return BenchTask(name, builtin_room_path(), goal @ away, goal, CAMERA, "easy", 7)
 
 
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     """A folder with a task file and what ``table1`` made of it."""
     folder = tmp_path_factory.mktemp("bench")
-    write_tasks(folder / "tasks.json", [bench_task("near", 0.02, 1.0), bench_task("far", 0.5, 9)])
+    tasks = [bench_task("near", 0.02, 1.0), bench_task("far", 0.5, 9)]
+    write_tasks(folder / "tasks.json", [*tasks, bench_task("turned", 0.05, 3, OTHER_GOAL)])
     assert table1(folder) == 0
     return folder
 
@@ -43,7 +48,7 @@ def table1(folder, *more):
 def test_the_summary_counts_what_converged(folder):
     methods = json.loads((folder / "t.json").read_text())["methods"]
     ours = methods["true-depth"]
-    assert (ours["scenes"], ours["converged"]) == (2, 1)  # fourteen steps are few from afar
+    assert (ours["scenes"], ours["converged"]) == (3, 2)  # fourteen steps are few from afar
     near, far = ours["per_scene"]["near"], ours["per_scene"]["far"]
     assert near["converged"]
     assert not far["converged"]
@@ -51,7 +56,8 @@ def test_the_summary_counts_what_converged(folder):
     assert far["iterations_to_criterion"] is None
     assert far["initial_translation_m"] == pytest.approx(0.5)
     assert far["translation_m"] < 0.3
-    assert ours["mean_translation_m"] == near["translation_m"]
+    good = (near["translation_m"], ours["per_scene"]["turned"]["translation_m"])
+    assert ours["mean_translation_m"] == pytest.approx(np.mean(good), abs=1e-5)
     assert methods["photometric"]["per_scene"]["near"]["converged"]
 
 
@@ -59,9 +65,16 @@ def test_the_table_has_a_row_for_every_trial(folder):
     with (folder / "t.csv").open() as file:
         rows = list(csv.DictReader(file))
     keys = [(row["method"], row["task"]) for row in rows]
-    methods, tasks = ("true-depth", "photometric"), ("near", "far")
+    methods, tasks = ("true-depth", "photometric"), ("near", "far", "turned")
     assert keys == [(method, task) for method in methods for task in tasks]
-    assert all(row["version"] and row["revision"] for row in rows)
+    assert all(row["version"] and row["revision"] and row["inputs"] for row in rows)
+    assert {row["seed"] for row in rows} == {"7"}
+
+
+def test_the_summary_says_how_long_it_took_and_by_which_program(folder):
+    document = json.loads((folder / "t.json").read_text())
+    assert document["wall_s"] > 0
+    assert document["revisions"] == [document["made_with"]["revision"]]
 
 
 def test_a_run_is_taken_up_where_it_broke_off(folder, capsys):
@@ -70,7 +83,7 @@ def test_a_run_is_taken_up_where_it_broke_off(folder, capsys):
     before = json.loads(record.read_text())["trial"]
     record.unlink()
     assert table1(folder, "--resume") == 0
-    assert "3 trials are in" in capsys.readouterr().err
+    assert "5 trials are in" in capsys.readouterr().err
     assert json.loads(record.read_text())["trial"] == before
     others.pop(record)
     assert all(path.stat().st_mtime_ns == then for path, then in others.items())
@@ -85,21 +98,32 @@ def test_trials_become_plots_and_a_page(folder):
     tasks += ["--basin", str(folder / "none"), "--drone", str(folder / "none")]
     assert main(["report", *runs, *tasks, "--out", str(page)]) == 0
     text = page.read_text()
-    assert "1 of 2" in text
+    assert "2 of 3" in text
     assert "src='http" not in text
     assert "Basin" not in text
     assert "Flights" not in text
-    assert text.count("data:image/jpeg") == 2 * (2 + 2)
+    assert text.count("data:image/jpeg") == 3 * (2 + 2)
 
 
 def test_a_task_file_keeps_its_poses(folder):
-    (near, far) = read_tasks(folder / "tasks.json")
+    near, far, _ = read_tasks(folder / "tasks.json")
     assert (near.name, far.name) == ("near", "far")
     np.testing.assert_allclose(far.T_world_goal, GOAL, atol=1e-12)
     np.testing.assert_allclose(far.T_world_start, bench_task("far", 0.5, 9).T_world_start)
     entry = json.loads((folder / "tasks.json").read_text())["tasks"][0]
     np.testing.assert_allclose(entry["goal"], gltf_pose_from_ned(GOAL))
-    assert len(read_records(folder / "runs")) == 4
+    assert len(read_records(folder / "runs")) == 6
+
+
+def test_trials_of_other_inputs_are_not_taken_for_these(folder):
+    task = read_tasks(folder / "tasks.json")[0]
+    record = next(
+        r for r in read_records(folder / "runs") if (r.task, r.method) == ("near", "true-depth")
+    )
+    assert fits(record, task, record.matcher, record.most_iterations)
+    wider = CameraModel.from_horizontal_fov(160, 120, np.radians(80))
+    assert not fits(record, replace(task, camera=wider), record.matcher, record.most_iterations)
+    assert not fits(record, task, "classical", record.most_iterations)
 
 
 @pytest.mark.parametrize(
@@ -109,6 +133,7 @@ def test_a_task_file_keeps_its_poses(folder):
         ({"scene": "nowhere.glb"}, "no scene"),
         ({"colour": "red"}, "unknown key"),
         ({"start": (2 * np.eye(4)).tolist()}, "not orthonormal"),
+        ({"start": [*np.eye(4)[:3].tolist(), [0.5, 1, 2, 1]]}, "transposed"),
     ],
 )
 def test_a_wrong_task_is_one_line_and_exit_code_2(folder, tmp_path, capsys, change, words):

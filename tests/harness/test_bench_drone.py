@@ -49,7 +49,7 @@ def folder(tmp_path_factory):
 
 
 def summary_of(folder):
-    return json.loads((folder / "d.json").read_text())
+    return json.loads((folder / "d.json").read_text())["methods"]["service"]
 
 
 @pytest.mark.slow
@@ -94,7 +94,8 @@ def test_a_flight_that_is_kept_is_not_flown_again(folder, capsys):
         (("--set", "flow.model=classical"), "--bundle"),
         (("--timeout", "0"), "--timeout is 0"),
         (("--seed", "-1"), "--seed is -1"),
-        (("--scene", "moon"), "no scene 'moon'"),
+        (("--scenes", "moon"), "no scene 'moon'"),
+        (("--scene", "moon.glb"), "moon.glb is no GLB file"),
     ],
 )
 def test_bad_words_are_one_clear_line(tmp_path, capsys, words, message):

@@ -12,6 +12,7 @@ from pathlib import Path
 
 from dfvs_core.matching.matcher import Matcher
 from dfvs_models.catalog import load_matcher
+from dfvs_sim.bench.inputs import input_digest
 from dfvs_sim.bench.methods import METHODS
 from dfvs_sim.bench.results import TrialRecord, fits, git_revision, read_record, record_path
 from dfvs_sim.bench.results import write_record as keep_record
@@ -133,6 +134,8 @@ def _make_trial(job: Job) -> TrialRecord:
         revision=job.revision,
         seconds=time.monotonic() - started,
         trial=trial,
+        inputs=input_digest(job.task, job.matcher),
+        seed=job.task.seed,
     )
 
 

@@ -58,8 +58,8 @@ METHODS: dict[str, MethodKind] = {
 }
 """Methods by name, ours first."""
 
-DEFAULT_METHODS = ("true-depth", "motion-depth", "flow-depth", "photometric", "sift", "pnp")
-"""All but the constant depth, which is no result of the paper's, and the published law: slow."""
+DEFAULT_METHODS = tuple(METHODS)
+"""All: ours, ours under a vehicle's delay, the published law (slow) and the others' methods."""
 
 
 def chosen_methods(names: Sequence[str] | None) -> dict[str, MethodKind]:

@@ -3,7 +3,7 @@
 Collewet and Marchand, "Photometric visual servoing", IEEE Transactions on Robotics 27(4), 2011.
 Setting of the authors' own example in ViSP (``photometricVisualServoing.cpp``): interaction
 matrix at the desired view, gain 30 at 0.04 s a frame, damping 0.01 for 90 frames and 0.0001
-afterwards, no more than 200 frames, stop where the squared error is small.
+afterwards, no more than 400 frames, stop where the squared error is small.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ from dfvs_core.poses import se3_exp
 from dfvs_core.servo.interaction import interaction_matrix
 from dfvs_sim.bench.method import Decision, GoalSight, Sight
 
-ITERATIONS = 200
+ITERATIONS = 400
 _GAIN = 30.0 * 0.04
 _DAMPING_FIRST, _DAMPING_LATER = 0.01, 0.0001
 _DAMPED_FRAMES = 90

@@ -42,8 +42,9 @@ td.nc { color: #b3362f; } img { display: block; } figure { margin: 1rem 0; }
 _DIFFERENCES = """What differs from the paper: our scenes are generated rooms and not scans, seen by
 our renderer and not by Habitat; its initial distances and angles are kept, not its poses. Pictures
 are {size}, the paper's 512 × 384. Flow comes from the matcher <code>{matcher}</code>, the paper's
-from FlowNet2. The paper's methods [3] and [4] and its networks were not run again: its columns are
-quoted from its Table I. Ours end by their own stop rule and never by photometric error."""
+from FlowNet2. The paper's own runs, with its networks, were not repeated: its columns are quoted
+from its Table I. Its method [3], photometric servoing, is our <code>photometric</code>, run here.
+Ours end by their own stop rule and never by photometric error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -129,7 +130,7 @@ def _provenance(contents: Contents) -> str:
     revisions = sorted({*(r.revision for r in trials), *(f.revision for f in flights)})
     hours = sum(r.seconds for r in trials) / 3600.0
     return (
-        f"{len(trials)} trials, {hours:.1f} hours of wall clock in all, and {len(flights)} "
+        f"{len(trials)} trials, {hours:.1f} hours one after the other, and {len(flights)} "
         f"flights; dfvs {version('dfvs')}, revision {html.escape(', '.join(revisions))}."
     )
 
@@ -152,11 +153,12 @@ def _summary_table(
     for name in methods:
         group = [r.trial for r in records if r.method == name and r.task in tasks]
         good = [trial for trial in group if trial.converged]
+        ratios = [t.path_ratio for t in good if t.path_ratio is not None]
         cells = [f"{name}: {METHODS[name].summary}", f"{len(good)} of {len(group)}"]
         if good:
             cells += [
                 f"{np.mean([t.iterations for t in good]):.0f}",
-                f"{np.mean([t.path_ratio for t in good]):.2f}",
+                f"{np.mean(ratios):.2f}" if ratios else "–",
                 f"{1e3 * np.mean([t.final.distance_m for t in good]):.1f} mm",
                 f"{np.degrees(np.mean([t.final.angle_rad for t in good])):.2f}°",
             ]

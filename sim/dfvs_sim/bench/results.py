@@ -9,6 +9,7 @@ from pathlib import Path
 
 from dfvs_core.errors import ConfigError
 from dfvs_sim.bench.documents import read_document, write_document
+from dfvs_sim.bench.inputs import input_digest
 from dfvs_sim.bench.task import BenchTask, same_poses
 from dfvs_sim.bench.trial import Trial
 
@@ -31,6 +32,10 @@ class TrialRecord:
         Width and height of the pictures, px.
     version, revision : str
         Of the program.
+    inputs : str
+        Hash of scene, intrinsics and matcher; see ``input_digest``.
+    seed : int or None
+        That the scene and the task were drawn from, where they were.
     seconds : float
         How long it took on the machine.
     trial : Trial
@@ -49,6 +54,8 @@ class TrialRecord:
     revision: str
     seconds: float
     trial: Trial
+    inputs: str = ""
+    seed: int | None = None
 
     @property
     def initial_error(self) -> tuple[float, float]:
@@ -93,12 +100,18 @@ def read_records(folder: Path) -> list[TrialRecord]:
 
 
 def fits(record: TrialRecord, task: BenchTask, matcher: str, most_iterations: int) -> bool:
-    """Tell whether a record is of this very task, with these settings and this program."""
+    """Tell whether a record is of this very task, with these settings and this program.
+
+    Raises
+    ------
+    DfvsError
+        If the scene or the matcher cannot be read.
+    """
     return (
         same_poses((record.start, record.goal), task.poses)
-        and tuple(record.size) == task.camera.size
         and (record.matcher, record.most_iterations) == (matcher, most_iterations)
         and record.version == version("dfvs")
+        and record.inputs == input_digest(task, matcher)
     )
 
 

@@ -68,6 +68,8 @@ class SceneSpec:
 _RULES = {"easy": (150, (0.5, 0.9)), "medium": (80, (0.4, 0.75)), "hard": (50, (0.25, 0.65))}
 """Least SIFT points in each view, and share of the goal that the start sees, by difficulty."""
 
+_OTHERS_M, _OTHERS_DEG = 1.5, 20.0
+
 SCENES = (
     SceneSpec("living-room", "living-room", 4101, "easy", 1.42, 18.20),
     SceneSpec("kitchen", "kitchen", 4112, "easy", 1.49, 16.33),
@@ -83,11 +85,12 @@ SCENES = (
 """The ten, in the order of the paper's Table I."""
 
 
-def default_tasks() -> list[BenchTask]:
+def default_tasks(progress: Callable[[str], None]) -> list[BenchTask]:
     """Tasks of the ten scenes, which are made and kept in the cache on the first call."""
     folder = cache_folder()
     if not (folder / TASKS_FILE).is_file():
-        make_scenes(folder, SCENES, lambda _: None)
+        progress(f"making the ten scenes in {folder}")
+        make_scenes(folder, SCENES, progress)
     return read_tasks(folder / TASKS_FILE)
 
 
@@ -147,4 +150,19 @@ def _traced_file(spec: SceneSpec, folder: Path, settings: BakeSettings) -> Path:
 def _task(spec: SceneSpec, scene: Path) -> BenchTask:
     rng = np.random.default_rng([spec.seed, 3])
     poses = draw_task(Renderer(load_glb(scene)), CAMERA, spec.placing, rng)
-    return BenchTask(spec.name, scene, poses[0], poses[1], CAMERA, spec.difficulty)
+    return BenchTask(spec.name, scene, poses[0], poses[1], CAMERA, spec.difficulty, spec.seed)
+
+
+def task_in(scene: Path) -> BenchTask:
+    """Draw one task of medium difficulty in anybody's scene: 1.5 m and 20 degrees.
+
+    Raises
+    ------
+    DfvsError
+        If the scene cannot be read, or has no room for one.
+    """
+    seed = 0
+    features, overlap = _RULES["medium"]
+    placing = Placing(_OTHERS_M, math.radians(_OTHERS_DEG), overlap, features)
+    poses = draw_task(Renderer(load_glb(scene)), CAMERA, placing, np.random.default_rng(seed))
+    return BenchTask(scene.stem, scene.absolute(), poses[0], poses[1], CAMERA, "medium", seed)

@@ -30,7 +30,7 @@ def row(record: TrialRecord) -> dict[str, Any]:
         "translation_m": round(trial.final.distance_m, _DIGITS),
         "rotation_deg": round(math.degrees(trial.final.angle_rad), _DIGITS),
         "path_m": round(trial.path_m, _DIGITS),
-        "path_ratio": round(trial.path_ratio, _DIGITS),
+        "path_ratio": None if trial.path_ratio is None else round(trial.path_ratio, _DIGITS),
         "iterations": trial.iterations,
         "iterations_to_criterion": trial.iterations_to_criterion,
         "converged": trial.converged,
@@ -39,6 +39,8 @@ def row(record: TrialRecord) -> dict[str, Any]:
         "width": record.size[0],
         "height": record.size[1],
         "seconds": round(record.seconds, 1),
+        "seed": record.seed,
+        "inputs": record.inputs[:12],
         "version": record.version,
         "revision": record.revision,
     }
@@ -72,7 +74,8 @@ def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _mean(rows: list[dict[str, Any]], key: str) -> float | None:
-    return round(float(np.mean([r[key] for r in rows])), _DIGITS) if rows else None
+    known = [r[key] for r in rows if r[key] is not None]
+    return round(float(np.mean(known)), _DIGITS) if known else None
 
 
 def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:
@@ -101,8 +104,13 @@ def trial_line(record: TrialRecord) -> str:
     return (
         f"{record.task:<18} {record.method:<15} {distance_m:5.2f} m {math.degrees(angle_rad):5.1f}°"
         f" -> {1e3 * trial.final.distance_m:7.1f} mm {math.degrees(trial.final.angle_rad):6.2f}° "
-        f"{mark} {trial.iterations:>5} iterations, path {trial.path_ratio:4.2f}, {trial.end}"
+        f"{mark} {trial.iterations:>5} iterations, path {ratio_text(trial.path_ratio)}, {trial.end}"
     )
+
+
+def ratio_text(ratio: float | None) -> str:
+    """Path over the straight line, for people."""
+    return "   -" if ratio is None else f"{ratio:4.2f}"
 
 
 def summary_lines(summary: dict[str, Any]) -> list[str]:
@@ -115,7 +123,7 @@ def summary_lines(summary: dict[str, Any]) -> list[str]:
             continue
         lines.append(
             f"{name:<16} {share:>9}  {s['mean_iterations']:>10.0f}"
-            f"  {s['mean_iterations_to_criterion']:>11.0f}  {s['mean_path_ratio']:>10.2f}"
+            f"  {s['mean_iterations_to_criterion']:>11.0f}  {ratio_text(s['mean_path_ratio']):>10}"
             f"  {1e3 * s['mean_translation_m']:.1f} mm, {s['mean_rotation_deg']:.2f}°"
         )
     return lines

@@ -38,6 +38,8 @@ class BenchTask:
         Intrinsics of both views.
     difficulty : str
         ``easy``, ``medium`` or ``hard``, or nothing.
+    seed : int or None
+        That scene and poses were drawn from, where they were.
     """
 
     name: str
@@ -46,6 +48,7 @@ class BenchTask:
     T_world_goal: FloatArray
     camera: CameraModel
     difficulty: str = ""
+    seed: int | None = None
 
     @property
     def poses(self) -> tuple[FloatArray, FloatArray]:
@@ -64,6 +67,7 @@ class BenchTask:
         return {
             "name": self.name,
             "difficulty": self.difficulty,
+            "seed": self.seed,
             "scene": str(scene.relative_to(folder.absolute()) if near else scene),
             "axes": "gltf",
             "start": gltf_pose_from_ned(self.T_world_start).tolist(),
@@ -83,6 +87,7 @@ class _Entry:
     intrinsics: CameraModel
     axes: Axes = "gltf"
     difficulty: str = ""
+    seed: int | None = None
 
 
 def same_poses(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, ArrayLike]) -> bool:
@@ -130,7 +135,9 @@ def _task(data: object, folder: Path, where: str) -> BenchTask:
             raise ConfigError(f"{where}: {name} is {rows}", "four rows of four numbers")
         T = check_pose(np.array(rows, dtype=np.float64), f"{where}: {name}")
         poses.append(ned_pose_from_gltf(T) if entry.axes == "gltf" else T)
-    scene = folder / entry.scene
+    scene = (folder / entry.scene).absolute()
     if not scene.is_file():
         raise ConfigError(f"{where}: there is no scene {scene}", "a GLB file")
-    return BenchTask(entry.name, scene, poses[0], poses[1], entry.intrinsics, entry.difficulty)
+    return BenchTask(
+        entry.name, scene, poses[0], poses[1], entry.intrinsics, entry.difficulty, entry.seed
+    )

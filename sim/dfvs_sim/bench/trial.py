@@ -24,6 +24,7 @@ CONVERGED_M, CONVERGED_RAD = 0.04, math.radians(1.0)
 """The paper's criterion."""
 
 SKY_DEPTH_M = 100.0
+_NO_WAY_M = 1e-6
 _DIVERGED_FACTOR, _DIVERGED_MARGIN_M = 3.0, 1.0
 
 
@@ -96,10 +97,10 @@ class Trial:
         return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
 
     @property
-    def path_ratio(self) -> float:
-        """Path over the straight line from start to goal; not finite where that is nothing."""
+    def path_ratio(self) -> float | None:
+        """Path over the straight line from start to goal; None where that is nothing."""
         straight_m = self.steps[0].distance_m
-        return self.path_m / straight_m if straight_m > 0 else math.inf
+        return self.path_m / straight_m if straight_m > _NO_WAY_M else None
 
 
 def goal_sight(task: BenchTask, renderer: Renderer) -> GoalSight:

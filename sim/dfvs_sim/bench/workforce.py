@@ -5,7 +5,7 @@ from __future__ import annotations
 import importlib
 import multiprocessing
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, ProcessPoolExecutor, as_completed
+from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -15,6 +15,8 @@ from dfvs_core.errors import ConfigError
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
 _MOST_WORKERS = 256
+_LOST_WORKERS = frozenset({"BrokenProcessPool", "KilledWorker"})
+"""How a pool and Dask, which need not be installed, call it."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,7 +74,7 @@ class Workforce:
             futures = [executor.submit(work, job) for job in jobs]
             try:
                 for future in as_completed(futures):
-                    yield future.result()
+                    yield _result(future)
             finally:
                 for future in futures:
                     future.cancel()
@@ -82,6 +84,26 @@ class Workforce:
             return _dask_executor(self.dask)
         context = multiprocessing.get_context("spawn")
         return ProcessPoolExecutor(self.workers, mp_context=context)
+
+
+def _result(future: Future[_Result]) -> _Result:
+    """What a worker made of a job.
+
+    Raises
+    ------
+    ConfigError
+        If the worker itself ended: killed, or out of memory.
+    """
+    try:
+        return future.result()
+    except Exception as error:
+        if type(error).__name__ not in _LOST_WORKERS:
+            raise
+        raise ConfigError(
+            f"a worker ended by itself ({type(error).__name__})",
+            "memory and time for every worker",
+            "--resume goes on with fewer --workers",
+        ) from error
 
 
 @contextmanager

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import argparse
-import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -31,9 +31,8 @@ from dfvs_sim.bench.basin.ratios import summarise, summary_lines, tidy_row
 from dfvs_sim.bench.campaign import Job, Plan
 from dfvs_sim.bench.figures import is_figure_name
 from dfvs_sim.bench.methods import chosen_methods
-from dfvs_sim.bench.provenance import made_with
+from dfvs_sim.bench.provenance import run_facts
 from dfvs_sim.bench.tables import write_rows
-from dfvs_sim.bench.task import read_tasks
 from dfvs_sim.commands.bench_options import (
     add_method_options,
     add_task_options,
@@ -41,7 +40,9 @@ from dfvs_sim.commands.bench_options import (
     check_iterations,
     check_outputs,
     named,
+    own_tasks,
     run_trials,
+    say,
     workforce_from,
 )
 from dfvs_sim.options import write_json
@@ -99,6 +100,7 @@ def run(args: argparse.Namespace) -> int:
         If an option, a task or a scene cannot be used.
     """
     _check(args)
+    began_s = time.monotonic()
     workforce = workforce_from(args)
     methods = list(chosen_methods((args.methods or ",".join(DEFAULT_METHODS)).split(",")))
     cells = _cells(args)
@@ -107,7 +109,7 @@ def run(args: argparse.Namespace) -> int:
     args.runs.mkdir(parents=True, exist_ok=True)
     jobs = _jobs(args, environments, cells, methods)
     records = run_trials(args, jobs, workforce)
-    _finish(args, read_outcomes(args.runs, records))
+    _finish(args, read_outcomes(args.runs, records), time.monotonic() - began_s)
     return 0
 
 
@@ -134,11 +136,11 @@ def _cells(args: argparse.Namespace) -> tuple[Cell, ...]:
 
 def _environments(args: argparse.Namespace) -> list[Environment]:
     """Scenes of the task file, or the sixteen rooms, which are made if they are missing."""
-    tasks = args.tasks and read_tasks(args.tasks)
+    tasks = own_tasks(args)
     places = environments_of(tasks) if tasks else default_environments()
     chosen = named(places, args.scenes, lambda place: place.name)
     if not tasks:
-        make_missing(chosen, _say)
+        make_missing(chosen, say)
     return chosen
 
 
@@ -154,29 +156,26 @@ def _jobs(
         Order(place, cells, each + (k < rest), args.seed) for k, place in enumerate(environments)
     ]
     orders = [order for order in orders if order.count]
-    _say(f"{len(cells)} cells of {args.trials} trials, in {len(orders)} environments")
+    say(f"{len(cells)} cells of {args.trials} trials, in {len(orders)} environments")
     if not args.resume:
         (args.runs / BASIN_FILE).unlink(missing_ok=True)
-    drawn = draw_tasks(orders, args.runs, workforce_from(args), _say)
+    drawn = draw_tasks(orders, args.runs, workforce_from(args), say)
     by_name = {place.name: place for place in environments}
     tasks = [task.task(by_name[task.environment]) for task in drawn.tasks]
     return Plan(tasks, methods, args.bundle, args.iterations).jobs()
 
 
-def _finish(args: argparse.Namespace, outcomes: list[Outcome]) -> None:
+def _finish(args: argparse.Namespace, outcomes: list[Outcome], wall_s: float) -> None:
     if not outcomes:
         raise ConfigError("no start was found in any environment", "larger scenes, or nearer cells")
     outcomes.sort(key=lambda o: (o.record.method, o.drawn.name))
-    print("\n".join(summary_lines(outcomes)))
+    print("\n".join([*summary_lines(outcomes), "", f"this run took {wall_s / 60:.1f} min"]))
     if args.json is not None:
         document = summarise(outcomes) | {"seed": args.seed, "trials": args.trials}
-        write_json(args.json, document | {"matcher": args.bundle, "made_with": made_with()})
+        facts = run_facts([o.record for o in outcomes], wall_s)
+        write_json(args.json, document | {"matcher": args.bundle} | facts)
     if args.csv is not None:
         write_rows(args.csv, [tidy_row(outcome) for outcome in outcomes])
     if args.plot is not None:
         args.plot.write_bytes(basin_figure(outcomes, args.plot.suffix.lower().lstrip(".")))
         print(f"wrote {args.plot}")
-
-
-def _say(text: str) -> None:
-    print(text, file=sys.stderr, flush=True)

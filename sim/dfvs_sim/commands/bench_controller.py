@@ -11,7 +11,7 @@ from dfvs_sim.bench.figures import controller_figure, is_figure_name
 from dfvs_sim.bench.results import read_records
 
 _EPILOG = """example:
-  dfvs-bench controller --runs bench-runs --scene second-hall --out controller.png
+  dfvs-bench controller --runs bench-runs --scene hall --out controller.png
 """
 
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -22,7 +23,7 @@ from dfvs_sim.bench.drone.records import (
     write_record,
 )
 from dfvs_sim.bench.drone.tables import HEADER, flight_line, row, summarise, summary_line
-from dfvs_sim.bench.provenance import made_with
+from dfvs_sim.bench.provenance import run_facts
 from dfvs_sim.bench.results import git_revision
 from dfvs_sim.bench.tables import write_rows
 from dfvs_sim.bench.task import BenchTask
@@ -82,6 +83,7 @@ def run(args: argparse.Namespace) -> int:
     tasks = [levelled_task(task) for task in tasks_from(args)]
     setting = _setting(args)
     args.runs.mkdir(parents=True, exist_ok=True)
+    began_s = time.monotonic()
     kept = _kept(args.runs, tasks, setting) if args.resume else {}
     progress = Progress()
     if kept:
@@ -94,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
             write_record(args.runs, record)
             kept[task.name] = record
             progress.say(f"{flight_line(record)} {countdown.step()}")
-    _finish(args, [kept[task.name] for task in tasks])
+    _finish(args, [kept[task.name] for task in tasks], time.monotonic() - began_s)
     return 0
 
 
@@ -121,6 +123,7 @@ def _setting(args: argparse.Namespace) -> Setting:
         timeout_s=args.timeout,
         ready_s=args.ready,
         revision=git_revision(),
+        config=args.config,
     )
 
 
@@ -135,14 +138,14 @@ def _kept(folder: Path, tasks: Sequence[BenchTask], setting: Setting) -> dict[st
     }
 
 
-def _finish(args: argparse.Namespace, records: list[FlightRecord]) -> None:
+def _finish(args: argparse.Namespace, records: list[FlightRecord], wall_s: float) -> None:
     summary = summarise(records)
     print(HEADER, file=sys.stdout)
     for record in records:
         print(flight_line(record))
     print(summary_line(summary))
     if args.json is not None:
-        document = summary | {"matcher": args.bundle, "seed": args.seed}
-        write_json(args.json, document | {"made_with": made_with()})
+        document = {"methods": {"service": summary}, "matcher": args.bundle, "seed": args.seed}
+        write_json(args.json, document | run_facts(records, wall_s))
     if args.csv is not None:
         write_rows(args.csv, [row(record) for record in records])

@@ -13,7 +13,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_sim.bench.campaign import Job, run_jobs, unfinished
 from dfvs_sim.bench.results import TrialRecord
-from dfvs_sim.bench.scenes import default_tasks
+from dfvs_sim.bench.scenes import default_tasks, task_in
 from dfvs_sim.bench.tables import trial_line
 from dfvs_sim.bench.task import BenchTask, read_tasks
 from dfvs_sim.bench.workforce import Workforce
@@ -25,6 +25,13 @@ def add_task_options(parser: argparse.ArgumentParser, tasks_help: str, runs: str
     """Add what every measurement takes: tasks, matcher, and where results go."""
     add = parser.add_argument
     add("--tasks", type=Path, metavar="FILE", help=tasks_help)
+    add(
+        "--scene",
+        type=Path,
+        action="append",
+        metavar="FILE.glb",
+        help="anybody's scene, with a task drawn in it (1.5 m, 20°); may be repeated",
+    )
     add("--scenes", metavar="A,B", help="names of the scenes to use (default: all)")
     add("--bundle", default=DEFAULT_MATCHER, metavar="NAME", help="matcher: see dfvs-bench flow")
     add("--runs", type=Path, default=Path(runs), metavar="DIR", help=f"default: {runs}")
@@ -68,8 +75,14 @@ def check_outputs(args: argparse.Namespace, *more: str) -> None:
     """
     for name in ("json", "csv", "runs", *more):
         path = getattr(args, name)
-        if path is not None and not path.absolute().parent.is_dir():
+        if path is None:
+            continue
+        if not path.absolute().parent.is_dir():
             raise ConfigError(f"--{name} {path} lies in no folder", "an existing folder")
+        if name == "runs" and path.exists() and not path.is_dir():
+            raise ConfigError(f"--{name} {path} is a file", "a folder, or a new name")
+        if name != "runs" and path.is_dir():
+            raise ConfigError(f"--{name} {path} is a folder", "a file in it")
 
 
 def check_iterations(args: argparse.Namespace) -> None:
@@ -85,15 +98,39 @@ def check_iterations(args: argparse.Namespace) -> None:
 
 
 def tasks_from(args: argparse.Namespace) -> list[BenchTask]:
-    """Tasks of ``--tasks``, or of the ten scenes; those that ``--scenes`` names, or all.
+    """Tasks of ``--tasks`` or ``--scene``, or of the ten scenes; those that ``--scenes`` names.
 
     Raises
     ------
     DfvsError
         If the file cannot be used, or a name is not known.
     """
-    tasks = read_tasks(args.tasks) if args.tasks else default_tasks()
+    tasks = own_tasks(args) or default_tasks(say)
     return named(tasks, args.scenes, lambda task: task.name)
+
+
+def own_tasks(args: argparse.Namespace) -> list[BenchTask]:
+    """Tasks of ``--tasks`` and ``--scene``; none where neither is given.
+
+    Raises
+    ------
+    DfvsError
+        If a file cannot be used, or two tasks have one name.
+    """
+    for scene in args.scene or ():
+        if scene.suffix.lower() != ".glb" or not scene.is_file():
+            raise ConfigError(f"--scene {scene} is no GLB file", "a file; --scenes takes names")
+    tasks = read_tasks(args.tasks) if args.tasks else []
+    tasks += [task_in(scene) for scene in args.scene or ()]
+    names = [task.name for task in tasks]
+    if len(set(names)) < len(names):
+        raise ConfigError(f"tasks are named {', '.join(names)}", "names of their own")
+    return tasks
+
+
+def say(text: str) -> None:
+    """Tell what goes on, apart from results."""
+    print(text, file=sys.stderr, flush=True)
 
 
 def named(items: Sequence[_T], names: str | None, name_of: Callable[[_T], str]) -> list[_T]:

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +12,8 @@ from dfvs_sim.bench.drone.records import read_records as read_flights
 from dfvs_sim.bench.report import Contents, report_page
 from dfvs_sim.bench.results import TrialRecord, read_records
 from dfvs_sim.bench.scenes import default_tasks
-from dfvs_sim.bench.task import BenchTask, read_tasks
+from dfvs_sim.bench.task import BenchTask, read_tasks, same_poses
+from dfvs_sim.commands.bench_options import say
 
 _EPILOG = """example:
   dfvs-bench report --runs bench-runs --basin basin-runs --drone drone-runs --out report.html
@@ -57,7 +57,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out.suffix.lower() != ".html" or not args.out.absolute().parent.is_dir():
         raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .html, in a folder")
     contents = _contents(args)
-    page = report_page(contents, lambda name: print(name, file=sys.stderr, flush=True))
+    page = report_page(contents, say)
     args.out.write_text(page, encoding="utf-8")
     print(f"wrote {args.out} ({len(page) / 1e6:.1f} MB)")
     return 0
@@ -78,6 +78,13 @@ def _contents(args: argparse.Namespace) -> Contents:
 
 def _table1(args: argparse.Namespace) -> tuple[list[BenchTask], list[TrialRecord]]:
     records = read_records(args.runs)
-    tasks = read_tasks(args.tasks) if args.tasks else default_tasks()
-    names = {task.name for task in tasks}
-    return tasks, [record for record in records if record.task in names]
+    tasks = read_tasks(args.tasks) if args.tasks else default_tasks(say)
+    poses = {task.name: task.poses for task in tasks}
+    ours = [
+        record
+        for record in records
+        if record.task in poses and same_poses((record.start, record.goal), poses[record.task])
+    ]
+    if len(ours) < len(records):
+        say(f"{len(records) - len(ours)} trials in {args.runs} are of other tasks: left out")
+    return tasks, ours

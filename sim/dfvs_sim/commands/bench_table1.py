@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import argparse
+import time
 from collections.abc import Sequence
 from typing import Any
 
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.bench.campaign import Plan
 from dfvs_sim.bench.methods import DEFAULT_METHODS, METHODS, chosen_methods
-from dfvs_sim.bench.provenance import made_with
+from dfvs_sim.bench.provenance import run_facts
 from dfvs_sim.bench.results import TrialRecord
 from dfvs_sim.bench.tables import row, summarise, summary_lines, trial_line, write_rows
 from dfvs_sim.bench.task import BenchTask
@@ -72,10 +73,11 @@ def run(args: argparse.Namespace) -> int:
     methods = list(chosen_methods(args.methods.split(",") if args.methods else None))
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
     tasks = tasks_from(args)
+    began_s = time.monotonic()
     jobs = Plan(tasks, methods, args.bundle, args.iterations).jobs()
     args.runs.mkdir(parents=True, exist_ok=True)
     records = run_trials(args, jobs, workforce)
-    _finish(args, _in_order(records, tasks, methods), methods)
+    _finish(args, _in_order(records, tasks, methods), methods, time.monotonic() - began_s)
     return 0
 
 
@@ -86,12 +88,14 @@ def _in_order(
     return sorted(records, key=lambda r: (methods.index(r.method), names.index(r.task)))
 
 
-def _finish(args: argparse.Namespace, records: list[TrialRecord], methods: list[str]) -> None:
+def _finish(
+    args: argparse.Namespace, records: list[TrialRecord], methods: list[str], wall_s: float
+) -> None:
     summary = summarise(records, methods)
     for record in records:
         print(trial_line(record))
-    print("\n".join(["", *summary_lines(summary)]))
+    print("\n".join(["", *summary_lines(summary), "", f"this run took {wall_s / 60:.1f} min"]))
     if args.json is not None:
-        write_json(args.json, summary | {"made_with": made_with()})
+        write_json(args.json, summary | run_facts(records, wall_s))
     if args.csv is not None:
         write_rows(args.csv, [row(record) for record in records])

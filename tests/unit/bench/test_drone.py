@@ -1,3 +1,4 @@
+import os
 from dataclasses import asdict, replace
 from pathlib import Path
 
@@ -22,6 +23,7 @@ from dfvs_sim.bench.drone.records import (
 )
 from dfvs_sim.bench.drone.section import drone_section
 from dfvs_sim.bench.drone.tables import flight_line, row, summarise, summary_line
+from dfvs_sim.bench.inputs import input_digest
 from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.demo.track import TrackPoint
 from dfvs_sim.scene.poses import camera_pose
@@ -147,14 +149,47 @@ def test_a_record_comes_back_from_disk(tmp_path):
         {"seed": 1},
         {"service": ("--set", "gate.proof_s=0")},
         {"limits": VelocityLimits(horizontal_m_s=0.4)},
+        {"timeout_s": 10.0},
     ],
 )
-def test_a_flight_with_other_settings_is_flown_again(changes):
-    kept = record(version=record_version())
-    assert fits(kept, TASK, SETTING)
-    assert not fits(kept, TASK, replace(SETTING, **changes))
-    moved = replace(TASK, T_world_goal=camera_pose((1.0, 0.5, -1.3), -0.3, 0.1))
+def test_a_flight_with_other_settings_is_flown_again(tmp_path, changes):
+    task = task_on_disk(tmp_path)
+    kept = fresh_record(task)
+    assert fits(kept, task, SETTING)
+    assert not fits(kept, task, replace(SETTING, **changes))
+    moved = replace(task, T_world_goal=camera_pose((1.0, 0.5, -1.3), -0.3, 0.1))
     assert not fits(kept, moved, SETTING)
+
+
+def test_a_flight_with_other_inputs_is_flown_again(tmp_path):
+    task, config = task_on_disk(tmp_path), tmp_path / "service.toml"
+    config.write_text("[servo]")
+    setting = replace(SETTING, config=config)
+    kept = fresh_record(task, setting)
+    assert fits(kept, task, setting)
+    assert not fits(kept, replace(task, camera=CameraModel(96, 72, 70, 70, 48, 36)), setting)
+    config.write_text("[servo]\ngain_far = 1")
+    os.utime(config, ns=(1, 1))
+    assert not fits(kept, task, setting)
+    task.scene.write_bytes(b"another room")
+    os.utime(task.scene, ns=(1, 1))
+    assert not fits(fresh_record(task_on_disk(tmp_path / "other")), task, SETTING)
+
+
+def test_a_flight_that_never_began_is_tried_again(tmp_path):
+    task = task_on_disk(tmp_path)
+    assert not fits(fresh_record(task, end_state="NOT READY"), task, SETTING)
+
+
+def task_on_disk(folder):
+    folder.mkdir(exist_ok=True)
+    (folder / "room.glb").write_bytes(b"a room")
+    return replace(TASK, scene=folder / "room.glb")
+
+
+def fresh_record(task, setting=SETTING, **changes):
+    inputs = input_digest(task, setting.matcher, setting.config)
+    return record(version=record_version(), timeout_s=60.0, inputs=inputs, **changes)
 
 
 def record_version():

@@ -13,6 +13,7 @@ from dfvs_sim.bench.basin.drawing import LEAST_OVERLAP
 from dfvs_sim.bench.basin.outcomes import Outcome
 from dfvs_sim.bench.interval import Share
 from dfvs_sim.bench.tables import row
+from dfvs_sim.bench.tables import summarise as summarise_trials
 
 _DIGITS = 4
 Rotation = tuple[float, float, float]
@@ -43,6 +44,11 @@ class Curve:
     def share(self) -> Share:
         """Of all its trials."""
         return share(self.outcomes)
+
+    @property
+    def mean_ratio(self) -> float:
+        """Mean of the translations' ratios; NaN without trials."""
+        return float(np.mean([share(group).ratio for group in self.points.values()] or [math.nan]))
 
     @property
     def points(self) -> dict[float, tuple[Outcome, ...]]:
@@ -78,17 +84,23 @@ def curves(outcomes: Sequence[Outcome]) -> list[Curve]:
 
 
 def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
-    """Summary by method, rotation set, and kind of tasks: in all, and by translation."""
-    methods: dict[str, Any] = {}
+    """Summary by method, rotation set, and kind of tasks: in all, and by translation.
+
+    ``ratio`` is over all trials of a set, of which the far translations may have fewer than the
+    near ones; ``mean_over_translations`` gives every translation the same weight.
+    """
+    names = list(dict.fromkeys(o.record.method for o in outcomes))
+    methods = summarise_trials([o.record for o in outcomes], names)["methods"]
     for curve in curves(outcomes):
-        sets = methods.setdefault(curve.method, {"sets": {}})["sets"]
+        sets = methods[curve.method].setdefault("sets", {})
         name = ",".join(f"{angle:g}" for angle in curve.rotation_deg)
         kind = "overlap" if curve.overlapping else "all"
         sets.setdefault(name, {})[kind] = _figures(curve.outcomes) | {
+            "mean_over_translations": _rounded(curve.mean_ratio),
             "per_translation": [
                 {"translation_m": distance, **_figures(group)}
                 for distance, group in curve.points.items()
-            ]
+            ],
         }
     return {"least_overlap": LEAST_OVERLAP, "methods": methods}
 
@@ -132,8 +144,8 @@ def tidy_row(outcome: Outcome) -> dict[str, Any]:
         "rotation_z_deg": z,
         "overlap": round(drawn.overlap, _DIGITS),
         "drawn_freely": drawn.freely,
-        "seed": outcome.seed,
         **row(outcome.record),
+        "seed": outcome.seed,
     }
 
 
@@ -142,7 +154,7 @@ def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:
     found = curves(outcomes)
     distances = sorted({d for curve in found for d in curve.points})
     head = f"{'method':<15} {'rotation':<10} {'tasks':<8} {'ratio':>6}  {'95 %':>8}  {'n':>4} "
-    lines = [head + "".join(f"{d:>6g}" for d in distances) + " m per axis"]
+    lines = [f"{head}{'even':>5} " + "".join(f"{d:>6g}" for d in distances) + " m per axis"]
     for curve in found:
         low, high = curve.share.interval
         points = {d: share(group) for d, group in curve.points.items()}
@@ -151,9 +163,15 @@ def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:
         kind = f">={LEAST_OVERLAP:.0%}" if curve.overlapping else "all"
         lines.append(
             f"{curve.method:<15} {rotation:<10} {kind:<8} {_percent(curve.share)}"
-            f"  {100 * low:3.0f}-{100 * high:3.0f} %  {curve.share.trials:>4} {cells}"
+            f"  {100 * low:3.0f}-{100 * high:3.0f} %  {curve.share.trials:>4}"
+            f" {_even(curve)} {cells}"
         )
     return lines
+
+
+def _even(curve: Curve) -> str:
+    """Mean over the translations, each with the same weight."""
+    return f"{curve.mean_ratio:>5.0%}" if curve.outcomes else f"{'-':>5}"
 
 
 def _percent(counted: Share | None) -> str:

@@ -12,7 +12,8 @@ from dfvs_core.goal import Mount
 from dfvs_sim.bench.campaign import renderer_of
 from dfvs_sim.bench.drone.bound import straight_line_bound
 from dfvs_sim.bench.drone.levelled import turn_rad
-from dfvs_sim.bench.drone.records import FlightRecord, Setting
+from dfvs_sim.bench.drone.records import NOT_READY, FlightRecord, Setting
+from dfvs_sim.bench.inputs import input_digest
 from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.demo.flight import Flight, FlightOptions, NotReadyError
 from dfvs_sim.demo.plan import FlightPlan
@@ -21,9 +22,6 @@ from dfvs_sim.demo.results import write_results
 from dfvs_sim.demo.summary import CONVERGED_DEG, CONVERGED_M, FlightSummary
 from dfvs_sim.demo.track import TrackPoint
 from dfvs_sim.render.truth import visibility
-
-NOT_READY = "NOT READY"
-"""End of a flight that the service would not begin."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -118,6 +116,8 @@ def _record(task: BenchTask, setting: Setting, end: End) -> FlightRecord:
         path_ratio=_finite(summary.path_ratio if summary else None),
         version=version("dfvs"),
         revision=setting.revision,
+        timeout_s=setting.timeout_s,
+        inputs=input_digest(task, setting.matcher, setting.config),
     )
 
 

@@ -9,8 +9,12 @@ from pathlib import Path
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_sim.bench.documents import read_document
 from dfvs_sim.bench.drone.bound import TimeBound
+from dfvs_sim.bench.inputs import input_digest
 from dfvs_sim.bench.task import BenchTask, same_poses
 from dfvs_sim.demo.results import replace_json
+
+NOT_READY = "NOT READY"
+"""Instead of a gate's state, where the service would not fly."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -31,6 +35,8 @@ class Setting:
         How long a flight may take, and the service to be ready.
     revision : str
         Of the program.
+    config : Path or None
+        Settings file of the service, which ``service`` names too.
     """
 
     matcher: str
@@ -40,6 +46,7 @@ class Setting:
     timeout_s: float
     ready_s: float
     revision: str
+    config: Path | None = None
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -84,6 +91,10 @@ class FlightRecord:
         Way flown over the straight line.
     version, revision : str
         Of the program.
+    timeout_s : float
+        How long the flight might have taken.
+    inputs : str
+        Hash of scene, intrinsics, matcher and settings file; see ``input_digest``.
     """
 
     task: str
@@ -110,6 +121,8 @@ class FlightRecord:
     path_ratio: float | None
     version: str
     revision: str
+    timeout_s: float = 0.0
+    inputs: str = ""
 
     @property
     def within_ratio(self) -> float | None:
@@ -168,10 +181,12 @@ def read_record(path: Path) -> FlightRecord:
 
 def fits(record: FlightRecord, task: BenchTask, setting: Setting) -> bool:
     """Tell whether a record is of this very task, with these settings and this program."""
-    same = (record.matcher, record.service, record.seed, record.limits)
+    same = (record.matcher, record.service, record.seed, record.limits, record.timeout_s)
+    wanted = (setting.matcher, setting.service, setting.seed, setting.limits, setting.timeout_s)
     return (
         same_poses((record.start, record.goal), task.poses)
-        and tuple(record.size) == task.camera.size
-        and same == (setting.matcher, setting.service, setting.seed, setting.limits)
+        and same == wanted
         and record.version == version("dfvs")
+        and record.end_state != NOT_READY
+        and record.inputs == input_digest(task, setting.matcher, setting.config)
     )

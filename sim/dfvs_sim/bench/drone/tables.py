@@ -43,6 +43,7 @@ def summarise(records: Sequence[FlightRecord]) -> dict[str, Any]:
     return {
         "scenes": len(records),
         "converged": len(good),
+        "mean_iterations": None,  # a flight has none
         "mean_bound_s": _mean([r.bound.least_s for r in good]),
         "mean_within_s": _mean([r.within_s for r in good]),
         "mean_within_ratio": _mean([r.within_ratio for r in good]),
