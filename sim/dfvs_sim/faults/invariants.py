@@ -18,6 +18,7 @@ from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.gate.replay import replay
 from dfvs_core.gate.states import ENGAGED, TRANSITIONS, GateState
 from dfvs_sim.faults.records import Event, Run, is_ours, moves
+from dfvs_sim.vehicle.px4 import STEP_NS
 
 MS = 1_000_000
 S = GateState
@@ -72,15 +73,25 @@ def check(run: Run) -> list[Violation]:
     return [
         *_limits(setpoints),
         *_crawl(setpoints, timeline, run),
-        *_only_in_servo(setpoints, timeline),
+        *_only_in_servo(_in_time(setpoints, run), timeline),
         *_rhythm(setpoints, timeline, run),
-        *_freshness(setpoints, run.frames),
+        *_freshness(_in_time(setpoints, run), run.frames),
         *_takeovers(ours, timeline),
         *_one_commander(setpoints),
         *_replayed(run.journal),
         *_no_arming(ours),
         *_logged(run.transitions),
     ]
+
+
+def _in_time(setpoints: Sequence[Event], run: Run) -> list[Event]:
+    """Those whose time of arrival is right: while the vehicle stood still they queued up."""
+    stalls = [
+        (e["t_ns"] - e["by_ns"] - STEP_NS, e["t_ns"])
+        for e in run.events
+        if e["kind"] == "world_late"
+    ]
+    return [s for s in setpoints if not any(a <= s["t_ns"] <= b for a, b in stalls)]
 
 
 def _limits(setpoints: Sequence[Event]) -> Iterator[Violation]:

@@ -37,7 +37,12 @@ _POSE_NS = 100_000_000
 _LATE_NS = 40_000_000
 """The record is wrong by more than this when the world itself was late: that is noted in it."""
 
-_PARAMETERS = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 5, "SYS_FAILURE_EN": 1}
+_PARAMETERS = {
+    "COM_OF_LOSS_T": 0.5,
+    "COM_OBL_RC_ACT": 5,
+    "SYS_FAILURE_EN": 1,
+    "MIS_TAKEOFF_ALT": 10.0,  # with room to fly down, where the view never changes
+}
 _SHADOW_NS = 20_000_000
 _CALL_S = 5.0
 _PILOT_S, _PILOT_POLL_S = 2.0, 0.05

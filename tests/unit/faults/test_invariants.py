@@ -132,6 +132,16 @@ def test_motion_outside_of_servo_is_found_once_the_grace_is_over(flight):
     assert "I2" in found(with_event(run, late))
 
 
+def test_setpoints_that_queued_up_while_the_vehicle_stood_still_are_not_late(flight):
+    gate, run = flight
+    hold_ns = state_ns(gate, "HOLD")
+    late = setpoint(hold_ns + 130 * MS, ZERO, velocity=[0.02, 0.0, 0.0])
+    stall = {"t_ns": hold_ns + 131 * MS, "kind": "world_late", "by_ns": 60 * MS}
+    assert "I2" not in found(with_event(with_event(run, late), stall))
+    over = stall | {"t_ns": hold_ns + 125 * MS}
+    assert "I2" in found(with_event(with_event(run, late), over))
+
+
 def test_a_pause_while_engaged_is_found_unless_the_gate_was_broken(flight):
     gate, run = flight
     begin_ns = state_ns(gate, "SERVO") + 500 * MS
