@@ -219,7 +219,7 @@ class World:
         self._px4.step(next_ns)
         while not self._stop.is_set():
             wait_for_data([self._link], (next_ns - time.monotonic_ns()) / 1e9)
-            self._answer(time.monotonic_ns())
+            self._answer()
             while not self._todo.empty():
                 self._todo.get_nowait()()
             now_ns = time.monotonic_ns()
@@ -244,8 +244,9 @@ class World:
                 place = [round(a, 4) for a in (v.north_m, v.east_m, v.down_m)]
                 self._note(now_ns, "pose", {"velocity": velocity, "place": place})
 
-    def _answer(self, now_ns: int) -> None:
+    def _answer(self) -> None:
         for message in self._link.receive():
+            now_ns = time.monotonic_ns()  # not before: no setpoint came earlier than it was sent
             for answer in self._px4.handle(message, COMPANION, now_ns):
                 self._link.send(answer)
 
