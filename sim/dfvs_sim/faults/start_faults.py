@@ -24,6 +24,9 @@ _CANNOT_RUN = 2
 _TYPO_S = 20.0
 _TRAVEL_M, _TRAVEL_S = 0.2, 8.0
 _ENGAGED_S = 8.0
+_STUCK_MS = 9000.0
+"""Five seconds after the last fall, which may come after the view froze: the vehicle still tilts
+and turns, so that the view, levelled by its attitude, comes nearer once or twice at first."""
 
 
 def _ordered(rig: Rig, _: np.random.Generator) -> int:
@@ -115,7 +118,7 @@ def start_faults() -> tuple[Fault, ...]:
             "error does not fall however it flies",
             "no fall in 5 s",
             Reaction.ABORT,
-            6500.0,
+            _STUCK_MS,
             (S.SERVO,),
             _frozen_world,
             Setup(settings=(NO_PROOF,)),
