@@ -89,6 +89,8 @@ class OnnxGraph:
             )
         except _LOAD_ERRORS as error:
             raise ModelError(f"ONNX Runtime cannot load {name!r}: {_one_line(error)}") from error
+        # It keeps the file's bytes only to start anew on another provider: nobody asks for that.
+        self._session._model_bytes = None
         used = self._session.get_providers()
         if execution.provider not in used:
             raise ModelError(
