@@ -27,7 +27,6 @@ from dfvs_core.wire.picture import encode_png
 from dfvs_models.catalog import load_matcher
 from dfvs_service.config import ServiceConfig
 from dfvs_service.goal_file import ordered_goal
-from dfvs_service.heap import give_back_memory
 from dfvs_service.perception.announced import CameraDoubts, watch_calibration
 from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
@@ -181,7 +180,6 @@ class PerceptionProcess:
             log.warning("%s", self._goal_flaw)
             return
         self._eye.aim(servo_task(self._config, self._goal), self._eye.prepare(self._goal))
-        give_back_memory()  # goals change only where nothing moves
         self._tell_goal(telemetry, feed)
         log.info("looking for the goal %s", digest[:12])
 
