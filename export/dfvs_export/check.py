@@ -105,8 +105,7 @@ def error_ratios(
 def accuracy(matcher: Matcher, pairs: FlowPairs) -> dict[str, LevelScore]:
     """Score a network on pairs with exact flow, by level of motion."""
     found: dict[str, list[PairScore]] = {}
-    columns = (pairs.current, pairs.other, pairs.flow, pairs.visible, pairs.level)
-    for first, second, flow, visible, level in zip(*columns, strict=True):
+    for first, second, flow, visible, level in pairs:
         field = matcher.match(matcher.prepare(first), matcher.prepare(second))
         found.setdefault(LEVELS[int(level)], []).append(score_pair(field, flow, visible))
     return {name: summarise(found[name]) for name in LEVELS if name in found}

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import zipfile
 import zlib
+from collections.abc import Iterator
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -41,6 +42,13 @@ class FlowPairs:
     flow: Float32Array
     visible: BoolArray
     level: NDArray[np.int64]
+
+    def __iter__(
+        self,
+    ) -> Iterator[tuple[ImageArray, ImageArray, Float32Array, BoolArray, np.int64]]:
+        """Pair by pair: both pictures, flow, visibility and level."""
+        columns = (self.current, self.other, self.flow, self.visible, self.level)
+        return zip(*columns, strict=True)
 
 
 def read_flow_pairs(path: Path) -> FlowPairs:

@@ -63,8 +63,7 @@ def score_network(network: DfvsFlow, pairs: FlowPairs) -> tuple[LevelScores, ...
     """Measure a network in evaluation mode on pairs with exact flow."""
     device = next(network.parameters()).device
     found: dict[int, list[tuple[float, float, float]]] = {}
-    columns = (pairs.current, pairs.other, pairs.flow, pairs.visible, pairs.level)
-    for image_a, image_b, flow, seen, level in zip(*columns, strict=True):
+    for image_a, image_b, flow, seen, level in pairs:
         stack = torch.from_numpy(np.stack([image_a, image_b])).to(device)
         images = stack.permute(0, 3, 1, 2).float() / 255.0
         with torch.no_grad():
