@@ -38,8 +38,6 @@ from dfvs_core.matching.warping import compose, pixel_grid, sample, similarity_f
 
 _ENOUGH_SHARE = 0.45
 """Share of sure pixels from which on a first match needs no features beside the network."""
-_ENOUGH_IN_FLIGHT = 0.15
-"""The same where the frame before was matched: a result late is worse than one less sure."""
 _SETTLED_SHARE = 0.65
 """Share of sure pixels from which on nothing is looked at or refined a second time."""
 _NOTHING_SHARE = 0.06
@@ -102,11 +100,10 @@ class HybridMatcher:
         if guess is None and sure_share(field) < _SETTLED_SHARE:
             known = field if sure_share(field) >= _NOTHING_SHARE else coarse
             field = _surer_of_each(field, self._look_again(current, other, known))
-        if sure_share(field) >= (_ENOUGH_SHARE if guess is None else _ENOUGH_IN_FLIGHT):
-            return field
-        field = _surer(field, bridge(current.classical, other.classical))
-        if guess is None and sure_share(field) < _NOTHING_SHARE:
-            field = _surer(field, self._look_around(current, other))
+        if guess is None and sure_share(field) < _ENOUGH_SHARE:
+            field = _surer(field, bridge(current.classical, other.classical))
+            if sure_share(field) < _NOTHING_SHARE:
+                field = _surer(field, self._look_around(current, other))
         if sure_share(field) >= _NOTHING_SHARE:
             return field
         return FlowField(coarse.flow, np.float32(_UNCONFIRMED) * coarse.confidence)

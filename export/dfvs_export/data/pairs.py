@@ -27,7 +27,7 @@ class PairSettings:
         Image size, px.
     small_share, medium_share : float
         Share of pairs of small motion (log-uniform, up to 0.25 m and 8 degrees) and of medium
-        motion (up to 0.5 m and 15 degrees); the others move up to 0.6 x the median depth and
+        motion (up to 0.5 m and 15 degrees); the others move up to 0.8 x the median depth and
         35, 35 and 55 degrees.
     least_overlap : float
         Pairs with a smaller share of pixels seen in both are drawn anew.
@@ -35,8 +35,8 @@ class PairSettings:
 
     width: int = 192
     height: int = 144
-    small_share: float = 0.3
-    medium_share: float = 0.3
+    small_share: float = 0.15
+    medium_share: float = 0.25
     least_overlap: float = 0.12
 
 
@@ -189,4 +189,4 @@ def _motion(depth_m: float, settings: PairSettings, g: torch.Generator) -> tuple
     if kind < settings.small_share + settings.medium_share:
         return _uniform(g, 0.0, 0.5), turn * math.radians(15.0)
     limits = torch.tensor([35.0, 35.0, 55.0]) * (math.pi / 180.0)
-    return _uniform(g, 0.0, 0.6) * min(depth_m, 3.0), turn * limits
+    return _uniform(g, 0.0, 0.8) * min(depth_m, 3.0), turn * limits

@@ -128,14 +128,13 @@ def local_correlation(first: Tensor, second: Tensor, radius: int) -> Tensor:
     padded = functional.pad(second, (radius, radius, radius, radius)).permute(0, 2, 3, 1)
     cells = padded.reshape(n, -1, c)  # of all rows, one after the other
     others = cells[:, _neighbourhoods((h, w), block, radius)].reshape(n, h, blocks, side * wide, c)
-    own = (first * (1.0 / c)).permute(0, 2, 3, 1).reshape(n, h, blocks, block, c)
+    own = (first * (1.0 / c)).reshape(n, c, h, blocks, block).permute(0, 2, 3, 1, 4)
     # All pairs of a few neighbouring cells with all that is around them: four times the products
-    # that are asked for, but at full speed. Cell x sees neighbour (i, j) at column i wide + x + j.
-    count = side * wide
-    pairs = (own @ others.transpose(3, 4)).reshape(n, h, blocks, block * count)
-    starts = (i * wide + j for i in range(side) for j in range(side))
-    length = (block - 1) * (count + 1) + 1
-    near = [pairs[..., start : start + length : count + 1] for start in starts]  # (N, h, blocks, _)
+    # that are asked for, but at full speed. Cell x sees neighbour (i, j) in row i wide + x + j.
+    pairs = (others @ own).reshape(n, h, blocks, side * wide * block)
+    starts = ((i * wide + j) * block for i in range(side) for j in range(side))
+    length = (block - 1) * (block + 1) + 1
+    near = [pairs[..., start : start + length : block + 1] for start in starts]  # (N, h, blocks, _)
     return torch.cat(near, 1).reshape(n, side * side, h, w)
 
 

@@ -11,7 +11,8 @@ from dfvs_core.arrays import FloatArray
 from dfvs_core.matching.evaluation import LEVELS
 
 _FARTHEST_DEPTH_M = 3.0
-_SMALL_SHARE, _MEDIUM_SHARE = 0.3, 0.3
+_SMALL_SHARE, _MEDIUM_SHARE = 0.15, 0.25
+_LARGEST_REACH = 0.8
 _LEVEL_LIMITS = {"small": (0.15, 6.0), "medium": (0.5, 15.0), "large": (1.2, 30.0)}
 
 
@@ -34,8 +35,8 @@ class Motion:
 def training_motion(rng: np.random.Generator, depth_m: float) -> Motion:
     """Motion of a training pair, in a view of a median depth.
 
-    Three in ten are small (log-uniform, up to 0.25 m and 8 degrees), three in ten reach 0.5 m and
-    15 degrees, the others 0.6 times the depth and 35, 35 and 55 degrees.
+    Three in twenty are small (log-uniform, up to 0.25 m and 8 degrees), a quarter reaches 0.5 m and
+    15 degrees, the others 0.8 times the depth and 35, 35 and 55 degrees.
     """
     kind = rng.random()
     turn = rng.uniform(-1.0, 1.0, 3)
@@ -44,7 +45,7 @@ def training_motion(rng: np.random.Generator, depth_m: float) -> Motion:
         return Motion(distance, turn * math.radians(math.exp(rng.uniform(-1.6, math.log(8.0)))))
     if kind < _SMALL_SHARE + _MEDIUM_SHARE:
         return Motion(float(rng.uniform(0.0, 0.5)), turn * math.radians(15.0))
-    distance = float(rng.uniform(0.0, 0.6)) * min(depth_m, _FARTHEST_DEPTH_M)
+    distance = float(rng.uniform(0.0, _LARGEST_REACH)) * min(depth_m, _FARTHEST_DEPTH_M)
     return Motion(distance, turn * np.radians([35.0, 35.0, 55.0]))
 
 

@@ -141,6 +141,25 @@ def test_the_network_looks_again_at_what_is_left_of_the_motion(wall, monkeypatch
     assert np.median(error) < 0.5
 
 
+def test_a_frame_that_follows_another_does_not_wait_for_features(wall, monkeypatch) -> None:
+    """In flight a late result is worse than none: the gate holds after a quarter of a second."""
+    calls = []
+    monkeypatch.setattr(
+        "dfvs_core.matching.hybrid.bridge", lambda a, b: calls.append(1) or oracle.there
+    )
+    nothing = constant_flow(0.0, 0.0)
+    oracle = Oracle(there=nothing, back=nothing, confidence=0.0)
+    matcher = HybridMatcher(oracle, judges=True)
+    other = wall.picture(turned(roll_deg=40.0, shift=(60.0, 50.0)))
+    current, other = matcher.prepare(wall.picture()), matcher.prepare(other)
+    guess = FlowField(constant_flow(90.0, -80.0), np.ones(SIZE, np.float32))
+    field = matcher.match(current, other, guess)
+    assert calls == []
+    assert field.confidence.max() <= 0.5
+    matcher.match(current, other)
+    assert calls == [1]
+
+
 def test_the_network_looks_where_a_guess_points_when_the_guess_has_fallen_behind(
     wall, monkeypatch
 ) -> None:
