@@ -122,7 +122,10 @@ def best_cells(similarity: Tensor, centres: Tensor) -> tuple[Tensor, Tensor]:
 def _unit(features: Tensor) -> Tensor:
     """Features (N, C, h, w) of length one."""
     features = features.float()
-    return features * (features.square().sum(1, keepdim=True) + 1e-6).rsqrt()
+    n, c, h, w = features.shape
+    ones = torch.ones(1, c, dtype=features.dtype, device=features.device)
+    squares = (ones @ features.square().flatten(2)).reshape(n, 1, h, w)  # runtimes sum slowly
+    return features * (squares + 1e-6).rsqrt()
 
 
 def _soft(flow: Tensor, scale: float) -> Tensor:

@@ -12,6 +12,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
+_MAX_LOGIT = 60.0
+"""No exponential of it is infinite, and none vanishes: a maximum need not be looked for."""
+
 
 def double(x: Tensor) -> Tensor:
     """Bilinear upsampling by 2."""
@@ -106,8 +109,8 @@ def convex_upsample(flow: Tensor, mask: Tensor) -> Tensor:
     ``mask`` is (N, 9 * 16, h, w) logits.
     """
     n, _, h, w = flow.shape
-    logits = mask.reshape(n, 9, 16 * h * w)
-    weights = torch.exp(logits - logits.amax(1, keepdim=True)).reshape(n, 1, 9, 16, h * w)
+    logits = mask.reshape(n, 9, 16 * h * w).clamp(-_MAX_LOGIT, _MAX_LOGIT)
+    weights = torch.exp(logits).reshape(n, 1, 9, 16, h * w)
     padded = functional.pad(flow, (1, 1, 1, 1), mode="replicate")
     near = torch.stack([padded[:, :, i : i + h, j : j + w] for i in range(3) for j in range(3)], 2)
     weighted = weights * near.reshape(n, 2, 9, 1, h * w)

@@ -97,6 +97,7 @@ class FlowTraining:
         self.step = 0
         self.warm_up = _WARM_UP
         self.origin: tuple[dict[str, Any], ...] = (describe(settings, architecture),)
+        self.notes = checkpoint.notes if checkpoint else ""
         if checkpoint:
             fill(self.network, checkpoint.weights)
             if checkpoint.optimiser:  # shipped weights come without
@@ -143,6 +144,7 @@ class FlowTraining:
             self.step,
             self.origin,
             self.network.architecture,
+            self.notes,
         )
 
     def averaged_network(self) -> DfvsFlow:

@@ -69,7 +69,9 @@ def test_a_resumed_run_repeats_to_the_last_bit(tmp_path: Path, shards: Path) -> 
 def test_training_goes_on_from_the_shipped_weights(tmp_path: Path, shards: Path) -> None:
     last = train_flow(settings(tmp_path, shards, 2), SHIPPED, lambda line: None)
     end = load_checkpoint(last)
-    assert end.step == load_checkpoint(SHIPPED).step + 2
+    start = load_checkpoint(SHIPPED)
+    assert end.step == start.step + 2
+    assert end.notes == start.notes != ""
     assert end.optimiser["state"]
 
 
