@@ -26,6 +26,10 @@ GUESS_NS = 1_500_000_000
 TRIED_NS = 15_000_000_000
 """How long a good frame is tried before a search: on a slow computer a search takes seconds."""
 
+PASS_OVER_NS = 60_000_000
+"""A first lost frame is passed over if it comes this soon after the last good one. Of a slower camera
+the one after it would be searched too late: the gate holds a quarter of a second after a good frame."""
+
 _CLEAR_SHARE = 0.45
 """Share of sure pixels from which on the flow of a frame is guess enough for the next."""
 
@@ -87,7 +91,8 @@ class GoalTracker:
         """Flow from a frame to the goal.
 
         One frame that does not follow is nothing yet, be it for noise, and comes without any
-        confidence; the search begins at the second one in a row: it takes several frames' time.
+        confidence; the search begins at the second one in a row: it takes several frames' time. A
+        slow camera leaves no time for that (``PASS_OVER_NS``).
 
         Parameters
         ----------
@@ -109,9 +114,10 @@ class GoalTracker:
             flow = self._foretell(prepared, last.T_goal_current @ T_last_current, depth)
         if flow is not None:
             return flow
-        if t_capture_ns - last.t_capture_ns > GUESS_NS:
+        since_ns = t_capture_ns - last.t_capture_ns
+        if since_ns > GUESS_NS:
             return self._matcher.match(prepared, self._goal)
-        if self._is_lost:
+        if self._is_lost or since_ns > PASS_OVER_NS:
             return self._matcher.match(prepared, self._goal, last.flow)
         return FlowField(last.flow.flow, np.zeros_like(last.flow.confidence))
 

@@ -258,6 +258,8 @@ class Pipeline:
         T_world_camera: FloatArray,
         result: ServoResult,
     ) -> None:
+        if self._kept:
+            self._kept[-1].prepared.slim()  # earlier frames are tracked to, never searched
         self._kept.append(KeptFrame(inputs.t_capture_ns, prepared, T_world_camera))
         T_current_goal, look = self._state.T_current_goal, None
         if result.verdict in (Verdict.OK, Verdict.STUCK) and T_current_goal is not None:

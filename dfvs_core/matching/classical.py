@@ -52,6 +52,10 @@ class ClassicalPicture(Prepared):
         """SIFT features: only a match without a good guess needs them."""
         return detect_features(self.grey)
 
+    def slim(self) -> None:
+        """Let go of the features."""
+        self.__dict__.pop("features", None)
+
 
 class ClassicalMatcher:
     """Dense correspondences without a network; see the module's text."""

@@ -21,6 +21,9 @@ class Prepared:
     def __init__(self, size: tuple[int, int]) -> None:
         self.size = size
 
+    def slim(self) -> None:
+        """Let go of what only a search asks for; where one does, it is found anew, to the bit."""
+
 
 class Matcher(Protocol):
     """Finds where the points of one picture are seen in another.

@@ -7,7 +7,7 @@ import pytest
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import DepthMap, FlowField
-from dfvs_core.goal_tracker import GUESS_NS, TRIED_NS, GoalTracker, GoodLook
+from dfvs_core.goal_tracker import GUESS_NS, PASS_OVER_NS, TRIED_NS, GoalTracker, GoodLook
 from dfvs_core.matching.matcher import Prepared
 from dfvs_core.poses import make_pose
 
@@ -82,6 +82,13 @@ def test_one_frame_that_does_not_follow_is_nothing_and_a_second_one_is_searched(
     eye.remember(None)
     eye.match(FRAME, 2 * FRAME_NS, moved(0.0), DEPTH)
     assert matcher.searches == 1
+
+
+@pytest.mark.parametrize(("t_ns", "searches"), [(PASS_OVER_NS, 0), (PASS_OVER_NS + 1, 1)])
+def test_a_slow_camera_leaves_no_time_to_pass_a_frame_over(t_ns, searches):
+    matcher = Matcher([False] * 2)
+    tracker(matcher).match(FRAME, t_ns, moved(0.0), DEPTH)
+    assert matcher.searches == searches
 
 
 def test_a_goal_that_is_seen_again_may_be_missed_once_again():

@@ -230,3 +230,16 @@ def test_where_nothing_is_found_the_other_picture_is_turned_and_scaled(
     assert np.median(error) < 0.5
     monkeypatch.setattr("dfvs_core.matching.hybrid._VIEWS", ((1.0, 0.0),))
     assert np.mean(match(matcher, wall.picture(), wall.picture(H)).confidence > 0.5) < 0.06
+
+
+def test_a_slim_picture_holds_no_features_and_finds_the_same_again(wall) -> None:
+    oracle = Oracle(constant_flow(0.0, 0.0), constant_flow(0.0, 0.0), 0.9)
+    picture = HybridMatcher(oracle, judges=True).prepare(wall.picture())
+    network, found = picture.features, picture.classical.features
+    picture.slim()
+    assert {"features"}.isdisjoint(vars(picture) | vars(picture.classical))
+    assert picture.features is not network
+    again = picture.classical.features
+    np.testing.assert_array_equal(again.points, found.points)
+    np.testing.assert_array_equal(again.descriptors, found.descriptors)
+    assert len(oracle.pictures) == 2
