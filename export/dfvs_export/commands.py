@@ -155,6 +155,7 @@ def _check_parity(
     found = parity(network, runner, drawn_pairs(size, arguments.count, _PARITY_SEED))
     report |= {
         "greatest_difference_px": found.greatest_px,
+        "greatest_trusted_difference_px": found.trusted_px,
         "mean_difference_px": found.mean_px,
     }
     if not np.isfinite(found.greatest_px):

@@ -102,12 +102,12 @@ def test_the_shipped_weights_give_bundles_of_any_size_that_check_compares(
     assert f"{steps} steps" in (out / "MODEL_CARD.md").read_text()
     capsys.readouterr()
     assert main(["check", str(out), "--count", "2", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["greatest_difference_px"] < 1e-3
+    assert json.loads(capsys.readouterr().out)["greatest_trusted_difference_px"] < 1e-3
 
 
 def test_the_shipped_bundle_holds_the_shipped_weights(capsys) -> None:
     assert main(["check", "dfvs-flow", "--count", "1", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["greatest_difference_px"] < 1e-3
+    assert json.loads(capsys.readouterr().out)["greatest_trusted_difference_px"] < 1e-3
 
 
 def test_weights_that_nobody_named_are_not_compared(bundle: Path, capsys) -> None:

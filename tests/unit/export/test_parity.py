@@ -22,8 +22,8 @@ class Still:
 class Runner:
     """Gives flow that is zero but for one component of one pixel of one pair."""
 
-    def __init__(self, off: float) -> None:
-        self.off = [0.0, off, 0.0]
+    def __init__(self, off: float, confidence: float = 1.0) -> None:
+        self.off, self.confidence = [0.0, off, 0.0], confidence
 
     def tensor(self, image):
         return np.zeros((1, 3, *SIZE), np.float32)
@@ -34,7 +34,7 @@ class Runner:
     def match(self, first, second):
         flow = np.zeros((*SIZE, 2), np.float32)
         flow[2, 3, 1] = self.off.pop()
-        return FlowField(flow, np.ones(SIZE, np.float32))
+        return FlowField(flow, np.full(SIZE, self.confidence, np.float32))
 
 
 @pytest.mark.parametrize(("off", "holds"), [(0.9e-3, True), (1.1e-3, False), (-1.1e-3, False)])
@@ -45,8 +45,16 @@ def test_one_pixel_of_one_pair_decides(off: float, holds: bool) -> None:
     assert found.mean_px == pytest.approx(abs(off) / (3 * 2 * SIZE[0] * SIZE[1]), rel=1e-5)
 
 
-def test_what_is_no_number_never_agrees() -> None:
-    assert not parity(Still(), Runner(float("nan")), [PAIR] * 3).holds
+@pytest.mark.parametrize(("confidence", "holds"), [(0.05, True), (0.11, False)])
+def test_what_nobody_trusts_is_told_but_does_not_decide(confidence: float, holds: bool) -> None:
+    found = parity(Still(), Runner(0.01, confidence), [PAIR] * 3)
+    assert found.holds is holds
+    assert found.greatest_px == pytest.approx(0.01, rel=1e-5)
+
+
+@pytest.mark.parametrize("confidence", [0.0, 1.0])
+def test_what_is_no_number_never_agrees(confidence: float) -> None:
+    assert not parity(Still(), Runner(float("nan"), confidence), [PAIR] * 3).holds
 
 
 def score(epe_px: float):
