@@ -27,8 +27,11 @@ TRIED_NS = 15_000_000_000
 """How long a good frame is tried before a search: on a slow computer a search takes seconds."""
 
 PASS_OVER_NS = 60_000_000
-"""A first lost frame is passed over if it comes this soon after the last good one. Of a slower camera
-the one after it would be searched too late: the gate holds a quarter of a second after a good frame."""
+"""A first lost frame is passed over if it comes this soon after the last good one.
+
+Of a slower camera the one after it would be searched too late: the gate holds a quarter of a second
+after a good frame.
+"""
 
 _CLEAR_SHARE = 0.45
 """Share of sure pixels from which on the flow of a frame is guess enough for the next."""

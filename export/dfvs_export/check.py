@@ -24,7 +24,7 @@ from dfvs_export.running import FlowRunner
 from dfvs_models.evaluation_file import FlowPairs
 
 PARITY_LIMIT_PX = 1e-3
-"""Greatest difference of flow in fp32 between torch and ONNX Runtime, where it is trusted at all."""
+"""Greatest difference of flow in fp32 between torch and ONNX Runtime, where it is trusted."""
 _TRUSTED = 0.1
 """Confidence from which on flow means anything: elsewhere it is carried over from far away, and the
 last digit of a similarity moves it by up to a thousandth of a pixel within torch alone."""
@@ -36,7 +36,7 @@ MOST_ERROR_RATIO = 1.15
 class Parity:
     """Differences of flow between torch and ONNX Runtime over some pairs, px.
 
-    ``trusted_px`` is the greatest where the confidence is 0.1 or more; the others are over all pixels.
+    ``trusted_px`` is the greatest where the confidence is 0.1 or more; the others are of all pixels.
     """
 
     greatest_px: float
