@@ -36,7 +36,7 @@ MOST_ERROR_RATIO = 1.15
 class Parity:
     """Differences of flow between torch and ONNX Runtime over some pairs, px.
 
-    ``trusted_px`` is the greatest where the confidence is 0.1 or more; the others are of all pixels.
+    ``trusted_px`` is the greatest where confidence is 0.1 or more; the others are of all pixels.
     """
 
     greatest_px: float
