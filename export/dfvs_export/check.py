@@ -15,6 +15,7 @@ from numpy.typing import NDArray
 from dfvs_core.errors import ModelError
 from dfvs_core.matching.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
 from dfvs_core.matching.matcher import Matcher
+from dfvs_core.servo.config import ServoConfig
 from dfvs_export.calibration import ImagePair
 from dfvs_export.data.pairs import PairSettings, make_pair
 from dfvs_export.data.shards import TEXTURES_PER_SHARD
@@ -25,9 +26,12 @@ from dfvs_models.evaluation_file import FlowPairs
 
 PARITY_LIMIT_PX = 1e-3
 """Greatest difference of flow in fp32 between torch and ONNX Runtime, where it is trusted."""
-_TRUSTED = 0.1
-"""Confidence from which on flow means anything: elsewhere it is carried over from far away, and the
-last digit of a similarity moves it by up to a thousandth of a pixel within torch alone."""
+_TRUSTED = ServoConfig().min_confidence
+"""Confidence from which on the servo uses a flow.
+
+Elsewhere it is carried over from far away, and the last digit of a similarity moves it by up to a
+thousandth of a pixel, within torch alone.
+"""
 MOST_ERROR_RATIO = 1.15
 """Mean error of a bundle of lower precision over that of the one it was made from."""
 
@@ -36,7 +40,8 @@ MOST_ERROR_RATIO = 1.15
 class Parity:
     """Differences of flow between torch and ONNX Runtime over some pairs, px.
 
-    ``trusted_px`` is the greatest where confidence is 0.1 or more; the others are of all pixels.
+    ``trusted_px`` is the greatest where the servo would use the flow; the others are of all
+    pixels.
     """
 
     greatest_px: float
