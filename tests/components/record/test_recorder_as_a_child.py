@@ -11,7 +11,7 @@ from dfvs_service.parent import Parent, Programs
 from dfvs_service.runtime import RuntimeFolder
 
 BEATING = """
-import json, signal, socket, sys, time
+import json, pathlib, signal, socket, sys, time
 stopped = []
 signal.signal(signal.SIGTERM, lambda *_: stopped.append(1))
 folder = sys.argv[sys.argv.index("--runtime") + 1]
@@ -19,6 +19,7 @@ parent = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
 while not stopped:
     beat = {"t_ns": time.monotonic_ns(), "state": "READY", "cause": ""}
     parent.sendto(json.dumps(beat).encode(), folder + "/parent.sock")
+    (pathlib.Path(folder) / "gate.up").touch()
     time.sleep(0.02)
 """
 ENDING = """
@@ -75,7 +76,12 @@ def test_the_recorder_is_ended_after_perception_which_still_has_something_to_say
 @pytest.mark.parametrize("end", ["sys.exit(3)", "os.kill(os.getpid(), 9)"])
 def test_a_flight_goes_on_without_its_recorder_and_says_so(tmp_path, end):
     recorder = (sys.executable, "-c", f"import os, sys; {end}")
-    code, lines = run_service(tmp_path, recorder, lambda lines: "recorder" in "".join(lines))
+    ups = [tmp_path / "perception.up", tmp_path / "gate.up"]
+    code, lines = run_service(
+        tmp_path,
+        recorder,
+        lambda lines: "recorder" in "".join(lines) and all(up.exists() for up in ups),
+    )
     assert sum("nothing more is recorded" in line for line in lines) == 1
     assert not (set(lines) & {line for line in lines if line.startswith("error")})
     assert code == 0  # by the gate's own word
