@@ -40,8 +40,8 @@ MOST_ERROR_RATIO = 1.15
 class Parity:
     """Differences of flow between torch and ONNX Runtime over some pairs, px.
 
-    ``trusted_px`` is the greatest where the servo would use the flow; the others are of all
-    pixels.
+    ``trusted_px`` is the greatest where the servo would use the flow, if it would anywhere; the
+    others are of all pixels.
     """
 
     greatest_px: float
@@ -101,10 +101,11 @@ def parity(network: FlowNetwork, runner: FlowRunner, pairs: Iterable[ImagePair])
             flow = network.flow(*tensors)[0].permute(1, 2, 0).numpy()
         difference = np.abs(flow - field.flow)
         greatest.append(float(difference.max()))
-        trusted.append(float(difference[field.confidence >= _TRUSTED].max(initial=0.0)))
+        trusted.extend(difference[field.confidence >= _TRUSTED].max(axis=1, initial=0.0).tolist())
         means.append(float(difference.mean()))
+    decisive = trusted or greatest  # where nothing is trusted, all of it has to agree
     return Parity(
-        float(np.max(greatest)), float(np.max(trusted)), float(np.mean(means)), len(means)
+        float(np.max(greatest)), float(np.max(decisive)), float(np.mean(means)), len(means)
     )
 
 

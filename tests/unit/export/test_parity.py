@@ -22,8 +22,8 @@ class Still:
 class Runner:
     """Gives flow that is zero but for one component of one pixel of one pair."""
 
-    def __init__(self, off: float, confidence: float = 1.0) -> None:
-        self.off, self.confidence = [0.0, off, 0.0], confidence
+    def __init__(self, off: float, confidence: float = 1.0, elsewhere: float = 1.0) -> None:
+        self.off, self.confidence, self.elsewhere = [0.0, off, 0.0], confidence, elsewhere
 
     def tensor(self, image):
         return np.zeros((1, 3, *SIZE), np.float32)
@@ -34,7 +34,9 @@ class Runner:
     def match(self, first, second):
         flow = np.zeros((*SIZE, 2), np.float32)
         flow[2, 3, 1] = self.off.pop()
-        return FlowField(flow, np.full(SIZE, self.confidence, np.float32))
+        confidence = np.full(SIZE, self.elsewhere, np.float32)
+        confidence[2, 3] = self.confidence
+        return FlowField(flow, confidence)
 
 
 @pytest.mark.parametrize(("off", "holds"), [(0.9e-3, True), (1.1e-3, False), (-1.1e-3, False)])
@@ -50,6 +52,10 @@ def test_what_nobody_trusts_is_told_but_does_not_decide(confidence: float, holds
     found = parity(Still(), Runner(0.01, confidence), [PAIR] * 3)
     assert found.holds is holds
     assert found.greatest_px == pytest.approx(0.01, rel=1e-5)
+
+
+def test_where_nothing_is_trusted_all_of_it_has_to_agree() -> None:
+    assert not parity(Still(), Runner(0.01, 0.0, 0.0), [PAIR] * 3).holds
 
 
 @pytest.mark.parametrize("confidence", [0.0, 1.0])
