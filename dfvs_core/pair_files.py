@@ -27,6 +27,13 @@ PAIRS_PER_SHARD = 64
 MAX_FLOW_SIDES = 4
 """Flows in shards are cut to this many times the longer side of the picture."""
 
+SMALL_SHARE, MEDIUM_SHARE = 0.15, 0.25
+"""Shares of training pairs of small and of medium motion; the others move a lot."""
+LARGEST_REACH = 0.8
+"""The farthest that those go, as a share of the median depth or of ``FARTHEST_DEPTH_M``."""
+FARTHEST_DEPTH_M = 3.0
+"""What lies farther away counts as this far, m."""
+
 
 def shard_name(size: tuple[int, int], seed: int) -> str:
     """File name of a shard of pictures of size (width, height) px; shards sort by their seed."""

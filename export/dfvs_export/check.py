@@ -101,7 +101,9 @@ def parity(network: FlowNetwork, runner: FlowRunner, pairs: Iterable[ImagePair])
             flow = network.flow(*tensors)[0].permute(1, 2, 0).numpy()
         difference = np.abs(flow - field.flow)
         greatest.append(float(difference.max()))
-        trusted.extend(difference[field.confidence >= _TRUSTED].max(axis=1, initial=0.0).tolist())
+        used = difference[field.confidence >= _TRUSTED]
+        if used.size:
+            trusted.append(float(used.max()))
         means.append(float(difference.mean()))
     decisive = trusted or greatest  # where nothing is trusted, all of it has to agree
     return Parity(

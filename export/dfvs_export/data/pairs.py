@@ -8,6 +8,7 @@ from dataclasses import dataclass
 import torch
 from torch import Tensor
 
+from dfvs_core.pair_files import FARTHEST_DEPTH_M, LARGEST_REACH, MEDIUM_SHARE, SMALL_SHARE
 from dfvs_export.data.render import Picture, View, render
 from dfvs_export.data.scenes import Scene, make_scene
 from dfvs_export.data.textures import TextureBank
@@ -19,24 +20,18 @@ _MAX_TRIES = 60
 
 @dataclass(frozen=True, slots=True)
 class PairSettings:
-    """What to draw.
+    """What to draw; how far views are moved, :func:`_motion` says.
 
     Parameters
     ----------
     width, height : int
         Image size, px.
-    small_share, medium_share : float
-        Share of pairs of small motion (log-uniform, up to 0.25 m and 8 degrees) and of medium
-        motion (up to 0.5 m and 15 degrees); the others move up to 0.8 x the median depth and
-        35, 35 and 55 degrees.
     least_overlap : float
         Pairs with a smaller share of pixels seen in both are drawn anew.
     """
 
     width: int = 192
     height: int = 144
-    small_share: float = 0.15
-    medium_share: float = 0.25
     least_overlap: float = 0.12
 
 
@@ -80,7 +75,7 @@ def _try_pair(
     picture = render(scene, bank, first)
     if float(picture.inverse_depth.median()) > 1.0 / 0.35:
         return None
-    second = _moved(scene, first, picture, settings, g)
+    second = _moved(scene, first, picture, g)
     if second is None:
         return None
     other = render(scene, bank, second)
@@ -163,13 +158,11 @@ def rotation(vector: Tensor) -> Tensor:
     return R.to(torch.float32)
 
 
-def _moved(
-    scene: Scene, view: View, picture: Picture, settings: PairSettings, g: torch.Generator
-) -> View | None:
+def _moved(scene: Scene, view: View, picture: Picture, g: torch.Generator) -> View | None:
     """Move a view, within the room and outside of every box."""
     depth = 1.0 / max(float(picture.inverse_depth.median()), 0.05)
     for _ in range(_MAX_TRIES):
-        reach, angles = _motion(depth, settings, g)
+        reach, angles = _motion(depth, g)
         way = torch.nn.functional.normalize(torch.randn(3, generator=g), dim=0)
         centre = view.centre_m + reach * way
         margin = torch.minimum(centre, scene.size - centre).min()
@@ -179,14 +172,18 @@ def _moved(
     return None
 
 
-def _motion(depth_m: float, settings: PairSettings, g: torch.Generator) -> tuple[float, Tensor]:
-    """Distance, m, and camera rotation vector (3,) rad of one motion."""
+def _motion(depth_m: float, g: torch.Generator) -> tuple[float, Tensor]:
+    """Distance, m, and camera rotation vector (3,) rad of one motion.
+
+    Small ones are log-uniform, up to 0.25 m and 8 degrees; medium ones reach 0.5 m and 15 degrees;
+    large ones a share of the median depth and 35, 35 and 55 degrees (``dfvs_core.pair_files``).
+    """
     kind = _uniform(g, 0, 1)
     turn = 2 * torch.rand(3, generator=g) - 1
-    if kind < settings.small_share:
+    if kind < SMALL_SHARE:
         reach = math.exp(_uniform(g, math.log(0.004), math.log(0.25)))
         return reach, turn * math.radians(math.exp(_uniform(g, math.log(0.2), math.log(8.0))))
-    if kind < settings.small_share + settings.medium_share:
+    if kind < SMALL_SHARE + MEDIUM_SHARE:
         return _uniform(g, 0.0, 0.5), turn * math.radians(15.0)
     limits = torch.tensor([35.0, 35.0, 55.0]) * (math.pi / 180.0)
-    return _uniform(g, 0.0, 0.8) * min(depth_m, 3.0), turn * limits
+    return _uniform(g, 0.0, LARGEST_REACH) * min(depth_m, FARTHEST_DEPTH_M), turn * limits

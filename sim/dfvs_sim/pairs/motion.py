@@ -9,10 +9,8 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.matching.evaluation import LEVELS
+from dfvs_core.pair_files import FARTHEST_DEPTH_M, LARGEST_REACH, MEDIUM_SHARE, SMALL_SHARE
 
-_FARTHEST_DEPTH_M = 3.0
-_SMALL_SHARE, _MEDIUM_SHARE = 0.15, 0.25
-_LARGEST_REACH = 0.8
 _LEVEL_LIMITS = {"small": (0.15, 6.0), "medium": (0.5, 15.0), "large": (1.2, 30.0)}
 
 
@@ -40,12 +38,12 @@ def training_motion(rng: np.random.Generator, depth_m: float) -> Motion:
     """
     kind = rng.random()
     turn = rng.uniform(-1.0, 1.0, 3)
-    if kind < _SMALL_SHARE:
+    if kind < SMALL_SHARE:
         distance = math.exp(rng.uniform(math.log(0.004), math.log(0.25)))
         return Motion(distance, turn * math.radians(math.exp(rng.uniform(-1.6, math.log(8.0)))))
-    if kind < _SMALL_SHARE + _MEDIUM_SHARE:
+    if kind < SMALL_SHARE + MEDIUM_SHARE:
         return Motion(float(rng.uniform(0.0, 0.5)), turn * math.radians(15.0))
-    distance = float(rng.uniform(0.0, _LARGEST_REACH)) * min(depth_m, _FARTHEST_DEPTH_M)
+    distance = float(rng.uniform(0.0, LARGEST_REACH)) * min(depth_m, FARTHEST_DEPTH_M)
     return Motion(distance, turn * np.radians([35.0, 35.0, 55.0]))
 
 
