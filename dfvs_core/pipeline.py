@@ -39,6 +39,8 @@ from dfvs_core.wire.frame import Frame
 KEPT_FRAMES = 24
 DEPTH_PERIOD_NS = 200_000_000
 """Depth changes slowly: it is measured five times a second at most."""
+DEPTH_PATIENCE_NS = 600_000_000
+"""So long depth waits for frames to be on time again."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -189,14 +191,25 @@ class Pipeline:
 
         To be called once a frame's report is on its way. Most calls do nothing: a few times a
         second, and only where the camera has moved far enough, it is compared with an earlier one
-        to learn about depth; and the one after it, where little is sure, once more with the goal.
+        to learn about depth; and one after it, where little is sure, once more with the goal.
+        Where frames come late, as after such a call, nothing is done for a while.
         """
         start_ns = self._tick()
-        if self._task.config.depth != "motion" or not self._kept:
+        if self._task.config.depth != "motion" or not self._kept or self._is_pressed():
             return 0
         tried = self._reconsider() if self._is_depth_new else self._learn_depth()
         self._is_depth_new = tried and not self._is_depth_new
         return self._tick() - start_ns if tried else 0
+
+    def _is_pressed(self) -> bool:
+        """Whether the next frame waits already: the last took longer than from one to the next."""
+        inputs = self._last_inputs
+        if inputs is None or len(self._kept) < 2:
+            return False
+        t_ns = inputs.t_capture_ns
+        if t_ns - self._digested_ns >= DEPTH_PATIENCE_NS:
+            return False
+        return inputs.now_ns - t_ns >= t_ns - self._kept[-2].t_capture_ns
 
     def _reconsider(self) -> bool:
         """Look for more of the goal in the last frame; False where that was not worth a try."""

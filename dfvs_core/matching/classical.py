@@ -69,11 +69,16 @@ class ClassicalMatcher:
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
-        return match_near(current, other, guess) or bridge(current, other)
+        near = start_near(current, other) if guess is None else None
+        return near or bridge(current, other)
 
     def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
         """Flow by a good guess alone; see :class:`Matcher`."""
-        return _track(*_check_pair(current, other), guess)
+        current, other = _check_pair(current, other)
+        if not usable(guess, current.size):
+            return None
+        field = refit(current, other, guess)
+        return field if field is not None and holds(field, guess) else None
 
 
 def _check_pair(current: Prepared, other: Prepared) -> tuple[ClassicalPicture, ClassicalPicture]:
@@ -89,30 +94,13 @@ def sure_share(field: FlowField) -> float:
     return float(np.mean(field.confidence > _SURE))
 
 
-def match_near(
-    current: ClassicalPicture, other: ClassicalPicture, guess: FlowField | None
-) -> FlowField | None:
-    """Match two pictures by a guess, or on the chance that little moved; None if that fails."""
-    return _start_near(current, other) if guess is None else _track(current, other, guess)
-
-
-def _start_near(current: ClassicalPicture, other: ClassicalPicture) -> FlowField | None:
+def start_near(current: ClassicalPicture, other: ClassicalPicture) -> FlowField | None:
     """Match two pictures on the chance that little moved; None where the result is poor."""
     guess = glance(current.grey, other.grey)
     if sure_share(guess) < _GLANCE_SHARE:
         return None
     field = refit(current, other, guess)
     return field if field is not None and sure_share(field) >= _SETTLED_SHARE else None
-
-
-def _track(
-    current: ClassicalPicture, other: ClassicalPicture, guess: FlowField
-) -> FlowField | None:
-    """Refine the flow of the frame before, or None where that does not hold any more."""
-    if not usable(guess, current.size):
-        return None
-    field = refit(current, other, guess)
-    return field if field is not None and holds(field, guess) else None
 
 
 def usable(guess: FlowField, size: tuple[int, int]) -> bool:

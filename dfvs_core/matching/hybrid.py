@@ -26,9 +26,9 @@ from dfvs_core.matching.classical import (
     ClassicalPicture,
     bridge,
     holds,
-    match_near,
     refit,
     smooth_motion,
+    start_near,
     sure_share,
     usable,
 )
@@ -97,7 +97,9 @@ class HybridMatcher:
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
-        near = self._match_near(current, other, guess)
+        near = start_near(current.classical, other.classical) if guess is None else None
+        if guess is not None and usable(guess, current.size):
+            near = self._match_from(current, other, guess)
         if near is not None:
             return near
         coarse = self._ask(current.features, other.features)
@@ -118,24 +120,18 @@ class HybridMatcher:
         current, other = _check_pair(current, other)
         return self._classical.track(current.classical, other.classical, guess)
 
-    def _match_near(
-        self, current: HybridPicture, other: HybridPicture, guess: FlowField | None
+    def _match_from(
+        self, current: HybridPicture, other: HybridPicture, guess: FlowField
     ) -> FlowField | None:
-        """Match by the flow of the frame before, or on the chance that little moved.
+        """Match by the flow of the frame before, which dense inverse search could not hold.
 
-        Where the former holds neither for dense inverse search nor for the network, but enough
-        is left of it, that is kept: a frame from scratch takes longer than a flight can wait.
+        Where the network cannot either, but enough is left of it, that is kept: a frame from
+        scratch takes longer than a flight can wait.
         """
-        if guess is None:
-            return match_near(current.classical, other.classical, None)
-        if not usable(guess, current.size):
-            return None
-        left = refit(current.classical, other.classical, guess)
-        if left is not None and holds(left, guess):
-            return left
         again = self._look_again(current, other, guess)
         if holds(again, guess):
             return again
+        left = refit(current.classical, other.classical, guess)
         field = again if left is None else _surer_of_each(left, again)
         return field if sure_share(field) >= _LEFT_SHARE else None
 

@@ -45,14 +45,23 @@ class Matcher(Protocol):
         current, other : Prepared
             Two pictures of equal size, prepared by this same matcher.
         guess : FlowField, optional
-            Flow of the previous frame to the same picture. A matcher may use it to work faster
-            and must not trust it: a wrong guess costs time, never correctness.
+            Flow of the previous frame to the same picture, which :meth:`track` did not find to
+            hold as it is; see :func:`follow`. A matcher may use it to work faster and must not
+            trust it: a wrong guess costs time, never correctness.
         """
         ...
 
     def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
         """Flow by a good guess alone: never slower than that takes, None where it does not hold."""
         ...
+
+
+def follow(
+    matcher: Matcher, current: Prepared, other: Prepared, guess: FlowField | None
+) -> FlowField:
+    """Flow by a guess where that holds, and by a match where not."""
+    tracked = None if guess is None else matcher.track(current, other, guess)
+    return matcher.match(current, other, guess) if tracked is None else tracked
 
 
 def check_image(image: ImageArray) -> None:

@@ -13,7 +13,7 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import MS, Engage, GateTiming
 from dfvs_core.gate.preflight import Check
 from dfvs_core.goal import Goal
-from dfvs_core.matching.matcher import Matcher
+from dfvs_core.matching.matcher import Matcher, follow
 from dfvs_models.catalog import load_matcher, model_files
 from dfvs_service.config import ServiceConfig
 from dfvs_service.exposure import is_private_mavlink
@@ -56,7 +56,7 @@ def speed_check(
         last, durations = None, []
         for _ in range(1 + _FRAMES):
             start_ns = tick()
-            last = matcher.match(matcher.prepare(view), wanted, last)
+            last = follow(matcher, matcher.prepare(view), wanted, last)
             durations.append(tick() - start_ns)
     except DfvsError as error:
         return error_check("speed", error)

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
-from dfvs_core.matching.matcher import Matcher
+from dfvs_core.matching.matcher import Matcher, follow
 from dfvs_core.poses import invert_pose, make_pose, se3_exp, se3_log
 from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_sim.bench.method import Decision, GoalSight, Sight
@@ -54,7 +54,9 @@ class PnpMethod:
 
     def decide(self, sight: Sight) -> Decision:
         """A tenth of the way to the goal; without a pose the camera stays."""
-        flow = self._matcher.match(self._matcher.prepare(sight.image), self._goal, self._last_flow)
+        flow = follow(
+            self._matcher, self._matcher.prepare(sight.image), self._goal, self._last_flow
+        )
         T_current_goal = self._goal_pose(flow, sight)
         if T_current_goal is None:
             self._failed += 1

@@ -19,7 +19,7 @@ import numpy as np
 from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
-from dfvs_core.matching.matcher import Matcher, Prepared
+from dfvs_core.matching.matcher import Matcher, Prepared, follow
 from dfvs_core.poses import make_pose, so3_exp
 from dfvs_core.servo.interaction import interaction_matrix
 from dfvs_sim.bench.method import Decision, GoalSight, Sight
@@ -61,7 +61,7 @@ class PublishedMethod:
     def decide(self, sight: Sight) -> Decision:
         """One step of the published loop."""
         prepared = self._matcher.prepare(sight.image)
-        self._flow = self._matcher.match(prepared, self._goal, self._flow)
+        self._flow = follow(self._matcher, prepared, self._goal, self._flow)
         flow = _sampled(self._flow.flow) * self._per_px
         inverse_z = self._inverse_depth(prepared, sight)
         self._last = prepared

@@ -80,15 +80,12 @@ class MockCamera:
         period_ns = round(1e9 / self._config.rate_hz)
         due_ns = time.monotonic_ns()
         while not stop.wait(max(due_ns - time.monotonic_ns(), 0) * 1e-9):
-            begun_ns = time.monotonic_ns()
-            self.shoot(begun_ns + self._lead_ns)
-            taken_ns = time.monotonic_ns() - begun_ns
-            lead_ns = self._lead_ns + _LEAD_SHARE * (taken_ns - self._lead_ns)
-            self._lead_ns = min(round(lead_ns), _LONGEST_LEAD_NS)
+            self.shoot(time.monotonic_ns() + self._lead_ns)
             due_ns = max(due_ns + period_ns, time.monotonic_ns())
 
     def shoot(self, t_ns: int) -> None:
         """Take the picture of time t_ns, not before it, and publish it, if the pose is known."""
+        begun_ns = time.monotonic_ns()
         T_scene_camera = self._poses(t_ns)
         if T_scene_camera is None:
             return
@@ -98,9 +95,15 @@ class MockCamera:
         payload, attachment = encode_frame(
             frame, self._config.pixel_format, self._clock, self._config.quality
         )
+        self._foresee(time.monotonic_ns() - begun_ns)
         time.sleep(max(t_ns - time.monotonic_ns(), 0) * 1e-9)
         self._publish(payload, attachment, ENCODINGS[self._config.pixel_format])
         self.frames += 1
+
+    def _foresee(self, taken_ns: int) -> None:
+        """Learn how long a picture takes, without the wait for its moment."""
+        lead_ns = self._lead_ns + _LEAD_SHARE * (taken_ns - self._lead_ns)
+        self._lead_ns = min(round(lead_ns), _LONGEST_LEAD_NS)
 
 
 ENCODINGS = {

@@ -15,7 +15,7 @@ import numpy as np
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
-from dfvs_core.matching.matcher import Matcher
+from dfvs_core.matching.matcher import Matcher, follow
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
 from dfvs_models.evaluation_file import FlowPairs, read_flow_pairs
@@ -141,7 +141,7 @@ def measure(matcher: Matcher, pairs: FlowPairs, label: str, result: Measured) ->
         result.cold_ms.append(1e3 * (matched - started))
         if k % _GUESS_EVERY == 0:
             matched = time.perf_counter()
-            matcher.match(current, other, flow)
+            follow(matcher, current, other, flow)
             result.warm_ms.append(1e3 * (time.perf_counter() - matched))
         level = LEVELS[int(pairs.level[k])]
         scores.setdefault(level, []).append(score_pair(flow, pairs.flow[k], pairs.visible[k]))

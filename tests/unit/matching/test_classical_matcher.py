@@ -8,7 +8,7 @@ from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, textu
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.classical import ClassicalMatcher, sure_share
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import Prepared, follow
 
 MATCHER = ClassicalMatcher()
 FAR = turned(roll_deg=35.0, zoom=1.25, shift=(30.0, -20.0), perspective=(4e-4, -3e-4))
@@ -25,7 +25,7 @@ def other_wall():
 
 
 def match(a, b, guess=None):
-    return MATCHER.match(MATCHER.prepare(a), MATCHER.prepare(b), guess)
+    return follow(MATCHER, MATCHER.prepare(a), MATCHER.prepare(b), guess)
 
 
 def test_a_picture_matches_itself_without_motion_and_without_doubt(wall):
@@ -144,7 +144,7 @@ def test_a_good_guess_gives_the_same_flow_and_spares_the_features(wall):
     truth = exact_flow(FAR)
     cold = match(wall.picture(), wall.picture(FAR))
     current, other = MATCHER.prepare(wall.picture()), MATCHER.prepare(wall.picture(FAR))
-    warm = MATCHER.match(current, other, cold)
+    warm = follow(MATCHER, current, other, cold)
     visible = inside(truth, margin=8.0)
     difference = np.linalg.norm(warm.flow - cold.flow, axis=-1)[visible]
     assert np.mean(difference < 0.2) > 0.98
@@ -160,7 +160,7 @@ def test_tracking_follows_a_camera_that_moves_on(wall):
     for k in range(10, 0, -1):
         H_goal_frame = turned(roll_deg=1.5 * k, shift=(4.0 * k, -2.0 * k))
         frame = MATCHER.prepare(wall.picture(H_goal_frame))
-        guess = MATCHER.match(frame, goal, guess)
+        guess = follow(MATCHER, frame, goal, guess)
         shares.append(sure_share(guess))
         if k < 10:
             assert "features" not in vars(frame)

@@ -10,7 +10,7 @@ from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.classical import ClassicalMatcher
 from dfvs_core.matching.hybrid import HybridMatcher
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import Prepared, follow
 from dfvs_core.matching.refinement import refine
 
 SIZE = (240, 320)
@@ -73,7 +73,8 @@ def test_the_network_is_not_run_where_the_flow_of_the_frame_before_holds(wall) -
     guess = FlowField(exact_flow(H).astype(np.float32), np.ones(SIZE, np.float32))
     oracle = Oracle(constant_flow(0.0, 0.0), constant_flow(0.0, 0.0), 1.0)
     matcher = HybridMatcher(oracle, judges=True)
-    field = matcher.match(matcher.prepare(wall.picture()), matcher.prepare(wall.picture(H)), guess)
+    current, other = matcher.prepare(wall.picture()), matcher.prepare(wall.picture(H))
+    field = follow(matcher, current, other, guess)
     assert oracle.asked == 0
     assert np.mean(field.confidence > 0.5) > 0.4
 

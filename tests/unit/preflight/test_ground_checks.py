@@ -90,6 +90,10 @@ class Matcher:
         return image
 
     def match(self, current, wanted, last=None):
+        assert last is None
+        return self.track(current, wanted, last)
+
+    def track(self, current, wanted, last):
         assert not np.shares_memory(current, wanted)
         self.now_ns += (self.durations.pop(0) if self.durations else 0) * MS
         return FlowField(np.zeros((48, 64, 2), np.float32), np.ones((48, 64), np.float32))
