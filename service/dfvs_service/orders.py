@@ -19,6 +19,9 @@ from dfvs_core.wire.goal_order import GoalOrder, goal_digest
 from dfvs_service.config import ServiceConfig, ZenohSection
 from dfvs_service.zenoh_session import open_session
 
+_SENDINGS = 2
+"""A busy link drops what it cannot take at once. What arrives twice has its challenge used up."""
+
 
 class OrderError(DfvsError):
     """An order that could not be given, or was not answered."""
@@ -60,6 +63,7 @@ def give_order(
         If the goal is too large.
     """
     data = b"" if goal is None else goal.to_bytes()
+    argument = "" if goal is None else goal_digest(data)
     topics = Topics(config.vehicle.name)
     states: queue.Queue[Mapping[str, Any]] = queue.Queue()
 
@@ -69,34 +73,46 @@ def give_order(
     with open_session(operators_zenoh(config.zenoh)) as session:
         # Closing the session ends the subscription; the reference keeps it until then.
         _subscriber = session.declare_subscriber(topics.telemetry("state"), on_state)
-        state = _next_state(states, time.monotonic() + timeout_s, topics)
-        challenge, count = str(state.get("challenge", "")), int(state.get("command_count", 0))
+        state = _next_state(states, time.monotonic() + timeout_s)
+        if state is None:
+            raise OrderError(
+                f"nothing is heard on {topics.telemetry('state')}",
+                "a running service",
+                "check --vehicle and the zenoh section of --config",
+            )
+        challenge, count = str(state.get("challenge", "")), _count(state)
         if not challenge:
             raise OrderError(
                 f"the service of {config.vehicle.name!r} accepts no commands",
                 "one that was started with gate.command_key_file",
             )
-        argument = "" if goal is None else goal_digest(data)
         order = encode_command(key, config.vehicle.name, action, challenge, argument)
+        key_expr, payload = (topics.command, order) if goal is None else (topics.new_goal, data)
+        attachment = None if goal is None else order
         drop = zenoh.CongestionControl.DROP
-        if goal is None:
-            session.put(topics.command, order, congestion_control=drop)
-        else:
-            session.put(topics.new_goal, data, attachment=order, congestion_control=drop)
-        deadline = time.monotonic() + timeout_s
-        while int(state.get("command_count", 0)) == count:
-            state = _next_state(states, deadline, topics)
-    return str(state.get("command_result", ""))
+        for _ in range(_SENDINGS):
+            session.put(key_expr, payload, attachment=attachment, congestion_control=drop)
+            deadline = time.monotonic() + timeout_s / _SENDINGS
+            while (state := _next_state(states, deadline)) is not None:
+                if _count(state) != count:
+                    return str(state.get("command_result", ""))
+    raise OrderError(
+        f"the service of {config.vehicle.name!r} did not answer in {timeout_s:g} s",
+        "an answer to every command",
+        "it may still come to pass: look at the service's state before ordering again",
+    )
 
 
 def _next_state(
-    states: queue.Queue[Mapping[str, Any]], deadline: float, topics: Topics
-) -> Mapping[str, Any]:
+    states: queue.Queue[Mapping[str, Any]], deadline: float
+) -> Mapping[str, Any] | None:
+    """Next state that is heard, None where none is until then."""
     try:
         return states.get(timeout=max(deadline - time.monotonic(), 0.0))
     except queue.Empty:
-        raise OrderError(
-            f"no answer on {topics.telemetry('state')}",
-            "a running service",
-            "check --vehicle and the zenoh section of --config",
-        ) from None
+        return None
+
+
+def _count(state: Mapping[str, Any]) -> int:
+    """How many commands the service has judged."""
+    return int(state.get("command_count", 0))

@@ -35,6 +35,8 @@ class Service:
         self.stopped = threading.Event()
         self.desk = OrderDesk(now_ns)
         self.arguments = []
+        self.lost = 0
+        """So many commands get lost on the way."""
         self.publisher = session.declare_publisher(TOPICS.telemetry("state"))
         self.subscriber = session.declare_subscriber(TOPICS.command, self.on_command)
         self.goals = session.declare_subscriber(TOPICS.new_goal, self.on_goal)
@@ -49,6 +51,9 @@ class Service:
         self.judge(self.desk.take_goal(sample.payload.to_bytes(), signed, time.monotonic_ns()))
 
     def judge(self, command):
+        if self.lost > 0:
+            self.lost -= 1
+            return
         verdict = self.authority.judge(command.payload.encode(), time.monotonic_ns())
         self.arguments.append(verdict.argument)
         self.results.append(verdict.text)
@@ -104,6 +109,16 @@ def test_orders_are_accepted_one_after_the_other(endpoint, key_file, listening, 
     assert order(endpoint, key_file, "abort") == 0
     assert service.results == ["accepted: engage", "accepted: abort"]
     assert capsys.readouterr().out.splitlines() == service.results
+
+
+def test_an_order_that_got_lost_is_given_once_more(endpoint, key_file, listening, capsys):
+    service = listening(load_key(key_file))
+    service.lost = 1
+    assert order(endpoint, key_file, "hold") == 0
+    assert service.results == ["accepted: hold"]
+    service.lost = 2
+    assert order(endpoint, key_file, "hold") == 2
+    assert "did not answer in 2 s" in capsys.readouterr().err
 
 
 def test_a_new_goal_arrives_with_its_sidecar_under_one_signature(
