@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import os
 import threading
 import time
+from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
@@ -24,6 +26,7 @@ CameraPoses = Callable[[int], FloatArray | None]
 _LONGEST_LEAD_NS = 100_000_000
 _LEAD_SHARE = 0.1
 """Share of the last picture in the estimate of how long one takes."""
+_REMEMBERED = 1024
 
 Publish = Callable[[bytes, bytes, str], None]
 """Takes payload, attachment and the encoding's name of a frame."""
@@ -31,7 +34,10 @@ Publish = Callable[[bytes, bytes, str], None]
 
 @dataclass(frozen=True, slots=True)
 class MockCameraConfig:
-    """What the mock camera is like; ``noise`` is in grey levels."""
+    """What the mock camera is like; ``noise`` is in grey levels.
+
+    ``nice`` is how far its thread gives way: a real camera takes no processor from the service.
+    """
 
     camera: CameraModel
     rate_hz: float = 20.0
@@ -39,6 +45,7 @@ class MockCameraConfig:
     quality: int = 90
     noise: float = 1.5
     seed: int = 0
+    nice: int = 0
 
 
 class MockCamera:
@@ -74,9 +81,13 @@ class MockCamera:
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
         self._lead_ns = 0
         self.frames = 0
+        self.published_ns: deque[int] = deque(maxlen=_REMEMBERED)
+        """When the last pictures were published, monotonic."""
 
     def run(self, stop: threading.Event) -> None:
         """Publish at the configured rate; a frame that comes too late is left out."""
+        me = threading.get_native_id()
+        os.setpriority(os.PRIO_PROCESS, me, os.getpriority(os.PRIO_PROCESS, me) + self._config.nice)
         period_ns = round(1e9 / self._config.rate_hz)
         due_ns = time.monotonic_ns()
         while not stop.wait(max(due_ns - time.monotonic_ns(), 0) * 1e-9):
@@ -98,6 +109,7 @@ class MockCamera:
         self._foresee(time.monotonic_ns() - begun_ns)
         time.sleep(max(t_ns - time.monotonic_ns(), 0) * 1e-9)
         self._publish(payload, attachment, ENCODINGS[self._config.pixel_format])
+        self.published_ns.append(time.monotonic_ns())
         self.frames += 1
 
     def _foresee(self, taken_ns: int) -> None:

@@ -104,14 +104,14 @@ def figures(tour: Tour, minutes: float, ended: str) -> dict[str, Any]:
     from dfvs_sim.soak.plots import write_plots  # matplotlib takes a second to import
 
     write_plots(samples, tour.folder / "soak.png")
-    holds = [t for t in tour.transitions() if (t["source"], t["target"]) == ("SERVO", "HOLD")]
+    is_held = any(hold.is_false for hold in tour.holds)
     reached = sum(leg.state == "DONE" for leg in tour.legs)
-    all_well = all(v.passed for v in verdicts) and not holds and reached == len(tour.legs)
+    all_well = all(v.passed for v in verdicts) and not is_held and reached == len(tour.legs)
     return {
         "minutes": round(minutes, 2),
         "legs": len(tour.legs),
         "reached": reached,
-        "false_holds": [f"{t['cause']} {t.get('detail', '')}".strip() for t in holds],
+        "holds": [asdict(hold) | {"false": hold.is_false} for hold in tour.holds],
         "ended_early": ended,
         "limit_mb_per_h": MAX_MB_PER_H,
         "processes": document(verdicts),
@@ -132,5 +132,11 @@ def _print(report: dict[str, Any]) -> None:
         )
     print(
         f"{report['legs']} legs in {report['minutes']:.1f} min, {report['reached']} reached, "
-        f"{len(report['false_holds'])} false holds: {report['verdict']}"
+        f"{len(report['holds'])} holds, {sum(h['false'] for h in report['holds'])} of them false: "
+        f"{report['verdict']}"
     )
+    for hold in report["holds"]:
+        print(
+            f"  {hold['cause']}: no picture for {hold['camera_gap_ms']:.0f} ms, none seen for "
+            f"{hold['seen_gap_ms']:.0f}, at most {hold['latency_ms']:.0f} to its report"
+        )

@@ -59,6 +59,7 @@ class FlightOptions:
     timeout_s: float = 90.0
     ready_s: float = 40.0
     rate_hz: float = 15.0
+    camera_nice: int = 0
     autopilot: str | None = None
     ground: str | None = None
     service: tuple[str, ...] = ()
@@ -89,6 +90,7 @@ class Crew:
     watch: TelemetryWatch
     track: Track
     service: Child
+    camera: MockCamera
 
 
 class Flight:
@@ -152,7 +154,7 @@ class Flight:
             self._narrate("the pilot switches to OFFBOARD")
             engaged_ns = time.monotonic_ns()
             pilot.engage_offboard()
-            self.fly(Crew(pilot, watch, track, service), on_progress)
+            self.fly(Crew(pilot, watch, track, service, camera), on_progress)
             ended_ns = time.monotonic_ns()
             time.sleep(_SETTLE_S)
             log = FlightLog(
@@ -239,6 +241,7 @@ class Flight:
             rate_hz=self._options.rate_hz,
             pixel_format=self._link.pixel_format,
             seed=self._plan.seed,
+            nice=self._options.camera_nice,
         )
         return MockCamera(config, self._plan.renderer, T_scene_camera, publish)
 

@@ -7,7 +7,6 @@ import time
 from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -28,10 +27,12 @@ from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.track import Track
 from dfvs_sim.demo.watch import TelemetryWatch
 from dfvs_sim.scene.poses import camera_pose
+from dfvs_sim.soak.holds import Hold, explain
 from dfvs_sim.soak.sampling import Sampler
 
 _STRAY_M, _STRAY_RAD = 0.1, 0.05
 _ORDER_S = 20.0
+_CAMERA_NICE = 5
 _ENDED_S = 2.0
 """A flight that ends in ABORT is over after so long; before that it cannot be engaged again."""
 _MOST_MISSES = 10
@@ -77,7 +78,8 @@ class Tour(Flight):
         self._key = stay.folder / "soak.key"
         self._runtime = stay.folder / "runtime"
         words = ("--set", f"gate.command_key_file={self._key}", "--runtime-dir", str(self._runtime))
-        options = FlightOptions(rate_hz=stay.rate_hz, service=(*words, *stay.service))
+        service = *words, *stay.service
+        options = FlightOptions(rate_hz=stay.rate_hz, camera_nice=_CAMERA_NICE, service=service)
         super().__init__(plan, options, stay.folder, narrate)
         for old in (self._key, self._runtime / "gate.jsonl"):  # of an earlier soak
             old.unlink(missing_ok=True)
@@ -85,6 +87,7 @@ class Tour(Flight):
         self._length_s = 60.0 * stay.minutes
         self._rng = np.random.default_rng(plan.seed)
         self.legs: list[Leg] = []
+        self.holds: list[Hold] = []
         self.sampler: Sampler | None = None
 
     def fly(self, crew: Crew, on_progress: Callable[[TelemetryWatch, Track], None]) -> None:
@@ -111,12 +114,16 @@ class Tour(Flight):
         """Where logs and plots lie."""
         return self._folder
 
-    def transitions(self) -> list[dict[str, Any]]:
-        """Every change of the gate's state, from its log."""
+    def _holds_since(self, t_ns: int, crew: Crew) -> Iterator[Hold]:
+        """Every change from SERVO to HOLD since a time, from the gate's log."""
         log = self._runtime / "gate.jsonl"
-        lines = log.read_text(encoding="utf-8").splitlines() if log.exists() else []
-        records = [json.loads(line) for line in lines]
-        return [r for r in records if r["kind"] == "transition"]
+        for line in log.read_text(encoding="utf-8").splitlines():
+            record = json.loads(line)
+            path = record.get("source"), record.get("target")
+            if record["t_ns"] >= t_ns and path == ("SERVO", "HOLD"):
+                cause = f"{record['cause']} {record['detail']}".strip()
+                sent = tuple(crew.camera.published_ns)
+                yield explain(record["t_ns"], cause, sent, crew.watch.servo)
 
     def _goals(self) -> Iterator[FloatArray]:
         """Goal of each leg: the planned one, then near the start and near the goal in turn."""
@@ -141,14 +148,15 @@ class Tour(Flight):
         """Fly to one goal; tell whether it was reached."""
         crew.watch.servo.clear()  # hours of them are not needed
         crew.track.points[:-1] = []
-        began_s = time.monotonic()
+        began_ns = time.monotonic_ns()
         super().fly(crew, on_progress)
+        self.holds += self._holds_since(began_ns, crew)
         error_m, error_rad = pose_error(crew.track.points[-1].T_scene_camera, T_scene_goal)
         leg = Leg(
             len(self.legs) + 1,
             crew.watch.state,
             crew.watch.cause,
-            round(time.monotonic() - began_s, 1),
+            round((time.monotonic_ns() - began_ns) * 1e-9, 1),
             round(error_m, 4),
             round(error_rad, 4),
         )

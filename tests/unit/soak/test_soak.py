@@ -10,12 +10,14 @@ import pytest
 from dfvs_core.errors import ConfigError
 from dfvs_sim.cli import main
 from dfvs_sim.commands import soak
+from dfvs_sim.soak.holds import Hold, explain
 from dfvs_sim.soak.plots import write_plots
 from dfvs_sim.soak.sampling import Sample, Sampler, own_memory_mb, role_of
 from dfvs_sim.soak.slope import robust_slope
 from dfvs_sim.soak.tour import Leg
 from dfvs_sim.soak.verdict import judge, latency_figures
 
+MS = 1_000_000
 T_H = np.linspace(0.0, 0.5, 900)
 
 
@@ -139,20 +141,15 @@ class FlownTour:
         self.legs = [Leg(1, state, "", 12.0, 0.01, 0.002)]
         self.sampler = Sampler(os.getpid(), lambda: None)
         self.sampler.samples = samples(mb_per_h)
-        self._holds = holds
-
-    def transitions(self):
-        return [
-            {"source": "SERVO", "target": "HOLD", "cause": cause, "detail": ""}
-            for cause in self._holds
-        ]
+        self.holds = holds
 
 
 @pytest.mark.parametrize(
     ("changes", "verdict"),
     [
         ({}, "passed"),
-        ({"holds": ["result too late"]}, "failed"),
+        ({"holds": [Hold("result too late", 70.0, 90.0, 300.0)]}, "failed"),
+        ({"holds": [Hold("last good frame too old", 240.0, 240.0, 60.0)]}, "passed"),
         ({"state": "ABORT"}, "failed"),
         ({"mb_per_h": 5.0}, "failed"),
     ],
@@ -186,3 +183,23 @@ def test_an_impossible_time_is_refused(minutes, tmp_path):
 def test_a_soak_that_cannot_be_is_said_in_one_line(words, tmp_path, capsys):
     assert main(["soak", "--out", str(tmp_path), *words]) == 2
     assert capsys.readouterr().err.startswith(f"error: {words[0]} is ")
+
+
+def servo(t_ms, latency_ms):
+    return {"t_capture_ns": t_ms * MS, "stages_ms": {"capture_to_report": latency_ms}}
+
+
+def test_a_hold_is_explained_by_what_happened_just_before_it():
+    sent = [t * MS for t in (100, 900, 2000, 2066, 2300, 2366, 2500)]
+    seen = [servo(900, 500.0), servo(2000, 50.0), servo(2300, 180.5), servo(2800, 10.0)]
+    hold = explain(2550 * MS, "last good frame too old 250 ms", sent, seen)
+    assert hold == Hold("last good frame too old 250 ms", 234.0, 250.0, 180.5)
+    assert not hold.is_false
+
+
+def test_a_camera_that_stopped_makes_no_hold_false():
+    silent = explain(2550 * MS, "last good frame too old", [2100 * MS], [])
+    assert (silent.camera_gap_ms, silent.is_false) == (450.0, False)
+    assert explain(2550 * MS, "late", [], []).camera_gap_ms == 500.0
+    sent = range(2000 * MS, 2550 * MS, 66 * MS)
+    assert explain(2550 * MS, "late", sent, []).is_false
