@@ -69,6 +69,8 @@ def zenoh_settings(
         "timestamping/enabled": True,
         "transport/link/tx/lease": 2000,
         "transport/link/rx/max_message_size": MAX_MESSAGE_BYTES,
+        # Who has mapped another process's segment may keep it, 16 MB, when that process ends.
+        "transport/shared_memory/enabled": False,
     }
     if encryption is not None:
         settings["transport/link/tls"] = _tls(encryption.files)

@@ -50,7 +50,8 @@ class FlightOptions:
     ``ready_s`` is how long the service may take to be ready, ``timeout_s`` how long to arrive.
     ``autopilot`` is the MAVLink URL of a vehicle that runs already, and ``ground`` that of its
     ground-station link; None starts the simulated one. ``service`` holds further words for
-    ``dfvs-service``; ``camera`` says how frames travel (see ``CAMERAS``). With ``dashboard`` the
+    ``dfvs-service``; ``camera`` says how frames travel (see ``CAMERAS``), ``camera_nice`` how far
+    the simulated one gives way to the service. With ``dashboard`` the
     flight can be watched in a browser; ``pause`` is then called before it and after it, with what
     the user may do.
     """

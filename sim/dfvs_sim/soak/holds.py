@@ -1,7 +1,7 @@
 """Why the gate held: what camera and perception did in the half second before it.
 
-A hold for an old frame is *true* where the simulated camera published none in time: no service could
-have done better. Every other one is *false*.
+A hold for an old frame is *true* where the simulated camera published none in time: no service
+could have done better. Every other one is *false*.
 """
 
 from __future__ import annotations
