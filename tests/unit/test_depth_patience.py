@@ -1,0 +1,71 @@
+"""Learning depth gives way to frames that come late, but not for ever."""
+
+import numpy as np
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import FlowField
+from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.matching.matcher import Prepared
+from dfvs_core.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, Pipeline
+from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.task import ServoTask
+from dfvs_core.vehicle_history import Motion
+from dfvs_core.wire.frame import Frame
+
+MS = 1_000_000
+PERIOD_NS = 50 * MS
+SIZE = (120, 160)
+
+
+class StillMatcher:
+    """Sees no motion, and counts what it is asked to track."""
+
+    def __init__(self):
+        self.tracked = 0
+
+    def prepare(self, image):
+        return Prepared(image.shape[:2])
+
+    def match(self, current, other, guess=None):
+        return FlowField(np.zeros((*SIZE, 2), np.float32), np.ones(SIZE, np.float32))
+
+    def track(self, current, other, guess):
+        self.tracked += 1
+        return self.match(current, other)
+
+
+def learnt_at_ms(late_ns, seconds=3.0):
+    """Times of the frames after which depth was learnt, each looked at so late."""
+    rng = np.random.default_rng(0)
+    picture = rng.integers(0, 255, (*SIZE, 3)).astype(np.uint8)
+    camera = CameraModel.from_horizontal_fov(SIZE[1], SIZE[0], 1.3)
+    sidecar, matcher, now = GoalSidecar(camera), StillMatcher(), [0]
+    task = ServoTask(ServoConfig(depth="motion"), camera, sidecar, Mount())
+    pipeline = Pipeline(task, matcher, Goal(picture, sidecar), lambda: now[0])
+    times_ms = []
+    for k in range(int(seconds * 1e9 / PERIOD_NS)):
+        t_ns = 10**9 + k * PERIOD_NS
+        now[0] = t_ns + late_ns
+        aside = np.array([0.0, 0.05 * k, 0.0])
+        motion = Motion(t_ns, 0.0, 0.0, 0.0, np.zeros(3), aside, 0.0)
+        pipeline.process(Frame(picture, t_ns, k), motion, engaged=False)
+        before = matcher.tracked
+        pipeline.digest()
+        if matcher.tracked > before:
+            times_ms.append(t_ns // MS)
+    return times_ms
+
+
+@pytest.mark.parametrize(
+    ("late_ns", "between_ns"),
+    [
+        (0, DEPTH_PERIOD_NS),
+        (PERIOD_NS - 1, DEPTH_PERIOD_NS),
+        (PERIOD_NS, DEPTH_PATIENCE_NS + PERIOD_NS),  # one frame's turn was the goal's
+    ],
+)
+def test_depth_waits_while_frames_come_later_than_from_one_to_the_next(late_ns, between_ns):
+    times_ms = learnt_at_ms(late_ns)
+    assert len(times_ms) > 2
+    assert set(np.diff(times_ms)) == {between_ns // MS}
