@@ -97,8 +97,9 @@ class HybridMatcher:
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
-        near = start_near(current.classical, other.classical) if guess is None else None
-        if guess is not None and usable(guess, current.size):
+        if guess is None:
+            near = start_near(current.classical, other.classical)
+        else:
             near = self._match_from(current, other, guess)
         if near is not None:
             return near
@@ -128,6 +129,8 @@ class HybridMatcher:
         Where the network cannot either, but enough is left of it, that is kept: a frame from
         scratch takes longer than a flight can wait.
         """
+        if not usable(guess, current.size):
+            return None
         again = self._look_again(current, other, guess)
         if holds(again, guess):
             return again
