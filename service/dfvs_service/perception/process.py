@@ -8,7 +8,6 @@ import os
 import time
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 from typing import Any
@@ -32,6 +31,7 @@ from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.frame_door import FrameDoor
 from dfvs_service.perception.gate_link import GateLink
+from dfvs_service.perception.heap import give_back_free_memory
 from dfvs_service.perception.intake import make_intake
 from dfvs_service.perception.latency import LatencyWindow
 from dfvs_service.perception.lease import Lease
@@ -39,6 +39,7 @@ from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.perception.opening import make_opening
 from dfvs_service.perception.order_desk import OrderDesk
+from dfvs_service.perception.pace import Pace
 from dfvs_service.perception.pictures import Pictures
 from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.perception.telemetry import Telemetry
@@ -48,29 +49,10 @@ from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.zenoh_session import open_session
 
 _TIMING_PERIOD_NS = 1_000_000_000
+_HEAP_PERIOD_NS = 30_000_000_000
 _RECORDER_PATIENCE_S = 10.0
 
 log = logging.getLogger("dfvs.perception")
-
-
-@dataclass(slots=True)
-class Pace:
-    """Lets something happen at most every so many nanoseconds."""
-
-    period_ns: int
-    next_ns: int = 0
-
-    @classmethod
-    def of_rate(cls, rate_hz: float) -> Pace:
-        """So many times a second; never where that is 0."""
-        return cls(round(1e9 / rate_hz) if rate_hz > 0 else 0)
-
-    def due(self, now_ns: int) -> bool:
-        """Tell whether it is time, and start the next period if so."""
-        if self.period_ns <= 0 or now_ns < self.next_ns:
-            return False
-        self.next_ns = now_ns + self.period_ns
-        return True
 
 
 class PerceptionProcess:
@@ -116,6 +98,7 @@ class PerceptionProcess:
         self._preview_pace = Pace.of_rate(told.preview_hz)
         self._flow_pace = Pace.of_rate(told.flow_hz)
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
+        self._heap_pace = Pace(_HEAP_PERIOD_NS)
         self._frames = 0
         self._book = TurnBook()
         self._parent = os.getppid()
@@ -223,6 +206,8 @@ class PerceptionProcess:
             feed.offer(self._book.looked(sample, heard, glance, servo), sample.payload)
             self._latency.add({"depth": self._eye.digest()})
             self._go_on(glance, telemetry, feed)
+        if self._heap_pace.due(now_ns):
+            self._latency.add({"heap": give_back_free_memory()})
         self._publish_state(telemetry)
 
     def _send(self, report: PerceptionReport) -> None:

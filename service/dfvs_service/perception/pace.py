@@ -1,0 +1,25 @@
+"""How often something may happen."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+
+@dataclass(slots=True)
+class Pace:
+    """Lets something happen at most every so many nanoseconds."""
+
+    period_ns: int
+    next_ns: int = 0
+
+    @classmethod
+    def of_rate(cls, rate_hz: float) -> Pace:
+        """So many times a second; never where that is 0."""
+        return cls(round(1e9 / rate_hz) if rate_hz > 0 else 0)
+
+    def due(self, now_ns: int) -> bool:
+        """Tell whether it is time, and start the next period if so."""
+        if self.period_ns <= 0 or now_ns < self.next_ns:
+            return False
+        self.next_ns = now_ns + self.period_ns
+        return True
