@@ -22,6 +22,9 @@ _CELLS = (8, 6)
 _BENDING = 0.06
 _SPLINE_ROUNDS = 4
 _SPLINE_SCALE_PX = 4.0
+_BLOCK_ROWS = 1024
+"""Matches taken up at once: whole, the matrices are 8 MB each, which no processor's cache has room
+for, nor any hole in a heap, so that its end moves."""
 
 _HOMOGRAPHY_ROUNDS = 8
 _HOMOGRAPHY_SCALE_PX = 6.0
@@ -66,14 +69,19 @@ def fit_motion(matches: Matches, size: tuple[int, int]) -> SmoothMotion:
     """
     homography = _fit_homography(matches, size)
     rest = matches.other - _apply(homography, matches.current)
-    basis = _basis_at(matches.current, size)
+    rows = [slice(k, k + _BLOCK_ROWS) for k in range(0, len(matches), _BLOCK_ROWS)]
+    bases = [_basis_at(matches.current[block], size) for block in rows]
     weight: FloatArray = np.ones(len(matches))
-    nodes = np.zeros((basis.shape[1], 2), np.float64)
+    nodes = np.zeros((bases[0].shape[1], 2), np.float64)
     for _ in range(_SPLINE_ROUNDS):
-        weighted = basis * weight[:, None]
-        normal = inner_product(weighted, basis) + _bending_penalty()
-        nodes = np.asarray(np.linalg.solve(normal, inner_product(weighted, rest)), np.float64)
-        weight = _robust_weight(np.linalg.norm(basis @ nodes - rest, axis=1), _SPLINE_SCALE_PX)
+        normal, right = _bending_penalty(), np.zeros_like(nodes)
+        for block, basis in zip(rows, bases, strict=True):
+            weighted = basis * weight[block, None]
+            normal = normal + inner_product(weighted, basis)
+            right = right + inner_product(weighted, rest[block])
+        nodes = np.asarray(np.linalg.solve(normal, right), np.float64)
+        miss = np.concatenate([basis @ nodes for basis in bases]) - rest
+        weight = _robust_weight(np.linalg.norm(miss, axis=1), _SPLINE_SCALE_PX)
     return SmoothMotion(size, homography, nodes)
 
 

@@ -15,13 +15,15 @@ ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 STEADY_HEAP = {
     "MALLOC_ARENA_MAX": "2",
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
-    "MALLOC_TRIM_THRESHOLD_": str(4 << 20),
+    "MALLOC_TRIM_THRESHOLD_": str(256 << 20),
+    "NUMPY_MADVISE_HUGEPAGE": "0",
 }
 """glibc's limits, fixed: left alone they follow the largest block that was freed so far.
 
 Arrays then move between heap and mappings whenever a larger picture came by, and the heap was seen
-to grow in steps. What is free at its end goes back to the system: kept, it was 16 MB more, and grew
-with every new coincidence of large arrays.
+to grow in steps. NumPy asks for huge pages where an array has 4 MB: the kernel then makes some of
+the heap resident whole, whenever it comes by. What was taken once is kept, see
+``dfvs_service.perception.heap``: nothing has to be asked of the system in flight.
 """
 
 

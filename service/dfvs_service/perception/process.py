@@ -31,7 +31,7 @@ from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.frame_door import FrameDoor
 from dfvs_service.perception.gate_link import GateLink
-from dfvs_service.perception.heap import give_back_free_memory
+from dfvs_service.perception.heap import settle
 from dfvs_service.perception.intake import make_intake
 from dfvs_service.perception.latency import LatencyWindow
 from dfvs_service.perception.lease import Lease
@@ -49,7 +49,6 @@ from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.zenoh_session import open_session
 
 _TIMING_PERIOD_NS = 1_000_000_000
-_HEAP_PERIOD_NS = 30_000_000_000
 _RECORDER_PATIENCE_S = 10.0
 
 log = logging.getLogger("dfvs.perception")
@@ -98,7 +97,6 @@ class PerceptionProcess:
         self._preview_pace = Pace.of_rate(told.preview_hz)
         self._flow_pace = Pace.of_rate(told.flow_hz)
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
-        self._heap_pace = Pace(_HEAP_PERIOD_NS)
         self._frames = 0
         self._book = TurnBook()
         self._parent = os.getppid()
@@ -119,6 +117,7 @@ class PerceptionProcess:
             lease = Lease(session, self._topics, self._gate.send, watches=watches)
             goals = session.declare_subscriber(self._topics.new_goal, self._on_goal)
             log.info("listening for frames on %s", self._intake.key)
+            settle()
             while not self._stopped and os.getppid() == self._parent:
                 self._turn(telemetry, feed)
                 lease.show("" if self._status is None else self._status.state)
@@ -206,8 +205,6 @@ class PerceptionProcess:
             feed.offer(self._book.looked(sample, heard, glance, servo), sample.payload)
             self._latency.add({"depth": self._eye.digest()})
             self._go_on(glance, telemetry, feed)
-        if self._heap_pace.due(now_ns):
-            self._latency.add({"heap": give_back_free_memory()})
         self._publish_state(telemetry)
 
     def _send(self, report: PerceptionReport) -> None:

@@ -22,4 +22,4 @@ def test_a_child_has_a_steady_heap_unless_the_user_says_otherwise(
         monkeypatch.setenv("MALLOC_ARENA_MAX", arenas)
     child = Child((sys.executable, "-c", TELL), tmp_path / "stderr")
     assert child.wait(20.0)
-    assert child.new_errors() == [f"{told} {4 << 20} 1"]
+    assert child.new_errors() == [f"{told} {256 << 20} 1"]

@@ -1,31 +1,38 @@
-"""What is free in the middle of the heap goes back to the system."""
+"""Memory that a flight needs is resident before it begins, and stays."""
 
 import sys
 
 from dfvs_service.child import Child
+from dfvs_service.perception.heap import RESERVE_MB
 
-HOLES = """
-import resource, sys
+FLIGHT = """
+import gc, resource, sys
 import numpy as np
-from dfvs_service.perception.heap import give_back_free_memory
+from dfvs_service.perception.heap import settle
 
 def resident_mb():
     with open("/proc/self/statm") as file:
-        return int(file.read().split()[1]) * resource.getpagesize() / 1e6
+        return int(file.read().split()[1]) * resource.getpagesize() / 2**20
 
-blocks = [np.ones(300_000, np.uint8) for _ in range(200)]
+before = resident_mb()
+settle()
+settled = resident_mb()
+blocks = [np.ones(300_000, np.uint8) for _ in range(100)]
+flying = resident_mb()
 last = blocks.pop()
 del blocks
-before = resident_mb()
-give_back_free_memory()
-print(round(before - resident_mb()), last.sum(), file=sys.stderr)
+print(round(settled - before), round(flying - settled), round(resident_mb() - settled),
+      gc.get_freeze_count() > 0, last.sum(), file=sys.stderr)
 """
 
 
-def test_holes_in_the_heap_are_given_back(tmp_path):
-    child = Child((sys.executable, "-c", HOLES), tmp_path / "stderr")
+def test_a_flight_takes_no_memory_that_was_not_reserved(tmp_path):
+    child = Child((sys.executable, "-c", FLIGHT), tmp_path / "stderr")
     assert child.wait(20.0)
     (line,) = child.new_errors()
-    given_back, kept = line.split()
-    assert int(given_back) >= 50
+    reserved, taken, left, frozen, kept = line.split()
+    assert RESERVE_MB - 2 <= int(reserved) <= RESERVE_MB + 5
+    assert abs(int(taken)) <= 1
+    assert abs(int(left)) <= 1
+    assert frozen == "True"
     assert int(kept) == 300_000
