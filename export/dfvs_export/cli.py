@@ -162,7 +162,7 @@ def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     flow.add_argument(
         "--working-size",
         metavar="WxH",
-        help="what dfvs-flow shrinks pictures to inside (default: about 256 px wide)",
+        help="what dfvs-flow shrinks pictures to inside (default: about 256 px wide, in int8 224)",
     )
     flow.add_argument("--precision", choices=("fp32", "fp16", "int8"), default="fp32")
     flow.add_argument(

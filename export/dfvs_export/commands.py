@@ -28,6 +28,7 @@ from dfvs_export.own import NAME, OwnFlow
 from dfvs_export.precision import in_precision
 from dfvs_export.progress import say
 from dfvs_export.running import FlowRunner
+from dfvs_export.working_size import default_working_size
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import bundle_folder, network_matcher
 from dfvs_models.evaluation_file import read_flow_pairs
@@ -51,6 +52,8 @@ def run_flow(
     pairs = read_flow_pairs(arguments.pairs) if arguments.pairs else None
     if arguments.calibration and arguments.precision != "int8":
         raise ConfigError(f"--calibration with {arguments.precision}", "it with --precision int8")
+    if arguments.model == NAME and working_size is None:
+        working_size = default_working_size(size, arguments.precision)
     network = _network(arguments, working_size)
     say(f"tracing {arguments.model} at {size[0]}x{size[1]}")
     bundle = network.bundle(size)

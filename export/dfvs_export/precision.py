@@ -39,7 +39,8 @@ def in_precision(bundle: Bundle, precision: Precision, frames: Sequence[ImagePai
     feeds = graph_feeds(FlowRunner(bundle), frames) if precision == "int8" else {}
     manifest, contents = bundle.manifest, dict(bundle.contents)
     for role, graph in manifest.graphs.items():
-        choose = partial(heavy_nodes, takes_pictures=role == "pair", gives_flow=role == "pair")
+        gives_flow = role in ("pair", "match")
+        choose = partial(heavy_nodes, takes_pictures=role == "pair", gives_flow=gives_flow)
         data = contents[graph.file]
         if precision == "int8":
             contents[graph.file] = to_int8(data, choose, feeds[role])

@@ -13,7 +13,7 @@ ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """Our matrices are small; BLAS threads that spin beside them made matching 3 times slower."""
 
 STEADY_HEAP = {
-    "MALLOC_ARENA_MAX": "2",
+    "MALLOC_ARENA_MAX": "1",
     "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
     "MALLOC_TRIM_THRESHOLD_": str(256 << 20),
     "NUMPY_MADVISE_HUGEPAGE": "0",
@@ -22,8 +22,8 @@ STEADY_HEAP = {
 
 Arrays then move between heap and mappings whenever a larger picture came by, and the heap was seen
 to grow in steps. NumPy asks for huge pages where an array has 4 MB: the kernel then makes some of
-the heap resident whole, whenever it comes by. What was taken once is kept, see
-``dfvs_service.perception.heap``: nothing has to be asked of the system in flight.
+the heap resident whole, whenever it comes by. There is one heap for all threads, and what it took
+once is kept, see ``dfvs_service.perception.heap``: nothing is asked of the system in flight.
 """
 
 

@@ -6,6 +6,10 @@ its top: in half an hour of flights that were steps of 1 MB, with nothing more i
 pages back did not help, since all of them were in use again within seconds (and cost 10 ms of page
 faults in the next frame); nor did a mapping of its own for each array (60 % more time per tracked
 frame).
+
+Python itself keeps up to 2000 tuples of every length for later; only a full collection lets them
+go, and a process that leaves no garbage sees the first one after a quarter of an hour. Perception
+asks for one every few seconds, which is quick: what was there from the start is not looked at.
 """
 
 from __future__ import annotations

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import dataclasses
+import gc
 import logging
 import os
 import time
@@ -49,6 +50,7 @@ from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.zenoh_session import open_session
 
 _TIMING_PERIOD_NS = 1_000_000_000
+_COLLECTION_PERIOD_NS = 10_000_000_000
 _RECORDER_PATIENCE_S = 10.0
 
 log = logging.getLogger("dfvs.perception")
@@ -97,6 +99,7 @@ class PerceptionProcess:
         self._preview_pace = Pace.of_rate(told.preview_hz)
         self._flow_pace = Pace.of_rate(told.flow_hz)
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
+        self._collection_pace = Pace(_COLLECTION_PERIOD_NS)
         self._frames = 0
         self._book = TurnBook()
         self._parent = os.getppid()
@@ -205,6 +208,8 @@ class PerceptionProcess:
             feed.offer(self._book.looked(sample, heard, glance, servo), sample.payload)
             self._latency.add({"depth": self._eye.digest()})
             self._go_on(glance, telemetry, feed)
+        if self._collection_pace.due(now_ns):
+            gc.collect()
         self._publish_state(telemetry)
 
     def _send(self, report: PerceptionReport) -> None:

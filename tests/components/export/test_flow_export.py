@@ -12,6 +12,8 @@ import pytest
 
 torch = pytest.importorskip("torch")
 
+import onnx  # noqa: E402
+
 from dfvs_core.errors import ModelError  # noqa: E402
 from dfvs_core.matching.hybrid import HybridMatcher  # noqa: E402
 from dfvs_export.check import drawn_pairs, operators, parity  # noqa: E402
@@ -141,7 +143,11 @@ def test_8_bit_bundles_run_and_find_about_the_same(
     assert main([*common, "--precision", "int8", "--calibration-pairs", "2"]) == 0
     read = read_bundle(out)
     assert read.manifest.precision == "int8"
-    assert "QuantizeLinear" in operators(read.contents)
+    graph = onnx.load_from_string(read.contents["match.onnx"]).graph
+    in_8_bits = {o for n in graph.node if n.op_type == "DequantizeLinear" for o in n.output}
+    layers = {n.name: n.input[1] in in_8_bits for n in graph.node if n.op_type == "Conv"}
+    assert all(layers[name] for name in layers if "/update4/mix" in name)
+    assert [layers[name] for name in layers if "/update4/flow" in name] == 4 * [False]
     runner = FlowRunner(read)
     first, second = drawn_pairs(SIZE, 1, 12)[0]
     field = runner.match(runner.encode(first), runner.encode(second))

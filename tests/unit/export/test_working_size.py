@@ -32,6 +32,10 @@ def test_the_wider_side_is_brought_to_about_256(size, working) -> None:
     assert default_working_size(size) == working
 
 
+def test_in_8_bits_it_is_smaller() -> None:
+    assert default_working_size((320, 240), "int8") == (224, 160)
+
+
 @pytest.mark.parametrize("working", [(192, 144), (160, 120), (96, 224), (320, 240)])
 def test_shrinking_takes_the_mean_over_each_pixels_area(working: tuple[int, int]) -> None:
     picture = np.random.default_rng(1).integers(0, 256, (240, 320, 3), dtype=np.uint8)

@@ -13,7 +13,7 @@ TELL = (
 )
 
 
-@pytest.mark.parametrize(("arenas", "told"), [(None, "2"), ("7", "7")])
+@pytest.mark.parametrize(("arenas", "told"), [(None, "1"), ("7", "7")])
 def test_a_child_has_a_steady_heap_unless_the_user_says_otherwise(
     arenas, told, tmp_path, monkeypatch
 ):
