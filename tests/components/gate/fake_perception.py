@@ -85,14 +85,25 @@ class FakePerception:
         with contextlib.suppress(FileNotFoundError, ConnectionRefusedError, BlockingIOError):
             self.inbox.sendto(to_datagram(message), str(self.runtime / "gate.sock"))
 
+    def publish(self, challenge: str) -> None:
+        """Replace the file in one step: whoever reads it finds all of a challenge."""
+        draft = self.runtime / "challenge.new"
+        draft.write_text(challenge)
+        draft.rename(self.runtime / "challenge")
+
+    def pass_on(self) -> None:
+        """Take the command away before it is sent: one that follows its answer stays."""
+        command = self.runtime / "command"
+        if command.exists():
+            text = command.read_text()
+            command.unlink()
+            self.send(ForwardedCommand(text))
+
     def turn(self) -> None:
         status = self.newest_status()
         if status is not None:
-            (self.runtime / "challenge").write_text(status.challenge)
-        command = self.runtime / "command"
-        if command.exists():
-            self.send(ForwardedCommand(command.read_text()))
-            command.unlink()
+            self.publish(status.challenge)
+        self.pass_on()
         if self.blind:
             self.send(BLIND)
         elif status is not None and status.vehicle is not None:
