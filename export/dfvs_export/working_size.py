@@ -20,7 +20,10 @@ _LEVELS = 255.0
 
 
 def default_working_size(size: tuple[int, int], precision: str = "fp32") -> tuple[int, int]:
-    """Working size for pictures of ``size`` (both width, height): about 256 px wide or high."""
+    """Working size for pictures of ``size`` (both width, height), whose wider side is 256 px or so.
+
+    In int8 it is 224 px.
+    """
     share = min(1.0, _WIDER_SIDE_PX[precision] / max(size))
     return _near(size[0], share), _near(size[1], share)
 
