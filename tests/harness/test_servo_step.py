@@ -228,7 +228,7 @@ def test_velocity_keeps_its_direction_when_it_saturates():
 
 def test_the_vehicle_s_late_answer_is_predicted():
     """A vehicle already on its way is asked for less."""
-    config = replace(EXACT, response_s=0.6)
+    config = replace(EXACT, response_s=0.6, gain_far=1.0, gain_near=1.0)  # far from the limit
     task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), Mount())
     given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
     speeds = []
