@@ -21,7 +21,7 @@ class ServoConfig:
         "pose, mean, current (the paper's) alone",
     )
     gain_far: float = setting(1.7, "gain while the goal is far, 1/s", low=0.01, high=5.0)
-    gain_near: float = setting(3.0, "gain when the error is nearly gone, 1/s", low=0.01, high=5.0)
+    gain_near: float = setting(2.0, "gain when the error is nearly gone, 1/s", low=0.01, high=5.0)
     gain_error: float = setting(
         0.3, "error (m + rad) at which the gain lies between the two", low=1e-3, high=10.0
     )

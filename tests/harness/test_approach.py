@@ -35,6 +35,7 @@ class Approach:
     hidden_s: float = 0.0
     gains: Gains = field(default_factory=Gains)
     errors: list[tuple[float, float]] = field(default_factory=list)
+    asked_m_s: list[float] = field(default_factory=list)
 
     def fly(self, seconds=15.0):
         vehicle, controller = Quadrotor(ground_m=100.0), Controller(self.gains)
@@ -48,6 +49,7 @@ class Approach:
                 seen.append((t + AGE_S + self.hidden_s, np.array(motion)))
             while seen and seen[0][0] <= t:
                 asked = self._law(seen.popleft()[1], vehicle)
+                self.asked_m_s.append(asked.forward_m_s)
             if k % round(SETPOINT_S / STEP_S) == 0:
                 sent = slew(sent, saturate(asked, LIMITS), SETPOINT_S, LIMITS)
             demand = Demand(velocity=(sent.forward_m_s, 0.0, 0.0), yaw_rate_rad_s=sent.yaw_rad_s)
@@ -73,6 +75,12 @@ class Approach:
         return (outside[-1] + 1) * STEP_S
 
     @property
+    def swinging_m_s(self):
+        """Way up and down of the asked speed, once the vehicle has been within 10 cm."""
+        near = next(k for k, (e_m, _) in enumerate(self.errors) if abs(e_m) < 0.1)
+        return float(np.abs(np.diff(self.asked_m_s[round(near * STEP_S / FRAME_S) :])).sum())
+
+    @property
     def overshoot_m(self):
         return -min(e_m for e_m, _ in self.errors)
 
@@ -82,7 +90,8 @@ def test_the_goal_is_approached_fast_and_not_flown_past(distance_m):
     approach = Approach(distance_m).fly()
     bound_s = trapezoid_s(distance_m, LIMITS.horizontal_m_s, LIMITS.slew_m_s2)
     assert approach.within_s < 1.65 * bound_s
-    assert approach.overshoot_m < 0.025
+    assert approach.overshoot_m < 0.03
+    assert approach.swinging_m_s < 0.2
 
 
 def test_a_delay_that_nobody_told_of_is_borne():
@@ -100,3 +109,4 @@ def test_a_vehicle_that_answers_otherwise_is_borne(gains):
     approach = Approach(1.5, gains=gains).fly()
     assert approach.within_s < 6.0
     assert approach.overshoot_m < 0.03
+    assert approach.swinging_m_s < 0.3
