@@ -8,7 +8,8 @@ that is unsure, the network looks again, at the picture warped by what was found
 the motion is small, and it is at its best there. Where little is sure even then, features are
 matched too; and where nothing comes of them, in a first match, the network is shown the picture
 turned, and nearer or further off. The surest result is taken, and the network's own flow where none
-is sure of anything.
+is sure of anything. What is unsure in a first match is searched along epipolar lines at last: most
+often that is another surface than the one that was found.
 """
 
 from __future__ import annotations
@@ -32,7 +33,10 @@ from dfvs_core.matching.classical import (
     sure_share,
     usable,
 )
+from dfvs_core.matching.epipolar import fit_epipolar
 from dfvs_core.matching.matcher import Matcher, Prepared, check_same_size
+from dfvs_core.matching.plane_sweep import plane_sweep
+from dfvs_core.matching.refinement import refine
 from dfvs_core.matching.trust import returns, stays_inside
 from dfvs_core.matching.warping import compose, pixel_grid, sample, similarity_flow
 
@@ -48,6 +52,9 @@ _VIEWS = ((1.0, -40.0), (1.0, 40.0), (0.6, -30.0), (0.6, 30.0), (1.5, -30.0), (1
 """Scales and turns, degrees, that the network hardly bridges by itself, and is shown in turn."""
 _LEFT_SHARE = 0.05
 """Share of sure pixels that a flight goes on by."""
+_SWEEPS = 2
+_UNEXPLAINED = 0.5
+"""Factor on the share of sure pixels that do not agree on epipolar lines."""
 _UNCONFIRMED = 0.5
 """Factor on the confidence of a network's flow that no refinement has confirmed."""
 
@@ -108,10 +115,12 @@ class HybridMatcher:
         if guess is None and sure_share(field) < _SETTLED_SHARE:
             known = field if sure_share(field) >= _NOTHING_SHARE else coarse
             field = _surer_of_each(field, self._look_again(current, other, known))
-        if guess is None and sure_share(field) < _ENOUGH_SHARE:
-            field = _surer(field, bridge(current.classical, other.classical))
-            if sure_share(field) < _NOTHING_SHARE:
-                field = _surer(field, self._look_around(current, other))
+        if guess is None and _worth(field) < _ENOUGH_SHARE:
+            field = max(field, bridge(current.classical, other.classical), key=_worth)
+            if _worth(field) < _NOTHING_SHARE:
+                field = max(field, self._look_around(current, other), key=_worth)
+        if guess is None:
+            field = _search_lines(current, other, field)
         if sure_share(field) >= _NOTHING_SHARE:
             return field
         return FlowField(coarse.flow, np.float32(_UNCONFIRMED) * coarse.confidence)
@@ -163,9 +172,9 @@ class HybridMatcher:
             view = similarity_flow(scale, math.radians(turn_deg), current.size)
             known = FlowField(view, np.ones(current.size, np.float32))
             fields.append(self._look_again(current, other, known))
-            if sure_share(fields[-1]) >= _FOUND_SHARE:
+            if _worth(fields[-1]) >= _FOUND_SHARE:
                 break
-        return max(fields, key=sure_share)
+        return max(fields, key=_worth)
 
     def _ask(self, current: Prepared, other: Prepared) -> FlowField:
         """Flow of the network between its features, and how far it can be trusted."""
@@ -184,6 +193,25 @@ def _refine(current: ClassicalPicture, other: ClassicalPicture, coarse: FlowFiel
     if sure_share(first) >= _SETTLED_SHARE:
         return first
     return _surer(refit(current, other, first) or nothing, first)
+
+
+def _worth(field: FlowField) -> float:
+    """Share of sure pixels; less where no motion of a camera explains them, as chance matches."""
+    return sure_share(field) * (1.0 if fit_epipolar(field) is not None else _UNEXPLAINED)
+
+
+def _search_lines(current: HybridPicture, other: HybridPicture, field: FlowField) -> FlowField:
+    """Search what is unsure along epipolar lines, refine what comes of it, and once more."""
+    for _ in range(_SWEEPS):
+        if not _NOTHING_SHARE <= sure_share(field) < _SETTLED_SHARE:
+            break
+        swept = plane_sweep(current.image, other.image, field)
+        if swept is None:
+            break
+        found = refine(current.classical.grey, other.classical.grey, swept.flow)
+        trusted = FlowField(found.flow, found.confidence * swept.confidence)
+        field = _surer_of_each(field, trusted)
+    return field
 
 
 def _surer(first: FlowField, second: FlowField) -> FlowField:
