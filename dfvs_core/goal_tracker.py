@@ -23,6 +23,9 @@ from dfvs_core.poses import invert_pose
 GUESS_NS = 1_500_000_000
 """How long a search goes by a good frame; a vehicle that sees no goal brakes."""
 
+_GUESSED_SEARCHES = 2
+"""Searches by a good frame that may fail before one goes by nothing: that takes longer."""
+
 TRIED_NS = 15_000_000_000
 """How long a good frame is tried before a search: on a slow computer a search takes seconds."""
 
@@ -78,11 +81,14 @@ class GoalTracker:
         self._camera, self._goal_camera, self._stride_px = camera, goal_camera, stride_px
         self._last: GoodLook | None = None
         self._is_lost = False
+        self._failed = 0
+        """Searches by the last good frame since then."""
 
     def remember(self, look: GoodLook | None) -> None:
         """Keep the last frame that showed the goal; None: the frame that was matched did not."""
         self._is_lost = look is None
-        self._last = look or self._last
+        if look is not None:
+            self._last, self._failed = look, 0
 
     def match(
         self,
@@ -95,7 +101,8 @@ class GoalTracker:
 
         One frame that does not follow is nothing yet, be it for noise, and comes without any
         confidence; the search begins at the second one in a row: it takes several frames' time. A
-        slow camera leaves no time for that (``PASS_OVER_NS``).
+        slow camera leaves no time for that (``PASS_OVER_NS``). It goes by the last good frame
+        twice, and then by nothing.
 
         Parameters
         ----------
@@ -118,9 +125,10 @@ class GoalTracker:
         if flow is not None:
             return flow
         since_ns = t_capture_ns - last.t_capture_ns
-        if since_ns > GUESS_NS:
+        if since_ns > GUESS_NS or self._failed >= _GUESSED_SEARCHES:
             return self._matcher.match(prepared, self._goal)
         if self._is_lost or since_ns > PASS_OVER_NS:
+            self._failed += 1
             return self._matcher.match(prepared, self._goal, last.flow)
         return FlowField(last.flow.flow, np.zeros_like(last.flow.confidence))
 

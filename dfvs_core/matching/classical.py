@@ -15,7 +15,7 @@ from typing import cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
+from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.features import FeatureMatcher, Features, Matches, detect_features
@@ -32,6 +32,8 @@ _SURE = 0.5
 _GUESS_STRIDE = 16
 _GUESS_CONFIDENCE = 0.3
 _FEWEST_SAMPLES = 12
+_APART_PX = 3.0
+_SEAM_PX, _SEAM_LEAST = 2.0, 0.3
 _KEPT_SHARE = 0.5
 _LEAST_SHARE = 0.05
 _GLANCE_SHARE = 0.1
@@ -77,7 +79,7 @@ class ClassicalMatcher:
         current, other = _check_pair(current, other)
         if not usable(guess, current.size):
             return None
-        field = refit(current, other, guess)
+        field = carry_on(current, other, guess)
         return field if field is not None and holds(field, guess) else None
 
 
@@ -118,6 +120,30 @@ def refit(current: ClassicalPicture, other: ClassicalPicture, guess: FlowField) 
     """Fit a smooth motion to what is trusted of a flow and refine it; None if that is little."""
     motion = smooth_motion(guess)
     return None if motion is None else refine(current.grey, other.grey, motion.flow())
+
+
+def carry_on(
+    current: ClassicalPicture, other: ClassicalPicture, guess: FlowField
+) -> FlowField | None:
+    """Refine the flow of the frame before, with all its surfaces; None if little is trusted."""
+    motion = smooth_motion(guess)
+    if motion is None:
+        return None
+    return refine(current.grey, other.grey, _with_other_surfaces(motion.flow(), guess))
+
+
+def _with_other_surfaces(smooth: Float32Array, guess: FlowField) -> Float32Array:
+    """Flow (H, W, 2), smooth but where ``guess`` is sure of something else.
+
+    Where they are near, the smooth one is the more exact: it is free of the guess's noise.
+    """
+    apart = guess.flow - smooth
+    square = np.einsum("hwc,hwc->hw", apart, apart)
+    sure = np.clip((guess.confidence - _GUESS_CONFIDENCE) / (_SURE - _GUESS_CONFIDENCE), 0.0, 1.0)
+    weight = sure * (square / (square + _APART_PX**2))
+    own = cv2.GaussianBlur(weight[..., None] * apart, (0, 0), _SEAM_PX)
+    total = cv2.GaussianBlur(weight, (0, 0), _SEAM_PX)[..., None]
+    return np.asarray(smooth + own / np.maximum(total, _SEAM_LEAST), np.float32)
 
 
 def smooth_motion(guess: FlowField) -> SmoothMotion | None:

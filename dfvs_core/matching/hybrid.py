@@ -26,6 +26,7 @@ from dfvs_core.matching.classical import (
     ClassicalMatcher,
     ClassicalPicture,
     bridge,
+    carry_on,
     holds,
     refit,
     smooth_motion,
@@ -53,6 +54,11 @@ _VIEWS = ((1.0, -40.0), (1.0, 40.0), (0.6, -30.0), (0.6, 30.0), (1.5, -30.0), (1
 _LEFT_SHARE = 0.05
 """Share of sure pixels that a flight goes on by."""
 _SWEEPS = 2
+_ON_LINES = 0.65
+"""Factor on the confidence of what only a search along lines has found: as much of what is sure
+is wrong then as before it."""
+_LINES_SHARE = 0.15
+"""Share of sure pixels that a search along lines is trusted from; less knows the lines badly."""
 _UNEXPLAINED = 0.5
 """Factor on the share of sure pixels that do not agree on epipolar lines."""
 _UNCONFIRMED = 0.5
@@ -143,7 +149,7 @@ class HybridMatcher:
         again = self._look_again(current, other, guess)
         if holds(again, guess):
             return again
-        left = refit(current.classical, other.classical, guess)
+        left = carry_on(current.classical, other.classical, guess)
         field = again if left is None else _surer_of_each(left, again)
         return field if sure_share(field) >= _LEFT_SHARE else None
 
@@ -209,8 +215,9 @@ def _search_lines(current: HybridPicture, other: HybridPicture, field: FlowField
         if swept is None:
             break
         found = refine(current.classical.grey, other.classical.grey, swept.flow)
-        trusted = FlowField(found.flow, found.confidence * swept.confidence)
-        field = _surer_of_each(field, trusted)
+        trust = np.float32(_ON_LINES * min(1.0, sure_share(field) / _LINES_SHARE))
+        confidence = trust * found.confidence * swept.confidence
+        field = _surer_of_each(field, FlowField(found.flow, confidence))
     return field
 
 

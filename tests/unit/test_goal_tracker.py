@@ -117,6 +117,19 @@ def test_a_search_goes_by_a_recent_look_only(t_ns, start):
     assert matcher.starts == [start]
 
 
+def test_after_two_searches_by_the_last_look_one_goes_by_nothing():
+    matcher = Matcher([False] * 6)
+    eye = tracker(matcher)
+    for k in range(3):
+        eye.remember(None)
+        eye.match(FRAME, k * FRAME_NS, moved(0.0), None)
+    assert matcher.starts == [-7.0, -7.0, None]
+    eye.remember(GoodLook(3 * FRAME_NS, flow(-5.0), moved(-0.5), moved(0.0)))
+    eye.remember(None)
+    eye.match(FRAME, 4 * FRAME_NS, moved(0.0), None)
+    assert matcher.starts[-1] == -5.0
+
+
 def test_a_frame_long_after_a_look_is_searched_at_once():
     matcher = Matcher([False, False])
     tracker(matcher).match(FRAME, GUESS_NS + 1, moved(0.0), DEPTH)

@@ -1,0 +1,69 @@
+"""A board in front of a wall, seen by a camera that moves: pictures and the exact flow."""
+
+from dataclasses import dataclass
+from functools import cached_property
+
+import cv2
+import numpy as np
+from textured_wall import HEIGHT, WIDTH, Wall, exact_flow, texture
+
+from dfvs_core.correspondence import FlowField
+
+_K = np.array([[250.0, 0, (WIDTH - 1) / 2], [0, 250.0, (HEIGHT - 1) / 2], [0, 0, 1.0]])
+_WALL_M, _BOARD_M = 4.0, 2.0
+_BOARD = (slice(40, 200), slice(170, 290))
+"""Rows and columns of the board in the first picture."""
+
+
+@dataclass(frozen=True)
+class TwoPlanes:
+    """The second camera is ``step_m`` (3,) away from the first, turned by ``turn_rad`` (3,)."""
+
+    step_m: tuple[float, float, float] = (0.5, 0.1, 0.3)
+    turn_rad: tuple[float, float, float] = (0.02, -0.1, 0.05)
+
+    @cached_property
+    def board(self):
+        """(H, W) in the first picture."""
+        mask = np.zeros((HEIGHT, WIDTH), bool)
+        mask[_BOARD] = True
+        return mask
+
+    def homography(self, depth_m):
+        """From the first picture to the second, of a plane facing the first camera."""
+        R, _ = cv2.Rodrigues(np.array(self.turn_rad))
+        n = np.array([0.0, 0.0, 1.0])
+        return _K @ (R - np.outer(R @ np.array(self.step_m), n) / depth_m) @ np.linalg.inv(_K)
+
+    @cached_property
+    def flow(self):
+        """(H, W, 2) px, exact."""
+        wall, board = (exact_flow(self.homography(z)) for z in (_WALL_M, _BOARD_M))
+        return np.where(self.board[..., None], board, wall).astype(np.float32)
+
+    @cached_property
+    def pictures(self):
+        """Both (H, W, 3) uint8."""
+        rng = np.random.default_rng(4)
+        wall, board = (Wall(texture(rng, finest_px=4)) for _ in range(2))
+        first = np.where(self.board[..., None], board.picture(), wall.picture())
+        near, far = self.homography(_BOARD_M), self.homography(_WALL_M)
+        there = cv2.warpPerspective(self.board.astype(np.uint8), near, (WIDTH, HEIGHT)) > 0
+        second = np.where(there[..., None], board.picture(near), wall.picture(far))
+        return first, second
+
+    def known_wall(self):
+        """The flow with the wall's points sure and the board's taken for wall, unsure."""
+        flow = exact_flow(self.homography(_WALL_M)).astype(np.float32)
+        confidence = np.where(self.board, 0.0, 1.0).astype(np.float32)
+        confidence[:, 150:170] = confidence[:, 290:] = 0.0
+        confidence[:40] = confidence[200:] = 0.0
+        return FlowField(flow, confidence)
+
+    def known_edge(self, width_px=12):
+        """The same, and a strip of the board sure as well: now the epipolar lines are known."""
+        known = self.known_wall()
+        strip = self.board.copy()
+        strip[:, 170 + width_px :] = False
+        flow = np.where(strip[..., None], self.flow, known.flow)
+        return FlowField(flow, np.where(strip, np.float32(1.0), known.confidence))
