@@ -45,7 +45,7 @@ _ENOUGH_SHARE = 0.45
 """Share of sure pixels from which on a first match needs no features beside the network."""
 _SETTLED_SHARE = 0.65
 """Share of sure pixels from which on nothing is looked at or refined a second time."""
-_NOTHING_SHARE = 0.06
+_NOTHING_SHARE = 0.035
 """Share of sure pixels under which a result is as good as none."""
 _FOUND_SHARE = 0.1
 """Share of sure pixels that ends the looking around."""
@@ -119,7 +119,7 @@ class HybridMatcher:
         coarse = self._ask(current.features, other.features)
         field = _refine(current.classical, other.classical, coarse)
         if guess is None and sure_share(field) < _SETTLED_SHARE:
-            known = field if sure_share(field) >= _NOTHING_SHARE else coarse
+            known = field if _worth(field) >= _NOTHING_SHARE else coarse
             field = _surer_of_each(field, self._look_again(current, other, known))
         if guess is None and _worth(field) < _ENOUGH_SHARE:
             field = max(field, bridge(current.classical, other.classical), key=_worth)
@@ -127,7 +127,7 @@ class HybridMatcher:
                 field = max(field, self._look_around(current, other), key=_worth)
         if guess is None:
             field = _search_lines(current, other, field)
-        if sure_share(field) >= _NOTHING_SHARE:
+        if _worth(field) >= _NOTHING_SHARE:
             return field
         return FlowField(coarse.flow, np.float32(_UNCONFIRMED) * coarse.confidence)
 

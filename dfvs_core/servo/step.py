@@ -39,6 +39,8 @@ from dfvs_core.servo.weights import weighted_median
 
 _MIN_POINTS = 24
 _NOISE_FACTOR = 10.0
+_CLEAR_OVERLAP = 0.15
+"""Share of the view that shows the goal from which on the gain is full."""
 
 
 def servo_step(
@@ -77,7 +79,7 @@ def servo_step(
 
     # 4. Solve for the motion, and make a velocity of it.
     motion, equations = wanted_motion(task, points, pose)
-    velocity = _velocity(task, motion, inputs)
+    velocity = _velocity(task, motion, inputs, overlap)
 
     # 5. Judge.
     error_m, error_rad = distance_and_angle(task, pose)
@@ -210,9 +212,13 @@ def _on_grid(depth: DepthMap | None, stride: int) -> DepthMap | None:
     return DepthMap(pick(depth.z_m), pick(depth.validity))
 
 
-def _velocity(task: ServoTask, motion: FloatArray, inputs: ServoInputs) -> FloatArray:
+def _velocity(
+    task: ServoTask, motion: FloatArray, inputs: ServoInputs, overlap: float
+) -> FloatArray:
+    """Velocity (d,) within the limits; where little is seen the pose is poor, and the gain low."""
     age_s = max(inputs.now_ns - inputs.t_capture_ns, 0) * 1e-9
     late_s = task.response_s + (age_s if task.mount is not None else 0.0)
     config = task.config
     gain = AdaptiveGain(config.gain_far, config.gain_near, config.gain_error)
-    return saturate(velocity_for(motion, inputs.velocity, late_s, gain), task.limits)
+    caution = min(1.0, overlap / _CLEAR_OVERLAP)
+    return saturate(caution * velocity_for(motion, inputs.velocity, late_s, gain), task.limits)
