@@ -77,8 +77,8 @@ def plane_sweep(current: ImageArray, other: ImageArray, field: FlowField) -> Flo
     parallax = cv2.medianBlur(parallax.astype(np.float32), 5)
     trust = _trust(costs, summed, best)
     whole = (current.shape[1], current.shape[0])
-    flow = geometry.flow(_enlarge(parallax, whole))
-    return FlowField(flow, _enlarge(trust, whole))
+    swept = FlowField(geometry.flow(_enlarge(parallax, whole)), _enlarge(trust, whole))
+    return swept if swept.is_finite() else None
 
 
 def _scale(current: ImageArray, other: ImageArray, field: FlowField) -> _Scaled:

@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from test_hybrid_matcher import Oracle, match
+from textured_wall import Wall, exact_flow, inside, texture, turned
 from two_planes import TwoPlanes
 
 from dfvs_core.correspondence import FlowField
@@ -63,6 +64,23 @@ def test_another_picture_size_works_as_well(scene):
 def test_nothing_is_searched_where_nothing_agrees(scene):
     flow = np.random.default_rng(1).uniform(-50, 50, (240, 320, 2)).astype(np.float32)
     assert plane_sweep(*scene.pictures, FlowField(flow, np.ones((240, 320), np.float32))) is None
+
+
+@pytest.mark.parametrize(
+    "H",
+    [np.eye(3), turned(roll_deg=30), turned(zoom=1.5), turned(shift=(400, 0))],
+    ids=["still", "turned", "nearer", "away"],
+)
+def test_a_single_wall_whose_lines_nothing_tells_stays_finite(H):
+    wall = Wall(texture(np.random.default_rng(1)))
+    truth = exact_flow(H).astype(np.float32)
+    confidence = np.ones((240, 320), np.float32)
+    confidence[:, :100] = 0.0
+    with np.errstate(all="raise"):
+        swept = plane_sweep(wall.picture(), wall.picture(H), FlowField(truth, confidence))
+    assert swept.is_finite()
+    error = np.linalg.norm(swept.flow - truth, axis=-1)[inside(truth) & (confidence > 0.5)]
+    assert not len(error) or np.mean(error < 3.0) > 0.95
 
 
 def test_a_first_match_sees_both_surfaces(scene):
