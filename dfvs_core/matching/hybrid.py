@@ -53,7 +53,8 @@ _VIEWS = ((1.0, -40.0), (1.0, 40.0), (0.6, -30.0), (0.6, 30.0), (1.5, -30.0), (1
 """Scales and turns, degrees, that the network hardly bridges by itself, and is shown in turn."""
 _LEFT_SHARE = 0.05
 """Share of sure pixels that a flight goes on by."""
-_SWEEPS = 2
+_WHOLE_SHARE = 0.95
+"""Share of sure pixels from which on nothing is searched along lines."""
 _ON_LINES = 0.65
 """Factor on the confidence of what only a search along lines has found: as much of what is sure
 is wrong then as before it."""
@@ -115,7 +116,7 @@ class HybridMatcher:
         else:
             near = self._match_from(current, other, guess)
         if near is not None:
-            return near
+            return _search_lines(current, other, near) if guess is None else near
         coarse = self._ask(current.features, other.features)
         field = _refine(current.classical, other.classical, coarse)
         if guess is None and sure_share(field) < _SETTLED_SHARE:
@@ -207,9 +208,9 @@ def _worth(field: FlowField) -> float:
 
 
 def _search_lines(current: HybridPicture, other: HybridPicture, field: FlowField) -> FlowField:
-    """Search what is unsure along epipolar lines, refine what comes of it, and once more."""
-    for _ in range(_SWEEPS):
-        if not _NOTHING_SHARE <= sure_share(field) < _SETTLED_SHARE:
+    """Search what is unsure along epipolar lines, and again if that is much; refine it."""
+    for enough in (_WHOLE_SHARE, _SETTLED_SHARE):
+        if not _NOTHING_SHARE <= sure_share(field) < enough:
             break
         swept = plane_sweep(current.image, other.image, field)
         if swept is None:
