@@ -101,9 +101,12 @@ def fit_epipolar(field: FlowField) -> EpipolarGeometry | None:
     at, to = sure_points(field, _STRIDE_PX)
     if len(at) < _FEWEST:
         return None
-    found, mask = cv2.findFundamentalMat(
-        at, to, cv2.USAC_MAGSAC, _MISS_PX, _CERTAINTY, _ROUNDS
-    )  # which draws the same samples every time
+    try:
+        found, mask = cv2.findFundamentalMat(
+            at, to, cv2.USAC_MAGSAC, _MISS_PX, _CERTAINTY, _ROUNDS
+        )  # which draws the same samples every time
+    except cv2.error:  # it found no lines at all: all points lead to nearly the same one, say
+        return None
     if found is None or found.shape != (3, 3):
         return None
     kept = mask.ravel() > 0

@@ -62,3 +62,13 @@ def test_the_same_flow_gives_the_same_lines(scene):
     first, second = (fit_epipolar(scene.known_edge()) for _ in range(2))
     assert np.array_equal(first.homography, second.homography)
     assert np.array_equal(first.epipole, second.epipole)
+
+
+@pytest.mark.parametrize("seed", range(12))
+def test_points_that_all_lead_to_one_have_no_lines(seed):
+    """OpenCV finds no model then, and raises; seeds 0 and 10 had it do so."""
+    rng = np.random.default_rng(seed)
+    at = pixel_grid(SIZE)
+    flow = (np.float32([100, 90]) - at + rng.normal(0, 1, at.shape)).astype(np.float32)
+    confidence = (rng.random(SIZE) < 0.08).astype(np.float32)
+    assert fit_epipolar(FlowField(flow, confidence)) is None
