@@ -16,8 +16,8 @@ from dfvs_core.arrays import FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.prediction import predict_flow
-from dfvs_core.matching.classical import sure_share
 from dfvs_core.matching.matcher import Matcher, Prepared
+from dfvs_core.matching.sureness import sure_share
 from dfvs_core.poses import invert_pose
 
 GUESS_NS = 1_500_000_000

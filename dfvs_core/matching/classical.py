@@ -3,12 +3,13 @@
 Warm, with the flow of the frame before, or with what a quick glance shows where little moved: fit
 a smooth motion to that flow, refine it by dense inverse search, and see whether the result holds.
 Cold, where there is no such flow or it does not hold: match features that agree with their
-neighbours, fit a smooth motion, match again near its prediction, fit again, refine; then fit to
-that flow and refine once more.
+neighbours, fit smooth motions to those of one surface after the other, refine each, and take the
+one that most speaks for. What is unsure of a first match is searched along epipolar lines.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from functools import cached_property
 from typing import cast
 
@@ -18,20 +19,17 @@ import numpy as np
 from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
-from dfvs_core.matching.features import FeatureMatcher, Features, Matches, detect_features
+from dfvs_core.matching.completion import search_lines
+from dfvs_core.matching.features import Features, detect_features
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
-from dfvs_core.matching.motion import SmoothMotion, fit_motion
+from dfvs_core.matching.merit import best_match
+from dfvs_core.matching.motion import motion_of
 from dfvs_core.matching.refinement import glance, refine
-from dfvs_core.matching.warping import pixel_grid
-
-_FEWEST_MATCHES = 8
-_RATIO = 0.9
-_NEAR_PX = 25.0
+from dfvs_core.matching.sureness import nothing, sure_share, surer
+from dfvs_core.matching.surfaces import surface_flows
 
 _SURE = 0.5
-_GUESS_STRIDE = 16
 _GUESS_CONFIDENCE = 0.3
-_FEWEST_SAMPLES = 12
 _APART_PX = 3.0
 _SEAM_PX, _SEAM_LEAST = 2.0, 0.3
 _KEPT_SHARE = 0.5
@@ -42,11 +40,12 @@ _COMMON_SHARE = 0.5
 
 
 class ClassicalPicture(Prepared):
-    """Grey picture (H, W), and its features, found when they are first asked for."""
+    """Picture (H, W, 3), grey (H, W), and its features, found when they are first asked for."""
 
     def __init__(self, image: ImageArray) -> None:
         check_image(image)
         super().__init__((image.shape[0], image.shape[1]))
+        self.image = image
         self.grey = cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
 
     @cached_property
@@ -71,8 +70,10 @@ class ClassicalMatcher:
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
-        near = start_near(current, other) if guess is None else None
-        return near or bridge(current, other)
+        if guess is not None:
+            return bridge(current, other)
+        found = start_near(current, other) or bridge(current, other)
+        return search_lines(current, other, found)
 
     def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
         """Flow by a good guess alone; see :class:`Matcher`."""
@@ -89,11 +90,6 @@ def _check_pair(current: Prepared, other: Prepared) -> tuple[ClassicalPicture, C
     if not (isinstance(current, ClassicalPicture) and isinstance(other, ClassicalPicture)):
         raise ImageError("pictures were prepared by another matcher", "the same matcher's")
     return current, other
-
-
-def sure_share(field: FlowField) -> float:
-    """Share of the picture whose flow is more likely right than wrong."""
-    return float(np.mean(field.confidence > _SURE))
 
 
 def start_near(current: ClassicalPicture, other: ClassicalPicture) -> FlowField | None:
@@ -118,7 +114,7 @@ def holds(field: FlowField, guess: FlowField) -> bool:
 
 def refit(current: ClassicalPicture, other: ClassicalPicture, guess: FlowField) -> FlowField | None:
     """Fit a smooth motion to what is trusted of a flow and refine it; None if that is little."""
-    motion = smooth_motion(guess)
+    motion = motion_of(guess)
     return None if motion is None else refine(current.grey, other.grey, motion.flow())
 
 
@@ -126,7 +122,7 @@ def carry_on(
     current: ClassicalPicture, other: ClassicalPicture, guess: FlowField
 ) -> FlowField | None:
     """Refine the flow of the frame before, with all its surfaces; None if little is trusted."""
-    motion = smooth_motion(guess)
+    motion = motion_of(guess)
     if motion is None:
         return None
     return refine(current.grey, other.grey, _with_other_surfaces(motion.flow(), guess))
@@ -146,46 +142,22 @@ def _with_other_surfaces(smooth: Float32Array, guess: FlowField) -> Float32Array
     return np.asarray(smooth + own / np.maximum(total, _SEAM_LEAST), np.float32)
 
 
-def smooth_motion(guess: FlowField) -> SmoothMotion | None:
-    """Smooth motion fitted to what is trusted of a flow; None if that is little."""
-    samples = _sample_flow(guess)
-    if len(samples) < _FEWEST_SAMPLES:
-        return None
-    height, width = guess.confidence.shape
-    return fit_motion(samples, (height, width))
-
-
-def _sample_flow(field: FlowField) -> Matches:
-    """Take the trusted vectors of a flow, a few hundred on a regular grid, as matches."""
-    grid = (slice(_GUESS_STRIDE // 2, None, _GUESS_STRIDE),) * 2
-    trusted = field.confidence[grid] > _GUESS_CONFIDENCE
-    points = pixel_grid(field.confidence.shape[:2])[grid][trusted]
-    return Matches(points, points + field.flow[grid][trusted])
-
-
 def bridge(current: ClassicalPicture, other: ClassicalPicture) -> FlowField:
     """Match two pictures about whose relation nothing is known."""
-    motion = _motion_from_features(current, other)
-    if motion is None:
-        nothing = np.zeros((*current.size, 2), np.float32)
-        return FlowField(nothing, np.zeros(current.size, np.float32))
-    first = refine(current.grey, other.grey, motion.flow())
+    starts = feature_starts(current, other)
+    fields = (refine_twice(current, other, start) for start in starts)
+    return best_match(fields, current.grey) or nothing(current.size)
+
+
+def feature_starts(current: ClassicalPicture, other: ClassicalPicture) -> Iterator[Float32Array]:
+    """Flows (H, W, 2) to begin with, of one surface each, by features; made as asked for."""
+    return surface_flows(current.features, other.features, current.size)
+
+
+def refine_twice(
+    current: ClassicalPicture, other: ClassicalPicture, start: Float32Array
+) -> FlowField:
+    """Refine a flow, and once more from what the first time made precise; the surer one."""
+    first = refine(current.grey, other.grey, start)
     second = refit(current, other, first)
-    if second is None or sure_share(second) < sure_share(first):
-        return first
-    return second
-
-
-def _motion_from_features(
-    current: ClassicalPicture, other: ClassicalPicture
-) -> SmoothMotion | None:
-    """Smooth motion that the features agree on, or None where too few do."""
-    matcher = FeatureMatcher(current.features, other.features, current.size)
-    matches = matcher.match(_RATIO)
-    if len(matches) < _FEWEST_MATCHES:
-        return None
-    motion = fit_motion(matches, current.size)
-    nearby = matcher.match_near(motion.at(current.features.points), _NEAR_PX, _RATIO)
-    if len(nearby) < len(matches):
-        return motion
-    return fit_motion(nearby, current.size)
+    return first if second is None else surer(first, second)

@@ -6,6 +6,7 @@ Points are in OpenCV's pixel coordinates, the first pixel's centre at (0, 0).
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import cast
 
 import cv2
 import numpy as np
@@ -19,9 +20,15 @@ _SPREAD_SIGMA_PX = 16.0
 _NOISE_GREY = 1.5
 _GREY_PER_SPREAD = 45.0
 
-_MAX_COUNT = 800
+_WIDTH_PX = 640.0
+"""Smaller pictures are enlarged to this width, but not more than twice: what is seen far off in one
+of two pictures is small there, and has no features left otherwise."""
+_TILES, _TILE_MARGIN_PX = 2, 24
+_PER_TILE = 750
 _CONTRAST = 0.015
 _EDGE_RATIO = 15.0
+
+_BLOCK_ROWS = 512
 
 _AGREE_PX = 3.0
 _AGREE_SHARE = 0.25
@@ -77,100 +84,131 @@ def even_contrast(grey: ImageArray) -> ImageArray:
 
 
 def detect_features(grey: ImageArray) -> Features:
-    """Find SIFT features of a grey picture (H, W) (Lowe 2004; RootSIFT: Arandjelovic 2012)."""
-    sift = cv2.SIFT.create(
-        nfeatures=_MAX_COUNT, contrastThreshold=_CONTRAST, edgeThreshold=_EDGE_RATIO
-    )
-    unmasked = np.full(grey.shape, 255, np.uint8)
-    keypoints, raw = sift.detectAndCompute(even_contrast(grey), unmasked)
-    if not keypoints:
-        nothing = np.zeros((0, 2), np.float32)
-        return Features(nothing, np.zeros(0, np.complex64), np.zeros((0, 128), np.float32))
-    points = np.array([k.pt for k in keypoints], np.float32)
-    frames = [k.size * np.exp(1j * np.radians(k.angle)) for k in keypoints]
-    descriptors = np.sqrt(raw / np.maximum(raw.sum(axis=1, keepdims=True), 1e-6))
-    return Features(points, np.array(frames, np.complex64), descriptors.astype(np.float32))
+    """Find SIFT features of a grey picture (H, W) (Lowe 2004; RootSIFT: Arandjelovic 2012).
 
-
-class FeatureMatcher:
-    """Matches two sets of features, freely or near predicted places.
-
-    The products of all descriptors are computed once for both.
+    Tile by tile: no corner is left without any for the many of another, and the scale space of a
+    quarter of the picture takes a quarter of the memory.
     """
-
-    def __init__(self, current: Features, other: Features, size: tuple[int, int]) -> None:
-        self._current = current
-        self._other = other
-        self._radius_px = _AGREE_RADIUS_DIAGONALS * float(np.hypot(*size))
-        self._cosine = _cosines(current.descriptors, other.descriptors)
-
-    def match(self, ratio: float) -> Matches:
-        """Mutual nearest descriptors that pass Lowe's ratio test and agree with neighbours."""
-        return self._match(self._cosine, ratio)
-
-    def match_near(self, predicted: Float32Array, within_px: float, ratio: float) -> Matches:
-        """Match only what lies near the points (N, 2) px predicted for the current features.
-
-        The ratio test then sees nearby rivals alone, so repeated texture can be matched too.
-        """
-        away = _as_complex(predicted)[:, None] - _as_complex(self._other.points)[None]
-        near = away.real**2 + away.imag**2 < within_px**2
-        return self._match(np.where(near, self._cosine, np.float32(-1.0)), ratio)
-
-    def _match(self, cosine: Float32Array, ratio: float) -> Matches:
-        if min(cosine.shape) < 2:
-            nothing = np.zeros((0, 2), np.float32)
-            return Matches(nothing, nothing)
-        current, other = _mutual_distinct(cosine, ratio)
-        kept = self._agree_with_neighbours(current, other)
-        current, other = current[kept], other[kept]
-        # SIFT gives a point once per orientation: keep each place once
-        _, once = np.unique(np.round(self._current.points[current]), axis=0, return_index=True)
-        once.sort()
-        return Matches(self._current.points[current[once]], self._other.points[other[once]])
-
-    def _agree_with_neighbours(
-        self, current: NDArray[np.intp], other: NDArray[np.intp]
-    ) -> BoolArray:
-        """Keep matches that others nearby predict through their own scale and angle.
-
-        Every SIFT match is a whole similarity transform, so it foretells where its neighbours
-        go. Right matches support each other on any smooth surface, planar or not; wrong ones
-        find nobody.
-        """
-        a = _as_complex(self._current.points[current])
-        b = _as_complex(self._other.points[other])
-        turn = self._other.frames[other] / self._current.frames[current]
-        step_a, step_b = a[None, :] - a[:, None], b[None, :] - b[:, None]
-        distance = np.abs(step_a)
-        miss = np.abs(turn[:, None] * step_a - step_b)
-        votes = (miss < _AGREE_PX + _AGREE_SHARE * distance) & (distance < self._radius_px)
-        votes &= distance > 1.5
-        kept = np.ones(len(a), dtype=np.bool_)
-        for _ in range(_AGREE_ROUNDS):
-            kept &= votes[kept].sum(axis=0) >= _AGREE_COUNT
-        return kept
+    scale = min(2.0, max(1.0, _WIDTH_PX / grey.shape[1]))
+    even = even_contrast(grey)
+    if scale > 1.0:
+        even = cast(
+            ImageArray, cv2.resize(even, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+        )
+    tiles = [_features_of_tile(even, row, column) for row, column in np.ndindex(_TILES, _TILES)]
+    points = np.concatenate([tile.points for tile in tiles])
+    half = np.float32(0.5)
+    return Features(
+        (points + half) / np.float32(scale) - half,
+        (np.concatenate([tile.frames for tile in tiles]) / scale).astype(np.complex64),
+        np.concatenate([tile.descriptors for tile in tiles]),
+    )
 
 
-def _cosines(current: Float32Array, other: Float32Array) -> Float32Array:
-    if not len(current) or not len(other):
-        return np.zeros((len(current), len(other)), np.float32)
-    return outer_product(current, other)
+def _features_of_tile(even: ImageArray, row: int, column: int) -> Features:
+    """Features whose points are in one tile of a picture, in the picture's pixels."""
+    (top, bottom), (left, right) = (
+        (size * k // _TILES, size * (k + 1) // _TILES)
+        for size, k in zip(even.shape, (row, column), strict=True)
+    )
+    first_u, first_v = max(0, left - _TILE_MARGIN_PX), max(0, top - _TILE_MARGIN_PX)
+    cut = even[first_v : bottom + _TILE_MARGIN_PX, first_u : right + _TILE_MARGIN_PX]
+    in_tile = np.zeros(cut.shape, np.uint8)
+    in_tile[top - first_v : bottom - first_v, left - first_u : right - first_u] = 255
+    sift = cv2.SIFT.create(
+        nfeatures=_PER_TILE, contrastThreshold=_CONTRAST, edgeThreshold=_EDGE_RATIO
+    )
+    keypoints, raw = sift.detectAndCompute(np.ascontiguousarray(cut), in_tile)
+    points = np.array([k.pt for k in keypoints], np.float32).reshape(-1, 2)
+    frames = np.array([k.size * np.exp(1j * np.radians(k.angle)) for k in keypoints], np.complex64)
+    if not keypoints:
+        return Features(points, frames, np.zeros((0, 128), np.float32))
+    descriptors = np.sqrt(raw / np.maximum(raw.sum(axis=1, keepdims=True), 1e-6))
+    return Features(
+        points + np.array([first_u, first_v], np.float32), frames, descriptors.astype(np.float32)
+    )
+
+
+def match_features(
+    current: Features, other: Features, size: tuple[int, int], ratio: float
+) -> Matches:
+    """Mutual nearest descriptors that pass Lowe's ratio test and agree with their neighbours.
+
+    Parameters
+    ----------
+    current, other : Features
+    size : (height, width)
+        Of both pictures, px.
+    ratio : float
+        Of the distances of the nearest descriptor and the next one, at most.
+    """
+    if min(len(current), len(other)) < 2:
+        nothing = np.zeros((0, 2), np.float32)
+        return Matches(nothing, nothing)
+    ours, theirs = _mutual_distinct(current.descriptors, other.descriptors, ratio)
+    radius_px = _AGREE_RADIUS_DIAGONALS * float(np.hypot(*size))
+    kept = _agree_with_neighbours(current, other, (ours, theirs), radius_px)
+    ours, theirs = ours[kept], theirs[kept]
+    # SIFT gives a point once per orientation: keep each place once
+    _, once = np.unique(np.round(current.points[ours]), axis=0, return_index=True)
+    once.sort()
+    return Matches(current.points[ours[once]], other.points[theirs[once]])
+
+
+def _agree_with_neighbours(
+    current: Features,
+    other: Features,
+    pairs: tuple[NDArray[np.intp], NDArray[np.intp]],
+    radius_px: float,
+) -> BoolArray:
+    """Keep matches that others nearby predict through their own scale and angle.
+
+    Every SIFT match is a whole similarity transform, so it foretells where its neighbours
+    go. Right matches support each other on any smooth surface, planar or not; wrong ones
+    find nobody.
+    """
+    ours, theirs = pairs
+    a, b = _as_complex(current.points[ours]), _as_complex(other.points[theirs])
+    turn = other.frames[theirs] / current.frames[ours]
+    step_a, step_b = a[None, :] - a[:, None], b[None, :] - b[:, None]
+    distance = np.abs(step_a)
+    miss = np.abs(turn[:, None] * step_a - step_b)
+    votes = (miss < _AGREE_PX + _AGREE_SHARE * distance) & (distance < radius_px)
+    votes &= distance > 1.5
+    kept = np.ones(len(a), dtype=np.bool_)
+    for _ in range(_AGREE_ROUNDS):
+        kept &= votes[kept].sum(axis=0) >= _AGREE_COUNT
+    return kept
 
 
 def _mutual_distinct(
-    cosine: Float32Array, ratio: float
+    current: Float32Array, other: Float32Array, ratio: float
 ) -> tuple[NDArray[np.intp], NDArray[np.intp]]:
-    """Indices of mutual nearest neighbours whose distance beats the second's by ``ratio``."""
-    rows = np.arange(len(cosine))
-    best = cosine.argmax(axis=1)
-    first = cosine[rows, best]
-    rivals = cosine.copy()
-    rivals[rows, best] = -1.0
+    """Indices of mutual nearest descriptors whose distance beats the second's by ``ratio``.
+
+    Some rows at a time: all products of 3000 by 3000 at once are 36 MB, and their copies too.
+    """
+    nearest = np.zeros(len(current), np.intp)
+    first, second = (np.zeros(len(current), np.float32) for _ in range(2))
+    nearest_of_other = np.zeros(len(other), np.intp)
+    most_of_other = np.full(len(other), -1.0, np.float32)
+    for start in range(0, len(current), _BLOCK_ROWS):
+        block = slice(start, start + _BLOCK_ROWS)
+        cosine = outer_product(current[block], other)
+        rows, columns = np.arange(len(cosine)), np.arange(len(other))
+        top = cosine.argmax(axis=0)
+        more = cosine[top, columns] > most_of_other
+        nearest_of_other[more] = start + top[more]
+        most_of_other[more] = cosine[top, columns][more]
+        nearest[block] = cosine.argmax(axis=1)
+        first[block] = cosine[rows, nearest[block]]
+        cosine[rows, nearest[block]] = -1.0
+        second[block] = cosine.max(axis=1)
     # squared distance of unit vectors is 2 - 2 cos
-    distinct = (1.0 - first) < ratio**2 * (1.0 - rivals.max(axis=1))
-    kept = distinct & (cosine.argmax(axis=0)[best] == rows) & (first > 0.0)
-    return rows[kept], best[kept]
+    distinct = (1.0 - first) < ratio**2 * (1.0 - second)
+    mutual = nearest_of_other[nearest] == np.arange(len(current))
+    kept = np.flatnonzero(distinct & mutual & (first > 0.0))
+    return kept, nearest[kept]
 
 
 def _as_complex(points: Float32Array) -> NDArray[np.complex64]:

@@ -14,54 +14,42 @@ often that is another surface than the one that was found.
 
 from __future__ import annotations
 
+import itertools
 import math
 from functools import cached_property
 
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
+from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.classical import (
     ClassicalMatcher,
     ClassicalPicture,
-    bridge,
     carry_on,
+    feature_starts,
     holds,
+    refine_twice,
     refit,
-    smooth_motion,
     start_near,
-    sure_share,
     usable,
 )
-from dfvs_core.matching.epipolar import fit_epipolar
+from dfvs_core.matching.completion import NOTHING_SHARE, search_lines
 from dfvs_core.matching.matcher import Matcher, Prepared, check_same_size
-from dfvs_core.matching.plane_sweep import plane_sweep
-from dfvs_core.matching.refinement import refine
+from dfvs_core.matching.merit import agreement, best_match
+from dfvs_core.matching.motion import motion_of
+from dfvs_core.matching.sureness import sure_share, surer, surer_of_each, unsure
 from dfvs_core.matching.trust import returns, stays_inside
-from dfvs_core.matching.warping import compose, pixel_grid, sample, similarity_flow
+from dfvs_core.matching.warping import bring, compose, similarity_flow
 
-_ENOUGH_SHARE = 0.45
-"""Share of sure pixels from which on a first match needs no features beside the network."""
 _SETTLED_SHARE = 0.65
 """Share of sure pixels from which on nothing is looked at or refined a second time."""
-_NOTHING_SHARE = 0.035
-"""Share of sure pixels under which a result is as good as none."""
 _FOUND_SHARE = 0.1
 """Share of sure pixels that ends the looking around."""
 _VIEWS = ((1.0, -40.0), (1.0, 40.0), (0.6, -30.0), (0.6, 30.0), (1.5, -30.0), (1.5, 30.0))
 """Scales and turns, degrees, that the network hardly bridges by itself, and is shown in turn."""
 _LEFT_SHARE = 0.05
 """Share of sure pixels that a flight goes on by."""
-_WHOLE_SHARE = 0.95
-"""Share of sure pixels from which on nothing is searched along lines."""
-_ON_LINES = 0.65
-"""Factor on the confidence of what only a search along lines has found: as much of what is sure
-is wrong then as before it."""
-_LINES_SHARE = 0.15
-"""Share of sure pixels that a search along lines is trusted from; less knows the lines badly."""
-_UNEXPLAINED = 0.5
-"""Factor on the share of sure pixels that do not agree on epipolar lines."""
 _UNCONFIRMED = 0.5
 """Factor on the confidence of a network's flow that no refinement has confirmed."""
 
@@ -72,12 +60,12 @@ class HybridPicture(Prepared):
     def __init__(self, image: ImageArray, classical: ClassicalMatcher, network: Matcher) -> None:
         self.classical = classical.prepare(image)
         super().__init__(self.classical.size)
-        self.image, self._network = image, network
+        self._network = network
 
     @cached_property
     def features(self) -> Prepared:
         """The network's features: some 2 MB at 320 x 240 px."""
-        return self._network.prepare(self.image)
+        return self._network.prepare(self.classical.image)
 
     def slim(self) -> None:
         """Let go of the features of both."""
@@ -116,19 +104,18 @@ class HybridMatcher:
         else:
             near = self._match_from(current, other, guess)
         if near is not None:
-            return _search_lines(current, other, near) if guess is None else near
+            if guess is not None:
+                return near
+            return search_lines(current.classical, other.classical, near)
         coarse = self._ask(current.features, other.features)
         field = _refine(current.classical, other.classical, coarse)
         if guess is None and sure_share(field) < _SETTLED_SHARE:
-            known = field if _worth(field) >= _NOTHING_SHARE else coarse
-            field = _surer_of_each(field, self._look_again(current, other, known))
-        if guess is None and _worth(field) < _ENOUGH_SHARE:
-            field = max(field, bridge(current.classical, other.classical), key=_worth)
-            if _worth(field) < _NOTHING_SHARE:
-                field = max(field, self._look_around(current, other), key=_worth)
+            known = field if _worth(field) >= NOTHING_SHARE else coarse
+            field = surer_of_each(field, self._look_again(current, other, known))
         if guess is None:
-            field = _search_lines(current, other, field)
-        if _worth(field) >= _NOTHING_SHARE:
+            field = self._bridge(current, other, field)
+            field = search_lines(current.classical, other.classical, field)
+        if _worth(field) >= NOTHING_SHARE:
             return field
         return FlowField(coarse.flow, np.float32(_UNCONFIRMED) * coarse.confidence)
 
@@ -151,8 +138,25 @@ class HybridMatcher:
         if holds(again, guess):
             return again
         left = carry_on(current.classical, other.classical, guess)
-        field = again if left is None else _surer_of_each(left, again)
+        field = again if left is None else surer_of_each(left, again)
         return field if sure_share(field) >= _LEFT_SHARE else None
+
+    def _bridge(self, current: HybridPicture, other: HybridPicture, found: FlowField) -> FlowField:
+        """Best of what the network has found, what features lead to, and what other views show."""
+        starts = feature_starts(current.classical, other.classical)
+        others = (self._from_start(current, other, start) for start in starts)
+        field = best_match(itertools.chain([found], others), current.classical.grey) or found
+        if _worth(field) < NOTHING_SHARE:
+            field = max(field, self._look_around(current, other), key=_worth)
+        return field
+
+    def _from_start(
+        self, current: HybridPicture, other: HybridPicture, start: Float32Array
+    ) -> FlowField:
+        """Flow from where features lead to: refined, and seen by the network; the surer of each."""
+        refined = refine_twice(current.classical, other.classical, start)
+        known = FlowField(start, np.ones(current.size, np.float32))
+        return surer_of_each(refined, self._look_again(current, other, known))
 
     def _look_again(
         self, current: HybridPicture, other: HybridPicture, known: FlowField
@@ -161,12 +165,12 @@ class HybridMatcher:
 
         Without any confidence where too little is known to warp by, or too little comes of it.
         """
-        nothing = _unsure(known)
-        motion = smooth_motion(known)
+        nothing = unsure(known)
+        motion = motion_of(known)
         if motion is None:
             return nothing
         start = motion.flow()
-        warped = self._network.prepare(sample(other.image, pixel_grid(current.size) + start))
+        warped = self._network.prepare(bring(other.classical.image, start))
         left = self._ask(current.features, warped)
         flow = compose(left.flow, start)
         found = FlowField(flow, left.confidence * stays_inside(flow))
@@ -195,48 +199,16 @@ class HybridMatcher:
 
 def _refine(current: ClassicalPicture, other: ClassicalPicture, coarse: FlowField) -> FlowField:
     """Refine, and once more, from what the first time made precise, where much is unsure."""
-    nothing = _unsure(coarse)
+    nothing = unsure(coarse)
     first = refit(current, other, coarse) or nothing
     if sure_share(first) >= _SETTLED_SHARE:
         return first
-    return _surer(refit(current, other, first) or nothing, first)
+    return surer(refit(current, other, first) or nothing, first)
 
 
 def _worth(field: FlowField) -> float:
     """Share of sure pixels; less where no motion of a camera explains them, as chance matches."""
-    return sure_share(field) * (1.0 if fit_epipolar(field) is not None else _UNEXPLAINED)
-
-
-def _search_lines(current: HybridPicture, other: HybridPicture, field: FlowField) -> FlowField:
-    """Search what is unsure along epipolar lines, and again if that is much; refine it."""
-    for enough in (_WHOLE_SHARE, _SETTLED_SHARE):
-        if not _NOTHING_SHARE <= sure_share(field) < enough:
-            break
-        swept = plane_sweep(current.image, other.image, field)
-        if swept is None:
-            break
-        found = refine(current.classical.grey, other.classical.grey, swept.flow)
-        trust = np.float32(_ON_LINES * min(1.0, sure_share(field) / _LINES_SHARE))
-        confidence = trust * found.confidence * swept.confidence
-        field = _surer_of_each(field, FlowField(found.flow, confidence))
-    return field
-
-
-def _surer(first: FlowField, second: FlowField) -> FlowField:
-    """Return the flow that more of the picture is sure of."""
-    return max(first, second, key=sure_share)
-
-
-def _surer_of_each(first: FlowField, second: FlowField) -> FlowField:
-    """Return the surer of two flows pixel by pixel."""
-    better = second.confidence > first.confidence
-    flow = np.where(better[..., None], second.flow, first.flow)
-    return FlowField(flow, np.maximum(first.confidence, second.confidence))
-
-
-def _unsure(field: FlowField) -> FlowField:
-    """Return a flow without any confidence in it."""
-    return FlowField(field.flow, np.zeros_like(field.confidence))
+    return sure_share(field) * agreement(field)
 
 
 def _check_pair(current: Prepared, other: Prepared) -> tuple[HybridPicture, HybridPicture]:

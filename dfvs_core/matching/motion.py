@@ -14,9 +14,10 @@ import cv2
 import numpy as np
 
 from dfvs_core.arrays import Float32Array, FloatArray
+from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.features import Matches
 from dfvs_core.matching.products import inner_product, outer_product, product
-from dfvs_core.matching.warping import homography_flow
+from dfvs_core.matching.warping import homography_flow, pixel_grid
 
 _CELLS = (8, 6)
 _BENDING = 0.06
@@ -32,6 +33,8 @@ _FIRST_SCALE_PX = 40.0
 _NOISE_PX = 2.0
 _PERSPECTIVE_PER_UNIT = 0.15
 _STRETCH = 0.3
+_SAMPLE_STRIDE_PX, _SAMPLE_CONFIDENCE = 16, 0.3
+_FEWEST_SAMPLES = 12
 _IDENTITY = np.array([1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0])
 
 
@@ -58,6 +61,23 @@ class SmoothMotion:
         rows = [product(along_v, np.ascontiguousarray(nodes[..., k])) for k in (0, 1)]
         bend = cv2.merge([outer_product(row, along_u) for row in rows])
         return homography_flow(self.homography, self.size) + bend.astype(np.float32)
+
+
+def motion_of(field: FlowField) -> SmoothMotion | None:
+    """Smooth motion fitted to what is trusted of a flow; None if that is little."""
+    samples = _sample_flow(field)
+    if len(samples) < _FEWEST_SAMPLES:
+        return None
+    height, width = field.confidence.shape
+    return fit_motion(samples, (height, width))
+
+
+def _sample_flow(field: FlowField) -> Matches:
+    """Take the trusted vectors of a flow, a few hundred on a regular grid, as matches."""
+    grid = (slice(_SAMPLE_STRIDE_PX // 2, None, _SAMPLE_STRIDE_PX),) * 2
+    trusted = field.confidence[grid] > _SAMPLE_CONFIDENCE
+    points = pixel_grid(field.confidence.shape[:2])[grid][trusted]
+    return Matches(points, points + field.flow[grid][trusted])
 
 
 def fit_motion(matches: Matches, size: tuple[int, int]) -> SmoothMotion:

@@ -20,7 +20,7 @@ from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.epipolar import EpipolarGeometry, fit_epipolar, sure_points
 from dfvs_core.matching.semi_global import smooth_costs
-from dfvs_core.matching.warping import pixel_grid, sample
+from dfvs_core.matching.warping import landing_places, pixel_grid, sample
 
 _WORKING_WIDTH_PX = 160
 _REACH, _STEP = 0.25, 0.01
@@ -120,13 +120,7 @@ def _in_colours_of(current: ImageArray, other: ImageArray, field: FlowField) -> 
 
 def _taken(field: FlowField) -> Float32Array:
     """(H, W) in the other picture: 1 where the sure flow leads to, holes closed, borders off."""
-    height, width = field.confidence.shape
-    sure = field.confidence > _SURE
-    u, v = np.round(pixel_grid((height, width))[sure] + field.flow[sure]).astype(np.intp).T
-    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
-    taken = np.zeros((height, width), np.uint8)
-    taken[v[inside], u[inside]] = 1
-    closed = cv2.morphologyEx(taken, cv2.MORPH_CLOSE, _TAKEN_BORDER)
+    closed = cv2.morphologyEx(landing_places(field, _SURE), cv2.MORPH_CLOSE, _TAKEN_BORDER)
     return np.asarray(cv2.erode(closed, _TAKEN_BORDER), np.float32)
 
 

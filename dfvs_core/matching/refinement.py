@@ -10,7 +10,7 @@ import numpy as np
 from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.trust import looks_alike, returns, stays_inside
-from dfvs_core.matching.warping import compose, lands_inside, pixel_grid, sample
+from dfvs_core.matching.warping import bring, compose, lands_inside, pixel_grid, sample
 
 _ROAM_PX = 4.0
 
@@ -49,7 +49,7 @@ def _refine(
     way_back: cv2.DISOpticalFlow,
 ) -> FlowField:
     at = pixel_grid(current.shape[:2])
-    aligned = _fit_brightness(current, sample(other, at + start), lands_inside(start))
+    aligned = _fit_brightness(current, bring(other, start), lands_inside(start))
     there = _search(way_there, current, aligned)
     back = _search(way_back, aligned, current)
     flow = compose(there, start)

@@ -14,6 +14,10 @@ import cv2
 import numpy as np
 
 from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
+from dfvs_core.correspondence import FlowField
+
+_CELL_PX, _FEWEST_CELLS = 16, 4
+_NOTABLE_SHRINKAGE, _MOST_SHRINKAGE = 1.25, 6.0
 
 Values = TypeVar("Values", ImageArray, Float32Array)
 
@@ -38,6 +42,29 @@ def sample(values: Values, at: Float32Array) -> Values:
     return cast(Values, out)
 
 
+def bring(values: Values, flow: Float32Array) -> Values:
+    """Values (H, W[, C]) of the other picture, brought by the flow (H, W, 2) to where it begins.
+
+    What becomes much smaller on the way is smoothed first, or it would come as chance has it.
+    """
+    shrinks = min(_shrinkage(flow), _MOST_SHRINKAGE)
+    if shrinks > _NOTABLE_SHRINKAGE:
+        sigma_px = 0.5 * math.sqrt(shrinks * shrinks - 1.0)
+        values = cast(Values, cv2.GaussianBlur(values, (0, 0), sigma_px))
+    return sample(values, pixel_grid(flow.shape[:2]) + flow)
+
+
+def _shrinkage(flow: Float32Array) -> float:
+    """How many times smaller the other picture is where the flow leads into it, in the median."""
+    corners = (pixel_grid(flow.shape[:2]) + flow)[::_CELL_PX, ::_CELL_PX]
+    inside = lands_inside(flow)[::_CELL_PX, ::_CELL_PX][:-1, :-1]
+    if np.count_nonzero(inside) < _FEWEST_CELLS:
+        return 1.0
+    right, down = corners[:-1, 1:] - corners[:-1, :-1], corners[1:, :-1] - corners[:-1, :-1]
+    area = right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0]
+    return math.sqrt(float(np.median(np.abs(area[inside])))) / _CELL_PX
+
+
 def compose(first: Float32Array, second: Float32Array) -> Float32Array:
     """Flow (H, W, 2) that follows ``first``, then ``second`` from where that leads."""
     return first + sample(second, pixel_grid(first.shape[:2]) + first)
@@ -50,6 +77,17 @@ def lands_inside(flow: Float32Array) -> BoolArray:
     u, v = at[..., 0], at[..., 1]
     inside: BoolArray = (u >= -0.5) & (v >= -0.5) & (u <= width - 0.5) & (v <= height - 0.5)
     return inside
+
+
+def landing_places(field: FlowField, least_confidence: float) -> ImageArray:
+    """(H, W) uint8 in the other picture: 1 where what is surer than this leads to, else 0."""
+    height, width = field.confidence.shape
+    sure = field.confidence > least_confidence
+    u, v = np.round(pixel_grid((height, width))[sure] + field.flow[sure]).astype(np.intp).T
+    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
+    places = np.zeros((height, width), np.uint8)
+    places[v[inside], u[inside]] = 1
+    return places
 
 
 def homography_flow(H: FloatArray, size: tuple[int, int]) -> Float32Array:
