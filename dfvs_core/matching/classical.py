@@ -70,10 +70,8 @@ class ClassicalMatcher:
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
-        if guess is not None:
-            return bridge(current, other)
-        found = start_near(current, other) or bridge(current, other)
-        return search_lines(current, other, found)
+        near = start_near(current, other) if guess is None else None
+        return search_lines(current, other, near or bridge(current, other))
 
     def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
         """Flow by a good guess alone; see :class:`Matcher`."""
@@ -151,7 +149,7 @@ def bridge(current: ClassicalPicture, other: ClassicalPicture) -> FlowField:
 
 def feature_starts(current: ClassicalPicture, other: ClassicalPicture) -> Iterator[Float32Array]:
     """Flows (H, W, 2) to begin with, of one surface each, by features; made as asked for."""
-    return surface_flows(current.features, other.features, current.size)
+    yield from surface_flows(current.features, other.features, current.size)
 
 
 def refine_twice(

@@ -7,8 +7,9 @@ from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, textu
 
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
-from dfvs_core.matching.classical import ClassicalMatcher, sure_share
+from dfvs_core.matching.classical import ClassicalMatcher
 from dfvs_core.matching.matcher import Prepared, follow
+from dfvs_core.matching.sureness import sure_share
 
 MATCHER = ClassicalMatcher()
 FAR = turned(roll_deg=35.0, zoom=1.25, shift=(30.0, -20.0), perspective=(4e-4, -3e-4))
