@@ -90,6 +90,10 @@ class GoalTracker:
         if look is not None:
             self._last, self._failed = look, 0
 
+    def forget(self) -> None:
+        """Begin anew: what was seen was not the goal."""
+        self._last, self._failed = None, 0
+
     def match(
         self,
         prepared: Prepared,

@@ -19,6 +19,7 @@ from dfvs_core.depth.keyframes import choose_earlier
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.goal import Goal
 from dfvs_core.goal_tracker import GoalTracker, GoodLook
+from dfvs_core.likeness import PlaceWatch
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.outcome import STAGES, FrameOutcome
 from dfvs_core.poses import invert_pose, so3_log
@@ -90,6 +91,7 @@ class Pipeline:
         self._kept: deque[KeptFrame] = deque(maxlen=KEPT_FRAMES)
         self._state = ServoState()
         self._tracker = self._make_tracker()
+        self._place = PlaceWatch(task.config.min_likeness)
         self._depth_m = task.config.constant_depth_m
         self._digested_ns = 0
         self._is_depth_new = False
@@ -113,6 +115,7 @@ class Pipeline:
         self._goal = goal
         self._state = ServoState(depth=self._state.depth, depth_map=self._state.depth_map)
         self._tracker = self._make_tracker()
+        self._place = PlaceWatch(task.config.min_likeness)
 
     def _make_tracker(self) -> GoalTracker:
         task = self._task
@@ -181,6 +184,7 @@ class Pipeline:
             nothing = np.zeros_like(result.velocity)
             verdict = Verdict.WRONG_COLOURS
             result = replace(result, verdict=verdict, velocity=nothing, reached=False)
+        result = self._place.judge(result, frame.image, flow, frame.t_capture_ns)
         marks.append(self._tick())
         self._remember(inputs, prepared, T_world_camera, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
@@ -279,5 +283,8 @@ class Pipeline:
             T_goal_current = real_pose(self._task, inputs.attitude, T_current_goal)
             look = GoodLook(inputs.t_capture_ns, inputs.flow, T_goal_current, T_world_camera)
         self._tracker.remember(look)
+        if result.verdict is Verdict.MISTAKEN:
+            self._tracker.forget()
+            self._state = replace(self._state, T_current_goal=None)
         if result.depth_m > 0:
             self._depth_m = result.depth_m

@@ -5,11 +5,12 @@ inverse search is the other way round. So the flow of the frame before, or the c
 moved, is tried first. Where neither holds the network is run and its flow refined: first on the
 other picture warped by the flow of the frame before, then on the picture as it is. Where much of
 that is unsure, the network looks again, at the picture warped by what was found: what is left of
-the motion is small, and it is at its best there. Where little is sure even then, features are
-matched too; and where nothing comes of them, in a first match, the network is shown the picture
-turned, and nearer or further off. The surest result is taken, and the network's own flow where none
-is sure of anything. What is unsure in a first match is searched along epipolar lines at last: most
-often that is another surface than the one that was found.
+the motion is small, and it is at its best there. In a first match that is not clear then, features
+are matched too: one surface after the other is refined, and the network looks from there; what
+most speaks for is taken. Where nothing comes of them either, the network is shown the picture
+turned, and nearer or further off, and its own flow is taken where none is sure of anything. What a
+first match is unsure of is searched along epipolar lines at last: most often that is another
+surface than the one that was found.
 """
 
 from __future__ import annotations

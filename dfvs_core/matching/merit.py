@@ -14,11 +14,12 @@ from collections.abc import Iterable
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, ImageArray
+from dfvs_core.arrays import ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.epipolar import fit_epipolar
 from dfvs_core.matching.motion import motion_of
 from dfvs_core.matching.sureness import sure_share
+from dfvs_core.matching.texture import has_texture
 from dfvs_core.matching.warping import landing_places, lands_inside
 
 CLEAR_MERIT = 0.12
@@ -26,9 +27,7 @@ CLEAR_MERIT = 0.12
 _SURE = 0.5
 _UNEXPLAINED = 0.5
 """Factor for what agrees on no epipolar lines."""
-_TEXTURE_GREY = 15.0
-"""Size of Sobel's gradient, in the mean around a point, from which on it has texture."""
-_TEXTURE_PX, _HOLES_PX = 9, 9
+_HOLES_PX = 9
 
 
 def best_match(fields: Iterable[FlowField], grey: ImageArray) -> FlowField | None:
@@ -72,10 +71,3 @@ def reached_share(field: FlowField) -> float:
     """Share of the other picture that the sure flow leads to."""
     holes = np.ones((_HOLES_PX, _HOLES_PX), np.uint8)
     return float(cv2.morphologyEx(landing_places(field, _SURE), cv2.MORPH_CLOSE, holes).mean())
-
-
-def has_texture(grey: ImageArray) -> BoolArray:
-    """(H, W): whether there is something around a pixel that could be matched."""
-    u, v = (cv2.Sobel(grey, cv2.CV_32F, *order) for order in ((1, 0), (0, 1)))
-    mean = cv2.blur(u * u + v * v, (_TEXTURE_PX, _TEXTURE_PX))
-    return np.asarray(mean > _TEXTURE_GREY**2)

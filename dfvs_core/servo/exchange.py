@@ -20,6 +20,7 @@ class Verdict(enum.Enum):
     NO_AGREEMENT = "the correspondences do not agree on one motion"
     DEGENERATE = "the view does not determine every direction of motion"
     WRONG_COLOURS = "red and blue are exchanged against the goal picture"
+    MISTAKEN = "what counts as the goal here does not look like the goal picture"
     STUCK = "the error has not fallen for too long"
 
 
