@@ -18,8 +18,9 @@ from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.texture import has_texture
 from dfvs_core.servo.exchange import ServoResult, Verdict
 
-NEAR_SHARE = 0.03
-"""Feature error, as a share of the picture's width, under which the view should be the goal's."""
+NEAR_RAD = 0.05
+"""Angle to the goal, and distance over depth, that together bring as much of a change of the view:
+where they are less, the view should be the goal picture."""
 
 PATIENCE_NS = 1_000_000_000
 """So long somebody may walk through the view."""
@@ -64,8 +65,7 @@ class PlaceWatch:
         """Result of a frame, not reached where the view is unlike; a mistake if it stays so."""
         if result.verdict is not Verdict.OK:
             return result
-        is_near = result.feature_error_px < NEAR_SHARE * image.shape[1]
-        if not is_near or likeness(image, flow) >= self._least:
+        if not _is_near(result) or likeness(image, flow) >= self._least:
             self._unlike_since_ns = None
             return result
         if self._unlike_since_ns is None:
@@ -75,3 +75,8 @@ class PlaceWatch:
         self._unlike_since_ns = None
         nothing = np.zeros_like(result.velocity)
         return replace(result, verdict=Verdict.MISTAKEN, velocity=nothing, reached=False)
+
+
+def _is_near(result: ServoResult) -> bool:
+    """Tell whether by its own account a frame was taken so near that it looks like the goal."""
+    return result.error_rad + result.error_m / max(result.depth_m, 1e-3) < NEAR_RAD

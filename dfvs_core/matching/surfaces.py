@@ -18,7 +18,7 @@ from dfvs_core.matching.features import Features, Matches, match_features
 from dfvs_core.matching.motion import fit_motion
 
 _RATIO = 0.9
-_MOST_SURFACES = 5
+_MOST_SURFACES = 3
 _FEWEST_OF_SURFACE, _FEWEST_OF_ALL = 6, 8
 _MISS_PX = 4.0
 _CERTAINTY, _ROUNDS = 0.999, 3000
