@@ -7,16 +7,14 @@ other picture warped by the flow of the frame before, then on the picture as it 
 that is unsure, the network looks again, at the picture warped by what was found: what is left of
 the motion is small, and it is at its best there. In a first match that is not clear then, features
 are matched too: one surface after the other is refined, and the network looks from there; what
-most speaks for is taken. Where nothing comes of them either, the network is shown the picture
-turned, and nearer or further off, and its own flow is taken where none is sure of anything. What a
-first match is unsure of is searched along epipolar lines at last: most often that is another
-surface than the one that was found.
+most speaks for is taken, and the network's own flow where none is sure of anything. What a first
+match is unsure of is searched along epipolar lines at last: most often that is another surface than
+the one that was found.
 """
 
 from __future__ import annotations
 
 import itertools
-import math
 from functools import cached_property
 
 import numpy as np
@@ -41,14 +39,10 @@ from dfvs_core.matching.merit import agreement, best_match
 from dfvs_core.matching.motion import motion_of
 from dfvs_core.matching.sureness import sure_share, surer, surer_of_each, unsure
 from dfvs_core.matching.trust import returns, stays_inside
-from dfvs_core.matching.warping import bring, compose, similarity_flow
+from dfvs_core.matching.warping import bring, compose
 
 _SETTLED_SHARE = 0.65
 """Share of sure pixels from which on nothing is looked at or refined a second time."""
-_FOUND_SHARE = 0.1
-"""Share of sure pixels that ends the looking around."""
-_VIEWS = ((1.0, -40.0), (1.0, 40.0), (0.6, -30.0), (0.6, 30.0), (1.5, -30.0), (1.5, 30.0))
-"""Scales and turns, degrees, that the network hardly bridges by itself, and is shown in turn."""
 _LEFT_SHARE = 0.05
 """Share of sure pixels that a flight goes on by."""
 _UNCONFIRMED = 0.5
@@ -101,29 +95,31 @@ class HybridMatcher:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
         if guess is None:
-            near = start_near(current.classical, other.classical)
-        else:
-            near = self._match_from(current, other, guess)
-        if near is not None:
-            if guess is not None:
-                return near
-            return search_lines(current.classical, other.classical, near)
+            return self._match_first(current, other)
+        followed = self._match_from(current, other, guess)
+        if followed is not None:
+            return followed
         coarse = self._ask(current.features, other.features)
-        field = _refine(current.classical, other.classical, coarse)
-        if guess is None and sure_share(field) < _SETTLED_SHARE:
-            known = field if _worth(field) >= NOTHING_SHARE else coarse
-            field = surer_of_each(field, self._look_again(current, other, known))
-        if guess is None:
-            field = self._bridge(current, other, field)
-            field = search_lines(current.classical, other.classical, field)
-        if _worth(field) >= NOTHING_SHARE:
-            return field
-        return FlowField(coarse.flow, np.float32(_UNCONFIRMED) * coarse.confidence)
+        return _confirmed(_refine(current.classical, other.classical, coarse), coarse)
 
     def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
         """Flow by a good guess alone, without the network; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
         return self._classical.track(current.classical, other.classical, guess)
+
+    def _match_first(self, current: HybridPicture, other: HybridPicture) -> FlowField:
+        """Match two pictures about whose relation nothing is known."""
+        field = start_near(current.classical, other.classical)
+        if field is not None:
+            return search_lines(current.classical, other.classical, field)
+        coarse = self._ask(current.features, other.features)
+        field = _refine(current.classical, other.classical, coarse)
+        if sure_share(field) < _SETTLED_SHARE:
+            known = field if _worth(field) >= NOTHING_SHARE else coarse
+            field = surer_of_each(field, self._look_again(current, other, known))
+        field = self._bridge(current, other, field)
+        field = search_lines(current.classical, other.classical, field)
+        return _confirmed(field, coarse)
 
     def _match_from(
         self, current: HybridPicture, other: HybridPicture, guess: FlowField
@@ -143,13 +139,11 @@ class HybridMatcher:
         return field if sure_share(field) >= _LEFT_SHARE else None
 
     def _bridge(self, current: HybridPicture, other: HybridPicture, found: FlowField) -> FlowField:
-        """Best of what the network has found, what features lead to, and what other views show."""
+        """Take what the network has found, or what features lead to, if more speaks for that."""
         starts = feature_starts(current.classical, other.classical)
         others = (self._from_start(current, other, start) for start in starts)
-        field = best_match(itertools.chain([found], others), current.classical.grey) or found
-        if _worth(field) < NOTHING_SHARE:
-            field = max(field, self._look_around(current, other), key=_worth)
-        return field
+        fields = itertools.chain([found], others)
+        return best_match(fields, current.classical.grey) or found
 
     def _from_start(
         self, current: HybridPicture, other: HybridPicture, start: Float32Array
@@ -177,17 +171,6 @@ class HybridMatcher:
         found = FlowField(flow, left.confidence * stays_inside(flow))
         return refit(current.classical, other.classical, found) or nothing
 
-    def _look_around(self, current: HybridPicture, other: HybridPicture) -> FlowField:
-        """Flow by what the network sees of the other picture turned, and nearer or further off."""
-        fields = []
-        for scale, turn_deg in _VIEWS:
-            view = similarity_flow(scale, math.radians(turn_deg), current.size)
-            known = FlowField(view, np.ones(current.size, np.float32))
-            fields.append(self._look_again(current, other, known))
-            if _worth(fields[-1]) >= _FOUND_SHARE:
-                break
-        return max(fields, key=_worth)
-
     def _ask(self, current: Prepared, other: Prepared) -> FlowField:
         """Flow of the network between its features, and how far it can be trusted."""
         there = self._network.match(current, other)
@@ -210,6 +193,13 @@ def _refine(current: ClassicalPicture, other: ClassicalPicture, coarse: FlowFiel
 def _worth(field: FlowField) -> float:
     """Share of sure pixels; less where no motion of a camera explains them, as chance matches."""
     return sure_share(field) * agreement(field)
+
+
+def _confirmed(field: FlowField, coarse: FlowField) -> FlowField:
+    """Return what refinement has made of a network's flow; that itself, unsure, if nothing."""
+    if _worth(field) >= NOTHING_SHARE:
+        return field
+    return FlowField(coarse.flow, np.float32(_UNCONFIRMED) * coarse.confidence)
 
 
 def _check_pair(current: Prepared, other: Prepared) -> tuple[HybridPicture, HybridPicture]:

@@ -95,12 +95,3 @@ def homography_flow(H: FloatArray, size: tuple[int, int]) -> Float32Array:
     grid = pixel_grid(size)
     moved = cv2.perspectiveTransform(grid.reshape(-1, 1, 2), H)
     return np.asarray(moved, dtype=np.float32).reshape(grid.shape) - grid
-
-
-def similarity_flow(scale: float, turn_rad: float, size: tuple[int, int]) -> Float32Array:
-    """Flow (H, W, 2) of a turn (from u to v) and a scale about the middle of the picture."""
-    height, width = size
-    c, s = scale * math.cos(turn_rad), scale * math.sin(turn_rad)
-    u, v = 0.5 * (width - 1), 0.5 * (height - 1)
-    H = np.array([[c, -s, u - c * u + s * v], [s, c, v - s * u - c * v], [0.0, 0.0, 1.0]])
-    return homography_flow(H, size)
