@@ -79,7 +79,11 @@ class ClassicalMatcher:
         if not usable(guess, current.size):
             return None
         field = carry_on(current, other, guess)
-        return field if field is not None and holds(field, guess) else None
+        if field is None or holds(field, guess):
+            return field
+        # where little is sure noise shakes its fit; what came of that often fits better
+        again = carry_on(current, other, field)
+        return again if again is not None and holds(again, guess) else None
 
 
 def _check_pair(current: Prepared, other: Prepared) -> tuple[ClassicalPicture, ClassicalPicture]:
