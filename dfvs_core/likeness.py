@@ -79,4 +79,4 @@ class PlaceWatch:
 
 def _is_near(result: ServoResult) -> bool:
     """Tell whether by its own account a frame was taken so near that it looks like the goal."""
-    return result.error_rad + result.error_m / max(result.depth_m, 1e-3) < NEAR_RAD
+    return result.error_rad + result.distance_over_depth < NEAR_RAD

@@ -51,7 +51,7 @@ def make_report(frame: Frame, result: ServoResult) -> PerceptionReport:
         error_m=_finite(result.error_m),
         error_rad=_finite(result.error_rad),
         overlap=result.overlap,
-        feature_error=_finite(result.scale_free_error),
+        feature_error=_finite(result.feature_error),
     )
 
 

@@ -285,6 +285,6 @@ class Pipeline:
         self._tracker.remember(look)
         if result.verdict is Verdict.MISTAKEN:
             self._tracker.forget()
-            self._state = replace(self._state, T_current_goal=None)
+            self._state = replace(self._state, T_current_goal=None, reference=None)
         if result.depth_m > 0:
             self._depth_m = result.depth_m

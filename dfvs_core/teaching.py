@@ -40,9 +40,9 @@ def judge(result: ServoResult, limits: TeachLimits, full_overlap: float) -> Less
     """
     if result.verdict is not Verdict.OK and result.verdict is not Verdict.STUCK:
         return Lesson.LOST
-    if result.scale_free_error < limits.stillness:
+    distance = result.distance_over_depth
+    if distance + result.error_rad < limits.stillness:
         return Lesson.NEAR
-    distance = max(result.scale_free_error - result.error_rad, 0.0)
     far = distance > limits.distance or result.error_rad > limits.turn_rad
     is_leaving = result.overlap < limits.overlap * full_overlap
     return Lesson.DUE if far or is_leaving else Lesson.NEAR

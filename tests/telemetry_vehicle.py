@@ -153,7 +153,7 @@ class TelemetryVehicle:
             error_m=0.86 * left + 0.01 + 0.2 * abs(wobble),
             error_rad=0.3 * left + 0.1 * abs(wobble),
             feature_error_px=60.0 * left,
-            scale_free_error=0.4 * left,
+            feature_error=0.4 * left,
             residual_px=0.4 + 4 * abs(wobble),
             inlier_share=0.93 - abs(wobble) - 0.2 * left,
             overlap=0.9 - 0.4 * left,

@@ -55,12 +55,17 @@ class GateTiming:
     hold_ns: int = 3 * S
     reached_ns: int = 1 * S
     proof_ns: int = 600 * MS
-    """Time from the vehicle's first motion until the error must have fallen."""
+    """Time from the vehicle's first motion until the error should have fallen."""
     proof_limit_ns: int = 3 * S
     """Time for the vehicle to begin to move as asked."""
     mode_known_ns: int = 1500 * MS
     """A heartbeat older than this says nothing about the mode any more."""
     order_valid_ns: int = 5 * S
+
+    @property
+    def last_proof_ns(self) -> int:
+        """Time from the vehicle's first motion until the error must have fallen."""
+        return self.proof_ns * 4 // 3
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,7 +8,10 @@ from dataclasses import dataclass, field
 from dfvs_core.arrays import FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.source import DepthState
+from dfvs_core.servo.feature_error import Reference
 from dfvs_core.servo.stop import StopState
+
+_LEAST_DEPTH_M = 1e-3
 
 
 class Verdict(enum.Enum):
@@ -86,6 +89,7 @@ class ServoState:
     depth_map: DepthMap | None = None
     T_current_goal: FloatArray | None = None
     stop: StopState = field(default_factory=StopState)
+    reference: Reference | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -104,9 +108,10 @@ class ServoResult:
         Length of the translation and angle of the rotation in ``motion``.
     feature_error_px : float
         Weighted median length of the flow to the goal, after taking both views level.
-    scale_free_error : float
-        Distance over depth plus angle, with all points taken at the same depth: it falls whenever
-        the vehicle nears the goal, while ``error_m`` may jump as depth becomes known.
+    feature_error : float
+        The same in normalised units, of the same features from frame to frame while engaged
+        (:mod:`dfvs_core.servo.feature_error`): what comes into view does not change it, and
+        ``error_m`` may jump as depth becomes known.
     residual_px : float
         Weighted median reprojection error of the estimated motion.
     inlier_share, overlap : float
@@ -125,10 +130,15 @@ class ServoResult:
     error_m: float
     error_rad: float
     feature_error_px: float
-    scale_free_error: float
+    feature_error: float
     residual_px: float
     inlier_share: float
     overlap: float
     condition: float
     depth_m: float
     reached: bool
+
+    @property
+    def distance_over_depth(self) -> float:
+        """Distance to the goal over the scene's depth, whose scale need not be known for it."""
+        return self.error_m / max(self.depth_m, _LEAST_DEPTH_M)

@@ -20,11 +20,12 @@ from dfvs_core.servo.exchange import (
     ServoState,
     Verdict,
 )
+from dfvs_core.servo.feature_error import Reference, feature_error
 from dfvs_core.servo.law import NormalEquations
 from dfvs_core.servo.level import level_points
 from dfvs_core.servo.motion import distance_and_angle, find_goal, wanted_motion
 from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
-from dfvs_core.servo.pose import GoalPose, estimate_goal_pose
+from dfvs_core.servo.pose import GoalPose
 from dfvs_core.servo.stop import (
     ErrorScore,
     StopState,
@@ -67,14 +68,14 @@ def servo_step(
     points = level_points(task, inputs.attitude, points)
     trusted = points.weight > task.config.min_confidence
     overlap = float(trusted.sum()) / samples.confidence.size
-    state = ServoState(depth_state, depth, state.T_current_goal, state.stop)
+    state = replace(state, depth=depth_state, depth_map=depth)
     if overlap < task.config.min_overlap or trusted.sum() < _MIN_POINTS:
         return _refused(task, Verdict.NO_OVERLAP, overlap), state
     points = points.select(trusted)
 
     # 3. Find where the goal is, and who is out of line.
     pose = find_goal(task, points, state.T_current_goal)
-    matched = points
+    left, reference = _feature_error(task, state, inputs, points)
     points = replace(points, weight=pose.weight)
 
     # 4. Solve for the motion, and make a velocity of it.
@@ -83,10 +84,7 @@ def servo_step(
 
     # 5. Judge.
     error_m, error_rad = distance_and_angle(task, pose)
-    scale_free_error = _scale_free_error(task, matched)
-    score = ErrorScore(
-        inputs.t_capture_ns, error_score(error_m, error_rad, task.config), scale_free_error
-    )
+    score = ErrorScore(inputs.t_capture_ns, error_score(error_m, error_rad, task.config), left)
     stop = update_stop(state.stop, score, inputs.engaged)
     feature_error_px = _feature_error_px(task, points)
     verdict = _judge(task, pose, equations, feature_error_px, stop)
@@ -100,7 +98,7 @@ def servo_step(
         error_m=error_m,
         error_rad=error_rad,
         feature_error_px=feature_error_px,
-        scale_free_error=scale_free_error,
+        feature_error=left,
         residual_px=residual_px,
         inlier_share=pose.inlier_share,
         overlap=overlap,
@@ -108,7 +106,7 @@ def servo_step(
         depth_m=weighted_median(points.z_m, points.weight),
         reached=flown and residual_px < task.config.tolerance_px and is_reached(stop, speed, asked),
     )
-    return result, ServoState(depth_state, depth, pose.T_current_goal, stop)
+    return result, ServoState(depth_state, depth, pose.T_current_goal, stop, reference)
 
 
 def _judge(
@@ -142,7 +140,7 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
         error_m=unknown,
         error_rad=unknown,
         feature_error_px=unknown,
-        scale_free_error=unknown,
+        feature_error=unknown,
         residual_px=unknown,
         inlier_share=0.0,
         overlap=overlap,
@@ -152,16 +150,12 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
     )
 
 
-def _scale_free_error(task: ServoTask, points: ServoPoints) -> float:
-    """Distance over depth plus angle to the goal, of a scene taken for a wall at one metre.
-
-    Of all that was matched: who is out of line with the true scene changes as its depth is learnt.
-    """
-    ones = np.ones(len(points.xy))
-    wall = replace(points, z_m=ones, depth_spread=0.0 * ones)
-    noise = task.config.flow_noise_px / task.camera.fx
-    distance, angle = distance_and_angle(task, estimate_goal_pose(wall, task.basis, noise))
-    return distance + angle
+def _feature_error(
+    task: ServoTask, state: ServoState, inputs: ServoInputs, points: ServoPoints
+) -> tuple[float, Reference]:
+    """Of all that was matched: who is out of line changes as depth is learnt."""
+    cell_size = task.config.stride_px / task.goal.camera.fx
+    return feature_error(points, cell_size, state.reference if inputs.engaged else None)
 
 
 def _feature_error_px(task: ServoTask, points: ServoPoints) -> float:

@@ -23,14 +23,13 @@ _LEFT_ALONE_M_S = 0.03
 class ErrorScore:
     """The error of one frame in units of the tolerance: 1 is just good enough.
 
-    ``scale_free`` is the same error as it would be in front of a wall at one metre. It does not
-    change when the depth is learnt, as ``score`` does: a start that looked a hand's breadth away
-    may turn out to be a metre away, and flying that metre is progress.
+    ``feature_error`` does not change when the depth is learnt, as ``score`` does: a start that
+    looked a hand's breadth away may turn out to be a metre away, and flying that metre is progress.
     """
 
     t_ns: int
     score: float
-    scale_free: float
+    feature_error: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -39,7 +38,7 @@ class Progress:
 
     t_ns: int
     score: float
-    scale_free: float
+    feature_error: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -60,18 +59,18 @@ def update_stop(state: StopState, now: ErrorScore, engaged: bool) -> StopState:
     since = now.t_ns - SETTLE_WINDOW_NS
     recent = (*(s for s in state.recent if s.t_ns >= since), now)
     if not engaged or state.progress is None:
-        return StopState(recent, Progress(now.t_ns, now.score, now.scale_free))
+        return StopState(recent, Progress(now.t_ns, now.score, now.feature_error))
     return StopState(recent, _advance(state.progress, now))
 
 
 def _advance(progress: Progress, now: ErrorScore) -> Progress:
     """Lower each smallest error that was clearly undercut; either one is progress."""
     nearer = now.score < _PROGRESS_FACTOR * progress.score
-    alike = now.scale_free < _PROGRESS_FACTOR * progress.scale_free
+    alike = now.feature_error < _PROGRESS_FACTOR * progress.feature_error
     return Progress(
         t_ns=now.t_ns if nearer or alike else progress.t_ns,
         score=now.score if nearer else progress.score,
-        scale_free=now.scale_free if alike else progress.scale_free,
+        feature_error=now.feature_error if alike else progress.feature_error,
     )
 
 

@@ -27,11 +27,12 @@ class PerceptionReport:
     frame. ``healthy`` says that it may be flown; where it is false ``reason`` says why not.
     ``reached`` says that the frame shows the goal within tolerance. ``lost`` says that the goal
     cannot be reached any more (wrong goal, no progress), which aborts. ``overlap`` is the share
-    of the current view that shows the goal, 0 to 1. ``feature_error`` is the distance
-    over the scene's depth plus the angle, free of what is believed about depth: the gate proves by
-    it that the first motion goes the right way (by ``error_m`` and ``error_rad`` where
-    it is None). Before the first frame ``t_capture_ns`` is 0. ``goal`` is the digest of the goal
-    that an operator ordered, empty while it is the one of the start.
+    of the current view that shows the goal, 0 to 1. ``feature_error`` is the
+    length of the flow to the goal in normalised units, of the same features from report to report
+    and free of what is believed about depth: the gate proves by it that the first motion goes the
+    right way (by ``error_m`` and ``error_rad`` where it is None). Before the first frame
+    ``t_capture_ns`` is 0. ``goal`` is the digest of the goal that an operator ordered, empty while
+    it is the one of the start.
     """
 
     seq: int

@@ -218,8 +218,8 @@ class GateSection:
     )
     proof_s: float = setting(
         _GATE.timing.proof_ns / S,
-        "time from the first motion, at a crawl, until the error must have fallen, s; 0: no such "
-        "proof (not advised)",
+        "time from the first motion, at a crawl, until the error should have fallen, s; a third "
+        "later it must have; 0: no such proof (not advised)",
         low=0.0,
         high=5.0,
     )

@@ -16,7 +16,7 @@ NEAR = ServoResult(
     error_m=0.2,
     error_rad=0.1,
     feature_error_px=9.0,
-    scale_free_error=0.2,
+    feature_error=0.2,
     residual_px=0.2,
     inlier_share=0.9,
     overlap=0.4,
@@ -32,8 +32,8 @@ def lesson(full_overlap=0.7, **changes):
 
 def test_a_goal_is_due_when_the_last_one_is_far_turned_away_or_leaving():
     assert lesson() is Lesson.NEAR
-    assert lesson(scale_free_error=0.41) is Lesson.DUE
-    assert lesson(error_rad=0.36, scale_free_error=0.4) is Lesson.DUE
+    assert lesson(error_m=0.61) is Lesson.DUE
+    assert lesson(error_rad=0.36) is Lesson.DUE
     assert lesson(overlap=0.34) is Lesson.DUE
 
 
@@ -43,7 +43,7 @@ def test_a_plain_view_that_was_never_trusted_as_a_whole_is_not_leaving():
 
 
 def test_a_vehicle_that_stands_still_takes_one_picture():
-    assert lesson(overlap=0.1, scale_free_error=0.04) is Lesson.NEAR
+    assert lesson(overlap=0.1, error_m=0.04, error_rad=0.02) is Lesson.NEAR
 
 
 @pytest.mark.parametrize(

@@ -85,14 +85,15 @@ def test_motion_shows_something_exactly_from_its_least_on(moved, column, name):
         errors[column] = 0.3 - 0.1 * share
         grows.errors.append((*errors, None))
     assert falls.judge(TIMING.proof_ns, TIMING) is Proof.GIVEN
-    assert grows.judge(TIMING.proof_ns, TIMING) is Proof.FAILED
+    assert grows.judge(TIMING.last_proof_ns - 1, TIMING) is Proof.OPEN
+    assert grows.judge(TIMING.last_proof_ns, TIMING) is Proof.FAILED
     assert grows.objection == f"{name} went from 0.2050 to 0.2250"
 
 
 def test_a_feature_error_that_grows_is_named():
     proof = MotionProof(0, asked_m=AHEAD, moved_m=(MIN_PATH_M, 0.0, 0.0), begun_ns=0)
     proof.errors += [(1.0, 1.0, 0.1 * i) for i in range(4)]
-    assert proof.judge(TIMING.proof_ns, TIMING) is Proof.FAILED
+    assert proof.judge(TIMING.last_proof_ns, TIMING) is Proof.FAILED
     assert proof.objection == "feature error went from 0.0500 to 0.2500"
 
 

@@ -115,9 +115,33 @@ def test_the_error_has_its_time_from_the_first_motion_on():
     # Half a centimetre at 0.1 m/s, the step between the two runs included.
     assert begun_ns == 2040 * MS
     rehearsed.now_ns = begun_ns
-    assert rehearsed.run(0.6).judge() is Proof.FAILED
+    rehearsed.run(0.6)
     rehearsed.now_ns -= 1
     assert rehearsed.judge() is Proof.OPEN
+    assert not rehearsed.proof._is_doubted
+    rehearsed.now_ns += 1
+    assert rehearsed.judge() is Proof.OPEN
+    assert rehearsed.proof._is_doubted
+    rehearsed.run(0.2)
+    rehearsed.now_ns -= 1
+    assert rehearsed.judge() is Proof.OPEN
+    rehearsed.now_ns += 1
+    assert rehearsed.judge() is Proof.FAILED
+
+
+def test_an_error_that_has_fallen_late_is_enough():
+    rehearsed = Rehearsed().run(0.8).see(triples())
+    assert rehearsed.judge() is Proof.OPEN
+    rehearsed.see(triples(distance=(1.0, 0.9))).run(0.02)
+    assert rehearsed.judge() is Proof.OPEN  # it is looked at twice, and not in between
+    assert rehearsed.proof.objection == ""
+    rehearsed.run(0.13)
+    assert rehearsed.judge() is Proof.GIVEN
+    assert rehearsed.proof.objection == ""
+
+
+def test_at_the_first_look_a_fall_is_enough():
+    assert Rehearsed().run(0.7).see(triples(distance=(1.0, 0.9))).judge() is Proof.GIVEN
 
 
 def test_a_step_of_centimetres_shows_nothing_yet():

@@ -15,11 +15,11 @@ from dfvs_core.servo.stop import (
 FRAME_NS = 50_000_000
 
 
-def after(scores, engaged=True, scale_free=None):
-    """State after some frames; without a scale-free error of its own, it never falls."""
+def after(scores, engaged=True, feature_error=None):
+    """State after some frames; without a feature error of its own, it never falls."""
     state = StopState()
     for k, score in enumerate(scores):
-        error = ErrorScore(k * FRAME_NS, score, 0.5 if scale_free is None else scale_free[k])
+        error = ErrorScore(k * FRAME_NS, score, 0.5 if feature_error is None else feature_error[k])
         state = update_stop(state, error, engaged)
     return state
 
@@ -73,14 +73,14 @@ def test_an_error_whose_scale_was_learnt_late_is_no_lack_of_progress():
     taken_for_near = [8.0] * 5 + [50.0 * 0.993**k for k in range(frames - 5)]
     falling = [0.5 * 0.993**k for k in range(frames)]
     assert min(taken_for_near[5:]) > 8.0
-    assert not is_stuck(after(taken_for_near, scale_free=falling), progress_s=5.0)
+    assert not is_stuck(after(taken_for_near, feature_error=falling), progress_s=5.0)
     assert is_stuck(after(taken_for_near), progress_s=5.0)
 
 
 def test_going_round_in_circles_is_being_stuck():
     circling = [20.0 + 15.0 * math.sin(0.1 * k) for k in range(400)]
     errors = [0.5 + 0.4 * math.sin(0.1 * k) for k in range(400)]
-    assert is_stuck(after(circling, scale_free=errors), progress_s=5.0)
+    assert is_stuck(after(circling, feature_error=errors), progress_s=5.0)
 
 
 def test_hovering_just_outside_the_tolerance_is_not_being_stuck():
