@@ -19,10 +19,11 @@ import numpy as np
 from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
+from dfvs_core.matching.closer_look import part_around
 from dfvs_core.matching.completion import search_lines
 from dfvs_core.matching.features import Features, detect_features
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
-from dfvs_core.matching.merit import best_match
+from dfvs_core.matching.merit import assessed, best_of
 from dfvs_core.matching.motion import motion_of
 from dfvs_core.matching.refinement import glance, refine
 from dfvs_core.matching.sureness import nothing, sure_share, surer
@@ -78,6 +79,15 @@ class ClassicalMatcher:
         current, other = _check_pair(current, other)
         if not usable(guess, current.size):
             return None
+        part = part_around(guess)
+        if part is None:
+            return self._track(current, other, guess)
+        field = self._track(self.prepare(part.cut(current.image)), other, part.of(guess))
+        return None if field is None else part.whole(field)
+
+    def _track(
+        self, current: ClassicalPicture, other: ClassicalPicture, guess: FlowField
+    ) -> FlowField | None:
         field = carry_on(current, other, guess)
         if field is None or holds(field, guess):
             return field
@@ -148,7 +158,8 @@ def bridge(current: ClassicalPicture, other: ClassicalPicture) -> FlowField:
     """Match two pictures about whose relation nothing is known."""
     starts = feature_starts(current, other)
     fields = (refine_twice(current, other, start) for start in starts)
-    return best_match(fields, current.grey) or nothing(current.size)
+    best = best_of(assessed(field, current.grey) for field in fields)
+    return nothing(current.size) if best is None else best.field
 
 
 def feature_starts(current: ClassicalPicture, other: ClassicalPicture) -> Iterator[Float32Array]:

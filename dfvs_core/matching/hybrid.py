@@ -6,15 +6,19 @@ moved, is tried first. Where neither holds the network is run and its flow refin
 other picture warped by the flow of the frame before, then on the picture as it is. Where much of
 that is unsure, the network looks again, at the picture warped by what was found: what is left of
 the motion is small, and it is at its best there. In a first match that is not clear then, features
-are matched too: one surface after the other is refined, and the network looks from there; what
-most speaks for is taken, and the network's own flow where none is sure of anything. What a first
-match is unsure of is searched along epipolar lines at last: most often that is another surface than
-the one that was found.
+are matched too: one surface after the other is refined, and the network looks from there. Where
+little speaks for any of that, enlarged parts of the picture are matched as well. What most speaks
+for is taken, and the network's own flow where none is sure of anything. What a first match is
+unsure of is searched along epipolar lines at last: most often that is another surface than the one
+that was found. As long as all that is sure lies in a small part of the picture, that is enlarged.
 """
 
 from __future__ import annotations
 
+import heapq
 import itertools
+from collections.abc import Iterator
+from dataclasses import dataclass
 from functools import cached_property
 
 import numpy as np
@@ -33,11 +37,13 @@ from dfvs_core.matching.classical import (
     start_near,
     usable,
 )
+from dfvs_core.matching.closer_look import STAGES, Part, part_around
 from dfvs_core.matching.completion import NOTHING_SHARE, search_lines
 from dfvs_core.matching.matcher import Matcher, Prepared, check_same_size
-from dfvs_core.matching.merit import agreement, best_match
+from dfvs_core.matching.merit import Candidate, agreement, assessed, best_of, merit_of
 from dfvs_core.matching.motion import motion_of
 from dfvs_core.matching.sureness import sure_share, surer, surer_of_each, unsure
+from dfvs_core.matching.texture import has_texture
 from dfvs_core.matching.trust import returns, stays_inside
 from dfvs_core.matching.warping import bring, compose
 
@@ -45,6 +51,13 @@ _SETTLED_SHARE = 0.65
 """Share of sure pixels from which on nothing is looked at or refined a second time."""
 _LEFT_SHARE = 0.05
 """Share of sure pixels that a flight goes on by."""
+_DOUBTFUL_MERIT = 0.05
+"""Merit of a first match under which parts of the picture are looked at as well."""
+_PROMISING_SHARE, _GLIMPSE_SHARE = 0.1, 0.03
+"""Shares of a part that the network is sure of from which on no smaller ones are looked at, and
+under which it is passed over."""
+_CLOSER_LOOKS = 3
+"""Parts that are matched, of those that were looked at."""
 _UNCONFIRMED = 0.5
 """Factor on the confidence of a network's flow that no refinement has confirmed."""
 
@@ -66,6 +79,20 @@ class HybridPicture(Prepared):
         """Let go of the features of both."""
         self.__dict__.pop("features", None)
         self.classical.slim()
+
+
+@dataclass(frozen=True, slots=True)
+class _Glimpse:
+    """What the network sees in an enlarged part of a picture."""
+
+    part: Part
+    picture: HybridPicture
+    coarse: FlowField
+
+    @property
+    def share(self) -> float:
+        """Share of the part that it is sure of."""
+        return sure_share(self.coarse)
 
 
 class HybridMatcher:
@@ -113,10 +140,7 @@ class HybridMatcher:
         if field is not None:
             return search_lines(current.classical, other.classical, field)
         coarse = self._ask(current.features, other.features)
-        field = _refine(current.classical, other.classical, coarse)
-        if sure_share(field) < _SETTLED_SHARE:
-            known = field if _worth(field) >= NOTHING_SHARE else coarse
-            field = surer_of_each(field, self._look_again(current, other, known))
+        field = self._settle(current, other, coarse)
         field = self._bridge(current, other, field)
         field = search_lines(current.classical, other.classical, field)
         return _confirmed(field, coarse)
@@ -131,6 +155,17 @@ class HybridMatcher:
         """
         if not usable(guess, current.size):
             return None
+        part = part_around(guess)
+        if part is None:
+            return self._hold(current, other, guess)
+        picture = self.prepare(part.cut(current.classical.image))
+        field = self._hold(picture, other, part.of(guess))
+        return None if field is None else part.whole(field)
+
+    def _hold(
+        self, current: HybridPicture, other: HybridPicture, guess: FlowField
+    ) -> FlowField | None:
+        """Look from the flow of the frame before, and take what is left of that where need be."""
         again = self._look_again(current, other, guess)
         if holds(again, guess):
             return again
@@ -138,12 +173,54 @@ class HybridMatcher:
         field = again if left is None else surer_of_each(left, again)
         return field if sure_share(field) >= _LEFT_SHARE else None
 
+    def _settle(self, current: HybridPicture, other: HybridPicture, coarse: FlowField) -> FlowField:
+        """Refine the network's flow, and let it look again where much is unsure then."""
+        field = _refine(current.classical, other.classical, coarse)
+        if sure_share(field) >= _SETTLED_SHARE:
+            return field
+        known = field if _worth(field) >= NOTHING_SHARE else coarse
+        return surer_of_each(field, self._look_again(current, other, known))
+
     def _bridge(self, current: HybridPicture, other: HybridPicture, found: FlowField) -> FlowField:
-        """Take what the network has found, or what features lead to, if more speaks for that."""
+        """Take what the network has found, what features lead to, or what a closer look shows."""
         starts = feature_starts(current.classical, other.classical)
         others = (self._from_start(current, other, start) for start in starts)
-        fields = itertools.chain([found], others)
-        return best_match(fields, current.classical.grey) or found
+        grey = current.classical.grey
+        best = best_of(assessed(field, grey) for field in itertools.chain([found], others))
+        if best is not None and best.merit >= _DOUBTFUL_MERIT:
+            return best.field
+        candidates = [best or assessed(found, grey), *self._look_closer(current, other)]
+        return max(candidates, key=lambda candidate: candidate.merit).field
+
+    def _look_closer(self, current: HybridPicture, other: HybridPicture) -> Iterator[Candidate]:
+        """Match enlarged parts of a picture: those that the network is surest of.
+
+        The whole of one picture is often seen from afar in a small part of the other.
+        """
+        glimpses = self._glimpses(current, other)
+        for glimpse in heapq.nlargest(_CLOSER_LOOKS, glimpses, key=lambda glimpse: glimpse.share):
+            if glimpse.share < _GLIMPSE_SHARE:
+                return
+            picture = glimpse.picture
+            field = self._settle(picture, other, glimpse.coarse)
+            merit = merit_of(field, picture.classical.grey) / glimpse.part.zoom
+            field = search_lines(picture.classical, other.classical, field)
+            yield Candidate(glimpse.part.whole(field), merit)
+
+    def _glimpses(self, current: HybridPicture, other: HybridPicture) -> Iterator[_Glimpse]:
+        """Show the network the parts of a picture; smaller ones where the larger show nothing."""
+        textured = has_texture(current.classical.grey).astype(np.uint8)
+        most = 0.0
+        for parts in STAGES:
+            for part in parts:
+                if not part.cut(textured).any():
+                    continue
+                picture = self.prepare(part.cut(current.classical.image))
+                glimpse = _Glimpse(part, picture, self._ask(picture.features, other.features))
+                most = max(most, glimpse.share)
+                yield glimpse
+            if most >= _PROMISING_SHARE:
+                return
 
     def _from_start(
         self, current: HybridPicture, other: HybridPicture, start: Float32Array

@@ -10,6 +10,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Iterable
+from dataclasses import dataclass
 
 import cv2
 import numpy as np
@@ -30,22 +31,26 @@ _UNEXPLAINED = 0.5
 _HOLES_PX = 9
 
 
-def best_match(fields: Iterable[FlowField], grey: ImageArray) -> FlowField | None:
-    """Return the match of most merit; those after a clear one are not even asked for.
+@dataclass(frozen=True, slots=True)
+class Candidate:
+    """A match, and what speaks for it, 0 to 1."""
 
-    Parameters
-    ----------
-    fields : iterable of FlowField
-        From one picture to another, made as they are asked for.
-    grey : (H, W) uint8
-        The first picture.
-    """
-    best, most = None, -1.0
-    for field in fields:
-        merit = merit_of(field, grey)
-        if merit > most:
-            best, most = field, merit
-        if most >= CLEAR_MERIT:
+    field: FlowField
+    merit: float
+
+
+def assessed(field: FlowField, grey: ImageArray) -> Candidate:
+    """Return a match of a picture (H, W) uint8 with its merit."""
+    return Candidate(field, merit_of(field, grey))
+
+
+def best_of(candidates: Iterable[Candidate]) -> Candidate | None:
+    """Return the one of most merit; those after a clear one are not even asked for."""
+    best: Candidate | None = None
+    for candidate in candidates:
+        if best is None or candidate.merit > best.merit:
+            best = candidate
+        if best.merit >= CLEAR_MERIT:
             break
     return best
 

@@ -7,7 +7,14 @@ from textured_wall import Wall, texture
 from two_planes import TwoPlanes
 
 from dfvs_core.correspondence import FlowField
-from dfvs_core.matching.merit import CLEAR_MERIT, agreement, best_match, has_texture, merit_of
+from dfvs_core.matching.merit import (
+    CLEAR_MERIT,
+    agreement,
+    assessed,
+    best_of,
+    has_texture,
+    merit_of,
+)
 from dfvs_core.matching.refinement import refine
 from dfvs_core.matching.sureness import nothing
 
@@ -68,15 +75,19 @@ def test_the_best_is_taken_and_nothing_asked_for_after_a_clear_one(scene, grey):
     part[60:120, 60:140] = 1.0
     small = FlowField(scene.flow, part)
 
-    def fields():
-        yield nothing(SIZE)
-        yield small
-        yield truth
+    def candidates():
+        yield assessed(nothing(SIZE), grey)
+        yield assessed(small, grey)
+        yield assessed(truth, grey)
         pytest.fail("asked for more")
 
-    assert best_match(fields(), grey) is truth
-    assert best_match([nothing(SIZE), small, nothing(SIZE)], grey) is small
-    assert best_match([], grey) is None
+    best = best_of(candidates())
+    assert best is not None
+    assert best.field is truth
+    poor = best_of(assessed(field, grey) for field in (nothing(SIZE), small, nothing(SIZE)))
+    assert poor is not None
+    assert poor.field is small
+    assert best_of([]) is None
 
 
 def test_a_plain_wall_has_no_texture_and_a_picture_on_it_does():
