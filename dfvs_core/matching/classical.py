@@ -28,6 +28,7 @@ from dfvs_core.matching.motion import motion_of
 from dfvs_core.matching.refinement import glance, refine
 from dfvs_core.matching.sureness import nothing, sure_share, surer
 from dfvs_core.matching.surfaces import surface_flows
+from dfvs_core.matching.texture import has_texture
 
 _SURE = 0.5
 _GUESS_CONFIDENCE = 0.3
@@ -158,7 +159,8 @@ def bridge(current: ClassicalPicture, other: ClassicalPicture) -> FlowField:
     """Match two pictures about whose relation nothing is known."""
     starts = feature_starts(current, other)
     fields = (refine_twice(current, other, start) for start in starts)
-    best = best_of(assessed(field, current.grey) for field in fields)
+    textured = has_texture(current.grey)
+    best = best_of(assessed(field, textured) for field in fields)
     return nothing(current.size) if best is None else best.field
 
 

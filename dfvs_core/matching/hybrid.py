@@ -23,7 +23,7 @@ from functools import cached_property
 
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, ImageArray
+from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.classical import (
@@ -87,6 +87,7 @@ class _Glimpse:
 
     part: Part
     picture: HybridPicture
+    textured: BoolArray
     coarse: FlowField
 
     @property
@@ -185,38 +186,44 @@ class HybridMatcher:
         """Take what the network has found, what features lead to, or what a closer look shows."""
         starts = feature_starts(current.classical, other.classical)
         others = (self._from_start(current, other, start) for start in starts)
-        grey = current.classical.grey
-        best = best_of(assessed(field, grey) for field in itertools.chain([found], others))
+        textured = has_texture(current.classical.grey)
+        best = best_of(assessed(field, textured) for field in itertools.chain([found], others))
         if best is not None and best.merit >= _DOUBTFUL_MERIT:
             return best.field
-        candidates = [best or assessed(found, grey), *self._look_closer(current, other)]
+        candidates = [best or assessed(found, textured)]
+        candidates += self._look_closer(current, other, textured)
         return max(candidates, key=lambda candidate: candidate.merit).field
 
-    def _look_closer(self, current: HybridPicture, other: HybridPicture) -> Iterator[Candidate]:
+    def _look_closer(
+        self, current: HybridPicture, other: HybridPicture, textured: BoolArray
+    ) -> Iterator[Candidate]:
         """Match enlarged parts of a picture: those that the network is surest of.
 
         The whole of one picture is often seen from afar in a small part of the other.
         """
-        glimpses = self._glimpses(current, other)
+        glimpses = self._glimpses(current, other, textured)
         for glimpse in heapq.nlargest(_CLOSER_LOOKS, glimpses, key=lambda glimpse: glimpse.share):
             if glimpse.share < _GLIMPSE_SHARE:
                 return
             picture = glimpse.picture
             field = self._settle(picture, other, glimpse.coarse)
-            merit = merit_of(field, picture.classical.grey) / glimpse.part.zoom
+            merit = merit_of(field, glimpse.textured) / glimpse.part.zoom
             field = search_lines(picture.classical, other.classical, field)
             yield Candidate(glimpse.part.whole(field), merit)
 
-    def _glimpses(self, current: HybridPicture, other: HybridPicture) -> Iterator[_Glimpse]:
+    def _glimpses(
+        self, current: HybridPicture, other: HybridPicture, textured: BoolArray
+    ) -> Iterator[_Glimpse]:
         """Show the network the parts of a picture; smaller ones where the larger show nothing."""
-        textured = has_texture(current.classical.grey).astype(np.uint8)
         most = 0.0
         for parts in STAGES:
             for part in parts:
-                if not part.cut(textured).any():
+                there = part.cut(textured.astype(np.uint8)) > 0
+                if not there.any():
                     continue
                 picture = self.prepare(part.cut(current.classical.image))
-                glimpse = _Glimpse(part, picture, self._ask(picture.features, other.features))
+                coarse = self._ask(picture.features, other.features)
+                glimpse = _Glimpse(part, picture, there, coarse)
                 most = max(most, glimpse.share)
                 yield glimpse
             if most >= _PROMISING_SHARE:

@@ -15,12 +15,11 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
+from dfvs_core.arrays import BoolArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.epipolar import fit_epipolar
 from dfvs_core.matching.motion import motion_of
 from dfvs_core.matching.sureness import sure_share
-from dfvs_core.matching.texture import has_texture
 from dfvs_core.matching.warping import landing_places, lands_inside
 
 CLEAR_MERIT = 0.12
@@ -39,9 +38,9 @@ class Candidate:
     merit: float
 
 
-def assessed(field: FlowField, grey: ImageArray) -> Candidate:
-    """Return a match of a picture (H, W) uint8 with its merit."""
-    return Candidate(field, merit_of(field, grey))
+def assessed(field: FlowField, textured: BoolArray) -> Candidate:
+    """Return a match with its merit; see :func:`merit_of`."""
+    return Candidate(field, merit_of(field, textured))
 
 
 def best_of(candidates: Iterable[Candidate]) -> Candidate | None:
@@ -55,12 +54,11 @@ def best_of(candidates: Iterable[Candidate]) -> Candidate | None:
     return best
 
 
-def merit_of(field: FlowField, grey: ImageArray) -> float:
-    """Merit of a match, 0 to 1, of a picture (H, W) uint8."""
+def merit_of(field: FlowField, textured: BoolArray) -> float:
+    """Merit of a match, 0 to 1, of a picture that has texture at these pixels (H, W)."""
     motion = motion_of(field)
     if motion is None:
         return 0.0
-    textured = has_texture(grey)
     in_both = int(np.count_nonzero(textured & lands_inside(motion.flow())))
     explained = int(np.count_nonzero(textured & (field.confidence > _SURE)))
     fill = math.sqrt(sure_share(field) * reached_share(field))

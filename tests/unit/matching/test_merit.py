@@ -12,11 +12,11 @@ from dfvs_core.matching.merit import (
     agreement,
     assessed,
     best_of,
-    has_texture,
     merit_of,
 )
 from dfvs_core.matching.refinement import refine
 from dfvs_core.matching.sureness import nothing
+from dfvs_core.matching.texture import has_texture
 
 SIZE = (240, 320)
 
@@ -27,26 +27,26 @@ def scene():
 
 
 @pytest.fixture(scope="module")
-def grey(scene):
-    return cv2.cvtColor(scene.pictures[0], cv2.COLOR_RGB2GRAY)
+def textured(scene):
+    return has_texture(cv2.cvtColor(scene.pictures[0], cv2.COLOR_RGB2GRAY))
 
 
 def constant(u, v):
     return np.full((*SIZE, 2), (u, v), np.float32)
 
 
-def test_the_true_flow_is_clear(scene, grey):
+def test_the_true_flow_is_clear(scene, textured):
     truth = FlowField(scene.flow, np.ones(SIZE, np.float32))
-    assert merit_of(truth, grey) > 4 * CLEAR_MERIT
+    assert merit_of(truth, textured) > 4 * CLEAR_MERIT
 
 
-def test_a_small_part_is_worth_less_than_the_whole(scene, grey):
+def test_a_small_part_is_worth_less_than_the_whole(scene, textured):
     part = np.zeros(SIZE, np.float32)
     part[60:120, 60:140] = 1.0
-    assert merit_of(FlowField(scene.flow, part), grey) < CLEAR_MERIT
+    assert merit_of(FlowField(scene.flow, part), textured) < CLEAR_MERIT
 
 
-def test_what_no_camera_motion_explains_counts_half(scene, grey):
+def test_what_no_camera_motion_explains_counts_half(scene, textured):
     rng = np.random.default_rng(1)
     chance = rng.uniform(-20, 20, (*SIZE, 2)).astype(np.float32)
     sure = np.ones(SIZE, np.float32)
@@ -54,8 +54,8 @@ def test_what_no_camera_motion_explains_counts_half(scene, grey):
     assert agreement(FlowField(scene.flow, sure)) == 1.0
 
 
-def test_nothing_has_no_merit(grey):
-    assert merit_of(nothing(SIZE), grey) == 0.0
+def test_nothing_has_no_merit(textured):
+    assert merit_of(nothing(SIZE), textured) == 0.0
 
 
 def test_a_pattern_matched_to_its_neighbour_has_less_merit_than_to_itself():
@@ -66,25 +66,26 @@ def test_a_pattern_matched_to_its_neighbour_has_less_merit_than_to_itself():
     greys = [cv2.cvtColor(np.ascontiguousarray(p), cv2.COLOR_RGB2GRAY) for p in (a, b)]
     itself, neighbour = (refine(*greys, constant(5.0 + k * 40.0, -7.0)) for k in (0, 1))
     assert np.mean(neighbour.confidence > 0.5) > 0.3  # it is sure of itself
-    assert merit_of(neighbour, greys[0]) < 0.7 * merit_of(itself, greys[0])
+    textured = has_texture(greys[0])
+    assert merit_of(neighbour, textured) < 0.7 * merit_of(itself, textured)
 
 
-def test_the_best_is_taken_and_nothing_asked_for_after_a_clear_one(scene, grey):
+def test_the_best_is_taken_and_nothing_asked_for_after_a_clear_one(scene, textured):
     truth = FlowField(scene.flow, np.ones(SIZE, np.float32))
     part = np.zeros(SIZE, np.float32)
     part[60:120, 60:140] = 1.0
     small = FlowField(scene.flow, part)
 
     def candidates():
-        yield assessed(nothing(SIZE), grey)
-        yield assessed(small, grey)
-        yield assessed(truth, grey)
+        yield assessed(nothing(SIZE), textured)
+        yield assessed(small, textured)
+        yield assessed(truth, textured)
         pytest.fail("asked for more")
 
     best = best_of(candidates())
     assert best is not None
     assert best.field is truth
-    poor = best_of(assessed(field, grey) for field in (nothing(SIZE), small, nothing(SIZE)))
+    poor = best_of(assessed(field, textured) for field in (nothing(SIZE), small, nothing(SIZE)))
     assert poor is not None
     assert poor.field is small
     assert best_of([]) is None
