@@ -58,6 +58,8 @@ _PROMISING_SHARE, _GLIMPSE_SHARE = 0.1, 0.03
 under which it is passed over."""
 _CLOSER_LOOKS = 3
 """Parts that are matched, of those that were looked at."""
+_CLOSER_DISCOUNT = 1.5
+"""What a part shows counts less than what the whole picture does, not for its size alone."""
 _UNCONFIRMED = 0.5
 """Factor on the confidence of a network's flow that no refinement has confirmed."""
 
@@ -207,7 +209,7 @@ class HybridMatcher:
                 return
             picture = glimpse.picture
             field = self._settle(picture, other, glimpse.coarse)
-            merit = merit_of(field, glimpse.textured) / glimpse.part.zoom
+            merit = merit_of(field, glimpse.textured) / (_CLOSER_DISCOUNT * glimpse.part.zoom)
             field = search_lines(picture.classical, other.classical, field)
             yield Candidate(glimpse.part.whole(field), merit)
 
