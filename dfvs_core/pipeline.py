@@ -172,7 +172,7 @@ class Pipeline:
             t_capture_ns=frame.t_capture_ns,
             flow=flow,
             velocity=self._velocity(motion, T_world_camera),
-            attitude=Attitude(motion.roll_rad, motion.pitch_rad),
+            attitude=Attitude(motion.roll_rad, motion.pitch_rad, motion.yaw_rad),
             motion_m=self._camera_motion(T_world_camera),
             earlier=earlier,
             given_depth=depth,

@@ -65,7 +65,7 @@ class GateTiming:
     @property
     def last_proof_ns(self) -> int:
         """Time from the vehicle's first motion until the error must have fallen."""
-        return self.proof_ns * 4 // 3
+        return self.proof_ns * 6 // 5
 
 
 @dataclass(frozen=True, slots=True)

@@ -88,7 +88,7 @@ def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:
     engagement.is_proven = True
     if verdict is Proof.GIVEN:
         return None
-    return Decision(GateState.ABORT, (Cause.ERROR_NOT_FALLING, proof.objection))
+    return Decision(GateState.ABORT, (proof.cause, proof.objection))
 
 
 def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:

@@ -7,13 +7,17 @@ asked for: a vehicle answers late, and an error that stays while nothing has mov
 nothing. From the moment it moves it has less than a second; it has three to begin. The beginning
 may be jitter of the estimate (0.02 m/s at rest): nothing is judged before a few centimetres were
 flown. Errors are compared as medians of a few reports, since a single one is noisy; and where they
-have not fallen they are looked at once more, a third of that time later: of a goal that is metres
+have not fallen they are looked at once more, a fifth of that time later: of a goal that is metres
 away a few centimetres are a percent.
 
 Two errors are looked at, and either may give the proof. The pose error depends on depth, which is
 learnt during the very same motion and may make it leap; the feature error does not, but stays much
 the same where way and turn cancel in the picture and the vehicle turns before it flies. Whoever
 flies away sees both grow.
+
+A camera that is mounted another way round levels its pictures the wrong way as well, and that may
+make the feature error fall for a moment. So perception also tells whether the camera's course is
+the vehicle's own; where it is not there is no need to wait for errors.
 """
 
 from __future__ import annotations
@@ -25,6 +29,7 @@ from dataclasses import dataclass, field
 
 from dfvs_core.gate.config import GateTiming, S
 from dfvs_core.gate.limits import BodyVelocity
+from dfvs_core.gate.states import Cause
 from dfvs_core.wire.link import PerceptionReport
 
 BEGUN_M = 0.005
@@ -38,6 +43,9 @@ MIN_TURN_RAD = 0.05
 ASKED_M = 0.1
 ASKED_RAD = 0.15
 """Motion that was asked for and that a vehicle which follows would have begun."""
+
+MIN_COURSE_AGREEMENT = 0.3
+"""Cosine of the angle between the camera's course and the vehicle's own that must be exceeded."""
 
 _LONGEST_STEP_S = 0.1
 _MEDIAN_OF = 5
@@ -69,12 +77,14 @@ class MotionProof:
 
     start_ns: int
     errors: list[tuple[float, float, float | None]] = field(default_factory=list)
+    courses: list[float] = field(default_factory=list)
     asked_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     asked_rad: float = 0.0
     moved_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
     turned_rad: float = 0.0
     begun_ns: int | None = None
     """When the vehicle was first seen to move as asked."""
+    cause: Cause = Cause.ERROR_NOT_FALLING
     objection: str = ""
     """Why the proof failed."""
     _is_doubted: bool = False
@@ -83,8 +93,10 @@ class MotionProof:
     _last_yaw_rad: float = 0.0
 
     def see(self, report: PerceptionReport) -> None:
-        """Take the errors of a good report."""
+        """Take the errors of a good report, and the course where it tells one."""
         self.errors.append((report.error_m, report.error_rad, report.feature_error))
+        if report.course_agreement is not None:
+            self.courses.append(report.course_agreement)
 
     def follow(self, setpoint: BodyVelocity, own: OwnMotion, now_ns: int) -> None:
         """Count what was asked for and what was done since the last call."""
@@ -113,29 +125,45 @@ class MotionProof:
         return math.copysign(1.0, self.asked_rad) * self.turned_rad if self.asked_rad else 0.0
 
     def judge(self, now_ns: int, timing: GateTiming) -> Proof:
-        """Tell what is proven; ``objection`` says why where the proof failed."""
+        """Tell what is proven; ``cause`` and ``objection`` say why where the proof failed."""
         if self.begun_ns is None:
             was_asked = math.hypot(*self.asked_m) >= ASKED_M or abs(self.asked_rad) >= ASKED_RAD
             if not was_asked or now_ns - self.start_ns < timing.proof_limit_ns:
                 return Proof.OPEN
-            self.objection = (
+            return self._fail(
+                Cause.ERROR_NOT_FALLING,
                 f"the vehicle moved {self.followed_m:.2f} m and {self.followed_rad:.2f} rad "
-                f"of {math.hypot(*self.asked_m):.2f} m and {abs(self.asked_rad):.2f} rad"
+                f"of {math.hypot(*self.asked_m):.2f} m and {abs(self.asked_rad):.2f} rad",
             )
-            return Proof.FAILED
+        if len(self.courses) >= _MIN_REPORTS and (text := self._other_course()):
+            return self._fail(Cause.OTHER_COURSE, text)
         has_shown = self.followed_m >= MIN_PATH_M or self.followed_rad >= MIN_TURN_RAD
         since_ns = now_ns - self.begun_ns
         look_ns = timing.last_proof_ns if self._is_doubted else timing.proof_ns
         if not has_shown or since_ns < look_ns:
             return Proof.OPEN
-        objection = self._not_fallen()
-        if not objection:
+        other, unchanged = self._other_course(), self._not_fallen()
+        if not other and not unchanged:
             return Proof.GIVEN
         if since_ns < timing.last_proof_ns:
             self._is_doubted = True
             return Proof.OPEN
-        self.objection = objection
+        cause = Cause.OTHER_COURSE if other else Cause.ERROR_NOT_FALLING
+        return self._fail(cause, other or unchanged)
+
+    def _fail(self, cause: Cause, objection: str) -> Proof:
+        self.cause, self.objection = cause, objection
         return Proof.FAILED
+
+    def _other_course(self) -> str:
+        """Say by how much the camera's course is another one than the vehicle's own."""
+        if not self.courses:
+            return ""
+        cosine = statistics.median(self.courses[-_MEDIAN_OF:])
+        if cosine > MIN_COURSE_AGREEMENT:
+            return ""
+        angle = math.degrees(math.acos(cosine))
+        return f"{angle:.0f}° from where the vehicle says it goes; is it mounted as configured?"
 
     def _not_fallen(self) -> str:
         """Name the error that did not fall although the vehicle moved."""

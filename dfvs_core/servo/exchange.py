@@ -8,6 +8,7 @@ from dataclasses import dataclass, field
 from dfvs_core.arrays import FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.source import DepthState
+from dfvs_core.servo.course import Way
 from dfvs_core.servo.feature_error import Reference
 from dfvs_core.servo.stop import StopState
 
@@ -29,10 +30,11 @@ class Verdict(enum.Enum):
 
 @dataclass(frozen=True, slots=True)
 class Attitude:
-    """Roll and pitch of the body against gravity, rad."""
+    """Roll and pitch of the body against gravity, and its heading (unwrapped), rad."""
 
     roll_rad: float = 0.0
     pitch_rad: float = 0.0
+    yaw_rad: float = 0.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -90,6 +92,7 @@ class ServoState:
     T_current_goal: FloatArray | None = None
     stop: StopState = field(default_factory=StopState)
     reference: Reference | None = None
+    way: Way | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -112,6 +115,9 @@ class ServoResult:
         The same in normalised units, of the same features from frame to frame while engaged
         (:mod:`dfvs_core.servo.feature_error`): what comes into view does not change it, and
         ``error_m`` may jump as depth becomes known.
+    course_agreement : float or None
+        Cosine of the angle between the camera's course, as the picture shows it, and the vehicle's
+        own (:mod:`dfvs_core.servo.course`); None where nothing can be told.
     residual_px : float
         Weighted median reprojection error of the estimated motion.
     inlier_share, overlap : float
@@ -131,6 +137,7 @@ class ServoResult:
     error_rad: float
     feature_error_px: float
     feature_error: float
+    course_agreement: float | None
     residual_px: float
     inlier_share: float
     overlap: float

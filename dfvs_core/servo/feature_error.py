@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.arrays import FloatArray, IntArray
 from dfvs_core.servo.points import ServoPoints
 from dfvs_core.servo.weights import weighted_median
 
@@ -29,15 +29,22 @@ _NOTHING = 1e-9
 
 @dataclass(frozen=True, slots=True)
 class CellErrors:
-    """Mean feature error in each of n cells of the goal picture.
+    """What is seen of each of n cells of the goal picture, in the mean of its features.
 
-    ``cell`` (n,) names them and rises, ``error`` (n, 2) is in normalised units, ``weight`` (n,) is
-    positive.
+    ``cell`` (n,) names them and rises. ``xy`` (n, 2), where they are seen, and ``error`` (n, 2) are
+    in normalised units, ``z_m`` (n,) is their depth, ``weight`` (n,) is positive.
     """
 
     cell: FloatArray
+    xy: FloatArray
+    z_m: FloatArray
     error: FloatArray
     weight: FloatArray
+
+    @property
+    def xy_goal(self) -> FloatArray:
+        """Where the goal picture shows them (n, 2)."""
+        return self.xy - self.error
 
 
 @dataclass(frozen=True, slots=True)
@@ -49,7 +56,7 @@ class Reference:
 
 
 def feature_error(
-    points: ServoPoints, cell_size: float, reference: Reference | None
+    points: ServoPoints, cells: CellErrors, reference: Reference | None
 ) -> tuple[float, Reference]:
     """Weighted median length of the feature error, as it follows from a reference.
 
@@ -57,8 +64,8 @@ def feature_error(
     ----------
     points : ServoPoints
         All that was matched.
-    cell_size : float
-        Width of a cell of the goal picture, normalised units.
+    cells : CellErrors
+        The same, by cells.
     reference : Reference, optional
         None: the length is this frame's own, and it is the reference of those to come.
 
@@ -69,7 +76,6 @@ def feature_error(
     Reference
         For the next frame: the same, as long as half of its features are in view.
     """
-    cells = _by_cell(points, cell_size)
     if reference is not None and reference.length > _NOTHING:
         share, left = _compare(reference.cells, cells)
         length = left * reference.length
@@ -81,20 +87,35 @@ def feature_error(
     return length, Reference(cells, length)
 
 
-def _by_cell(points: ServoPoints, size: float) -> CellErrors:
-    """Features of the same cell of the goal picture taken for one."""
+def by_cell(points: ServoPoints, size: float) -> CellErrors:
+    """Features of the same cell of the goal picture taken for one.
+
+    ``size`` is a cell's width, in normalised units.
+    """
     column, row = np.floor(points.xy_goal / size).T
     cell, of_point = np.unique(row * _ROW + column, return_inverse=True)
     weight = np.asarray(np.bincount(of_point, points.weight), np.float64)
-    summed = [np.bincount(of_point, points.weight * e) for e in points.error.T]
-    return CellErrors(cell, np.stack(summed, axis=1) / weight[:, None], weight)
+
+    def mean(values: FloatArray) -> FloatArray:
+        return np.asarray(np.bincount(of_point, points.weight * values), np.float64) / weight
+
+    xy, error = (
+        np.stack([mean(v) for v in values.T], axis=1) for values in (points.xy, points.error)
+    )
+    return CellErrors(cell, xy, mean(points.z_m), error, weight)
+
+
+def common_cells(first: CellErrors, second: CellErrors) -> tuple[IntArray, IntArray]:
+    """Where in the one and in the other (m,) the cells are that both show."""
+    _, in_first, in_second = np.intersect1d(
+        first.cell, second.cell, assume_unique=True, return_indices=True
+    )
+    return in_first, in_second
 
 
 def _compare(reference: CellErrors, now: CellErrors) -> tuple[float, float]:
     """Share of the reference's features that are in view, and what is left of their error."""
-    _, before, after = np.intersect1d(
-        reference.cell, now.cell, assume_unique=True, return_indices=True
-    )
+    before, after = common_cells(reference, now)
     share = float(reference.weight[before].sum() / reference.weight.sum())
     length = np.linalg.norm(reference.error[before], axis=1)
     left = np.linalg.norm(now.error[after], axis=1) / np.maximum(length, _NOTHING)

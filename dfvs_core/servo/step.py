@@ -13,6 +13,7 @@ from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.correspondence import DepthMap
 from dfvs_core.depth.choice import depth_source
 from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView
+from dfvs_core.servo.course import Way, course_agreement, follow
 from dfvs_core.servo.exchange import (
     EarlierMatch,
     ServoInputs,
@@ -20,7 +21,7 @@ from dfvs_core.servo.exchange import (
     ServoState,
     Verdict,
 )
-from dfvs_core.servo.feature_error import Reference, feature_error
+from dfvs_core.servo.feature_error import CellErrors, Reference, by_cell, feature_error
 from dfvs_core.servo.law import NormalEquations
 from dfvs_core.servo.level import level_points
 from dfvs_core.servo.motion import distance_and_angle, find_goal, wanted_motion
@@ -75,7 +76,10 @@ def servo_step(
 
     # 3. Find where the goal is, and who is out of line.
     pose = find_goal(task, points, state.T_current_goal)
-    left, reference = _feature_error(task, state, inputs, points)
+    cells = by_cell(points, task.config.stride_px / task.goal.camera.fx)
+    before = state.reference if inputs.engaged else None
+    left, reference = feature_error(points, cells, before)
+    way = _follow(state.way if reference is before else None, inputs)
     points = replace(points, weight=pose.weight)
 
     # 4. Solve for the motion, and make a velocity of it.
@@ -99,6 +103,7 @@ def servo_step(
         error_rad=error_rad,
         feature_error_px=feature_error_px,
         feature_error=left,
+        course_agreement=_course_agreement(task, reference, cells, way),
         residual_px=residual_px,
         inlier_share=pose.inlier_share,
         overlap=overlap,
@@ -106,7 +111,7 @@ def servo_step(
         depth_m=weighted_median(points.z_m, points.weight),
         reached=flown and residual_px < task.config.tolerance_px and is_reached(stop, speed, asked),
     )
-    return result, ServoState(depth_state, depth, pose.T_current_goal, stop, reference)
+    return result, ServoState(depth_state, depth, pose.T_current_goal, stop, reference, way)
 
 
 def _judge(
@@ -141,6 +146,7 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
         error_rad=unknown,
         feature_error_px=unknown,
         feature_error=unknown,
+        course_agreement=None,
         residual_px=unknown,
         inlier_share=0.0,
         overlap=overlap,
@@ -150,12 +156,17 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
     )
 
 
-def _feature_error(
-    task: ServoTask, state: ServoState, inputs: ServoInputs, points: ServoPoints
-) -> tuple[float, Reference]:
-    """Of all that was matched: who is out of line changes as depth is learnt."""
-    cell_size = task.config.stride_px / task.goal.camera.fx
-    return feature_error(points, cell_size, state.reference if inputs.engaged else None)
+def _follow(way: Way | None, inputs: ServoInputs) -> Way:
+    return follow(way, inputs.t_capture_ns, inputs.velocity[:3], inputs.attitude.yaw_rad)
+
+
+def _course_agreement(
+    task: ServoTask, reference: Reference, cells: CellErrors, way: Way
+) -> float | None:
+    """Of a vehicle; what a free camera says of its motion is no other thing than what it sees."""
+    if task.mount is None:
+        return None
+    return course_agreement(reference.cells, cells, task.basis, way)
 
 
 def _feature_error_px(task: ServoTask, points: ServoPoints) -> float:

@@ -30,7 +30,9 @@ class PerceptionReport:
     of the current view that shows the goal, 0 to 1. ``feature_error`` is the
     length of the flow to the goal in normalised units, of the same features from report to report
     and free of what is believed about depth: the gate proves by it that the first motion goes the
-    right way (by ``error_m`` and ``error_rad`` where it is None). Before the first frame
+    right way (by ``error_m`` and ``error_rad`` where it is None). ``course_agreement`` is the
+    cosine of the angle between the camera's course, as the picture shows it, and the vehicle's own,
+    None where nothing can be told. Before the first frame
     ``t_capture_ns`` is 0. ``goal`` is the digest of the goal that an operator ordered, empty while
     it is the one of the start.
     """
@@ -46,6 +48,7 @@ class PerceptionReport:
     error_rad: float
     overlap: float
     feature_error: float | None = None
+    course_agreement: float | None = None
     goal: str = ""
 
 

@@ -236,3 +236,50 @@ def test_the_vehicle_s_late_answer_is_predicted():
         step = inputs(0, good_flow(), np.array([v, 0, 0, 0]), given_depth=given)
         speeds.append(servo_step(task, ServoState(), step)[0].velocity[0])
     assert speeds[1] < speeds[0] - 0.05
+
+
+def course_of(mounted_deg, way, config=EXACT, engaged=True):
+    """What two frames say of a camera mounted that far round, as the body flies and tilts."""
+    task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), Mount())
+    T_body_camera = Mount(yaw_rad=np.radians(mounted_deg)).T_body_camera()
+    T_goal = body_pose(0.5, 0.2, 0.1, 5.0) @ T_body_camera
+    state, result = ServoState(), None
+    for k, (share, tilt_deg) in enumerate([(0.0, (0.0, 0.0)), (1.0, (1.0, 2.0))]):
+        x, y, yaw_deg = share * np.array(way)
+        T_cam = body_pose(x, y, 0.0, yaw_deg, *tilt_deg) @ T_body_camera
+        step = inputs(
+            8 * k,
+            ROOM.flow(T_cam, T_goal),
+            np.array([way[0], way[1], 0.0, 0.0]) / 0.4,
+            attitude=Attitude(*np.radians([*tilt_deg, yaw_deg])),
+            given_depth=ROOM.depth_map(T_cam),
+            engaged=engaged,
+        )
+        result, state = servo_step(task, state, step)
+        assert result.verdict is Verdict.OK
+    return result.course_agreement
+
+
+@pytest.mark.parametrize("depth", ["given", "constant"])
+@pytest.mark.parametrize("way", [(0.05, 0.0, 0.0), (0.0, 0.05, 0.0), (0.03, -0.03, 3.0)])
+def test_the_course_tells_how_the_camera_is_mounted(way, depth):
+    config = replace(EXACT, depth=depth)
+    assert course_of(0, way, config) > 0.9
+    assert abs(course_of(90, way, config)) < 0.3
+    assert course_of(180, way, config) < -0.9
+
+
+def test_there_is_no_course_before_the_vehicle_follows():
+    assert course_of(0, (0.05, 0.0, 0.0), engaged=False) is None
+
+
+def test_a_free_camera_has_no_course_of_its_own():
+    task = ServoTask(EXACT, CAMERA, GoalSidecar(CAMERA))
+    T_goal, state = body_pose(0.3, 0.0, 0.0, 0.0) @ Mount().T_body_camera(), ServoState()
+    for k in range(2):
+        T_cam = body_pose(0.05 * k, 0.0, 0.0, 0.0) @ Mount().T_body_camera()
+        flow, depth = ROOM.flow(T_cam, T_goal), ROOM.depth_map(T_cam)
+        step = inputs(10 * k, flow, np.array([0, 0, 0.1, 0, 0, 0]), given_depth=depth)
+        result, state = servo_step(task, state, step)
+    assert result.verdict is Verdict.OK
+    assert result.course_agreement is None

@@ -58,6 +58,7 @@ def reports(draw, t_ns):
         error_rad=draw(number),
         overlap=draw(number),
         feature_error=draw(st.none() | number),
+        course_agreement=draw(st.none() | number),
         goal=draw(st.sampled_from(["", "ab" * 32])),
     )
 

@@ -17,6 +17,7 @@ NEAR = ServoResult(
     error_rad=0.1,
     feature_error_px=9.0,
     feature_error=0.2,
+    course_agreement=None,
     residual_px=0.2,
     inlier_share=0.9,
     overlap=0.4,

@@ -68,6 +68,7 @@ class World:
     latency_ns: int = 40 * MS
     asked: tuple[float, float, float, float] = (0.3, -0.1, 0.05, 0.1)
     error_m: float = 1.0
+    course_agreement: float | None = 1.0
     falls: bool = True
     reached: bool = False
     lost: bool = False
@@ -121,6 +122,7 @@ def _sight(world: World, dice: Dice) -> World:
         {"overlap": dice.between(0.0, 0.2)},
         {"reached": not world.reached},
         {"error_m": dice.pick(_ODD_NUMBERS)},
+        {"course_agreement": dice.pick((None, -1.0, 0.4, *_ODD_NUMBERS))},
     )
     return replace(world, **dice.pick(changes))  # type: ignore[arg-type]
 
@@ -228,6 +230,7 @@ def odd_report(t_ns: int, dice: Dice) -> PerceptionReport:
         error_rad=_number(dice),
         overlap=_number(dice),
         feature_error=None if dice.chance(0.5) else _number(dice),
+        course_agreement=None if dice.chance(0.5) else _number(dice),
     )
 
 

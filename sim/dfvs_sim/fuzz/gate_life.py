@@ -225,6 +225,7 @@ class Surroundings:
             0.1,
             world.overlap,
             world.error_m,
+            world.course_agreement,
             goal=self._seen_goal,
         )
 

@@ -77,7 +77,7 @@ def test_these_are_the_times_and_limits_that_safety_rests_on():
         "mode_known_ns": 1500 * MS,
         "order_valid_ns": 5 * S,
     }
-    assert CONFIG.timing.last_proof_ns == 800 * MS
+    assert CONFIG.timing.last_proof_ns == 720 * MS
     limits = dataclasses.astuple(VelocityLimits())
     assert limits == pytest.approx((0.5, 0.3, 0.349066, 0.5, 1.047198), abs=1e-6)
     assert (CONFIG.proof_speed_m_s, CONFIG.max_distance_m) == (0.1, 5.0)
@@ -204,6 +204,8 @@ def test_the_age_of_the_last_good_frame():
         {"velocity": (0.0, 0.0, 0.0, -10.0)},
         {"error_m": 0.0, "error_rad": 0.0, "overlap": 0.0},
         {"overlap": 1.0, "feature_error": 0.0},
+        {"course_agreement": 1.0},
+        {"course_agreement": -1.0},
     ],
 )
 def test_numbers_that_are_just_believed(changes):

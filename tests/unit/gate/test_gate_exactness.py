@@ -474,6 +474,7 @@ def test_the_reasons_of_holds_and_of_disarming_word_by_word():
         ({"error_rad": math.nan}, "numbers that are not finite"),
         ({"overlap": 1.1}, "error or overlap out of range"),
         ({"feature_error": -0.1}, "feature error out of range"),
+        ({"course_agreement": 1.1}, "course agreement out of range"),
     ],
 )
 def test_numbers_that_cannot_be_are_named_word_by_word(changes, words):

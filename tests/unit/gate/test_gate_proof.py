@@ -7,6 +7,7 @@ from gate_rehearsal import Rehearsal
 from dfvs_core.gate.config import MS, GateTiming, S
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.proof import MotionProof, OwnMotion, Proof
+from dfvs_core.gate.states import Cause
 
 TIMING = GateTiming()
 STEP_NS = 20 * MS
@@ -122,7 +123,7 @@ def test_the_error_has_its_time_from_the_first_motion_on():
     rehearsed.now_ns += 1
     assert rehearsed.judge() is Proof.OPEN
     assert rehearsed.proof._is_doubted
-    rehearsed.run(0.2)
+    rehearsed.run(0.12)
     rehearsed.now_ns -= 1
     assert rehearsed.judge() is Proof.OPEN
     rehearsed.now_ns += 1
@@ -130,7 +131,7 @@ def test_the_error_has_its_time_from_the_first_motion_on():
 
 
 def test_an_error_that_has_fallen_late_is_enough():
-    rehearsed = Rehearsed().run(0.8).see(triples())
+    rehearsed = Rehearsed().run(0.72).see(triples())
     assert rehearsed.judge() is Proof.OPEN
     rehearsed.see(triples(distance=(1.0, 0.9))).run(0.02)
     assert rehearsed.judge() is Proof.OPEN  # it is looked at twice, and not in between
@@ -192,3 +193,60 @@ def test_a_feature_error_counts_only_if_every_report_has_it():
     assert Rehearsed().run(1.2).see(errors).judge() is Proof.GIVEN
     errors[3] = (errors[3][0], errors[3][1], None)
     assert Rehearsed().run(1.2).see(errors).judge() is Proof.FAILED
+
+
+def with_courses(rehearsed, *courses, errors=(1.0, 0.3, 0.3)):
+    """Reports of a camera whose course is the vehicle's own to that extent."""
+    report = Rehearsal().report().report
+    names = ("error_m", "error_rad", "feature_error")
+    seen = dict(zip(names, errors, strict=True))
+    for course in courses:
+        rehearsed.proof.see(dataclasses.replace(report, **seen, course_agreement=course))
+    return rehearsed
+
+
+def test_a_course_of_its_own_is_not_waited_for():
+    rehearsed = with_courses(Rehearsed(), -1.0, -1.0, None, -1.0, None, -1.0)
+    assert rehearsed.judge() is Proof.OPEN  # it has not moved yet
+    rehearsed = with_courses(Rehearsed().run(0.2), -1.0, -1.0, None, -1.0, None)
+    assert rehearsed.judge() is Proof.OPEN
+    with_courses(rehearsed, -1.0)
+    assert rehearsed.judge() is Proof.FAILED
+    assert rehearsed.proof.cause is Cause.OTHER_COURSE
+    assert rehearsed.proof.objection.startswith("180° from where the vehicle says it goes")
+
+
+def test_errors_that_fall_do_not_excuse_another_course():
+    """A camera mounted backwards levels its pictures the wrong way: errors may fall with that."""
+    fallen = Rehearsed().run(0.6).see(triples(distance=(1.0, 0.9), feature=(0.3, 0.2)))
+    assert with_courses(fallen, *[-0.9] * 4, errors=(0.9, 0.3, 0.2)).judge() is Proof.FAILED
+
+
+def test_a_single_other_course_is_enough_to_doubt():
+    fallen = Rehearsed().run(0.6).see(triples(feature=(0.3, 0.2)))
+    assert with_courses(fallen, -1.0, errors=(1.0, 0.3, 0.2)).judge() is Proof.OPEN
+    fallen.run(0.2).see(triples(feature=(0.2, 0.2)))
+    assert fallen.judge() is Proof.FAILED
+    assert fallen.proof.cause is Cause.OTHER_COURSE
+    assert with_courses(fallen, 1.0, 1.0, errors=(1.0, 0.3, 0.2)).judge() is Proof.GIVEN
+
+
+@pytest.mark.parametrize(
+    ("courses", "is_another"),
+    [
+        ((0.3, 0.3, 0.3, 0.3), True),
+        ((0.301, 0.301, 0.301, 0.301), False),
+        ((1.0, 1.0, 1.0, -1.0, -1.0), False),
+        ((1.0, 1.0, 1.0, -1.0, -1.0, -1.0), True),
+        ((-1.0, -1.0, -1.0, 1.0, 1.0, 1.0), False),
+    ],
+)
+def test_the_middle_one_of_the_last_five_courses_counts(courses, is_another):
+    rehearsed = with_courses(Rehearsed().run(0.2), *courses)
+    assert rehearsed.judge() is (Proof.FAILED if is_another else Proof.OPEN)
+
+
+def test_the_right_course_alone_proves_nothing():
+    rehearsed = with_courses(Rehearsed().run(0.8), *[1.0] * 10)
+    assert rehearsed.judge() is Proof.FAILED
+    assert rehearsed.proof.cause is Cause.ERROR_NOT_FALLING

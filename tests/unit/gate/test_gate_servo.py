@@ -79,6 +79,8 @@ def test_zero_follows_within_300_ms_of_the_last_good_frame():
         ({"feature_error": math.nan}, Cause.REPORT_REJECTED),
         ({"feature_error": math.inf}, Cause.REPORT_REJECTED),
         ({"feature_error": -1.0}, Cause.REPORT_REJECTED),
+        ({"course_agreement": math.nan}, Cause.REPORT_REJECTED),
+        ({"course_agreement": -1.01}, Cause.REPORT_REJECTED),
     ],
 )
 def test_a_bad_report_stops_in_the_same_step(changes, cause):
@@ -553,9 +555,19 @@ def test_an_error_that_does_not_fall_aborts_within_a_second_of_the_first_motion(
     gate.until(GateState.ABORT)
     assert gate.last.cause is Cause.ERROR_NOT_FALLING
     assert "distance went from" in gate.last.detail
-    # Half a centimetre shows that it moves; 0.8 s later the error must have fallen.
+    # Half a centimetre shows that it moves; 0.72 s later the error must have fallen.
     assert gate.now_ns - moving_ns <= 1 * S
     assert max(v.speed_m_s for _, v in gate.setpoints) <= 0.1 + 1e-12
+
+
+def test_a_camera_that_moves_another_way_aborts_at_once():
+    gate = Rehearsal(auto_config(), changes={"course_agreement": -0.8}).until(GateState.SERVO)
+    gate.run(0.06)
+    moving_ns = gate.now_ns
+    gate.until(GateState.ABORT)
+    assert gate.last.cause is Cause.OTHER_COURSE
+    assert gate.last.detail.startswith("143°")
+    assert gate.now_ns - moving_ns <= 400 * MS
 
 
 def test_a_vehicle_that_answers_late_is_waited_for_at_a_crawl():

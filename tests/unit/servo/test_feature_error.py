@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dfvs_core.servo.feature_error import feature_error
+from dfvs_core.servo.feature_error import by_cell, feature_error
 from dfvs_core.servo.points import ServoPoints
 
 CELL = 0.03
@@ -25,57 +25,61 @@ def columns(first, last):
     return (GRID[:, 0] >= first) & (GRID[:, 0] < last)
 
 
+def compared(points, reference):
+    return feature_error(points, by_cell(points, CELL), reference)
+
+
 def own_length(points):
-    return feature_error(points, CELL, None)[0]
+    return compared(points, None)[0]
 
 
 def test_without_a_reference_it_is_the_median_of_the_frame():
     lengths = np.linalg.norm(FLOW, axis=1)
-    length, reference = feature_error(seen(1.0), CELL, None)
+    length, reference = compared(seen(1.0), None)
     assert length == pytest.approx(np.median(lengths), rel=1e-2)
     assert reference.length == length
 
 
 def test_what_comes_into_view_and_leaves_it_changes_nothing():
-    start, reference = feature_error(seen(1.0, columns(-20, 5)), CELL, None)
+    start, reference = compared(seen(1.0, columns(-20, 5)), None)
     now = seen(0.98, columns(-12, 20))
-    length, kept = feature_error(now, CELL, reference)
+    length, kept = compared(now, reference)
     assert kept is reference
     assert length / start == pytest.approx(0.98, rel=1e-6)
     assert own_length(now) > 1.05 * start  # which the frame alone would call further away
 
 
 def test_flying_away_shows():
-    start, reference = feature_error(seen(1.0), CELL, None)
-    assert feature_error(seen(1.02), CELL, reference)[0] == pytest.approx(1.02 * start, rel=1e-6)
+    start, reference = compared(seen(1.0), None)
+    assert compared(seen(1.02), reference)[0] == pytest.approx(1.02 * start, rel=1e-6)
 
 
 def test_a_few_wild_features_decide_nothing():
-    start, reference = feature_error(seen(1.0), CELL, None)
+    start, reference = compared(seen(1.0), None)
     now = seen(0.98)
     now.xy[::7] += 0.5
-    assert feature_error(now, CELL, reference)[0] == pytest.approx(0.98 * start, rel=1e-6)
+    assert compared(now, reference)[0] == pytest.approx(0.98 * start, rel=1e-6)
 
 
 def test_it_goes_on_with_another_reference_where_half_is_out_of_view():
-    start, reference = feature_error(seen(1.0, columns(-20, 10)), CELL, None)
-    length, renewed = feature_error(seen(0.8, columns(-2, 20)), CELL, reference)
+    start, reference = compared(seen(1.0, columns(-20, 10)), None)
+    length, renewed = compared(seen(0.8, columns(-2, 20)), reference)
     assert renewed is not reference
     assert length / start == pytest.approx(0.8, rel=1e-6)
-    length, kept = feature_error(seen(0.6, columns(0, 20)), CELL, renewed)
+    length, kept = compared(seen(0.6, columns(0, 20)), renewed)
     assert kept is renewed
     assert length / start == pytest.approx(0.6, rel=1e-6)
 
 
 def test_it_begins_anew_where_nearly_nothing_is_common():
-    _, reference = feature_error(seen(1.0, columns(-20, 0)), CELL, None)
+    _, reference = compared(seen(1.0, columns(-20, 0)), None)
     now = seen(1.0, columns(-1, 20))
-    assert feature_error(now, CELL, reference)[0] == own_length(now)
+    assert compared(now, reference)[0] == own_length(now)
     now = seen(1.0, columns(0, 20))
-    assert feature_error(now, CELL, reference)[0] == own_length(now)
+    assert compared(now, reference)[0] == own_length(now)
 
 
 def test_an_error_of_nothing_is_no_measure_for_others():
-    length, reference = feature_error(seen(0.0), CELL, None)
+    length, reference = compared(seen(0.0), None)
     assert length == 0.0
-    assert feature_error(seen(1.0), CELL, reference)[0] == own_length(seen(1.0))
+    assert compared(seen(1.0), reference)[0] == own_length(seen(1.0))
