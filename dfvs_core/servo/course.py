@@ -17,14 +17,18 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dfvs_core.arrays import FloatArray
-from dfvs_core.servo.feature_error import CellErrors, common_cells
+from dfvs_core.servo.feature_error import CellErrors, by_cell, common_cells
 from dfvs_core.servo.freedom import MotionBasis
 from dfvs_core.servo.interaction import interaction_matrix
 from dfvs_core.servo.law import normal_equations
+from dfvs_core.servo.points import ServoPoints
 from dfvs_core.servo.weights import tukey_weights
 
 _LEAST_M = 0.02
 """Way over the ground that tells a direction; the vehicle's velocity is off by 0.02 m/s."""
+
+_MOST_M = 0.3
+"""What is asked is the first motion's course; later ones would cost time in every frame."""
 
 _MOST_YAW_RAD_M = 2.0
 """Turn per metre of way beyond which a late heading looks like a way."""
@@ -65,14 +69,16 @@ def follow(way: Way | None, t_ns: int, velocity_m_s: FloatArray, yaw_rad: float)
 
 
 def course_agreement(
-    reference: CellErrors, now: CellErrors, basis: MotionBasis, way: Way
+    reference: CellErrors, points: ServoPoints, basis: MotionBasis, way: Way
 ) -> float | None:
     """Cosine of the angle between the camera's course over the ground and the vehicle's own.
 
     Parameters
     ----------
-    reference, now : CellErrors
-        Of the frame that the way began with, and of this one.
+    reference : CellErrors
+        Of the frame that the way began with.
+    points : ServoPoints
+        Of this one.
     basis : MotionBasis
         Of a level body.
     way : Way
@@ -82,11 +88,15 @@ def course_agreement(
     -------
     float or None
         1 where both agree, -1 where they are opposite. None where nothing can be told: the way
-        is short or mostly a turn, little is in view of both frames, or tilt looks the same.
+        is short, long over or mostly a turn, little is in view of both frames, or tilt looks the
+        same.
     """
     length_m = float(np.hypot(*way.moved_m[:2]))
+    if not max(_LEAST_M, abs(way.turned_rad) / _MOST_YAW_RAD_M) <= length_m <= _MOST_M:
+        return None
+    now = by_cell(points, reference.size)
     before, after = common_cells(reference, now)
-    if length_m < max(_LEAST_M, abs(way.turned_rad) / _MOST_YAW_RAD_M) or len(after) < _LEAST_CELLS:
+    if len(after) < _LEAST_CELLS:
         return None
     L = interaction_matrix((reference.xy[before] + now.xy[after]) / 2.0, now.z_m[after])
     known = L @ (basis.B[:, 2:] @ [way.moved_m[2], way.turned_rad])

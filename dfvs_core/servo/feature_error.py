@@ -3,7 +3,8 @@
 What is matched changes with every frame, and the median over other features is another one: it
 goes up and down by percents while nothing moves. So a frame is compared with an earlier one, the
 reference, in the cells of the goal picture that both show; its error is the reference's, times
-what is left of it there.
+what is left of it there. Cells are as wide as two of the reference's samples are apart, so that the
+samples of another frame fall into the same cells from twice as far away.
 """
 
 from __future__ import annotations
@@ -20,6 +21,11 @@ _RENEWED_BELOW, _LEAST_COMMON = 0.5, 0.2
 """Shares of the reference's features, by weight, that are in view: below the one this frame
 becomes the reference, below the other it is not even compared with the old one."""
 
+_SAMPLES_WIDE = 2.0
+_SCALES = 0.25, 4.0
+"""Width of a cell in samples of the current view, and bounds of how much larger or smaller these
+are in the goal picture."""
+
 _ROW = 2.0**24
 """More cells than there are in a row."""
 
@@ -31,10 +37,12 @@ _NOTHING = 1e-9
 class CellErrors:
     """What is seen of each of n cells of the goal picture, in the mean of its features.
 
-    ``cell`` (n,) names them and rises. ``xy`` (n, 2), where they are seen, and ``error`` (n, 2) are
-    in normalised units, ``z_m`` (n,) is their depth, ``weight`` (n,) is positive.
+    ``size`` is a cell's width, ``cell`` (n,) names them and rises. ``xy`` (n, 2), where they are
+    seen, and ``error`` (n, 2) are in normalised units, ``z_m`` (n,) is their depth, ``weight`` (n,)
+    is positive.
     """
 
+    size: float
     cell: FloatArray
     xy: FloatArray
     z_m: FloatArray
@@ -56,7 +64,7 @@ class Reference:
 
 
 def feature_error(
-    points: ServoPoints, cells: CellErrors, reference: Reference | None
+    points: ServoPoints, spacing: float, reference: Reference | None
 ) -> tuple[float, Reference]:
     """Weighted median length of the feature error, as it follows from a reference.
 
@@ -64,8 +72,8 @@ def feature_error(
     ----------
     points : ServoPoints
         All that was matched.
-    cells : CellErrors
-        The same, by cells.
+    spacing : float
+        From one sample of the current view to the next, normalised units.
     reference : Reference, optional
         None: the length is this frame's own, and it is the reference of those to come.
 
@@ -77,14 +85,14 @@ def feature_error(
         For the next frame: the same, as long as half of its features are in view.
     """
     if reference is not None and reference.length > _NOTHING:
-        share, left = _compare(reference.cells, cells)
+        share, left = _compare(reference.cells, by_cell(points, reference.cells.size))
         length = left * reference.length
         if share >= _RENEWED_BELOW:
             return length, reference
         if share >= _LEAST_COMMON:
-            return length, Reference(cells, length)
+            return length, Reference(by_cell(points, _fitting_size(points, spacing)), length)
     length = weighted_median(np.linalg.norm(points.error, axis=1), points.weight)
-    return length, Reference(cells, length)
+    return length, Reference(by_cell(points, _fitting_size(points, spacing)), length)
 
 
 def by_cell(points: ServoPoints, size: float) -> CellErrors:
@@ -92,6 +100,7 @@ def by_cell(points: ServoPoints, size: float) -> CellErrors:
 
     ``size`` is a cell's width, in normalised units.
     """
+    points = points.select(points.weight > 0.0)
     column, row = np.floor(points.xy_goal / size).T
     cell, of_point = np.unique(row * _ROW + column, return_inverse=True)
     weight = np.asarray(np.bincount(of_point, points.weight), np.float64)
@@ -102,7 +111,16 @@ def by_cell(points: ServoPoints, size: float) -> CellErrors:
     xy, error = (
         np.stack([mean(v) for v in values.T], axis=1) for values in (points.xy, points.error)
     )
-    return CellErrors(cell, xy, mean(points.z_m), error, weight)
+    return CellErrors(size, cell, xy, mean(points.z_m), error, weight)
+
+
+def _fitting_size(points: ServoPoints, spacing: float) -> float:
+    """Width of a cell that holds a few samples, as wide apart as the goal picture shows them."""
+    root = np.sqrt(points.weight)[:, None]
+    places = np.column_stack([points.xy, np.ones(len(root))])
+    scaling = np.linalg.lstsq(root * places, root * points.xy_goal, rcond=None)[0][:2]
+    scale = np.clip(np.sqrt(abs(np.linalg.det(scaling))), *_SCALES)
+    return float(_SAMPLES_WIDE * spacing * scale)
 
 
 def common_cells(first: CellErrors, second: CellErrors) -> tuple[IntArray, IntArray]:

@@ -21,7 +21,7 @@ from dfvs_core.servo.exchange import (
     ServoState,
     Verdict,
 )
-from dfvs_core.servo.feature_error import CellErrors, Reference, by_cell, feature_error
+from dfvs_core.servo.feature_error import Reference, feature_error
 from dfvs_core.servo.law import NormalEquations
 from dfvs_core.servo.level import level_points
 from dfvs_core.servo.motion import distance_and_angle, find_goal, wanted_motion
@@ -76,10 +76,11 @@ def servo_step(
 
     # 3. Find where the goal is, and who is out of line.
     pose = find_goal(task, points, state.T_current_goal)
-    cells = by_cell(points, task.config.stride_px / task.goal.camera.fx)
     before = state.reference if inputs.engaged else None
-    left, reference = feature_error(points, cells, before)
+    spacing = task.config.stride_px / task.camera.fx
+    left, reference = feature_error(points, spacing, before)
     way = _follow(state.way if reference is before else None, inputs)
+    agreement = _course_agreement(task, reference, points, way)
     points = replace(points, weight=pose.weight)
 
     # 4. Solve for the motion, and make a velocity of it.
@@ -103,7 +104,7 @@ def servo_step(
         error_rad=error_rad,
         feature_error_px=feature_error_px,
         feature_error=left,
-        course_agreement=_course_agreement(task, reference, cells, way),
+        course_agreement=agreement,
         residual_px=residual_px,
         inlier_share=pose.inlier_share,
         overlap=overlap,
@@ -161,12 +162,12 @@ def _follow(way: Way | None, inputs: ServoInputs) -> Way:
 
 
 def _course_agreement(
-    task: ServoTask, reference: Reference, cells: CellErrors, way: Way
+    task: ServoTask, reference: Reference, points: ServoPoints, way: Way
 ) -> float | None:
     """Of a vehicle; what a free camera says of its motion is no other thing than what it sees."""
     if task.mount is None:
         return None
-    return course_agreement(reference.cells, cells, task.basis, way)
+    return course_agreement(reference.cells, points, task.basis, way)
 
 
 def _feature_error_px(task: ServoTask, points: ServoPoints) -> float:

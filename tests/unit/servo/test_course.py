@@ -1,6 +1,5 @@
 """Course: which way the picture says that the camera went."""
 
-import dataclasses
 import math
 
 import numpy as np
@@ -9,7 +8,7 @@ import pytest
 from dfvs_core.goal import Mount
 from dfvs_core.poses import rotation_from_euler
 from dfvs_core.servo.course import Way, course_agreement, follow
-from dfvs_core.servo.feature_error import CellErrors, by_cell
+from dfvs_core.servo.feature_error import by_cell
 from dfvs_core.servo.freedom import level_body, rotate_rays
 from dfvs_core.servo.points import ServoPoints
 
@@ -34,9 +33,9 @@ def moved_rays(mount, moved, tilt=(0.0, 0.0)):
     return seen[:, :2] / seen[:, 2:]
 
 
-def cells(xy, z_m=3.0):
-    n = len(xy)
-    return by_cell(ServoPoints(xy, GOAL, np.full(n, z_m), np.ones(n), np.ones(n)), SIZE)
+def points(xy, z_m=3.0, keep=slice(None)):
+    n = len(xy[keep])
+    return ServoPoints(xy[keep], GOAL[keep], np.full(n, z_m), np.ones(n), np.ones(n))
 
 
 def flown(moved):
@@ -45,7 +44,7 @@ def flown(moved):
 
 def agreement(xy, moved, mount=AHEAD, before=RAYS):
     basis = level_body(mount.T_body_camera())
-    return course_agreement(cells(before), cells(xy), basis, flown(moved))
+    return course_agreement(by_cell(points(before), SIZE), points(xy), basis, flown(moved))
 
 
 def turned(degrees, mount=AHEAD):
@@ -105,11 +104,16 @@ def test_what_is_mostly_a_turn_says_nothing():
 
 def test_little_in_common_says_nothing():
     basis = level_body(AHEAD.T_body_camera())
-    before, now = cells(RAYS), cells(moved_rays(AHEAD, STRAIGHT))
+    before, now = by_cell(points(RAYS), SIZE), moved_rays(AHEAD, STRAIGHT)
     for share, says in ((slice(0, 19), False), (slice(0, 60), True)):
-        part = CellErrors(*(values[share] for values in dataclasses.astuple(now)))
-        found = course_agreement(before, part, basis, flown(STRAIGHT))
+        found = course_agreement(before, points(now, keep=share), basis, flown(STRAIGHT))
         assert (found is not None) is says
+
+
+def test_what_is_far_from_the_beginning_is_not_asked():
+    for length_m, says in ((0.299, True), (0.301, False)):
+        moved = (length_m, 0.0, 0.0, 0.0)
+        assert (agreement(moved_rays(AHEAD, moved), moved) is not None) is says
 
 
 def test_a_picture_that_does_not_move_says_nothing():

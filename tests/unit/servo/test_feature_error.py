@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dfvs_core.servo.feature_error import by_cell, feature_error
+from dfvs_core.servo.feature_error import feature_error
 from dfvs_core.servo.points import ServoPoints
 
 CELL = 0.03
@@ -26,7 +26,7 @@ def columns(first, last):
 
 
 def compared(points, reference):
-    return feature_error(points, by_cell(points, CELL), reference)
+    return feature_error(points, CELL, reference)
 
 
 def own_length(points):
