@@ -163,7 +163,9 @@ class MotionProof:
         if cosine > MIN_COURSE_AGREEMENT:
             return ""
         angle = math.degrees(math.acos(cosine))
-        return f"{angle:.0f}° from where the vehicle says it goes; is it mounted as configured?"
+        return (
+            f"{angle:.0f}° from where the vehicle says it goes; is it mounted as camera.mount says?"
+        )
 
     def _not_fallen(self) -> str:
         """Name the error that did not fall although the vehicle moved."""

@@ -22,7 +22,7 @@ from dfvs_core.servo.freedom import MotionBasis
 from dfvs_core.servo.interaction import interaction_matrix
 from dfvs_core.servo.law import normal_equations
 from dfvs_core.servo.points import ServoPoints
-from dfvs_core.servo.weights import tukey_weights
+from dfvs_core.servo.weights import tukey_weights, weighted_slope
 
 _LEAST_M = 0.02
 """Way over the ground that tells a direction; the vehicle's velocity is off by 0.02 m/s."""
@@ -102,21 +102,14 @@ def course_agreement(
     known = L @ (basis.B[:, 2:] @ [way.moved_m[2], way.turned_rad])
     flow = now.error[after] - reference.error[before] - known
     # Other features of a cell are seen now, and their error is another one by its slope.
-    flow -= (now.xy_goal[after] - reference.xy_goal[before]) @ _slope(reference)
+    slope = weighted_slope(reference.xy_goal, reference.error, reference.weight)
+    flow -= (now.xy_goal[after] - reference.xy_goal[before]) @ slope
     weight = np.minimum(reference.weight[before], now.weight[after])
     seen = _fitted(L @ _unknown(basis), flow, weight)
     if seen is None or not seen.any():
         return None
     cosine = float(seen @ way.moved_m[:2] / (np.linalg.norm(seen) * length_m))
     return min(max(cosine, -1.0), 1.0)
-
-
-def _slope(cells: CellErrors) -> FloatArray:
-    """How the feature error changes over the goal picture (2, 2), on the whole."""
-    root = np.sqrt(cells.weight)[:, None]
-    places = np.column_stack([cells.xy_goal, np.ones(len(root))])
-    slope = np.linalg.lstsq(root * places, root * cells.error, rcond=None)[0][:2]
-    return np.asarray(slope, np.float64)
 
 
 def _unknown(basis: MotionBasis) -> FloatArray:

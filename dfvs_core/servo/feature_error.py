@@ -15,7 +15,7 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray, IntArray
 from dfvs_core.servo.points import ServoPoints
-from dfvs_core.servo.weights import weighted_median
+from dfvs_core.servo.weights import weighted_median, weighted_slope
 
 _RENEWED_BELOW, _LEAST_COMMON = 0.5, 0.2
 """Shares of the reference's features, by weight, that are in view: below the one this frame
@@ -116,10 +116,8 @@ def by_cell(points: ServoPoints, size: float) -> CellErrors:
 
 def _fitting_size(points: ServoPoints, spacing: float) -> float:
     """Width of a cell that holds a few samples, as wide apart as the goal picture shows them."""
-    root = np.sqrt(points.weight)[:, None]
-    places = np.column_stack([points.xy, np.ones(len(root))])
-    scaling = np.linalg.lstsq(root * places, root * points.xy_goal, rcond=None)[0][:2]
-    scale = np.clip(np.sqrt(abs(np.linalg.det(scaling))), *_SCALES)
+    area = np.linalg.det(weighted_slope(points.xy, points.xy_goal, points.weight))
+    scale = np.clip(np.sqrt(abs(area)), *_SCALES)
     return float(_SAMPLES_WIDE * spacing * scale)
 
 

@@ -20,6 +20,14 @@ def weighted_median(values: FloatArray, weights: FloatArray) -> float:
     return float(values[order][np.searchsorted(cumulated, 0.5 * total)])
 
 
+def weighted_slope(x: FloatArray, y: FloatArray, weights: FloatArray) -> FloatArray:
+    """Matrix A (2, 2) of the affine map ``y = x A + b`` that fits best; x and y are (N, 2)."""
+    root = np.sqrt(weights)[:, None]
+    columns = np.column_stack([x, np.ones(len(x))])
+    A = np.linalg.lstsq(root * columns, root * y, rcond=None)[0][:2]
+    return np.asarray(A, np.float64)
+
+
 def tukey_weights(residual: FloatArray, prior: FloatArray, sigma_floor: float) -> FloatArray:
     """Tukey's biweight of residual lengths, with a robust scale.
 

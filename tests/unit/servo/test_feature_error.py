@@ -83,3 +83,17 @@ def test_an_error_of_nothing_is_no_measure_for_others():
     length, reference = compared(seen(0.0), None)
     assert length == 0.0
     assert compared(seen(1.0), reference)[0] == own_length(seen(1.0))
+
+
+@pytest.mark.parametrize("scale", [0.5, 1.0, 1.5, 3.0])
+def test_from_far_away_the_samples_still_fall_into_the_same_cells(scale):
+    """There the goal picture shows them further apart than they are in the view."""
+
+    def view(scale, shift):
+        xy = (GRID + shift) * CELL
+        n = len(xy)
+        return ServoPoints(xy, xy * scale, np.ones(n), np.ones(n), np.ones(n))
+
+    _, reference = compared(view(scale, 0.0), None)
+    for shift in (0.2, 0.5, 0.8):
+        assert compared(view(1.01 * scale, shift), reference)[1] is reference
