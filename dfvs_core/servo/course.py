@@ -36,6 +36,10 @@ _MOST_YAW_RAD_M = 2.0
 _LEAST_OWN = 0.03
 """Share of a way's flow that no tilt could have made, squared."""
 
+_LEAST_ERRORS = 12.0
+"""How many of its standard errors long a fitted way is: errors of neighbours are alike, so that
+these count as more than they are."""
+
 _LEAST_CELLS = 20
 _ROUNDS = 4
 _NOISE = 5e-4
@@ -88,8 +92,8 @@ def course_agreement(
     -------
     float or None
         1 where both agree, -1 where they are opposite. None where nothing can be told: the way
-        is short, long over or mostly a turn, little is in view of both frames, or tilt looks the
-        same.
+        is short, long over or mostly a turn, little is in view of both frames, tilt looks the
+        same, or the picture is not clear about it.
     """
     length_m = float(np.hypot(*way.moved_m[:2]))
     if not max(_LEAST_M, abs(way.turned_rad) / _MOST_YAW_RAD_M) <= length_m <= _MOST_M:
@@ -106,7 +110,7 @@ def course_agreement(
     flow -= (now.xy_goal[after] - reference.xy_goal[before]) @ slope
     weight = np.minimum(reference.weight[before], now.weight[after])
     seen = _fitted(L @ _unknown(basis), flow, weight)
-    if seen is None or not seen.any():
+    if seen is None:
         return None
     cosine = float(seen @ way.moved_m[:2] / (np.linalg.norm(seen) * length_m))
     return min(max(cosine, -1.0), 1.0)
@@ -120,17 +124,26 @@ def _unknown(basis: MotionBasis) -> FloatArray:
 
 
 def _fitted(J: FloatArray, flow: FloatArray, weight: FloatArray) -> FloatArray | None:
-    """Way over the ground (2,) that explains the flow (N, 2) best, None if tilt does as well."""
+    """Way over the ground (2,) that explains the flow (N, 2) best; None if it is not clear."""
     sure = weight
-    solution = np.zeros(4)
     for _ in range(_ROUNDS):
         equations = normal_equations(J, -flow, sure)
         if _own_share(equations.A) < _LEAST_OWN:
             return None
         solution = equations.solve(0.0)
         residual = np.linalg.norm(J @ solution - flow, axis=1)
+        way, error = solution[:2], _standard_error(equations.A, residual, sure)
         sure = weight * tukey_weights(residual, weight, _NOISE)
-    return solution[:2]
+    return way if np.linalg.norm(way) > _LEAST_ERRORS * error else None
+
+
+def _standard_error(A: FloatArray, residual: FloatArray, sure: FloatArray) -> float:
+    """Standard error of a fitted way, m, along the direction in which it is largest."""
+    total = float(sure.sum())
+    count = total**2 / float((sure**2).sum())
+    variance = float((sure * residual**2).sum()) / (2.0 * total)
+    covariance = np.linalg.pinv(A)[:2, :2] * variance / count
+    return float(np.sqrt(np.linalg.eigvalsh(covariance)[-1]))
 
 
 def _own_share(A: FloatArray) -> float:

@@ -129,3 +129,9 @@ def test_the_way_is_followed_from_its_beginning_on():
     assert follow(way, 5_100_000_000, np.ones(3), 6.4).moved_m == pytest.approx(way.moved_m)
     after_a_pause = follow(way, 65_000_000_000, np.array([0.1, 0.0, 0.0]), 6.4)
     assert after_a_pause.moved_m == pytest.approx([0.07, 0.02, -0.01])
+
+
+def test_a_picture_that_is_not_clear_about_it_says_nothing():
+    """Errors of three pixels: a hundred such features tell no way of five centimetres."""
+    noise = 3.0 / 400 * RNG.normal(size=RAYS.shape)
+    assert agreement(moved_rays(AHEAD, STRAIGHT) + noise, STRAIGHT) is None
