@@ -132,6 +132,6 @@ def test_the_way_is_followed_from_its_beginning_on():
 
 
 def test_a_picture_that_is_not_clear_about_it_says_nothing():
-    """Errors of three pixels: a hundred such features tell no way of five centimetres."""
-    noise = 3.0 / 400 * RNG.normal(size=RAYS.shape)
+    """Errors of ten pixels: some hundred such features tell no way of five centimetres."""
+    noise = 10.0 / 400 * RNG.normal(size=RAYS.shape)
     assert agreement(moved_rays(AHEAD, STRAIGHT) + noise, STRAIGHT) is None
