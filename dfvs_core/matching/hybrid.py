@@ -40,7 +40,7 @@ from dfvs_core.matching.classical import (
 from dfvs_core.matching.closer_look import STAGES, Part, part_around
 from dfvs_core.matching.completion import NOTHING_SHARE, search_lines
 from dfvs_core.matching.matcher import Matcher, Prepared, check_same_size
-from dfvs_core.matching.merit import Candidate, agreement, assessed, best_of, merit_of
+from dfvs_core.matching.merit import Candidate, agreement, assessed, best_of, joined, merit_of
 from dfvs_core.matching.motion import motion_of
 from dfvs_core.matching.sureness import sure_share, surer, surer_of_each, unsure
 from dfvs_core.matching.texture import has_texture
@@ -194,7 +194,7 @@ class HybridMatcher:
             return best.field
         candidates = [best or assessed(found, textured)]
         candidates += self._look_closer(current, other, textured)
-        return max(candidates, key=lambda candidate: candidate.merit).field
+        return joined(candidates)
 
     def _look_closer(
         self, current: HybridPicture, other: HybridPicture, textured: BoolArray

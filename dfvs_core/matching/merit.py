@@ -19,7 +19,7 @@ from dfvs_core.arrays import BoolArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.epipolar import fit_epipolar
 from dfvs_core.matching.motion import motion_of
-from dfvs_core.matching.sureness import sure_share
+from dfvs_core.matching.sureness import sure_share, surer_of_each
 from dfvs_core.matching.warping import landing_places, lands_inside
 
 CLEAR_MERIT = 0.12
@@ -28,6 +28,9 @@ _SURE = 0.5
 _UNEXPLAINED = 0.5
 """Factor for what agrees on no epipolar lines."""
 _HOLES_PX = 9
+_LEAST_COMMON_SHARE = 0.005
+"""Of the picture, of which two matches must be sure to be compared."""
+_SAME_PX = 3.0
 
 
 @dataclass(frozen=True, slots=True)
@@ -52,6 +55,25 @@ def best_of(candidates: Iterable[Candidate]) -> Candidate | None:
         if best.merit >= CLEAR_MERIT:
             break
     return best
+
+
+def joined(candidates: Iterable[Candidate]) -> FlowField:
+    """Return the match of most merit, with what those add that agree with it."""
+    best, *others = sorted(candidates, key=lambda candidate: candidate.merit, reverse=True)
+    field = best.field
+    for other in others:
+        if _agree(best.field, other.field):
+            field = surer_of_each(field, other.field)
+    return field
+
+
+def _agree(first: FlowField, second: FlowField) -> bool:
+    """Whether two matches lead to the same places, where both are sure."""
+    both = (first.confidence > _SURE) & (second.confidence > _SURE)
+    if np.mean(both) < _LEAST_COMMON_SHARE:
+        return False
+    apart = np.linalg.norm(first.flow[both] - second.flow[both], axis=1)
+    return bool(np.mean(apart < _SAME_PX) > _SURE)
 
 
 def merit_of(field: FlowField, textured: BoolArray) -> float:
