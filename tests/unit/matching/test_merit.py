@@ -9,9 +9,11 @@ from two_planes import TwoPlanes
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.merit import (
     CLEAR_MERIT,
+    Candidate,
     agreement,
     assessed,
     best_of,
+    joined,
     merit_of,
 )
 from dfvs_core.matching.refinement import refine
@@ -97,3 +99,32 @@ def test_a_plain_wall_has_no_texture_and_a_picture_on_it_does():
     textured = has_texture(grey)
     assert textured[90:150, 110:190].all()
     assert not textured[:60].any()
+
+
+def patch(columns, u, v=0.0, confidence=1.0):
+    """A flow that is sure in some columns alone."""
+    sure = np.zeros(SIZE, np.float32)
+    sure[:, columns] = confidence
+    return FlowField(constant(u, v), sure)
+
+
+def test_what_agrees_with_the_best_match_adds_to_it():
+    best, more = patch(slice(0, 60), 5.0), patch(slice(50, 120), 6.0, confidence=0.9)
+    field = joined([Candidate(more, 0.1), Candidate(best, 0.2)])
+    assert (field.confidence > 0.5).mean() == pytest.approx(120 / 320)
+    assert (field.flow[:, 10, 0] == 5.0).all()
+    assert (field.flow[:, 100, 0] == 6.0).all()
+
+
+@pytest.mark.parametrize(
+    "other",
+    [
+        patch(slice(50, 120), 9.0),  # another motion
+        patch(slice(60, 120), 5.0),  # nothing in common
+        patch(slice(59, 120), 5.0),  # too little in common
+    ],
+)
+def test_what_does_not_agree_is_left_out(other):
+    best = patch(slice(0, 60), 5.0)
+    field = joined([Candidate(best, 0.2), Candidate(other, 0.1)])
+    assert np.array_equal(field.confidence, best.confidence)
