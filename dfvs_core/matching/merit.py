@@ -30,7 +30,8 @@ _UNEXPLAINED = 0.5
 _HOLES_PX = 9
 _LEAST_COMMON_SHARE = 0.005
 """Of the picture, of which two matches must be sure to be compared."""
-_SAME_PX = 3.0
+_SAME_PX, _SAME_SHARE = 3.0, 0.5
+"""How near two matches lead to each other that agree, and of how much of what they share."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,7 +74,7 @@ def _agree(first: FlowField, second: FlowField) -> bool:
     if np.mean(both) < _LEAST_COMMON_SHARE:
         return False
     apart = np.linalg.norm(first.flow[both] - second.flow[both], axis=1)
-    return bool(np.mean(apart < _SAME_PX) > _SURE)
+    return bool(np.mean(apart < _SAME_PX) > _SAME_SHARE)
 
 
 def merit_of(field: FlowField, textured: BoolArray) -> float:

@@ -125,15 +125,16 @@ def _unknown(basis: MotionBasis) -> FloatArray:
 
 def _fitted(J: FloatArray, flow: FloatArray, weight: FloatArray) -> FloatArray | None:
     """Way over the ground (2,) that explains the flow (N, 2) best; None if it is not clear."""
-    sure = weight
+    factors = np.ones(len(weight))
     for _ in range(_ROUNDS):
+        sure = weight * factors
         equations = normal_equations(J, -flow, sure)
         if _own_share(equations.A) < _LEAST_OWN:
             return None
         solution = equations.solve(0.0)
         residual = np.linalg.norm(J @ solution - flow, axis=1)
-        way, error = solution[:2], _standard_error(equations.A, residual, sure)
-        sure = weight * tukey_weights(residual, weight, _NOISE)
+        factors = tukey_weights(residual, weight, _NOISE)
+    way, error = solution[:2], _standard_error(equations.A, residual, sure)
     return way if np.linalg.norm(way) > _LEAST_ERRORS * error else None
 
 

@@ -90,9 +90,9 @@ def feature_error(
         if share >= _RENEWED_BELOW:
             return length, reference
         if share >= _LEAST_COMMON:
-            return length, Reference(by_cell(points, _fitting_size(points, spacing)), length)
+            return length, _begin(points, spacing, length)
     length = weighted_median(np.linalg.norm(points.error, axis=1), points.weight)
-    return length, Reference(by_cell(points, _fitting_size(points, spacing)), length)
+    return length, _begin(points, spacing, length)
 
 
 def by_cell(points: ServoPoints, size: float) -> CellErrors:
@@ -112,6 +112,10 @@ def by_cell(points: ServoPoints, size: float) -> CellErrors:
         np.stack([mean(v) for v in values.T], axis=1) for values in (points.xy, points.error)
     )
     return CellErrors(size, cell, xy, mean(points.z_m), error, weight)
+
+
+def _begin(points: ServoPoints, spacing: float, length: float) -> Reference:
+    return Reference(by_cell(points, _fitting_size(points, spacing)), length)
 
 
 def _fitting_size(points: ServoPoints, spacing: float) -> float:

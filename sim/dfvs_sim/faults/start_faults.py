@@ -99,6 +99,22 @@ def _misspelt(rig: Rig, _: np.random.Generator) -> int:
     return t_ns
 
 
+def _turned_mount(name: str, text: str, yaw_rad: float) -> Fault:
+    """A camera that looks another way than the settings say."""
+    return Fault(
+        name,
+        text,
+        "course seen against the vehicle's own; error must fall from the first motion on",
+        Reaction.ABORT,
+        1000.0,
+        (S.SERVO,),
+        _first_motion,
+        Setup(mount=Mount(yaw_rad=yaw_rad)),
+        spares_frames=True,
+        says=(str(Cause.OTHER_COURSE), str(Cause.ERROR_NOT_FALLING)),
+    )
+
+
 def start_faults() -> tuple[Fault, ...]:
     """Faults of what the service is given, by the rows of the table."""
     return (
@@ -125,30 +141,8 @@ def start_faults() -> tuple[Fault, ...]:
             spares_frames=True,
             says=(str(Cause.GOAL_LOST),),
         ),
-        Fault(
-            "wrong-mount",
-            "camera mounted backwards",
-            "course seen against the vehicle's own; error must fall from the first motion on",
-            Reaction.ABORT,
-            1000.0,
-            (S.SERVO,),
-            _first_motion,
-            Setup(mount=Mount(yaw_rad=math.pi)),
-            spares_frames=True,
-            says=(str(Cause.OTHER_COURSE), str(Cause.ERROR_NOT_FALLING)),
-        ),
-        Fault(
-            "sideways-mount",
-            "camera mounted sideways",
-            "course seen against the vehicle's own; error must fall from the first motion on",
-            Reaction.ABORT,
-            1000.0,
-            (S.SERVO,),
-            _first_motion,
-            Setup(mount=Mount(yaw_rad=math.pi / 2)),
-            spares_frames=True,
-            says=(str(Cause.OTHER_COURSE), str(Cause.ERROR_NOT_FALLING)),
-        ),
+        _turned_mount("wrong-mount", "camera mounted backwards", math.pi),
+        _turned_mount("sideways-mount", "camera mounted sideways", math.pi / 2),
         Fault(
             "flies-too-far",
             f"further from where it was engaged than {_TRAVEL_M} m",
