@@ -14,6 +14,7 @@ from dfvs_core.matching.classical import ClassicalMatcher
 from dfvs_core.matching.closer_look import STAGES, Part, part_around
 from dfvs_core.matching.hybrid import HybridMatcher
 from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.merit import Candidate
 from dfvs_core.matching.sureness import nothing, sure_share
 from dfvs_core.matching.warping import pixel_grid
 
@@ -152,6 +153,19 @@ def test_a_goal_that_is_seen_from_afar_is_found_in_a_part(wall, monkeypatch) -> 
     assert sure.mean() > 0.04
     assert np.median(np.linalg.norm(field.flow - truth, axis=-1)[sure]) < 0.5
     assert network.asked > len(STAGES[0]) + len(STAGES[1])
+
+
+def test_what_the_whole_picture_shows_adds_to_a_part_that_agrees(wall, monkeypatch) -> None:
+    truth = exact_flow(FAR).astype(np.float32)
+    left, right = np.zeros((2, *SIZE), np.float32)
+    left[:, :170], right[:, 150:] = 0.9, 0.8
+    found, part = (FlowField(truth, sure) for sure in (left, right))
+    monkeypatch.setattr("dfvs_core.matching.hybrid.feature_starts", lambda a, b: ())
+    monkeypatch.setattr("dfvs_core.matching.hybrid._DOUBTFUL_MERIT", 1.0)
+    monkeypatch.setattr(HybridMatcher, "_look_closer", lambda *_: [Candidate(part, 1.0)])
+    matcher = HybridMatcher(SmallSighted(np.zeros(0), truth), judges=True)
+    a, b = (matcher.prepare(wall.picture(H)) for H in (None, FAR))
+    assert sure_share(matcher._bridge(a, b, found)) == 1.0
 
 
 def test_nothing_is_looked_at_closer_where_much_was_found(wall) -> None:

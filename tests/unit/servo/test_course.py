@@ -79,6 +79,14 @@ def test_a_camera_that_looks_down_agrees_or_says_nothing():
     assert found is None or found > 0.9
 
 
+def test_a_narrow_view_of_the_ground_cannot_tell_tilt_from_way():
+    """Seen from above through a long lens both shift the picture."""
+    basis, size = level_body(DOWN.T_body_camera()), 0.004
+    reference = by_cell(points(0.1 * RAYS), size)
+    now = points(0.1 * RAYS + [0.0, 0.05 / 3.0])
+    assert course_agreement(reference, now, basis, flown(STRAIGHT)) is None
+
+
 def test_a_few_wild_features_decide_nothing():
     seen = moved_rays(turned(180), STRAIGHT)
     seen[::6] += RNG.normal(size=(len(seen[::6]), 2))

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dfvs_core.servo.feature_error import feature_error
+from dfvs_core.servo.feature_error import by_cell, feature_error
 from dfvs_core.servo.points import ServoPoints
 
 CELL = 0.03
@@ -97,3 +97,11 @@ def test_from_far_away_the_samples_still_fall_into_the_same_cells(scale):
     _, reference = compared(view(scale, 0.0), None)
     for shift in (0.2, 0.5, 0.8):
         assert compared(view(1.01 * scale, shift), reference)[1] is reference
+
+
+def test_what_counts_for_nothing_makes_no_cell():
+    points = seen(1.0)
+    points.weight[columns(-20, 0)] = 0.0
+    cells = by_cell(points, CELL)
+    assert len(cells.cell) == np.count_nonzero(points.weight)
+    assert np.isfinite(cells.error).all()
