@@ -11,6 +11,7 @@ from dfvs_core.gate.config import MS, Engage, GateConfig, S
 from dfvs_core.gate.events import (
     Attitude,
     Battery,
+    CurrentMode,
     EstimatorState,
     Event,
     GateOutput,
@@ -182,6 +183,12 @@ class Rehearsal:
         self.now_ns += MS
         self._beat_ns = self.now_ns
         return self.send([self.heartbeat()])
+
+    def tell_mode(self, mode: VehicleMode) -> GateOutput:
+        """CURRENT_MODE right now, 1 ms after the last step, as the autopilot changes its mode."""
+        self.vehicle.mode = mode
+        self.now_ns += MS
+        return self.send([CurrentMode(self.now_ns, mode)])
 
     def forget(self) -> Rehearsal:
         """Forget what was sent so far."""

@@ -7,7 +7,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.modes import Mode

@@ -37,12 +37,20 @@ class Action(enum.StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Heartbeat:
-    """HEARTBEAT of the autopilot, once a second: so the mode is known up to 1 s late."""
+    """HEARTBEAT of the autopilot, once a second: by it alone the mode is known up to 1 s late."""
 
     t_ns: int
     mode: VehicleMode
     armed: bool
     failsafe: bool = False
+
+
+@dataclass(frozen=True, slots=True)
+class CurrentMode:
+    """CURRENT_MODE of the autopilot, soon after each change of its mode (PX4 from 1.15 on)."""
+
+    t_ns: int
+    mode: VehicleMode
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,6 +186,7 @@ class Stop:
 
 VehicleEvent = (
     Heartbeat
+    | CurrentMode
     | Attitude
     | LocalPosition
     | LandedState

@@ -25,6 +25,7 @@ from dfvs_core.gate.engagement import begin, offer
 from dfvs_core.gate.events import (
     Action,
     BadReport,
+    CurrentMode,
     Event,
     GateOutput,
     Heartbeat,
@@ -127,9 +128,10 @@ class GateMachine:
         if event.t_ns > self._now:
             event = dataclasses.replace(event, t_ns=self._now)
         match event:
-            case Heartbeat():
+            case Heartbeat() | CurrentMode():
                 self.vehicle.take(event)
-                self._take_heartbeat(event)
+                if self.vehicle.is_heard:
+                    self._take_mode(self.vehicle.heartbeat)
             case Report():
                 self._take_report(event)
             case BadReport():
@@ -143,7 +145,7 @@ class GateMachine:
             case _:
                 self.vehicle.take(event)
 
-    def _take_heartbeat(self, heartbeat: Heartbeat) -> None:
+    def _take_mode(self, heartbeat: Heartbeat) -> None:
         flies_offboard = heartbeat.mode is VehicleMode.OFFBOARD and heartbeat.armed
         if self.state is GateState.IDLE:
             self._go(GateState.PREFLIGHT, (Cause.VEHICLE_HEARD, ""))

@@ -3,12 +3,13 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.events import (
     Attitude,
     Battery,
+    CurrentMode,
     EstimatorState,
     Health,
     Heartbeat,
@@ -33,7 +34,10 @@ _UNHEARD = "none heard yet"
 
 @dataclass(slots=True)
 class VehiclePicture:
-    """The newest message of each kind; before the first one, one that is infinitely old."""
+    """The newest message of each kind; before the first one, one that is infinitely old.
+
+    ``heartbeat`` has the mode of CURRENT_MODE where that is newer; its age is its own.
+    """
 
     heartbeat: Heartbeat = field(
         default_factory=lambda: Heartbeat(NEVER, VehicleMode.OTHER, armed=False)
@@ -61,6 +65,8 @@ class VehiclePicture:
             case Heartbeat():
                 self.heartbeat = event
                 self.rivals.hear(event, is_offboard=self.is_offboard)
+            case CurrentMode():
+                self.heartbeat = replace(self.heartbeat, mode=event.mode)
             case Attitude():
                 self.attitude = event
             case LocalPosition():
@@ -94,8 +100,13 @@ class VehiclePicture:
         return OwnMotion(self.position.velocity_m_s, self.attitude.yaw_rad)
 
     @property
+    def is_heard(self) -> bool:
+        """Tell whether any heartbeat was heard yet."""
+        return self.heartbeat.t_ns != NEVER
+
+    @property
     def is_offboard(self) -> bool:
-        """Tell whether the last heartbeat showed OFFBOARD."""
+        """Tell whether the autopilot last told of OFFBOARD."""
         return self.heartbeat.mode is VehicleMode.OFFBOARD
 
     @property

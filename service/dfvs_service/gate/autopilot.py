@@ -72,6 +72,8 @@ class Autopilot:
         self._system_id = 0
         self._others: dict[int, MavlinkDirect] = {}
         """Other systems on this link, by their id: each has a subscription of its own."""
+        self._expected: set[Any] = {0}
+        """Results of requests for an interval that need not be noted any more."""
         log_subscribe(self._take_log)
 
     def _take_log(self, level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
@@ -127,6 +129,7 @@ class Autopilot:
         """Subscribe to every message that the gate judges by."""
         single: dict[str, _Convert] = {
             "HEARTBEAT": px4.heartbeat,
+            "CURRENT_MODE": px4.current_mode,
             "ATTITUDE_QUATERNION": px4.attitude,
             "LOCAL_POSITION_NED": px4.local_position,
             "EXTENDED_SYS_STATE": px4.landed_state,
@@ -177,9 +180,14 @@ class Autopilot:
 
     def _take_ack(self, _t_ns: int, fields: Mapping[str, Any]) -> None:
         # Only for the log: PX4 acknowledges a mode change twice, and the first one always says
-        # yes. What happened is seen in the heartbeat.
-        if not px4.is_routine(fields):
-            self._note("ack", f"command {fields.get('command')} result {fields.get('result')}")
+        # yes. What happened is seen in the mode. An interval is refused by an autopilot that does
+        # not know the message, such as CURRENT_MODE before PX4 1.15: that is said once.
+        result = fields.get("result")
+        if px4.answers_interval(fields):
+            if result in self._expected:
+                return
+            self._expected.add(result)
+        self._note("ack", f"command {fields.get('command')} result {result}")
 
     def watch(self) -> None:
         """Keep telemetry coming, parameters read and other systems heard; never returns.

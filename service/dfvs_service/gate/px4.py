@@ -9,6 +9,7 @@ from typing import Any
 from dfvs_core.gate.events import (
     Attitude,
     Battery,
+    CurrentMode,
     EstimatorState,
     ForeignSetpoint,
     Health,
@@ -67,9 +68,9 @@ _SET_MESSAGE_INTERVAL = 511
 _POSITION_IGNORED = 1 | 2 | 4
 _VELOCITY_IGNORED = 8 | 16 | 32
 
-MESSAGE_INTERVALS_US = {31: 10_000, 32: 20_000, 85: 50_000, 230: 50_000}
+MESSAGE_INTERVALS_US = {31: 10_000, 32: 20_000, 85: 50_000, 230: 50_000, 436: 50_000}
 """ATTITUDE_QUATERNION at 100 Hz, LOCAL_POSITION_NED at 50 Hz, POSITION_TARGET_LOCAL_NED and
-ESTIMATOR_STATUS at 20 Hz."""
+ESTIMATOR_STATUS at 20 Hz, CURRENT_MODE within 50 ms of a change."""
 
 FOREIGN_SETPOINTS = (
     "SET_POSITION_TARGET_LOCAL_NED",
@@ -95,6 +96,11 @@ def heartbeat(t_ns: int, fields: Mapping[str, Any]) -> Heartbeat:
         armed=bool(int(fields["base_mode"]) & _ARMED_FLAG),
         failsafe=int(fields["system_status"]) in _FAILSAFE_STATUS,
     )
+
+
+def current_mode(t_ns: int, fields: Mapping[str, Any]) -> CurrentMode:
+    """Event of CURRENT_MODE."""
+    return CurrentMode(t_ns, mode_of(int(fields["custom_mode"])))
 
 
 def attitude(t_ns: int, fields: Mapping[str, Any]) -> Attitude:
@@ -186,9 +192,9 @@ def interval_fields(message_id: int, interval_us: int, system_id: int) -> dict[s
     return _command(_SET_MESSAGE_INTERVAL, system_id, (float(message_id), float(interval_us)))
 
 
-def is_routine(ack: Mapping[str, Any]) -> bool:
-    """Tell whether COMMAND_ACK grants what is asked for again and again: a message's interval."""
-    return (ack.get("command"), ack.get("result")) == (_SET_MESSAGE_INTERVAL, 0)
+def answers_interval(ack: Mapping[str, Any]) -> bool:
+    """Tell whether COMMAND_ACK answers what is asked for again and again: a message's interval."""
+    return ack.get("command") == _SET_MESSAGE_INTERVAL
 
 
 def _command(number: int, system_id: int, values: tuple[float, ...]) -> dict[str, Any]:

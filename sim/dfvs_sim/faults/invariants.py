@@ -17,7 +17,7 @@ from dfvs_core.errors import WireError
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.gate.replay import replay
 from dfvs_core.gate.states import ENGAGED, TRANSITIONS, GateState
-from dfvs_sim.faults.records import Event, Run, is_ours, moves
+from dfvs_sim.faults.records import TELLS_MODE, Event, Run, is_ours, moves
 from dfvs_sim.vehicle.px4 import STEP_NS
 
 MS = 1_000_000
@@ -167,12 +167,12 @@ def _freshness(setpoints: Sequence[Event], frames: Sequence[int]) -> Iterator[Vi
 
 
 def _takeovers(events: Sequence[Event], timeline: _Timeline) -> Iterator[Violation]:
-    """I5: after the heartbeat of a takeover nothing, until the gate is engaged again."""
+    """I5: after the message that tells of a takeover nothing, until the gate is engaged again."""
     taken_ns: int | None = None
     for event in events:
         t_ns, state = event["t_ns"], timeline.at(event["t_ns"] - 1)
-        if event["kind"] == "heartbeat_sent":
-            is_ours = event["mode"] == "OFFBOARD" and event["armed"]
+        if event["kind"] in TELLS_MODE:
+            is_ours = event["mode"] == "OFFBOARD" and event.get("armed", True)
             if state in (S.SERVO, S.HOLD) and not is_ours:
                 taken_ns = t_ns if taken_ns is None else taken_ns
         elif taken_ns is not None and state in (S.PREFLIGHT, S.READY, S.ENGAGE):

@@ -7,8 +7,14 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dfvs_sim.vehicle.modes import mode_from_custom
+from dfvs_sim.vehicle.telemetry import Message
+
 ROGUE_COMPONENT, PILOT_COMPONENT = 196, 190
 """Who else sends to the vehicle."""
+
+TELLS_MODE = ("heartbeat_sent", "mode_sent")
+"""Kinds of events by which the gate can know of a takeover."""
 
 Event = dict[str, Any]
 """One entry of the vehicle's record or of the gate's log: ``t_ns``, ``kind`` and more."""
@@ -35,6 +41,18 @@ class Run:
 def is_ours(event: Event) -> bool:
     """Whether an event of the vehicle's record is not somebody else's message."""
     return event.get("compid") not in (ROGUE_COMPONENT, PILOT_COMPONENT)
+
+
+def telling_of_mode(message: Message) -> tuple[str, Event] | None:
+    """Kind and fields of a message of the vehicle's that tells of its mode; None of any other."""
+    kind = {"HEARTBEAT": "heartbeat_sent", "CURRENT_MODE": "mode_sent"}.get(message.get_type())
+    if kind is None:
+        return None
+    mode = mode_from_custom(message.custom_mode)
+    fields: Event = {"mode": mode.name if mode else ""}
+    if kind == "heartbeat_sent":
+        fields["armed"] = message.base_mode >= 128
+    return kind, fields
 
 
 def moves(setpoint: Event) -> bool:

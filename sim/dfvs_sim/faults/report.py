@@ -149,7 +149,7 @@ def as_markdown(
 _NOTE = (
     "The real `dfvs-service` flies a simulated vehicle and is disturbed from outside. Times go",
     "from the fault (for frames: from the capture of the last good one; for a takeover: from the",
-    "heartbeat that shows it) to the first zero setpoint, or the state or silence that had to",
+    "message that tells of it) to the first zero setpoint, or the state or silence that had to",
     "follow, by the vehicle's own record; 0 means that nothing moved any more when it happened.",
     "Every case draws its place, its phase and what is random in its fault from its own seed;",
     "where a service survives a fault, it is healed and flies on into the next case.",

@@ -5,14 +5,16 @@ from __future__ import annotations
 import dataclasses
 import math
 import time
+from collections.abc import Sequence
 
 import numpy as np
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.wire.command import encode_command
 from dfvs_sim.faults.fault import ANY_ENGAGED, Fault, Reaction
+from dfvs_sim.faults.records import TELLS_MODE
 from dfvs_sim.faults.rig import NO_PROOF, Rig, Setup
 from dfvs_sim.faults.service import KEY, wait_until
 from dfvs_sim.faults.world import BATTERY, GPS, MAVLINK_SIGNAL
@@ -46,12 +48,12 @@ def _heartbeat_lost(rig: Rig, _: np.random.Generator) -> int:
     return int(beats[-1])
 
 
-def _next_heartbeat(rig: Rig, since_ns: int) -> int:
-    """When the first heartbeat after a time was sent."""
+def _next_told(rig: Rig, since_ns: int, kinds: Sequence[str]) -> int:
+    """When the first message of these kinds after a time was sent."""
 
     def found() -> list[int]:
         recent = rig.world.events[-3000:]
-        return [e["t_ns"] for e in recent if e["kind"] == "heartbeat_sent" and e["t_ns"] > since_ns]
+        return [e["t_ns"] for e in recent if e["kind"] in kinds and e["t_ns"] > since_ns]
 
     wait_until(lambda: bool(found()), _HEARTBEAT_S)
     return found()[0]
@@ -61,22 +63,21 @@ def _taken_over(rig: Rig, rng: np.random.Generator) -> int:
     modes = [Mode.LAND, Mode.RETURN, Mode.ALTITUDE, Mode.STABILIZED, Mode.POSITION, Mode.HOLD]
     which = int(rng.integers(len(modes)))
 
-    def take(px4: Px4, now_ns: int) -> None:
+    def take(px4: Px4, now_ns: int) -> int:
         # Who selects the mode that is on already changes nothing that anybody could see.
         others = [mode for mode in modes if mode is not px4.status.mode]
         mode = others[which % len(others)]
         px4.status.manual_ns = now_ns + _STICKS_NS  # sticks are held from now on
         px4.request_mode(mode, now_ns)
+        return time.monotonic_ns()
 
-    since_ns = time.monotonic_ns()
-    rig.world.do(take)
-    return _next_heartbeat(rig, since_ns)
+    return _next_told(rig, rig.world.do(take), TELLS_MODE)
 
 
 def _disarmed(rig: Rig, _: np.random.Generator) -> int:
     since_ns = time.monotonic_ns()
     rig.world.do(lambda px4, now_ns: px4.disarm(now_ns, "kill switch", force=True))
-    return _next_heartbeat(rig, since_ns)
+    return _next_told(rig, since_ns, ("heartbeat_sent",))
 
 
 def _estimator_invalid(rig: Rig, _: np.random.Generator) -> int:

@@ -15,13 +15,14 @@ from pathlib import Path
 from typing import Any, TypeVar
 
 import numpy as np
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.faults.camera import PERIOD_NS, ScriptedCamera
+from dfvs_sim.faults.records import telling_of_mode
 from dfvs_sim.faults.wall import Pose
 from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts, wait_for_data
-from dfvs_sim.vehicle.modes import Mode, mode_from_custom
+from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.px4 import STEP_NS, Px4
 from dfvs_sim.vehicle.record import VehicleRecord
 from dfvs_sim.vehicle.streams import COMPANION, GROUND
@@ -256,10 +257,8 @@ class World:
                 continue
             sent_ns = time.monotonic_ns()
             self._link.send(message)
-            if message.get_type() == "HEARTBEAT":
-                mode = mode_from_custom(message.custom_mode)
-                fields = {"mode": mode.name if mode else "", "armed": message.base_mode >= 128}
-                self._note(sent_ns, "heartbeat_sent", fields)
+            if (told := telling_of_mode(message)) is not None:
+                self._note(sent_ns, *told)
 
 
 def _take_off(px4: Px4, begin_ns: int) -> None:

@@ -12,6 +12,7 @@ from dfvs_core.gate.events import (
     Attitude,
     BadReport,
     Battery,
+    CurrentMode,
     EstimatorState,
     Event,
     ForeignSetpoint,
@@ -60,6 +61,8 @@ class World:
     follows: float = 1.0
     """Share of a setpoint that the vehicle flies; negative where it goes the wrong way."""
     beats: bool = True
+    tells_mode: bool = True
+    """CURRENT_MODE after each change, as PX4 from 1.15 on does."""
     tells_attitude: bool = True
     tells_position: bool = True
     tells_status: bool = True
@@ -85,6 +88,7 @@ def calm(world: World, dice: Dice) -> World:
     """Return a world in which all is well again; mode and place stay what they are."""
     return World(
         mode=world.mode,
+        tells_mode=dice.chance(0.7),
         position_m=world.position_m if _is_finite(world.position_m) else (1.0, 2.0, -3.0),
         yaw_rad=world.yaw_rad if math.isfinite(world.yaw_rad) else 0.0,
         reached=dice.chance(0.3),
@@ -139,6 +143,7 @@ def _telemetry(world: World, dice: Dice) -> World:
     north, east, down = world.position_m
     changes = (
         {"beats": False},
+        {"tells_mode": False},
         {"tells_attitude": False},
         {"tells_position": False},
         {"tells_status": False},
@@ -199,6 +204,7 @@ def _stop(t_ns: int, dice: Dice) -> Event:
 
 _ODD_EVENTS: tuple[Callable[[int, Dice], Event], ...] = (
     lambda t, dice: Heartbeat(t, dice.pick(MODES), dice.chance(0.8), dice.chance(0.1)),
+    lambda t, dice: CurrentMode(t, dice.pick(MODES)),
     lambda t, dice: Attitude(t, *_triple(dice)),
     lambda t, dice: LocalPosition(t, _triple(dice), _triple(dice)),
     _landed_state,

@@ -15,6 +15,7 @@ from dfvs_core.gate.events import (
     Attitude,
     BadReport,
     Battery,
+    CurrentMode,
     EstimatorState,
     Event,
     ForeignSetpoint,
@@ -102,6 +103,8 @@ class Evidence:
                 self._heartbeat_ns = t_ns
                 self.mode, self.armed = event.mode, event.armed
                 self._failsafe = event.failsafe
+            case CurrentMode() if self._heartbeat_ns != _LONG_AGO:
+                self.mode = event.mode
             case Attitude():
                 self._attitude_ns = t_ns
                 self._attitude_finite = _finite(event.roll_rad, event.pitch_rad, event.yaw_rad)

@@ -13,6 +13,7 @@ from dfvs_core.gate.events import (
     Action,
     Attitude,
     Battery,
+    CurrentMode,
     EstimatorState,
     Event,
     GateOutput,
@@ -104,6 +105,7 @@ class Surroundings:
         self._beat_ns = self._capture_ns = self._slow_ns = t_ns - 10 * S
         self._seq = 0
         self._flown_m_s = (0.0, 0.0, 0.0)
+        self._told_mode = VehicleMode.OTHER
         self._wanted_goal = self._seen_goal = ""
         self._ordered_goal: str | None = None
 
@@ -180,6 +182,9 @@ class Surroundings:
         if world.beats and now - self._beat_ns >= 300 * MS:
             self._beat_ns = now
             events.append(Heartbeat(now, world.mode, world.armed, world.failsafe))
+        if world.tells_mode and world.mode is not self._told_mode and self._dice.chance(0.7):
+            self._told_mode = world.mode
+            events.append(CurrentMode(now, world.mode))
         if world.mode is VehicleMode.OFFBOARD and self._dice.chance(0.3):
             events.append(VelocityTarget(now, self._flown_m_s))
         if world.tells_status and now - self._slow_ns >= 700 * MS:

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from dfvs_core.gate.config import Engage, GateConfig, S
 from dfvs_core.gate.events import (
     Action,
+    CurrentMode,
     Event,
     GateOutput,
     Heartbeat,
@@ -65,6 +66,7 @@ class InvariantChecker:
         self._sent_ns: int | None = None
         self._engaged_ns = self._servo_ns = t_ns
         self._mode_before = VehicleMode.OTHER
+        self._armed = False
         self._confirmed = False
         self._proven = False
         self._awaits_hold = False
@@ -87,7 +89,9 @@ class InvariantChecker:
         is_ordered = False
         for event in events:
             if isinstance(event, Heartbeat):
-                self._hear_heartbeat(event, is_ordered)
+                self._armed = event.armed
+            if isinstance(event, Heartbeat | CurrentMode):
+                self._hear_mode(event.mode, is_ordered)
             elif isinstance(event, Order) and event.action is Action.ENGAGE:
                 self._taken_over = False
                 is_ordered = True
@@ -103,20 +107,20 @@ class InvariantChecker:
         self.state = state
         self._stepped_ns = now_ns
 
-    def _hear_heartbeat(self, heard: Heartbeat, is_ordered: bool) -> None:
+    def _hear_mode(self, mode: VehicleMode, is_ordered: bool) -> None:
         """I5: find out whether somebody else has the vehicle now, and no operator gave it back."""
         if self.state is GateState.ABORT:
-            is_ours = heard.armed and heard.mode is VehicleMode.OFFBOARD
+            is_ours = self._armed and mode is VehicleMode.OFFBOARD
             self._taken_over |= not is_ours and not is_ordered
         elif self.state not in ENGAGED or self._handed_over:
             return
-        elif not heard.armed:
+        elif not self._armed:
             self._taken_over = True
-        elif heard.mode is VehicleMode.OFFBOARD:
+        elif mode is VehicleMode.OFFBOARD:
             self._confirmed = True
-        elif self._awaits_hold and heard.mode is VehicleMode.HOLD:
+        elif self._awaits_hold and mode is VehicleMode.HOLD:
             self._handed_over = True
-        elif self._confirmed or heard.mode is not self._mode_before:
+        elif self._confirmed or mode is not self._mode_before:
             self._taken_over = True
 
     def _heed_goals(self, events: Sequence[Event], output: GateOutput) -> None:

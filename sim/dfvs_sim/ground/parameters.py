@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import struct
 
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.ground.link import GroundLink, LinkError, Message
 

@@ -11,7 +11,7 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.errors import DfvsError
 from dfvs_sim.ground.link import ACCEPTED, GroundLink, Message

@@ -6,7 +6,7 @@ import select
 import socket
 from dataclasses import dataclass
 
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.errors import ConfigError
 from dfvs_sim.vehicle.telemetry import Message

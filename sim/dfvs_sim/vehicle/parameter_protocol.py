@@ -5,7 +5,7 @@ An unknown name is met with silence; every write is answered with the value that
 
 from __future__ import annotations
 
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.vehicle.parameters import ParameterTable
 from dfvs_sim.vehicle.telemetry import Message

@@ -12,7 +12,7 @@ from collections.abc import Callable
 from typing import Any
 
 import numpy as np
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.vehicle import parameter_protocol
 from dfvs_sim.vehicle.commands import CommandHandler
@@ -34,6 +34,7 @@ from dfvs_sim.vehicle.telemetry import Message, Telemetry
 
 STEP_NS = 4_000_000
 _CHECK_NS = 100 * 1_000_000
+_PUBLISH_NS = 500 * 1_000_000
 _GCS_TIMEOUT_NS = 3 * NS_PER_S
 
 Journal = Callable[[int, str, dict[str, Any]], None]
@@ -223,6 +224,8 @@ class Px4:
     def _supervise(self, now_ns: int) -> None:
         """Readiness, failsafes, mode changes and disarming by itself."""
         s = self.status
+        if now_ns - s.published_ns >= _PUBLISH_NS:
+            s.published_ns = now_ns
         s.ready = now_ns - s.boot_ns >= self.config.ready_after_s * NS_PER_S
         s.estimator_ok = self.flight.estimate.valid
         if s.armed and should_disarm(s, self.parameters, now_ns):
@@ -234,6 +237,7 @@ class Px4:
         failsafe = s.armed and mode is not s.intended
         if mode is not s.mode or failsafe is not s.failsafe:
             previous, s.mode, s.failsafe = s.mode, mode, failsafe
+            s.published_ns = now_ns
             if failsafe:
                 self.say(f"Failsafe activated: {mode.name.lower()}")
             self.flight.enter(mode, previous)
@@ -267,7 +271,7 @@ class Px4:
         for name, link in self.links.items():
             if link.gcs_ns is not None and now_ns - link.gcs_ns < _GCS_TIMEOUT_NS:
                 out.extend((name, _statustext(text)) for text in texts)
-            for kind in link.schedule.due(now_ns):
+            for kind in link.due(now_ns, self.status.published_ns):
                 message = self.telemetry.build(kind, self._time_ns)
                 if message is not None:
                     out.append((name, message))

@@ -38,6 +38,8 @@ class Status:
     """
 
     boot_ns: int
+    published_ns: int = 0
+    """When the autopilot's parts were told of it last: at each change, and twice a second."""
     ready: bool = False
     intended: Mode = Mode.HOLD
     mode: Mode = Mode.HOLD

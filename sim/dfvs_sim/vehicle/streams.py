@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 from dfvs_sim.vehicle.status import NS_PER_S
 
@@ -11,6 +11,7 @@ COMPANION, GROUND = "companion", "ground"
 
 COMPANION_RATES_HZ: Mapping[str, float] = {
     "HEARTBEAT": 1.0,
+    "CURRENT_MODE": 0.5,
     "ATTITUDE": 100.0,
     "ATTITUDE_QUATERNION": 50.0,
     "GLOBAL_POSITION_INT": 50.0,
@@ -39,6 +40,10 @@ RATES_HZ: Mapping[str, Mapping[str, float]] = {
 
 FASTEST_US = 4000
 """Shortest interval that SET_MESSAGE_INTERVAL is granted: one step of the simulation."""
+
+
+ON_NEWS = frozenset({"CURRENT_MODE"})
+"""Messages that PX4 sends only where the status was published since the last one."""
 
 
 class Schedule:
@@ -91,3 +96,15 @@ class LinkState:
     schedule: Schedule
     gcs_ns: int | None = None
     dropped: bool = False
+    told_ns: dict[str, int] = field(default_factory=dict)
+    """When each of ``ON_NEWS`` was sent last."""
+
+    def due(self, now_ns: int, news_ns: int) -> list[str]:
+        """Names of the messages to send now; ``news_ns``: when the status was published last."""
+        names = [
+            name
+            for name in self.schedule.due(now_ns)
+            if name not in ON_NEWS or self.told_ns.get(name, news_ns - 1) < news_ns
+        ]
+        self.told_ns.update(dict.fromkeys(ON_NEWS.intersection(names), now_ns))
+        return names

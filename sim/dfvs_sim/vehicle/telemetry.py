@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable
 from typing import Any
 
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.vehicle.control import Demand
 from dfvs_sim.vehicle.estimator import Estimate
@@ -60,6 +60,7 @@ class Telemetry:
         self._demand = demand
         self.builders: dict[str, Callable[[int], Message | None]] = {
             "HEARTBEAT": self._heartbeat,
+            "CURRENT_MODE": self._current_mode,
             "ATTITUDE": self._attitude,
             "ATTITUDE_QUATERNION": self._attitude_quaternion,
             "GLOBAL_POSITION_INT": self._global_position,
@@ -95,6 +96,12 @@ class Telemetry:
             s.mode.custom_mode,
             int(s.system_status()),
             3,
+        )
+
+    def _current_mode(self, _: int) -> Message:
+        s = self._status
+        return mavlink.MAVLink_current_mode_message(
+            mavlink.MAV_STANDARD_MODE_NON_STANDARD, s.mode.custom_mode, s.intended.custom_mode
         )
 
     def _attitude(self, now_ns: int) -> Message:

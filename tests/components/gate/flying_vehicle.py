@@ -16,8 +16,9 @@ from pathlib import Path
 
 import numpy as np
 
+from dfvs_sim.faults.records import telling_of_mode
 from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts, wait_for_data
-from dfvs_sim.vehicle.modes import Mode, mode_from_custom
+from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.parameters import ParameterTable
 from dfvs_sim.vehicle.px4 import STEP_NS, Px4, VehicleConfig
 from dfvs_sim.vehicle.record import VehicleRecord
@@ -87,10 +88,8 @@ def main() -> None:
         next_ns = max(next_ns + STEP_NS, now_ns)
         for name, message in px4.step(now_ns):
             if name == COMPANION and speaks:
-                if message.get_type() == "HEARTBEAT":
-                    mode = mode_from_custom(message.custom_mode)
-                    fields = {"mode": mode.name if mode else "", "armed": message.base_mode >= 128}
-                    record(time.monotonic_ns(), "heartbeat_sent", fields)
+                if (told := telling_of_mode(message)) is not None:
+                    record(time.monotonic_ns(), *told)
                 link.send(message)
 
 

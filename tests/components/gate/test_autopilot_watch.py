@@ -3,14 +3,21 @@
 import functools
 import queue
 import socket
+import statistics
 import threading
 import time
 
 import pytest
 from gate_flight import hovering_vehicle
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_core.gate.events import EstimatorState, ForeignSetpoint, ParametersRead
+from dfvs_core.gate.events import (
+    CurrentMode,
+    EstimatorState,
+    ForeignSetpoint,
+    ParametersRead,
+    VehicleMode,
+)
 from dfvs_service.gate import autopilot as module
 from dfvs_service.gate.autopilot import Autopilot
 
@@ -68,6 +75,29 @@ def test_a_failsafe_that_changes_while_the_service_runs_is_read_again(watched):
     vehicle.order("parameter COM_OBL_RC_ACT 5")
     heard.wait(ParametersRead, lambda read: not read.refusals)
     assert not [text for kind, text in notes if kind == "ack" and "511" in text]
+
+
+def test_a_change_of_mode_is_heard_long_before_the_next_heartbeat(watched):
+    vehicle, heard, _ = watched
+    heard.wait(CurrentMode)
+    late_ns = []
+    for mode in (VehicleMode.LAND, VehicleMode.HOLD) * 3:
+        ordered_ns = vehicle.order(f"mode {mode}")
+        late_ns.append(heard.wait(CurrentMode, lambda e, m=mode: e.mode is m).t_ns - ordered_ns)
+    assert statistics.median(late_ns) < 0.25e9  # by heartbeats alone 0.5 s in the mean
+
+
+def test_an_interval_that_is_refused_is_noted_once():
+    notes = []
+    autopilot = Autopilot(lambda _event: None, lambda kind, text: notes.append((kind, text)))
+    for result in (4, 0, 4, 4):
+        autopilot._take_ack(1, {"command": 511, "result": result})
+    autopilot._take_ack(1, {"command": 176, "result": 1})
+    autopilot._take_ack(1, {"command": 176, "result": 1})
+    assert [text for _, text in notes] == [
+        "command 511 result 4",
+        *("command 176 result 1",) * 2,
+    ]
 
 
 @pytest.mark.parametrize(("system", "component"), [(255, 190), (245, 191), (1, 196)])

@@ -16,6 +16,7 @@ from dfvs_core.gate.events import (
     Attitude,
     BadReport,
     Battery,
+    CurrentMode,
     Event,
     ForeignSetpoint,
     GateOutput,
@@ -155,6 +156,7 @@ def test_an_event_with_more_values_than_it_has_is_damaged():
 EVENTS: list[Event] = [
     LocalPosition(1, (math.inf, -math.inf, 0.1), (1e-300, 2.0, -0.0)),
     Attitude(2, 0.1, -0.2, 3.0),
+    CurrentMode(2, VehicleMode.OFFBOARD),
     Battery(3, None),
     Battery(4, 0.25),
     Health(5, ok=False, detail='a "quoted" ü', can_arm=False),

@@ -6,7 +6,7 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dfvs_core.gate.events import ModeRequest, VehicleMode
+from dfvs_core.gate.events import CurrentMode, ModeRequest, VehicleMode
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.poses import quaternion_from_rotation, rotation_from_euler
 from dfvs_service.gate import px4
@@ -35,6 +35,12 @@ T_NS = 42
 def test_a_heartbeat_tells_the_mode(main, sub, mode):
     fields = {"custom_mode": main << 16 | sub << 24, "base_mode": 145, "system_status": 4}
     assert px4.heartbeat(T_NS, fields).mode is mode
+
+
+def test_current_mode_tells_the_mode_as_a_heartbeat_does():
+    for main, sub, mode in ((6, 0, VehicleMode.OFFBOARD), (4, 3, VehicleMode.HOLD)):
+        fields = {"custom_mode": main << 16 | sub << 24, "intended_custom_mode": 0}
+        assert px4.current_mode(T_NS, fields) == CurrentMode(T_NS, mode)
 
 
 @pytest.mark.parametrize(
@@ -156,9 +162,8 @@ def test_a_mode_request_never_carries_the_flag_for_arming(request_, numbers):
 def test_an_interval_is_asked_for_in_microseconds():
     fields = px4.interval_fields(32, 20_000, 1)
     assert (fields["command"], fields["param1"], fields["param2"]) == (511, 32.0, 20_000.0)
-    assert px4.is_routine({"command": fields["command"], "result": 0})
-    assert not px4.is_routine({"command": fields["command"], "result": 3})
-    assert not px4.is_routine({"command": 176, "result": 0})
+    assert px4.answers_interval({"command": fields["command"], "result": 3})
+    assert not px4.answers_interval({"command": 176, "result": 0})
 
 
 @pytest.mark.parametrize(

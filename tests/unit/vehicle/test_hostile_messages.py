@@ -6,7 +6,7 @@ import math
 from typing import Any
 
 import numpy as np
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 from vehicle_in_hand import VehicleInHand, setpoint
 
 from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts

@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 
 import pytest
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 from vehicle_in_hand import ARM, LAND, SET_MODE, START_NS, TAKEOFF, VehicleInHand, setpoint, sticks
 
 from dfvs_sim.vehicle.modes import Mode

@@ -5,9 +5,10 @@ from __future__ import annotations
 from collections import Counter
 
 import pytest
-from pymavlink.dialects.v20 import common as mavlink
+from pymavlink.dialects.v20 import development as mavlink
 from vehicle_in_hand import VehicleInHand
 
+from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.streams import COMPANION, Schedule
 
 SET_INTERVAL, GET_INTERVAL, REQUEST = 511, 510, 512
@@ -92,3 +93,36 @@ def test_a_late_stream_skips_what_it_missed_and_keeps_its_phase() -> None:
     assert len(sent) == 40  # every 25 ms something is due; nothing is sent twice
     assert schedule.due(979 * 1_000_000) == []
     assert schedule.due(980 * 1_000_000) == ["ATTITUDE"]
+
+
+def modes_told(vehicle: VehicleInHand, since_ns: int) -> list[int]:
+    """Times at which CURRENT_MODE was sent to the companion."""
+    return [
+        t
+        for t, link, message in vehicle.sent
+        if t > since_ns and link == COMPANION and message.get_type() == "CURRENT_MODE"
+    ]
+
+
+def test_the_mode_is_told_soon_after_a_change_and_twice_a_second_otherwise() -> None:
+    vehicle = VehicleInHand()
+    vehicle.command(SET_INTERVAL, float(mavlink.MAVLINK_MSG_ID_CURRENT_MODE), 50_000.0)
+    begin_ns = vehicle.now_ns
+    vehicle.run(10.0)
+    assert len(modes_told(vehicle, begin_ns)) == pytest.approx(20, abs=1)
+    for mode in (Mode.OFFBOARD, Mode.POSITION):
+        vehicle.run(0.13)
+        changed_ns = vehicle.now_ns
+        vehicle.px4.request_mode(mode, changed_ns)
+        vehicle.run(0.3)
+        told_ns = modes_told(vehicle, changed_ns)[0]
+        assert told_ns - changed_ns <= 60_000_000
+        (told, *_) = (m for t, _, m in vehicle.sent if t == told_ns and m.get_msgId() == 436)
+        assert told.custom_mode == told.intended_custom_mode == mode.custom_mode
+
+
+def test_without_asking_a_change_may_be_told_two_seconds_late() -> None:
+    vehicle = VehicleInHand()
+    begin_ns = vehicle.now_ns
+    vehicle.run(20.0)
+    assert len(modes_told(vehicle, begin_ns)) == pytest.approx(10, abs=1)
