@@ -23,11 +23,11 @@ GOAL = RAYS * 0.9 + 0.05 * RNG.normal(size=2)
 """Where the goal picture shows the features that are seen along the rays."""
 
 
-def moved_rays(mount, moved, tilt=(0.0, 0.0)):
+def moved_rays(mount, moved, tilt=(0.0, 0.0), depth_m=DEPTH_M):
     """Where a camera that is mounted so sees them after the body has moved and tilted."""
     T = mount.T_body_camera()
     R_moved = rotation_from_euler(*tilt, moved[3])
-    points = np.column_stack([RAYS, np.ones(len(RAYS))]) * DEPTH_M[:, None]
+    points = np.column_stack([RAYS, np.ones(len(RAYS))]) * depth_m[:, None]
     body = (points @ T[:3, :3].T + T[:3, 3] - np.array(moved[:3])) @ R_moved
     seen = (body - T[:3, 3]) @ T[:3, :3]
     return seen[:, :2] / seen[:, 2:]
@@ -85,6 +85,16 @@ def test_a_narrow_view_of_the_ground_cannot_tell_tilt_from_way():
     reference = by_cell(points(0.1 * RAYS), size)
     now = points(0.1 * RAYS + [0.0, 0.05 / 3.0])
     assert course_agreement(reference, now, basis, flown(STRAIGHT)) is None
+
+
+def test_a_wall_at_a_slant_is_no_other_course():
+    """Seen aside, what is near moves further than what is far, as if the camera went ahead."""
+    seen = moved_rays(AHEAD, ASIDE, depth_m=4.0 / (1.0 + 1.5 * RAYS[:, 0]))
+    narrow = np.abs(RAYS[:, 1]) < 0.1
+    basis = level_body(AHEAD.T_body_camera())
+    before, now = by_cell(points(RAYS, keep=narrow), SIZE), points(seen, keep=narrow)
+    assert course_agreement(before, now, basis, flown(ASIDE)) > 0.9
+    assert course_agreement(before, now, basis, flown((0.0, 0.05, 0.0, 0.0))) < -0.9
 
 
 def test_a_few_wild_features_decide_nothing():
