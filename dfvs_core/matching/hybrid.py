@@ -37,12 +37,12 @@ from dfvs_core.matching.classical import (
     start_near,
     usable,
 )
-from dfvs_core.matching.closer_look import STAGES, Part, part_around
+from dfvs_core.matching.closer_look import STAGES, TURNED_STAGES, Part, Stages, part_around
 from dfvs_core.matching.completion import NOTHING_SHARE, search_lines
 from dfvs_core.matching.matcher import Matcher, Prepared, check_same_size
 from dfvs_core.matching.merit import Candidate, agreement, assessed, best_of, joined, merit_of
 from dfvs_core.matching.motion import motion_of
-from dfvs_core.matching.sureness import sure_share, surer, surer_of_each, unsure
+from dfvs_core.matching.sureness import only, sure_share, surer, surer_of_each, unsure
 from dfvs_core.matching.texture import has_texture
 from dfvs_core.matching.trust import returns, stays_inside
 from dfvs_core.matching.warping import bring, compose
@@ -53,6 +53,8 @@ _LEFT_SHARE = 0.05
 """Share of sure pixels that a flight goes on by."""
 _DOUBTFUL_MERIT = 0.05
 """Merit of a first match under which parts of the picture are looked at as well."""
+_FEEBLE_MERIT = 0.02
+"""Merit under which turned parts are looked at too, where the camera may roll."""
 _PROMISING_SHARE, _GLIMPSE_SHARE = 0.1, 0.03
 """Shares of a part that the network is sure of from which on no smaller ones are looked at, and
 under which it is passed over."""
@@ -89,6 +91,7 @@ class _Glimpse:
 
     part: Part
     picture: HybridPicture
+    inside: BoolArray
     textured: BoolArray
     coarse: FlowField
 
@@ -108,12 +111,16 @@ class HybridMatcher:
     judges : bool
         Whether the network says itself how far its flow can be trusted; where it does not, it is
         also asked for the way back.
+    any_roll : bool
+        Whether one picture may be rolled against the other by more than the network bridges. A
+        vehicle that stays level need not pay for it.
     """
 
-    def __init__(self, network: Matcher, judges: bool) -> None:
+    def __init__(self, network: Matcher, judges: bool, any_roll: bool = False) -> None:
         self._classical = ClassicalMatcher()
         self._network = network
         self._judges = judges
+        self._any_roll = any_roll
 
     def prepare(self, image: ImageArray) -> HybridPicture:
         """Take a picture (H, W, 3) uint8 RGB."""
@@ -193,39 +200,43 @@ class HybridMatcher:
         if best is not None and best.merit >= _DOUBTFUL_MERIT:
             return best.field
         candidates = [best or assessed(found, textured)]
-        candidates += self._look_closer(current, other, textured)
+        candidates += self._look_closer(current, other, STAGES)
+        if self._any_roll and max(each.merit for each in candidates) < _FEEBLE_MERIT:
+            candidates += self._look_closer(current, other, TURNED_STAGES)
         return joined(candidates)
 
     def _look_closer(
-        self, current: HybridPicture, other: HybridPicture, textured: BoolArray
+        self, current: HybridPicture, other: HybridPicture, stages: Stages
     ) -> Iterator[Candidate]:
         """Match enlarged parts of a picture: those that the network is surest of.
 
         The whole of one picture is often seen from afar in a small part of the other.
         """
-        glimpses = self._glimpses(current, other, textured)
+        glimpses = self._glimpses(current, other, stages)
         for glimpse in heapq.nlargest(_CLOSER_LOOKS, glimpses, key=lambda glimpse: glimpse.share):
             if glimpse.share < _GLIMPSE_SHARE:
                 return
-            picture = glimpse.picture
-            field = self._settle(picture, other, glimpse.coarse)
+            picture, inside = glimpse.picture, glimpse.inside
+            field = only(self._settle(picture, other, glimpse.coarse), inside)
             merit = merit_of(field, glimpse.textured) / (_CLOSER_DISCOUNT * glimpse.part.zoom)
-            field = search_lines(picture.classical, other.classical, field)
+            field = only(search_lines(picture.classical, other.classical, field), inside)
             yield Candidate(glimpse.part.whole(field), merit)
 
     def _glimpses(
-        self, current: HybridPicture, other: HybridPicture, textured: BoolArray
+        self, current: HybridPicture, other: HybridPicture, stages: Stages
     ) -> Iterator[_Glimpse]:
-        """Show the network the parts of a picture; smaller ones where the larger show nothing."""
+        """Show the network the parts of a picture; later ones where those before show nothing."""
         most = 0.0
-        for parts in STAGES:
+        textured = has_texture(current.classical.grey).astype(np.uint8)
+        for parts in stages:
             for part in parts:
-                there = part.cut(textured.astype(np.uint8)) > 0
+                inside = part.inside(current.size)
+                there = (part.cut(textured) > 0) & inside
                 if not there.any():
                     continue
                 picture = self.prepare(part.cut(current.classical.image))
-                coarse = self._ask(picture.features, other.features)
-                glimpse = _Glimpse(part, picture, there, coarse)
+                coarse = only(self._ask(picture.features, other.features), inside)
+                glimpse = _Glimpse(part, picture, inside, there, coarse)
                 most = max(most, glimpse.share)
                 yield glimpse
             if most >= _PROMISING_SHARE:

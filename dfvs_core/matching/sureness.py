@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dfvs_core.arrays import BoolArray
 from dfvs_core.correspondence import FlowField
 
 _SURE = 0.5
@@ -29,6 +30,11 @@ def surer_of_each(first: FlowField, second: FlowField) -> FlowField:
 def unsure(field: FlowField) -> FlowField:
     """Return a flow without any confidence in it."""
     return FlowField(field.flow, np.zeros_like(field.confidence))
+
+
+def only(field: FlowField, where: BoolArray) -> FlowField:
+    """Return a flow with confidence at these pixels (H, W) alone."""
+    return FlowField(field.flow, field.confidence * where)
 
 
 def nothing(size: tuple[int, int]) -> FlowField:

@@ -21,7 +21,10 @@ _PACKAGED = Path(__file__).parent / "assets"
 
 
 def load_matcher(
-    name_or_path: str, threads: int = 2, provider: str = "CPUExecutionProvider"
+    name_or_path: str,
+    threads: int = 2,
+    provider: str = "CPUExecutionProvider",
+    any_roll: bool = False,
 ) -> Matcher:
     """Load the matcher ``"classical"``, or a model bundle by its folder.
 
@@ -30,7 +33,8 @@ def load_matcher(
     this package go by their names alone, such as ``"dfvs-flow"``.
 
     ``threads`` goes to ONNX Runtime and, being what the classical parts run on, to OpenCV,
-    where it holds for the whole process.
+    where it holds for the whole process. ``any_roll`` is for cameras with six degrees of freedom:
+    a hybrid looks for turned views too, where it finds next to nothing.
 
     Raises
     ------
@@ -46,7 +50,7 @@ def load_matcher(
     network = network_matcher(bundle, execution)
     if (matching or bundle.manifest.matching) == "alone":
         return network
-    return HybridMatcher(network, judges=bundle.manifest.kind == "encode-match")
+    return HybridMatcher(network, bundle.manifest.kind == "encode-match", any_roll)
 
 
 def network_matcher(bundle: Bundle, execution: Execution) -> Matcher:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+import math
+
 import cv2
 import numpy as np
 import pytest
@@ -11,23 +13,35 @@ from textured_wall import Wall, exact_flow, texture, turned
 
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.classical import ClassicalMatcher
-from dfvs_core.matching.closer_look import STAGES, Part, part_around
+from dfvs_core.matching.closer_look import STAGES, TURNED_STAGES, Part, part_around
 from dfvs_core.matching.hybrid import HybridMatcher
 from dfvs_core.matching.matcher import Prepared
 from dfvs_core.matching.merit import Candidate
-from dfvs_core.matching.sureness import nothing, sure_share
+from dfvs_core.matching.sureness import nothing, only, sure_share
 from dfvs_core.matching.warping import pixel_grid
 
 SIZE = (240, 320)
 GRID = pixel_grid(SIZE)
 
-parts = st.builds(Part, st.floats(1.2, 4.0), st.floats(0.0, 1.0), st.floats(0.0, 1.0))
+shares = st.floats(0.0, 1.0)
+parts = st.builds(Part, st.floats(1.2, 4.0), shares, shares)
+turned_parts = st.builds(Part, st.floats(1.0, 4.0), shares, shares, st.floats(-3.2, 3.2))
 
 
 def places(part: Part) -> np.ndarray:
     """Where the enlarged part's pixels (H, W, 2) are in the picture, by its own words."""
     room = np.array([320, 240]) * (1.0 - 1.0 / part.zoom)
-    return room * [part.left, part.top] - 0.5 + (GRID + 0.5) / part.zoom
+    from_middle = GRID - [159.5, 119.5]
+    right = np.array([math.cos(part.turn_rad), math.sin(part.turn_rad)])
+    down = np.array([-right[1], right[0]])  # a quarter clockwise from there
+    upright = from_middle[..., :1] * right + from_middle[..., 1:] * down + [160.0, 120.0]
+    return room * [part.left, part.top] - 0.5 + upright / part.zoom
+
+
+def shows(part: Part, margin_px: float = 0.0) -> np.ndarray:
+    """Which of the part's pixels (H, W) are in the picture, and not at its border."""
+    at, last = places(part), np.array([319.0, 239.0])
+    return ((at > margin_px) & (at < last - margin_px)).all(axis=-1)
 
 
 SMOOTH = turned(roll_deg=20.0, zoom=1.3, shift=(15.0, -9.0))
@@ -42,12 +56,12 @@ def led_by(H: np.ndarray, at: np.ndarray) -> np.ndarray:
     return cv2.perspectiveTransform(at.reshape(-1, 1, 2), H).reshape(at.shape)
 
 
-@given(parts)
+@given(parts | turned_parts)
 def test_a_cut_shows_what_is_there(part: Part) -> None:
     ramp = np.stack([GRID[..., 0] / 2, GRID[..., 1], np.zeros(SIZE)], axis=-1).astype(np.uint8)
     at = places(part)
     miss = part.cut(ramp) - np.stack([at[..., 0] / 2, at[..., 1], np.zeros(SIZE)], axis=-1)
-    inner = (at > 1.0).all(axis=-1) & (at < np.array([318.0, 238.0])).all(axis=-1)
+    inner = shows(part, margin_px=1.0)
     assert np.abs(miss[inner]).max() <= 1.1  # whole numbers, and those before were cut off
 
 
@@ -55,8 +69,7 @@ def test_a_cut_shows_what_is_there(part: Part) -> None:
 def test_a_flow_is_the_same_by_way_of_its_part(part: Part) -> None:
     field = FlowField(smooth_flow(), np.ones(SIZE, np.float32))
     cut, at = part.of(field), places(part)
-    inner = (at > 0.0).all(axis=-1) & (at < np.array([319.0, 239.0])).all(axis=-1)
-    assert np.abs(GRID + cut.flow - led_by(SMOOTH, at))[inner].max() < 0.05
+    assert np.abs(GRID + cut.flow - led_by(SMOOTH, at))[shows(part)].max() < 0.05
     whole = part.whole(cut)
     sure = whole.confidence > 0.9
     miss = np.where(sure, np.abs(whole.flow - field.flow).max(axis=-1), 0.0)
@@ -64,6 +77,19 @@ def test_a_flow_is_the_same_by_way_of_its_part(part: Part) -> None:
     assert miss.max() < 0.2  # the picture's border is continued by half an enlarged pixel
     assert sure.mean() == pytest.approx(1.0 / part.zoom**2, abs=0.03)
     assert whole.is_finite()
+
+
+@given(turned_parts)
+def test_a_flow_is_the_same_by_way_of_a_turned_part(part: Part) -> None:
+    there = part.inside(SIZE)
+    assert (shows(part, margin_px=0.01) <= there).all()
+    assert (there <= shows(part, margin_px=-0.01)).all()
+    flow = (led_by(SMOOTH, places(part)) - GRID).astype(np.float32)
+    whole = part.whole(only(FlowField(flow, np.ones(SIZE, np.float32)), there))
+    sure = whole.confidence > 0.99
+    miss = np.abs(whole.flow - smooth_flow()).max(axis=-1)
+    assert np.max(miss, where=sure, initial=0.0) < 0.05
+    assert sure.mean() == pytest.approx(there.mean() / part.zoom**2, abs=0.06)
 
 
 def test_nothing_is_known_outside_a_part() -> None:
@@ -153,6 +179,34 @@ def test_a_goal_that_is_seen_from_afar_is_found_in_a_part(wall, monkeypatch) -> 
     assert sure.mean() > 0.04
     assert np.median(np.linalg.norm(field.flow - truth, axis=-1)[sure]) < 0.5
     assert network.asked > len(STAGES[0]) + len(STAGES[1])
+
+
+ROLLED = turned(roll_deg=45.0, zoom=2.0)
+"""The same, of a camera that was rolled besides."""
+
+
+@pytest.mark.parametrize("any_roll", [True, False])
+def test_a_rolled_view_is_found_in_a_turned_part_where_that_is_asked_for(
+    wall, monkeypatch, any_roll
+) -> None:
+    monkeypatch.setattr("dfvs_core.matching.hybrid.feature_starts", lambda a, b: ())
+    a, b = wall.picture(), wall.picture(ROLLED)
+    truth = exact_flow(ROLLED).astype(np.float32)
+
+    def miss(part: Part) -> float:
+        return float(np.abs(led_by(ROLLED, places(part)) - GRID).max())
+
+    part = min(TURNED_STAGES[0], key=miss)
+    known = (led_by(ROLLED, places(part)) - GRID).astype(np.float32)
+    network = SmallSighted(part.cut(a), known + np.float32(2.0))
+    matcher = HybridMatcher(network, judges=True, any_roll=any_roll)
+    field = matcher.match(matcher.prepare(a), matcher.prepare(b))
+    sure = field.confidence > 0.5
+    if not any_roll:
+        assert not sure.any()
+        return
+    assert sure.mean() > 0.1
+    assert np.median(np.linalg.norm(field.flow - truth, axis=-1)[sure]) < 0.5
 
 
 def test_what_the_whole_picture_shows_adds_to_a_part_that_agrees(wall, monkeypatch) -> None:
