@@ -167,10 +167,15 @@ def _freshness(setpoints: Sequence[Event], frames: Sequence[int]) -> Iterator[Vi
 
 
 def _takeovers(events: Sequence[Event], timeline: _Timeline) -> Iterator[Violation]:
-    """I5: after the message that tells of a takeover nothing, until the gate is engaged again."""
+    """I5: after the message that tells of a takeover nothing, until the gate is engaged again.
+
+    A message takes its time: a gate that aborts for a fault of its own in that moment, as of the
+    very estimate for which the autopilot has left OFFBOARD, may ask for Hold before it hears.
+    """
     taken_ns: int | None = None
     for event in events:
         t_ns, state = event["t_ns"], timeline.at(event["t_ns"] - 1)
+        is_late = taken_ns is not None and t_ns - taken_ns > _TAKEOVER_NS
         if event["kind"] in TELLS_MODE:
             is_ours = event["mode"] == "OFFBOARD" and event.get("armed", True)
             if state in (S.SERVO, S.HOLD) and not is_ours:
@@ -178,13 +183,11 @@ def _takeovers(events: Sequence[Event], timeline: _Timeline) -> Iterator[Violati
         elif taken_ns is not None and state in (S.PREFLIGHT, S.READY, S.ENGAGE):
             taken_ns = None
         elif taken_ns is not None and event["kind"] == "mode_command":
-            yield Violation("I5", t_ns, f"asked for {event['mode']} after a takeover")
-        elif (
-            taken_ns is not None and event["kind"] == "setpoint" and t_ns - taken_ns > _TAKEOVER_NS
-        ):
-            yield Violation(
-                "I5", t_ns, f"setpoint {(t_ns - taken_ns) / MS:.0f} ms after a takeover"
-            )
+            if is_late or timeline.at(t_ns) is S.RELEASED:
+                yield Violation("I5", t_ns, f"asked for {event['mode']} after a takeover")
+        elif taken_ns is not None and event["kind"] == "setpoint" and is_late:
+            late_ms = (t_ns - taken_ns) / MS
+            yield Violation("I5", t_ns, f"setpoint {late_ms:.0f} ms after a takeover")
 
 
 def _one_commander(setpoints: Sequence[Event]) -> Iterator[Violation]:

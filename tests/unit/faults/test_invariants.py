@@ -169,6 +169,17 @@ def test_talking_after_a_takeover_is_found(flight):
     assert found(with_event(run, sent(taken_ns + 1, "mode_command", mode="HOLD"))) == {"I5"}
 
 
+def test_an_abort_that_could_not_know_of_a_takeover_yet_is_none(flight):
+    """It fell into the time that the message takes; 50 ms later the gate has to know."""
+    gate, run = flight
+    taken_ns = state_ns(gate, "RELEASED")
+    log = [dict(t, target="ABORT") if t["target"] == "RELEASED" else t for t in run.transitions]
+    run = dataclasses.replace(run, transitions=log)
+    for after_ns, rules in ((49 * MS, set()), (51 * MS, {"I5"})):
+        asked = sent(taken_ns + after_ns, "mode_command", mode="HOLD")
+        assert found(with_event(run, asked)) & {"I5"} == rules
+
+
 def test_a_second_sender_is_found_and_the_rogue_is_not_taken_for_one(flight):
     _, run = flight
     event = last(run)
