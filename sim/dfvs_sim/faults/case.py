@@ -67,10 +67,11 @@ def _watch(rig: Rig, fault: Fault, state: GateState, settle_s: float) -> int:
     ends = {
         Reaction.ABORT: lambda: rig.state is S.ABORT,
         Reaction.RELEASED: lambda: rig.state is S.RELEASED,
+        Reaction.ENDED: lambda: rig.state in (S.ABORT, S.RELEASED),
         Reaction.EXIT: lambda: not rig.service.is_running(),
         Reaction.SILENCE: lambda: not rig.service.is_running(),
     }
-    nothing_flies = fault.reaction is Reaction.ABORT and state is S.READY
+    nothing_flies = fault.reaction in UNFIT and state is S.READY
     if fault.reaction in ends and not nothing_flies:
         wait_until(ends[fault.reaction], limit_s)
         over_ns = time.monotonic_ns()

@@ -26,6 +26,8 @@ class Reaction(enum.Enum):
     HOLD = "zero, HOLD"
     ABORT = "zero, ABORT"
     RELEASED = "silence, RELEASED"
+    ENDED = "zero, ABORT or RELEASED"
+    """The autopilot leaves OFFBOARD for it as well: what the gate hears first decides."""
     SILENCE = "silence"
     EXIT = "zero, Hold, end"
     STREAM = "setpoints go on"
@@ -33,7 +35,7 @@ class Reaction(enum.Enum):
     IGNORED = "nothing changes"
 
 
-UNFIT = (Reaction.HOLD, Reaction.ABORT)
+UNFIT = (Reaction.HOLD, Reaction.ABORT, Reaction.ENDED)
 """Reactions to what the checks must refuse, where nothing is engaged yet."""
 
 Inject = Callable[[Rig, np.random.Generator], int | None]

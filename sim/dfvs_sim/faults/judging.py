@@ -93,6 +93,10 @@ class Evidence:
 
 def judge(fault: Fault, state: GateState, seed: int, t0_ns: int, seen: Evidence) -> Outcome:
     """Tell whether the reaction was right and in time."""
+    if fault.reaction is Reaction.ENDED:
+        is_released = seen.into(S.ABORT) is None and seen.into(S.RELEASED) is not None
+        which = Reaction.RELEASED if is_released else Reaction.ABORT
+        fault = dataclasses.replace(fault, reaction=which)
     reaction_ns, problem = _reaction(fault, state, t0_ns, seen)
     problem = problem or _misnamed(fault, state, seen)
     reaction_ms = max(reaction_ns - t0_ns, 0) / MS if reaction_ns is not None else math.inf

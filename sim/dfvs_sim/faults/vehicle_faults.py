@@ -222,12 +222,12 @@ def _faults() -> tuple[Fault, ...]:
         Fault(
             "estimator-invalid",
             "estimator loses the position",
-            "estimator's flags",
-            abort,
+            "estimator's flags, mode",
+            Reaction.ENDED,
             200.0,
             _READY_OR_ENGAGED,
             _estimator_invalid,
-            says=(str(Cause.ESTIMATOR_INVALID),),
+            says=(str(Cause.ESTIMATOR_INVALID), str(Cause.TAKEOVER)),
         ),
         Fault(
             "estimator-jumps",

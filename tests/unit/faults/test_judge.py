@@ -82,6 +82,17 @@ def test_a_reaction_for_another_reason_than_the_fault_does_not_pass(reaction, st
     assert (outcome.passed, outcome.problem) == (False, "the gate said 'some cause: why'")
 
 
+@pytest.mark.parametrize("state", [S.ABORT, S.RELEASED])
+def test_what_the_autopilot_ends_as_well_may_end_either_way(state):
+    says = ("some cause",)
+    ended = seen(state, -200, [to(state, 10)], setpoints=setpoints(-200, 20))
+    assert verdict(Reaction.ENDED, ended, says=says).passed
+    assert not verdict(Reaction.ENDED, ended, says=("not this",)).passed
+    assert not verdict(Reaction.ENDED, seen(S.SERVO, -200), says=says).passed
+    asked = dataclasses.replace(ended, mode_commands=HELD)
+    assert verdict(Reaction.ENDED, asked, says=says).passed is (state is S.ABORT)
+
+
 def test_frames_that_grow_old_are_reason_enough_where_frames_are_at_fault():
     old = {**to(S.HOLD, 210), "cause": "last good frame too old"}
     assert verdict(Reaction.HOLD, seen(S.HOLD, 200, [old]), says=("black",)).passed
