@@ -53,7 +53,7 @@ class ServoConfig:
         2.0, "goal reached only if the median residual is below this, px", low=0.05, high=100.0
     )
     min_overlap: float = setting(
-        0.03, "share of the view that must show the goal", low=0.0, high=1.0
+        0.03, "share of the view that must show the goal; half to go on", low=0.0, high=1.0
     )
     min_inliers: float = setting(
         0.35, "share of the correspondences that must agree on one motion", low=0.0, high=1.0

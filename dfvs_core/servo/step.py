@@ -41,6 +41,8 @@ from dfvs_core.servo.weights import weighted_median
 
 _MIN_POINTS = 24
 _NOISE_FACTOR = 10.0
+_GO_ON = 0.5
+"""Factor on the share of the view that must show the goal, once it has been found."""
 _CLEAR_OVERLAP = 0.15
 """Share of the view that shows the goal from which on the gain is full."""
 
@@ -70,7 +72,8 @@ def servo_step(
     trusted = points.weight > task.config.min_confidence
     overlap = float(trusted.sum()) / samples.confidence.size
     state = replace(state, depth=depth_state, depth_map=depth)
-    if overlap < task.config.min_overlap or trusted.sum() < _MIN_POINTS:
+    least = task.config.min_overlap * (1.0 if state.T_current_goal is None else _GO_ON)
+    if overlap < least or trusted.sum() < _MIN_POINTS:
         return _refused(task, Verdict.NO_OVERLAP, overlap), state
     points = points.select(trusted)
 

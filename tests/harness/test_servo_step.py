@@ -135,11 +135,11 @@ def test_a_free_camera_uses_all_six_degrees():
     assert rotation_rad < np.radians(0.3)
 
 
-def one_frame(flow, config=EXACT, **more):
+def one_frame(flow, config=EXACT, state=None, **more):
     task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), Mount())
     given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
     step = inputs(0, flow, np.zeros(4), given_depth=given, **more)
-    return servo_step(task, ServoState(), step)[0]
+    return servo_step(task, state or ServoState(), step)[0]
 
 
 def good_flow():
@@ -163,6 +163,21 @@ def test_too_little_overlap_stops():
     result = one_frame(FlowField(flow.flow, flow.confidence * 0.01))
     assert result.verdict is Verdict.NO_OVERLAP
     assert not result.velocity.any()
+
+
+def test_a_goal_that_was_found_may_shrink_to_half_the_share_that_finding_it_takes():
+    config, found = replace(EXACT, min_overlap=0.3), ServoState(T_current_goal=np.eye(4))
+    flow = good_flow()
+
+    def seen(share, state):
+        strip = np.zeros_like(flow.confidence)
+        strip[: round(share * strip.shape[0])] = 1.0
+        return one_frame(FlowField(flow.flow, flow.confidence * strip), config, state)
+
+    assert seen(0.4, ServoState()).verdict is Verdict.OK
+    assert seen(0.2, ServoState()).verdict is Verdict.NO_OVERLAP
+    assert seen(0.2, found).verdict is Verdict.OK
+    assert seen(0.1, found).verdict is Verdict.NO_OVERLAP
 
 
 def test_confident_nonsense_stops(rng):
