@@ -174,9 +174,9 @@ def test_a_goal_that_was_found_may_shrink_to_half_the_share_that_finding_it_take
         strip[: round(share * strip.shape[0])] = 1.0
         return one_frame(FlowField(flow.flow, flow.confidence * strip), config, state)
 
-    assert seen(0.4, ServoState()).verdict is Verdict.OK
-    assert seen(0.2, ServoState()).verdict is Verdict.NO_OVERLAP
-    assert seen(0.2, found).verdict is Verdict.OK
+    assert seen(0.6, ServoState()).verdict is Verdict.OK
+    assert seen(0.3, ServoState()).verdict is Verdict.NO_OVERLAP
+    assert seen(0.3, found).verdict is Verdict.OK
     assert seen(0.1, found).verdict is Verdict.NO_OVERLAP
 
 
