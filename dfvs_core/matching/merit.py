@@ -63,12 +63,12 @@ def joined(candidates: Iterable[Candidate]) -> FlowField:
     best, *others = sorted(candidates, key=lambda candidate: candidate.merit, reverse=True)
     field = best.field
     for other in others:
-        if _agree(best.field, other.field):
+        if agree(best.field, other.field):
             field = surer_of_each(field, other.field)
     return field
 
 
-def _agree(first: FlowField, second: FlowField) -> bool:
+def agree(first: FlowField, second: FlowField) -> bool:
     """Whether two matches lead to the same places, where both are sure."""
     both = (first.confidence > _SURE) & (second.confidence > _SURE)
     if np.mean(both) < _LEAST_COMMON_SHARE:

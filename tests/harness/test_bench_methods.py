@@ -1,5 +1,6 @@
 """Every method of the benchmark converges in the setting that its authors made it for."""
 
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -8,6 +9,7 @@ import pytest
 from dfvs_core.camera import CameraModel
 from dfvs_core.matching.classical import ClassicalMatcher
 from dfvs_core.poses import make_pose, so3_exp
+from dfvs_core.servo.exchange import Verdict
 from dfvs_sim.bench.method import Decision
 from dfvs_sim.bench.methods import METHODS
 from dfvs_sim.bench.task import BenchTask
@@ -94,3 +96,21 @@ def test_a_method_that_goes_astray_is_stopped(room):
     assert not trial.converged
     assert trial.iterations_to_criterion is None
     assert trial.path_m == pytest.approx(0.4 * trial.iterations)
+
+
+def test_a_goal_beside_the_view_is_found_by_looking_around(room):
+    aside = T_WORLD_GOAL @ make_pose(so3_exp(np.array([0.0, 1.3, 0.0])), np.array([0.2, 0, 0]))
+    beside = BenchTask("room", Path("room.glb"), aside, T_WORLD_GOAL, LARGE)
+    lost = servo(room, "motion-depth", beside, 80)
+    assert lost.end == Verdict.NO_OVERLAP.value
+    assert lost.path_m == 0.0
+    found = servo(room, "motion-depth-search", beside, 150)
+    assert found.end == "done"
+    assert found.converged
+
+
+def test_a_goal_that_is_nowhere_is_given_up(room):
+    away = T_WORLD_GOAL @ make_pose(so3_exp(np.array([0.0, 3.1, 0.0])), np.zeros(3))
+    trial = servo(room, "motion-depth-search", replace(task(0.2, 4), T_world_start=away), 150)
+    assert trial.end == "the goal is not seen in any direction"
+    assert trial.path_m < 1e-6

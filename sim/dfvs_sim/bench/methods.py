@@ -3,11 +3,13 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
+from dataclasses import replace
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.matching.matcher import Matcher
 from dfvs_core.servo.config import DepthChoice
-from dfvs_sim.bench import photometric, pnp, published, sift
-from dfvs_sim.bench.method import MethodKind
+from dfvs_sim.bench import photometric, pnp, published, searching, sift
+from dfvs_sim.bench.method import GoalSight, MethodKind
 from dfvs_sim.bench.ours import LateDrive, PipelineMethod, bench_config
 
 _OURS_ITERATIONS = 150
@@ -29,10 +31,22 @@ def _late(summary: str) -> MethodKind:
     )
 
 
+def _searching(summary: str) -> MethodKind:
+    config = replace(bench_config("motion"), min_likeness=searching.MIN_LIKENESS)
+
+    def make(goal: GoalSight, matcher: Matcher) -> searching.SearchingMethod:
+        return searching.SearchingMethod(
+            lambda: PipelineMethod(config, goal, matcher), goal, matcher
+        )
+
+    return MethodKind(make, summary, searching.ITERATIONS)
+
+
 METHODS: dict[str, MethodKind] = {
     "true-depth": _ours("given", "the product's law with the true depth"),
     "motion-depth": _ours("motion", "the product as it flies: depth from its own motion"),
     "motion-depth-late": _late("motion-depth on a camera that answers as late as a PX4 vehicle"),
+    "motion-depth-search": _searching("motion-depth that looks around where it finds no goal"),
     "flow-depth": _ours("flow", "the product's law with the paper's depth from flow"),
     "constant-depth": _ours("constant", "the product's law with 3 m everywhere"),
     "published": MethodKind(

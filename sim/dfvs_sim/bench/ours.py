@@ -24,6 +24,9 @@ _PERIOD_NS = round(FRAME_PERIOD_S * 1e9)
 _REFUSALS = 5
 """Frames refused in a row after which the goal counts as lost."""
 
+MAX_SPEED_M_S, MAX_TURN_RAD_S = 10.0, 3.0
+"""Of the free camera: hardly a limit, as in the paper."""
+
 
 def bench_config(depth: DepthChoice, law: Law = "hybrid", response_s: float = 0.0) -> ServoConfig:
     """Settings of the product on a free camera.
@@ -38,8 +41,8 @@ def bench_config(depth: DepthChoice, law: Law = "hybrid", response_s: float = 0.
         gain_far=1.0,
         gain_near=1.0,
         response_s=response_s,
-        max_horizontal_m_s=10.0,
-        max_turn_rad_s=3.0,
+        max_horizontal_m_s=MAX_SPEED_M_S,
+        max_turn_rad_s=MAX_TURN_RAD_S,
     )
 
 
@@ -100,6 +103,12 @@ class PipelineMethod:
         )
         self._last_position_m: FloatArray | None = None
         self._refused = 0
+        self._is_mistaken = False
+
+    @property
+    def is_mistaken(self) -> bool:
+        """Whether the last frame should have been at the goal, and does not look like it."""
+        return self._is_mistaken
 
     def decide(self, sight: Sight) -> Decision:
         """Process one frame; a refused frame keeps the camera where it is."""
@@ -109,6 +118,7 @@ class PipelineMethod:
         result = self._pipeline.process(frame, self._odometry(sight), True, depth).result
         self._pipeline.digest()
         flown = result.verdict is Verdict.OK
+        self._is_mistaken = result.verdict is Verdict.MISTAKEN
         self._refused = 0 if flown else self._refused + 1
         given_up = result.verdict is Verdict.STUCK or self._refused >= _REFUSALS
         return Decision(

@@ -1,0 +1,95 @@
+"""What is seen of a goal from one place in several directions, and where it speaks for it.
+
+All looks are taken from the same place, so that two of them differ by a rotation alone: whether
+they saw the goal in the same spot of the world can be told without any depth. Right matches
+support each other that way, and chance seldom does twice.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.merit import Candidate, agree
+from dfvs_core.matching.warping import pixel_grid, sample
+from dfvs_core.poses import so3_exp
+
+RING_RAD = math.radians(25.0)
+"""How far from straight ahead: more than half of what a camera of 90 degrees sees stays in view."""
+_RING_COUNT = 8
+_LEAST_DEPTH = 0.1
+"""Of a ray of unit depth, turned: what is further aside is not in view."""
+
+
+def ring() -> list[FloatArray]:
+    """Rotations (3, 3) of the camera to look around by: straight ahead, then once round."""
+    angles = [2.0 * math.pi * k / _RING_COUNT for k in range(_RING_COUNT)]
+    axes = [np.array([math.sin(a), math.cos(a), 0.0]) for a in angles]
+    return [np.eye(3), *(so3_exp(RING_RAD * axis) for axis in axes)]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """A match with the goal picture, in a camera turned by ``R_ahead_look`` (3, 3)."""
+
+    R_ahead_look: FloatArray
+    match: Candidate
+
+
+class Panorama:
+    """Looks from one place.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Of the looks.
+    """
+
+    def __init__(self, camera: CameraModel) -> None:
+        self._camera = camera
+        self._looks: list[Look] = []
+
+    def add(self, look: Look) -> None:
+        """Take a look in that shows something."""
+        if look.match.merit > 0.0:
+            self._looks.append(look)
+
+    def best(self) -> Look | None:
+        """The best of the looks that most speaks for, those that agree with it counted."""
+        if not self._looks:
+            return None
+        groups = [self._agreeing(look) for look in self._looks]
+        group = max(groups, key=lambda looks: sum(look.match.merit for look in looks))
+        return max(group, key=lambda look: look.match.merit)
+
+    def dismiss(self, look: Look, *, place: bool) -> None:
+        """Take a look out, with all that show the goal in the same ``place`` if that was wrong."""
+        gone = [look, *self._agreeing(look)] if place else [look]
+        self._looks = [each for each in self._looks if all(each is not other for other in gone)]
+
+    def _agreeing(self, look: Look) -> list[Look]:
+        """Looks that lead to the same points of the goal, itself first."""
+        others = (each for each in self._looks if each is not look)
+        return [look, *(each for each in others if self._agree(look, each))]
+
+    def _agree(self, first: Look, second: Look) -> bool:
+        return agree(first.match.field, self._turned(second, first.R_ahead_look))
+
+    def _turned(self, look: Look, R_ahead_other: FloatArray) -> FlowField:
+        """Flow of a look as a camera would have seen it that is turned by ``R_ahead_other``."""
+        field, camera = look.match.field, self._camera
+        size = (camera.height, camera.width)
+        pixels = pixel_grid(size)
+        xy = camera.normalise(pixels.astype(np.float64))
+        rays = np.concatenate([xy, np.ones((*size, 1))], axis=-1)
+        turned = rays @ (look.R_ahead_look.T @ R_ahead_other).T
+        ahead = turned[..., 2] > _LEAST_DEPTH
+        at = camera.project(np.where(ahead[..., None], turned, [0.0, 0.0, 1.0])).astype(np.float32)
+        ahead &= ((at >= 0.0) & (at <= np.array(camera.size) - 1.0)).all(axis=-1)
+        flow = sample(field.flow, at) + at - pixels
+        return FlowField(flow, sample(field.confidence, at) * ahead)
