@@ -47,8 +47,8 @@ from dfvs_sim.commands.bench_options import (
 )
 from dfvs_sim.options import write_json
 
-DEFAULT_METHODS = ("flow-depth", "motion-depth")
-"""What the paper's Fig. 6 shows, and what flies."""
+DEFAULT_METHODS = ("flow-depth", "motion-depth", "motion-depth-search")
+"""What the paper's Fig. 6 shows, what flies, and the same on a camera that may look around."""
 
 _MOST_TRIALS = 10_000
 _EPILOG = f"""examples:
