@@ -12,13 +12,14 @@ from dfvs_sim.scene.solids import Part
 _WHITE_BALANCE = 0.7
 _WHITE_POINT = 6.0
 _MIDDLE_LIGHT, _MIDDLE_LIGHT_OUTDOORS = 0.5, 0.32
+_NO_LIGHT = 1e-6
 _SMOOTHING_ROUNDS, _SMOOTHING_CONTRAST = 5, 0.10
 
 
 def filled(part: Part, irradiance: FloatArray) -> FloatArray:
     """Give vertices that lie inside other things the light of their neighbours."""
     value = irradiance.copy()
-    dark = value.sum(axis=1) < 1e-6
+    dark = value.sum(axis=1) < _NO_LIGHT
     edges = _edges(part)
     for _ in range(3):
         if not dark.any() or dark.all():
@@ -54,11 +55,18 @@ def smoothed(part: Part, irradiance: FloatArray) -> FloatArray:
     return value
 
 
-def exposed(room: Room, irradiance: list[FloatArray]) -> list[Float32Array]:
-    """Take irradiance to vertex colours in 0 to 1, with a soft shoulder in the bright parts."""
+def _usual_light(room: Room, irradiance: list[FloatArray]) -> FloatArray:
+    """Median light (3,) of the walls where any falls on them: none does behind what hides them."""
     pairs = zip(room.parts, irradiance, strict=True)
     walls = [value for part, value in pairs if part.material in room.walls] or irradiance
-    usual = np.median(np.concatenate(walls), axis=0)
+    values = np.concatenate(walls)
+    lit = values[values.sum(axis=1) > _NO_LIGHT]
+    return np.maximum(np.median(lit if len(lit) else values, axis=0), _NO_LIGHT)
+
+
+def exposed(room: Room, irradiance: list[FloatArray]) -> list[Float32Array]:
+    """Take irradiance to vertex colours in 0 to 1, with a soft shoulder in the bright parts."""
+    usual = _usual_light(room, irradiance)
     gain = (usual.mean() / usual) ** _WHITE_BALANCE
     middle = _MIDDLE_LIGHT if room.sky is None else _MIDDLE_LIGHT_OUTDOORS
     exposure = middle / float(usual.mean()) * gain

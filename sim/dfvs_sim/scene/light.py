@@ -153,7 +153,7 @@ class _Tracer:
             return
         transform = self._mi.ScalarTransform4f
         for k, sky in enumerate(openings):
-            middle = np.array(sky.middle_m)
+            middle = sky.pane_middle
             towards = transform().look_at(origin=middle, target=middle + sky.inwards, up=[0, 0, 1])
             size = transform().scale([sky.size_m[0] / 2, sky.size_m[1] / 2, 1.0])
             self._things[f"sky{k}"] = {

@@ -62,6 +62,7 @@ _SKY_BEHIND_WALL_M = 0.23
 _WALLS = frozenset(("plaster", "wallpaper", "bricks"))
 OPENING_BEFORE_WALL_M = 0.07
 """Skylight of a window on a wall shines from here, m: before its frame."""
+_PANE_BEFORE_WALL_M = 0.002
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,11 +77,15 @@ class Opening:
         Turn of the wall that it is in, as of things that stand against it; 0 is the north wall.
     size_m : tuple of float
         Width and height, m.
+    before_pane_m : float
+        How far it stands before the pane, m: points of light that stand for it shine past the frame
+        from there, but as a surface it would hide the frame.
     """
 
     middle_m: tuple[float, float, float]
     turn_deg: float
     size_m: tuple[float, float]
+    before_pane_m: float = 0.0
 
     @classmethod
     def on_wall(cls, wall: Wall, place_m: tuple[float, float], size_m: tuple[float, float]) -> Self:
@@ -88,7 +93,12 @@ class Opening:
         c, s = np.cos(np.radians(wall.turn_deg)), np.sin(np.radians(wall.turn_deg))
         along, out = place_m[0], wall.distance_m - OPENING_BEFORE_WALL_M
         middle = (float(c * along - s * out), float(s * along + c * out), place_m[1])
-        return cls(middle, wall.turn_deg, size_m)
+        return cls(middle, wall.turn_deg, size_m, OPENING_BEFORE_WALL_M - _PANE_BEFORE_WALL_M)
+
+    @property
+    def pane_middle(self) -> FloatArray:
+        """Middle (3,) of the pane, m."""
+        return np.array(self.middle_m) - self.before_pane_m * self.inwards
 
     @property
     def inwards(self) -> FloatArray:

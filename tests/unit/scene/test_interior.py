@@ -41,6 +41,9 @@ class TestEveryKind:
                 before = layout.half - np.abs(middle[:2])
                 assert before.min() == pytest.approx(0.07)
                 assert middle @ opening.inwards < 0
+                # its pane is behind the frame, which would be dark otherwise
+                before_pane = (middle - opening.pane_middle) @ opening.inwards
+                assert before_pane == pytest.approx(0.068)
 
     def test_is_decided_by_its_seed(self, kind):
         a, c = (furniture(kind, seed)[0] for seed in SEEDS)

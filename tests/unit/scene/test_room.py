@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dfvs_sim.scene.decor import curtain, framed_picture, palm
-from dfvs_sim.scene.exposure import filled, smoothed
+from dfvs_sim.scene.exposure import exposed, filled, smoothed
 from dfvs_sim.scene.furniture import armchair, bookcase, chair, sideboard, table
 from dfvs_sim.scene.light import BakeError, BakeSettings, measure_irradiance
 from dfvs_sim.scene.materials import Material
@@ -139,3 +139,15 @@ class TestLight:
     def test_needs_a_sensible_number_of_samples(self):
         with pytest.raises(BakeError, match="0 light paths"):
             BakeSettings(samples=0)
+
+
+def test_exposure_goes_by_the_walls_that_light_falls_on():
+    wall = panel((0, 0, 0), (1, 0, 0), (0, 0, 1), "wall", edge_m=0.1)
+    grey = Material(np.full((4, 4, 3), 128, np.uint8))
+    room = Room((wall, wall), {"wall": grey}, frozenset(["wall"]))
+    lit, hidden = np.full((len(wall.vertices), 3), 2.0), np.zeros((len(wall.vertices), 3))
+    brighter = 3.0 * lit
+    alone = exposed(room, [lit, lit])[0]
+    np.testing.assert_allclose(exposed(room, [lit, hidden])[0], alone)
+    np.testing.assert_allclose(exposed(room, [brighter, hidden])[0], alone)
+    assert not np.isnan(exposed(room, [hidden, hidden])[0]).any()
