@@ -5,7 +5,8 @@ exchanged and fy is computed from the height; the error is in pixels, not divide
 length; the diagonal of the damping is added as a row to every row, so that it damps nothing;
 translation is applied in the camera's frame but rotation in the world's; and the two-view depth is
 ``1 / Z = |flow(t, t-1)| + 1`` in px, with the true depth taken for its inverse in the first frame.
-Gain 0.01, mu 0.03, 0.01 s a step, and an end by photometric error.
+Gain 0.01, mu 0.03, 0.01 s a step, and an end by photometric error: squared differences of all three
+colours are added up and divided by the number of pixels.
 
 The paper takes its flow from FlowNet2; here it comes from the matcher that all methods share. An
 error in pixels makes the gain a matter of the picture's size: flow is brought to the size that the
@@ -32,7 +33,7 @@ _STRIDE_PX = 4
 """The code takes every pixel; every sixteenth one gives the same sums sixteen times faster."""
 
 _SQUARED_ERROR_AT_GOAL = 500.0
-"""Mean squared difference of grey levels below which the code ends."""
+"""Squared difference of a pixel's red, green and blue, in the mean, below which the code ends."""
 
 _LONGEST_STEP = 0.5
 
@@ -71,7 +72,7 @@ class PublishedMethod:
         step = np.linalg.lstsq(damped, L.T @ flow.ravel(), rcond=None)[0]
         twist = _STEP_S * _GAIN * np.asarray(step, dtype=np.float64)
         difference = sight.image.astype(np.float64) - self._goal_image
-        squared = float(np.mean(difference * difference))
+        squared = float(np.mean(np.sum(difference * difference, axis=2)))
         done = squared < _SQUARED_ERROR_AT_GOAL
         return Decision(self._moved(twist, sight), float(np.sqrt(squared)), done)
 
