@@ -83,6 +83,15 @@ def test_another_place_with_the_same_window_is_never_reached_and_a_mistake_in_a_
     assert matcher.searches == 1 + len(wrong)  # after each mistake from scratch
 
 
+def test_another_place_above_the_same_floor_is_never_reached(goal):
+    """A floor whose pattern repeats fits wherever a tile is above another."""
+    view = Wall(texture(np.random.default_rng(22))).picture()
+    view[55:] = goal[55:]
+    reports = fly(pipeline_for(goal, Counting()), [view] * 60)
+    assert not any(report.reached for report in reports)
+    assert not all(report.healthy for report in reports)
+
+
 def test_without_the_watch_it_would_have_been_reached(goal, elsewhere):
     """So the two tests above do show what keeps it from that."""
     reports = fly(pipeline_for(goal, Counting(), min_likeness=0.0), [elsewhere] * 40)
