@@ -14,7 +14,6 @@ from dfvs_core.poses import make_pose, so3_exp
 from dfvs_sim.render.renderer import Renderer, View
 from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene.free_space import FreeSpace
-from dfvs_sim.scene.mesh import SceneError
 from dfvs_sim.scene.poses import camera_pose, floor_of
 
 _GOALS_TRIED, _STARTS_TRIED = 1500, 20
@@ -37,23 +36,23 @@ class Placing:
         Least and most share of the goal's pixels that the start sees.
     features : int
         Least number of SIFT points in each of the two views.
+    most_empty : float
+        Share of each view, at most, that may show no surface: scans have holes.
     """
 
     distance_m: float
     angle_rad: float
     overlap: tuple[float, float]
     features: int
+    most_empty: float = 0.0
 
 
 def draw_task(
     renderer: Renderer, camera: CameraModel, placing: Placing, rng: np.random.Generator
-) -> tuple[FloatArray, FloatArray]:
+) -> tuple[FloatArray, FloatArray] | None:
     """Draw ``T_world_start`` and ``T_world_goal`` (4, 4) with free space between them.
 
-    Raises
-    ------
-    SceneError
-        If none was found.
+    None where none was found.
     """
     artist = _Artist(renderer, camera, placing)
     for _ in range(_GOALS_TRIED):
@@ -65,11 +64,7 @@ def draw_task(
             T_start = artist.start(T_goal, view, rng)
             if T_start is not None:
                 return T_start, T_goal
-    raise SceneError(
-        f"no task of {placing.distance_m:g} m and {math.degrees(placing.angle_rad):.0f} degrees "
-        "found in the scene",
-        f"free space, textured views, {placing.overlap[0]:.0%} of the goal in view at the start",
-    )
+    return None
 
 
 class _Artist:
@@ -117,9 +112,10 @@ class _Artist:
     def good_view(self, T_world_camera: FloatArray) -> View | None:
         """View from a pose, if it is neither too near nor too far nor too plain."""
         view = self._renderer.render(self._camera, T_world_camera)
-        if (view.depth_m <= 0).any():
+        empty = view.depth_m <= 0
+        if float(empty.mean()) > self._placing.most_empty:
             return None
-        if not _DEPTH_M[0] <= float(np.median(view.depth_m)) <= _DEPTH_M[1]:
+        if not _DEPTH_M[0] <= float(np.median(view.depth_m[~empty])) <= _DEPTH_M[1]:
             return None
         grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
         return view if len(self._sift.detect(grey, None)) >= self._placing.features else None

@@ -1,33 +1,33 @@
 """The ten scenes of the benchmark: rooms made from seeds, and a task drawn in each.
 
 Every task has the distance and the angle of one row of the paper's Table I; three are easy, four
-medium and three hard, as the paper defines that.
+medium and three hard, as the paper defines that. Scenes and tasks come with the package, so that
+everybody measures in the same ones, to the bit; here is also what they were made by.
 """
 
 from __future__ import annotations
 
 import math
-import os
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
 
+from dfvs_core.arrays import FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
 from dfvs_sim.bench.placing import Placing, draw_task
 from dfvs_sim.bench.task import BenchTask, read_tasks, write_tasks
 from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import benchmark_folder
 from dfvs_sim.scene.bake import bake_room, light_room
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.glb_writer import save_glb
 from dfvs_sim.scene.kinds import room_of_kind
 from dfvs_sim.scene.light import BakeSettings
+from dfvs_sim.scene.mesh import SceneError
 from dfvs_sim.scene.quick_light import FINE
-
-SCENES_VERSION = 3
-"""Part of the cache folder's name: to be raised whenever other scenes or tasks would come out."""
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, math.radians(90.0))
 """The paper's field of view, at a size that a companion computer works on."""
@@ -68,7 +68,8 @@ class SceneSpec:
 _RULES = {"easy": (150, (0.5, 0.9)), "medium": (80, (0.4, 0.75)), "hard": (50, (0.25, 0.65))}
 """Least SIFT points in each view, and share of the goal that the start sees, by difficulty."""
 
-_OTHERS_M, _OTHERS_DEG = 1.5, 20.0
+_IN_OTHERS = Placing(1.5, math.radians(20.0), (0.4, 0.75), features=80, most_empty=0.1)
+"""Of tasks in anybody's scenes."""
 
 SCENES = (
     SceneSpec("living-room", "living-room", 4101, "easy", 1.42, 18.20),
@@ -85,19 +86,9 @@ SCENES = (
 """The ten, in the order of the paper's Table I."""
 
 
-def default_tasks(progress: Callable[[str], None]) -> list[BenchTask]:
-    """Tasks of the ten scenes, which are made and kept in the cache on the first call."""
-    folder = cache_folder()
-    if not (folder / TASKS_FILE).is_file():
-        progress(f"making the ten scenes in {folder}")
-        make_scenes(folder, SCENES, progress)
-    return read_tasks(folder / TASKS_FILE)
-
-
-def cache_folder() -> Path:
-    """Where the ten scenes are kept: under ``$XDG_CACHE_HOME``, or ``~/.cache``."""
-    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
-    return Path(base) / "dfvs" / f"bench-scenes-{SCENES_VERSION}"
+def default_tasks() -> list[BenchTask]:
+    """Tasks of the ten scenes, which come with the package."""
+    return read_tasks(benchmark_folder() / TASKS_FILE)
 
 
 def make_scenes(
@@ -109,7 +100,7 @@ def make_scenes(
     """Make rooms and tasks in a folder; rooms that are there already are kept.
 
     With ``traced`` settings the rooms are lit by path tracing as well, once their tasks are drawn:
-    the tasks are the same in either light.
+    the tasks are the same in either light. The ten that come with the package were made so.
 
     Raises
     ------
@@ -126,7 +117,7 @@ def make_scenes(
         progress(f"{spec.name}: {spec.kind} from seed {spec.seed}")
         task = _task(spec, _room_file(spec, folder))
         if traced is not None:
-            task = replace(task, scene=_traced_file(spec, folder, traced))
+            task = replace(task, scene=_traced_file(spec, folder, traced, progress))
         tasks.append(task)
     write_tasks(folder / TASKS_FILE, tasks)
     return tasks
@@ -139,18 +130,23 @@ def _room_file(spec: SceneSpec, folder: Path) -> Path:
     return path
 
 
-def _traced_file(spec: SceneSpec, folder: Path, settings: BakeSettings) -> Path:
+def _traced_file(
+    spec: SceneSpec, folder: Path, settings: BakeSettings, progress: Callable[[str], None]
+) -> Path:
     path = folder / f"{spec.kind}-{spec.seed}-traced-{settings.samples}.glb"
     if not path.is_file():
         room = room_of_kind(spec.kind, spec.seed)
-        save_glb(path, bake_room(room, settings, lambda _done, _all: None))
+
+        def tell(done: int, count: int) -> None:
+            progress(f"{spec.name}: light of {done} of {count} vertices")
+
+        save_glb(path, bake_room(room, settings, tell))
     return path
 
 
 def _task(spec: SceneSpec, scene: Path) -> BenchTask:
-    rng = np.random.default_rng([spec.seed, 3])
-    poses = draw_task(Renderer(load_glb(scene)), CAMERA, spec.placing, rng)
-    return BenchTask(spec.name, scene, poses[0], poses[1], CAMERA, spec.difficulty, spec.seed)
+    poses = _drawn(scene, spec.placing, np.random.default_rng([spec.seed, 3]))
+    return BenchTask(spec.name, scene, *poses, CAMERA, spec.difficulty, spec.seed)
 
 
 def task_in(scene: Path) -> BenchTask:
@@ -162,7 +158,21 @@ def task_in(scene: Path) -> BenchTask:
         If the scene cannot be read, or has no room for one.
     """
     seed = 0
-    features, overlap = _RULES["medium"]
-    placing = Placing(_OTHERS_M, math.radians(_OTHERS_DEG), overlap, features)
-    poses = draw_task(Renderer(load_glb(scene)), CAMERA, placing, np.random.default_rng(seed))
-    return BenchTask(scene.stem, scene.absolute(), poses[0], poses[1], CAMERA, "medium", seed)
+    poses = _drawn(scene, _IN_OTHERS, np.random.default_rng(seed))
+    return BenchTask(scene.stem, scene.absolute(), *poses, CAMERA, "medium", seed)
+
+
+def _drawn(
+    scene: Path, placing: Placing, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray]:
+    poses = draw_task(Renderer(load_glb(scene)), CAMERA, placing, rng)
+    if poses is None:
+        raise SceneError(
+            f"no task of {placing.distance_m:g} m and {math.degrees(placing.angle_rad):.0f} "
+            f"degrees found in {scene}",
+            f"free space, {placing.features} SIFT points in each view, at most "
+            f"{placing.most_empty:.0%} of it without a surface, and {placing.overlap[0]:.0%} of "
+            "the goal in view at the start",
+            "poses of your own, in a file for --tasks",
+        )
+    return poses

@@ -22,6 +22,7 @@ from dfvs_sim.bench.basin.environments import (
     BATCH,
     Environment,
     default_environments,
+    environments_in,
     environments_of,
     make_missing,
 )
@@ -33,6 +34,7 @@ from dfvs_sim.bench.figures import is_figure_name
 from dfvs_sim.bench.methods import chosen_methods
 from dfvs_sim.bench.provenance import run_facts
 from dfvs_sim.bench.tables import write_rows
+from dfvs_sim.bench.task import read_tasks
 from dfvs_sim.commands.bench_options import (
     add_method_options,
     add_task_options,
@@ -40,7 +42,7 @@ from dfvs_sim.commands.bench_options import (
     check_iterations,
     check_outputs,
     named,
-    own_tasks,
+    own_scenes,
     run_trials,
     say,
     workforce_from,
@@ -53,7 +55,7 @@ DEFAULT_METHODS = ("flow-depth", "motion-depth", "motion-depth-search")
 _MOST_TRIALS = 10_000
 _EPILOG = f"""examples:
   dfvs-bench basin --workers 2 --json basin.json --csv basin.csv --plot basin.png
-  dfvs-bench basin --rotations 20,20,40 --translations 0.4,2,4 --method true-depth --resume
+  dfvs-bench basin --rotations 20,20,40 --translations 0.4,2,4 --methods true-depth --resume
   dfvs-bench basin --tasks my_tasks.json --trials 32 --dask tcp://127.0.0.1:8786
 
 A trial starts somewhere in free space, displaced from the goal by a translation and a rotation
@@ -135,11 +137,11 @@ def _cells(args: argparse.Namespace) -> tuple[Cell, ...]:
 
 
 def _environments(args: argparse.Namespace) -> list[Environment]:
-    """Scenes of the task file, or the sixteen rooms, which are made if they are missing."""
-    tasks = own_tasks(args)
-    places = environments_of(tasks) if tasks else default_environments()
-    chosen = named(places, args.scenes, lambda place: place.name)
-    if not tasks:
+    """Scenes that are given, or the sixteen rooms, which are made if they are missing."""
+    own = environments_of(read_tasks(args.tasks)) if args.tasks else []
+    own += environments_in(own_scenes(args, [place.name for place in own]))
+    chosen = named(own or default_environments(), args.scenes, lambda place: place.name)
+    if not own:
         make_missing(chosen, say)
     return chosen
 

@@ -105,7 +105,7 @@ def tasks_from(args: argparse.Namespace) -> list[BenchTask]:
     DfvsError
         If the file cannot be used, or a name is not known.
     """
-    tasks = own_tasks(args) or default_tasks(say)
+    tasks = own_tasks(args) or default_tasks()
     return named(tasks, args.scenes, lambda task: task.name)
 
 
@@ -117,15 +117,27 @@ def own_tasks(args: argparse.Namespace) -> list[BenchTask]:
     DfvsError
         If a file cannot be used, or two tasks have one name.
     """
-    for scene in args.scene or ():
+    tasks = read_tasks(args.tasks) if args.tasks else []
+    scenes = own_scenes(args, [task.name for task in tasks])
+    return tasks + [task_in(scene) for scene in scenes]
+
+
+def own_scenes(args: argparse.Namespace, taken: Sequence[str]) -> list[Path]:
+    """Files of ``--scene``, which go by their names without the ending.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file, or two have one name or one of those ``taken``.
+    """
+    scenes: list[Path] = list(args.scene or ())
+    for scene in scenes:
         if scene.suffix.lower() != ".glb" or not scene.is_file():
             raise ConfigError(f"--scene {scene} is no GLB file", "a file; --scenes takes names")
-    tasks = read_tasks(args.tasks) if args.tasks else []
-    tasks += [task_in(scene) for scene in args.scene or ()]
-    names = [task.name for task in tasks]
+    names = [*taken, *(scene.stem for scene in scenes)]
     if len(set(names)) < len(names):
         raise ConfigError(f"tasks are named {', '.join(names)}", "names of their own")
-    return tasks
+    return scenes
 
 
 def say(text: str) -> None:

@@ -78,7 +78,7 @@ def _contents(args: argparse.Namespace) -> Contents:
 
 def _table1(args: argparse.Namespace) -> tuple[list[BenchTask], list[TrialRecord]]:
     records = read_records(args.runs)
-    tasks = read_tasks(args.tasks) if args.tasks else default_tasks(say)
+    tasks = read_tasks(args.tasks) if args.tasks else default_tasks()
     poses = {task.name: task.poses for task in tasks}
     ours = [
         record

@@ -1,8 +1,9 @@
-"""``dfvs-bench scenes``: make the ten scenes of the benchmark, and look at them."""
+"""``dfvs-bench scenes``: the ten scenes of the benchmark, to look at or to make anew."""
 
 from __future__ import annotations
 
 import argparse
+import math
 import sys
 import time
 from pathlib import Path
@@ -11,12 +12,13 @@ from typing import Any
 from dfvs_core.errors import ConfigError
 from dfvs_core.wire.picture import encode_png
 from dfvs_sim.bench.contact_sheet import contact_sheet
-from dfvs_sim.bench.scenes import SCENES, TASKS_FILE, cache_folder, make_scenes
+from dfvs_sim.bench.scenes import SCENES, TASKS_FILE, default_tasks, make_scenes
+from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.scene.light import BakeSettings, load_mitsuba
 
 _EPILOG = """examples:
-  dfvs-bench scenes --out bench-scenes --sheet scenes.png
-  dfvs-bench scenes --light traced --out traced --sheet traced.png
+  dfvs-bench scenes --sheet scenes.png
+  dfvs-bench scenes --out anew --light traced --sheet anew.png
 """
 
 
@@ -24,24 +26,25 @@ def add_parser(subparsers: Any) -> None:
     """Add ``scenes`` to the subcommands of ``dfvs-bench``."""
     parser = subparsers.add_parser(
         "scenes",
-        help="make the ten scenes and their tasks",
-        description="Make ten rooms of ten kinds from seeds (GLB) and a task in each: start, goal "
-        "and intrinsics in tasks.json. Takes minutes; rooms that are there are kept. Traced light "
-        "takes much longer and Mitsuba 3 (the extra [bake]); it goes into a folder of its own, "
-        "with the same tasks.",
+        help="the ten scenes and their tasks, to look at or to make anew",
+        description="List the ten scenes that come with the package. With --out, make them anew: "
+        "ten rooms of ten kinds from seeds (GLB), a task in each, and start, goal and intrinsics "
+        "in tasks.json, for --tasks. Quick light takes a minute or two; traced light, that of "
+        "those that come with the package, a quarter of an hour and Mitsuba 3 (the extra [bake]). "
+        "Rooms that are in the folder already are kept.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--out", type=Path, metavar="DIR", help=f"default: {cache_folder()}, where table1 looks")
-    add("--light", choices=("quick", "traced"), default="quick", help="default: quick")
-    add("--samples", type=int, default=256, metavar="N", help="traced light paths a vertex")
+    add("--out", type=Path, metavar="DIR", help="make the scenes anew, into this folder")
+    add("--light", choices=("quick", "traced"), default="quick", help="of --out (default: quick)")
+    add("--samples", type=int, default=512, metavar="N", help="traced light paths a vertex")
     add("--sheet", type=Path, metavar="FILE.png", help="start and goal of each as one picture")
     parser.set_defaults(run=run)
 
 
 def run(args: argparse.Namespace) -> int:
-    """Make the scenes; exit code 0.
+    """List or make the scenes; exit code 0.
 
     Raises
     ------
@@ -52,20 +55,32 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--sheet {args.sheet} lies in no folder", "an existing folder")
     if args.sheet is not None and args.sheet.suffix.lower() != ".png":
         raise ConfigError(f"--sheet is {str(args.sheet)!r}", "a name that ends in .png")
+    traced = _traced(args)
+    tasks = default_tasks() if args.out is None else _made(args.out, traced)
+    print("\n".join(_line(task) for task in tasks))
+    if args.sheet is not None:
+        args.sheet.write_bytes(encode_png(contact_sheet(tasks)))
+        print(f"wrote {args.sheet}")
+    return 0
+
+
+def _made(folder: Path, traced: BakeSettings | None) -> list[BenchTask]:
     started = time.monotonic()
 
     def tell(text: str) -> None:
         elapsed_s = time.monotonic() - started
         print(f"{elapsed_s:5.0f} s  {text}", file=sys.stderr, flush=True)
 
-    folder = args.out or cache_folder()
-    tasks = make_scenes(folder, SCENES, tell, _traced(args))
+    tasks = make_scenes(folder, SCENES, tell, traced)
     took_s = time.monotonic() - started
     print(f"wrote {folder / TASKS_FILE} and {len(tasks)} scenes in {took_s:.0f} s")
-    if args.sheet is not None:
-        args.sheet.write_bytes(encode_png(contact_sheet(tasks)))
-        print(f"wrote {args.sheet}")
-    return 0
+    return tasks
+
+
+def _line(task: BenchTask) -> str:
+    distance_m, angle_rad = task.initial_error
+    start = f"{distance_m:.2f} m {math.degrees(angle_rad):4.1f}°"
+    return f"{task.name:<12} {task.difficulty:<7} {start}  {task.scene}"
 
 
 def _traced(args: argparse.Namespace) -> BakeSettings | None:

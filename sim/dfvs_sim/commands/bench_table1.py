@@ -36,9 +36,8 @@ examples:
   dfvs-bench table1 --tasks my_tasks.json --methods true-depth,sift --resume
   dfvs-bench table1 --dask tcp://127.0.0.1:8786
 
-The ten scenes are made on the first call (minutes), as dfvs-bench scenes does. Every trial is
-kept in --runs; --resume runs those that are missing or were made with other settings. The
-workers of a Dask cluster need this package, and the scenes at the same paths.
+Every trial is kept in --runs; --resume runs those that are missing or were made with other
+settings. The workers of a Dask cluster need this package, and the scenes at the same paths.
 """
 )
 

@@ -1,3 +1,6 @@
+from dataclasses import replace
+
+import cv2
 import numpy as np
 import pytest
 
@@ -5,7 +8,14 @@ from dfvs_core.poses import pose_error
 from dfvs_sim.bench import scenes
 from dfvs_sim.bench.paper import PAPER_SCENES
 from dfvs_sim.bench.placing import Placing, draw_task
-from dfvs_sim.bench.scenes import CAMERA, SCENES, SceneSpec, make_scenes
+from dfvs_sim.bench.scenes import (
+    CAMERA,
+    SCENES,
+    SceneSpec,
+    default_tasks,
+    make_scenes,
+    task_in,
+)
 from dfvs_sim.bench.task import read_tasks
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import visibility
@@ -43,10 +53,28 @@ def test_the_seed_alone_decides(room):
     assert not np.array_equal(one, other)
 
 
-def test_a_task_that_does_not_fit_is_refused(room, monkeypatch):
+def test_a_task_that_does_not_fit_is_none(room, monkeypatch):
     monkeypatch.setattr("dfvs_sim.bench.placing._GOALS_TRIED", 20)
-    with pytest.raises(SceneError, match=r"30 m"):
-        draw_task(room, CAMERA, Placing(30.0, 0.1, (0.4, 0.8), 60), np.random.default_rng(1))
+    placing = Placing(30.0, 0.1, (0.4, 0.8), 60)
+    assert draw_task(room, CAMERA, placing, np.random.default_rng(1)) is None
+
+
+def test_a_scan_with_holes_has_tasks_too(room):
+    scene = room.scene
+    kept = np.random.default_rng(5).random(len(scene.triangles)) > 0.02
+    holes = replace(scene, triangles=scene.triangles[kept], texture_index=scene.texture_index[kept])
+    scan = Renderer(holes)
+    strict, lenient = PLACING, replace(PLACING, most_empty=0.1)
+    assert draw_task(scan, CAMERA, strict, np.random.default_rng(1)) is None
+    T_start, _ = draw_task(scan, CAMERA, lenient, np.random.default_rng(1))
+    assert 0.0 < (scan.depth(CAMERA, T_start) <= 0.0).mean() <= 0.1
+
+
+def test_a_scene_without_any_place_for_a_task_is_named(tmp_path, monkeypatch):
+    monkeypatch.setattr("dfvs_sim.bench.placing._GOALS_TRIED", 0)
+    (tmp_path / "bare.glb").write_bytes(builtin_room_path().read_bytes())
+    with pytest.raises(SceneError, match=r"1\.5 m and 20 degrees found in .*bare\.glb.*--tasks"):
+        task_in(tmp_path / "bare.glb")
 
 
 def test_the_ten_start_as_far_away_as_the_paper_s():
@@ -55,6 +83,24 @@ def test_the_ten_start_as_far_away_as_the_paper_s():
     assert [difficulties.count(d) for d in ("easy", "medium", "hard")] == [3, 4, 3]
     assert len({spec.name for spec in SCENES}) == len({spec.seed for spec in SCENES}) == 10
     assert len({spec.kind for spec in SCENES}) == 10
+
+
+@pytest.mark.parametrize(("spec", "task"), list(zip(SCENES, default_tasks(), strict=True)))
+def test_the_scenes_that_come_with_the_package_are_what_their_specs_say(spec, task):
+    assert (task.name, task.difficulty, task.seed) == (spec.name, spec.difficulty, spec.seed)
+    assert task.initial_error == pytest.approx((spec.distance_m, np.radians(spec.angle_deg)))
+    assert task.camera == CAMERA
+    assert task.scene.name.startswith(f"{spec.kind}-{spec.seed}-traced")
+    scene = Renderer(load_glb(task.scene))
+    poses = (task.T_world_start, task.T_world_goal)
+    start, goal = (scene.render(CAMERA, T) for T in poses)
+    least, most = spec.placing.overlap
+    assert least <= visibility(CAMERA, poses[::-1], (goal.depth_m, start.depth_m)).mean() <= most
+    sift = cv2.SIFT.create(nfeatures=2000)
+    for view in (start, goal):
+        grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
+        # drawn in quick light; in that which ships a few points come and go
+        assert len(sift.detect(grey, None)) >= 0.8 * spec.placing.features
 
 
 def test_no_scene_is_one_that_a_network_was_trained_or_measured_on():

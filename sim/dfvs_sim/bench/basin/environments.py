@@ -3,13 +3,14 @@
 from __future__ import annotations
 
 import hashlib
+import os
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_sim.bench.scenes import CAMERA, cache_folder
+from dfvs_sim.bench.scenes import CAMERA
 from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.scene.bake import light_room
 from dfvs_sim.scene.glb_writer import save_glb
@@ -17,6 +18,9 @@ from dfvs_sim.scene.kinds import ROOM_KINDS, room_of_kind
 
 BATCH = 16
 """Environments in a batch, as in the paper."""
+
+ROOMS_VERSION = 4
+"""Part of the cache folder's name: to be raised whenever other rooms would come out."""
 
 _FIRST_SEED = 4121
 
@@ -58,10 +62,16 @@ def default_environments() -> list[Environment]:
 
     Their seeds, 4121 to 4136, are kept for the benchmark, and not those of its ten scenes.
     """
-    folder = cache_folder().with_name(f"{cache_folder().name}-basin")
+    folder = cache_folder()
     kinds = [ROOM_KINDS[k % len(ROOM_KINDS)] for k in range(BATCH)]
     names = [f"{kind}-{_FIRST_SEED + k}" for k, kind in enumerate(kinds)]
     return [Environment(name, folder / f"{name}.glb", CAMERA) for name in names]
+
+
+def cache_folder() -> Path:
+    """Where the sixteen rooms are kept: under ``$XDG_CACHE_HOME``, or ``~/.cache``."""
+    base = os.environ.get("XDG_CACHE_HOME") or str(Path.home() / ".cache")
+    return Path(base) / "dfvs" / f"bench-basin-{ROOMS_VERSION}"
 
 
 def make_missing(environments: Sequence[Environment], progress: Callable[[str], None]) -> None:
@@ -88,3 +98,8 @@ def make_missing(environments: Sequence[Environment], progress: Callable[[str], 
 def environments_of(tasks: list[BenchTask]) -> list[Environment]:
     """Scenes and cameras of tasks; their poses are not used."""
     return [Environment(task.name, task.scene, task.camera) for task in tasks]
+
+
+def environments_in(scenes: list[Path]) -> list[Environment]:
+    """Anybody's scenes, with the camera of the ten."""
+    return [Environment(scene.stem, scene.absolute(), CAMERA) for scene in scenes]
