@@ -13,7 +13,7 @@ import numpy as np
 from dfvs_core.errors import ConfigError
 from dfvs_sim.bench.results import TrialRecord
 
-HEADER = "method           converged  iterations  to 4 cm, 1°  path ratio  final error"
+HEADER = "method               converged  iterations  to 4 cm, 1°  path ratio  final error"
 _DIGITS = 5
 
 
@@ -102,7 +102,7 @@ def trial_line(record: TrialRecord) -> str:
     trial, (distance_m, angle_rad) = record.trial, record.initial_error
     mark = "  " if trial.converged else "NC"
     return (
-        f"{record.task:<18} {record.method:<15} {distance_m:5.2f} m {math.degrees(angle_rad):5.1f}°"
+        f"{record.task:<18} {record.method:<19} {distance_m:5.2f} m {math.degrees(angle_rad):5.1f}°"
         f" -> {1e3 * trial.final.distance_m:7.1f} mm {math.degrees(trial.final.angle_rad):6.2f}° "
         f"{mark} {trial.iterations:>5} iterations, path {ratio_text(trial.path_ratio)}, {trial.end}"
     )
@@ -119,10 +119,10 @@ def summary_lines(summary: dict[str, Any]) -> list[str]:
     for name, s in summary["methods"].items():
         share = f"{s['converged']:>2} of {s['scenes']}"
         if not s["converged"]:
-            lines.append(f"{name:<16} {share:>9}           -            -           -  -")
+            lines.append(f"{name:<20} {share:>9}           -            -           -  -")
             continue
         lines.append(
-            f"{name:<16} {share:>9}  {s['mean_iterations']:>10.0f}"
+            f"{name:<20} {share:>9}  {s['mean_iterations']:>10.0f}"
             f"  {s['mean_iterations_to_criterion']:>11.0f}  {ratio_text(s['mean_path_ratio']):>10}"
             f"  {1e3 * s['mean_translation_m']:.1f} mm, {s['mean_rotation_deg']:.2f}°"
         )

@@ -28,7 +28,7 @@ from dfvs_sim.options import write_json
 
 _EPILOG = (
     "methods:\n"
-    + "\n".join(f"  {name:<15} {kind.summary}" for name, kind in METHODS.items())
+    + "\n".join(f"  {name:<19} {kind.summary}" for name, kind in METHODS.items())
     + """
 
 examples:

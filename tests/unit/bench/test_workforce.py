@@ -1,5 +1,10 @@
+import os
+import signal
+import subprocess
+import sys
 import threading
 
+import psutil
 import pytest
 from distributed import LocalCluster
 
@@ -57,6 +62,21 @@ def test_a_scheduler_that_does_not_answer_is_named():
         pytest.raises(ConfigError, match=r"tcp://127\.0\.0\.1:9: no scheduler"),
     ):
         list(Workforce(dask="tcp://127.0.0.1:9").finished(squared, [1]))
+
+
+def test_workers_end_with_a_parent_that_is_killed():
+    words = "import os; from dfvs_sim.bench.workforce import Workforce\n"
+    words += "list(Workforce(2).finished(os.system, ['echo $PPID; sleep 60'] * 2))"
+    command = [sys.executable, "-c", words]
+    with subprocess.Popen(
+        command, stdout=subprocess.PIPE, text=True, start_new_session=True
+    ) as parent:
+        workers = [psutil.Process(int(parent.stdout.readline())) for _ in range(2)]
+        parent.kill()
+        _, alive = psutil.wait_procs(workers, timeout=30.0)
+        os.killpg(parent.pid, signal.SIGKILL)  # the jobs of those that have ended
+    assert len(set(workers)) == 2
+    assert not alive
 
 
 @pytest.mark.parametrize(("workers", "dask"), [(0, None), (257, None), (2, "tcp://127.0.0.1:1")])

@@ -153,7 +153,7 @@ def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:
     """Ratios in percent for people, a line for every curve; a dash where there is no task."""
     found = curves(outcomes)
     distances = sorted({d for curve in found for d in curve.points})
-    head = f"{'method':<15} {'rotation':<10} {'tasks':<8} {'ratio':>6}  {'95 %':>8}  {'n':>4} "
+    head = f"{'method':<19} {'rotation':<10} {'tasks':<8} {'ratio':>6}  {'95 %':>8}  {'n':>4} "
     lines = [f"{head}{'even':>5} " + "".join(f"{d:>6g}" for d in distances) + " m per axis"]
     for curve in found:
         low, high = curve.share.interval
@@ -162,7 +162,7 @@ def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:
         rotation = ",".join(f"{a:g}" for a in curve.rotation_deg)
         kind = f">={LEAST_OVERLAP:.0%}" if curve.overlapping else "all"
         lines.append(
-            f"{curve.method:<15} {rotation:<10} {kind:<8} {_percent(curve.share)}"
+            f"{curve.method:<19} {rotation:<10} {kind:<8} {_percent(curve.share)}"
             f"  {100 * low:3.0f}-{100 * high:3.0f} %  {curve.share.trials:>4}"
             f" {_even(curve)} {cells}"
         )
