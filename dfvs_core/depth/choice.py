@@ -15,7 +15,7 @@ def depth_source(config: ServoConfig, camera: CameraModel) -> DepthSource:
         return GivenDepth()
     if config.depth == "constant":
         return ConstantDepth(config.constant_depth_m)
-    if config.depth == "flow":
-        return FlowDepth(config.flow_depth_alpha, fallback_m=config.constant_depth_m)
     noise = 1.5 * config.flow_noise_px / camera.fx
+    if config.depth == "flow":
+        return FlowDepth(config.flow_depth_alpha, fallback_m=config.constant_depth_m, noise=noise)
     return MotionDepth(prior_m=config.constant_depth_m, pixel_noise=noise)

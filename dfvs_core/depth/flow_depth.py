@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.correspondence import DepthMap
-from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState, Memoryless
+from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState, EarlierView
 
 _LEAST_FORWARD = 0.1
 _TRUST = 0.5
@@ -16,11 +16,16 @@ _TRUST = 0.5
 
 
 @dataclass(frozen=True, slots=True)
-class FlowDepth(Memoryless):
+class FlowDepth:
     """``z = alpha / |flow(t, t-1)|`` (DFVS II-B.2), in normalised units, bounded.
 
-    Deviation from the paper: the flow that turning alone causes is taken out first, since it says
-    nothing of depth; the rotation is known from the attitude. Otherwise whatever turns seems near.
+    Two deviations from the paper. The flow that turning alone causes is taken out first, since it
+    says nothing of depth; the rotation is known from the attitude. Otherwise whatever turns seems
+    near. And the geometric mean is taken with the depth of the frame before: a fast step makes all
+    seem near, which makes the next step slow, which makes all seem far; without a memory the speed
+    swings from frame to frame and nothing damps that. With half of the logarithm remembered the
+    swing is gone after one frame, whatever the speed. Flow that is no longer than its noise says
+    nothing, and what is remembered holds: near the goal all would seem far, and the gain rise.
 
     Parameters
     ----------
@@ -32,6 +37,10 @@ class FlowDepth(Memoryless):
         Depth while there is no earlier frame.
     derotated : bool
         False: as the paper has it, with the flow of turning counted as if it came from moving.
+    memory : float
+        Share of the logarithm of the depth of the frame before; 0: none, as the paper has it.
+    noise : float
+        Length of flow that says nothing, in normalised units.
     """
 
     alpha: float = 0.03
@@ -39,20 +48,37 @@ class FlowDepth(Memoryless):
     far_m: float = 10.0
     fallback_m: float = 3.0
     derotated: bool = True
+    memory: float = 0.5
+    noise: float = 0.0
 
     def estimate(
         self, inputs: DepthInputs, state: DepthState | None
     ) -> tuple[DepthMap, DepthState | None]:
-        """Inverse flow length as depth."""
+        """Inverse flow length as depth, and that as memory."""
         if inputs.earlier is None:
-            return ConstantDepth(self.fallback_m).estimate(inputs, state)
+            depth, _ = ConstantDepth(self.fallback_m).estimate(inputs, state)
+            return depth, state or _remembered(depth.z_m)
         unmoved = inputs.xy
         if self.derotated:
             unmoved = _turned(inputs.xy, inputs.earlier.T_earlier_current[:3, :3])
         length = np.linalg.norm(inputs.earlier.xy - unmoved, axis=2)
         z = np.clip(self.alpha / np.maximum(length, 1e-9), self.near_m, self.far_m)
+        if state is not None:
+            memory = np.where(length > self.noise, self.memory, 1.0)
+            z = z ** (1.0 - memory) * state.rho**-memory
         validity = np.where(length > 0, _TRUST * inputs.earlier.confidence, 0.0)
-        return DepthMap(z.astype(np.float32), validity.astype(np.float32)), state
+        return DepthMap(z.astype(np.float32), validity.astype(np.float32)), _remembered(z)
+
+    def observe(
+        self, xy: FloatArray, earlier: EarlierView, state: DepthState | None
+    ) -> DepthState | None:
+        """Learn nothing: the frame before is all that counts."""
+        return state
+
+
+def _remembered(z_m: FloatArray | Float32Array) -> DepthState:
+    rho = 1.0 / np.asarray(z_m, dtype=np.float64)
+    return DepthState(rho, np.zeros_like(rho))
 
 
 def _turned(xy: FloatArray, R: FloatArray) -> FloatArray:

@@ -9,7 +9,7 @@ from typing import Any
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
-from matplotlib.ticker import MaxNLocator
+from matplotlib.ticker import MaxNLocator, NullLocator
 
 from dfvs_sim.bench.results import TrialRecord
 
@@ -25,6 +25,9 @@ STYLE: Any = {
 """Matplotlib settings of all plots of the benchmark."""
 
 _FORMATS = ("png", "svg", "pdf")
+_NAMES_A_ROW = 5
+_LINEAR_ITERATIONS = 100
+_ITERATION_TICKS = (0, 20, 40, 60, 80, 100, 200, 500, 1000, 2000, 4000, 10_000)
 
 
 def controller_figure(records: Sequence[TrialRecord], file_format: str = "png") -> bytes:
@@ -49,6 +52,8 @@ def controller_figure(records: Sequence[TrialRecord], file_format: str = "png") 
         _speeds(figure.add_subplot(grid[0, 1]), records, slice(0, 3), "Translation (m/s)")
         _speeds(figure.add_subplot(grid[1, 0]), records, slice(3, 6), "Rotation (rad/s)")
         _paths(figure.add_subplot(grid[1, 1], projection="3d"), records)
+        lines, names = figure.axes[1].get_legend_handles_labels()
+        figure.legend(lines, names, loc="outside lower center", ncols=_NAMES_A_ROW)
         buffer = io.BytesIO()
         figure.savefig(buffer, format=file_format, dpi=100)
     return buffer.getvalue()
@@ -63,8 +68,7 @@ def _errors(axes: Any, records: Sequence[TrialRecord]) -> None:
         if first.size and first[0] > 0:
             axes.semilogy(known / first[0], label=record.method)
     axes.set_title("Feature or photometric error ÷ its first value", loc="left")
-    axes.set_xlabel("iteration")
-    axes.legend()
+    _iterations(axes)
 
 
 def _speeds(axes: Any, records: Sequence[TrialRecord], part: slice, title: str) -> None:
@@ -73,6 +77,17 @@ def _speeds(axes: Any, records: Sequence[TrialRecord], part: slice, title: str) 
         velocities = np.array([step.velocity for step in record.trial.steps])[:, part]
         axes.plot(np.linalg.norm(velocities, axis=1), label=record.method)
     axes.set_title(title, loc="left")
+    _iterations(axes)
+
+
+def _iterations(axes: Any) -> None:
+    """Axis of iterations; from a hundred on its scale is logarithmic: some take thousands."""
+    axes.set_xscale("symlog", linthresh=_LINEAR_ITERATIONS)
+    axes.set_xlim(left=0)
+    low, high = axes.get_xlim()
+    ticks = [tick for tick in _ITERATION_TICKS if low <= tick <= high]
+    axes.set_xticks(ticks, [str(tick) for tick in ticks])
+    axes.xaxis.set_minor_locator(NullLocator())
     axes.set_xlabel("iteration")
 
 

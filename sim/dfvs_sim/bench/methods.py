@@ -22,11 +22,11 @@ def _ours(depth: DepthChoice, summary: str) -> MethodKind:
     )
 
 
-def _late(summary: str) -> MethodKind:
-    config = bench_config("motion", response_s=LateDrive.RESPONSE_S)
+def _late(depth: DepthChoice) -> MethodKind:
+    config = bench_config(depth, response_s=LateDrive.RESPONSE_S)
     return MethodKind(
         lambda goal, matcher: PipelineMethod(config, goal, matcher, LateDrive()),
-        summary,
+        f"{depth}-depth on a camera that answers as late as a PX4 vehicle",
         _OURS_ITERATIONS,
     )
 
@@ -45,9 +45,10 @@ def _searching(summary: str) -> MethodKind:
 METHODS: dict[str, MethodKind] = {
     "true-depth": _ours("given", "the product's law with the true depth"),
     "motion-depth": _ours("motion", "the product as it flies: depth from its own motion"),
-    "motion-depth-late": _late("motion-depth on a camera that answers as late as a PX4 vehicle"),
+    "motion-depth-late": _late("motion"),
     "motion-depth-search": _searching("motion-depth that looks around where it finds no goal"),
     "flow-depth": _ours("flow", "the product's law with the paper's depth from flow"),
+    "flow-depth-late": _late("flow"),
     "constant-depth": _ours("constant", "the product's law with 3 m everywhere"),
     "published": MethodKind(
         published.PublishedMethod,

@@ -13,7 +13,7 @@ from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.pipeline import Pipeline
 from dfvs_core.poses import euler_from_rotation, se3_exp
-from dfvs_core.servo.config import DepthChoice, Law, ServoConfig
+from dfvs_core.servo.config import DepthChoice, ServoConfig
 from dfvs_core.servo.exchange import Verdict
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
@@ -28,7 +28,7 @@ MAX_SPEED_M_S, MAX_TURN_RAD_S = 10.0, 3.0
 """Of the free camera: hardly a limit, as in the paper."""
 
 
-def bench_config(depth: DepthChoice, law: Law = "hybrid", response_s: float = 0.0) -> ServoConfig:
+def bench_config(depth: DepthChoice, response_s: float = 0.0) -> ServoConfig:
     """Settings of the product on a free camera.
 
     It answers at once, so nothing is predicted, unless ``response_s`` says that it is late;
@@ -36,7 +36,6 @@ def bench_config(depth: DepthChoice, law: Law = "hybrid", response_s: float = 0.
     paper's for its depth network.
     """
     return ServoConfig(
-        law=law,
         depth=depth,
         gain_far=1.0,
         gain_near=1.0,

@@ -23,22 +23,30 @@ from dfvs_sim.bench.page import embedded
 from dfvs_sim.bench.paper import PAPER_COLUMNS, PAPER_SCENES
 from dfvs_sim.bench.results import TrialRecord
 from dfvs_sim.bench.task import BenchTask
+from dfvs_sim.bench.trial import CONVERGED_M, CONVERGED_RAD
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.glb import load_glb
 
 _JPEG_QUALITY = 88
-_THUMBNAIL_PX = 160
+_THUMBNAIL_PX = 124
 _GREY = 128
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; color: #222;
        margin: 2rem auto; max-width: 100rem; padding: 0 1rem; }
 table { border-collapse: collapse; margin: 1rem 0; font-variant-numeric: tabular-nums; }
-th, td { padding: .2rem .7rem; text-align: right; white-space: nowrap;
+th, td { padding: .2rem .6rem; text-align: right; white-space: nowrap;
          border-bottom: 1px solid #ddd; }
+th { white-space: normal; vertical-align: bottom; }
+tr.paper td { color: #666; }
 th:first-child, td:first-child { text-align: left; }
 td.nc { color: #b3362f; } img { display: block; } figure { margin: 1rem 0; }
-.grid td { padding: 2px; border: 0; text-align: center; font-size: 12px; }
+.grid td { padding: 2px; border: 0; text-align: center; font-size: 12px; white-space: normal; }
+.scenes { font-size: 13px; }
 """
+_SUMMARY_COLUMNS = 6
+_SUMMARY_NOTE = """<p>Means are over the trials that converged. The paper's rows, for scale, are of
+its own ten scenes: converged by the same criterion, under 4 cm and 1°, counted from its Table I;
+its iterations and paths over the trials that it gives them for; its errors over all ten.</p>"""
 _DIFFERENCES = """What differs from the paper: our scenes are generated rooms and not scans, seen by
 our renderer and not by Habitat; its initial distances and angles are kept, not its poses. Pictures
 are {size}, the paper's 512 × 384. Flow comes from the matcher <code>{matcher}</code>, the paper's
@@ -162,9 +170,32 @@ def _summary_table(
                 f"{1e3 * np.mean([t.final.distance_m for t in good]):.1f} mm",
                 f"{np.degrees(np.mean([t.final.angle_rad for t in good])):.2f}°",
             ]
+        cells += ["–"] * (_SUMMARY_COLUMNS - len(cells))
         rows.append("<tr>" + "".join(f"<td>{html.escape(c)}" for c in cells))
-    note = "<p>Means are over the trials that converged.</p>"
-    return f"<table>{head}{''.join(rows)}</table>{note}"
+    rows += [_paper_row(name) for name in PAPER_COLUMNS]
+    return f"<table>{head}{''.join(rows)}</table>{_SUMMARY_NOTE}"
+
+
+def _paper_row(name: str) -> str:
+    """The paper's own figures of one of its methods, in grey."""
+    k = PAPER_COLUMNS.index(name)
+    good = [
+        scene
+        for scene in PAPER_SCENES
+        if scene.translation_m[k] < CONVERGED_M
+        and math.radians(scene.rotation_deg[k]) < CONVERGED_RAD
+    ]
+    ways = [(scene.path_m[k], scene.iterations[k], scene.initial[0]) for scene in PAPER_SCENES]
+    done = [(path_m, count, line_m) for path_m, count, line_m in ways if path_m and count]
+    cells = [
+        f"the paper's {name}",
+        f"{len(good)} of {len(PAPER_SCENES)}",
+        f"{np.mean([count for _, count, _ in done]):.0f}",
+        f"{np.mean([path_m / line_m for path_m, _, line_m in done]):.2f}",
+        f"{1e3 * np.mean([scene.translation_m[k] for scene in PAPER_SCENES]):.0f} mm",
+        f"{np.mean([scene.rotation_deg[k] for scene in PAPER_SCENES]):.2f}°",
+    ]
+    return "<tr class='paper'>" + "".join(f"<td>{html.escape(cell)}" for cell in cells)
 
 
 def _scene_table(
@@ -178,7 +209,7 @@ def _scene_table(
         distance_m, angle_rad = task.initial_error
         row = f"<tr><td>{html.escape(task.name)}<td>{distance_m:.2f} m {_degrees(angle_rad)}"
         rows.append(row + "".join(_cell(by_key.get((task.name, name))) for name in methods))
-    return f"<table>{head}{''.join(rows)}</table>"
+    return f"<table class='scenes'>{head}{''.join(rows)}</table>"
 
 
 def _cell(record: TrialRecord | None) -> str:

@@ -94,6 +94,36 @@ def test_flow_depth_is_the_paper_s(scene):
     np.testing.assert_allclose(depth.z_m, scene, rtol=1e-4)
 
 
+def steps_of_a_camera_led_by(source, scene):
+    """Steps to the side, each as long as the depth that is estimated after the one before."""
+    depth, state = source.estimate(DepthInputs(GRID), None)
+    steps_m = []
+    for _ in range(8):
+        steps_m.append(0.02 * float(np.median(depth.z_m)))
+        view = earlier_view(scene, (steps_m[-1], 0.0, 0.0))
+        depth, state = source.estimate(DepthInputs(GRID, view), state)
+    return np.array(steps_m)
+
+
+def test_a_camera_led_by_flow_depth_does_not_swing(scene):
+    steps_m = steps_of_a_camera_led_by(FlowDepth(), scene)
+    np.testing.assert_allclose(steps_m[1:], steps_m[1], rtol=0.02)
+
+
+def test_without_its_memory_it_swings_for_ever(scene):
+    steps_m = steps_of_a_camera_led_by(FlowDepth(memory=0.0), scene)
+    swing = np.maximum(steps_m[1:] / steps_m[:-1], steps_m[:-1] / steps_m[1:])
+    assert swing.min() > 1.7  # by what its first guess of 3 m is wrong, for ever
+
+
+def test_flow_no_longer_than_its_noise_leaves_the_depth_as_it_was(scene):
+    source = FlowDepth(noise=1e-3)
+    before, state = source.estimate(DepthInputs(GRID, earlier_view(scene, (0.03, 0, 0))), None)
+    still = earlier_view(scene, (1e-4, 0.0, 0.0))
+    after, _ = source.estimate(DepthInputs(GRID, still), state)
+    np.testing.assert_allclose(after.z_m, before.z_m, rtol=1e-5)
+
+
 def turning_and_not(scene):
     still = earlier_view(scene, (0.03, 0.0, 0.0))
     return still, earlier_view(scene, (0.03, 0.0, 0.0), (0.0, -0.1, 0.0))
