@@ -8,6 +8,9 @@ from dfvs_core.arrays import ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
 
+LEAST_SIZE_PX = 32
+"""Width and height of the smallest pictures that can be matched."""
+
 
 class Prepared:
     """A picture as its matcher wants it: opaque to everybody else.
@@ -70,14 +73,15 @@ def check_image(image: ImageArray) -> None:
     Raises
     ------
     ImageError
-        If it is not (H, W, 3) uint8 with H and W of 32 px or more.
+        If it is not (H, W, 3) uint8 with H and W of ``LEAST_SIZE_PX`` or more.
     """
     if image.ndim != 3 or image.shape[2] != 3 or image.dtype.name != "uint8":
         raise ImageError(
             f"picture is {image.dtype} of shape {image.shape}", "uint8 of (H, W, 3), RGB"
         )
-    if min(image.shape[:2]) < 32:
-        raise ImageError(f"picture has {image.shape[1]} x {image.shape[0]} px", "32 x 32 or more")
+    if min(image.shape[:2]) < LEAST_SIZE_PX:
+        size = f"{image.shape[1]} x {image.shape[0]} px"
+        raise ImageError(f"picture has {size}", f"{LEAST_SIZE_PX} x {LEAST_SIZE_PX} or more")
 
 
 def check_same_size(current: Prepared, other: Prepared) -> None:

@@ -2,6 +2,7 @@
 
 import csv
 import json
+import subprocess
 from dataclasses import replace
 
 import numpy as np
@@ -9,7 +10,8 @@ import pytest
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.poses import make_pose, so3_exp
-from dfvs_sim.bench.results import fits, read_records
+from dfvs_sim.bench import results
+from dfvs_sim.bench.results import fits, git_revision, read_records
 from dfvs_sim.bench.task import BenchTask, read_tasks, write_tasks
 from dfvs_sim.bench_cli import main
 from dfvs_sim.scene import builtin_room_path
@@ -115,6 +117,63 @@ def test_a_task_file_keeps_its_poses(folder):
     assert len(read_records(folder / "runs")) == 6
 
 
+def test_poses_that_were_rounded_and_scenes_beside_the_shell_are_taken(
+    folder, tmp_path, monkeypatch
+):
+    document = json.loads((folder / "tasks.json").read_text())
+    entry = document["tasks"][1]
+    entry["scene"] = "room.glb"
+    for name in ("start", "goal"):
+        entry[name] = np.round(entry[name], 3).tolist()
+    (tmp_path / "tasks.json").write_text(json.dumps([entry]))
+    (tmp_path / "here").mkdir()
+    (tmp_path / "here" / "room.glb").write_bytes(builtin_room_path().read_bytes())
+    monkeypatch.chdir(tmp_path / "here")
+    (task,) = read_tasks(tmp_path / "tasks.json")
+    assert task.scene == tmp_path / "here" / "room.glb"
+    R = task.T_world_goal[:3, :3]
+    np.testing.assert_allclose(R @ R.T, np.eye(3), atol=1e-12)
+    np.testing.assert_allclose(task.T_world_goal, GOAL, atol=2e-3)
+
+
+def test_a_damaged_scene_is_refused_before_any_trial(folder, tmp_path, capsys):
+    document = json.loads((folder / "tasks.json").read_text())
+    document["tasks"][2]["scene"] = "half.glb"
+    room = builtin_room_path().read_bytes()
+    (tmp_path / "half.glb").write_bytes(room[: len(room) // 2])
+    (tmp_path / "tasks.json").write_text(json.dumps(document))
+    runs = tmp_path / "runs"
+    assert main(["table1", "--tasks", str(tmp_path / "tasks.json"), "--runs", str(runs)]) == 2
+    assert "half.glb" in capsys.readouterr().err
+    assert not list(runs.glob("*"))
+
+
+def test_a_report_takes_anybody_s_scene_and_leaves_out_what_is_empty(folder, tmp_path):
+    scene = tmp_path / "lab.glb"
+    scene.write_bytes(builtin_room_path().read_bytes())
+    words = ["--scene", str(scene), "--methods", "photometric", "--iterations", "1"]
+    assert main(["table1", *words, "--runs", str(tmp_path / "runs")]) == 0
+    (tmp_path / "empty").mkdir()
+    others = ["--basin", str(tmp_path / "empty"), "--drone", str(tmp_path / "none")]
+    page = tmp_path / "lab.html"
+    runs = ["--runs", str(tmp_path / "runs")]
+    assert main(["report", *runs, *others, "--scene", str(scene), "--out", str(page)]) == 0
+    assert "the scenes are other ones" in page.read_text()
+
+
+def test_a_plot_of_an_unknown_method_is_refused(folder, capsys):
+    words = ["--runs", str(folder / "runs"), "--scene", "far", "--out", str(folder / "no.png")]
+    assert main(["controller", *words, "--methods", "photometric,magic"]) == 2
+    assert "magic" in capsys.readouterr().err
+
+
+def test_a_copy_in_somebody_else_s_repository_has_no_revision(tmp_path, monkeypatch):
+    subprocess.run(["git", "init", "-q", str(tmp_path)], check=True)
+    (tmp_path / "results.py").touch()
+    monkeypatch.setattr(results, "__file__", str(tmp_path / "results.py"))
+    assert git_revision() == "unknown"
+
+
 def test_trials_of_other_inputs_are_not_taken_for_these(folder):
     task = read_tasks(folder / "tasks.json")[0]
     record = next(
@@ -133,6 +192,21 @@ def test_trials_of_other_inputs_are_not_taken_for_these(folder):
         ({"scene": "nowhere.glb"}, "no scene"),
         ({"colour": "red"}, "unknown key"),
         ({"start": (2 * np.eye(4)).tolist()}, "not orthonormal"),
+        ({"name": ".."}, "names of their own"),
+        ({"name": "x" * 101}, "names of their own"),
+        (
+            {
+                "intrinsics": {
+                    "width": 31,
+                    "height": 40,
+                    "fx": 20.0,
+                    "fy": 20.0,
+                    "cx": 16.0,
+                    "cy": 20.0,
+                }
+            },
+            "32 x 32 or more",
+        ),
         ({"start": [*np.eye(4)[:3].tolist(), [0.5, 1, 2, 1]]}, "transposed"),
     ],
 )

@@ -22,6 +22,7 @@ from dfvs_sim.bench.methods import METHODS
 from dfvs_sim.bench.page import embedded
 from dfvs_sim.bench.paper import PAPER_COLUMNS, PAPER_SCENES
 from dfvs_sim.bench.results import TrialRecord
+from dfvs_sim.bench.scenes import SCENES
 from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.bench.trial import CONVERGED_M, CONVERGED_RAD
 from dfvs_sim.render.renderer import Renderer
@@ -47,12 +48,15 @@ _SUMMARY_COLUMNS = 6
 _SUMMARY_NOTE = """<p>Means are over the trials that converged. The paper's rows, for scale, are of
 its own ten scenes: converged by the same criterion, under 4 cm and 1°, counted from its Table I;
 its iterations and paths over the trials that it gives them for; its errors over all ten.</p>"""
-_DIFFERENCES = """What differs from the paper: our scenes are generated rooms and not scans, seen by
-our renderer and not by Habitat; its initial distances and angles are kept, not its poses. Pictures
-are {size}, the paper's 512 × 384. Flow comes from the matcher <code>{matcher}</code>, the paper's
-from FlowNet2. The paper's own runs, with its networks, were not repeated: its columns are quoted
-from its Table I. Its method [3], photometric servoing, is our <code>photometric</code>, run here.
-Ours end by their own stop rule and never by photometric error."""
+_TEN_SCENES = """our scenes are generated rooms and not scans, seen by our renderer and not by
+Habitat; its initial distances and angles are kept, not its poses"""
+_OTHER_SCENES = """the scenes are other ones, and so are the tasks; our renderer shows them, not
+Habitat"""
+_DIFFERENCES = """What differs from the paper: {scenes}. Pictures are {size}, the paper's 512 × 384.
+Flow comes from the matcher <code>{matcher}</code>, the paper's from FlowNet2. The paper's own runs,
+with its networks, were not repeated: its columns are quoted from its Table I. Its method [3],
+photometric servoing, is our <code>photometric</code>, run here. Ours end by their own stop rule and
+never by photometric error."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -147,7 +151,10 @@ def _differences(contents: Contents) -> str:
     trials, flights = contents.trials, contents.flights
     sizes = {*(tuple(r.size) for r in trials), *(tuple(f.size) for f in flights)}
     matchers = sorted({*(r.matcher for r in trials), *(f.matcher for f in flights)})
+    names = {spec.name for spec in SCENES}
+    are_ours = all(task.name in names for task in contents.tasks)
     return _DIFFERENCES.format(
+        scenes=_TEN_SCENES if are_ours else _OTHER_SCENES,
         size=", ".join(f"{width} × {height}" for width, height in sorted(sizes)),
         matcher=html.escape(", ".join(matchers)),
     )

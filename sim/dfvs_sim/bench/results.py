@@ -116,11 +116,18 @@ def fits(record: TrialRecord, task: BenchTask, matcher: str, most_iterations: in
 
 
 def git_revision() -> str:
-    """Commit of the program, ``+`` after it where files were changed since; or ``unknown``."""
-    folder = Path(__file__).parent
+    """Commit of the program, ``+`` after it where files were changed since; or ``unknown``.
+
+    An installed copy may lie in somebody else's repository, whose commit says nothing of it.
+    """
     try:
-        words = ["git", "-C", str(folder), "describe", "--always", "--abbrev=10", "--dirty=+"]
-        done = subprocess.run(words, capture_output=True, text=True, check=True, timeout=20)
+        _git("ls-files", "--error-unmatch", Path(__file__).name)
+        return _git("describe", "--always", "--abbrev=10", "--dirty=+") or _NO_REVISION
     except (OSError, subprocess.SubprocessError):
         return _NO_REVISION
-    return done.stdout.strip() or _NO_REVISION
+
+
+def _git(*words: str) -> str:
+    command = ["git", "-C", str(Path(__file__).parent), *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=20)
+    return done.stdout.strip()

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+import re
 from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -19,6 +20,10 @@ from dfvs_core.schema import dump, parse
 from dfvs_sim.scene.frames import gltf_pose_from_ned, ned_pose_from_gltf
 
 Axes = Literal["gltf", "ned"]
+_NAME = re.compile(r"[^\s./\\][^/\\\0-\x1f]{0,99}")
+"""Names become those of files."""
+_ROUNDED = 5e-3
+"""By so much ``R R^T`` may differ from 1 in a file that keeps three decimals."""
 _EXPECTED = "a list of tasks (name, scene, start, goal, intrinsics), or {'tasks': [...]}"
 
 
@@ -96,7 +101,9 @@ def same_poses(first: tuple[ArrayLike, ArrayLike], second: tuple[ArrayLike, Arra
 
 
 def read_tasks(path: Path) -> list[BenchTask]:
-    """Read a task file; scenes are looked for beside it.
+    """Read a task file; scenes are looked for beside it, and from the working folder.
+
+    Rotations that were rounded, to three decimals or more, are made orthonormal.
 
     Raises
     ------
@@ -115,8 +122,11 @@ def read_tasks(path: Path) -> list[BenchTask]:
     tasks = [_task(entry, path.parent, f"task {k}") for k, entry in enumerate(entries)]
     names = [task.name for task in tasks]
     for name in names:
-        if names.count(name) > 1 or not name or "/" in name:
-            raise ConfigError(f"task file {path} has a task named {name!r}", "names of their own")
+        if names.count(name) > 1 or not _NAME.fullmatch(name):
+            raise ConfigError(
+                f"task file {path} has a task named {name!r}",
+                "names of their own, of up to 100 characters, that files can have",
+            )
     return tasks
 
 
@@ -133,11 +143,24 @@ def _task(data: object, folder: Path, where: str) -> BenchTask:
         rows = getattr(entry, name)
         if [len(row) for row in rows] != [4] * 4:
             raise ConfigError(f"{where}: {name} is {rows}", "four rows of four numbers")
-        T = check_pose(np.array(rows, dtype=np.float64), f"{where}: {name}")
+        T = check_pose(_unrounded(np.array(rows, dtype=np.float64)), f"{where}: {name}")
         poses.append(ned_pose_from_gltf(T) if entry.axes == "gltf" else T)
     scene = (folder / entry.scene).absolute()
+    if not scene.is_file() and Path(entry.scene).is_file():
+        scene = Path(entry.scene).absolute()
     if not scene.is_file():
         raise ConfigError(f"{where}: there is no scene {scene}", "a GLB file")
     return BenchTask(
         entry.name, scene, poses[0], poses[1], entry.intrinsics, entry.difficulty, entry.seed
     )
+
+
+def _unrounded(T: FloatArray) -> FloatArray:
+    """Pose (4, 4) with the rotation nearest to one that was rounded; others stay as they are."""
+    R = T[:3, :3]
+    if not np.isfinite(R).all() or np.abs(R @ R.T - np.eye(3)).max() > _ROUNDED:
+        return T
+    u, _, v = np.linalg.svd(R)
+    result = T.copy()
+    result[:3, :3] = u @ v
+    return result

@@ -5,6 +5,7 @@ from __future__ import annotations
 import importlib
 import multiprocessing
 import os
+import signal
 import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
@@ -85,11 +86,12 @@ class Workforce:
         if self.dask is not None:
             return _dask_executor(self.dask)
         context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self.workers, context, initializer=_end_with_parent)
+        return ProcessPoolExecutor(self.workers, context, initializer=_prepare_worker)
 
 
-def _end_with_parent() -> None:
-    """End this worker when its parent does: those of one that was killed would wait for ever."""
+def _prepare_worker() -> None:
+    """End this worker at Ctrl-C, and when its parent ends: it would wait for ever otherwise."""
+    signal.signal(signal.SIGINT, signal.SIG_DFL)
     threading.Thread(target=_exit_after_parent, daemon=True).start()
 
 

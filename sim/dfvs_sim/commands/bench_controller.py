@@ -8,6 +8,7 @@ from typing import Any
 
 from dfvs_core.errors import ConfigError
 from dfvs_sim.bench.figures import controller_figure, is_figure_name
+from dfvs_sim.bench.methods import chosen_methods
 from dfvs_sim.bench.results import read_records
 
 _EPILOG = """example:
@@ -47,7 +48,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--out {args.out} lies in no folder", "an existing folder")
     records = [r for r in read_records(args.runs) if r.task == args.scene]
     if args.methods:
-        names = args.methods.split(",")
+        names = chosen_methods(args.methods.split(","))
         records = [r for r in records if r.method in names]
     if not records:
         raise ConfigError(

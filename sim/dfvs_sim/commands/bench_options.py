@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import TypeVar
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.matching.matcher import LEAST_SIZE_PX
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_sim.bench.campaign import Job, run_jobs, unfinished
 from dfvs_sim.bench.results import TrialRecord
@@ -17,12 +18,25 @@ from dfvs_sim.bench.scenes import default_tasks, task_in
 from dfvs_sim.bench.tables import trial_line
 from dfvs_sim.bench.task import BenchTask, read_tasks
 from dfvs_sim.bench.workforce import Workforce
+from dfvs_sim.scene.glb import load_glb
 
 _T = TypeVar("_T")
 
 
 def add_task_options(parser: argparse.ArgumentParser, tasks_help: str, runs: str) -> None:
     """Add what every measurement takes: tasks, matcher, and where results go."""
+    add_own_scenes(parser, tasks_help)
+    add = parser.add_argument
+    add("--scenes", metavar="A,B", help="names of the scenes to use (default: all)")
+    add("--bundle", default=DEFAULT_MATCHER, metavar="NAME", help="matcher: see dfvs-bench flow")
+    add("--runs", type=Path, default=Path(runs), metavar="DIR", help=f"default: {runs}")
+    add("--resume", action="store_true", help="keep what is in --runs and fits")
+    add("--json", type=Path, metavar="FILE", help="write a summary")
+    add("--csv", type=Path, metavar="FILE", help="write a row for every trial")
+
+
+def add_own_scenes(parser: argparse.ArgumentParser, tasks_help: str) -> None:
+    """Add ``--tasks`` and ``--scene``."""
     add = parser.add_argument
     add("--tasks", type=Path, metavar="FILE", help=tasks_help)
     add(
@@ -30,14 +44,9 @@ def add_task_options(parser: argparse.ArgumentParser, tasks_help: str, runs: str
         type=Path,
         action="append",
         metavar="FILE.glb",
-        help="anybody's scene, with a task drawn in it (1.5 m, 20°); may be repeated",
+        help="anybody's scene: a task is drawn in it (1.5 m, 20°; the basin draws its own); may "
+        "be repeated",
     )
-    add("--scenes", metavar="A,B", help="names of the scenes to use (default: all)")
-    add("--bundle", default=DEFAULT_MATCHER, metavar="NAME", help="matcher: see dfvs-bench flow")
-    add("--runs", type=Path, default=Path(runs), metavar="DIR", help=f"default: {runs}")
-    add("--resume", action="store_true", help="keep what is in --runs and fits")
-    add("--json", type=Path, metavar="FILE", help="write a summary")
-    add("--csv", type=Path, metavar="FILE", help="write a row for every trial")
 
 
 def add_method_options(parser: argparse.ArgumentParser, default: Sequence[str]) -> None:
@@ -105,8 +114,30 @@ def tasks_from(args: argparse.Namespace) -> list[BenchTask]:
     DfvsError
         If the file cannot be used, or a name is not known.
     """
-    tasks = own_tasks(args) or default_tasks()
-    return named(tasks, args.scenes, lambda task: task.name)
+    own = own_tasks(args)
+    tasks = named(own or default_tasks(), args.scenes, lambda task: task.name)
+    if own:
+        check_tasks(tasks)
+    return tasks
+
+
+def check_tasks(tasks: Sequence[BenchTask]) -> None:
+    """Refuse tasks that could not be tried, before any is: hours may lie between them.
+
+    Raises
+    ------
+    DfvsError
+        If a scene cannot be read, or pictures are too small to be matched.
+    """
+    for task in tasks:
+        if min(task.camera.size) < LEAST_SIZE_PX:
+            width, height = task.camera.size
+            raise ConfigError(
+                f"task {task.name!r} has pictures of {width} x {height} px",
+                f"{LEAST_SIZE_PX} x {LEAST_SIZE_PX} or more",
+            )
+    for scene in dict.fromkeys(task.scene for task in tasks):
+        load_glb(scene)
 
 
 def own_tasks(args: argparse.Namespace) -> list[BenchTask]:
@@ -171,9 +202,13 @@ def run_trials(
     if records:
         print(f"{len(records)} trials are in {args.runs}", file=sys.stderr, flush=True)
     countdown = Countdown(len(left))
-    for record in run_jobs(left, args.runs, workforce):
-        records.append(record)
-        print(f"{trial_line(record)} {countdown.step()}", file=sys.stderr, flush=True)
+    try:
+        for record in run_jobs(left, args.runs, workforce):
+            records.append(record)
+            say(f"{trial_line(record)} {countdown.step()}")
+    except KeyboardInterrupt:
+        say(f"interrupted: {len(records)} trials are in {args.runs}; --resume goes on")
+        raise
     return records
 
 

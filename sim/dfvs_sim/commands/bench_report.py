@@ -12,8 +12,8 @@ from dfvs_sim.bench.drone.records import read_records as read_flights
 from dfvs_sim.bench.report import Contents, report_page
 from dfvs_sim.bench.results import TrialRecord, read_records
 from dfvs_sim.bench.scenes import default_tasks
-from dfvs_sim.bench.task import BenchTask, read_tasks, same_poses
-from dfvs_sim.commands.bench_options import say
+from dfvs_sim.bench.task import BenchTask, same_poses
+from dfvs_sim.commands.bench_options import add_own_scenes, own_tasks, say
 
 _EPILOG = """example:
   dfvs-bench report --runs bench-runs --basin basin-runs --drone drone-runs --out report.html
@@ -41,7 +41,7 @@ def add_parser(subparsers: Any) -> None:
     )
     add("--basin", type=Path, default=Path("basin-runs"), metavar="DIR", help="default: basin-runs")
     add("--drone", type=Path, default=Path("drone-runs"), metavar="DIR", help="default: drone-runs")
-    add("--tasks", type=Path, metavar="FILE", help="tasks.json (default: the ten scenes)")
+    add_own_scenes(parser, "tasks.json (default: the ten scenes)")
     add("--out", type=Path, required=True, metavar="FILE", help="page to write (.html)")
     parser.set_defaults(run=run)
 
@@ -65,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
 
 def _contents(args: argparse.Namespace) -> Contents:
     """All that was measured; what was not is left out."""
-    tasks, records = _table1(args) if args.runs.is_dir() else ([], [])
+    tasks, records = _table1(args) if any(args.runs.glob("*--*.json")) else ([], [])
     outcomes = read_outcomes(args.basin) if (args.basin / BASIN_FILE).is_file() else []
     flights = read_flights(args.drone) if args.drone.is_dir() else []
     if not (records or outcomes or flights):
@@ -78,7 +78,7 @@ def _contents(args: argparse.Namespace) -> Contents:
 
 def _table1(args: argparse.Namespace) -> tuple[list[BenchTask], list[TrialRecord]]:
     records = read_records(args.runs)
-    tasks = read_tasks(args.tasks) if args.tasks else default_tasks()
+    tasks = own_tasks(args) or default_tasks()
     poses = {task.name: task.poses for task in tasks}
     ours = [
         record

@@ -64,6 +64,18 @@ def test_a_scheduler_that_does_not_answer_is_named():
         list(Workforce(dask="tcp://127.0.0.1:9").finished(squared, [1]))
 
 
+def test_ctrl_c_ends_the_jobs_that_run():
+    words = "from dfvs_sim.bench.workforce import Workforce\n"
+    job = "import time; print('begun', flush=True); time.sleep(60)"
+    words += f"list(Workforce(2).finished(exec, [{job!r}] * 4))"
+    pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
+    command = [sys.executable, "-c", words]
+    with subprocess.Popen(command, start_new_session=True, **pipes) as parent:
+        assert [parent.stdout.readline() for _ in range(2)] == ["begun\n"] * 2
+        os.killpg(parent.pid, signal.SIGINT)
+        assert parent.wait(timeout=30.0) != 0
+
+
 def test_workers_end_with_a_parent_that_is_killed():
     words = "import os; from dfvs_sim.bench.workforce import Workforce\n"
     words += "list(Workforce(2).finished(os.system, ['echo $PPID; sleep 60'] * 2))"

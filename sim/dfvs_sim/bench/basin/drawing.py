@@ -128,6 +128,7 @@ class _Artist:
     def __init__(self, environment: Environment, rng: np.random.Generator) -> None:
         self._renderer = renderer_of(environment.scene)
         self._camera: CameraModel = environment.camera
+        self._most_empty = environment.most_empty
         self._space = FreeSpace(self._renderer)
         self._sift = cv2.SIFT.create(nfeatures=2000)
         floor_m, low, high = floor_of(self._renderer.scene)
@@ -170,6 +171,8 @@ class _Artist:
         """Tell whether a view has texture and is not right before something."""
         height = round(_JUDGE_WIDTH_PX * self._camera.height / self._camera.width)
         view = self._renderer.render(self._camera.scaled(_JUDGE_WIDTH_PX, height), T_goal)
+        if float(np.mean(view.depth_m <= 0)) > self._most_empty:
+            return False
         distance_m = np.where(view.depth_m > 0, view.depth_m, np.inf)
         if float(np.median(distance_m)) < _LEAST_DEPTH_M:
             return False

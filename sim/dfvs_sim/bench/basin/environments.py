@@ -23,6 +23,8 @@ ROOMS_VERSION = 4
 """Part of the cache folder's name: to be raised whenever other rooms would come out."""
 
 _FIRST_SEED = 4121
+_MOST_EMPTY = 0.3
+"""In anybody's scenes: outside of a scanned room there is little but its holes to see."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -37,11 +39,14 @@ class Environment:
         GLB file.
     camera : CameraModel
         Intrinsics of all views.
+    most_empty : float
+        Share of a goal picture, at most, that may show no surface: the sky, or a scan's holes.
     """
 
     name: str
     scene: Path
     camera: CameraModel
+    most_empty: float = 1.0
 
     def digest(self) -> str:
         """SHA-256 of the scene's file.
@@ -97,9 +102,9 @@ def make_missing(environments: Sequence[Environment], progress: Callable[[str], 
 
 def environments_of(tasks: list[BenchTask]) -> list[Environment]:
     """Scenes and cameras of tasks; their poses are not used."""
-    return [Environment(task.name, task.scene, task.camera) for task in tasks]
+    return [Environment(task.name, task.scene, task.camera, _MOST_EMPTY) for task in tasks]
 
 
 def environments_in(scenes: list[Path]) -> list[Environment]:
     """Anybody's scenes, with the camera of the ten."""
-    return [Environment(scene.stem, scene.absolute(), CAMERA) for scene in scenes]
+    return [Environment(scene.stem, scene.absolute(), CAMERA, _MOST_EMPTY) for scene in scenes]

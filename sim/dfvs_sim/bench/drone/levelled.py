@@ -43,11 +43,13 @@ def levelled_task(task: BenchTask) -> BenchTask:
     GeometryError
         If start or goal has no heading.
     """
-    return replace(
-        task,
-        T_world_start=levelled(task.T_world_start),
-        T_world_goal=levelled(task.T_world_goal),
-    )
+    try:
+        start, goal = levelled(task.T_world_start), levelled(task.T_world_goal)
+    except GeometryError as error:
+        raise GeometryError(
+            f"task {task.name!r}: {error.problem}", error.expected, "--scenes leaves it out"
+        ) from error
+    return replace(task, T_world_start=start, T_world_goal=goal)
 
 
 def turn_rad(task: BenchTask) -> float:

@@ -27,10 +27,17 @@ def limits_in_force(words: Sequence[str]) -> VelocityLimits:
     Raises
     ------
     ConfigError
-        If the service refuses them.
+        If the service refuses them, or does not answer.
     """
     command = [sys.executable, "-m", "dfvs_service.cli", "config", *words]
-    done = subprocess.run(command, capture_output=True, text=True, check=False, timeout=_TIMEOUT_S)
+    try:
+        done = subprocess.run(
+            command, capture_output=True, text=True, check=False, timeout=_TIMEOUT_S
+        )
+    except subprocess.TimeoutExpired as error:
+        raise ConfigError(
+            f"dfvs-service config gave no answer in {_TIMEOUT_S:g} s", "an idle machine"
+        ) from error
     if done.returncode != 0:
         said = done.stderr.strip().splitlines()[-1:] or ["nothing"]
         raise ConfigError(f"dfvs-service refuses its settings: {said[0].removeprefix('error: ')}")

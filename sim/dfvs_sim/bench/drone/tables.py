@@ -24,6 +24,8 @@ def row(record: FlightRecord) -> dict[str, Any]:
     for nested in ("limits", "bound", "start", "goal", "size", "service"):
         values.pop(nested)
     return {
+        "translation_m": _rounded(values.pop("final_translation_m")),
+        "rotation_deg": _rounded(values.pop("final_rotation_deg")),
         **{k: round(v, _DIGITS) if isinstance(v, float) else v for k, v in values.items()},
         "bound_s": round(record.bound.least_s, _DIGITS),
         "bound_way_s": round(record.bound.way_s, _DIGITS),
