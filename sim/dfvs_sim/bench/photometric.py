@@ -70,7 +70,11 @@ def _grey(image: ImageArray) -> Float32Array:
 
 
 def _gradient(grey: Float32Array) -> FloatArray:
-    """Gradient (N, 2) per px of the inner pixels, by central differences of fourth order."""
+    """Gradient (N, 2) per px of the inner pixels, by central differences of fourth order.
+
+    ViSP smooths over seven pixels: that ends in the same places, but swings there and uses up all
+    frames.
+    """
     kernel_along = np.array([[1.0, -8.0, 0.0, 8.0, -1.0]]) / 12.0
     du = cv2.filter2D(grey, cv2.CV_32F, kernel_along)[_inner()]
     dv = cv2.filter2D(grey, cv2.CV_32F, kernel_along.T)[_inner()]
