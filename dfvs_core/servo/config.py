@@ -62,7 +62,7 @@ class ServoConfig:
         0.5, "share of the flow that one motion may leave unexplained", low=0.01, high=1.0
     )
     min_likeness: float = setting(
-        0.6, "at the goal, share of what has texture in view that must match", low=0.0, high=1.0
+        0.7, "at the goal, share of what has texture in view that must match", low=0.0, high=1.0
     )
     max_condition: float = setting(
         3e4, "condition number above which the law is blind in some direction", low=1.0, high=1e12

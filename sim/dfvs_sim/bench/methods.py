@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from dataclasses import replace
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import Matcher
@@ -32,7 +31,7 @@ def _late(depth: DepthChoice) -> MethodKind:
 
 
 def _searching(summary: str) -> MethodKind:
-    config = replace(bench_config("motion"), min_likeness=searching.MIN_LIKENESS)
+    config = bench_config("motion")
 
     def make(goal: GoalSight, matcher: Matcher) -> searching.SearchingMethod:
         return searching.SearchingMethod(

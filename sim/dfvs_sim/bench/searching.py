@@ -23,9 +23,6 @@ from dfvs_sim.bench.ours import MAX_SPEED_M_S, MAX_TURN_RAD_S, PipelineMethod
 from dfvs_sim.bench.panorama import Look, Panorama, ring
 
 ITERATIONS = 300
-MIN_LIKENESS = 0.7
-"""A place is left again of whose texture less matches. At true goals of rooms that no benchmark
-has it was 0.94 or more, at wrong places up to 0.69."""
 
 _NOWHERE = "the goal is not seen in any direction"
 _ARRIVED = 1e-6
