@@ -13,7 +13,7 @@ from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.glb import load_glb
 
-_GAP_PX, _TEXT_PX = 8, 26
+_WIDTH_PX, _GAP_PX, _TEXT_PX = 480, 10, 34
 _PAIRS_A_ROW = 2
 _WHITE, _INK = 255, (40, 40, 40)
 
@@ -34,7 +34,10 @@ def contact_sheet(tasks: Sequence[BenchTask]) -> ImageArray:
 def _cell(task: BenchTask) -> ImageArray:
     renderer = Renderer(load_glb(task.scene))
     poses = (task.T_world_start, task.T_world_goal)
-    views = [renderer.render(task.camera, T, antialias=True).image for T in poses]
+    camera = task.camera.scaled(
+        _WIDTH_PX, round(_WIDTH_PX * task.camera.height / task.camera.width)
+    )
+    views = [renderer.render(camera, T, antialias=True).image for T in poses]
     height, width = views[0].shape[:2]
     shape = (height + _TEXT_PX + _GAP_PX, 2 * width + 3 * _GAP_PX, 3)
     cell: ImageArray = np.full(shape, _WHITE, np.uint8)
@@ -44,5 +47,5 @@ def _cell(task: BenchTask) -> ImageArray:
     distance_m, angle_rad = task.initial_error
     text = f"{task.name}  {task.difficulty}  {distance_m:.2f} m, {math.degrees(angle_rad):.0f} deg"
     font = cv2.FONT_HERSHEY_SIMPLEX
-    cv2.putText(cell, text, (_GAP_PX, _TEXT_PX - 8), font, 0.5, _INK, 1, cv2.LINE_AA)
+    cv2.putText(cell, text, (_GAP_PX, _TEXT_PX - 11), font, 0.65, _INK, 1, cv2.LINE_AA)
     return cell
