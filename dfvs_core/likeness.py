@@ -26,6 +26,8 @@ PATIENCE_NS = 1_000_000_000
 """So long somebody may walk through the view."""
 
 _SURE = 0.5
+_NOISE_SIGMA_PX = 1.5
+"""Noise of a camera in the dark is no texture, and gone once the view is blurred by this."""
 _LEAST_TEXTURE = 0.02
 """Share of the view with texture below which it says nothing."""
 
@@ -40,7 +42,8 @@ def likeness(image: ImageArray, flow: FlowField) -> float:
     flow : FlowField
         From it to the goal picture.
     """
-    textured = has_texture(np.asarray(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), np.uint8))
+    grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), (0, 0), _NOISE_SIGMA_PX)
+    textured = has_texture(np.asarray(grey, np.uint8))
     if textured.mean() < _LEAST_TEXTURE:
         return 1.0
     return float(np.mean(flow.confidence[textured] > _SURE))

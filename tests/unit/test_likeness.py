@@ -113,6 +113,16 @@ def test_the_next_goal_is_not_blamed_for_the_last_one(goal, elsewhere):
     assert all(report.healthy for report in fly(pipeline, [elsewhere] * 30))
 
 
+def test_noise_of_a_camera_in_the_dark_is_no_texture_that_has_to_match():
+    rng = np.random.default_rng(5)
+    view = np.full((240, 320, 3), 60.0)
+    view[60:180, 80:240] = 40.0 + 80.0 * (np.indices((120, 160)).sum(axis=0)[..., None] // 12 % 2)
+    noisy = np.clip(view + rng.normal(0.0, 8.0, view.shape), 0, 255).astype(np.uint8)
+    flow, sure = np.zeros((240, 320, 2), np.float32), np.zeros((240, 320), np.float32)
+    sure[56:184, 76:244] = 1.0
+    assert likeness(noisy, FlowField(flow, sure)) > 0.9
+
+
 def test_likeness_asks_only_for_what_has_texture():
     view = np.full((240, 320, 3), 120, np.uint8)
     view[80:160, 100:220] = np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)
