@@ -21,6 +21,8 @@ from dfvs_core.poses import so3_exp
 
 RING_RAD = math.radians(25.0)
 """How far from straight ahead: more than half of what a camera of 90 degrees sees stays in view."""
+OUTER_RING_RAD = math.radians(50.0)
+"""Further out: what is seen from there hardly begins within the view straight ahead."""
 _RING_COUNT = 8
 _LEAST_DEPTH = 0.1
 """Of a ray of unit depth, turned: what is further aside is not in view."""
@@ -28,9 +30,19 @@ _LEAST_DEPTH = 0.1
 
 def ring() -> list[FloatArray]:
     """Rotations (3, 3) of the camera to look around by: straight ahead, then once round."""
-    angles = [2.0 * math.pi * k / _RING_COUNT for k in range(_RING_COUNT)]
+    return [np.eye(3), *_around(RING_RAD, 0.0)]
+
+
+def outer_ring() -> list[FloatArray]:
+    """Rotations (3, 3) to look further around by, in directions between those of the ring."""
+    return _around(OUTER_RING_RAD, 0.5)
+
+
+def _around(aside_rad: float, first: float) -> list[FloatArray]:
+    """Rotations aside, all around; ``first`` in steps."""
+    angles = [2.0 * math.pi * (k + first) / _RING_COUNT for k in range(_RING_COUNT)]
     axes = [np.array([math.sin(a), math.cos(a), 0.0]) for a in angles]
-    return [np.eye(3), *(so3_exp(RING_RAD * axis) for axis in axes)]
+    return [so3_exp(aside_rad * axis) for axis in axes]
 
 
 @dataclass(frozen=True, slots=True, eq=False)

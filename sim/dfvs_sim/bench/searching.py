@@ -20,7 +20,7 @@ from dfvs_core.matching.texture import has_texture
 from dfvs_core.poses import invert_pose, make_pose, se3_exp, se3_log
 from dfvs_sim.bench.method import FRAME_PERIOD_S, Decision, GoalSight, Sight
 from dfvs_sim.bench.ours import MAX_SPEED_M_S, MAX_TURN_RAD_S, PipelineMethod
-from dfvs_sim.bench.panorama import Look, Panorama, ring
+from dfvs_sim.bench.panorama import Look, Panorama, outer_ring, ring
 
 ITERATIONS = 300
 
@@ -33,7 +33,8 @@ class SearchingMethod:
 
     Nine looks are taken from where the way began. The best of those that agree with each other is
     followed; where that fails as well, the next best. Where a place did not look like the goal
-    once the camera was there, no look is followed that leads to the same one.
+    once the camera was there, no look is followed that leads to the same one. Where none is left
+    to follow, eight more are taken, further around.
 
     Parameters
     ----------
@@ -54,8 +55,10 @@ class SearchingMethod:
         self._inner = make()
         self._T_world_ahead: FloatArray | None = None
         self._to_look = ring()
+        self._further = outer_ring()
         self._panorama = Panorama(goal.camera)
         self._followed: Look | None = None
+        self._looks_taken = 0
         self._was_mistaken = False
         self._R_ahead_next: FloatArray | None = None
         """What is being turned to; None while servoing."""
@@ -91,7 +94,9 @@ class SearchingMethod:
         field = self._matcher.match(self._matcher.prepare(sight.image), self._goal)
         grey = np.asarray(cv2.cvtColor(sight.image, cv2.COLOR_RGB2GRAY), np.uint8)
         look = Look(self._to_look.pop(0), assessed(field, has_texture(grey)))
-        self._followed = self._followed or look  # straight ahead: what was followed until now
+        if self._looks_taken == 0:
+            self._followed = look  # straight ahead: what was followed until now
+        self._looks_taken += 1
         self._panorama.add(look)
 
     def _next_direction(self) -> FloatArray | None:
@@ -101,7 +106,10 @@ class SearchingMethod:
         if self._followed is not None:
             self._panorama.dismiss(self._followed, place=self._was_mistaken)
         self._followed = self._panorama.best()
-        return None if self._followed is None else self._followed.R_ahead_look
+        if self._followed is not None:
+            return self._followed.R_ahead_look
+        self._to_look, self._further = self._further, []
+        return self._to_look[0] if self._to_look else None
 
 
 def _within_limits(twist: FloatArray) -> FloatArray:

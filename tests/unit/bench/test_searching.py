@@ -11,7 +11,7 @@ from dfvs_core.matching.matcher import Prepared
 from dfvs_core.poses import make_pose, se3_log, so3_log
 from dfvs_sim.bench.method import FRAME_PERIOD_S, Decision, GoalSight, Sight
 from dfvs_sim.bench.ours import MAX_SPEED_M_S, MAX_TURN_RAD_S
-from dfvs_sim.bench.panorama import ring
+from dfvs_sim.bench.panorama import OUTER_RING_RAD, ring
 from dfvs_sim.bench.searching import SearchingMethod
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, math.radians(90))
@@ -125,4 +125,13 @@ def test_looks_are_tried_one_after_the_other_until_none_is_left(word):
     made = world.fly()
     assert made[-1].lost == "the goal is not seen in any direction"
     assert directions(world) == [0, 2, 6]
-    assert world.looked == 9
+    assert world.looked == 9 + 8
+
+
+def test_it_looks_further_around_where_nothing_is_left_to_follow():
+    world = World({2: 0, 12: 0}, [["go", "lost"], ["go", "lost"], ["go", "done"]])
+    assert world.fly()[-1].done
+    assert directions(world) == [0, 2, None]
+    ahead, last = world.begun_at[0][:3, 2], world.begun_at[2][:3, 2]
+    assert np.arccos(ahead @ last) == pytest.approx(OUTER_RING_RAD)
+    assert world.looked == 9 + 8
