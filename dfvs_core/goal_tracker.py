@@ -17,7 +17,8 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.matching.matcher import Matcher, Prepared
-from dfvs_core.matching.sureness import sure_share
+from dfvs_core.matching.merit import agree
+from dfvs_core.matching.sureness import sure_share, surer_of_each
 from dfvs_core.poses import invert_pose
 
 GUESS_NS = 1_500_000_000
@@ -35,6 +36,9 @@ PASS_OVER_NS = 60_000_000
 Of a slower camera the one after it would be searched too late: the gate holds a quarter of a second
 after a good frame.
 """
+
+_SCANT_SHARE, _MORE_LOOKS = 0.25, 4
+"""Share of sure pixels below which it is looked again while nobody flies, and how often."""
 
 _CLEAR_SHARE = 0.45
 """Share of sure pixels from which on the flow of a frame is guess enough for the next."""
@@ -83,6 +87,7 @@ class GoalTracker:
         self._is_lost = False
         self._failed = 0
         """Searches by the last good frame since then."""
+        self._looks_left = _MORE_LOOKS
 
     def remember(self, look: GoodLook | None) -> None:
         """Keep the last frame that showed the goal; None: the frame that was matched did not."""
@@ -121,7 +126,7 @@ class GoalTracker:
         """
         last = self._last
         if last is None or t_capture_ns - last.t_capture_ns > TRIED_NS:
-            return self._matcher.match(prepared, self._goal)
+            return self._search(prepared)
         flow = self._matcher.track(prepared, self._goal, last.flow)
         if flow is None and depth is not None:
             T_last_current = invert_pose(last.T_world_camera) @ T_world_camera
@@ -130,11 +135,43 @@ class GoalTracker:
             return flow
         since_ns = t_capture_ns - last.t_capture_ns
         if since_ns > GUESS_NS or self._failed >= _GUESSED_SEARCHES:
-            return self._matcher.match(prepared, self._goal)
+            return self._search(prepared)
         if self._is_lost or since_ns > PASS_OVER_NS:
             self._failed += 1
             return self._matcher.match(prepared, self._goal, last.flow)
         return FlowField(last.flow.flow, np.zeros_like(last.flow.confidence))
+
+    def _search(self, prepared: Prepared) -> FlowField:
+        """Flow found by nothing."""
+        self._looks_left = _MORE_LOOKS
+        return self._matcher.match(prepared, self._goal)
+
+    def look_again(self, prepared: Prepared, t_capture_ns: int) -> bool:
+        """Search the last frame anew, if it was good and showed little, and add what agrees.
+
+        Noise decides on what a search finds where little is to be found; tracking keeps it. So a
+        few frames are searched, as long as nobody flies by them.
+
+        Parameters
+        ----------
+        prepared : Prepared
+            The same frame that was matched last, taken at ``t_capture_ns``.
+
+        Returns
+        -------
+        bool
+            Whether it was tried.
+        """
+        last = self._last
+        if last is None or last.t_capture_ns != t_capture_ns or not self._looks_left:
+            return False
+        if sure_share(last.flow) >= _SCANT_SHARE:
+            return False
+        self._looks_left -= 1
+        flow = self._matcher.match(prepared, self._goal)
+        if agree(flow, last.flow):
+            self._last = replace(last, flow=surer_of_each(flow, last.flow))
+        return True
 
     def reconsider(self, prepared: Prepared, t_capture_ns: int, depth: DepthMap) -> bool:
         """See more of the goal in the last frame, if it was good: pose and depth may lead to more.

@@ -196,14 +196,23 @@ class Pipeline:
         To be called once a frame's report is on its way. Most calls do nothing: a few times a
         second, and only where the camera has moved far enough, it is compared with an earlier one
         to learn about depth; and one after it, where little is sure, once more with the goal.
+        Before anybody flies by them, a few frames that show little of the goal are searched anew.
         Where frames come late, as after such a call, nothing is done for a while.
         """
         start_ns = self._tick()
+        if self._look_again():
+            return self._tick() - start_ns
         if self._task.config.depth != "motion" or not self._kept or self._is_pressed():
             return 0
         tried = self._reconsider() if self._is_depth_new else self._learn_depth()
         self._is_depth_new = tried and not self._is_depth_new
         return self._tick() - start_ns if tried else 0
+
+    def _look_again(self) -> bool:
+        """Search the last frame anew; False if that was not worth a try, or the vehicle flies."""
+        if self._last_inputs is None or self._last_inputs.engaged or not self._kept:
+            return False
+        return self._tracker.look_again(self._kept[-1].prepared, self._kept[-1].t_capture_ns)
 
     def _is_pressed(self) -> bool:
         """Whether the next frame waits already: the last took longer than from one to the next."""

@@ -156,3 +156,57 @@ def test_the_surer_flow_leads_on(share, next_guess_px):
 def test_what_is_clear_or_past_is_not_reconsidered(share, t_ns):
     matcher = Matcher([])
     assert not tracker(matcher, flow(-7.0, share)).reconsider(FRAME, t_ns, DEPTH)
+
+
+class Finding(Matcher):
+    """Finds the same flow in each search, in another part of the picture."""
+
+    def __init__(self, du_px):
+        super().__init__([True] * 9)
+        self.du_px = du_px
+
+    def match(self, current, other, guess=None):
+        found = flow(self.du_px, 0.1)
+        self.starts.append(None)
+        found.confidence[10 : 10 + 4 * self.searches] = 1.0
+        return found
+
+
+def share_after_looking_again(matcher, first, times):
+    eye = tracker(matcher, first)
+    tried = [eye.look_again(FRAME, 0) for _ in range(times)]
+    eye.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    return eye, tried, float(np.mean(eye._last.flow.confidence))
+
+
+def test_what_another_search_finds_of_the_same_adds_to_a_scant_first_look():
+    _, tried, share = share_after_looking_again(Finding(-7.0), flow(-7.0, 0.1), 2)
+    assert tried == [True, True]
+    assert share > 0.2
+
+
+def test_what_another_search_finds_elsewhere_adds_nothing():
+    _, tried, share = share_after_looking_again(Finding(9.0), flow(-7.0, 0.1), 1)
+    assert tried == [True]
+    assert share == pytest.approx(0.1, abs=0.02)
+
+
+def test_a_clear_first_look_is_enough():
+    matcher = Finding(-7.0)
+    assert share_after_looking_again(matcher, flow(-7.0, 0.3), 1)[1] == [False]
+    assert matcher.searches == 0
+
+
+def test_it_looks_again_a_few_times_and_as_often_after_a_search():
+    matcher = Matcher([False] * 9)
+    matcher.match = lambda *_: flow(50.0, 0.1)  # never agrees
+    eye, tried, _ = share_after_looking_again(matcher, flow(-7.0, 0.1), 6)
+    assert tried == [True] * 4 + [False] * 2
+    late_ns = TRIED_NS + FRAME_NS
+    eye.match(FRAME, late_ns, moved(0.0), DEPTH)
+    eye.remember(GoodLook(late_ns, flow(50.0, 0.1), moved(-0.5), moved(0.0)))
+    assert eye.look_again(FRAME, late_ns)
+
+
+def test_only_the_last_frame_is_looked_at_again():
+    assert not tracker(Finding(-7.0), flow(-7.0, 0.1)).look_again(FRAME, FRAME_NS)

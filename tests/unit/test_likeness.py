@@ -132,3 +132,14 @@ def test_likeness_asks_only_for_what_has_texture():
     assert likeness(view, FlowField(flow, sure)) > 0.95
     plain = np.full_like(view, 120)
     assert likeness(plain, FlowField(flow, np.zeros_like(sure))) == 1.0
+
+
+@pytest.mark.parametrize(("engaged", "searches"), [(False, 2), (True, 1)])
+def test_a_scant_first_look_is_looked_at_again_unless_the_vehicle_flies(goal, engaged, searches):
+    view = Wall(texture(np.random.default_rng(22))).picture()
+    view[60:160, 90:220] = goal[60:160, 90:220]
+    matcher = Counting()
+    pipeline = pipeline_for(goal, matcher)
+    assert pipeline.process(Frame(view, 0, 0), STILL, engaged).report.healthy
+    pipeline.digest()
+    assert matcher.searches == searches
