@@ -32,6 +32,7 @@ from dfvs_core.servo.exchange import (
     Verdict,
 )
 from dfvs_core.servo.level import real_pose
+from dfvs_core.servo.points import without_cells
 from dfvs_core.servo.step import observe_depth, servo_step
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
@@ -290,7 +291,10 @@ class Pipeline:
         T_current_goal, look = self._state.T_current_goal, None
         if result.verdict in (Verdict.OK, Verdict.STUCK) and T_current_goal is not None:
             T_goal_current = real_pose(self._task, inputs.attitude, T_current_goal)
-            look = GoodLook(inputs.t_capture_ns, inputs.flow, T_goal_current, T_world_camera)
+            flow = inputs.flow
+            if (outliers := self._state.outliers) is not None:
+                flow = without_cells(flow, outliers, self._task.config.stride_px)
+            look = GoodLook(inputs.t_capture_ns, flow, T_goal_current, T_world_camera)
         self._tracker.remember(look)
         if result.verdict is Verdict.MISTAKEN:
             self._tracker.forget()

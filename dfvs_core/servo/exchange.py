@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.arrays import BoolArray, FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.source import DepthState
 from dfvs_core.servo.course import Way
@@ -85,7 +85,11 @@ class ServoInputs:
 
 @dataclass(frozen=True, slots=True)
 class ServoState:
-    """Memory from frame to frame; ``depth_map`` is the last frame's, on the grid."""
+    """Memory from frame to frame.
+
+    ``depth_map`` is the last frame's, on the grid, and ``outliers`` (h, w) tells which points of
+    that grid contradict the motion to the goal, where it explains the others; None: nothing clear.
+    """
 
     depth: DepthState | None = None
     depth_map: DepthMap | None = None
@@ -93,6 +97,7 @@ class ServoState:
     stop: StopState = field(default_factory=StopState)
     reference: Reference | None = None
     way: Way | None = None
+    outliers: BoolArray | None = None
 
 
 @dataclass(frozen=True, slots=True)

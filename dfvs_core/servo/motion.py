@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterator
+
 import numpy as np
 
 from dfvs_core.arrays import FloatArray
@@ -9,7 +11,7 @@ from dfvs_core.servo.law import NormalEquations, servo_motion
 from dfvs_core.servo.points import ServoPoints
 from dfvs_core.servo.pose import GoalPose, estimate_goal_pose
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.weights import weighted_median
+from dfvs_core.servo.weights import NoiseScale, weighted_median
 
 FAR_ANGLE_RAD = 0.15
 """Angle to the goal from which on the hybrid law goes by pose alone."""
@@ -17,15 +19,49 @@ FAR_ANGLE_RAD = 0.15
 FAR_DISTANCE = 0.15
 """Distance to the goal, over the depth of the scene, from which on it does so too."""
 
+_CLEAR = 5.0
+"""Median error, in the correspondences' expected noise, up to which a pose explains them."""
+
+_FEWEST = 12
+"""Points in a half of the view that is asked."""
+
 
 def find_goal(task: ServoTask, points: ServoPoints, T_guess: FloatArray | None) -> GoalPose:
-    """Goal pose from the last frame's result and from scratch; the better one counts."""
-    noise = task.config.flow_noise_px / task.camera.fx
-    fresh = estimate_goal_pose(points, task.basis, noise)
-    if T_guess is None:
-        return fresh
-    warm = estimate_goal_pose(points, task.basis, noise, T_guess)
-    return warm if warm.residual < fresh.residual else fresh
+    """Goal pose that most of the points support: from scratch, or near the last frame's.
+
+    Where none explains the points, each half of the view is asked as well: what is matched wrong
+    mostly lies together, and the rest agrees on the goal without it.
+    """
+    noise = _noise(task)
+    starts = [None] if T_guess is None else [None, T_guess]
+    found = [estimate_goal_pose(points, task.basis, noise, T) for T in starts]
+    best = max(found, key=lambda each: each.support)
+    if is_clear(task, best):
+        return best
+    near = NoiseScale(noise.least, _CLEAR * noise.least)
+    for half in _halves(points):
+        T_half = estimate_goal_pose(half, task.basis, noise).T_current_goal
+        found.append(estimate_goal_pose(points, task.basis, near, T_half))
+    return max(found, key=lambda each: each.support)
+
+
+def _noise(task: ServoTask) -> NoiseScale:
+    return NoiseScale(task.config.flow_noise_px / task.camera.fx)
+
+
+def is_clear(task: ServoTask, pose: GoalPose) -> bool:
+    """Whether a pose explains the points to within a few times their expected noise."""
+    return pose.residual <= _CLEAR * _noise(task).least
+
+
+def _halves(points: ServoPoints) -> Iterator[ServoPoints]:
+    """The points on the left, on the right, above and below the middle one."""
+    counts = points.weight > 0.0
+    for along in points.xy.T:
+        middle = weighted_median(along, points.weight)
+        for half in (along <= middle, along >= middle):
+            if np.count_nonzero(half & counts) >= _FEWEST:
+                yield points.select(half)
 
 
 def wanted_motion(

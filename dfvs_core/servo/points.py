@@ -84,6 +84,14 @@ def sample_grid(field: FlowField, stride: int) -> GridSamples:
     )
 
 
+def without_cells(field: FlowField, cells: BoolArray, stride: int) -> FlowField:
+    """Flow (H, W) without confidence around those points (h, w) of the grid."""
+    height, width = field.confidence.shape
+    around = np.repeat(np.repeat(cells, stride, axis=0), stride, axis=1)
+    around = np.pad(around, ((0, stride), (0, stride)))[:height, :width]
+    return FlowField(field.flow, np.where(around, np.float32(0.0), field.confidence))
+
+
 def points_from_flow(
     samples: GridSamples, depth: DepthMap, camera: CameraModel, goal_camera: CameraModel
 ) -> ServoPoints:

@@ -19,12 +19,14 @@ from dfvs_core.servo.freedom import MotionBasis
 from dfvs_core.servo.interaction import interaction_matrix
 from dfvs_core.servo.law import normal_equations
 from dfvs_core.servo.points import ServoPoints
-from dfvs_core.servo.weights import tukey_weights, weighted_median
+from dfvs_core.servo.weights import NoiseScale, tukey_weights, weighted_median
 
 _MIN_DEPTH_M = 0.05
 _DAMPING = 1e-3
 _CONVERGED = 1e-4
 """Step, m or rad, that changes nothing any more."""
+_EXPLAINED = 10.0
+"""Error, in the correspondences' expected noise, from which on a point does not support a pose."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -46,6 +48,9 @@ class GoalPose:
         uncertainty of the depth explains.
     inlier_share : float
         Weight kept by Tukey's factors over the prior weight, 0 to 1.
+    support : float
+        Share of the prior weight that the pose explains to within ten times the correspondences'
+        expected noise, 0 to 1; what fits exactly counts in full.
     """
 
     T_current_goal: FloatArray
@@ -54,12 +59,13 @@ class GoalPose:
     z_goal_m: FloatArray
     residual: float
     inlier_share: float
+    support: float
 
 
 def estimate_goal_pose(
     points: ServoPoints,
     basis: MotionBasis,
-    sigma_floor: float,
+    noise: NoiseScale,
     T_guess: FloatArray | None = None,
     iterations: int = 12,
 ) -> GoalPose:
@@ -71,8 +77,8 @@ def estimate_goal_pose(
         With at least one positive weight.
     basis : MotionBasis
         Motions to choose from.
-    sigma_floor : float
-        Expected noise of the correspondences, normalised units (about 0.3 px / f).
+    noise : NoiseScale
+        Of the correspondences, normalised units (expected about 0.3 px / f).
     T_guess : (4, 4), optional
         Start, for instance the last frame's result; identity by default.
     iterations : int
@@ -81,31 +87,52 @@ def estimate_goal_pose(
     rays = np.column_stack([points.xy, np.ones(len(points.xy))])
     P = rays * points.z_m[:, None]
     T = np.eye(4) if T_guess is None else T_guess
-    weight = points.weight
     for _ in range(iterations):
-        xy_seen, z = _project(T, P)
-        noise = _DepthNoise.of(T, xy_seen, z, points.depth_spread, sigma_floor)
-        error = noise.whiten((xy_seen - points.xy_goal)[:, :, None])[:, :, 0]
-        length = np.linalg.norm(error, axis=1)
-        weight = points.weight * tukey_weights(length, points.weight, sigma_floor)
-        J = noise.whiten(interaction_matrix(xy_seen, z) @ basis.B)
-        step = normal_equations(J, error, weight).solve(_DAMPING)
+        seen = _Sighting.of(T, P, points, noise.least)
+        weight = points.weight * tukey_weights(seen.length, points.weight, noise)
+        J = seen.noise.whiten(interaction_matrix(seen.xy, seen.z_m) @ basis.B)
+        step = normal_equations(J, seen.error, weight).solve(_DAMPING)
         T = T @ basis.exp(_bounded(step))
         if float(np.abs(step).max()) < _CONVERGED:
             break
-    xy_seen, z = _project(T, P)
-    noise = _DepthNoise.of(T, xy_seen, z, points.depth_spread, sigma_floor)
-    length = np.linalg.norm(noise.whiten((xy_seen - points.xy_goal)[:, :, None])[:, :, 0], axis=1)
-    weight = points.weight * tukey_weights(length, points.weight, sigma_floor)
+    seen = _Sighting.of(T, P, points, noise.least)
+    weight = points.weight * tukey_weights(seen.length, points.weight, noise)
+    explained = 1.0 - np.minimum(seen.length / (_EXPLAINED * noise.least), 1.0) ** 2
     prior = max(float(points.weight.sum()), 1e-12)
     return GoalPose(
         T_current_goal=T,
         motion=basis.log(T),
         weight=weight,
-        z_goal_m=z,
-        residual=weighted_median(length, points.weight),
+        z_goal_m=seen.z_m,
+        residual=weighted_median(seen.length, points.weight),
         inlier_share=float(weight.sum()) / prior,
+        support=float((points.weight * explained).sum()) / prior,
     )
+
+
+@dataclass(frozen=True, slots=True)
+class _Sighting:
+    """Points as a pose has them seen in the goal camera.
+
+    ``xy`` (N, 2) and ``z_m`` (N,) are where and how deep, ``error`` (N, 2) is off the
+    correspondence, whitened by ``noise``, and ``length`` (N,) its length.
+    """
+
+    xy: FloatArray
+    z_m: FloatArray
+    noise: _DepthNoise
+    error: FloatArray
+    length: FloatArray
+
+    @classmethod
+    def of(
+        cls, T_current_goal: FloatArray, P: FloatArray, points: ServoPoints, s: float
+    ) -> _Sighting:
+        """Points ``P`` (N, 3) m of the current camera by a pose; ``s`` is the flow's noise."""
+        xy, z = _project(T_current_goal, P)
+        noise = _DepthNoise.of(T_current_goal, xy, z, points.depth_spread, s)
+        error = noise.whiten((xy - points.xy_goal)[:, :, None])[:, :, 0]
+        return cls(xy, z, noise, error, np.linalg.norm(error, axis=1))
 
 
 def _project(T_current_goal: FloatArray, P: FloatArray) -> tuple[FloatArray, FloatArray]:

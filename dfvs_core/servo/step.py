@@ -9,7 +9,7 @@ from dataclasses import replace
 
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, FloatArray
+from dfvs_core.arrays import BoolArray, Float32Array, FloatArray
 from dfvs_core.correspondence import DepthMap
 from dfvs_core.depth.choice import depth_source
 from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView
@@ -24,7 +24,7 @@ from dfvs_core.servo.exchange import (
 from dfvs_core.servo.feature_error import Reference, feature_error
 from dfvs_core.servo.law import NormalEquations
 from dfvs_core.servo.level import level_points
-from dfvs_core.servo.motion import distance_and_angle, find_goal, wanted_motion
+from dfvs_core.servo.motion import distance_and_angle, find_goal, is_clear, wanted_motion
 from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose
 from dfvs_core.servo.stop import (
@@ -71,7 +71,7 @@ def servo_step(
     points = level_points(task, inputs.attitude, points)
     trusted = points.weight > task.config.min_confidence
     overlap = float(trusted.sum()) / samples.confidence.size
-    state = replace(state, depth=depth_state, depth_map=depth)
+    state = replace(state, depth=depth_state, depth_map=depth, outliers=None)
     least = task.config.min_overlap * (1.0 if state.T_current_goal is None else _GO_ON)
     if overlap < least or trusted.sum() < _MIN_POINTS:
         return _refused(task, Verdict.NO_OVERLAP, overlap), state
@@ -115,7 +115,18 @@ def servo_step(
         depth_m=weighted_median(points.z_m, points.weight),
         reached=flown and residual_px < task.config.tolerance_px and is_reached(stop, speed, asked),
     )
-    return result, ServoState(depth_state, depth, pose.T_current_goal, stop, reference, way)
+    outliers = _outliers(task, pose, trusted).reshape(samples.confidence.shape)
+    return result, ServoState(
+        depth_state, depth, pose.T_current_goal, stop, reference, way, outliers
+    )
+
+
+def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:
+    """Which of the grid's points (N,) contradict a pose that explains those that are trusted."""
+    outliers = np.zeros_like(trusted)
+    if is_clear(task, pose):
+        outliers[trusted] = pose.weight <= 0.0
+    return outliers
 
 
 def _judge(

@@ -2,12 +2,27 @@
 
 from __future__ import annotations
 
+import math
+from dataclasses import dataclass
+
 import numpy as np
 
 from dfvs_core.arrays import FloatArray
 
 TUKEY_CONSTANT = 4.685
 """Tukey's c for 95 % efficiency on normal noise."""
+
+
+@dataclass(frozen=True, slots=True)
+class NoiseScale:
+    """Bounds of the standard deviation that is told from residuals, in their unit.
+
+    ``least`` is what is expected of good ones: a perfect fit rejects nobody. ``most`` keeps a fit
+    to those that are near where it begins, instead of a compromise between all.
+    """
+
+    least: float
+    most: float = math.inf
 
 
 def weighted_median(values: FloatArray, weights: FloatArray) -> float:
@@ -28,7 +43,7 @@ def weighted_slope(x: FloatArray, y: FloatArray, weights: FloatArray) -> FloatAr
     return np.asarray(A, np.float64)
 
 
-def tukey_weights(residual: FloatArray, prior: FloatArray, sigma_floor: float) -> FloatArray:
+def tukey_weights(residual: FloatArray, prior: FloatArray, noise: NoiseScale) -> FloatArray:
     """Tukey's biweight of residual lengths, with a robust scale.
 
     Parameters
@@ -37,8 +52,8 @@ def tukey_weights(residual: FloatArray, prior: FloatArray, sigma_floor: float) -
         Length of each point's residual.
     prior : (N,) float64
         Weights that the points come with.
-    sigma_floor : float
-        Least scale, in the unit of the residual, so that a perfect fit rejects nobody.
+    noise : NoiseScale
+        Bounds of the scale.
 
     Returns
     -------
@@ -46,7 +61,7 @@ def tukey_weights(residual: FloatArray, prior: FloatArray, sigma_floor: float) -
         Factors from 0 to 1, to be multiplied with ``prior``.
     """
     # The residual's length is Rayleigh distributed: its median is 1.1774 sigma of one axis.
-    sigma = max(weighted_median(residual, prior) / 1.1774, sigma_floor)
+    sigma = min(max(weighted_median(residual, prior) / 1.1774, noise.least), noise.most)
     ratio = residual / (TUKEY_CONSTANT * sigma)
     inside = np.clip(1.0 - ratio * ratio, 0.0, None)
     weights: FloatArray = inside * inside

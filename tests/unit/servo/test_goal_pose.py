@@ -9,6 +9,7 @@ from dfvs_core.poses import invert_pose, make_pose, so3_exp, so3_log
 from dfvs_core.servo.freedom import free_camera
 from dfvs_core.servo.points import GUESSED_SPREAD, ServoPoints
 from dfvs_core.servo.pose import estimate_goal_pose
+from dfvs_core.servo.weights import NoiseScale
 
 NOISE = 0.001
 T_CURRENT_GOAL = make_pose(so3_exp(np.radians([3.0, 12.0, -2.0])), [0.9, -0.2, 1.4])
@@ -31,23 +32,23 @@ def turn_error_deg(pose):
 
 
 def test_true_depth_gives_the_true_pose():
-    pose = estimate_goal_pose(seen(np.random.default_rng(0)), free_camera(), NOISE)
+    pose = estimate_goal_pose(seen(np.random.default_rng(0)), free_camera(), NoiseScale(NOISE))
     assert pose.T_current_goal == pytest.approx(T_CURRENT_GOAL, abs=1e-4)
     assert pose.inlier_share > 0.95
 
 
 def test_unsure_depth_that_is_right_gives_the_same_pose():
     points = seen(np.random.default_rng(0), spread=GUESSED_SPREAD)
-    pose = estimate_goal_pose(points, free_camera(), NOISE, iterations=40)
+    pose = estimate_goal_pose(points, free_camera(), NoiseScale(NOISE), iterations=40)
     assert pose.T_current_goal == pytest.approx(T_CURRENT_GOAL, abs=1e-3)
 
 
 @pytest.mark.parametrize("seed", range(5))
 def test_a_slope_of_wrong_depth_known_to_be_unsure_turns_nobody(seed):
     points = seen(np.random.default_rng(seed), lambda xy: 0.8 + 0.5 * xy[:, 0])
-    believed = turn_error_deg(estimate_goal_pose(points, free_camera(), NOISE))
+    believed = turn_error_deg(estimate_goal_pose(points, free_camera(), NoiseScale(NOISE)))
     doubted = replace(points, depth_spread=np.full(len(points.xy), 0.2))
-    doubted_pose = estimate_goal_pose(doubted, free_camera(), NOISE)
+    doubted_pose = estimate_goal_pose(doubted, free_camera(), NoiseScale(NOISE))
     assert turn_error_deg(doubted_pose) < 0.3 * believed
     assert doubted_pose.residual < 3 * NOISE
 
@@ -56,4 +57,4 @@ def test_matches_off_the_epipolar_lines_stay_unexplained():
     points = seen(np.random.default_rng(1), spread=GUESSED_SPREAD)
     rng = np.random.default_rng(2)
     scattered = replace(points, xy_goal=rng.uniform(-0.8, 0.8, points.xy_goal.shape))
-    assert estimate_goal_pose(scattered, free_camera(), NOISE).residual > 50 * NOISE
+    assert estimate_goal_pose(scattered, free_camera(), NoiseScale(NOISE)).residual > 50 * NOISE
