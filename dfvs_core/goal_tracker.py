@@ -20,6 +20,7 @@ from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.matching.merit import agree
 from dfvs_core.matching.sureness import sure_share, surer_of_each
 from dfvs_core.poses import invert_pose
+from dfvs_core.wrong_places import WrongPlaces
 
 GUESS_NS = 1_500_000_000
 """How long a search goes by a good frame; a vehicle that sees no goal brakes."""
@@ -88,15 +89,20 @@ class GoalTracker:
         self._failed = 0
         """Searches by the last good frame since then."""
         self._looks_left = _MORE_LOOKS
+        self._wrong = WrongPlaces(camera, goal_camera, stride_px)
+        self._passed_over = False
+        """Whether the last search passed over the wrong places, and nothing was found since."""
 
     def remember(self, look: GoodLook | None) -> None:
         """Keep the last frame that showed the goal; None: the frame that was matched did not."""
         self._is_lost = look is None
         if look is not None:
-            self._last, self._failed = look, 0
+            self._last, self._failed, self._passed_over = look, 0, False
 
     def forget(self) -> None:
         """Begin anew: what was seen was not the goal."""
+        if self._last is not None:
+            self._wrong.add(self._last.T_world_camera @ invert_pose(self._last.T_goal_current))
         self._last, self._failed = None, 0
 
     def match(
@@ -126,7 +132,7 @@ class GoalTracker:
         """
         last = self._last
         if last is None or t_capture_ns - last.t_capture_ns > TRIED_NS:
-            return self._search(prepared)
+            return self._search(prepared, T_world_camera, depth)
         flow = self._matcher.track(prepared, self._goal, last.flow)
         if flow is None and depth is not None:
             T_last_current = invert_pose(last.T_world_camera) @ T_world_camera
@@ -135,16 +141,24 @@ class GoalTracker:
             return flow
         since_ns = t_capture_ns - last.t_capture_ns
         if since_ns > GUESS_NS or self._failed >= _GUESSED_SEARCHES:
-            return self._search(prepared)
+            return self._search(prepared, T_world_camera, depth)
         if self._is_lost or since_ns > PASS_OVER_NS:
             self._failed += 1
             return self._matcher.match(prepared, self._goal, last.flow)
         return FlowField(last.flow.flow, np.zeros_like(last.flow.confidence))
 
-    def _search(self, prepared: Prepared) -> FlowField:
-        """Flow found by nothing."""
+    def _search(
+        self, prepared: Prepared, T_world_camera: FloatArray, depth: DepthMap | None
+    ) -> FlowField:
+        """Flow found by nothing: besides the wrong places, and if that fails anywhere."""
         self._looks_left = _MORE_LOOKS
-        return self._matcher.match(prepared, self._goal)
+        besides: list[FlowField] = []
+        if depth is not None and not self._passed_over:
+            besides = self._wrong.flows(T_world_camera, depth)
+        self._passed_over = bool(besides)
+        if not besides:
+            return self._matcher.match(prepared, self._goal)
+        return self._matcher.match(prepared, self._goal, besides=besides)
 
     def look_again(self, prepared: Prepared, t_capture_ns: int) -> bool:
         """Search the last frame anew, if it was good and showed little, and add what agrees.

@@ -34,6 +34,7 @@ from dfvs_core.servo.exchange import (
 from dfvs_core.servo.level import real_pose
 from dfvs_core.servo.points import without_cells
 from dfvs_core.servo.step import observe_depth, servo_step
+from dfvs_core.servo.stop import StopState
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
@@ -298,6 +299,8 @@ class Pipeline:
         self._tracker.remember(look)
         if result.verdict is Verdict.MISTAKEN:
             self._tracker.forget()
-            self._state = replace(self._state, T_current_goal=None, reference=None)
+            self._state = replace(
+                self._state, T_current_goal=None, stop=StopState(), reference=None
+            )
         if result.depth_m > 0:
             self._depth_m = result.depth_m

@@ -9,7 +9,7 @@ one that most speaks for. What is unsure of a first match is searched along epip
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from functools import cached_property
 from typing import cast
 
@@ -23,7 +23,7 @@ from dfvs_core.matching.closer_look import part_around
 from dfvs_core.matching.completion import search_lines
 from dfvs_core.matching.features import Features, detect_features
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
-from dfvs_core.matching.merit import assessed, best_of
+from dfvs_core.matching.merit import assessed, best_of, passing_over
 from dfvs_core.matching.motion import motion_of
 from dfvs_core.matching.refinement import glance, refine
 from dfvs_core.matching.sureness import nothing, sure_share, surer
@@ -68,12 +68,18 @@ class ClassicalMatcher:
         return ClassicalPicture(image)
 
     def match(
-        self, current: Prepared, other: Prepared, guess: FlowField | None = None
+        self,
+        current: Prepared,
+        other: Prepared,
+        guess: FlowField | None = None,
+        *,
+        besides: Sequence[FlowField] = (),
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
-        near = start_near(current, other) if guess is None else None
-        return search_lines(current, other, near or bridge(current, other))
+        near = start_near(current, other) if guess is None and not besides else None
+        field = search_lines(current, other, near or bridge(current, other, besides))
+        return passing_over(field, besides)
 
     def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
         """Flow by a good guess alone; see :class:`Matcher`."""
@@ -155,10 +161,12 @@ def _with_other_surfaces(smooth: Float32Array, guess: FlowField) -> Float32Array
     return np.asarray(smooth + own / np.maximum(total, _SEAM_LEAST), np.float32)
 
 
-def bridge(current: ClassicalPicture, other: ClassicalPicture) -> FlowField:
-    """Match two pictures about whose relation nothing is known."""
+def bridge(
+    current: ClassicalPicture, other: ClassicalPicture, besides: Sequence[FlowField]
+) -> FlowField:
+    """Match two pictures about whose relation nothing is known, but perhaps what it is not."""
     starts = feature_starts(current, other)
-    fields = (refine_twice(current, other, start) for start in starts)
+    fields = (passing_over(refine_twice(current, other, start), besides) for start in starts)
     textured = has_texture(current.grey)
     best = best_of(assessed(field, textured) for field in fields)
     return nothing(current.size) if best is None else best.field

@@ -17,7 +17,7 @@ from __future__ import annotations
 
 import heapq
 import itertools
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -40,7 +40,15 @@ from dfvs_core.matching.classical import (
 from dfvs_core.matching.closer_look import STAGES, TURNED_STAGES, Part, Stages, part_around
 from dfvs_core.matching.completion import NOTHING_SHARE, search_lines
 from dfvs_core.matching.matcher import Matcher, Prepared, check_same_size
-from dfvs_core.matching.merit import Candidate, agreement, assessed, best_of, joined, merit_of
+from dfvs_core.matching.merit import (
+    Candidate,
+    agreement,
+    assessed,
+    best_of,
+    joined,
+    merit_of,
+    passing_over,
+)
 from dfvs_core.matching.motion import motion_of
 from dfvs_core.matching.sureness import only, sure_share, surer, surer_of_each, unsure
 from dfvs_core.matching.texture import has_texture
@@ -94,6 +102,7 @@ class _Glimpse:
     inside: BoolArray
     textured: BoolArray
     coarse: FlowField
+    besides: Sequence[FlowField]
 
     @property
     def share(self) -> float:
@@ -127,12 +136,17 @@ class HybridMatcher:
         return HybridPicture(image, self._classical, self._network)
 
     def match(
-        self, current: Prepared, other: Prepared, guess: FlowField | None = None
+        self,
+        current: Prepared,
+        other: Prepared,
+        guess: FlowField | None = None,
+        *,
+        besides: Sequence[FlowField] = (),
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
         if guess is None:
-            return self._match_first(current, other)
+            return self._match_first(current, other, besides)
         followed = self._match_from(current, other, guess)
         if followed is not None:
             return followed
@@ -144,16 +158,18 @@ class HybridMatcher:
         current, other = _check_pair(current, other)
         return self._classical.track(current.classical, other.classical, guess)
 
-    def _match_first(self, current: HybridPicture, other: HybridPicture) -> FlowField:
-        """Match two pictures about whose relation nothing is known."""
-        field = start_near(current.classical, other.classical)
+    def _match_first(
+        self, current: HybridPicture, other: HybridPicture, besides: Sequence[FlowField]
+    ) -> FlowField:
+        """Match two pictures about whose relation nothing is known, but perhaps what it is not."""
+        field = None if besides else start_near(current.classical, other.classical)
         if field is not None:
             return search_lines(current.classical, other.classical, field)
         coarse = self._ask(current.features, other.features)
         field = self._settle(current, other, coarse)
-        field = self._bridge(current, other, field)
+        field = self._bridge(current, other, field, besides)
         field = search_lines(current.classical, other.classical, field)
-        return _confirmed(field, coarse)
+        return passing_over(_confirmed(field, coarse), besides)
 
     def _match_from(
         self, current: HybridPicture, other: HybridPicture, guess: FlowField
@@ -191,39 +207,55 @@ class HybridMatcher:
         known = field if _worth(field) >= NOTHING_SHARE else coarse
         return surer_of_each(field, self._look_again(current, other, known))
 
-    def _bridge(self, current: HybridPicture, other: HybridPicture, found: FlowField) -> FlowField:
+    def _bridge(
+        self,
+        current: HybridPicture,
+        other: HybridPicture,
+        found: FlowField,
+        besides: Sequence[FlowField],
+    ) -> FlowField:
         """Take what the network has found, what features lead to, or what a closer look shows."""
         starts = feature_starts(current.classical, other.classical)
         others = (self._from_start(current, other, start) for start in starts)
+        fields = (passing_over(field, besides) for field in itertools.chain([found], others))
         textured = has_texture(current.classical.grey)
-        best = best_of(assessed(field, textured) for field in itertools.chain([found], others))
+        best = best_of(assessed(field, textured) for field in fields)
         if best is not None and best.merit >= _DOUBTFUL_MERIT:
             return best.field
         candidates = [best or assessed(found, textured)]
-        candidates += self._look_closer(current, other, STAGES)
+        candidates += self._look_closer(current, other, STAGES, besides)
         if self._any_roll and max(each.merit for each in candidates) < _FEEBLE_MERIT:
-            candidates += self._look_closer(current, other, TURNED_STAGES)
+            candidates += self._look_closer(current, other, TURNED_STAGES, besides)
         return joined(candidates)
 
     def _look_closer(
-        self, current: HybridPicture, other: HybridPicture, stages: Stages
+        self,
+        current: HybridPicture,
+        other: HybridPicture,
+        stages: Stages,
+        besides: Sequence[FlowField],
     ) -> Iterator[Candidate]:
         """Match enlarged parts of a picture: those that the network is surest of.
 
         The whole of one picture is often seen from afar in a small part of the other.
         """
-        glimpses = self._glimpses(current, other, stages)
+        glimpses = self._glimpses(current, other, stages, besides)
         for glimpse in heapq.nlargest(_CLOSER_LOOKS, glimpses, key=lambda glimpse: glimpse.share):
             if glimpse.share < _GLIMPSE_SHARE:
                 return
             picture, inside = glimpse.picture, glimpse.inside
             field = only(self._settle(picture, other, glimpse.coarse), inside)
+            field = passing_over(field, glimpse.besides)
             merit = merit_of(field, glimpse.textured) / (_CLOSER_DISCOUNT * glimpse.part.zoom)
             field = only(search_lines(picture.classical, other.classical, field), inside)
             yield Candidate(glimpse.part.whole(field), merit)
 
     def _glimpses(
-        self, current: HybridPicture, other: HybridPicture, stages: Stages
+        self,
+        current: HybridPicture,
+        other: HybridPicture,
+        stages: Stages,
+        besides: Sequence[FlowField],
     ) -> Iterator[_Glimpse]:
         """Show the network the parts of a picture; later ones where those before show nothing."""
         most = 0.0
@@ -235,8 +267,10 @@ class HybridMatcher:
                 if not there.any():
                     continue
                 picture = self.prepare(part.cut(current.classical.image))
+                wrong = [part.of(each) for each in besides]
                 coarse = only(self._ask(picture.features, other.features), inside)
-                glimpse = _Glimpse(part, picture, inside, there, coarse)
+                coarse = passing_over(coarse, wrong)
+                glimpse = _Glimpse(part, picture, inside, there, coarse, wrong)
                 most = max(most, glimpse.share)
                 yield glimpse
             if most >= _PROMISING_SHARE:

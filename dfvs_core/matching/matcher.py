@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import Protocol
 
 from dfvs_core.arrays import ImageArray
@@ -39,7 +40,12 @@ class Matcher(Protocol):
         ...
 
     def match(
-        self, current: Prepared, other: Prepared, guess: FlowField | None = None
+        self,
+        current: Prepared,
+        other: Prepared,
+        guess: FlowField | None = None,
+        *,
+        besides: Sequence[FlowField] = (),
     ) -> FlowField:
         """Flow from ``current`` to ``other`` on the grid of ``current``.
 
@@ -51,6 +57,9 @@ class Matcher(Protocol):
             Flow of the previous frame to the same picture, which :meth:`track` did not find to
             hold as it is; see :func:`follow`. A matcher may use it to work faster and must not
             trust it: a wrong guess costs time, never correctness.
+        besides : sequence of FlowField
+            Flows that are known to be wrong. What leads to the same places is passed over; where
+            nothing else is found the flow comes without any confidence.
         """
         ...
 

@@ -9,7 +9,7 @@ every motion of a camera through a still room does.
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
+from collections.abc import Iterable, Sequence
 from dataclasses import dataclass
 
 import cv2
@@ -19,7 +19,7 @@ from dfvs_core.arrays import BoolArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.epipolar import fit_epipolar
 from dfvs_core.matching.motion import motion_of
-from dfvs_core.matching.sureness import sure_share, surer_of_each
+from dfvs_core.matching.sureness import only, sure_share, surer_of_each
 from dfvs_core.matching.warping import landing_places, lands_inside
 
 CLEAR_MERIT = 0.12
@@ -75,6 +75,13 @@ def agree(first: FlowField, second: FlowField) -> bool:
         return False
     apart = np.linalg.norm(first.flow[both] - second.flow[both], axis=1)
     return bool(np.mean(apart < _SAME_PX) > _SAME_SHARE)
+
+
+def passing_over(field: FlowField, besides: Sequence[FlowField]) -> FlowField:
+    """Match without confidence where it leads as one does that is known to be wrong."""
+    for wrong in besides:
+        field = only(field, np.linalg.norm(field.flow - wrong.flow, axis=2) >= _SAME_PX)
+    return field
 
 
 def merit_of(field: FlowField, textured: BoolArray) -> float:

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
+
 import numpy as np
 
 from dfvs_core.arrays import Float32Array, ImageArray
@@ -9,6 +11,7 @@ from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError, ModelError
 from dfvs_core.manifest import FlowOutput, PictureInput
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
+from dfvs_core.matching.merit import passing_over
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph
 from dfvs_models.pair import picture_flow, picture_map, picture_tensor
@@ -59,11 +62,17 @@ class EncodeMatchMatcher:
         return EncodedPicture((image.shape[0], image.shape[1]), features)
 
     def match(
-        self, current: Prepared, other: Prepared, guess: FlowField | None = None
+        self,
+        current: Prepared,
+        other: Prepared,
+        guess: FlowField | None = None,
+        *,
+        besides: Sequence[FlowField] = (),
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see ``dfvs_core.matching.matcher.Matcher``.
 
-        Output that is not finite gives a field of zeros without confidence.
+        Output that is not finite gives a field of zeros without confidence. A network finds what it
+        finds: if that is to be passed over there is nothing.
         """
         check_same_size(current, other)
         if not (isinstance(current, EncodedPicture) and isinstance(other, EncodedPicture)):
@@ -74,7 +83,8 @@ class EncodeMatchMatcher:
             return FlowField(nothing, np.zeros(current.size, np.float32))
         flow = picture_flow(raw, self._input, self._flow, current.size)
         confidence = picture_map(sureness[0, 0], current.size)
-        return FlowField(flow, np.clip(confidence, 0.0, 1.0))
+        field = FlowField(flow, np.clip(confidence, 0.0, 1.0))
+        return passing_over(field, besides)
 
     def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
         """Flow of the network, which takes as long with a guess as without."""

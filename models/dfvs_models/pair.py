@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from typing import cast
 
 import cv2
@@ -12,6 +13,7 @@ from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError, ModelError
 from dfvs_core.manifest import FlowOutput, PictureInput
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
+from dfvs_core.matching.merit import passing_over
 from dfvs_core.matching.trust import looks_alike, returns, stays_inside
 from dfvs_core.matching.warping import pixel_grid, sample
 from dfvs_models.bundle import Bundle
@@ -60,11 +62,17 @@ class PairMatcher:
         return PairPicture(image, self._input)
 
     def match(
-        self, current: Prepared, other: Prepared, guess: FlowField | None = None
+        self,
+        current: Prepared,
+        other: Prepared,
+        guess: FlowField | None = None,
+        *,
+        besides: Sequence[FlowField] = (),
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see ``dfvs_core.matching.matcher.Matcher``.
 
-        Output that is not finite gives a field of zeros without confidence.
+        Output that is not finite gives a field of zeros without confidence. A network finds what it
+        finds: if that is to be passed over there is nothing.
         """
         check_same_size(current, other)
         if not (isinstance(current, PairPicture) and isinstance(other, PairPicture)):
@@ -75,7 +83,8 @@ class PairMatcher:
             return FlowField(nothing, np.zeros(current.size, np.float32))
         brought = sample(other.grey, pixel_grid(current.size) + there)
         confidence = returns(there, back) * looks_alike(current.grey, brought)
-        return FlowField(there, confidence * stays_inside(there))
+        field = FlowField(there, confidence * stays_inside(there))
+        return passing_over(field, besides)
 
     def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
         """Flow of the network, which takes as long with a guess as without."""

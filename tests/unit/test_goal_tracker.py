@@ -34,6 +34,8 @@ class Matcher:
     guesses: list[float | None] = field(default_factory=list)
     starts: list[float | None] = field(default_factory=list)
     """What the searches began from."""
+    besides: list[list[float]] = field(default_factory=list)
+    """What the searches were to pass over."""
 
     @property
     def searches(self):
@@ -43,8 +45,9 @@ class Matcher:
         self.guesses.append(float(np.median(guess.flow[..., 0])))
         return flow(self.guesses[-1], self.share) if self.holds.pop(0) else None
 
-    def match(self, current, other, guess=None):
+    def match(self, current, other, guess=None, *, besides=()):
         self.starts.append(None if guess is None else float(np.median(guess.flow[..., 0])))
+        self.besides.append([float(np.median(wrong.flow[..., 0])) for wrong in besides])
         return flow(99.0)
 
 
@@ -210,3 +213,47 @@ def test_it_looks_again_a_few_times_and_as_often_after_a_search():
 
 def test_only_the_last_frame_is_looked_at_again():
     assert not tracker(Finding(-7.0), flow(-7.0, 0.1)).look_again(FRAME, FRAME_NS)
+
+
+def mistaken(eye, times, right_m=0.0):
+    """The goal was taken to be 0.5 m to the right of there, and was not."""
+    for _ in range(times):
+        eye.remember(GoodLook(0, flow(-7.0), moved(-0.5), moved(right_m)))
+        eye.remember(None)
+        eye.forget()
+
+
+def test_a_place_that_was_a_mistake_twice_is_passed_over_in_a_search():
+    matcher = Matcher([])
+    eye = tracker(matcher)
+    mistaken(eye, 1)
+    eye.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    mistaken(eye, 1)
+    eye.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    eye.remember(GoodLook(0, flow(5.0), moved(0.3), moved(0.0)))
+    eye.forget()
+    eye.match(FRAME, FRAME_NS, moved(0.25), DEPTH)  # on the way from there
+    assert matcher.starts == [None] * 3
+    ahead_px = -CAMERA.fx / WALL_M
+    expected = [[], [0.5 * ahead_px], [0.25 * ahead_px]]
+    for found, wanted in zip(matcher.besides, expected, strict=True):
+        assert found == pytest.approx(wanted, abs=0.01)
+
+
+def test_where_nothing_else_is_found_every_other_search_passes_over_nothing():
+    matcher = Matcher([])
+    eye = tracker(matcher)
+    mistaken(eye, 2)
+    for _ in range(4):
+        eye.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+        eye.remember(None)
+    assert [len(besides) for besides in matcher.besides] == [1, 0, 1, 0]
+
+
+def test_two_places_that_were_a_mistake_once_are_none_yet():
+    matcher = Matcher([])
+    eye = tracker(matcher)
+    mistaken(eye, 1)
+    mistaken(eye, 1, right_m=0.4)
+    eye.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    assert matcher.besides == [[]]

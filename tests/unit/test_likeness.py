@@ -11,7 +11,6 @@ from dfvs_core.correspondence import FlowField
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.likeness import PATIENCE_NS, likeness
 from dfvs_core.matching.classical import ClassicalMatcher
-from dfvs_core.matching.matcher import Prepared
 from dfvs_core.pipeline import Pipeline
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
@@ -29,9 +28,9 @@ class Counting(ClassicalMatcher):
         super().__init__()
         self.searches = 0
 
-    def match(self, current: Prepared, other: Prepared, guess: FlowField | None = None):
+    def match(self, current, other, guess=None, **more):
         self.searches += guess is None
-        return super().match(current, other, guess)
+        return super().match(current, other, guess, **more)
 
 
 @pytest.fixture(scope="module")
@@ -104,6 +103,24 @@ def test_somebody_who_walks_through_the_view_delays_and_nothing_more(goal, elsew
     assert all(report.healthy for report in reports)
     assert not any(report.reached for report in reports[5 : 5 + passing])
     assert reports[-1].reached
+
+
+def test_a_goal_that_was_hidden_for_seconds_is_found_again(goal, elsewhere):
+    """By then its place counts as a wrong one, and is passed over in every other search."""
+    hidden = int(2.6 * PATIENCE_NS / PERIOD_NS)
+    reports = fly(pipeline_for(goal, Counting()), [goal] * 5 + [elsewhere] * hidden + [goal] * 30)
+    assert sum("look like" in report.reason for report in reports) == 2
+    assert reports[-1].reached
+
+
+def test_progress_is_asked_for_anew_after_a_mistake(goal, elsewhere):
+    """At the wrong place the error was nothing: no way to another one would count as progress."""
+    pipeline = pipeline_for(goal, Counting())
+    reports = fly(pipeline, [elsewhere] * 80)
+    last = max(k for k, report in enumerate(reports) if "look like" in report.reason)
+    pipeline = pipeline_for(goal, Counting())
+    fly(pipeline, [elsewhere] * (last + 1))
+    assert pipeline._state.stop.progress is None
 
 
 def test_the_next_goal_is_not_blamed_for_the_last_one(goal, elsewhere):

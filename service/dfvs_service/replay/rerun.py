@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import dataclasses
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
 from dfvs_core.arrays import ImageArray
@@ -68,11 +68,16 @@ class TimedMatcher:
         return prepared
 
     def match(
-        self, current: Prepared, other: Prepared, guess: FlowField | None = None
+        self,
+        current: Prepared,
+        other: Prepared,
+        guess: FlowField | None = None,
+        *,
+        besides: Sequence[FlowField] = (),
     ) -> FlowField:
         """See :class:`Matcher`."""
         start_ns = self._tick()
-        flow = self._matcher.match(current, other, guess)
+        flow = self._matcher.match(current, other, guess, besides=besides)
         self.spent_ns += self._tick() - start_ns
         return flow
 

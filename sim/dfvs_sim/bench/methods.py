@@ -11,7 +11,7 @@ from dfvs_sim.bench import photometric, pnp, published, searching, sift
 from dfvs_sim.bench.method import GoalSight, MethodKind
 from dfvs_sim.bench.ours import LateDrive, PipelineMethod, bench_config
 
-_OURS_ITERATIONS = 150
+_OURS_ITERATIONS = 300
 
 
 def _ours(depth: DepthChoice, summary: str) -> MethodKind:

@@ -219,7 +219,7 @@ def test_what_the_whole_picture_shows_adds_to_a_part_that_agrees(wall, monkeypat
     monkeypatch.setattr(HybridMatcher, "_look_closer", lambda *_: [Candidate(part, 1.0)])
     matcher = HybridMatcher(SmallSighted(np.zeros(0), truth), judges=True)
     a, b = (matcher.prepare(wall.picture(H)) for H in (None, FAR))
-    assert sure_share(matcher._bridge(a, b, found)) == 1.0
+    assert sure_share(matcher._bridge(a, b, found, ())) == 1.0
 
 
 def test_nothing_is_looked_at_closer_where_much_was_found(wall) -> None:
