@@ -44,6 +44,9 @@ DEPTH_PERIOD_NS = 200_000_000
 """Depth changes slowly: it is measured five times a second at most."""
 DEPTH_PATIENCE_NS = 600_000_000
 """So long depth waits for frames to be on time again."""
+SETTING_OUT_M = 0.1
+"""So far a vehicle learns no depth from where it is let go: its first motion has to show that the
+error falls, and the error leaps when depth becomes known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,6 +100,8 @@ class Pipeline:
         self._depth_m = task.config.constant_depth_m
         self._digested_ns = 0
         self._is_depth_new = False
+        self._let_go_m: FloatArray | None = None
+        """Where the vehicle was let go, m."""
         self._last_inputs: ServoInputs | None = None
 
     def prepare(self, goal: Goal) -> GoalView:
@@ -181,6 +186,8 @@ class Pipeline:
             engaged=engaged,
         )
         self._last_inputs = inputs
+        if not engaged or self._let_go_m is None:
+            self._let_go_m = T_world_camera[:3, 3]
         result, self._state = servo_step(self._task, self._state, inputs)
         if result.verdict is Verdict.OK and is_swapped(frame.image, self._goal.image, flow):
             nothing = np.zeros_like(result.velocity)
@@ -238,6 +245,8 @@ class Pipeline:
         last = self._kept[-1]
         if last.t_capture_ns - self._digested_ns < DEPTH_PERIOD_NS:
             return False
+        if self._is_setting_out(last):
+            return False
         poses = [kept.T_world_camera for kept in self._kept]
         chosen = choose_earlier(poses[:-1], last.T_world_camera, self._depth_m)
         if chosen is None:
@@ -247,6 +256,13 @@ class Pipeline:
         if match is not None:
             self._state = observe_depth(self._task, self._state, match)
         return True
+
+    def _is_setting_out(self, last: KeptFrame) -> bool:
+        """Whether the error of a vehicle that was let go has yet to fall."""
+        if self._task.mount is None or self._last_inputs is None or self._let_go_m is None:
+            return False
+        way_m = float(np.linalg.norm(last.T_world_camera[:3, 3] - self._let_go_m))
+        return self._last_inputs.engaged and way_m < SETTING_OUT_M
 
     def _compare(
         self, prepared: Prepared, T_world_camera: FloatArray, index: int

@@ -88,7 +88,7 @@ class ServoState:
     """Memory from frame to frame.
 
     ``depth_map`` is the last frame's, on the grid, and ``outliers`` (h, w) tells which points of
-    that grid contradict the motion to the goal, where it explains the others; None: nothing clear.
+    that grid contradict the motion to the goal, where it explains the others and they are many.
     """
 
     depth: DepthState | None = None

@@ -43,6 +43,8 @@ _MIN_POINTS = 24
 _NOISE_FACTOR = 10.0
 _GO_ON = 0.5
 """Factor on the share of the view that must show the goal, once it has been found."""
+_DIVIDED = 0.65
+"""Share of the points that agree with a pose below which the others are taken for wrong."""
 _CLEAR_OVERLAP = 0.15
 """Share of the view that shows the goal from which on the gain is full."""
 
@@ -122,9 +124,12 @@ def servo_step(
 
 
 def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:
-    """Which of the grid's points (N,) contradict a pose that explains those that are trusted."""
+    """Which of the grid's points (N,) contradict a pose that explains those that are trusted.
+
+    None where they are few: another surface, whose depth is not known yet, may be among them.
+    """
     outliers = np.zeros_like(trusted)
-    if is_clear(task, pose):
+    if is_clear(task, pose) and pose.inlier_share < _DIVIDED:
         outliers[trusted] = pose.weight <= 0.0
     return outliers
 

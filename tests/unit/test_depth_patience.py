@@ -7,7 +7,7 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.matching.matcher import Prepared
-from dfvs_core.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, Pipeline
+from dfvs_core.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, SETTING_OUT_M, Pipeline
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
@@ -16,6 +16,7 @@ from dfvs_core.wire.frame import Frame
 MS = 1_000_000
 PERIOD_NS = 50 * MS
 SIZE = (120, 160)
+MOUNT = Mount()
 
 
 class StillMatcher:
@@ -35,21 +36,24 @@ class StillMatcher:
         return self.match(current, other)
 
 
-def learnt_at_ms(late_ns, seconds=3.0):
-    """Times of the frames after which depth was learnt, each looked at so late."""
+def learnt_at_ms(late_ns, seconds=3.0, let_go=60, mount=MOUNT):
+    """Times of the frames after which depth was learnt, each looked at so late.
+
+    The vehicle goes aside all the time, and is let go at the frame ``let_go``.
+    """
     rng = np.random.default_rng(0)
     picture = rng.integers(0, 255, (*SIZE, 3)).astype(np.uint8)
     camera = CameraModel.from_horizontal_fov(SIZE[1], SIZE[0], 1.3)
     sidecar, matcher, now = GoalSidecar(camera), StillMatcher(), [0]
-    task = ServoTask(ServoConfig(depth="motion"), camera, sidecar, Mount())
+    task = ServoTask(ServoConfig(depth="motion"), camera, sidecar, mount)
     pipeline = Pipeline(task, matcher, Goal(picture, sidecar), lambda: now[0])
     times_ms = []
     for k in range(int(seconds * 1e9 / PERIOD_NS)):
         t_ns = 10**9 + k * PERIOD_NS
         now[0] = t_ns + late_ns
-        aside = np.array([0.0, 0.05 * k, 0.0])
+        aside = np.array([0.0, 0.02 * k, 0.0])
         motion = Motion(t_ns, 0.0, 0.0, 0.0, np.zeros(3), aside, 0.0)
-        pipeline.process(Frame(picture, t_ns, k), motion, engaged=False)
+        pipeline.process(Frame(picture, t_ns, k), motion, engaged=k >= let_go)
         before = matcher.tracked
         pipeline.digest()
         if matcher.tracked > before:
@@ -69,3 +73,18 @@ def test_depth_waits_while_frames_come_later_than_from_one_to_the_next(late_ns, 
     times_ms = learnt_at_ms(late_ns)
     assert len(times_ms) > 2
     assert set(np.diff(times_ms)) == {between_ns // MS}
+
+
+@pytest.mark.parametrize("let_go", [20, 40])
+def test_none_is_learnt_on_the_first_decimetre_of_a_vehicle_that_is_let_go(let_go):
+    times_ms = learnt_at_ms(0, let_go=let_go)
+    waits_ms = np.diff(times_ms)
+    held_ms = SETTING_OUT_M / 0.02 * PERIOD_NS / MS
+    first = 1000 + let_go * PERIOD_NS // MS
+    assert not [t for t in times_ms if first <= t < first + held_ms]
+    assert sorted(set(waits_ms))[0] == DEPTH_PERIOD_NS // MS
+    assert waits_ms.max() <= held_ms + DEPTH_PERIOD_NS // MS
+
+
+def test_a_free_camera_has_nothing_to_prove():
+    assert learnt_at_ms(0, let_go=20, mount=None) == learnt_at_ms(0, mount=None)

@@ -88,7 +88,7 @@ def step(flow):
 
 
 def test_a_step_tells_which_points_of_its_grid_are_out_of_line():
-    flow, wrong = flow_of_a_wall(0.3)
+    flow, wrong = flow_of_a_wall(0.4)
     result, state = step(flow)
     assert result.verdict is Verdict.OK
     left = without_cells(flow, state.outliers, TASK.config.stride_px)
