@@ -99,10 +99,12 @@ class GoalTracker:
         if look is not None:
             self._last, self._failed, self._passed_over = look, 0, False
 
-    def forget(self) -> None:
-        """Begin anew: what was seen was not the goal."""
-        if self._last is not None:
-            self._wrong.add(self._last.T_world_camera @ invert_pose(self._last.T_goal_current))
+    def forget(self, is_wrong: bool) -> None:
+        """Begin anew: what was seen was not the goal. ``is_wrong``: it was flown to."""
+        last = self._last
+        if last is not None and is_wrong:
+            T_world_goal = last.T_world_camera @ invert_pose(last.T_goal_current)
+            self._wrong.add(T_world_goal, last.t_capture_ns)
         self._last, self._failed = None, 0
 
     def match(
@@ -132,7 +134,7 @@ class GoalTracker:
         """
         last = self._last
         if last is None or t_capture_ns - last.t_capture_ns > TRIED_NS:
-            return self._search(prepared, T_world_camera, depth)
+            return self._search(prepared, t_capture_ns, T_world_camera, depth)
         flow = self._matcher.track(prepared, self._goal, last.flow)
         if flow is None and depth is not None:
             T_last_current = invert_pose(last.T_world_camera) @ T_world_camera
@@ -141,20 +143,24 @@ class GoalTracker:
             return flow
         since_ns = t_capture_ns - last.t_capture_ns
         if since_ns > GUESS_NS or self._failed >= _GUESSED_SEARCHES:
-            return self._search(prepared, T_world_camera, depth)
+            return self._search(prepared, t_capture_ns, T_world_camera, depth)
         if self._is_lost or since_ns > PASS_OVER_NS:
             self._failed += 1
             return self._matcher.match(prepared, self._goal, last.flow)
         return FlowField(last.flow.flow, np.zeros_like(last.flow.confidence))
 
     def _search(
-        self, prepared: Prepared, T_world_camera: FloatArray, depth: DepthMap | None
+        self,
+        prepared: Prepared,
+        t_capture_ns: int,
+        T_world_camera: FloatArray,
+        depth: DepthMap | None,
     ) -> FlowField:
         """Flow found by nothing: besides the wrong places, and if that fails anywhere."""
         self._looks_left = _MORE_LOOKS
         besides: list[FlowField] = []
         if depth is not None and not self._passed_over:
-            besides = self._wrong.flows(T_world_camera, depth)
+            besides = self._wrong.flows(T_world_camera, t_capture_ns, depth)
         self._passed_over = bool(besides)
         if not besides:
             return self._matcher.match(prepared, self._goal)

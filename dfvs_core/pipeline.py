@@ -34,8 +34,8 @@ from dfvs_core.servo.exchange import (
 from dfvs_core.servo.level import real_pose
 from dfvs_core.servo.points import without_cells
 from dfvs_core.servo.step import observe_depth, servo_step
-from dfvs_core.servo.stop import StopState
 from dfvs_core.servo.task import ServoTask
+from dfvs_core.setting_out import SettingOut
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
 
@@ -44,9 +44,6 @@ DEPTH_PERIOD_NS = 200_000_000
 """Depth changes slowly: it is measured five times a second at most."""
 DEPTH_PATIENCE_NS = 600_000_000
 """So long depth waits for frames to be on time again."""
-SETTING_OUT_M = 0.1
-"""So far a vehicle learns no depth from where it is let go: its first motion has to show that the
-error falls, and the error leaps when depth becomes known."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -100,8 +97,7 @@ class Pipeline:
         self._depth_m = task.config.constant_depth_m
         self._digested_ns = 0
         self._is_depth_new = False
-        self._let_go_m: FloatArray | None = None
-        """Where the vehicle was let go, m."""
+        self._setting_out = SettingOut()
         self._last_inputs: ServoInputs | None = None
 
     def prepare(self, goal: Goal) -> GoalView:
@@ -186,8 +182,6 @@ class Pipeline:
             engaged=engaged,
         )
         self._last_inputs = inputs
-        if not engaged or self._let_go_m is None:
-            self._let_go_m = T_world_camera[:3, 3]
         result, self._state = servo_step(self._task, self._state, inputs)
         if result.verdict is Verdict.OK and is_swapped(frame.image, self._goal.image, flow):
             nothing = np.zeros_like(result.velocity)
@@ -245,7 +239,7 @@ class Pipeline:
         last = self._kept[-1]
         if last.t_capture_ns - self._digested_ns < DEPTH_PERIOD_NS:
             return False
-        if self._is_setting_out(last):
+        if self._task.mount is not None and self._setting_out.is_under_way:
             return False
         poses = [kept.T_world_camera for kept in self._kept]
         chosen = choose_earlier(poses[:-1], last.T_world_camera, self._depth_m)
@@ -256,13 +250,6 @@ class Pipeline:
         if match is not None:
             self._state = observe_depth(self._task, self._state, match)
         return True
-
-    def _is_setting_out(self, last: KeptFrame) -> bool:
-        """Whether the error of a vehicle that was let go has yet to fall."""
-        if self._task.mount is None or self._last_inputs is None or self._let_go_m is None:
-            return False
-        way_m = float(np.linalg.norm(last.T_world_camera[:3, 3] - self._let_go_m))
-        return self._last_inputs.engaged and way_m < SETTING_OUT_M
 
     def _compare(
         self, prepared: Prepared, T_world_camera: FloatArray, index: int
@@ -305,6 +292,7 @@ class Pipeline:
         if self._kept:
             self._kept[-1].prepared.slim()  # earlier frames are tracked to, never searched
         self._kept.append(KeptFrame(inputs.t_capture_ns, prepared, T_world_camera))
+        self._setting_out.follow(inputs.engaged, inputs.t_capture_ns, T_world_camera[:3, 3])
         T_current_goal, look = self._state.T_current_goal, None
         if result.verdict in (Verdict.OK, Verdict.STUCK) and T_current_goal is not None:
             T_goal_current = real_pose(self._task, inputs.attitude, T_current_goal)
@@ -314,9 +302,8 @@ class Pipeline:
             look = GoodLook(inputs.t_capture_ns, flow, T_goal_current, T_world_camera)
         self._tracker.remember(look)
         if result.verdict is Verdict.MISTAKEN:
-            self._tracker.forget()
-            self._state = replace(
-                self._state, T_current_goal=None, stop=StopState(), reference=None
-            )
+            self._tracker.forget(is_wrong=self._setting_out.has_begun)
+            stop = replace(self._state.stop, progress=None)
+            self._state = replace(self._state, T_current_goal=None, stop=stop, reference=None)
         if result.depth_m > 0:
             self._depth_m = result.depth_m

@@ -146,12 +146,12 @@ class HybridMatcher:
         """Flow from ``current`` to ``other``; see :class:`Matcher`."""
         current, other = _check_pair(current, other)
         if guess is None:
-            return self._match_first(current, other, besides)
+            return passing_over(self._match_first(current, other, besides), besides)
         followed = self._match_from(current, other, guess)
-        if followed is not None:
-            return followed
-        coarse = self._ask(current.features, other.features)
-        return _confirmed(_refine(current.classical, other.classical, coarse), coarse)
+        if followed is None:
+            coarse = self._ask(current.features, other.features)
+            followed = _confirmed(_refine(current.classical, other.classical, coarse), coarse)
+        return passing_over(followed, besides)
 
     def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
         """Flow by a good guess alone, without the network; see :class:`Matcher`."""
@@ -169,7 +169,7 @@ class HybridMatcher:
         field = self._settle(current, other, coarse)
         field = self._bridge(current, other, field, besides)
         field = search_lines(current.classical, other.classical, field)
-        return passing_over(_confirmed(field, coarse), besides)
+        return _confirmed(field, coarse)
 
     def _match_from(
         self, current: HybridPicture, other: HybridPicture, guess: FlowField

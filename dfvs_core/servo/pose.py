@@ -50,7 +50,8 @@ class GoalPose:
         Weight kept by Tukey's factors over the prior weight, 0 to 1.
     support : float
         Share of the prior weight that the pose explains to within ten times the correspondences'
-        expected noise, 0 to 1; what fits exactly counts in full.
+        expected noise, 0 to 1; what fits exactly counts in full, what would be behind the goal's
+        camera not at all.
     """
 
     T_current_goal: FloatArray
@@ -98,6 +99,7 @@ def estimate_goal_pose(
     seen = _Sighting.of(T, P, points, noise.least)
     weight = points.weight * tukey_weights(seen.length, points.weight, noise)
     explained = 1.0 - np.minimum(seen.length / (_EXPLAINED * noise.least), 1.0) ** 2
+    explained *= seen.z_m > _MIN_DEPTH_M
     prior = max(float(points.weight.sum()), 1e-12)
     return GoalPose(
         T_current_goal=T,

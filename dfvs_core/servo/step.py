@@ -44,7 +44,7 @@ _NOISE_FACTOR = 10.0
 _GO_ON = 0.5
 """Factor on the share of the view that must show the goal, once it has been found."""
 _DIVIDED = 0.65
-"""Share of the points that agree with a pose below which the others are taken for wrong."""
+"""Weight kept over weight before, below which what a pose rejects is taken for wrong."""
 _CLEAR_OVERLAP = 0.15
 """Share of the view that shows the goal from which on the gain is full."""
 
@@ -126,7 +126,7 @@ def servo_step(
 def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:
     """Which of the grid's points (N,) contradict a pose that explains those that are trusted.
 
-    None where they are few: another surface, whose depth is not known yet, may be among them.
+    No point where they are few: another surface, whose depth is not known yet, may be among them.
     """
     outliers = np.zeros_like(trusted)
     if is_clear(task, pose) and pose.inlier_share < _DIVIDED:

@@ -7,9 +7,10 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.matching.matcher import Prepared
-from dfvs_core.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, SETTING_OUT_M, Pipeline
+from dfvs_core.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, Pipeline
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
+from dfvs_core.setting_out import SETTING_OUT_M, SETTING_OUT_NS
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
 
@@ -36,7 +37,7 @@ class StillMatcher:
         return self.match(current, other)
 
 
-def learnt_at_ms(late_ns, seconds=3.0, let_go=60, mount=MOUNT):
+def learnt_at_ms(late_ns, seconds=3.0, let_go=10**9, mount=MOUNT, step_m=0.02):
     """Times of the frames after which depth was learnt, each looked at so late.
 
     The vehicle goes aside all the time, and is let go at the frame ``let_go``.
@@ -51,7 +52,7 @@ def learnt_at_ms(late_ns, seconds=3.0, let_go=60, mount=MOUNT):
     for k in range(int(seconds * 1e9 / PERIOD_NS)):
         t_ns = 10**9 + k * PERIOD_NS
         now[0] = t_ns + late_ns
-        aside = np.array([0.0, 0.02 * k, 0.0])
+        aside = np.array([0.0, step_m * k, 0.0])
         motion = Motion(t_ns, 0.0, 0.0, 0.0, np.zeros(3), aside, 0.0)
         pipeline.process(Frame(picture, t_ns, k), motion, engaged=k >= let_go)
         before = matcher.tracked
@@ -75,15 +76,17 @@ def test_depth_waits_while_frames_come_later_than_from_one_to_the_next(late_ns, 
     assert set(np.diff(times_ms)) == {between_ns // MS}
 
 
-@pytest.mark.parametrize("let_go", [20, 40])
-def test_none_is_learnt_on_the_first_decimetre_of_a_vehicle_that_is_let_go(let_go):
-    times_ms = learnt_at_ms(0, let_go=let_go)
-    waits_ms = np.diff(times_ms)
-    held_ms = SETTING_OUT_M / 0.02 * PERIOD_NS / MS
-    first = 1000 + let_go * PERIOD_NS // MS
-    assert not [t for t in times_ms if first <= t < first + held_ms]
-    assert sorted(set(waits_ms))[0] == DEPTH_PERIOD_NS // MS
-    assert waits_ms.max() <= held_ms + DEPTH_PERIOD_NS // MS
+@pytest.mark.parametrize(("let_go", "step_m"), [(20, 0.019), (40, 0.019), (20, 0.0015)])
+def test_none_is_learnt_while_a_vehicle_sets_out(let_go, step_m):
+    """Not on the first decimetre, but for three seconds at most."""
+    times_ms = learnt_at_ms(0, seconds=8.0, let_go=let_go, step_m=step_m)
+    first_ms = 1000 + let_go * PERIOD_NS // MS
+    frames = min(np.ceil(SETTING_OUT_M / step_m), SETTING_OUT_NS / PERIOD_NS)
+    until_ms = first_ms + frames * PERIOD_NS / MS
+    assert not [t for t in times_ms if first_ms <= t < until_ms]
+    after = [t for t in times_ms if t >= until_ms]
+    assert after[0] == until_ms
+    assert set(np.diff(after)) == {DEPTH_PERIOD_NS // MS}
 
 
 def test_a_free_camera_has_nothing_to_prove():

@@ -51,6 +51,12 @@ class Matcher:
         return flow(99.0)
 
 
+def about_down(angle_rad):
+    """Turn of a camera that stays level, y down."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
 def moved(right_m):
     return make_pose(np.eye(3), [right_m, 0.0, 0.0])
 
@@ -220,7 +226,7 @@ def mistaken(eye, times, right_m=0.0):
     for _ in range(times):
         eye.remember(GoodLook(0, flow(-7.0), moved(-0.5), moved(right_m)))
         eye.remember(None)
-        eye.forget()
+        eye.forget(is_wrong=True)
 
 
 def test_a_place_that_was_a_mistake_twice_is_passed_over_in_a_search():
@@ -231,7 +237,7 @@ def test_a_place_that_was_a_mistake_twice_is_passed_over_in_a_search():
     mistaken(eye, 1)
     eye.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
     eye.remember(GoodLook(0, flow(5.0), moved(0.3), moved(0.0)))
-    eye.forget()
+    eye.forget(is_wrong=True)
     eye.match(FRAME, FRAME_NS, moved(0.25), DEPTH)  # on the way from there
     assert matcher.starts == [None] * 3
     ahead_px = -CAMERA.fx / WALL_M
@@ -257,3 +263,27 @@ def test_two_places_that_were_a_mistake_once_are_none_yet():
     mistaken(eye, 1, right_m=0.4)
     eye.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
     assert matcher.besides == [[]]
+
+
+def test_two_places_that_face_another_way_are_not_one():
+    matcher = Matcher([])
+    eye = tracker(matcher)
+    for turn_rad in (0.0, 0.4):
+        eye.remember(
+            GoodLook(0, flow(-7.0), moved(-0.5), make_pose(about_down(turn_rad), [0, 0, 0]))
+        )
+        eye.forget(is_wrong=True)
+    eye.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    assert matcher.besides == [[]]
+
+
+def test_a_mistake_is_forgiven_after_half_a_minute_or_if_nobody_flew_to_it():
+    matcher = Matcher([])
+    eye = tracker(matcher)
+    mistaken(eye, 2)
+    eye.match(FRAME, 31_000_000_000, moved(0.0), DEPTH)
+    for _ in range(2):
+        eye.remember(GoodLook(0, flow(-7.0), moved(-0.5), moved(0.0)))
+        eye.forget(is_wrong=False)
+    eye.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    assert matcher.besides == [[], []]
