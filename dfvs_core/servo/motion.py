@@ -27,15 +27,17 @@ _FEWEST = 12
 
 
 def find_goal(task: ServoTask, points: ServoPoints, T_guess: FloatArray | None) -> GoalPose:
-    """Goal pose that most of the points support: from scratch, or near the last frame's.
+    """Goal pose from scratch or near the last frame's, which of them explains the points better.
 
-    Where none explains the points, each half of the view is asked as well: what is matched wrong
-    mostly lies together, and the rest agrees on the goal without it.
+    Where neither does, each half of the view is asked as well, and the pose counts that most of the
+    points support: what is matched wrong mostly lies together, and the rest agrees on the goal
+    without it. Support alone is no good judge of two that are clear: while depth is not known it
+    leans to the one that is further away.
     """
     noise = _noise(task)
     starts = [None] if T_guess is None else [None, T_guess]
     found = [estimate_goal_pose(points, task.basis, noise, T) for T in starts]
-    best = max(found, key=lambda each: each.support)
+    best = min(found, key=lambda each: each.residual)
     if is_clear(task, best):
         return best
     near = NoiseScale(noise.least, _CLEAR * noise.least)

@@ -58,7 +58,7 @@ def test_the_goal_is_found_by_those_that_agree_on_it(seed):
     assert np.mean(found.weight[~wrong] > 0.0) > 0.95
 
 
-def test_the_pose_of_the_frame_before_counts_only_if_more_supports_it():
+def test_the_pose_of_the_frame_before_counts_only_if_it_explains_more():
     points, _ = wrong_share(np.random.default_rng(0), 0.2)
     astray = T_CURRENT_GOAL @ make_pose(np.eye(3), np.array([3.0, 0.0, 0.0]))
     for T_guess in (T_CURRENT_GOAL, astray):
