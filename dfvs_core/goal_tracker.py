@@ -162,8 +162,6 @@ class GoalTracker:
         if depth is not None and not self._passed_over:
             besides = self._wrong.flows(T_world_camera, t_capture_ns, depth)
         self._passed_over = bool(besides)
-        if not besides:
-            return self._matcher.match(prepared, self._goal)
         return self._matcher.match(prepared, self._goal, besides=besides)
 
     def look_again(self, prepared: Prepared, t_capture_ns: int) -> bool:

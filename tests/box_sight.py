@@ -32,7 +32,7 @@ class KnowingMatcher:
     def prepare(self, image):
         return PictureOfPose(image)
 
-    def match(self, current, other, guess=None):
+    def match(self, current, other, guess=None, *, besides=()):
         return ROOM.flow(current.T, other.T)
 
     def track(self, current, other, guess):

@@ -29,7 +29,7 @@ class ExactMatcher:
     def prepare(self, image):
         return Prepared(image.shape[:2])
 
-    def match(self, current, other, guess=None):
+    def match(self, current, other, guess=None, *, besides=()):
         return ROOM.flow(self.T_world_camera, self.T_world_goal)
 
     def track(self, current, other, guess):

@@ -29,7 +29,7 @@ class StillMatcher:
     def prepare(self, image):
         return Prepared(image.shape[:2])
 
-    def match(self, current, other, guess=None):
+    def match(self, current, other, guess=None, *, besides=()):
         return FlowField(np.zeros((*SIZE, 2), np.float32), np.ones(SIZE, np.float32))
 
     def track(self, current, other, guess):

@@ -174,7 +174,7 @@ class Finding(Matcher):
         super().__init__([True] * 9)
         self.du_px = du_px
 
-    def match(self, current, other, guess=None):
+    def match(self, current, other, guess=None, *, besides=()):
         found = flow(self.du_px, 0.1)
         self.starts.append(None)
         found.confidence[10 : 10 + 4 * self.searches] = 1.0
@@ -208,7 +208,7 @@ def test_a_clear_first_look_is_enough():
 
 def test_it_looks_again_a_few_times_and_as_often_after_a_search():
     matcher = Matcher([False] * 9)
-    matcher.match = lambda *_: flow(50.0, 0.1)  # never agrees
+    matcher.match = lambda *_, besides=(): flow(50.0, 0.1)  # never agrees
     eye, tried, _ = share_after_looking_again(matcher, flow(-7.0, 0.1), 6)
     assert tried == [True] * 4 + [False] * 2
     late_ns = TRIED_NS + FRAME_NS

@@ -26,11 +26,12 @@ class Counting(ClassicalMatcher):
 
     def __init__(self):
         super().__init__()
-        self.searches = 0
+        self.searches = self.passed_over = 0
 
-    def match(self, current, other, guess=None, **more):
+    def match(self, current, other, guess=None, *, besides=()):
         self.searches += guess is None
-        return super().match(current, other, guess, **more)
+        self.passed_over += len(besides)
+        return super().match(current, other, guess, besides=besides)
 
 
 @pytest.fixture(scope="module")
@@ -54,12 +55,12 @@ def pipeline_for(goal, matcher, **settings):
     return Pipeline(task, matcher, Goal(goal, sidecar), lambda: 0)
 
 
-def fly(pipeline, views):
+def fly(pipeline, views, engaged=True):
     """Reports of views, 25 a second, of a vehicle at rest."""
     reports = []
     for k, view in enumerate(views):
         motion = dataclasses.replace(STILL, t_ns=k * PERIOD_NS)
-        reports.append(pipeline.process(Frame(view, k * PERIOD_NS, k), motion, True).report)
+        reports.append(pipeline.process(Frame(view, k * PERIOD_NS, k), motion, engaged).report)
     return reports
 
 
@@ -111,6 +112,15 @@ def test_a_goal_that_was_hidden_for_seconds_is_found_again(goal, elsewhere):
     reports = fly(pipeline_for(goal, Counting()), [goal] * 5 + [elsewhere] * hidden + [goal] * 30)
     assert sum("look like" in report.reason for report in reports) == 2
     assert reports[-1].reached
+
+
+@pytest.mark.parametrize("engaged", [True, False])
+def test_only_a_place_that_was_flown_to_is_passed_over(goal, elsewhere, engaged):
+    """Before a flight somebody may stand in front of the goal for as long as they like."""
+    matcher = Counting()
+    reports = fly(pipeline_for(goal, matcher), [elsewhere] * 60, engaged)
+    assert sum("look like" in report.reason for report in reports) >= 2
+    assert bool(matcher.passed_over) == engaged
 
 
 def test_progress_is_asked_for_anew_after_a_mistake(goal, elsewhere):

@@ -21,7 +21,7 @@ class Shift:
     def prepare(self, image):
         return Prepared(SHAPE)
 
-    def match(self, current, other, guess=None):
+    def match(self, current, other, guess=None, *, besides=()):
         flow = np.zeros((*SHAPE, 2), np.float32)
         flow[..., 0] = 1.0
         return FlowField(flow, np.ones(SHAPE, np.float32))

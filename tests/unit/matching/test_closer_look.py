@@ -181,6 +181,19 @@ def test_a_goal_that_is_seen_from_afar_is_found_in_a_part(wall, monkeypatch) -> 
     assert network.asked > len(STAGES[0]) + len(STAGES[1])
 
 
+def test_what_a_closer_look_refines_to_what_is_known_to_be_wrong_has_no_merit(wall) -> None:
+    a, b = wall.picture(), wall.picture(FAR)
+    truth = FlowField(exact_flow(FAR).astype(np.float32), np.ones(SIZE, np.float32))
+    part = min(STAGES[1], key=lambda part: np.abs(led_by(FAR, places(part)) - GRID).max())
+    network = SmallSighted(part.cut(a), part.of(truth).flow + np.float32(2.5))  # 3.5 px off
+    matcher = HybridMatcher(network, judges=True)
+    current, other = matcher.prepare(a), matcher.prepare(b)
+    (found,) = matcher._look_closer(current, other, STAGES, ())
+    (passed_over,) = matcher._look_closer(current, other, STAGES, [truth])
+    assert found.merit > 0.01
+    assert passed_over.merit < 0.1 * found.merit
+
+
 ROLLED = turned(roll_deg=45.0, zoom=2.0)
 """The same, of a camera that was rolled besides."""
 

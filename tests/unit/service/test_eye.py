@@ -25,7 +25,7 @@ class StillMatcher:
     def prepare(self, image):
         return Prepared(image.shape[:2])
 
-    def match(self, current, other, guess=None):
+    def match(self, current, other, guess=None, *, besides=()):
         return FlowField(
             np.zeros((*current.size, 2), np.float32), np.ones(current.size, np.float32)
         )

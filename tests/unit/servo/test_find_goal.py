@@ -7,7 +7,9 @@ import pytest
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
-from dfvs_core.goal import GoalSidecar, Mount
+from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.matching.matcher import Prepared
+from dfvs_core.pipeline import Pipeline
 from dfvs_core.poses import invert_pose, make_pose, pose_error, so3_exp
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import ServoInputs, ServoState, Verdict
@@ -17,6 +19,8 @@ from dfvs_core.servo.pose import estimate_goal_pose
 from dfvs_core.servo.step import servo_step
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.weights import NoiseScale
+from dfvs_core.vehicle_history import Motion
+from dfvs_core.wire.frame import Frame
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.5)
 TASK = ServoTask(ServoConfig(), CAMERA, GoalSidecar(CAMERA), Mount())
@@ -65,6 +69,12 @@ def test_the_pose_of_the_frame_before_counts_only_if_it_explains_more():
         assert turn_deg(find_goal(TASK, points, T_guess)) < 0.3
 
 
+def test_where_the_pose_of_the_frame_before_is_clear_the_halves_are_not_asked(monkeypatch):
+    points, _ = wrong_share(np.random.default_rng(0), 0.44)
+    monkeypatch.setattr("dfvs_core.servo.motion._halves", lambda _: pytest.fail("were asked"))
+    assert turn_deg(find_goal(TASK, points, T_CURRENT_GOAL)) < 0.3
+
+
 def test_what_agrees_on_nothing_is_not_clear(rng):
     points, _ = wrong_share(rng, 0.0)
     scattered = replace(points, xy_goal=rng.uniform(-0.6, 0.6, points.xy_goal.shape))
@@ -95,6 +105,34 @@ def test_a_step_tells_which_points_of_its_grid_are_out_of_line():
     inside = slice(80, 272)  # elsewhere the flow leads out of the goal picture
     assert not (left.confidence[:, inside] > 0)[wrong[:, inside]].any()
     assert np.mean(left.confidence[~wrong] > 0) > 0.95
+
+
+class Divided:
+    """Always finds the same flow, and notes the guesses that it is given to track."""
+
+    def __init__(self, flow):
+        self.flow, self.guesses = flow, []
+
+    def prepare(self, image):
+        return Prepared(image.shape[:2])
+
+    def match(self, current, other, guess=None, *, besides=()):
+        return self.flow
+
+    def track(self, current, other, guess):
+        self.guesses.append(guess)
+        return self.flow
+
+
+def test_what_is_out_of_line_is_not_tracked_on(rng):
+    flow, wrong = flow_of_a_wall(0.4)
+    matcher, picture = Divided(flow), rng.integers(0, 255, (240, 320, 3)).astype(np.uint8)
+    pipeline = Pipeline(TASK, matcher, Goal(picture, TASK.goal), lambda: 0)
+    for k in range(2):
+        pipeline.process(Frame(picture, k, k), Motion.at_rest(0.0, 0.0), engaged=False)
+    (guess,) = matcher.guesses
+    assert not guess.confidence[:, 80:272][wrong[:, 80:272]].any()
+    assert np.mean(guess.confidence[~wrong] > 0) > 0.95
 
 
 def test_a_step_that_explains_nothing_names_no_outliers(rng):

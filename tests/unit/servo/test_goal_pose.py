@@ -53,6 +53,14 @@ def test_a_slope_of_wrong_depth_known_to_be_unsure_turns_nobody(seed):
     assert doubted_pose.residual < 3 * NOISE
 
 
+def test_a_pose_that_passed_the_points_by_is_supported_by_none():
+    """Depth that is not known would explain anything behind the goal's camera."""
+    points = seen(np.random.default_rng(0), spread=GUESSED_SPREAD)
+    beyond = make_pose(T_CURRENT_GOAL[:3, :3], [0.9, -0.2, 30.0])
+    fit = estimate_goal_pose(points, free_camera(), NoiseScale(NOISE), beyond, iterations=0)
+    assert fit.support == 0.0
+
+
 def test_matches_off_the_epipolar_lines_stay_unexplained():
     points = seen(np.random.default_rng(1), spread=GUESSED_SPREAD)
     rng = np.random.default_rng(2)
