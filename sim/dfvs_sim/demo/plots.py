@@ -73,7 +73,9 @@ def _velocities(axes: Any, t: Any, servo: list[dict[str, Any]]) -> None:
         axes.plot(t, velocity[:, i], color=colour, label=f"{name} (m/s)")
     axes.plot(t, velocity[:, 3], color=_RED, ls="--", label="yaw (rad/s)")
     _label(axes, "Commanded velocity", "m/s, rad/s")
-    axes.legend(ncols=2, loc="best")
+    bottom, top = axes.get_ylim()
+    axes.set_ylim(bottom, top + 0.25 * (top - bottom))  # room for the legend above the lines
+    axes.legend(ncols=2, loc="upper right")
 
 
 def _quality(axes: Any, t: Any, servo: list[dict[str, Any]]) -> None:
@@ -121,12 +123,22 @@ def _path(axes: Any, log: FlightLog, flown: list[Any]) -> None:
     axes.set_xlabel("east (m)")
     axes.set_ylabel("north (m)")
     axes.set_zlabel("up (m)")
+    _give_height(axes)
     axes.set_aspect("equal")
-    # The flight is nearly level: two ticks are all that the vertical axis has room for.
     axes.zaxis.set_major_locator(MaxNLocator(2))
     for axis in (axes.xaxis, axes.yaxis):
         axis.set_major_locator(MaxNLocator(4))
+        axis.labelpad = 10
+    axes.set_box_aspect(axes.get_box_aspect(), zoom=0.85)  # labels stay inside the figure
     axes.legend(loc="upper left")
+
+
+def _give_height(axes: Any) -> None:
+    """Show a third of the width upwards at least, since a level flight leaves no room for ticks."""
+    width = max(np.ptp(axes.get_xlim()), np.ptp(axes.get_ylim()))
+    middle, height = np.mean(axes.get_zlim()), np.ptp(axes.get_zlim())
+    half = max(height, width / 3) / 2
+    axes.set_zlim(middle - half, middle + half)
 
 
 def _plan_view(p: Any) -> tuple[float, float, float]:
