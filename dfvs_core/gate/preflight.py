@@ -57,6 +57,10 @@ _ESTIMATOR = (
     "wait for the autopilot's estimate; give it GNSS, flow or vision, and space to calibrate"
 )
 _HEALTH = "see what the ground station says; calibrate, or wait until the autopilot is ready to arm"
+_ARMING = (
+    "see what the ground station says; wait, calibrate, or choose Hold mode; a PX4 before 1.13 "
+    "does not report the check: arm it, the check counts on a disarmed vehicle alone"
+)
 _BATTERY = "charge or change the battery, or give the autopilot a power module"
 _PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
 _FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
@@ -89,18 +93,14 @@ def _from_fault(name: str, fault: Fault | None, remedy: str, found: str = "") ->
 
 
 def _health(vehicle: VehiclePicture) -> Check:
-    problem = _health_problem(vehicle)
-    return Check("health", not problem, problem, _HEALTH if problem else "")
-
-
-def _health_problem(vehicle: VehiclePicture) -> str:
     if vehicle.heartbeat.failsafe:
-        return "autopilot in failsafe"
+        return Check("health", False, "autopilot in failsafe", _HEALTH)
     if not vehicle.health.ok:
-        return vehicle.health.detail
+        return Check("health", False, vehicle.health.detail, _HEALTH)
     if not vehicle.is_armed and not vehicle.health.can_arm:
-        return "the autopilot's checks before arming fail"
-    return ""
+        detail = "the autopilot does not report that its checks before arming pass"
+        return Check("health", False, detail, _ARMING)
+    return Check("health", True)
 
 
 def _battery(vehicle: VehiclePicture, config: GateConfig) -> Check:

@@ -53,6 +53,7 @@ _SENSORS = {
     0x200000: "attitude and position estimate",
 }
 _PREARM_CHECK = 0x10000000
+"""Set in ``health`` alone, where the present mode can be armed (PX4 from 1.13 on)."""
 _ESTIMATES = {
     1: "attitude",
     2: "horizontal velocity",
@@ -129,11 +130,11 @@ def system_status(t_ns: int, fields: Mapping[str, Any]) -> tuple[VehicleEvent, .
     """Events of SYS_STATUS: battery and health."""
     percent = int(fields["battery_remaining"])
     remaining = percent / 100 if 0 <= percent <= 100 else None
-    enabled = int(fields["onboard_control_sensors_enabled"])
-    missing = enabled & ~int(fields["onboard_control_sensors_health"])
+    healthy = int(fields["onboard_control_sensors_health"])
+    missing = int(fields["onboard_control_sensors_enabled"]) & ~healthy
     faults = [name for bit, name in _SENSORS.items() if missing & bit]
     detail = f"not healthy: {', '.join(faults)}" if faults else ""
-    health = Health(t_ns, not faults, detail, can_arm=not missing & _PREARM_CHECK)
+    health = Health(t_ns, not faults, detail, can_arm=bool(healthy & _PREARM_CHECK))
     return Battery(t_ns, remaining), health
 
 

@@ -24,6 +24,10 @@ ESTIMATOR = (
     "wait for the autopilot's estimate; give it GNSS, flow or vision, and space to calibrate"
 )
 HEALTH = "see what the ground station says; calibrate, or wait until the autopilot is ready to arm"
+ARMING = (
+    "see what the ground station says; wait, calibrate, or choose Hold mode; a PX4 before 1.13 "
+    "does not report the check: arm it, the check counts on a disarmed vehicle alone"
+)
 BATTERY = "charge or change the battery, or give the autopilot a power module"
 PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
 FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
@@ -77,7 +81,12 @@ def test_where_all_is_well():
         ({"failsafe": True}, Check("health", False, "autopilot in failsafe", HEALTH)),
         (
             {"armed": False, "can_arm": False},
-            Check("health", False, "the autopilot's checks before arming fail", HEALTH),
+            Check(
+                "health",
+                False,
+                "the autopilot does not report that its checks before arming pass",
+                ARMING,
+            ),
         ),
         (
             {"battery": 0.1},

@@ -6,8 +6,12 @@ import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dfvs_core.gate.events import CurrentMode, ModeRequest, VehicleMode
+from dfvs_core.gate.config import GateConfig, GateTiming
+from dfvs_core.gate.events import CurrentMode, Heartbeat, ModeRequest, VehicleMode
 from dfvs_core.gate.limits import BodyVelocity
+from dfvs_core.gate.preflight import preflight
+from dfvs_core.gate.sight import Sight
+from dfvs_core.gate.vehicle import VehiclePicture
 from dfvs_core.poses import quaternion_from_rotation, rotation_from_euler
 from dfvs_service.gate import px4
 
@@ -88,7 +92,8 @@ def test_only_flying_counts_as_in_the_air(landed, in_air, on_ground):
     assert (event.in_air, event.on_ground) == (in_air, on_ground)
 
 
-def status(battery=80, enabled=0x10200007, health=0x10200007):
+def status(battery=80, enabled=0x200007, health=0x10200007):
+    """SYS_STATUS as PX4 sends it: the check before arming stands in ``health`` alone."""
     return px4.system_status(
         T_NS,
         {
@@ -114,11 +119,27 @@ def test_only_what_is_enabled_must_be_healthy():
     assert "estimate" in status(health=0x10000007)[1].detail
 
 
-def test_the_checks_before_arming_are_told_apart():
-    assert status()[1].can_arm
-    unarmable = status(health=0x200007)[1]
+@pytest.mark.parametrize("enabled", [0x200007, 0x10200007])
+def test_the_checks_before_arming_pass_where_health_says_so_and_nowhere_else(enabled):
+    assert status(enabled=enabled)[1].can_arm
+    unarmable = status(enabled=enabled, health=0x200007)[1]
     assert unarmable.ok
     assert not unarmable.can_arm
+
+
+@pytest.mark.parametrize(
+    ("fit", "armed", "passes"),
+    [(True, False, True), (False, False, False), (False, True, True)],
+)
+def test_the_health_check_asks_a_disarmed_vehicle_alone_whether_it_can_be_armed(fit, armed, passes):
+    vehicle = VehiclePicture()
+    vehicle.take(Heartbeat(T_NS, VehicleMode.HOLD, armed))
+    for event in status(health=0x10200007 if fit else 0x200007):
+        vehicle.take(event)
+    checks = preflight(vehicle, Sight(GateTiming()), GateConfig(), T_NS)
+    (health,) = [check for check in checks if check.name == "health"]
+    assert health.ok is passes
+    assert bool(health.detail and health.remedy) is not passes
 
 
 @pytest.mark.parametrize(
