@@ -78,7 +78,7 @@ class Autopilot:
 
     def _take_log(self, level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
         if level >= LogLevel.WARN:
-            self._note("mavsdk", message)
+            self._note("mavsdk", px4.plain_text(message))
         return True
 
     @property

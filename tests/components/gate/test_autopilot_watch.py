@@ -9,6 +9,7 @@ import time
 
 import pytest
 from gate_flight import hovering_vehicle
+from mavsdk import LogLevel
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.gate.events import (
@@ -98,6 +99,15 @@ def test_an_interval_that_is_refused_is_noted_once():
         "command 511 result 4",
         *("command 176 result 1",) * 2,
     ]
+
+
+def test_a_text_of_the_autopilot_is_noted_on_one_line_without_control_characters():
+    """PX4 ends a text with a tab where it tells the same as an event too."""
+    notes = []
+    autopilot = Autopilot(lambda _event: None, lambda kind, text: notes.append((kind, text)))
+    text = "MAVLink: warning: Arming denied:\tno \x1b[31mposition\t\r\n\x00"
+    autopilot._take_log(LogLevel.WARN, text, None, 0)
+    assert notes == [("mavsdk", "MAVLink: warning: Arming denied: no [31mposition")]
 
 
 @pytest.mark.parametrize(("system", "component"), [(255, 190), (245, 191), (1, 196)])

@@ -214,3 +214,17 @@ def test_a_foreign_setpoint_names_its_sender(target, is_ours):
     assert (event is not None) is is_ours
     if event is not None:
         assert event.detail == "SET_ATTITUDE_TARGET of system 1, component 196"
+
+
+@pytest.mark.parametrize(
+    ("text", "plain"),
+    [
+        ("Takeoff detected\t", "Takeoff detected"),
+        ("Preflight Fail:\tno  position\n", "Preflight Fail: no position"),
+        ("a\x00b\x1b[2Jc\x7f\x85d", "a b [2Jc d"),
+        ("Höhe 3 m", "Höhe 3 m"),
+        ("\t", ""),
+    ],
+)
+def test_a_text_of_px4_becomes_one_line_without_control_characters(text, plain):
+    assert px4.plain_text(text) == plain
