@@ -17,7 +17,8 @@ from dfvs_core.servo.velocity import AdaptiveGain, velocity_for
 from dfvs_sim.bench.drone.bound import trapezoid_s
 from dfvs_sim.vehicle.control import Controller, Demand, Gains
 from dfvs_sim.vehicle.dynamics import Quadrotor
-from dfvs_sim.vehicle.estimator import Estimator, EstimatorErrors
+from dfvs_sim.vehicle.estimate_errors import EstimateErrors
+from dfvs_sim.vehicle.estimator import Estimator
 
 STEP_S, FRAME_S, SETPOINT_S = 0.004, 0.05, 0.02
 AGE_S = 0.11
@@ -40,7 +41,7 @@ class Approach:
     def fly(self, seconds=15.0):
         vehicle, controller = Quadrotor(ground_m=100.0), Controller(self.gains)
         vehicle.down_m, vehicle.on_ground = 0.0, False
-        estimator = Estimator(EstimatorErrors(), np.random.default_rng(0))
+        estimator = Estimator(EstimateErrors(), np.random.default_rng(0))
         asked, sent, seen = ZERO, ZERO, deque()
         for k in range(round(seconds / STEP_S)):
             t = k * STEP_S

@@ -9,14 +9,18 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.vehicle.estimator import EstimatorErrors
+from dfvs_sim.vehicle.estimate_errors import EstimateGrade
 from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.mavlink import UdpPorts
 from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle, stop_on_signals
+from dfvs_sim.vehicle.wind import WindGrade
 
 _EPILOG = """example:
   dfvs-sim vehicle --start 0,0,0,30 --record vehicle.jsonl
 """
+
+_REPLACED = ("--velocity-noise", "--position-drift")
+"""Options that ``--estimate`` replaces."""
 
 
 def add_parser(subparsers: Any) -> None:
@@ -50,9 +54,21 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--ground-z", type=float, default=0.08, help="local z when standing on the ground, m")
     add("--ready-after", type=float, default=5.0, metavar="S", help="seconds until armable")
     add("--seed", type=int, default=0, help="seed of noise and delays")
-    add("--wind", default="0,0", metavar="N,E", help="steady wind towards north and east, m/s")
-    add("--velocity-noise", type=float, default=0.0, help="deviation of estimated velocity, m/s")
-    add("--position-drift", type=float, default=0.0, help="deviation of estimated position, m")
+    add(
+        "--wind",
+        default="calm",
+        metavar="GRADE|N,E",
+        help=f"{_names(WindGrade)}: wind with gusts, its direction drawn from the seed; or a "
+        "steady wind towards north and east, m/s (default: %(default)s)",
+    )
+    add(
+        "--estimate",
+        default="perfect",
+        metavar="GRADE",
+        help=f"errors of the state estimate: {_names(EstimateGrade)} (default: %(default)s)",
+    )
+    for old in _REPLACED:
+        add(old, help=argparse.SUPPRESS)
 
 
 def run(args: argparse.Namespace) -> int:
@@ -75,10 +91,13 @@ def config_from_args(args: argparse.Namespace) -> ProcessConfig:
     Raises
     ------
     ConfigError
-        If a list of numbers cannot be read.
+        If a list of numbers or a grade cannot be read.
     """
+    for old in _REPLACED:
+        if getattr(args, old.removeprefix("--").replace("-", "_"), None) is not None:
+            raise ConfigError(f"{old} is not an option", f"--estimate {_names(EstimateGrade)}")
     x, y, z, yaw_deg = _numbers(args.start, "--start", 4)
-    north, east = _numbers(args.wind, "--wind", 2)
+    wind, (north, east) = _wind(args.wind)
     return ProcessConfig(
         companion=UdpPorts(args.companion_local_port, args.companion_port),
         ground=UdpPorts(args.gcs_local_port, args.gcs_port),
@@ -89,11 +108,35 @@ def config_from_args(args: argparse.Namespace) -> ProcessConfig:
             yaw_rad=math.radians(yaw_deg),
             ground_m=args.ground_z,
             ready_after_s=args.ready_after,
-            errors=EstimatorErrors(args.velocity_noise, args.position_drift),
+            estimate=_estimate(args.estimate),
+            wind=wind,
             wind_north_m_s=north,
             wind_east_m_s=east,
         ),
     )
+
+
+def _names(grades: type[EstimateGrade] | type[WindGrade]) -> str:
+    return ", ".join(grade.value for grade in grades)
+
+
+def _estimate(name: str) -> EstimateGrade:
+    try:
+        return EstimateGrade(name)
+    except ValueError as error:
+        raise ConfigError(f"--estimate is {name!r}", f"one of {_names(EstimateGrade)}") from error
+
+
+def _wind(text: str) -> tuple[WindGrade, tuple[float, float]]:
+    """Grade of wind with gusts, and steady wind towards north and east (m/s)."""
+    if any(text == grade.value for grade in WindGrade):
+        return WindGrade(text), (0.0, 0.0)
+    try:
+        north, east = _numbers(text, "--wind", 2)
+    except ConfigError as error:
+        expected = f"one of {_names(WindGrade)}, or two numbers separated by a comma"
+        raise ConfigError(f"--wind is {text!r}", expected) from error
+    return WindGrade.CALM, (north, east)
 
 
 def _numbers(text: str, option: str, count: int) -> list[float]:

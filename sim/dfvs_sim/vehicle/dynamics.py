@@ -46,6 +46,9 @@ class Command:
 class Quadrotor:
     """State of the vehicle in NED, with the origin of the local frame; advanced by ``step``.
 
+    The attitude loop acts on the estimated attitude: the true one plus ``attitude_error_rad``
+    (roll, pitch and yaw), so that the true tilt and the direction of thrust are off by it.
+
     Parameters
     ----------
     parameters : AirframeParameters
@@ -70,6 +73,7 @@ class Quadrotor:
         self.roll_rad, self.pitch_rad, self.yaw_rad = 0.0, 0.0, yaw_rad
         self.roll_rate_rad_s, self.pitch_rate_rad_s, self.yaw_rate_rad_s = 0.0, 0.0, 0.0
         self.wind_north_m_s, self.wind_east_m_s = 0.0, 0.0
+        self.attitude_error_rad = (0.0, 0.0, 0.0)
         self.on_ground = True
         self._thrust_m_s2 = 0.0
         self._yaw_torque_rad_s2 = 0.0
@@ -88,6 +92,8 @@ class Quadrotor:
         self._thrust_m_s2 += (thrust - self._thrust_m_s2) * min(1.0, dt_s / p.thrust_lag_s)
         if self.on_ground:
             roll = pitch = 0.0
+        else:
+            roll, pitch = roll - self.attitude_error_rad[0], pitch - self.attitude_error_rad[1]
         for_roll = p.attitude_gain_1_s * (roll - self.roll_rad)
         for_pitch = p.attitude_gain_1_s * (pitch - self.pitch_rad)
         self.roll_rate_rad_s += p.rate_gain_1_s * (for_roll - self.roll_rate_rad_s) * dt_s
@@ -113,7 +119,8 @@ class Quadrotor:
     def _attitude_for(self, command: Command) -> tuple[float, float, float]:
         """Specific thrust (m/s²), roll and pitch (rad) that give the commanded acceleration."""
         p = self.parameters
-        c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+        heading = self.yaw_rad + self.attitude_error_rad[2]
+        c, s = math.cos(heading), math.sin(heading)
         forward = c * command.north_m_s2 + s * command.east_m_s2
         right = -s * command.north_m_s2 + c * command.east_m_s2
         up = max(0.1 * GRAVITY_M_S2, GRAVITY_M_S2 - command.down_m_s2)

@@ -1,4 +1,4 @@
-"""What the autopilot believes about its motion: the truth plus errors of chosen size."""
+"""The autopilot's state estimate: the true motion plus the errors of ``EstimateErrors``."""
 
 from __future__ import annotations
 
@@ -8,17 +8,10 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_sim.vehicle.dynamics import Quadrotor
+from dfvs_sim.vehicle.estimate_errors import ErrorProcess, EstimateErrors
 
-_BLOCK = 4096
-_DRIFT_TIME_S = 20.0
-
-
-@dataclass(frozen=True, slots=True)
-class EstimatorErrors:
-    """Standard deviations: white noise on velocity, slow wander of position."""
-
-    velocity_m_s: float = 0.0
-    position_m: float = 0.0
+_VELOCITY_RECOVERY_S = 1.0
+"""Time constant with which the estimate comes back from a wrong velocity."""
 
 
 @dataclass(slots=True)
@@ -46,54 +39,86 @@ class Estimate:
 
 
 class Estimator:
-    """Follows the vehicle; wanders, jitters and jumps as told."""
+    """Follows the vehicle with errors.
 
-    def __init__(self, errors: EstimatorErrors, rng: np.random.Generator) -> None:
-        self._errors = errors
-        self._rng = rng
-        self._normals: list[float] = []
-        self._drift = [0.0, 0.0, 0.0]
-        self._jumps = [0.0, 0.0, 0.0]
+    Parameters
+    ----------
+    errors : EstimateErrors
+        Sizes of the errors; ``EstimateErrors()`` for none.
+    rng : numpy.random.Generator
+        Source of the errors.
+    """
+
+    def __init__(self, errors: EstimateErrors, rng: np.random.Generator) -> None:
+        self._process = None if errors.none else ErrorProcess(errors, rng)
+        self._position = [0.0, 0.0, 0.0]
+        self._velocity = [0.0, 0.0, 0.0]
+        self._yaw = 0.0
         self.estimate = Estimate()
 
-    def jump(self, north_m: float, east_m: float, down_m: float) -> None:
-        """Shift the position estimate at once, as after a wrong fix."""
+    @property
+    def attitude_error_rad(self) -> tuple[float, float, float]:
+        """Estimated minus true roll, pitch and yaw."""
+        if self._process is None:
+            return 0.0, 0.0, self._yaw
+        roll, pitch, yaw = self._process.attitude_rad
+        return roll, pitch, yaw + self._yaw
+
+    def reset_position(self, north_m: float, east_m: float, down_m: float) -> None:
+        """Shift the position estimate at once, for good, as after a wrong fix."""
         for i, shift in enumerate((north_m, east_m, down_m)):
-            self._jumps[i] += shift
+            self._position[i] += shift
+        self.estimate.resets += 1
+
+    def reset_velocity(self, north_m_s: float, east_m_s: float, down_m_s: float) -> None:
+        """Shift the velocity estimate at once; it comes back within seconds."""
+        for i, shift in enumerate((north_m_s, east_m_s, down_m_s)):
+            self._velocity[i] += shift
+        self.estimate.resets += 1
+
+    def reset_heading(self, shift_rad: float) -> None:
+        """Turn the heading estimate at once, for good."""
+        self._yaw += shift_rad
         self.estimate.resets += 1
 
     def update(self, dt_s: float, vehicle: Quadrotor) -> Estimate:
         """Estimate for this step; the returned object is the same each time."""
         e = self.estimate
-        self._wander(dt_s)
-        e.north_m = vehicle.north_m + self._drift[0] + self._jumps[0]
-        e.east_m = vehicle.east_m + self._drift[1] + self._jumps[1]
-        e.down_m = vehicle.down_m + self._drift[2] + self._jumps[2]
-        noise = self._errors.velocity_m_s
-        e.v_north_m_s = vehicle.v_north_m_s + noise * self._normal()
-        e.v_east_m_s = vehicle.v_east_m_s + noise * self._normal()
-        e.v_down_m_s = vehicle.v_down_m_s + noise * self._normal()
+        if any(self._velocity):
+            left = 1.0 - dt_s / _VELOCITY_RECOVERY_S
+            self._velocity = [left * v for v in self._velocity]
+        position, velocity = self._position, self._velocity
+        e.north_m = vehicle.north_m + position[0]
+        e.east_m = vehicle.east_m + position[1]
+        e.down_m = vehicle.down_m + position[2]
+        e.v_north_m_s = vehicle.v_north_m_s + velocity[0]
+        e.v_east_m_s = vehicle.v_east_m_s + velocity[1]
+        e.v_down_m_s = vehicle.v_down_m_s + velocity[2]
         e.a_north_m_s2, e.a_east_m_s2 = vehicle.a_north_m_s2, vehicle.a_east_m_s2
         e.a_down_m_s2 = vehicle.a_down_m_s2
         e.roll_rad, e.pitch_rad, e.yaw_rad = vehicle.roll_rad, vehicle.pitch_rad, vehicle.yaw_rad
         e.roll_rate_rad_s, e.pitch_rate_rad_s = vehicle.roll_rate_rad_s, vehicle.pitch_rate_rad_s
         e.yaw_rate_rad_s = vehicle.yaw_rate_rad_s
         e.on_ground = vehicle.on_ground
+        if self._process is not None:
+            self._process.step(dt_s)
+            self._add(self._process)
+        if self._process is not None or self._yaw != 0.0:
+            yaw = vehicle.yaw_rad + self.attitude_error_rad[2]
+            e.yaw_rad = (yaw + math.pi) % (2.0 * math.pi) - math.pi
         return e
 
-    def _wander(self, dt_s: float) -> None:
-        """Advance the position error (an Ornstein-Uhlenbeck process)."""
-        sigma = self._errors.position_m
-        if sigma == 0.0:
-            return
-        kick = sigma * math.sqrt(2.0 * dt_s / _DRIFT_TIME_S)
-        for i in range(3):
-            self._drift[i] += kick * self._normal() - self._drift[i] * dt_s / _DRIFT_TIME_S
-
-    def _normal(self) -> float:
-        """Standard normal number, drawn in blocks: one call a step would cost too much."""
-        if self._errors.velocity_m_s == 0.0 and self._errors.position_m == 0.0:
-            return 0.0
-        if not self._normals:
-            self._normals = self._rng.standard_normal(_BLOCK).tolist()
-        return self._normals.pop()
+    def _add(self, error: ErrorProcess) -> None:
+        """Add the present errors; those of the heading are added with its resets."""
+        e = self.estimate
+        position, velocity = error.position_m, error.velocity_m_s
+        e.north_m += position[0]
+        e.east_m += position[1]
+        e.down_m += position[2]
+        e.v_north_m_s += velocity[0]
+        e.v_east_m_s += velocity[1]
+        e.v_down_m_s += velocity[2]
+        e.a_north_m_s2 += error.acceleration_m_s2[0]
+        e.a_east_m_s2 += error.acceleration_m_s2[1]
+        e.roll_rad += error.attitude_rad[0]
+        e.pitch_rad += error.attitude_rad[1]

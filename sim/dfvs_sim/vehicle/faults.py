@@ -37,7 +37,7 @@ def inject(
         flight.estimate.valid = kind == _OK
         return True
     if unit == mavlink.FAILURE_UNIT_SENSOR_GPS and kind == _WRONG:
-        flight.estimator.jump(_JUMP_M, 0.0, 0.0)
+        flight.estimator.reset_position(_JUMP_M, 0.0, 0.0)
         return True
     if unit == mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL and kind in (_OK, _OFF):
         for name in _INSTANCES.get(instance, ()):

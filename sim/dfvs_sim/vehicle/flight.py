@@ -8,13 +8,15 @@ import numpy as np
 
 from dfvs_sim.vehicle.control import Controller, Demand
 from dfvs_sim.vehicle.dynamics import Quadrotor
-from dfvs_sim.vehicle.estimator import Estimator, EstimatorErrors
+from dfvs_sim.vehicle.estimate_errors import ERRORS, EstimateGrade
+from dfvs_sim.vehicle.estimator import Estimator
 from dfvs_sim.vehicle.liftoff import LandDetector, Liftoff
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.navigation import Navigator
 from dfvs_sim.vehicle.parameters import ParameterTable, Value
 from dfvs_sim.vehicle.setpoints import is_flyable
 from dfvs_sim.vehicle.status import Status
+from dfvs_sim.vehicle.wind import STRENGTHS, Wind, WindGrade
 
 STOP = Demand(velocity=(0.0, 0.0, 0.0), yaw_rate_rad_s=0.0)
 """Stop and wait."""
@@ -26,13 +28,15 @@ _SINKING_M_S, _SINKING_M_S2 = 0.05, 0.5
 class VehicleConfig:
     """How the vehicle starts and what it meets.
 
-    ``ground_m`` is the local z of the ground. Wind is steady, towards north and east.
+    ``ground_m`` is the local z of the ground. ``wind`` has a direction and gusts drawn from the
+    seed; the steady wind towards north and east is added to it.
     """
 
     yaw_rad: float = 0.0
     ground_m: float = 0.08
     ready_after_s: float = 5.0
-    errors: EstimatorErrors = field(default_factory=EstimatorErrors)
+    estimate: EstimateGrade = EstimateGrade.PERFECT
+    wind: WindGrade = WindGrade.CALM
     wind_north_m_s: float = 0.0
     wind_east_m_s: float = 0.0
     parameters: dict[str, Value] = field(default_factory=dict)
@@ -59,9 +63,10 @@ class Flight:
         self._land_detector = LandDetector()
         self.navigator = Navigator(parameters, status)
         self.vehicle = Quadrotor(ground_m=config.ground_m, yaw_rad=config.yaw_rad)
-        self.vehicle.wind_north_m_s = config.wind_north_m_s
-        self.vehicle.wind_east_m_s = config.wind_east_m_s
-        self.estimator = Estimator(config.errors, rng)
+        of_errors, of_wind = rng.spawn(2)
+        strength = STRENGTHS[config.wind]
+        self._wind = Wind(strength, config.wind_north_m_s, config.wind_east_m_s, of_wind)
+        self.estimator = Estimator(ERRORS[config.estimate], of_errors)
         self.estimate = self.estimator.update(0.0, self.vehicle)
 
     def take_setpoint(self, demand: Demand) -> None:
@@ -94,6 +99,8 @@ class Flight:
         lift.update(dt_s, armed=spinning, landed=s.landed, wants_up=self._wants_up(demand))
         self._controller.climb_limit_m_s = lift.climb_limit_m_s
         command = self._controller.update(dt_s, demand, self.estimate) if lift.flying else None
+        self.vehicle.wind_north_m_s, self.vehicle.wind_east_m_s = self._wind.step(dt_s)
+        self.vehicle.attitude_error_rad = self.estimator.attitude_error_rad
         self.vehicle.step(dt_s, command)
         self.estimator.update(dt_s, self.vehicle)
         landed = self._land_detector.update(

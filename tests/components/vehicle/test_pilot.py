@@ -16,7 +16,7 @@ from dfvs_sim.vehicle.modes import Mode
 
 def test_a_whole_flight_from_ready_to_landed(tmp_path: Path) -> None:
     with (
-        vehicle_running(tmp_path, "--ready-after", "0.5", "--velocity-noise", "0.02") as vehicle,
+        vehicle_running(tmp_path, "--ready-after", "0.5", "--estimate", "medium") as vehicle,
         GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
     ):
         pilot = Pilot(link)

@@ -14,7 +14,8 @@ from numpy.typing import NDArray
 
 from dfvs_sim.vehicle.control import Controller, Demand
 from dfvs_sim.vehicle.dynamics import GRAVITY_M_S2, AirframeParameters, Command, Quadrotor
-from dfvs_sim.vehicle.estimator import Estimator, EstimatorErrors
+from dfvs_sim.vehicle.estimate_errors import EstimateErrors
+from dfvs_sim.vehicle.estimator import Estimator
 
 DT_S = 0.004
 STEP_S = 6.0
@@ -45,7 +46,7 @@ def response(axis: str, size: float = 0.0, held_s: float = STEP_S) -> NDArray[np
     vehicle, controller = Quadrotor(ground_m=100.0), Controller()
     vehicle.down_m = 0.0
     vehicle.step(DT_S, None)  # leaves the ground
-    estimator = Estimator(EstimatorErrors(), np.random.default_rng(0))
+    estimator = Estimator(EstimateErrors(), np.random.default_rng(0))
     demands = [still] * 1000 + [step] * round(held_s / DT_S) + [still] * round(5.0 / DT_S)
     speeds = []
     for demand in demands:
@@ -175,7 +176,7 @@ def test_tilt_stays_within_its_limit() -> None:
 def test_a_steady_wind_is_held_against() -> None:
     vehicle, controller = hovering(), Controller()
     vehicle.wind_east_m_s = 3.0
-    estimator = Estimator(EstimatorErrors(), np.random.default_rng(0))
+    estimator = Estimator(EstimateErrors(), np.random.default_rng(0))
     hold = Demand(position=(0.0, 0.0, vehicle.down_m), velocity=(0.0, 0.0, 0.0))
     for _ in range(10_000):
         estimate = estimator.update(DT_S, vehicle)
