@@ -83,6 +83,22 @@ def test_a_takeover_ends_in_silence_for_good_within_50_ms_of_being_told(vehicle,
     assert flight.modes_asked() == ["OFFBOARD"]
 
 
+def test_a_commander_on_the_other_link_is_seen_by_the_velocity_that_is_flown(tmp_path):
+    """PX4 forwards no message that is for itself: its setpoints never reach the service's link."""
+    with hovering_vehicle(tmp_path) as vehicle:
+        with service_running(vehicle, tmp_path / "runtime") as flight:
+            flight.until("SERVO").settle()
+            intruded_ns = vehicle.order("intruder -0.5")
+            assert flight.end() == 1
+        last = flight.transitions()[-1]
+        foreign = [e for e in vehicle.events("setpoint", intruded_ns) if e["link"] != "companion"]
+    assert foreign
+    assert (last["target"], last["cause"]) == ("ABORT", "another commander")
+    assert last["detail"].startswith("the autopilot flies a velocity that is")
+    # A heartbeat a second confirms OFFBOARD, three targets at 20 Hz follow; twice that when busy.
+    assert last["t_ns"] - intruded_ns < 2 * 1.2 * S
+
+
 def test_the_service_ends_with_a_takeover_if_it_is_to_end_with_the_flight(vehicle, tmp_path):
     with service_running(vehicle, tmp_path, gate__engage="pilot") as flight:
         flight.until("READY").settle(0.3)
