@@ -12,15 +12,17 @@ import select
 import socket
 import threading
 import time
-from collections import deque
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from typing import Any, Self
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_core.errors import DfvsError
+from dfvs_sim.ground.systems import HEARTBEATS_S, Autopilots, LinkError
+from dfvs_sim.ground.texts import StatusTexts
 from dfvs_sim.ground.udp import Endpoint
+
+__all__ = ["ACCEPTED", "DEFAULT_URL", "GroundLink", "LinkError", "Message"]
 
 DEFAULT_URL = "udpin://127.0.0.1:14550"
 
@@ -37,10 +39,6 @@ _NUMBERS = {kind.msgname: kind.id for kind in mavlink.mavlink_map.values()}
 
 Message = Any
 Callback = Callable[[Message, int], None]
-
-
-class LinkError(DfvsError):
-    """The vehicle does not answer on the ground-station link."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,9 +63,11 @@ class GroundLink:
     ----------
     url : str
         ``udpin://HOST:PORT`` to be found by the vehicle, ``udpout://HOST:PORT`` to find it.
+    system_id : int or None
+        MAVLink system id of the vehicle; None takes the only one on the link.
     """
 
-    def __init__(self, url: str = DEFAULT_URL) -> None:
+    def __init__(self, url: str = DEFAULT_URL, system_id: int | None = None) -> None:
         endpoint = Endpoint.from_url(url)
         self.url = url
         self._socket = endpoint.open()
@@ -81,8 +81,8 @@ class GroundLink:
         self._latest: dict[str, Received] = {}
         self._subscribers: list[tuple[frozenset[str], Callback]] = []
         self._periodic = [_Periodic(_HEARTBEAT_S, 0.0, self._send_heartbeat)]
-        self._texts: deque[tuple[int, str]] = deque(maxlen=20)
-        self._target: int | None = None
+        self._texts = StatusTexts()
+        self._autopilots = Autopilots(system_id)
         self._closing = False
         self._thread = threading.Thread(target=self._run, name="ground-link", daemon=True)
         self._thread.start()
@@ -112,7 +112,8 @@ class GroundLink:
     @property
     def texts(self) -> tuple[tuple[int, str], ...]:
         """The vehicle's last texts with their arrival (monotonic ns), oldest first."""
-        return tuple(self._texts)
+        with self._changed:
+            return self._texts.all
 
     def subscribe(self, names: Iterable[str], callback: Callback) -> Callable[[], None]:
         """Have ``callback(message, t_ns)`` called for these types; returns what ends that."""
@@ -165,25 +166,27 @@ class GroundLink:
             return self._latest[name].message if found else None
 
     def wait_for_vehicle(self, timeout_s: float) -> None:
-        """Wait for an autopilot's heartbeat.
+        """Wait for the vehicle's heartbeat, and for those of others where no id tells ours.
 
         Raises
         ------
         LinkError
-            If there is none within the timeout.
+            If it is not heard within the timeout, or if several vehicles could be ours.
         """
+        heard = self._autopilots
         with self._changed:
-            if not self._changed.wait_for(lambda: self._target is not None, timeout_s):
-                raise LinkError(
-                    f"no heartbeat from a vehicle on {self.url} within {timeout_s:g} s",
-                    "a running autopilot",
-                    "start it (dfvs-sim vehicle, or PX4), or give its address",
-                )
+            if not self._changed.wait_for(lambda: heard.chosen is not None, timeout_s):
+                raise heard.unheard_error(self.url, timeout_s)
+            if heard.wanted is None:
+                listened_s = (time.monotonic_ns() - heard.chosen_ns) * 1e-9
+                left_s = HEARTBEATS_S - listened_s
+                if left_s > 0 and self._changed.wait_for(lambda: bool(heard.others), left_s):
+                    raise heard.ambiguity_error(self.url)
 
     @property
     def target(self) -> int:
-        """System id of the vehicle."""
-        return self._target if self._target is not None else 0
+        """System id of the vehicle, 0 before it is heard."""
+        return self._autopilots.chosen or 0
 
     def send(self, message: Message) -> None:
         """Send one message; lost where no vehicle has been heard yet, as on a radio."""
@@ -264,12 +267,12 @@ class GroundLink:
         t_ns = time.monotonic_ns()
         for message in self._parser.parse_buffer(data) or ():
             name = message.get_type()
-            if name == "BAD_DATA" or not self._is_from_vehicle(message, name, sender):
+            if name == "BAD_DATA" or not self._is_from_vehicle(message, sender, t_ns):
                 continue
             with self._changed:
                 self._latest[name] = Received(message, t_ns)
                 if name == "STATUSTEXT":
-                    self._texts.append((t_ns, message.text))
+                    self._texts.add(message, t_ns)
                 subscribers = self._subscribers
             for names, callback in subscribers:
                 if name in names:
@@ -277,23 +280,17 @@ class GroundLink:
             with self._changed:
                 self._changed.notify_all()
 
-    def _is_from_vehicle(self, message: Message, name: str, sender: tuple[str, int]) -> bool:
-        """Whether the autopilot sent it; the first one heard is ours."""
-        system, component = message.get_srcSystem(), message.get_srcComponent()
-        if component != mavlink.MAV_COMP_ID_AUTOPILOT1:
-            return False
-        if self._target is None:
-            if name != "HEARTBEAT" or message.autopilot == mavlink.MAV_AUTOPILOT_INVALID:
-                return False
-            with self._changed:
-                self._target, self._remote = system, sender
-            self._send_heartbeat()
-        if system != self._target:
-            return False
-        if name == "HEARTBEAT":
-            with self._changed:
+    def _is_from_vehicle(self, message: Message, sender: tuple[str, int], t_ns: int) -> bool:
+        """Whether our vehicle's autopilot sent it."""
+        with self._changed:
+            is_found = self._autopilots.update(message, t_ns)
+            is_ours = self._autopilots.is_ours(message)
+            if is_ours and message.get_type() == "HEARTBEAT":
                 self._remote = sender  # a vehicle that was started again may have another port
-        return True
+            self._changed.notify_all()
+        if is_found:
+            self._send_heartbeat()
+        return is_ours
 
     def _send_heartbeat(self) -> None:
         self.send(_HEARTBEAT)

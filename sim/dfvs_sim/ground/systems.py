@@ -1,0 +1,124 @@
+"""MAVLink systems on a link: autopilots heard, and the one that is ours."""
+
+from __future__ import annotations
+
+import select
+import time
+from collections.abc import Collection
+from typing import Any
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from dfvs_core.errors import DfvsError
+from dfvs_sim.ground.udp import Endpoint
+
+HEARTBEATS_S = 1.5
+"""Every autopilot on a link is heard within this time: heartbeats come once a second."""
+
+
+class LinkError(DfvsError):
+    """The vehicle does not answer on the ground-station link."""
+
+
+class Autopilots:
+    """Autopilots heard on a link.
+
+    Parameters
+    ----------
+    system_id : int or None
+        MAVLink system id of our vehicle; None takes the first autopilot.
+    """
+
+    def __init__(self, system_id: int | None = None) -> None:
+        self.wanted = system_id
+        self.chosen: int | None = None
+        self.chosen_ns = 0
+        """When ours was heard first, monotonic."""
+        self.heard: set[int] = set()
+
+    def update(self, message: Any, t_ns: int) -> bool:
+        """Take a message; True if it makes its sender ours."""
+        if not is_autopilot_heartbeat(message):
+            return False
+        system = message.get_srcSystem()
+        self.heard.add(system)
+        if self.chosen is not None or self.wanted not in (None, system):
+            return False
+        self.chosen, self.chosen_ns = system, t_ns
+        return True
+
+    def is_ours(self, message: Any) -> bool:
+        """Whether our vehicle's autopilot sent the message."""
+        sender = message.get_srcSystem(), message.get_srcComponent()
+        return sender == (self.chosen, mavlink.MAV_COMP_ID_AUTOPILOT1)
+
+    @property
+    def others(self) -> set[int]:
+        """System ids that are not ours."""
+        return self.heard - {self.chosen}
+
+    def unheard_error(self, url: str, timeout_s: float) -> LinkError:
+        """Error that says whose heartbeat is missing, and who is there instead."""
+        ours = "a vehicle" if self.wanted is None else system_names({self.wanted})
+        others = f", only {system_names(self.heard)}" if self.heard else ""
+        return LinkError(
+            f"no heartbeat from {ours} on {url} within {timeout_s:g} s{others}",
+            "a running autopilot",
+            "start it (dfvs-sim vehicle, or PX4), or give its address",
+        )
+
+    def ambiguity_error(self, url: str) -> LinkError:
+        """Error that names the vehicles that could all be ours."""
+        return LinkError(
+            f"{system_names(self.heard)} are on {url}", "one vehicle, or the system id of ours"
+        )
+
+
+def is_autopilot_heartbeat(message: Any) -> bool:
+    """Whether a message is the heartbeat of an autopilot (not of a camera or a radio)."""
+    return bool(
+        message.get_type() == "HEARTBEAT"
+        and message.get_srcComponent() == mavlink.MAV_COMP_ID_AUTOPILOT1
+        and message.autopilot != mavlink.MAV_AUTOPILOT_INVALID
+    )
+
+
+def system_names(systems: Collection[int]) -> str:
+    """``system 3``, or ``systems 3 and 7``."""
+    numbers = [str(system) for system in sorted(systems)]
+    if len(numbers) == 1:
+        return f"system {numbers[0]}"
+    return f"systems {', '.join(numbers[:-1])} and {numbers[-1]}"
+
+
+def listen_for_systems(endpoint: Endpoint, timeout_s: float) -> set[int]:
+    """Ids of the autopilots that send to a port; nothing is sent.
+
+    Listens for ``HEARTBEATS_S`` after the first heartbeat.
+
+    Parameters
+    ----------
+    endpoint : Endpoint
+        A listening one (``udpin``).
+    timeout_s : float
+        Wait so long for the first heartbeat.
+
+    Raises
+    ------
+    ConfigError
+        If the port is taken.
+    """
+    parser = mavlink.MAVLink(None)
+    parser.robust_parsing = True
+    heard: set[int] = set()
+    deadline_s = time.monotonic() + timeout_s
+    with endpoint.open() as sock:
+        while (left_s := deadline_s - time.monotonic()) > 0:
+            if not select.select([sock], [], [], left_s)[0]:
+                break
+            for message in parser.parse_buffer(sock.recv(65535)) or ():
+                if is_autopilot_heartbeat(message):
+                    if not heard:
+                        deadline_s = time.monotonic() + HEARTBEATS_S
+                    heard.add(message.get_srcSystem())
+    return heard
