@@ -226,6 +226,10 @@ class GateSection:
     proof_m_s: float = setting(
         _GATE.proof_speed_m_s, "largest speed during that time", low=0.02, high=0.5
     )
+    allow_return: bool = setting(
+        False,
+        "true: fly though PX4 would return to launch where setpoints stop (COM_OBL_RC_ACT 0 to 3)",
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -40,7 +40,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     # A terminal's Ctrl-C and its closing reach all processes; the parent passes on SIGTERM.
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    autopilot = Autopilot(gate.emit, gate.note)
+    autopilot = Autopilot(gate.emit, gate.note, allow_return=config.gate.allow_return)
     vehicle = config.vehicle
     start_autopilot(
         lambda: autopilot.connect(vehicle.mavlink, vehicle.timeout_s), autopilot.watch, gate.fail

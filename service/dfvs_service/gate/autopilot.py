@@ -60,11 +60,14 @@ class Autopilot:
         Takes the vehicle's events, from any thread, without blocking.
     note : callable
         Takes (kind, text) for the log, from any thread, without blocking.
+    allow_return : bool
+        Advise against a return to launch where setpoints stop, and do not refuse it.
     """
 
-    def __init__(self, emit: Emit, note: Note) -> None:
+    def __init__(self, emit: Emit, note: Note, *, allow_return: bool = False) -> None:
         self._emit = emit
         self._note = note
+        self._allow_return = allow_return
         self._mavsdk: Mavsdk | None = None
         self._system: System | None = None
         self._direct: MavlinkDirect | None = None
@@ -224,7 +227,8 @@ class Autopilot:
             return False
         loss_s = _read(LOSS_TIME, self._param.get_param_float)
         action = _read(LOSS_ACTION, self._param.get_param_int)
-        self._emit(judge_failsafe(time.monotonic_ns(), loss_s, action))
+        now_ns = time.monotonic_ns()
+        self._emit(judge_failsafe(now_ns, loss_s, action, allow_return=self._allow_return))
         return loss_s is not None and action is not None
 
     def send_velocity(self, velocity: BodyVelocity) -> None:

@@ -14,21 +14,42 @@ ADVISED_LOSS_S, MAX_LOSS_S = 0.5, 1.0
 ADVISED_ACTION = 5
 
 _ACTIONS = {
-    0: "position",
-    1: "altitude",
-    2: "stabilised",
+    0: "position, without a radio return",
+    1: "altitude, without a radio return",
+    2: "stabilised, without a radio return",
     3: "return",
     4: "land",
     5: "hold",
     6: "terminate",
     7: "disarm",
 }
-_FALLS = (6, 7)
+"""COM_OBL_RC_ACT. PX4 flies the modes that need sticks as return-to-launch where none are heard."""
+
+_RETURNS = (0, 1, 2, 3)
+_STOPS = (4, 5)
+"""Actions that bring the vehicle to a stop where it is."""
+
+_RETURN_RISK = "where setpoints stop the vehicle would climb and return to launch"
+_LAND_RISK = "where setpoints stop the vehicle would land"
 
 
-def judge_failsafe(t_ns: int, loss_s: float | None, action: float | None) -> ParametersRead:
-    """Event of the two parameters; None is one that could not be read."""
-    refusals = (*_time_refusals(loss_s), *_action_refusals(action))
+def judge_failsafe(
+    t_ns: int, loss_s: float | None, action: float | None, *, allow_return: bool = False
+) -> ParametersRead:
+    """Event of the two parameters; None is one that could not be read.
+
+    Parameters
+    ----------
+    t_ns : int
+        Monotonic time of the reading, ns.
+    loss_s : float or None
+        COM_OF_LOSS_T, s.
+    action : float or None
+        COM_OBL_RC_ACT.
+    allow_return : bool
+        A return to launch where setpoints stop is advised against, and not refused.
+    """
+    refusals = (*_time_refusals(loss_s), *_action_refusals(action, allow_return=allow_return))
     advice = () if refusals else _advice(loss_s, action)
     found = "" if refusals else f"{LOSS_TIME} {loss_s:g}, {LOSS_ACTION} {action:g}"
     return ParametersRead(t_ns, advice, refusals, found)
@@ -45,17 +66,25 @@ def _time_refusals(loss_s: float | None) -> tuple[str, ...]:
     )
 
 
-def _action_refusals(action: float | None) -> tuple[str, ...]:
+def _action_refusals(action: float | None, *, allow_return: bool) -> tuple[str, ...]:
     if action is None:
         return (f"{LOSS_ACTION} could not be read",)
-    if action in _ACTIONS and action not in _FALLS:
+    if action in _STOPS or (action in _RETURNS and allow_return):
         return ()
-    meaning = _ACTIONS.get(int(action), "not known")
-    return (f"{LOSS_ACTION} is {action:g} ({meaning}): the vehicle would fall",)
+    if action in _RETURNS:
+        return (
+            f"{_describe(action)}: {_RETURN_RISK}; set {ADVISED_ACTION} (hold), or "
+            "gate.allow_return = true to accept it",
+        )
+    return (f"{_describe(action)}: the vehicle would fall",)
+
+
+def _describe(action: float) -> str:
+    return f"{LOSS_ACTION} is {action:g} ({_ACTIONS.get(int(action), 'not known')})"
 
 
 def _advice(loss_s: float | None, action: float | None) -> tuple[str, ...]:
-    """What of two values that are safe would better be changed."""
+    """What of two values that are accepted would better be changed."""
     advice = []
     if loss_s is not None and abs(loss_s - ADVISED_LOSS_S) > 1e-6:
         advice.append(
@@ -63,8 +92,6 @@ def _advice(loss_s: float | None, action: float | None) -> tuple[str, ...]:
             "until the failsafe acts, s"
         )
     if action is not None and action != ADVISED_ACTION:
-        advice.append(
-            f"{LOSS_ACTION} is {action:g} ({_ACTIONS[int(action)]}); {ADVISED_ACTION} is advised: "
-            "hold where setpoints stop"
-        )
+        risk = _RETURN_RISK if action in _RETURNS else _LAND_RISK
+        advice.append(f"{_describe(action)}: {risk}; {ADVISED_ACTION} (hold) is advised")
     return tuple(advice)

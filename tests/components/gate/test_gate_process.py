@@ -83,6 +83,20 @@ def test_a_takeover_ends_in_silence_for_good_within_50_ms_of_being_told(vehicle,
     assert flight.modes_asked() == ["OFFBOARD"]
 
 
+def test_a_failsafe_that_returns_to_launch_is_refused_unless_the_settings_allow_it(tmp_path):
+    """PX4's default, COM_OBL_RC_ACT 0, is return-to-launch where no radio is heard."""
+    told = "COM_OBL_RC_ACT is 0 (position, without a radio return)"
+    with hovering_vehicle(tmp_path) as vehicle:
+        vehicle.order("parameter COM_OBL_RC_ACT 0")
+        with service_running(vehicle, tmp_path / "refused") as flight:
+            flight.wait(lambda: told in flight.errors())
+            flight.settle(2.0)  # a second of passing checks leads to READY
+            assert flight.states() == ["PREFLIGHT"]
+        with service_running(vehicle, tmp_path / "allowed", gate__allow_return=True) as flight:
+            flight.until("SERVO")
+            assert told in flight.errors()
+
+
 def test_a_commander_on_the_other_link_is_seen_by_the_velocity_that_is_flown(tmp_path):
     """PX4 forwards no message that is for itself: its setpoints never reach the service's link."""
     with hovering_vehicle(tmp_path) as vehicle:

@@ -11,13 +11,42 @@ def test_the_advised_failsafe_passes_without_a_word():
 
 @pytest.mark.parametrize(
     ("loss_s", "action", "advice"),
-    [(1.0, 5, "COM_OF_LOSS_T is 1; 0.5 is advised"), (0.5, 0, "COM_OBL_RC_ACT is 0 (position)")],
+    [(1.0, 5, "COM_OF_LOSS_T is 1; 0.5 is advised"), (0.5, 4, "COM_OBL_RC_ACT is 4 (land)")],
 )
 def test_what_is_merely_not_advised_is_said_and_refuses_nothing(loss_s, action, advice):
     read = judge_failsafe(0, loss_s, action)
     assert read.refusals == ()
     (line,) = read.advice
     assert line.startswith(advice)
+
+
+@pytest.mark.parametrize(
+    ("action", "meaning"),
+    [
+        (0, "0 (position, without a radio return)"),
+        (1, "1 (altitude, without a radio return)"),
+        (2, "2 (stabilised, without a radio return)"),
+        (3, "3 (return)"),
+    ],
+)
+def test_a_return_to_launch_where_setpoints_stop_is_refused_unless_it_is_allowed(action, meaning):
+    """PX4 flies the modes that need sticks as return-to-launch where no radio is heard."""
+    refused = judge_failsafe(0, 0.5, action)
+    (line,) = refused.refusals
+    assert meaning in line
+    assert "gate.allow_return = true" in line
+    assert "set 5 (hold)" in line
+    allowed = judge_failsafe(0, 0.5, action, allow_return=True)
+    assert allowed.refusals == ()
+    (line,) = allowed.advice
+    assert meaning in line
+    assert "return to launch" in line
+    assert allowed.found == f"COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT {action}"
+
+
+@pytest.mark.parametrize("action", [6, 7, 99])
+def test_what_lets_the_vehicle_fall_is_refused_though_a_return_is_allowed(action):
+    assert judge_failsafe(0, 0.5, action, allow_return=True).refusals
 
 
 @pytest.mark.parametrize(
