@@ -16,6 +16,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from dfvs_core.errors import DfvsError
 from dfvs_sim.ground.link import ACCEPTED, GroundLink, Message
 from dfvs_sim.ground.parameters import get_parameter, set_parameter
+from dfvs_sim.ground.rest import RestDetector
 from dfvs_sim.vehicle.modes import Mode, mode_from_custom
 
 _PREARM = 0x10000000
@@ -23,12 +24,16 @@ _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 _HEARTBEAT_S = 2.5
 _STICK_INTERVAL_S = 0.04
 _TEXT_S = 0.1
-_HOVER_SPEED_M_S, _HOVER_S = 0.05, 1.0
-_SPEED_FILTER = 0.1
-"""Weight of a new velocity: the estimated one jitters by 0.02 m/s when nothing moves."""
+_LANDED_STATE_S = 2.5
+_TEXTS_SHOWN = 3
 
 ADVISED_PARAMETERS = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 5}
 """Offboard loss after half a second, and then Hold."""
+
+ARMING_ADVICE = (
+    "without a remote control or a ground station, COM_RC_IN_MODE 4, NAV_RCL_ACT 0 and "
+    "NAV_DLL_ACT 0 may help"
+)
 
 _RESULTS = {1: "temporarily rejected", 2: "denied", 3: "unsupported", 4: "failed"}
 
@@ -39,28 +44,51 @@ class PilotError(DfvsError):
 
 @dataclass(frozen=True, slots=True)
 class Timeouts:
-    """How long the pilot waits, in s."""
+    """How long the pilot waits, in s.
+
+    After ``hover`` the pilot also goes on with a vehicle that only seems to move a little.
+    """
 
     vehicle: float = 15.0
     armable: float = 60.0
     takeoff: float = 60.0
-    hover: float = 60.0
+    hover: float = 20.0
     landing: float = 120.0
 
 
 class Pilot:
-    """Flies the vehicle over the ground-station link, which it shares and does not own."""
+    """Flies the vehicle over the ground-station link, which it shares and does not own.
 
-    def __init__(self, link: GroundLink, timeouts: Timeouts | None = None) -> None:
+    Parameters
+    ----------
+    link : GroundLink
+    timeouts : Timeouts
+    narrate : callable
+        Takes one line about what the pilot did and nobody asked for.
+    """
+
+    def __init__(
+        self,
+        link: GroundLink,
+        timeouts: Timeouts | None = None,
+        narrate: Callable[[str], None] = lambda _: None,
+    ) -> None:
         self._link = link
         self._timeouts = timeouts or Timeouts()
+        self._narrate = narrate
         self._end_sticks: Callable[[], None] | None = None
 
     def prepare(self) -> None:
         """Wait until the vehicle can be armed, and set the advised parameters."""
         self.wait_until_armable()
+        changed = []
         for name, value in ADVISED_PARAMETERS.items():
-            set_parameter(self._link, name, value)
+            old = self.get_parameter(name)
+            if old != value:
+                self.set_parameter(name, value)
+                changed.append(f"{name} from {old:g} to {value:g}")
+        if changed:
+            self._narrate(f"the pilot changes {' and '.join(changed)}")
 
     def wait_until_armable(self) -> None:
         """Wait for the checks before arming.
@@ -77,7 +105,7 @@ class Pilot:
             lambda m: bool(m.onboard_control_sensors_health & _PREARM),
         )
         if ready is None:
-            raise self._refused("the vehicle does not become ready to arm")
+            raise self._refused("the vehicle does not become ready to arm", remedy=ARMING_ADVICE)
         if self._link.wait_for("HOME_POSITION", self._timeouts.armable) is None:
             raise self._refused("the vehicle has no home position")
 
@@ -91,7 +119,8 @@ class Pilot:
         """
         if self.mode() not in (Mode.HOLD, Mode.TAKEOFF, Mode.POSITION):
             self.set_mode(Mode.HOLD)
-        self._command("arming", mavlink.MAV_CMD_COMPONENT_ARM_DISARM, 1.0)
+        command = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
+        self._command("arming", command, 1.0, remedy=ARMING_ADVICE)
         self._confirm("arming", lambda m: bool(m.base_mode & _ARMED))
 
     def disarm(self) -> None:
@@ -100,7 +129,7 @@ class Pilot:
         self._confirm("disarming", lambda m: not m.base_mode & _ARMED)
 
     def take_off(self, height_m: float) -> None:
-        """Arm if need be, climb to a height above home, and wait until hovering there.
+        """Arm if need be, climb to a height above home, and wait until at rest there.
 
         Raises
         ------
@@ -121,36 +150,34 @@ class Pilot:
         if self._link.wait_for("LOCAL_POSITION_NED", timeout_s, lambda m: m.z < top) is None:
             raise self._refused(f"the vehicle did not climb to {height_m:g} m")
         self._confirm("take-off", lambda m: _mode(m) is Mode.HOLD, self._timeouts.takeoff)
-        self.wait_until_hovering()
+        self.wait_until_hovering(home.z - height_m)
 
-    def wait_until_hovering(self) -> None:
-        """Wait until the speed has been under 0.05 m/s for a second.
+    def wait_until_hovering(self, down_m: float | None = None) -> None:
+        """Wait until the vehicle is at rest, at a local z where one is given.
+
+        A vehicle whose estimate shows slow motion for the whole of ``Timeouts.hover`` passes too.
 
         Raises
         ------
         PilotError
-            If that does not happen in time.
+            If it moves faster, or is at another height.
         """
+        rest = RestDetector(down_m)
         deadline = time.monotonic() + self._timeouts.hover
-        still_since: float | None = None
-        velocity: tuple[float, ...] = (1.0, 1.0, 1.0)
-        since_ns = 0
-        while time.monotonic() < deadline:
+        since_ns = time.monotonic_ns()
+        while time.monotonic() < deadline and not rest.is_at_rest:
             m = self._link.wait_for("LOCAL_POSITION_NED", 1.0, since_ns=since_ns)
             since_ns = time.monotonic_ns()
-            if m is None:
-                still_since = None
-                continue
-            measured = (m.vx, m.vy, m.vz)
-            pairs = zip(velocity, measured, strict=True)
-            velocity = tuple(v + _SPEED_FILTER * (new - v) for v, new in pairs)
-            if math.hypot(*velocity) >= _HOVER_SPEED_M_S:
-                still_since = None
-            elif still_since is None:
-                still_since = time.monotonic()
-            elif time.monotonic() - still_since >= _HOVER_S:
-                return
-        raise self._refused("the vehicle does not come to rest")
+            if m is not None:
+                rest.add(since_ns * 1e-9, (m.vx, m.vy, m.vz), m.z)
+        if rest.is_at_rest:
+            return
+        if not rest.is_slow:
+            raise self._refused("the vehicle does not come to rest")
+        self._narrate(
+            f"the vehicle's estimate does not come to rest ({rest.speed_m_s:.2f} m/s in the mean "
+            f"of {rest.limits.window_s:g} s); the pilot goes on after {self._timeouts.hover:g} s"
+        )
 
     def set_mode(self, mode: Mode) -> None:
         """Switch the mode and wait for the heartbeat that shows it.
@@ -215,6 +242,13 @@ class Pilot:
         received = self._link.latest("HEARTBEAT")
         return received is not None and bool(received.message.base_mode & _ARMED)
 
+    def is_flying(self) -> bool:
+        """Whether the vehicle is in the air; whether it is armed, where it does not tell."""
+        state = self._link.wait_for("EXTENDED_SYS_STATE", _LANDED_STATE_S)
+        if state is None or state.landed_state == mavlink.MAV_LANDED_STATE_UNDEFINED:
+            return self.armed()
+        return bool(state.landed_state != mavlink.MAV_LANDED_STATE_ON_GROUND)
+
     def get_parameter(self, name: str) -> int | float:
         """Value of one of the vehicle's parameters."""
         return get_parameter(self._link, name)
@@ -223,12 +257,12 @@ class Pilot:
         """Write one of the vehicle's parameters and check it."""
         set_parameter(self._link, name, value)
 
-    def _command(self, what: str, command: int, *params: float) -> None:
+    def _command(self, what: str, command: int, *params: float, remedy: str = "") -> None:
         since_ns = time.monotonic_ns()
         result = self._link.command(command, *params)
         if result != ACCEPTED:
             raise self._refused(
-                f"{what} was {_RESULTS.get(result, f'answered with {result}')}", since_ns
+                f"{what} was {_RESULTS.get(result, f'answered with {result}')}", since_ns, remedy
             )
 
     def _confirm(
@@ -242,12 +276,14 @@ class Pilot:
                 f"(mode {mode.name if mode else 'unknown'})"
             )
 
-    def _refused(self, problem: str, since_ns: int | None = None) -> PilotError:
+    def _refused(self, problem: str, since_ns: int | None = None, remedy: str = "") -> PilotError:
         """Error with the vehicle's own words since then, which may trail the ack a little."""
         if since_ns is not None:
             self._link.wait_for("STATUSTEXT", _TEXT_S, since_ns=since_ns)
         said = [text for t_ns, text in self._link.texts if t_ns > (since_ns or 0)]
-        return PilotError(problem, remedy=f"the vehicle says: {said[-1]!r}" if said else "")
+        quoted = ", ".join(f"'{text}'" for text in said[-_TEXTS_SHOWN:])
+        words = [f"the vehicle says: {quoted}"] if quoted else []
+        return PilotError(problem, remedy="; ".join([*words, *([remedy] if remedy else [])]))
 
 
 def _mode(heartbeat: Message) -> Mode | None:
