@@ -1,0 +1,43 @@
+"""Ports of flights that are brought up at the same time."""
+
+from __future__ import annotations
+
+import subprocess
+import sys
+
+from dfvs_sim.demo.ports import FlightPorts
+
+NUMBERS = "p = FlightPorts.choose(); print(p.ground, p.companion, p.zenoh, p.dashboard, flush=True)"
+OTHER_FLIGHT = f"from dfvs_sim.demo.ports import FlightPorts; {NUMBERS}; input()"
+
+
+def numbers(ports):
+    return {ports.ground, ports.companion, ports.zenoh, ports.dashboard}
+
+
+def test_two_flights_of_one_process_share_no_port():
+    first, second = FlightPorts.choose(), FlightPorts.choose()
+    try:
+        assert not numbers(first) & numbers(second)
+    finally:
+        first.close()
+        second.close()
+
+
+def test_a_flight_of_another_process_shares_no_port_long_before_anything_listens():
+    command = [sys.executable, "-c", OTHER_FLIGHT]
+    with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
+        taken = {int(word) for word in other.stdout.readline().split()}
+        ports = FlightPorts.choose()
+        other.communicate(b"\n", timeout=10)
+    assert len(taken) == 4
+    assert not taken & numbers(ports)
+    ports.close()
+
+
+def test_ports_are_free_again_after_a_flight():
+    first = FlightPorts.choose()
+    first.close()
+    second = FlightPorts.choose()
+    second.close()
+    assert first.zenoh == second.zenoh
