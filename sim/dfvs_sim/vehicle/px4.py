@@ -61,7 +61,7 @@ class Px4:
         self.parameters = ParameterTable(config.parameters)
         self.status = Status(boot_ns=now_ns, home_m=(0.0, 0.0, config.ground_m))
         self.flight = Flight(config, self.parameters, self.status, rng)
-        self.telemetry = Telemetry(self.status, self.flight.estimate, lambda: self.flight.demand)
+        self.telemetry = Telemetry(self.status, self.flight)
         self.links = {name: LinkState(Schedule(RATES_HZ[name], now_ns)) for name in RATES_HZ}
         self._commands = CommandHandler(self)
         self._later: list[tuple[int, str, Message]] = []

@@ -1,4 +1,4 @@
-"""The messages that the vehicle streams, built from its status and its estimate."""
+"""The messages that the vehicle streams: its status, its estimate and, on request, the truth."""
 
 from __future__ import annotations
 
@@ -8,17 +8,19 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_sim.vehicle.control import Demand
-from dfvs_sim.vehicle.estimator import Estimate
+from dfvs_sim.vehicle.earth import (
+    HOME_ALTITUDE_M,
+    attitude_quaternion,
+    global_origin,
+    projected,
+    true_state,
+)
+from dfvs_sim.vehicle.flight import Flight
 from dfvs_sim.vehicle.status import Status
 
 Message = Any
 """A pymavlink message: pymavlink's classes are generated and carry no common type."""
 
-HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_ALTITUDE_M = 47.397742, 8.545594, 488.0
-"""Where the local frame's origin lies on the earth; the altitude is above mean sea level."""
-
-_EARTH_RADIUS_M = 6371000.0
 _NAN = math.nan
 
 _GYRO, _ACCEL, _MAG, _BARO, _GPS = 1, 2, 4, 8, 32
@@ -28,36 +30,18 @@ _LEVEL_ESTIMATES = 1 | 4 | 32
 """ESTIMATOR_STATUS: attitude, vertical velocity and height."""
 _PLACE_ESTIMATES = 2 | 8 | 16
 """Horizontal velocity and position."""
+_CLAIMED_M = 0.29, 0.1
+"""Accuracy of the position that is told, horizontally and vertically, whatever it is."""
 _SENSORS = _GYRO | _ACCEL | _MAG | _BARO | _GPS | _ATTITUDE | _POSITION | _MOTORS | _AHRS | _BATTERY
 
 
-def attitude_quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, ...]:
-    """Quaternion (w, x, y, z) of aerospace angles in rad."""
-    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
-    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
-    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
-    return (
-        cr * cp * cy + sr * sp * sy,
-        sr * cp * cy - cr * sp * sy,
-        cr * sp * cy + sr * cp * sy,
-        cr * cp * sy - sr * sp * cy,
-    )
-
-
-def _geodetic(north_m: float, east_m: float) -> tuple[int, int]:
-    """Latitude and longitude in 1e-7 degree, on a sphere flattened around the origin."""
-    latitude = HOME_LATITUDE_DEG + math.degrees(north_m / _EARTH_RADIUS_M)
-    radius = _EARTH_RADIUS_M * math.cos(math.radians(HOME_LATITUDE_DEG))
-    return round(latitude * 1e7), round((HOME_LONGITUDE_DEG + math.degrees(east_m / radius)) * 1e7)
-
-
 class Telemetry:
-    """Builds each streamed message from the status, the estimate and the demand that is flown."""
+    """Builds each message from the status and the flight: its estimate, demand and true motion."""
 
-    def __init__(self, status: Status, estimate: Estimate, demand: Callable[[], Demand]) -> None:
+    def __init__(self, status: Status, flight: Flight) -> None:
         self._status = status
-        self._e = estimate
-        self._demand = demand
+        self._flight = flight
+        self._e = flight.estimate
         self.builders: dict[str, Callable[[int], Message | None]] = {
             "HEARTBEAT": self._heartbeat,
             "CURRENT_MODE": self._current_mode,
@@ -75,6 +59,8 @@ class Telemetry:
             "AUTOPILOT_VERSION": self._version,
             "ESTIMATOR_STATUS": self._estimator_status,
             "POSITION_TARGET_LOCAL_NED": self._position_target,
+            "GPS_GLOBAL_ORIGIN": lambda now_ns: global_origin(self._us(now_ns)),
+            "HIL_STATE_QUATERNION": lambda _: true_state(flight.vehicle),
         }
 
     def build(self, name: str, now_ns: int) -> Message | None:
@@ -140,7 +126,7 @@ class Telemetry:
         e = self._e
         if not (self._status.ready and self._status.estimator_ok):
             return None
-        latitude, longitude = _geodetic(e.north_m, e.east_m)
+        latitude, longitude = projected(e.north_m, e.east_m)
         heading = round(math.degrees(e.yaw_rad) * 100) % 36000
         return mavlink.MAVLink_global_position_int_message(
             self._ms(now_ns),
@@ -181,7 +167,7 @@ class Telemetry:
 
     def _gps(self, now_ns: int) -> Message:
         e = self._e
-        latitude, longitude = _geodetic(e.north_m, e.east_m)
+        latitude, longitude = projected(e.north_m, e.east_m)
         fixed = self._status.estimator_ok
         return mavlink.MAVLink_gps_raw_int_message(
             self._us(now_ns),
@@ -199,12 +185,12 @@ class Telemetry:
     def _estimator_status(self, now_ns: int) -> Message:
         flags = _LEVEL_ESTIMATES | (_PLACE_ESTIMATES if self._status.estimator_ok else 0)
         return mavlink.MAVLink_estimator_status_message(
-            self._us(now_ns), flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, 0.3, 0.3
+            self._us(now_ns), flags, 0.1, 0.1, 0.1, 0.1, 0.0, 0.0, *_CLAIMED_M
         )
 
     def _position_target(self, now_ns: int) -> Message:
         """What the position controller is told; what it is not told is masked out."""
-        demand = self._demand()
+        demand = self._flight.demand
         yaws = (demand.yaw_rad, demand.yaw_rate_rad_s)
         values = (*demand.position, *demand.velocity, *demand.acceleration)
         mask = sum(1 << i for i, v in enumerate(values) if not math.isfinite(v))
@@ -218,11 +204,11 @@ class Telemetry:
         health = _SENSORS if s.ready else _SENSORS & ~(_GPS | _POSITION)
         if not s.estimator_ok:
             health &= ~(_GPS | _POSITION)
-        if s.armable():
+        if s.armable():  # PX4 sets this bit in the health alone
             health |= _PREARM
         return mavlink.MAVLink_sys_status_message(
-            _SENSORS | _PREARM,
-            _SENSORS | _PREARM,
+            _SENSORS,
+            _SENSORS,
             health,
             200,
             round(1000 * _voltage(s.battery)),
@@ -254,7 +240,7 @@ class Telemetry:
         if not s.ready:
             return None
         north, east, down = s.home_m
-        latitude, longitude = _geodetic(north, east)
+        latitude, longitude = projected(north, east)
         altitude = round((HOME_ALTITUDE_M - down) * 1000)
         q = attitude_quaternion(0.0, 0.0, self._e.yaw_rad)
         return mavlink.MAVLink_home_position_message(

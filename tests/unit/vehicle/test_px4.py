@@ -306,3 +306,14 @@ def test_a_stall_of_the_loop_is_made_up_for_in_fixed_steps() -> None:
     stalled.now_ns += 400_000_000
     stalled.px4.step(stalled.now_ns)
     assert stalled.body.north_m == smooth.body.north_m
+
+
+def test_the_arming_check_shows_in_the_health_alone() -> None:
+    vehicle = VehicleInHand(ready_after_s=2.0)
+    vehicle.run(4.0)
+    bit = mavlink.MAV_SYS_STATUS_PREARM_CHECK
+    told = [m for _, _, m in vehicle.sent if m.get_type() == "SYS_STATUS"]
+    assert not any(m.onboard_control_sensors_present & bit for m in told)
+    assert not any(m.onboard_control_sensors_enabled & bit for m in told)
+    assert not told[0].onboard_control_sensors_health & bit
+    assert told[-1].onboard_control_sensors_health & bit

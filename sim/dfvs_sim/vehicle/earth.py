@@ -1,0 +1,64 @@
+"""Where the local frame lies on the earth, and the messages that say so."""
+
+from __future__ import annotations
+
+import math
+
+from pymavlink.dialects.v20 import development as mavlink
+
+from dfvs_sim.geodesy import metres_per_degree
+from dfvs_sim.vehicle.dynamics import Quadrotor
+
+HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_ALTITUDE_M = 47.397742, 8.545594, 488.0
+"""Where the local frame's origin lies on the earth; the altitude is above mean sea level."""
+
+_EARTH_RADIUS_M = 6371000.0
+
+
+def attitude_quaternion(roll: float, pitch: float, yaw: float) -> tuple[float, ...]:
+    """Quaternion (w, x, y, z) of aerospace angles in rad."""
+    cr, sr = math.cos(roll / 2), math.sin(roll / 2)
+    cp, sp = math.cos(pitch / 2), math.sin(pitch / 2)
+    cy, sy = math.cos(yaw / 2), math.sin(yaw / 2)
+    return (
+        cr * cp * cy + sr * sp * sy,
+        sr * cp * cy - cr * sp * sy,
+        cr * sp * cy + sr * cp * sy,
+        cr * cp * sy - sr * sp * cy,
+    )
+
+
+def projected(north_m: float, east_m: float) -> tuple[int, int]:
+    """Latitude and longitude in 1e-7 degree by the autopilot's map projection, on a sphere."""
+    latitude = HOME_LATITUDE_DEG + math.degrees(north_m / _EARTH_RADIUS_M)
+    radius = _EARTH_RADIUS_M * math.cos(math.radians(HOME_LATITUDE_DEG))
+    return round(latitude * 1e7), round((HOME_LONGITUDE_DEG + math.degrees(east_m / radius)) * 1e7)
+
+
+def global_origin(time_us: int) -> mavlink.MAVLink_gps_global_origin_message:
+    """GPS_GLOBAL_ORIGIN."""
+    latitude, longitude = projected(0.0, 0.0)
+    return mavlink.MAVLink_gps_global_origin_message(
+        latitude, longitude, round(HOME_ALTITUDE_M * 1000), time_us
+    )
+
+
+def true_state(vehicle: Quadrotor) -> mavlink.MAVLink_hil_state_quaternion_message:
+    """HIL_STATE_QUATERNION, the true motion, as PX4's simulation sends it.
+
+    Numbers are cut off towards zero; the time is 0 and accelerations are in m/s² (PX4 v1.17).
+    """
+    v = vehicle
+    along, across = metres_per_degree(HOME_LATITUDE_DEG, HOME_ALTITUDE_M)
+    return mavlink.MAVLink_hil_state_quaternion_message(
+        0,
+        attitude_quaternion(v.roll_rad, v.pitch_rad, v.yaw_rad),
+        *(v.roll_rate_rad_s, v.pitch_rate_rad_s, v.yaw_rate_rad_s),
+        int((HOME_LATITUDE_DEG + v.north_m / along) * 1e7),
+        int((HOME_LONGITUDE_DEG + v.east_m / across) * 1e7),
+        int((HOME_ALTITUDE_M - v.down_m) * 1e3),
+        *(int(100.0 * speed) for speed in (v.v_north_m_s, v.v_east_m_s, v.v_down_m_s)),
+        0,
+        0,
+        *(int(a) for a in (v.a_north_m_s2, v.a_east_m_s2, v.a_down_m_s2)),
+    )
