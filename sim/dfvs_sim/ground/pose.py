@@ -1,8 +1,6 @@
 """The vehicle's pose at a time of this machine's clock, from its telemetry.
 
-The vehicle stamps with its own clock (``time_boot_ms``). A message can only arrive later than it
-was made, so the smallest arrival minus stamp of the last seconds is the difference of the clocks,
-up to the shortest delay on the way.
+The vehicle stamps with its own clock (``time_boot_ms``); ``ClockMap`` takes it to this machine's.
 """
 
 from __future__ import annotations
@@ -18,10 +16,9 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.poses import make_pose, rotation_from_euler
+from dfvs_sim.ground.clock import ClockMap
 from dfvs_sim.ground.link import GroundLink, LinkError, Message
 
-_WINDOW_NS = 5_000_000_000
-_RESTART_NS = 1_000_000_000
 _KEPT = 128
 _RATE_HZ = 50.0
 
@@ -44,34 +41,6 @@ class VehiclePose:
         """Pose (4, 4) of the body (FRD) in the local frame (NED)."""
         R = rotation_from_euler(self.roll_rad, self.pitch_rad, self.yaw_rad)
         return make_pose(R, np.array(self.position_m))
-
-
-class ClockMap:
-    """Vehicle time to this machine's monotonic time, by the smallest offset of late."""
-
-    def __init__(self) -> None:
-        self._current: int | None = None
-        self._previous: int | None = None
-        self._window_start_ns = 0
-
-    def update(self, stamp_ns: int, arrival_ns: int) -> bool:
-        """Take one pair of times; True where the vehicle's clock has started anew."""
-        offset = arrival_ns - stamp_ns
-        restarted = self._current is not None and abs(offset - self.offset_ns) > _RESTART_NS
-        if restarted:
-            self._current = self._previous = None
-        if self._current is None or arrival_ns - self._window_start_ns >= _WINDOW_NS:
-            self._previous, self._current = self._current, offset
-            self._window_start_ns = arrival_ns
-        self._current = min(self._current, offset)
-        return restarted
-
-    @property
-    def offset_ns(self) -> int:
-        """What to add to a vehicle time."""
-        if self._current is None:
-            return 0
-        return self._current if self._previous is None else min(self._current, self._previous)
 
 
 @dataclass(frozen=True, slots=True)

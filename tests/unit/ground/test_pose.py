@@ -11,7 +11,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.poses import euler_from_rotation
 from dfvs_sim.ground.link import GroundLink
-from dfvs_sim.ground.pose import ClockMap, PoseTracker
+from dfvs_sim.ground.pose import PoseTracker
 from dfvs_sim.vehicle.earth import attitude_quaternion
 
 MS = 1_000_000
@@ -36,39 +36,6 @@ def turn(ms: int, yaw: float, rate: float = 0.0, pitch: float = 0.0) -> mavlink.
 
 def feed(tracker: PoseTracker, message: mavlink.MAVLink_message, delay_ns: int = 0) -> None:
     tracker.take(message, BOOT_NS + message.time_boot_ms * MS + delay_ns)
-
-
-def test_the_smallest_delay_of_late_tells_the_difference_of_the_clocks() -> None:
-    clock = ClockMap()
-    for i, delay_ms in enumerate((30, 12, 3, 25, 18)):
-        clock.update(i * 20 * MS, BOOT_NS + i * 20 * MS + delay_ms * MS)
-    assert clock.offset_ns == BOOT_NS + 3 * MS
-
-
-def test_the_offset_does_not_jump_when_a_window_ends() -> None:
-    clock = ClockMap()
-    offsets = []
-    for i in range(12 * 50):
-        delay_ms = 1 if i % 50 == 7 else 20
-        clock.update(i * 20 * MS, BOOT_NS + (i * 20 + delay_ms) * MS)
-        offsets.append(clock.offset_ns)
-    assert set(offsets[50:]) == {BOOT_NS + 1 * MS}
-
-
-def test_a_drifting_clock_is_followed_within_two_windows() -> None:
-    clock = ClockMap()
-    for i in range(30 * 50):  # 30 s at 50 Hz, the vehicle's clock slow by 1 in 1000
-        local_ns = BOOT_NS + i * 20 * MS
-        clock.update(round(i * 20 * MS * 0.999), local_ns)
-    now_error = clock.offset_ns - (local_ns - round(i * 20 * MS * 0.999))
-    assert abs(now_error) <= 10 * MS  # 10 s of drift: two windows of 5 s
-
-
-def test_a_vehicle_that_starts_anew_is_noticed() -> None:
-    clock = ClockMap()
-    clock.update(500_000 * MS, BOOT_NS)
-    assert clock.update(0, BOOT_NS + 20 * MS)
-    assert clock.offset_ns == BOOT_NS + 20 * MS
 
 
 def test_a_pose_between_samples_is_interpolated(tracker: PoseTracker) -> None:

@@ -1,0 +1,51 @@
+"""The vehicle's clock, told by its stamps, on this machine's."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+from dfvs_sim.ground.clock import ClockMap
+
+MS = 1_000_000
+BOOT_NS = 7_000_000_000
+"""Local time at which the vehicle's clock was zero."""
+
+
+def test_the_smallest_delay_of_late_tells_the_difference_of_the_clocks() -> None:
+    clock = ClockMap()
+    for i, delay_ms in enumerate((30, 12, 3, 25, 18)):
+        clock.update(i * 20 * MS, BOOT_NS + i * 20 * MS + delay_ms * MS)
+    assert clock.offset_ns == BOOT_NS + 3 * MS
+
+
+def test_the_offset_does_not_jump_when_a_window_ends() -> None:
+    clock = ClockMap()
+    offsets = []
+    for i in range(12 * 50):
+        delay_ms = 1 if i % 50 == 7 else 20
+        clock.update(i * 20 * MS, BOOT_NS + (i * 20 + delay_ms) * MS)
+        offsets.append(clock.offset_ns)
+    assert set(offsets[50:]) == {BOOT_NS + 1 * MS}
+
+
+@pytest.mark.parametrize("rate", [0.9, 0.99, 0.999, 1.0, 1.01])
+@pytest.mark.parametrize("delay_ms", [1.0, 20.0])
+def test_a_clock_of_another_rate_is_followed(rate: float, delay_ms: float) -> None:
+    clock, rng = ClockMap(), np.random.default_rng(0)
+    errors_ms = []
+    for i in range(30 * 50):  # 30 s at 50 Hz, each message late by up to delay_ms
+        made_ns = BOOT_NS + i * 20 * MS
+        stamp_ns = round(i * 20 * MS * rate)
+        clock.update(stamp_ns, made_ns + round(delay_ms * MS * rng.random()))
+        errors_ms.append((clock.offset_ns - (made_ns - stamp_ns)) / MS)
+    # the first 4 s tell the rate; then a share of the delay's jitter is left
+    assert max(abs(e) for e in errors_ms[200:]) < 15.0
+    assert abs(float(np.mean(errors_ms[200:]))) < 2.0
+
+
+def test_a_vehicle_that_starts_anew_is_noticed() -> None:
+    clock = ClockMap()
+    clock.update(500_000 * MS, BOOT_NS)
+    assert clock.update(0, BOOT_NS + 20 * MS)
+    assert clock.offset_ns == BOOT_NS + 20 * MS
