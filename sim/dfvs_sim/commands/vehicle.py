@@ -54,6 +54,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
     add("--ground-z", type=float, default=0.08, help="local z when standing on the ground, m")
     add("--ready-after", type=float, default=5.0, metavar="S", help="seconds until armable")
     add("--seed", type=int, default=0, help="seed of noise and delays")
+    add("--system-id", type=int, default=1, metavar="N", help="MAVLink system id, 1 to 250")
     add(
         "--wind",
         default="calm",
@@ -108,6 +109,7 @@ def config_from_args(args: argparse.Namespace) -> ProcessConfig:
             yaw_rad=math.radians(yaw_deg),
             ground_m=args.ground_z,
             ready_after_s=args.ready_after,
+            system_id=_system_id(args.system_id),
             estimate=_estimate(args.estimate),
             wind=wind,
             wind_north_m_s=north,
@@ -118,6 +120,12 @@ def config_from_args(args: argparse.Namespace) -> ProcessConfig:
 
 def _names(grades: type[EstimateGrade] | type[WindGrade]) -> str:
     return ", ".join(grade.value for grade in grades)
+
+
+def _system_id(number: int) -> int:
+    if not 1 <= number <= 250:
+        raise ConfigError(f"--system-id is {number}", "1 to 250")
+    return number
 
 
 def _estimate(name: str) -> EstimateGrade:
