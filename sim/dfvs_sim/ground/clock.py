@@ -43,7 +43,7 @@ class ClockMap:
             self._soonest.clear()
             self._rate = 0.0
         if not self._soonest or arrival_ns - self._interval_ns >= _INTERVAL_NS:
-            self._rate = _rate(list(self._soonest))
+            self._rate = _rate(list(self._soonest), self._rate)
             self._interval_ns = arrival_ns
             self._soonest.append(pair)
         elif pair.offset_ns < self._soonest[-1].offset_ns:
@@ -57,13 +57,15 @@ def _carried(pair: _Pair, stamp_ns: int, rate: float) -> int:
     return pair.offset_ns + round(rate * (stamp_ns - pair.stamp_ns))
 
 
-def _rate(pairs: list[_Pair]) -> float:
-    """Slope of the lower envelope: between the soonest of the older and of the newer half."""
-    rate = 0.0
+def _rate(pairs: list[_Pair], rate: float) -> float:
+    """Slope of the lower envelope: between the soonest of the older and of the newer half.
+
+    Soonest is meant after the slope is taken off, hence the rate so far and the repetition.
+    """
     if len(pairs) < _FEWEST:
         return rate
     end_ns = pairs[-1].stamp_ns
-    for _ in range(2):  # the second time without the slope that favours one end of each half
+    for _ in range(2):
         older, newer = (
             min(half, key=lambda p: _carried(p, end_ns, rate))
             for half in (pairs[: len(pairs) // 2], pairs[len(pairs) // 2 :])
