@@ -30,6 +30,7 @@ from dfvs_service.goal_file import (
 from dfvs_service.key_file import create_key, load_key
 from dfvs_service.parent import Programs, fly, furnish
 from dfvs_service.preflight.calibration import camera_check
+from dfvs_service.preflight.ports import refuse_taken_mavlink, refuse_taken_zenoh
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.replay_gate import replay_gate
 from dfvs_service.runtime import RuntimeFolder
@@ -205,11 +206,13 @@ def _fly(words: Sequence[str]) -> int:
     later = [_resolve(config, picture)[1] for picture in others]
     for picture, each in zip((first, *others), (goal, *later), strict=True):
         _check_camera(config, picture, each)
-    _check_model(config)
     _check_commands(config)
+    _check_ports(config)
+    _check_model(config)
     for line in exposure_warnings(config):
         print(f"warning: {line}", file=sys.stderr)
     with _runtime(arguments.runtime_dir) as runtime:
+        _check_ports(config)  # the model took seconds to load
         furnish(runtime, config, goal, later)
         return fly(runtime, _programs(config), _display(runtime, as_json=arguments.json_log))
 
@@ -225,6 +228,7 @@ def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) 
     except DfvsError as error:
         report = check_camera_and_model(config, error)
     else:
+        _check_ports(config)
         with _runtime(arguments.runtime_dir) as runtime:
             report = check_everything(config, goal, runtime, arguments.check_timeout)
     print(report.to_json() if arguments.json else report.to_text())
@@ -252,6 +256,12 @@ def _check_commands(config: ServiceConfig) -> None:
             "gate.command_key_file",
             "make one with dfvs-service command new-key, or engage by the pilot's switch",
         )
+
+
+def _check_ports(config: ServiceConfig) -> None:
+    """Refuse ports of other programs before anything is started: MAVSDK would share its own."""
+    refuse_taken_zenoh(config.zenoh)
+    refuse_taken_mavlink(config.vehicle.mavlink)
 
 
 def _check_camera(config: ServiceConfig, picture: Path, goal: Goal) -> None:
@@ -309,6 +319,11 @@ def _runtime(folder: Path | None) -> Iterator[RuntimeFolder]:
         folder.mkdir(mode=0o700, parents=True, exist_ok=True)
         lock = (folder / "lock").open("w")
         fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+    except BlockingIOError as error:
+        raise ConfigError(
+            f"the runtime folder {folder} is used by another dfvs-service",
+            remedy=f"end it, or choose another folder: --runtime-dir {folder}-2",
+        ) from error
     except OSError as error:
         raise ConfigError(
             f"the runtime folder {folder} cannot be used ({error.strerror})",

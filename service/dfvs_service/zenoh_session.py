@@ -10,12 +10,13 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.wire.zenoh_settings import Encryption, TlsFiles, zenoh_settings
 from dfvs_service.config import ZenohSection
 from dfvs_service.key_file import check_private
+from dfvs_service.preflight.ports import refuse_taken_zenoh
 
 _PEM = b"-----BEGIN "
 
 
 def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.Session:
-    """Open a session as configured.
+    """Open a session as configured; a client listens on nothing.
 
     Parameters
     ----------
@@ -35,11 +36,13 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
         check_files(config.tls)
         encryption = Encryption(config.tls, vehicles)
     settings = zenoh.Config()
-    for key, value in zenoh_settings(config.mode, config.connect, config.listen, encryption):
+    listen = config.listen if config.mode == "peer" else ()
+    for key, value in zenoh_settings(config.mode, config.connect, listen, encryption):
         settings.insert_json5(key, value)
     try:
         return zenoh.open(settings)
     except zenoh.ZError as error:
+        refuse_taken_zenoh(config)
         reason = str(error).split(" at /")[0]
         raise ConfigError(
             f"Zenoh cannot be opened: {reason}",

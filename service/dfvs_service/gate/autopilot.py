@@ -36,6 +36,7 @@ from dfvs_core.gate.events import ModeRequest, VehicleEvent
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_service.gate import px4
 from dfvs_service.gate.failsafe import LOSS_ACTION, LOSS_TIME, judge_failsafe
+from dfvs_service.preflight.ports import refuse_taken_mavlink
 
 AUTOPILOT_COMPONENT = 1
 _POLL_S = 0.5
@@ -94,16 +95,19 @@ class Autopilot:
 
         Raises
         ------
+        ConfigError
+            If another program has the port.
         VehicleError
             If the connection cannot be opened or no autopilot is heard in time.
         """
+        refuse_taken_mavlink(url)
         kind = ComponentType.COMPANION_COMPUTER
         self._mavsdk = Mavsdk(Configuration.create_with_component_type(kind))
         result = self._mavsdk.add_any_connection(url)
         if result != 0:
             raise VehicleError(
                 f"cannot open the MAVLink connection {url!r} ({result.name})",
-                "a free port or a device, e.g. udpin://127.0.0.1:14540",
+                "an address of this machine or a device, e.g. udpin://127.0.0.1:14540",
                 "is another program using it?",
             )
         self._system = self._await_autopilot(self._mavsdk, timeout_s)

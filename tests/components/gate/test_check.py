@@ -2,7 +2,6 @@
 
 import contextlib
 import json
-import socket
 import subprocess
 import sys
 import threading
@@ -220,12 +219,20 @@ def test_a_dangerous_failsafe_and_a_missing_camera_are_crosses_in_the_table(goal
         assert not [kind for kind in NEVER_SENT if vehicle.events(kind)]
 
 
-def test_a_port_that_is_taken_is_an_error_and_no_cross(goal):
-    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as taken:
-        taken.bind(("127.0.0.1", 0))
-        port = taken.getsockname()[1]
-        done = run_check(goal, port, free_endpoint(), "--check-timeout", "20")
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("error: cannot open the MAVLink connection")
+def test_a_second_service_on_the_same_ports_is_an_error_and_disturbs_no_flight(
+    goal, views, tmp_path
+):
+    endpoint = free_endpoint()
+    with (
+        hovering_vehicle(tmp_path) as vehicle,
+        service_watching(tmp_path, vehicle.port, endpoint, views[0]) as watch,
+    ):
+        watch.wait("link", ok=True)
+        done = run_check(goal, vehicle.port, endpoint, "--check-timeout", "20")
+        time.sleep(2.5)  # the link counts as lost after 2 s
+        watch.wait("link", ok=True)
+        watch.wait("estimator", ok=True)
+    assert (done.returncode, done.stdout) == (2, "")
+    assert done.stderr.startswith("error: ")
+    assert "is taken by another program" in done.stderr
     assert len(done.stderr.splitlines()) == 1

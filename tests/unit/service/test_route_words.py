@@ -25,7 +25,7 @@ def picture(path, rng, size=(48, 64)):
 
 @pytest.fixture
 def laid_out(monkeypatch):
-    """Goals that the processes would find, in place of a flight."""
+    """Goals that the processes would find, in place of a flight that binds ports."""
     seen = []
 
     def fly(runtime, _programs, _display):
@@ -33,6 +33,7 @@ def laid_out(monkeypatch):
         return 0
 
     monkeypatch.setattr(cli, "fly", fly)
+    monkeypatch.setattr(cli, "_check_ports", lambda _config: None)
     return seen
 
 

@@ -14,12 +14,13 @@ from dfvs_service import cli
 
 @pytest.fixture
 def goal(tmp_path, rng, monkeypatch):
-    """A good goal picture; nothing may be started."""
+    """A good goal picture; nothing may be started, and no port of this machine is asked."""
 
     def refuse(*_arguments):
         raise AssertionError("a process was to be started")
 
     monkeypatch.setattr(cli, "fly", refuse)
+    monkeypatch.setattr(cli, "_check_ports", lambda _config: None)
     path = tmp_path / "goal.png"
     cv2.imwrite(str(path), rng.integers(0, 255, (48, 64, 3), dtype=np.uint8))
     return path
@@ -118,7 +119,7 @@ def test_a_runtime_folder_in_use(goal, tmp_path, capsys):
     with (folder / "lock").open("w") as lock:
         fcntl.flock(lock, fcntl.LOCK_EX)
         words = ["--camera-fov", "70", "--runtime-dir", str(folder)]
-        assert "no other service" in refused(capsys, "--goal", str(goal), *words)
+        assert "is used by another dfvs-service" in refused(capsys, "--goal", str(goal), *words)
 
 
 def test_an_order_without_a_key(tmp_path, capsys):

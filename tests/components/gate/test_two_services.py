@@ -1,0 +1,129 @@
+"""A second service on the same ports ends at once and takes nothing from the first one."""
+
+import contextlib
+import fcntl
+import os
+import re
+import subprocess
+import sys
+import time
+import tomllib
+from pathlib import Path
+
+import cv2
+import numpy as np
+import pytest
+from gate_flight import hovering_vehicle, service_running
+from loopback import free_endpoint, listening_peer
+from vehicle_process import companion_connected, free_port
+
+from dfvs_core.errors import DfvsError
+from dfvs_service.config import ZenohSection
+from dfvs_service.gate.autopilot import Autopilot
+from dfvs_service.zenoh_session import open_session
+
+
+@pytest.fixture
+def goal(tmp_path):
+    path = tmp_path / "goal.png"
+    image = np.random.default_rng(0).integers(0, 255, (48, 64, 3), dtype=np.uint8)
+    cv2.imwrite(str(path), image)
+    return path
+
+
+def left_running(session):
+    """Command lines of a session's processes that have not ended."""
+    left = []
+    for entry in Path("/proc").iterdir():
+        with contextlib.suppress(OSError, ValueError):
+            if os.getsid(int(entry.name)) != session:
+                continue
+            if entry.joinpath("stat").read_text().rsplit(")", 1)[1].split()[0] != "Z":
+                left.append(entry.joinpath("cmdline").read_text())
+    return left
+
+
+def second_service(goal, endpoint, mavlink_port, *words):
+    """What the user reads of a service that cannot run; nothing of it is left."""
+    command = [sys.executable, "-m", "dfvs_service.cli", "--goal", str(goal), "--camera-fov", "80"]
+    command += ["--model", "classical", "--mavlink", f"udpin://127.0.0.1:{mavlink_port}"]
+    command += ["--set", f"zenoh.listen=['{endpoint}']", *words]
+    service = subprocess.Popen(
+        command,
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    out, err = service.communicate(timeout=60.0)
+    assert (service.returncode, out) == (2, ""), err
+    (line,) = err.splitlines()
+    assert not left_running(service.pid)
+    return line
+
+
+@pytest.mark.parametrize("words", [(), ("--check",)], ids=["flight", "check"])
+def test_a_zenoh_port_that_another_service_has_is_said_with_a_free_one(goal, words):
+    with listening_peer() as (_, endpoint):
+        line = second_service(goal, endpoint, free_port(), *words)
+    port = endpoint.rsplit(":", 1)[1]
+    assert line.startswith(f"error: TCP port {port} is taken by another program")
+    assert re.search(r"--set 'zenoh\.listen=\[\"tcp/127\.0\.0\.1:\d+\"\]'", line)
+
+
+@pytest.mark.parametrize("words", [(), ("--check",)], ids=["flight", "check"])
+def test_a_mavlink_port_that_another_service_has_is_said_and_stays_with_it(goal, tmp_path, words):
+    """MAVSDK would share the port, and the newest of those that share it hears the autopilot."""
+    with hovering_vehicle(tmp_path) as vehicle, companion_connected(vehicle.port) as system:
+        line = second_service(goal, free_endpoint(), vehicle.port, *words)
+        time.sleep(2.0)  # PX4's heartbeat comes once a second
+        assert system.is_connected()
+    assert line.startswith(f"error: UDP port {vehicle.port} is taken by another program")
+    assert "--mavlink udpin://127.0.0.1:" in line
+
+
+def test_a_runtime_folder_that_another_service_uses_is_said_with_another_one(goal, tmp_path):
+    folder = tmp_path / "runtime"
+    folder.mkdir()
+    with (folder / "lock").open("w") as lock:
+        fcntl.flock(lock, fcntl.LOCK_EX)
+        words = ("--runtime-dir", str(folder))
+        line = second_service(goal, free_endpoint(), free_port(), *words)
+    assert line.startswith(f"error: the runtime folder {folder} is used by another dfvs-service")
+    assert f"--runtime-dir {folder}-2" in line
+
+
+def test_a_session_on_a_taken_port_is_refused_with_one_that_opens():
+    """Perception opens it seconds after the service looked at its ports."""
+    with listening_peer() as (_, endpoint):
+        with pytest.raises(DfvsError, match="is taken by another program") as refused:
+            open_session(ZenohSection(listen=(endpoint,)))
+        setting = re.search(r"--set 'zenoh\.(.*?)'", refused.value.remedy).group(1)
+        with open_session(ZenohSection(listen=tuple(tomllib.loads(setting)["listen"]))):
+            pass
+
+
+def test_a_client_of_a_router_on_the_default_port_opens():
+    """As docs/ros2.md says: a client listens on nothing, whatever zenoh.listen says."""
+    with listening_peer() as (_, endpoint):
+        open_session(ZenohSection("client", (endpoint,), (endpoint,))).close()
+
+
+def test_an_autopilot_whose_port_another_mavsdk_has_is_refused(tmp_path):
+    """Camera, teaching and gate connect by themselves."""
+    with hovering_vehicle(tmp_path) as vehicle, companion_connected(vehicle.port) as system:
+        autopilot = Autopilot(lambda _event: None, lambda _kind, _text: None)
+        with pytest.raises(DfvsError, match=f"UDP port {vehicle.port} is taken"):
+            autopilot.connect(f"udpin://127.0.0.1:{vehicle.port}", 1.0)
+        time.sleep(2.0)  # PX4's heartbeat comes once a second
+        assert system.is_connected()
+
+
+def test_a_port_that_is_taken_after_the_start_ends_the_service_with_one_error(tmp_path):
+    with hovering_vehicle(tmp_path) as vehicle, companion_connected(vehicle.port):
+        with service_running(vehicle, tmp_path / "runtime") as flight:
+            assert flight.end() == 2
+        assert not vehicle.events("mode_command")
+    errors = [line for line in flight.errors().splitlines() if line.startswith("error:")]
+    assert len(errors) == 1
+    assert f"UDP port {vehicle.port} is taken" in errors[0]
