@@ -5,6 +5,7 @@ import numpy as np
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from vehicle_in_hand import VehicleInHand
 
 from dfvs_core.gate.config import GateConfig, GateTiming
 from dfvs_core.gate.events import CurrentMode, Heartbeat, ModeRequest, VehicleMode
@@ -14,6 +15,7 @@ from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.vehicle import VehiclePicture
 from dfvs_core.poses import quaternion_from_rotation, rotation_from_euler
 from dfvs_service.gate import px4
+from dfvs_sim.vehicle.streams import COMPANION
 
 T_NS = 42
 
@@ -140,6 +142,22 @@ def test_the_health_check_asks_a_disarmed_vehicle_alone_whether_it_can_be_armed(
     (health,) = [check for check in checks if check.name == "health"]
     assert health.ok is passes
     assert bool(health.detail and health.remedy) is not passes
+
+
+@pytest.mark.parametrize(("ready_after_s", "passes"), [(0.0, True), (1000.0, False)])
+def test_the_stand_in_passes_the_health_check_once_it_can_be_armed(ready_after_s, passes):
+    stand_in, heard = VehicleInHand(ready_after_s=ready_after_s), VehiclePicture()
+    stand_in.run(1.5)
+    for _, link, message in stand_in.sent:
+        if link == COMPANION and message.get_type() == "HEARTBEAT":
+            heard.take(px4.heartbeat(T_NS, message.to_dict()))
+        if link == COMPANION and message.get_type() == "SYS_STATUS":
+            for event in px4.system_status(T_NS, message.to_dict()):
+                heard.take(event)
+    checks = preflight(heard, Sight(GateTiming()), GateConfig(), T_NS)
+    (health,) = [check for check in checks if check.name == "health"]
+    assert health.ok is passes
+    assert passes or "before arming" in health.detail
 
 
 @pytest.mark.parametrize(
