@@ -1,26 +1,48 @@
 """The vehicle's pose at a time of this machine's clock, from its telemetry.
 
 The vehicle stamps with its own clock (``time_boot_ms``); ``ClockMap`` takes it to this machine's.
+A simulated vehicle sends its true motion (HIL_STATE_QUATERNION), which is preferred where it comes:
+a camera has to be where the vehicle is and not where the vehicle's estimate puts it.
 """
 
 from __future__ import annotations
 
-import bisect
-import math
 import threading
 import time
 from collections import deque
 from dataclasses import dataclass
 
 import numpy as np
+from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.poses import make_pose, rotation_from_euler
 from dfvs_sim.ground.clock import ClockMap
-from dfvs_sim.ground.link import GroundLink, LinkError, Message
+from dfvs_sim.ground.interpolation import (
+    AttitudeSample,
+    PositionSample,
+    append,
+    attitude_at,
+    euler,
+    position_at,
+)
+from dfvs_sim.ground.link import ACCEPTED, GroundLink, LinkError, Message
+from dfvs_sim.ground.truth import LocalOrigin, TruthFilter
 
 _KEPT = 128
 _RATE_HZ = 50.0
+_TRUTH, _ORIGIN, _PLACE, _ATTITUDE = (
+    "HIL_STATE_QUATERNION",
+    "GPS_GLOBAL_ORIGIN",
+    "LOCAL_POSITION_NED",
+    "ATTITUDE_QUATERNION",
+)
+_TRUTH_S = 1.0
+"""How long the truth, and then the origin, are waited for."""
+_SILENCE_NS = 1_000_000_000
+"""Silence of the truth after which it is asked for again: the vehicle was started anew."""
+_BURST_NS = 2_000_000
+"""Messages that arrive within this time were read at once, and are late alike."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,27 +65,16 @@ class VehiclePose:
         return make_pose(R, np.array(self.position_m))
 
 
-@dataclass(frozen=True, slots=True)
-class _Place:
-    stamp_ns: int
-    position: tuple[float, float, float]
-    velocity: tuple[float, float, float]
-
-
-@dataclass(frozen=True, slots=True)
-class _Turn:
-    stamp_ns: int
-    quaternion: tuple[float, float, float, float]
-    rates: tuple[float, float, float]
-
-
 class PoseTracker:
-    """Follows LOCAL_POSITION_NED and ATTITUDE_QUATERNION and answers for a time.
+    """Follows the vehicle's telemetry and tells its pose at a time.
+
+    The pose is the true one (``is_truth``) where the vehicle sends HIL_STATE_QUATERNION, else that
+    of the estimate: LOCAL_POSITION_NED and ATTITUDE_QUATERNION.
 
     Parameters
     ----------
     link : GroundLink
-        Shared link; both messages are asked for at 50 Hz by ``start``.
+        Shared link; all three messages are asked for at 50 Hz by ``start``.
     reach_ns : int
         How far beyond the newest sample a pose may be extrapolated.
     """
@@ -73,9 +84,18 @@ class PoseTracker:
         self._reach_ns = reach_ns
         self._lock = threading.Lock()
         self._clock = ClockMap()
-        self._places: deque[_Place] = deque(maxlen=_KEPT)
-        self._turns: deque[_Turn] = deque(maxlen=_KEPT)
-        self._end = link.subscribe(["LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"], self.take)
+        self._delay_ns = 0
+        self._stamped_ns: int | None = None
+        self._asked_ns = 0
+        self._truth: TruthFilter | None = None
+        self._places: deque[PositionSample] = deque(maxlen=_KEPT)
+        self._turns: deque[AttitudeSample] = deque(maxlen=_KEPT)
+        self._end = link.subscribe([_PLACE, _ATTITUDE, _TRUTH], self.take)
+
+    @property
+    def is_truth(self) -> bool:
+        """Whether the poses are the vehicle's true ones."""
+        return self._truth is not None
 
     def start(self, timeout_s: float = 10.0) -> None:
         """Ask for the streams and wait for the first pose.
@@ -86,33 +106,100 @@ class PoseTracker:
             If the vehicle does not answer or sends no pose.
         """
         self._link.wait_for_vehicle(timeout_s)
-        since_ns = time.monotonic_ns()
-        for name in ("LOCAL_POSITION_NED", "ATTITUDE_QUATERNION"):
+        for name in (_PLACE, _ATTITUDE):
+            since_ns = time.monotonic_ns()
             self._link.request_stream(name, _RATE_HZ)
-            if self._link.wait_for(name, timeout_s, since_ns=since_ns) is None:
-                raise LinkError(
-                    f"the vehicle sends no {name}", "its pose", "is its position estimate valid?"
-                )
+            self._await(name, timeout_s, since_ns)
+        if self._link.request_stream(_TRUTH, _RATE_HZ) != ACCEPTED:
+            return
+        truth = self._link.wait_for(_TRUTH, _TRUTH_S)
+        if truth is None:
+            return
+        self.follow_truth(self._local_origin(truth))
+        while self.newest_ns() is None:
+            self._await(_TRUTH, timeout_s, time.monotonic_ns())
+
+    def follow_truth(self, origin: LocalOrigin) -> None:
+        """Take the poses from HIL_STATE_QUATERNION from now on, in the frame of that origin."""
+        with self._lock:
+            self._truth = TruthFilter(origin)
+            self._asked_ns = self._stamped_ns or 0
+            self._places.clear()
+            self._turns.clear()
 
     def close(self) -> None:
         """Stop following."""
         self._end()
 
     def take(self, message: Message, arrival_ns: int) -> None:
-        """Take one message of the two types."""
-        stamp_ns = message.time_boot_ms * 1_000_000
+        """Take one message of the three types."""
         with self._lock:
+            if message.get_type() == _TRUTH:
+                self._take_truth(message, arrival_ns)
+                return
+            stamp_ns = message.time_boot_ms * 1_000_000
             if self._clock.update(stamp_ns, arrival_ns):
                 self._places.clear()
                 self._turns.clear()
-            if message.get_type() == "LOCAL_POSITION_NED":
+            self._delay_ns = arrival_ns - stamp_ns - self._clock.offset_ns
+            self._stamped_ns = arrival_ns
+            if self._truth is not None:
+                self._ask_again(arrival_ns)
+            elif message.get_type() == _PLACE:
                 position = (message.x, message.y, message.z)
                 velocity = (message.vx, message.vy, message.vz)
-                _append(self._places, _Place(stamp_ns, position, velocity))
+                append(self._places, PositionSample(stamp_ns, position, velocity))
             else:
                 q = (message.q1, message.q2, message.q3, message.q4)
                 rates = (message.rollspeed, message.pitchspeed, message.yawspeed)
-                _append(self._turns, _Turn(stamp_ns, q, rates))
+                append(self._turns, AttitudeSample(stamp_ns, q, rates))
+
+    def _take_truth(self, message: Message, arrival_ns: int) -> None:
+        """Take a true state, which PX4 v1.17 sends without a stamp."""
+        if self._truth is None or self._stamped_ns is None:
+            return
+        late_ns = self._delay_ns if arrival_ns - self._stamped_ns < _BURST_NS else 0
+        stamp_ns = arrival_ns - self._clock.offset_ns - late_ns
+        if self._places and stamp_ns <= self._places[-1].stamp_ns:
+            return
+        self._places.append(PositionSample(stamp_ns, *self._truth.update(stamp_ns, message)))
+        w, x, y, z = message.attitude_quaternion
+        rates = (message.rollspeed, message.pitchspeed, message.yawspeed)
+        self._turns.append(AttitudeSample(stamp_ns, (w, x, y, z), rates))
+
+    def _ask_again(self, now_ns: int) -> None:
+        """Ask for the truth anew where it has ended, without waiting for an answer."""
+        if self._places:
+            self._asked_ns = max(self._asked_ns, self._places[-1].stamp_ns + self._clock.offset_ns)
+        if now_ns - self._asked_ns < _SILENCE_NS:
+            return
+        self._asked_ns = now_ns
+        interval_us = 1e6 / _RATE_HZ
+        number = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
+        command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL
+        self._link.send(
+            mavlink.MAVLink_command_long_message(
+                *(self._link.target, 1, command, 0, number, interval_us, 0, 0, 0, 0, 0)
+            )
+        )
+
+    def _local_origin(self, truth: Message) -> LocalOrigin:
+        """Origin of the local frame: as the vehicle tells it, or by the estimated position."""
+        number = mavlink.MAVLINK_MSG_ID_GPS_GLOBAL_ORIGIN
+        self._link.command(mavlink.MAV_CMD_REQUEST_MESSAGE, number)
+        origin = self._link.wait_for(_ORIGIN, _TRUTH_S)
+        if origin is not None:
+            return LocalOrigin(origin.latitude, origin.longitude, origin.altitude)
+        place = self._await(_PLACE, _TRUTH_S, 0)
+        return LocalOrigin.placing(truth, (place.x, place.y, place.z))
+
+    def _await(self, name: str, timeout_s: float, since_ns: int) -> Message:
+        message = self._link.wait_for(name, timeout_s, since_ns=since_ns)
+        if message is None:
+            raise LinkError(
+                f"the vehicle sends no {name}", "its pose", "is its position estimate valid?"
+            )
+        return message
 
     def newest_ns(self) -> int | None:
         """Local time up to which both position and attitude are known; None before the first."""
@@ -139,68 +226,6 @@ class PoseTracker:
             newest = min(self._places[-1].stamp_ns, self._turns[-1].stamp_ns)
             if stamp < oldest or stamp > newest + self._reach_ns:
                 return None
-            position, velocity = _place_at(self._places, stamp)
-            q = _turn_at(self._turns, stamp)
-        return VehiclePose(t_ns, position, velocity, *_euler(q))
-
-
-def _append(samples: deque[_Place] | deque[_Turn], sample: _Place | _Turn) -> None:
-    """Keep samples in order of time: a datagram may overtake another."""
-    if not samples or sample.stamp_ns > samples[-1].stamp_ns:
-        samples.append(sample)  # type: ignore[arg-type]
-
-
-def _place_at(samples: deque[_Place], stamp_ns: int) -> tuple[tuple[float, float, float], ...]:
-    """Position and velocity: straight between samples, on with the velocity beyond them."""
-    i = bisect.bisect_right(samples, stamp_ns, key=lambda s: s.stamp_ns)
-    a = samples[max(0, i - 1)]
-    if i >= len(samples):
-        dt_s = (stamp_ns - a.stamp_ns) / 1e9
-        x, y, z = (p + v * dt_s for p, v in zip(a.position, a.velocity, strict=True))
-        return (x, y, z), a.velocity
-    b = samples[i]
-    share = (stamp_ns - a.stamp_ns) / (b.stamp_ns - a.stamp_ns)
-    x, y, z = _mix(a.position, b.position, share)
-    u, v, w = _mix(a.velocity, b.velocity, share)
-    return (x, y, z), (u, v, w)
-
-
-def _turn_at(samples: deque[_Turn], stamp_ns: int) -> tuple[float, ...]:
-    """Quaternion: normalised mix of neighbours, on with the body rates beyond them."""
-    i = bisect.bisect_right(samples, stamp_ns, key=lambda s: s.stamp_ns)
-    a = samples[max(0, i - 1)]
-    if i >= len(samples):
-        return _turned(a.quaternion, a.rates, (stamp_ns - a.stamp_ns) / 1e9)
-    b = samples[i]
-    share = (stamp_ns - a.stamp_ns) / (b.stamp_ns - a.stamp_ns)
-    dot = sum(x * y for x, y in zip(a.quaternion, b.quaternion, strict=True))
-    other = b.quaternion if dot >= 0.0 else tuple(-x for x in b.quaternion)
-    return _mix(a.quaternion, other, share)
-
-
-def _mix(a: tuple[float, ...], b: tuple[float, ...], share: float) -> tuple[float, ...]:
-    return tuple(x + share * (y - x) for x, y in zip(a, b, strict=True))
-
-
-def _turned(
-    q: tuple[float, float, float, float], rates: tuple[float, float, float], dt_s: float
-) -> tuple[float, ...]:
-    """Quaternion after turning with constant body rates (rad/s) for a short time."""
-    w, x, y, z = q
-    a, b, c = (0.5 * rate * dt_s for rate in rates)
-    return (
-        w - x * a - y * b - z * c,
-        x + w * a + y * c - z * b,
-        y + w * b + z * a - x * c,
-        z + w * c + x * b - y * a,
-    )
-
-
-def _euler(q: tuple[float, ...]) -> tuple[float, float, float]:
-    """Roll, pitch and yaw (rad) of a quaternion (w, x, y, z) of any length but zero."""
-    n = math.sqrt(sum(v * v for v in q))
-    w, x, y, z = (v / n for v in q)
-    roll = math.atan2(2 * (w * x + y * z), 1 - 2 * (x * x + y * y))
-    pitch = math.asin(min(1.0, max(-1.0, 2 * (w * y - z * x))))
-    yaw = math.atan2(2 * (w * z + x * y), 1 - 2 * (y * y + z * z))
-    return roll, pitch, yaw
+            position, velocity = position_at(self._places, stamp)
+            q = attitude_at(self._turns, stamp)
+        return VehiclePose(t_ns, position, velocity, *euler(q))
