@@ -28,6 +28,7 @@ from dfvs_sim.bench.results import git_revision
 from dfvs_sim.bench.tables import write_rows
 from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.commands.bench_options import Countdown, add_task_options, check_outputs, tasks_from
+from dfvs_sim.demo.conditions import add_condition_options, conditions_from
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.options import write_json
 
@@ -59,6 +60,7 @@ def add_parser(subparsers: Any) -> None:
     add("--seed", type=int, default=0, metavar="N", help="noise of camera and vehicle (default: 0)")
     add("--timeout", type=float, default=60.0, metavar="S", help="give up a flight after so long")
     add("--ready", type=float, default=40.0, metavar="S", help="wait so long for the service")
+    add_condition_options(parser)
     add("--config", type=Path, metavar="FILE", help="settings of dfvs-service")
     add(
         "--set",
@@ -124,6 +126,7 @@ def _setting(args: argparse.Namespace) -> Setting:
         ready_s=args.ready,
         revision=git_revision(),
         config=args.config,
+        conditions=conditions_from(args),
     )
 
 
@@ -146,6 +149,7 @@ def _finish(args: argparse.Namespace, records: list[FlightRecord], wall_s: float
     print(summary_line(summary))
     if args.json is not None:
         document = {"methods": {"service": summary}, "matcher": args.bundle, "seed": args.seed}
+        document |= {"estimate": records[0].estimate, "wind": records[0].wind}
         write_json(args.json, document | run_facts(records, wall_s))
     if args.csv is not None:
         write_rows(args.csv, [row(record) for record in records])

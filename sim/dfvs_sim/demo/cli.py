@@ -9,12 +9,30 @@ from pathlib import Path
 
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_sim.demo.cameras import CAMERAS
-from dfvs_sim.demo.flight import Flight, FlightOptions
-from dfvs_sim.demo.pace import AUTO, SIZE_HELP, SIZES, as_text, measured_size
+from dfvs_sim.demo.conditions import (
+    Conditions,
+    add_condition_options,
+    conditions_from,
+    refuse_conditions,
+)
+from dfvs_sim.demo.fleet import Member, check_vehicles, fly_together
+from dfvs_sim.demo.flight import Flight
+from dfvs_sim.demo.options import FIRST_SYSTEM_ID, VEHICLE_NAME, FlightOptions
+from dfvs_sim.demo.pace import (
+    AUTO,
+    RATE_HZ,
+    SHARED_RATE_HZ,
+    SIZE_HELP,
+    SIZES,
+    as_text,
+    is_shared,
+    measured_size,
+)
 from dfvs_sim.demo.plan import FlightPlan, make_plan, parse_camera_pose
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results import replace_json, write_results
 from dfvs_sim.demo.summary import FlightSummary
+from dfvs_sim.demo.table import flight_table
 from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path, two_rooms_path
@@ -32,15 +50,20 @@ _EPILOG = """examples:
   dfvs-demo --dashboard                         watched in a browser
   dfvs-demo --start 0,0,-1.3,0 --goal 0.8,0.4,-1.2,20
   dfvs-demo --route                             three goals, through a doorway
+  dfvs-demo --vehicles 2                        two vehicles at a time
   dfvs-demo --autopilot udpin://127.0.0.1:14540 with a PX4 SITL that runs already
 """
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Fly; 0 if every flight converged, 1 if one did not, 2 if it cannot run."""
-    args = _parser().parse_args(argv)
+    words = tuple(sys.argv[1:] if argv is None else argv)
+    args = _parser().parse_args(words)
     progress = Progress()
     try:
+        _check(args)
+        if args.vehicles > 1:
+            return _fly_fleet(args, words, progress)
         return _fly_all(args, progress)
     except DfvsError as error:
         progress.say(f"error: {error}")
@@ -63,6 +86,17 @@ def _parser() -> argparse.ArgumentParser:
     add = parser.add_argument
     add("--seed", type=int, default=0, help="draws start and goal, and the noise")
     add("--runs", type=int, default=1, metavar="N", help="fly N seeds, one after the other")
+    add("--vehicles", type=int, default=1, metavar="N", help="fly N seeds at a time, 1 to 4")
+    add(
+        "--name", default=VEHICLE_NAME, help="vehicle name in the Zenoh keys (default: %(default)s)"
+    )
+    add(
+        "--system-id",
+        type=int,
+        metavar="N",
+        help="MAVLink system id (default: 1, or that of the vehicle on --autopilot's link)",
+    )
+    add_condition_options(parser)
     add("--start", metavar="X,Y,Z,YAW", help="start of the camera: NED in the scene, m, degrees")
     add(
         "--goal",
@@ -75,7 +109,13 @@ def _parser() -> argparse.ArgumentParser:
         action="store_true",
         help="fly through a doorway by three goals; the last one is out of sight at the start",
     )
-    add("--rate", type=float, default=15.0, metavar="HZ", help="frames a second")
+    add(
+        "--rate",
+        type=float,
+        metavar="HZ",
+        help=f"frames a second (default: {RATE_HZ:g}, or {SHARED_RATE_HZ:g} of each of several "
+        "vehicles that share too few cores)",
+    )
     add("--timeout", type=float, default=90.0, metavar="S", help="give up a flight after so long")
     add("--ready", type=float, default=40.0, metavar="S", help="wait so long for the service")
     add(
@@ -94,9 +134,52 @@ def _parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
+def _check(args: argparse.Namespace) -> None:
+    """Refuse what cannot be flown, and settle what other options decide."""
+    check_vehicles(args.vehicles)
     if args.runs < 1:
         raise ConfigError(f"--runs is {args.runs}", "1 or more")
+    if args.system_id is not None and not 1 <= args.system_id <= 250:
+        raise ConfigError(f"--system-id is {args.system_id}", "1 to 250")
+    if args.rate is None:
+        args.rate = SHARED_RATE_HZ if is_shared(args.vehicles) else RATE_HZ
+    if not 0.1 <= args.rate <= 240:
+        raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
+    if args.ground is not None and args.autopilot is None:
+        raise ConfigError("--ground without --autopilot", "the links of a running autopilot")
+    if args.json is not None and not args.json.absolute().parent.is_dir():
+        raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
+    if args.autopilot is not None:
+        refuse_conditions(args, "--autopilot")
+    conditions_from(args)
+
+
+def _fly_fleet(args: argparse.Namespace, words: tuple[str, ...], progress: Progress) -> int:
+    """Fly several vehicles at a time and print their table."""
+    for name, is_given in (("--runs", args.runs > 1), ("--autopilot", args.autopilot is not None)):
+        if is_given:
+            raise ConfigError(
+                f"{name} beside --vehicles",
+                "only one of them",
+                "dfvs-demo once for each, with --name, --system-id and --ground",
+            )
+    size = measured_size(progress.say, args.vehicles) if args.size == AUTO else args.size
+    words = (*words, "--size", size, "--rate", str(args.rate))
+    members = []
+    for k in range(args.vehicles):
+        folder = _made(_folder(args, args.seed) / f"vehicle-{k + 1}")
+        system_id = (args.system_id or FIRST_SYSTEM_ID) + k
+        members.append(Member(f"{args.name}-{k + 1}", system_id, args.seed + k, folder, words))
+    codes = fly_together(members, progress.say)
+    documents = [member.document() for member in members]
+    print(flight_table(documents))
+    if args.json is not None:
+        replace_json(args.json, documents)
+    return EXIT_OK if not any(codes) else max(EXIT_NOT_REACHED, *codes)
+
+
+def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
+    """Fly one seed after the other."""
     is_size_open = args.size == AUTO
     if is_size_open:
         args.size = as_text(SIZES[0][0])
@@ -105,8 +188,6 @@ def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
         _take_route(args)
     start = None if args.start is None else parse_camera_pose(args.start, "--start")
     goals = [parse_camera_pose(text, "--goal") for text in args.goal or ()]
-    if args.json is not None and not args.json.absolute().parent.is_dir():
-        raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
     if is_size_open:
         make_plan(renderer, camera, args.seed, start, goals)  # what cannot be flown is said first
@@ -119,7 +200,7 @@ def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
         summaries.append(_fly_one(plan, args, folder, progress))
         _write_json(args, summaries)
     if args.runs > 1:
-        _print_table(summaries)
+        print(flight_table([s.to_json() for s in summaries]))
     return EXIT_OK if all(s.converged for s in summaries) else EXIT_NOT_REACHED
 
 
@@ -135,6 +216,10 @@ def _folder(args: argparse.Namespace, seed: int) -> Path:
     folder: Path = args.out or Path(f"demo-{seed}")
     if args.out is not None and args.runs > 1:
         folder = folder / f"seed-{seed}"
+    return _made(folder)
+
+
+def _made(folder: Path) -> Path:
     try:
         folder.mkdir(parents=True, exist_ok=True)
     except OSError as error:
@@ -153,6 +238,9 @@ def _fly_one(
         timeout_s=args.timeout,
         ready_s=args.ready,
         rate_hz=args.rate,
+        vehicle=args.name,
+        system_id=args.system_id,
+        conditions=conditions_from(args) if args.autopilot is None else Conditions(),
         autopilot=args.autopilot,
         ground=args.ground,
         service=tuple(args.service.split()),
@@ -183,18 +271,6 @@ def _write_json(args: argparse.Namespace, summaries: list[FlightSummary]) -> Non
         return
     documents = [s.to_json() for s in summaries]
     replace_json(args.json, documents[0] if args.runs == 1 else documents)
-
-
-def _print_table(summaries: list[FlightSummary]) -> None:
-    print("seed  start m  start deg  final cm  final deg   time s  path  end")
-    for s in summaries:
-        print(
-            f"{s.seed:4d}  {s.initial_translation_m:7.2f}  {s.initial_rotation_deg:9.1f}  "
-            f"{s.final_translation_m * 100:8.2f}  {s.final_rotation_deg:9.2f}  "
-            f"{s.duration_s:7.1f}  {s.path_ratio:4.2f}  "
-            f"{'converged' if s.converged else s.end_state}"
-        )
-    print(f"{sum(s.converged for s in summaries)} of {len(summaries)} converged")
 
 
 if __name__ == "__main__":

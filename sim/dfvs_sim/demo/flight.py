@@ -9,16 +9,20 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from dfvs_core.arrays import FloatArray
 from dfvs_core.errors import DfvsError
 from dfvs_core.topics import Topics
 from dfvs_core.wire.picture import encode_png
-from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, Publish
+from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
+from dfvs_sim.demo.anchor import FlightError, anchored_poses
 from dfvs_sim.demo.cameras import CameraLink, camera_link
 from dfvs_sim.demo.children import Child
-from dfvs_sim.demo.pace import service_threads
+from dfvs_sim.demo.engagement import ENDED, READY, UNDER_WAY, Engagement, engagement_of
+from dfvs_sim.demo.floor import TakeOff
+from dfvs_sim.demo.identity import flown_system_id
+from dfvs_sim.demo.options import USUAL_GROUND_URL, VEHICLE_NAME, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.ports import LOOPBACK, FlightPorts
+from dfvs_sim.demo.processes import FlightProcesses
 from dfvs_sim.demo.track import Track
 from dfvs_sim.demo.watch import TelemetryWatch
 from dfvs_sim.ground.link import GroundLink
@@ -26,17 +30,22 @@ from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.ground.pose import PoseTracker
 from dfvs_sim.zenoh_session import open_peer
 
-ENDED = frozenset({"DONE", "ABORT", "RELEASED"})
-READY = frozenset({"READY"})
-VEHICLE_NAME = "demo"
+__all__ = [
+    "VEHICLE_NAME",
+    "Crew",
+    "Flight",
+    "FlightError",
+    "FlightLog",
+    "FlightOptions",
+    "Narrate",
+    "NotReadyError",
+    "running",
+]
+
 _STARTUP_S = 40.0
 _SETTLE_S = 1.0
 
 Narrate = Callable[[str], None]
-
-
-class FlightError(DfvsError):
-    """The flight could not be brought up."""
 
 
 class NotReadyError(FlightError):
@@ -44,36 +53,11 @@ class NotReadyError(FlightError):
 
 
 @dataclass(frozen=True, slots=True)
-class FlightOptions:
-    """How to fly.
-
-    ``ready_s`` is how long the service may take to be ready, ``timeout_s`` how long to arrive.
-    ``autopilot`` is the MAVLink URL of a vehicle that runs already, and ``ground`` that of its
-    ground-station link; None starts the simulated one. ``service`` holds further words for
-    ``dfvs-service``; ``camera`` says how frames travel (see ``CAMERAS``), ``camera_nice`` how far
-    the simulated one gives way to the service. With ``dashboard`` the
-    flight can be watched in a browser; ``pause`` is then called before it and after it, with what
-    the user may do.
-    """
-
-    height_m: float = 1.5
-    timeout_s: float = 90.0
-    ready_s: float = 40.0
-    rate_hz: float = 15.0
-    camera_nice: int = 0
-    autopilot: str | None = None
-    ground: str | None = None
-    service: tuple[str, ...] = ()
-    camera: str = "dfvs"
-    dashboard: bool = False
-    pause: Callable[[str], None] = lambda _: None
-
-
-@dataclass(frozen=True, slots=True)
 class FlightLog:
     """What is known after a flight."""
 
     plan: FlightPlan
+    options: FlightOptions
     track: Track
     watch: TelemetryWatch
     engaged_ns: int
@@ -105,6 +89,11 @@ class Flight:
         Exists; takes goal, logs and records.
     narrate : callable
         Takes one line for the user at every step.
+
+    Raises
+    ------
+    ConfigError
+        If the service would never engage with these words.
     """
 
     def __init__(
@@ -114,9 +103,10 @@ class Flight:
         self._options = options
         self._folder = folder
         self._narrate = narrate
+        self._engagement = engagement_of(options.service)
         self._ports = FlightPorts.choose()
-        self._link: CameraLink = camera_link(options.camera, VEHICLE_NAME, plan.camera)
-        self._record = None if options.autopilot else folder / "vehicle.jsonl"
+        self._link: CameraLink = camera_link(options.camera, options.vehicle, plan.camera)
+        self._processes = FlightProcesses(options, self._ports, self._link, folder, plan.seed)
 
     def run(self, on_progress: Callable[[TelemetryWatch, Track], None]) -> FlightLog:
         """Fly.
@@ -128,47 +118,25 @@ class Flight:
         """
         self._write_goals()
         with contextlib.ExitStack() as stack:
-            page = stack.enter_context(self._dashboard()) if self._options.dashboard else None
-            if self._options.autopilot is None:
-                stack.enter_context(self._vehicle())
-            link = stack.enter_context(GroundLink(self._ground_url()))
-            pilot, tracker = Pilot(link), PoseTracker(link)
-            self._narrate("waiting for the vehicle")
-            tracker.start(_STARTUP_S)
-            pilot.prepare()
-            to_scene = self._anchor(tracker)
-            track = Track(to_scene, self._plan.T_scene_goal)
-            session = stack.enter_context(open_peer(self._ports.zenoh_endpoint))
-            camera = self._camera(to_scene, self._link.publisher(session))
-            stack.enter_context(running(camera.run, "camera"))
-            self._narrate(f"the pilot takes off to {self._options.height_m:g} m")
-            pilot.take_off(self._options.height_m)
-            watch = TelemetryWatch(session, Topics(VEHICLE_NAME))
-            self._narrate("starting dfvs-service")
-            service = stack.enter_context(self._service())
-            self.await_ready(watch, service)
-            if page is not None and page.exit_code is not None:
-                raise FlightError(f"dfvs-dashboard ended at once:\n{page.last_lines()}")
-            self._options.pause("press Enter to fly")
-            self.await_ready(watch, service)  # it may have been lost meanwhile
-            stack.enter_context(running(track.run, "track"))
-            self._narrate("the pilot switches to OFFBOARD")
-            engaged_ns = time.monotonic_ns()
-            pilot.engage_offboard()
-            self.fly(Crew(pilot, watch, track, service, camera), on_progress)
+            stack.callback(self._ports.close)
+            crew = self._bring_up(stack)
+            engaged_ns = self._engage(crew)
+            self.fly(crew, on_progress)
             ended_ns = time.monotonic_ns()
             time.sleep(_SETTLE_S)
+            watch = crew.watch
             log = FlightLog(
                 self._plan,
-                track,
+                self._options,
+                crew.track,
                 watch,
                 engaged_ns,
                 ended_ns,
                 watch.state,
                 watch.cause,
-                self._record,
+                self._processes.vehicle_record,
             )
-            pilot.hold()
+            crew.pilot.hold()
             self._options.pause("press Enter to end")
         return log
 
@@ -183,70 +151,86 @@ class Flight:
             sidecar = self._plan.goal_sidecar(pose).to_json()
             path.with_suffix(".json").write_text(sidecar, encoding="utf-8")
 
-    def _dashboard(self) -> Child:
-        """Serve the page that shows the flight."""
-        port = str(self._ports.dashboard)
-        words = ["dfvs_service.dashboard.cli", "--port", port]
-        words += ["--connect", self._ports.zenoh_endpoint]
-        child = Child("dashboard", words, self._folder / "dashboard.log")
-        self._narrate(f"dashboard at http://{LOOPBACK}:{port}/")
-        return child
+    def _bring_up(self, stack: contextlib.ExitStack) -> Crew:
+        """Start everything, up to a service that is ready beside a vehicle in the air."""
+        page = self._dashboard(stack)
+        link = self._ground_link(stack)
+        pilot, tracker = Pilot(link, narrate=self._narrate), PoseTracker(link)
+        self._await_vehicle(pilot, tracker)
+        take_off = self._take_off()
+        to_scene = anchored_poses(self._plan, tracker, take_off.height_m)
+        track = Track(to_scene, self._plan.T_scene_goal)
+        session = stack.enter_context(open_peer(self._ports.zenoh_endpoint))
+        camera = MockCamera(
+            self._camera_config(), self._plan.renderer, to_scene, self._link.publisher(session)
+        )
+        stack.enter_context(running(camera.run, "camera"))
+        stack.enter_context(running(track.run, "track"))
+        stack.callback(self._bring_down, pilot)
+        self._narrate(f"the pilot takes off to {take_off.height_m:.2f} m")
+        pilot.take_off(take_off.height_m)
+        watch = TelemetryWatch(session, Topics(self._options.vehicle))
+        self._narrate("starting dfvs-service")
+        service = stack.enter_context(self._processes.service(self._goal_pictures()))
+        self.await_ready(watch, service, self._engagement.ready_states)
+        if page is not None and page.exit_code is not None:
+            raise FlightError(f"dfvs-dashboard ended at once:\n{page.last_lines()}")
+        return Crew(pilot, watch, track, service, camera)
 
-    def _vehicle(self) -> Child:
-        words = [
-            *("dfvs_sim.cli", "vehicle", "--seed", str(self._plan.seed)),
-            *("--companion-port", str(self._ports.companion), "--companion-local-port", "0"),
-            *("--gcs-port", str(self._ports.ground), "--gcs-local-port", "0"),
-            *("--record", str(self._record)),
-        ]
-        return Child("vehicle", words, self._folder / "vehicle.log")
+    def _dashboard(self, stack: contextlib.ExitStack) -> Child | None:
+        if not self._options.dashboard:
+            return None
+        self._narrate(f"dashboard at {self._processes.dashboard_url}")
+        return stack.enter_context(self._processes.dashboard())
 
-    def _service(self) -> Child:
-        mavlink = self._options.autopilot or f"udpin://{LOOPBACK}:{self._ports.companion}"
-        words = [
-            *("dfvs_service.cli", "--goal", *map(str, self._goal_pictures())),
-            *("--vehicle", VEHICLE_NAME, "--mavlink", mavlink),
-            *("--set", f'zenoh.listen=["{self._ports.zenoh_endpoint}"]'),
-            *("--set", f"flow.threads={service_threads()}"),
-            *self._link.service_words,
-            *self._options.service,
-        ]
-        return Child("service", words, self._folder / "service.log")
+    def _ground_link(self, stack: contextlib.ExitStack) -> GroundLink:
+        """Ground-station link to the very vehicle that the service will fly."""
+        usual = USUAL_GROUND_URL
+        if self._options.is_simulated:
+            stack.enter_context(self._processes.vehicle())
+            usual = f"udpin://{LOOPBACK}:{self._ports.ground}"
+        system_id = flown_system_id(self._options, _STARTUP_S)
+        return stack.enter_context(GroundLink(self._options.ground or usual, system_id))
 
-    def _ground_url(self) -> str:
-        if self._options.ground is not None:
-            return self._options.ground
-        return f"udpin://{LOOPBACK}:{self._ports.ground}"
+    def _await_vehicle(self, pilot: Pilot, tracker: PoseTracker) -> None:
+        """Wait until the vehicle stands on the ground and can be armed."""
+        self._narrate("waiting for the vehicle")
+        tracker.start(_STARTUP_S)
+        if pilot.is_flying():
+            self._narrate("the vehicle flies already: the pilot lands it first")
+            pilot.land()
+        pilot.prepare()
 
-    def _anchor(self, tracker: PoseTracker) -> Callable[[int], FloatArray | None]:
-        """Place the local frame in the scene; gives the camera's pose there at a time."""
-        pose = tracker.pose_at(time.monotonic_ns())
-        if pose is None:
-            raise FlightError("the vehicle's pose is not known", "LOCAL_POSITION_NED and attitude")
-        T_scene_local = self._plan.T_scene_local(pose.T_local_body(), self._options.height_m)
-        T_body_camera = self._plan.mount.T_body_camera()
+    def _take_off(self) -> TakeOff:
+        """How far to climb, by the scene's floor where nothing is said."""
+        if self._options.height_m is not None:
+            return TakeOff(self._options.height_m)
+        take_off = self._plan.take_off()
+        if take_off.remark:
+            self._narrate(take_off.remark)
+        return take_off
 
-        def T_scene_camera(t_ns: int) -> FloatArray | None:
-            now = tracker.pose_at(t_ns)
-            return None if now is None else T_scene_local @ now.T_local_body() @ T_body_camera
+    def _bring_down(self, pilot: Pilot) -> None:
+        """Leave another's vehicle on the ground; the simulated one ends in the air."""
+        if not self._options.is_simulated:
+            self._narrate("the pilot lands")
+            try:
+                pilot.land()
+            except DfvsError as error:
+                self._narrate(f"the vehicle is not landed: {error}")
 
-        return T_scene_camera
-
-    def _camera(
-        self,
-        T_scene_camera: Callable[[int], FloatArray | None],
-        publish: Publish,
-    ) -> MockCamera:
-        config = MockCameraConfig(
+    def _camera_config(self) -> MockCameraConfig:
+        return MockCameraConfig(
             self._plan.camera,
             rate_hz=self._options.rate_hz,
             pixel_format=self._link.pixel_format,
             seed=self._plan.seed,
             nice=self._options.camera_nice,
         )
-        return MockCamera(config, self._plan.renderer, T_scene_camera, publish)
 
-    def await_ready(self, watch: TelemetryWatch, service: Child) -> None:
+    def await_ready(
+        self, watch: TelemetryWatch, service: Child, wanted: frozenset[str] = READY
+    ) -> None:
         """Wait until the service is ready.
 
         Raises
@@ -258,13 +242,39 @@ class Flight:
         """
         deadline = time.monotonic() + self._options.ready_s
         while time.monotonic() < deadline:
-            if watch.wait_for_state(READY, 0.5) is not None:
+            if watch.wait_for_state(wanted, 0.5) is not None:
                 return
             if service.exit_code is not None:
                 raise FlightError(f"dfvs-service ended at once:\n{service.last_lines()}")
         raise NotReadyError(
             f"dfvs-service is not ready after {self._options.ready_s:g} s "
             f"(state {watch.state or 'unknown'}: {watch.cause or service.last_lines()})"
+        )
+
+    def _engage(self, crew: Crew) -> int:
+        """Let the service fly the vehicle; returns when it was engaged (monotonic ns)."""
+        if self._engagement is Engagement.PILOT:
+            self._options.pause("press Enter to fly")
+            self.await_ready(crew.watch, crew.service)  # it may have been lost meanwhile
+            self._narrate("the pilot switches to OFFBOARD")
+            engaged_ns = time.monotonic_ns()
+            crew.pilot.engage_offboard()
+            return engaged_ns
+        self._narrate(self._waiting_to_engage())
+        if crew.watch.wait_for_state(UNDER_WAY | ENDED, self._options.timeout_s) is None:
+            raise NotReadyError(
+                f"dfvs-service does not engage within {self._options.timeout_s:g} s "
+                f"(state {crew.watch.state}: {crew.watch.cause})"
+            )
+        return crew.watch.entered_ns(UNDER_WAY | ENDED)
+
+    def _waiting_to_engage(self) -> str:
+        if self._engagement is Engagement.AUTO:
+            return "the service engages by itself"
+        listen = f"'zenoh.listen=[\"{self._ports.zenoh_endpoint}\"]'"
+        return (
+            "waiting for a signed command: dfvs-service command engage --key-file KEY "
+            f"--vehicle {self._options.vehicle} --set {listen}"
         )
 
     def fly(self, crew: Crew, on_progress: Callable[[TelemetryWatch, Track], None]) -> None:

@@ -16,6 +16,9 @@ from dfvs_models.catalog import load_matcher
 SIZES = (((320, 240), 28.0), ((256, 192), 40.0), ((192, 144), np.inf))
 """Picture sizes, and how long a match of the largest one may take for each, ms."""
 
+RATE_HZ, SHARED_RATE_HZ = 15.0, 10.0
+"""Frames a second of one vehicle, and of each of several that share too few cores."""
+
 AUTO = "auto"
 SIZE_HELP = "picture size in px, or auto: what this machine can compare in time"
 
@@ -26,6 +29,11 @@ _SHIFT_PX = 3
 def service_threads() -> int:
     """Threads for the comparison: one where the simulation needs the only other core."""
     return 1 if (os.cpu_count() or 1) <= 2 else 2
+
+
+def is_shared(vehicles: int) -> bool:
+    """Whether several vehicles have fewer than two cores each."""
+    return vehicles > 1 and (os.cpu_count() or 1) < 2 * vehicles
 
 
 def match_ms() -> float:
@@ -48,8 +56,12 @@ def affordable_size(taken_ms: float) -> tuple[int, int]:
     return next(size for size, most_ms in SIZES if taken_ms <= most_ms)
 
 
-def measured_size(say: Callable[[str], None]) -> str:
+def measured_size(say: Callable[[str], None], vehicles: int = 1) -> str:
     """Size of the pictures by what this machine takes for a match, as ``--size`` takes it."""
+    if is_shared(vehicles):
+        size = as_text(SIZES[-1][0])
+        say(f"{vehicles} vehicles on {os.cpu_count()} cores: pictures of {size} (--size)")
+        return size
     taken_ms = match_ms()
     size = as_text(affordable_size(taken_ms))
     say(f"{taken_ms:.0f} ms a match on this machine: pictures of {size} (--size)")

@@ -13,6 +13,7 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
 from dfvs_core.goal import GoalSidecar, Mount
 from dfvs_core.poses import invert_pose, make_pose, pose_error, rotation_from_euler
+from dfvs_sim.demo.floor import TakeOff, take_off_from_floor
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.poses import camera_pose, sample_task
 
@@ -51,6 +52,12 @@ class FlightPlan:
         """How the picture of a goal was taken."""
         pose = tuple(float(v) for v in T_scene_goal.reshape(-1))
         return GoalSidecar(self.camera, mount=self.mount, pose_camera=pose)
+
+    def take_off(self) -> TakeOff:
+        """How far the vehicle climbs from the scene's floor to the start."""
+        T_camera_body = invert_pose(self.mount.T_body_camera())
+        poses = (self.T_scene_start, *self.goals)
+        return take_off_from_floor(self.renderer, [(T @ T_camera_body)[:3, 3] for T in poses])
 
     def T_scene_local(self, T_local_ground: FloatArray, height_m: float) -> FloatArray:
         """Where the autopilot's local frame lies in the scene, so that hovering is the start.

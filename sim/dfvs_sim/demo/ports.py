@@ -1,4 +1,7 @@
-"""Network ports for one flight: the usual ones where they are free, else any others.
+"""Network ports for one flight.
+
+MAVLink ports are any that are free: a PX4 that runs already sends to the usual ones. The others are
+the usual ones where they are free.
 
 Ports are chosen long before the service binds them. A lock keeps other flights from choosing the
 same ones meanwhile: an abstract Unix socket, which ends with its process and leaves nothing behind.
@@ -9,12 +12,11 @@ from __future__ import annotations
 import socket
 from dataclasses import dataclass, field
 
-USUAL_GROUND = 14550
-USUAL_COMPANION = 14540
 USUAL_ZENOH = 7447
 USUAL_DASHBOARD = 8470
 LOOPBACK = "127.0.0.1"
 
+_ANY = 0
 _TRIES = 20
 
 
@@ -43,8 +45,8 @@ class FlightPorts:
             If there are none.
         """
         wanted = (
-            (USUAL_GROUND, socket.SOCK_DGRAM),
-            (USUAL_COMPANION, socket.SOCK_DGRAM),
+            (_ANY, socket.SOCK_DGRAM),
+            (_ANY, socket.SOCK_DGRAM),
             (USUAL_ZENOH, socket.SOCK_STREAM),
             (USUAL_DASHBOARD, socket.SOCK_STREAM),
         )
@@ -66,7 +68,7 @@ def any_port(kind: socket.SocketKind) -> int:
     OSError
         If there is none.
     """
-    port = _free(0, kind)
+    port = _free(_ANY, kind)
     if port is None:
         raise OSError("no free port")
     return port
@@ -74,7 +76,7 @@ def any_port(kind: socket.SocketKind) -> int:
 
 def _locked(preferred: int, kind: socket.SocketKind) -> tuple[int, socket.socket]:
     """Return the preferred port if it is free, else one that the system chooses, and its lock."""
-    for wanted in (preferred, *[0] * _TRIES):
+    for wanted in (preferred, *[_ANY] * _TRIES):
         port = _free(wanted, kind)
         lock = None if port is None else _lock(port, kind)
         if port is not None and lock is not None:

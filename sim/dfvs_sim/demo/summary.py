@@ -29,6 +29,8 @@ class FlightSummary:
     (beside a foreign autopilot: to the report for the gate); ``stages_ms``: where that time went.
     ``max_setpoint_gap_ms``: by the simulated vehicle's
     own record, while engaged; None beside a foreign autopilot. ``states``: the gate's, in order.
+    ``vehicle``: its name. ``estimate``, ``wind``: what the simulated vehicle was flown with; None
+    beside a foreign autopilot.
     """
 
     converged: bool
@@ -46,6 +48,9 @@ class FlightSummary:
     stages_ms: dict[str, dict[str, float]]
     max_setpoint_gap_ms: float | None
     states: list[str]
+    vehicle: str = ""
+    estimate: str | None = None
+    wind: str | None = None
 
     def to_json(self) -> dict[str, Any]:
         """Mapping that JSON can hold: no NaN."""
@@ -65,6 +70,7 @@ def summarise(log: FlightLog) -> FlightSummary:
     final_m, final_rad = settled_error(settled)
     setpoints = _engaged_setpoints_ns(log)
     done = log.end_state == "DONE"
+    conditions = log.options.conditions if log.options.is_simulated else None
     close = final_m < CONVERGED_M and math.degrees(final_rad) < CONVERGED_DEG
     return FlightSummary(
         converged=done and close,
@@ -82,6 +88,9 @@ def summarise(log: FlightLog) -> FlightSummary:
         stages_ms=log.watch.timing.get("stages", {}),
         max_setpoint_gap_ms=_max_setpoint_gap_ms(setpoints),
         states=[state for t_ns, state in log.watch.states if t_ns <= log.ended_ns],
+        vehicle=log.options.vehicle,
+        estimate=conditions.estimate if conditions else None,
+        wind=conditions.wind if conditions else None,
     )
 
 

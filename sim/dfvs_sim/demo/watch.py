@@ -53,6 +53,17 @@ class TelemetryWatch:
             reached = self._changed.wait_for(lambda: self.state in wanted, timeout_s)
             return self.state if reached else None
 
+    def entered_ns(self, states: frozenset[str]) -> int:
+        """When the first of these states was entered (monotonic ns of its arrival).
+
+        Raises
+        ------
+        ValueError
+            If none of them was.
+        """
+        with self._changed:
+            return min(t_ns for t_ns, state in self.states if state in states)
+
     def _on_state(self, sample: zenoh.Sample) -> None:
         status = json.loads(sample.payload.to_bytes())
         with self._changed:

@@ -25,6 +25,7 @@ from dfvs_sim.bench.drone.section import drone_section
 from dfvs_sim.bench.drone.tables import flight_line, row, summarise, summary_line
 from dfvs_sim.bench.inputs import input_digest
 from dfvs_sim.bench.task import BenchTask
+from dfvs_sim.demo.conditions import Conditions
 from dfvs_sim.demo.track import TrackPoint
 from dfvs_sim.scene.poses import camera_pose
 
@@ -150,6 +151,8 @@ def test_a_record_comes_back_from_disk(tmp_path):
         {"service": ("--set", "gate.proof_s=0")},
         {"limits": VelocityLimits(horizontal_m_s=0.4)},
         {"timeout_s": 10.0},
+        {"conditions": Conditions("medium")},
+        {"conditions": Conditions("perfect", "breeze")},
     ],
 )
 def test_a_flight_with_other_settings_is_flown_again(tmp_path, changes):
@@ -211,6 +214,7 @@ def test_the_summary_is_honest_about_what_was_not_flown():
 def test_the_report_has_a_row_for_every_flight():
     text = drone_section([record(), LOST])
     assert "0.5 m/s over ground, 0.3 m/s" in text
+    assert "State estimate of the vehicle: perfect; wind:\ncalm." in text
     assert "<td>9.0 s<td>2.25<td>12.0 s<td>3.00<td>0.010 m<td>0.20°" in text
     assert "NOT READY: the goal is not in view" in text
 

@@ -15,7 +15,8 @@ from dfvs_sim.bench.drone.levelled import turn_rad
 from dfvs_sim.bench.drone.records import NOT_READY, FlightRecord, Setting
 from dfvs_sim.bench.inputs import input_digest
 from dfvs_sim.bench.task import BenchTask
-from dfvs_sim.demo.flight import Flight, FlightOptions, NotReadyError
+from dfvs_sim.demo.flight import Flight, NotReadyError
+from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results import write_results
@@ -54,7 +55,10 @@ def fly(task: BenchTask, setting: Setting, folder: Path, progress: Progress) -> 
     poses = (task.T_world_start, task.T_world_goal)
     plan = FlightPlan(renderer_of(task.scene), task.camera, Mount(), *poses, setting.seed)
     options = FlightOptions(
-        timeout_s=setting.timeout_s, ready_s=setting.ready_s, service=setting.words
+        timeout_s=setting.timeout_s,
+        ready_s=setting.ready_s,
+        service=setting.words,
+        conditions=setting.conditions,
     )
     flight = Flight(plan, options, folder, lambda text: progress.say(f"  {text}"))
     try:
@@ -118,6 +122,8 @@ def _record(task: BenchTask, setting: Setting, end: End) -> FlightRecord:
         revision=setting.revision,
         timeout_s=setting.timeout_s,
         inputs=input_digest(task, setting.matcher, setting.config),
+        estimate=setting.conditions.estimate,
+        wind=setting.conditions.wind,
     )
 
 

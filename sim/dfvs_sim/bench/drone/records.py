@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
@@ -11,6 +11,7 @@ from dfvs_sim.bench.documents import read_document
 from dfvs_sim.bench.drone.bound import TimeBound
 from dfvs_sim.bench.inputs import input_digest
 from dfvs_sim.bench.task import BenchTask, same_poses
+from dfvs_sim.demo.conditions import Conditions
 from dfvs_sim.demo.results import replace_json
 
 NOT_READY = "NOT READY"
@@ -37,6 +38,8 @@ class Setting:
         Of the program.
     config : Path or None
         Settings file of the service, which ``service`` names too.
+    conditions : Conditions
+        State estimate and wind of the vehicle.
     """
 
     matcher: str
@@ -47,6 +50,7 @@ class Setting:
     ready_s: float
     revision: str
     config: Path | None = None
+    conditions: Conditions = field(default_factory=Conditions)
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -95,6 +99,8 @@ class FlightRecord:
         How long the flight might have taken.
     inputs : str
         Hash of scene, intrinsics, matcher and settings file; see ``input_digest``.
+    estimate, wind : str
+        What the vehicle was flown with; see ``Conditions``.
     """
 
     task: str
@@ -123,6 +129,8 @@ class FlightRecord:
     revision: str
     timeout_s: float = 0.0
     inputs: str = ""
+    estimate: str = "perfect"
+    wind: str = "calm"
 
     @property
     def within_ratio(self) -> float | None:
@@ -184,7 +192,8 @@ def fits(record: FlightRecord, task: BenchTask, setting: Setting) -> bool:
     same = (record.matcher, record.service, record.seed, record.limits, record.timeout_s)
     wanted = (setting.matcher, setting.service, setting.seed, setting.limits, setting.timeout_s)
     return (
-        same_poses((record.start, record.goal), task.poses)
+        Conditions(record.estimate, record.wind) == setting.conditions
+        and same_poses((record.start, record.goal), task.poses)
         and same == wanted
         and record.version == version("dfvs")
         and record.end_state != NOT_READY

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable, Sequence
 
 from dfvs_sim.bench.drone.records import FlightRecord
 from dfvs_sim.bench.drone.tables import summarise, summary_line
@@ -29,7 +29,8 @@ four degrees of freedom: start and goal levelled, the goal picture taken anew. T
 least time that the straight line takes at {horizontal:g} m/s over ground, {vertical:g} m/s
 vertically, {yaw:.0f}°/s, and changes of at most {slew:g} m/s² and {yaw_slew:.0f}°/s², by a vehicle
 that follows at once. Times count from the pilot's switch; errors are by the truth. The paper has no
-such table: its one flight is judged by eye.</p><p>{summary}.</p>"""
+such table: its one flight is judged by eye. State estimate of the vehicle: {estimate}; wind:
+{wind}.</p><p>{summary}.</p>"""
 
 
 def drone_section(records: Sequence[FlightRecord]) -> str:
@@ -41,9 +42,15 @@ def drone_section(records: Sequence[FlightRecord]) -> str:
         yaw=math.degrees(limits.yaw_rad_s),
         slew=limits.slew_m_s2,
         yaw_slew=math.degrees(limits.yaw_slew_rad_s2),
+        estimate=_all_of(record.estimate for record in records),
+        wind=_all_of(record.wind for record in records),
         summary=summary_line(summarise(records)),
     )
     return f"<h2>Flights</h2>{text}{table(_HEAD, [_row(record) for record in records])}"
+
+
+def _all_of(names: Iterable[str]) -> str:
+    return ", ".join(sorted(set(names)))
 
 
 def _row(record: FlightRecord) -> tuple[str, ...]:

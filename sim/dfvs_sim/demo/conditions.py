@@ -1,0 +1,77 @@
+"""What a simulated flight meets: errors of the state estimate, and wind."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import dataclass
+from typing import Any
+
+from dfvs_core.errors import ConfigError
+from dfvs_sim.commands import vehicle
+from dfvs_sim.vehicle.estimate_errors import EstimateGrade
+
+USUAL_ESTIMATE = EstimateGrade.MEDIUM.value
+"""As of a drone between optical flow and satellites alone."""
+
+
+@dataclass(frozen=True, slots=True)
+class Conditions:
+    """Grade of the state estimate and wind, as ``dfvs-sim vehicle`` takes them.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such grade or wind.
+    """
+
+    estimate: str = EstimateGrade.PERFECT.value
+    wind: str = "calm"
+
+    def __post_init__(self) -> None:
+        parser = argparse.ArgumentParser()
+        vehicle.add_options(parser)
+        vehicle.config_from_args(parser.parse_args(self.words))
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """Words for ``dfvs-sim vehicle``."""
+        return f"--estimate={self.estimate}", f"--wind={self.wind}"
+
+
+def add_condition_options(parser: Any) -> None:
+    """Add ``--estimate`` and ``--wind``."""
+    grades = ", ".join(grade.value for grade in EstimateGrade)
+    parser.add_argument(
+        "--estimate",
+        metavar="GRADE",
+        help=f"errors of the simulated state estimate: {grades} (default: {USUAL_ESTIMATE})",
+    )
+    parser.add_argument(
+        "--wind",
+        metavar="GRADE|N,E",
+        help="wind on the simulated vehicle, as dfvs-sim vehicle takes it (default: calm)",
+    )
+
+
+def conditions_from(args: argparse.Namespace) -> Conditions:
+    """Conditions of ``--estimate`` and ``--wind``.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such grade or wind.
+    """
+    return Conditions(args.estimate or USUAL_ESTIMATE, args.wind or Conditions().wind)
+
+
+def refuse_conditions(args: argparse.Namespace, beside: str) -> None:
+    """Refuse the options where no vehicle is simulated.
+
+    Raises
+    ------
+    ConfigError
+        If one was given.
+    """
+    for name in ("estimate", "wind"):
+        if getattr(args, name) is not None:
+            raise ConfigError(f"--{name} beside {beside}", "only one of them")

@@ -1,0 +1,70 @@
+"""Options of one demo flight."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+from dfvs_sim.demo.conditions import Conditions
+
+VEHICLE_NAME = "demo"
+FIRST_SYSTEM_ID = 1
+"""Of the simulated vehicle, as of a PX4 SITL."""
+
+USUAL_GROUND_URL = "udpin://127.0.0.1:14550"
+
+
+@dataclass(frozen=True, slots=True)
+class FlightOptions:
+    """How to fly.
+
+    Parameters
+    ----------
+    height_m : float or None
+        How far to climb; None climbs to the start's height above the scene's floor.
+    timeout_s, ready_s : float
+        How long the flight may take, and the service to be ready.
+    rate_hz : float
+        Frames a second.
+    camera_nice : int
+        How far the simulated camera gives way to the service.
+    vehicle : str
+        Name of the vehicle in the Zenoh keys.
+    system_id : int or None
+        MAVLink system id; None takes 1 for the simulated vehicle, and the id on the companion's
+        link for another one.
+    autopilot : str or None
+        MAVLink URL of a vehicle that runs already; None starts the simulated one.
+    ground : str or None
+        URL of that vehicle's ground-station link.
+    conditions : Conditions
+        Of the simulated vehicle.
+    service : tuple of str
+        Further words for ``dfvs-service``.
+    camera : str
+        How frames travel (see ``CAMERAS``).
+    dashboard : bool
+        Serve a page to watch the flight in a browser.
+    pause : callable
+        Called before and after a flight with what the user may do.
+    """
+
+    height_m: float | None = None
+    timeout_s: float = 90.0
+    ready_s: float = 40.0
+    rate_hz: float = 15.0
+    camera_nice: int = 0
+    vehicle: str = VEHICLE_NAME
+    system_id: int | None = None
+    autopilot: str | None = None
+    ground: str | None = None
+    conditions: Conditions = field(default_factory=Conditions)
+    service: tuple[str, ...] = ()
+    camera: str = "dfvs"
+    dashboard: bool = False
+    pause: Callable[[str], None] = lambda _: None
+
+    @property
+    def is_simulated(self) -> bool:
+        """Whether the flight brings its own simulated vehicle."""
+        return self.autopilot is None
