@@ -2,8 +2,8 @@
 
 The velocity error of a horizontal axis is a second-order Gauss-Markov process, that of the
 vertical axis a first-order one. The position error follows it as in an EKF that is corrected by
-position measurements: de_p/dt = e_v - e_p / position_time_s. Attitude errors are a constant bias
-plus a second-order Gauss-Markov process.
+position measurements: de_p/dt = e_v - e_p / time, with a time for each direction. Attitude errors
+are a constant bias plus a second-order Gauss-Markov process.
 """
 
 from __future__ import annotations
@@ -33,22 +33,25 @@ class EstimateErrors:
     """Standard deviations of the errors, and their correlation times in s.
 
     Velocity (m/s): ``velocity`` of each horizontal axis, ``climb`` of the vertical one, and
-    ``jitter``, white noise on the horizontal axes. Position (m): constant offsets, drawn once a
-    flight, of each horizontal axis and of the height. Attitude (degrees): wander and bias of roll
-    and pitch, and of the heading, whose bias is drawn around ``heading_bias_mean_deg``.
+    ``jitter``, white noise on the horizontal axes. Position (m), besides what follows from the
+    velocity: wander of the horizontal axes with ``velocity_time_s``, and constant offsets, drawn
+    once a flight, of each horizontal axis and of the height. Attitude (degrees): wander and bias
+    of roll and pitch, and of the heading, whose bias is drawn around ``heading_bias_mean_deg``.
     """
 
     velocity_m_s: float = 0.0
     velocity_time_s: float = 1.0
     jitter_m_s: float = 0.0
     climb_m_s: float = 0.0
-    climb_time_s: float = 1.5
+    climb_time_s: float = 1.8
     position_time_s: float = 0.65
+    height_time_s: float = 0.7
+    position_m: float = 0.0
     offset_m: float = 0.0
     height_offset_m: float = 0.0
     tilt_deg: float = 0.0
     tilt_bias_deg: float = 0.0
-    tilt_time_s: float = 1.5
+    tilt_time_s: float = 2.0
     heading_deg: float = 0.0
     heading_bias_deg: float = 0.0
     heading_bias_mean_deg: float = 0.0
@@ -80,7 +83,9 @@ ERRORS: Mapping[EstimateGrade, EstimateErrors] = {
         velocity_m_s=0.005,
         velocity_time_s=1.05,
         jitter_m_s=0.0002,
-        climb_m_s=0.002,
+        climb_m_s=0.0022,
+        position_m=0.0009,
+        height_time_s=0.9,
         offset_m=0.004,
         height_offset_m=0.001,
         tilt_deg=0.04,
@@ -94,6 +99,7 @@ ERRORS: Mapping[EstimateGrade, EstimateErrors] = {
         velocity_time_s=1.4,
         jitter_m_s=0.001,
         climb_m_s=0.01,
+        position_m=0.005,
         offset_m=0.015,
         height_offset_m=0.03,
         tilt_deg=0.1,
@@ -107,6 +113,7 @@ ERRORS: Mapping[EstimateGrade, EstimateErrors] = {
         velocity_time_s=1.4,
         jitter_m_s=0.01,
         climb_m_s=0.1,
+        position_m=0.045,
         offset_m=0.1,
         height_offset_m=0.1,
         tilt_deg=1.0,
@@ -128,7 +135,7 @@ class ErrorProcess:
         e = errors
         self._normal = normal
         self._jitter_m_s = e.jitter_m_s
-        self._position_time_s = e.position_time_s
+        self._time_s = e.position_time_s, e.position_time_s, e.height_time_s
         self._north = SecondOrder(e.velocity_m_s, e.velocity_time_s, normal)
         self._east = SecondOrder(e.velocity_m_s, e.velocity_time_s, normal)
         self._down = FirstOrder(e.climb_m_s, e.climb_time_s, normal)
@@ -139,7 +146,9 @@ class ErrorProcess:
         heading = e.heading_bias_mean_deg + e.heading_bias_deg * normal()
         self._yaw_bias = math.radians(heading)
         self._offset = [size * normal() for size in (e.offset_m, e.offset_m, e.height_offset_m)]
-        self._lag = [p.value * e.position_time_s for p in (self._north, self._east, self._down)]
+        self._wander = [SecondOrder(e.position_m, e.velocity_time_s, normal) for _ in range(2)]
+        velocity = self._north.value, self._east.value, self._down.value
+        self._lag = [v * time_s for v, time_s in zip(velocity, self._time_s, strict=True)]
         self.position_m = [0.0, 0.0, 0.0]
         self.velocity_m_s = [0.0, 0.0, 0.0]
         self.acceleration_m_s2 = [0.0, 0.0, 0.0]
@@ -151,8 +160,10 @@ class ErrorProcess:
         north, east, down = self._north, self._east, self._down
         velocity = (north.step(dt_s), east.step(dt_s), down.step(dt_s))
         for i, lag in enumerate(self._lag):
-            self._lag[i] = lag + (velocity[i] - lag / self._position_time_s) * dt_s
+            self._lag[i] = lag + (velocity[i] - lag / self._time_s[i]) * dt_s
             self.position_m[i] = self._offset[i] + self._lag[i]
+        self.position_m[0] += self._wander[0].step(dt_s)
+        self.position_m[1] += self._wander[1].step(dt_s)
         self.velocity_m_s[0] = velocity[0] + self._jitter_m_s * self._normal()
         self.velocity_m_s[1] = velocity[1] + self._jitter_m_s * self._normal()
         self.velocity_m_s[2] = velocity[2]

@@ -1,0 +1,167 @@
+"""The vehicle's state estimate: its errors, and that the vehicle is flown by it."""
+
+from __future__ import annotations
+
+import math
+from typing import Any
+
+import numpy as np
+import pytest
+from vehicle_in_hand import VehicleInHand, setpoint
+
+from dfvs_core.errors import ConfigError
+from dfvs_sim.vehicle.dynamics import Command, Quadrotor
+from dfvs_sim.vehicle.estimate_errors import ERRORS, EstimateErrors, EstimateGrade
+from dfvs_sim.vehicle.estimator import Estimator
+from dfvs_sim.vehicle.gauss_markov import FirstOrder, SecondOrder, normal_source
+
+DT_S = 0.004
+MOTION = (
+    *("north_m", "east_m", "down_m", "v_north_m_s", "v_east_m_s", "v_down_m_s"),
+    *("a_north_m_s2", "a_east_m_s2", "a_down_m_s2", "roll_rad", "pitch_rad", "yaw_rad"),
+)
+
+
+def correlation(process: FirstOrder | SecondOrder, lag_s: float) -> tuple[float, float]:
+    """Deviation and autocorrelation at a lag, over 4000 s."""
+    x = np.array([process.step(DT_S) for _ in range(1_000_000)])
+    k = round(lag_s / DT_S)
+    return float(x.std()), float(np.mean(x[:-k] * x[k:]) / np.mean(x * x))
+
+
+def motion(thing: Any) -> list[float]:
+    return [getattr(thing, name) for name in MOTION]
+
+
+def airborne() -> Quadrotor:
+    vehicle = Quadrotor(ground_m=100.0)
+    vehicle.down_m, vehicle.on_ground = 0.0, False
+    return vehicle
+
+
+def sent(vehicle: VehicleInHand, name: str) -> list[Any]:
+    return [m for _, _, m in vehicle.sent if m.get_type() == name]
+
+
+def test_a_second_order_process_is_smooth_and_has_its_size_and_time() -> None:
+    process = SecondOrder(0.2, 1.5, normal_source(np.random.default_rng(0)))
+    sd, share = correlation(process, 1.5)
+    # 4000 s are some 900 independent values: 3 sigma are 7 % of the deviation
+    assert sd == pytest.approx(0.2, rel=0.07)
+    assert share == pytest.approx(2.0 / math.e, abs=0.05)
+
+
+def test_a_first_order_process_has_its_size_and_time() -> None:
+    process = FirstOrder(0.2, 1.5, normal_source(np.random.default_rng(0)))
+    sd, share = correlation(process, 1.5)
+    assert sd == pytest.approx(0.2, rel=0.07)
+    assert share == pytest.approx(1.0 / math.e, abs=0.07)
+
+
+def test_a_perfect_estimate_is_the_truth_to_the_last_bit() -> None:
+    vehicle = VehicleInHand(estimate=EstimateGrade.PERFECT)
+    vehicle.fly_offboard(setpoint(0.5, 0.2, 0.0, 0.3), 3.0)
+    assert motion(vehicle.px4.flight.estimate) == motion(vehicle.body)
+
+
+def test_a_seed_gives_the_same_errors_whatever_else_is_drawn() -> None:
+    flights = []
+    for commands in (0, 5):
+        vehicle = VehicleInHand(estimate=EstimateGrade.HIGH)
+        for _ in range(commands):  # a mode change draws the delay of its second acknowledgement
+            vehicle.command(176, 1.0, 4.0, 3.0)
+        vehicle.run(5.0 - vehicle.now_ns / 1e9)
+        flights.append(motion(vehicle.px4.flight.estimate))
+    assert flights[0] == flights[1]
+
+
+def test_the_accuracy_that_is_claimed_does_not_tell_the_grade() -> None:
+    claims = set()
+    for grade in EstimateGrade:
+        vehicle = VehicleInHand(estimate=grade)
+        m = vehicle.px4.telemetry.build("ESTIMATOR_STATUS", vehicle.now_ns)
+        assert m is not None
+        claims.add((m.pos_horiz_accuracy, m.pos_vert_accuracy, m.flags, m.vel_ratio))
+    assert len(claims) == 1
+
+
+def test_the_vehicle_follows_its_velocity_estimate_and_truly_wanders() -> None:
+    vehicle = VehicleInHand(estimate=EstimateGrade.HIGH)
+    vehicle.take_off()
+    speeds = []
+    for _ in range(300):
+        vehicle.run(0.1)
+        speeds.append(math.hypot(vehicle.body.v_north_m_s, vehicle.body.v_east_m_s))
+    # 0.2 m/s in PX4's flight at its default sensor noise
+    assert 0.1 < float(np.sqrt(np.mean(np.square(speeds)))) < 0.4
+
+
+def test_a_body_velocity_goes_where_the_estimated_heading_points() -> None:
+    vehicle = VehicleInHand()
+    vehicle.take_off()
+    vehicle.px4.flight.estimator.reset_heading(0.3)
+    vehicle.run(8.0)  # Hold turns the vehicle until the estimated heading is the old one
+    assert vehicle.body.yaw_rad == pytest.approx(-0.3, abs=0.02)
+    vehicle.run(0.5, setpoint())
+    vehicle.command(176, 1.0, 6.0)
+    vehicle.run(3.0, setpoint(0.5))
+    course = math.atan2(vehicle.body.v_east_m_s, vehicle.body.v_north_m_s)
+    # forward is where the estimated heading points, north; the acceleration began 0.3 rad off
+    assert course == pytest.approx(0.0, abs=0.1)
+    assert vehicle.body.yaw_rad == pytest.approx(-0.3, abs=0.03)
+
+
+def test_a_wrong_heading_turns_the_acceleration() -> None:
+    vehicle = airborne()
+    vehicle.attitude_error_rad = (0.0, 0.0, 0.2)
+    for _ in range(250):
+        vehicle.step(DT_S, Command(north_m_s2=1.0))
+    # the heading is 0.2 rad less than estimated, and so is the direction of the acceleration
+    assert math.atan2(vehicle.v_east_m_s, vehicle.v_north_m_s) == pytest.approx(-0.2, abs=0.02)
+
+
+def test_a_wrong_tilt_is_flown_truly() -> None:
+    vehicle = airborne()
+    vehicle.attitude_error_rad = (0.02, -0.03, 0.0)
+    for _ in range(500):
+        vehicle.step(DT_S, Command())
+    assert (vehicle.roll_rad, vehicle.pitch_rad) == pytest.approx((-0.02, 0.03), abs=1e-3)
+
+
+def test_resets_shift_the_estimate_and_are_counted() -> None:
+    vehicle, estimator = Quadrotor(), Estimator(EstimateErrors(), np.random.default_rng(0))
+    estimator.reset_position(2.0, 0.0, -1.0)
+    estimator.reset_velocity(0.5, 0.0, 0.0)
+    estimator.reset_heading(0.1)
+    e = estimator.update(DT_S, vehicle)
+    assert (e.north_m, e.down_m - vehicle.down_m) == (2.0, -1.0)
+    assert e.v_north_m_s == pytest.approx(0.5, abs=0.01)
+    assert e.yaw_rad == pytest.approx(0.1)
+    assert e.resets == 3
+    for _ in range(1500):
+        e = estimator.update(DT_S, vehicle)
+    assert e.v_north_m_s == pytest.approx(0.0, abs=0.01)  # a wrong velocity does not last
+    assert e.north_m == 2.0
+
+
+def test_a_reset_is_told_by_odometry() -> None:
+    vehicle = VehicleInHand()
+    vehicle.run(1.0)
+    vehicle.px4.flight.estimator.reset_heading(0.1)
+    vehicle.run(1.0)
+    counters = [m.reset_counter for m in sent(vehicle, "ODOMETRY")]
+    assert (counters[0], counters[-1]) == (0, 1)
+
+
+@pytest.mark.parametrize(
+    "wrong", [{"velocity_m_s": -0.1}, {"tilt_time_s": 0.0}, {"heading_deg": math.nan}]
+)
+def test_sizes_that_are_none_are_refused(wrong: dict[str, float]) -> None:
+    with pytest.raises(ConfigError, match=next(iter(wrong))):
+        EstimateErrors(**wrong)
+
+
+def test_every_grade_has_errors_and_they_grow() -> None:
+    sizes = [ERRORS[grade].velocity_m_s for grade in EstimateGrade]
+    assert sizes[0] == 0.0
+    assert sizes == sorted(set(sizes))

@@ -1,0 +1,50 @@
+"""``dfvs-sim vehicle``: what its options mean."""
+
+from __future__ import annotations
+
+import argparse
+
+import pytest
+
+from dfvs_core.errors import ConfigError
+from dfvs_sim.commands.vehicle import add_options, config_from_args
+from dfvs_sim.vehicle.estimate_errors import EstimateGrade
+from dfvs_sim.vehicle.flight import VehicleConfig
+from dfvs_sim.vehicle.wind import WindGrade
+
+
+def config(*words: str) -> VehicleConfig:
+    parser = argparse.ArgumentParser()
+    add_options(parser)
+    return config_from_args(parser.parse_args(words)).vehicle
+
+
+def test_without_options_the_estimate_is_the_truth_in_calm_air() -> None:
+    assert config() == VehicleConfig()
+
+
+def test_estimate_and_wind_take_names() -> None:
+    chosen = config("--estimate", "medium", "--wind", "breeze")
+    assert (chosen.estimate, chosen.wind) == (EstimateGrade.MEDIUM, WindGrade.BREEZE)
+
+
+def test_wind_takes_a_velocity_as_well() -> None:
+    chosen = config("--wind", "1.5,-2")
+    assert (chosen.wind_north_m_s, chosen.wind_east_m_s) == (1.5, -2.0)
+    assert chosen.wind is WindGrade.CALM
+
+
+@pytest.mark.parametrize(
+    ("words", "told"),
+    [
+        (("--estimate", "good"), "perfect, low, medium, high"),
+        (("--wind", "storm"), "calm, breeze, windy"),
+        (("--wind", "1"), "two numbers"),
+        (("--velocity-noise", "0.02"), "--estimate"),
+        (("--position-drift", "0.02"), "--estimate"),
+    ],
+)
+def test_what_cannot_be_read_is_refused_with_what_can(words: tuple[str, ...], told: str) -> None:
+    with pytest.raises(ConfigError, match=words[0]) as error:
+        config(*words)
+    assert told in str(error.value)

@@ -1,0 +1,49 @@
+"""Wind: a steady part and gusts, drawn from the seed."""
+
+from __future__ import annotations
+
+import math
+
+import numpy as np
+import pytest
+from vehicle_in_hand import VehicleInHand
+
+from dfvs_sim.vehicle.wind import STRENGTHS, Wind, WindGrade
+
+DT_S = 0.004
+
+
+def blowing(grade: WindGrade, seed: int, north_m_s: float = 0.0) -> Wind:
+    return Wind(STRENGTHS[grade], north_m_s, 0.0, np.random.default_rng(seed))
+
+
+def test_calm_air_stands_still() -> None:
+    wind = blowing(WindGrade.CALM, 0)
+    assert {wind.step(DT_S) for _ in range(100)} == {(0.0, 0.0)}
+
+
+def test_a_steady_wind_alone_has_no_gusts() -> None:
+    wind = blowing(WindGrade.CALM, 0, north_m_s=1.5)
+    assert {wind.step(DT_S) for _ in range(100)} == {(1.5, 0.0)}
+
+
+@pytest.mark.parametrize("grade", [WindGrade.BREEZE, WindGrade.WINDY])
+def test_speed_and_gusts_have_the_sizes_of_the_grade(grade: WindGrade) -> None:
+    wind, strength = blowing(grade, 1), STRENGTHS[grade]
+    v = np.array([wind.step(0.1) for _ in range(100_000)])
+    # 10 000 s are over 600 correlation times: 3 sigma are 12 % of a deviation
+    assert v.std(axis=0) == pytest.approx((strength.gust_m_s,) * 2, rel=0.12)
+    assert math.hypot(*v.mean(axis=0)) == pytest.approx(strength.steady_m_s, rel=0.05)
+
+
+def test_the_seed_draws_the_direction() -> None:
+    directions = {math.atan2(*blowing(WindGrade.WINDY, seed).step(DT_S)) for seed in (0, 0, 1)}
+    assert len(directions) == 2
+
+
+def test_a_vehicle_in_hold_leans_against_the_wind() -> None:
+    vehicle = VehicleInHand(wind=WindGrade.WINDY)
+    vehicle.take_off()
+    assert math.hypot(vehicle.body.wind_north_m_s, vehicle.body.wind_east_m_s) > 1.0
+    assert math.hypot(vehicle.body.roll_rad, vehicle.body.pitch_rad) > 0.05
+    assert math.hypot(vehicle.body.north_m, vehicle.body.east_m) < 2.0
