@@ -8,6 +8,11 @@ import sys
 import pytest
 from real_time import flown_in_time
 
+from dfvs_core.camera import CameraModel
+from dfvs_sim.demo.plan import make_plan
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.vehicle.record import read_record
 
 FLIGHT_S = 240
@@ -25,7 +30,8 @@ def flight(tmp_path_factory):
     def fly(attempt):
         folder = tmp_path_factory.mktemp(f"demo-{attempt}")
         words = ("--json", folder / "summary.json", "--service", f"--record {folder / 'record'}")
-        return demo(folder / "flight", "--seed", "0", *map(str, words)), folder
+        words = ("--seed", "0", "--estimate", "low", *map(str, words))
+        return demo(folder / "flight", *words), folder
 
     done, folder = flown_in_time(fly, lambda flown: flown[0].returncode == 0)
     assert done.returncode in (0, 1), done.stderr
@@ -47,6 +53,7 @@ def test_it_flies_to_the_goal_and_says_so(flight):
     assert summary["final_rotation_deg"] < 1.0
     assert summary["path_ratio"] <= 1.3
     assert summary["states"][-1] == "DONE"
+    assert (summary["estimate"], summary["wind"]) == ("low", "calm")
 
 
 @pytest.mark.slow
@@ -56,6 +63,21 @@ def test_it_leaves_pictures_plots_and_a_summary(flight):
     for name in names:
         assert (folder / name).stat().st_size > 5_000, name
     assert json.loads((folder / "summary.json").read_text()) == summary
+
+
+@pytest.mark.slow
+def test_the_vehicle_took_off_from_the_scene_s_floor(flight):
+    """Its ground is the built-in room's floor, 0 m in the scene; it starts where it was drawn."""
+    _, folder, _ = flight
+    poses = [e for e in read_record(folder / "vehicle.jsonl") if e["kind"] == "pose"]
+    first = next(e for e in poses if e["mode"] == "OFFBOARD")
+    climb_m = poses[0]["position"][2] - first["position"][2]
+    room, camera = (
+        Renderer(load_glb(builtin_room_path())),
+        CameraModel(320, 240, 209, 209, 160, 120),
+    )
+    start_m = -make_plan(room, camera, 0, None, ()).T_scene_start[2, 3]
+    assert climb_m == pytest.approx(start_m, abs=0.1)  # 0.05 m/s of rest, 1 s and more before
 
 
 @pytest.mark.slow
@@ -115,6 +137,15 @@ def test_a_goal_that_is_nowhere_in_sight_is_never_flown_to(tmp_path):
         (("--fov", "200"), "field of view"),
         (("--runs", "0"), "--runs is 0"),
         (("--json", "/nowhere/at/all.json"), "--json"),
+        (("--rate", "0"), "--rate is 0"),
+        (("--vehicles", "5"), "--vehicles is 5"),
+        (("--vehicles", "2", "--runs", "2"), "--runs beside --vehicles"),
+        (("--vehicles", "2", "--autopilot", "udpin://127.0.0.1:1"), "--autopilot beside"),
+        (("--system-id", "251"), "--system-id is 251"),
+        (("--ground", "udpin://127.0.0.1:1"), "--ground without --autopilot"),
+        (("--estimate", "exact"), "--estimate is 'exact'"),
+        (("--estimate", "low", "--autopilot", "udpin://127.0.0.1:1"), "--estimate beside"),
+        (("--service", "--engage never"), "engage never"),
     ],
 )
 def test_bad_words_are_one_clear_line(tmp_path, words, message):

@@ -15,6 +15,7 @@ from dfvs_sim.demo.conditions import (
     conditions_from,
     refuse_conditions,
 )
+from dfvs_sim.demo.engagement import engagement_of
 from dfvs_sim.demo.fleet import Member, check_vehicles, fly_together
 from dfvs_sim.demo.flight import Flight
 from dfvs_sim.demo.options import FIRST_SYSTEM_ID, VEHICLE_NAME, FlightOptions
@@ -152,6 +153,7 @@ def _check(args: argparse.Namespace) -> None:
     if args.autopilot is not None:
         refuse_conditions(args, "--autopilot")
     conditions_from(args)
+    engagement_of(args.service.split())
 
 
 def _fly_fleet(args: argparse.Namespace, words: tuple[str, ...], progress: Progress) -> int:

@@ -157,6 +157,7 @@ class Flight:
         link = self._ground_link(stack)
         pilot, tracker = Pilot(link, narrate=self._narrate), PoseTracker(link)
         self._await_vehicle(pilot, tracker)
+        stack.callback(self._bring_down, pilot)  # once camera and track have stopped
         take_off = self._take_off()
         to_scene = anchored_poses(self._plan, tracker, take_off.height_m)
         track = Track(to_scene, self._plan.T_scene_goal)
@@ -166,7 +167,6 @@ class Flight:
         )
         stack.enter_context(running(camera.run, "camera"))
         stack.enter_context(running(track.run, "track"))
-        stack.callback(self._bring_down, pilot)
         self._narrate(f"the pilot takes off to {take_off.height_m:.2f} m")
         pilot.take_off(take_off.height_m)
         watch = TelemetryWatch(session, Topics(self._options.vehicle))

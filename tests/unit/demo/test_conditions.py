@@ -1,0 +1,38 @@
+"""State estimate and wind of the simulated vehicle, as the demo and the benchmark take them."""
+
+import argparse
+
+import pytest
+
+from dfvs_core.errors import ConfigError
+from dfvs_sim.demo.conditions import (
+    Conditions,
+    add_condition_options,
+    conditions_from,
+    refuse_conditions,
+)
+
+
+def args(*words):
+    parser = argparse.ArgumentParser()
+    add_condition_options(parser)
+    return parser.parse_args(words)
+
+
+def test_a_real_estimate_is_the_default():
+    assert conditions_from(args()) == Conditions("medium", "calm")
+    assert conditions_from(args("--estimate", "low", "--wind=-1,2")) == Conditions("low", "-1,2")
+
+
+@pytest.mark.parametrize(
+    ("words", "message"), [(("exact", "calm"), "--estimate"), (("low", "gale"), "--wind")]
+)
+def test_what_the_vehicle_would_refuse_is_refused_at_once(words, message):
+    with pytest.raises(ConfigError, match=message):
+        Conditions(*words)
+
+
+def test_nothing_is_simulated_beside_another_autopilot():
+    refuse_conditions(args(), "--autopilot")
+    with pytest.raises(ConfigError, match="--wind beside --autopilot"):
+        refuse_conditions(args("--wind", "calm"), "--autopilot")
