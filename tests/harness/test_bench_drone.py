@@ -26,6 +26,7 @@ TASK = BenchTask(
 
 def drone(folder, *more):
     words = ["--tasks", str(folder / "tasks.json"), "--runs", str(folder / "runs")]
+    words += ["--estimate", "low"]
     files = [f"--{name}={folder / f'd.{name}'}" for name in ("json", "csv")]
     return main(["drone", *words, *files, *more])
 
@@ -85,6 +86,7 @@ def test_a_flight_that_is_kept_is_not_flown_again(folder, capsys):
         (row,) = csv.DictReader(file)
     assert row["revision"]
     assert row["seed"] == "0"
+    assert (row["estimate"], row["wind"]) == ("low", "calm")
 
 
 @pytest.mark.parametrize(
