@@ -4,6 +4,7 @@ import itertools
 import json
 import subprocess
 import sys
+import time
 
 import pytest
 from real_time import flown_in_time
@@ -16,9 +17,14 @@ from dfvs_sim.vehicle.record import read_record
 FLIGHT_S = 280
 
 
+def command(folder, *words):
+    return [sys.executable, "-m", "dfvs_sim.demo.cli", "--out", str(folder), *words]
+
+
 def demo(folder, *words):
-    command = [sys.executable, "-m", "dfvs_sim.demo.cli", "--out", str(folder), *words]
-    return subprocess.run(command, capture_output=True, text=True, timeout=FLIGHT_S, check=False)
+    return subprocess.run(
+        command(folder, *words), capture_output=True, text=True, timeout=FLIGHT_S, check=False
+    )
 
 
 def beside_a_flying_vehicle(folder):
@@ -93,3 +99,21 @@ def test_they_fly_at_the_same_time_under_ids_of_their_own(fleet):
         spans.append((min(flown), max(flown)))
     (a0, a1), (b0, b1) = spans
     assert min(a1, b1) - max(a0, b0) > 2_000_000_000
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("words", [(), ("--vehicles", "2")])
+def test_a_demo_that_is_terminated_leaves_no_vehicle_behind(tmp_path, words):
+    folder = tmp_path / "flight"
+    process = subprocess.Popen(command(folder, *words), stderr=subprocess.PIPE, text=True)
+    for line in process.stderr:
+        if "takes off" in line:
+            break
+    process.terminate()
+    process.communicate(timeout=40)
+    assert process.returncode == 130
+    records = list(folder.rglob("vehicle.jsonl"))
+    sizes = [record.stat().st_size for record in records]
+    time.sleep(0.5)
+    assert records
+    assert [record.stat().st_size for record in records] == sizes

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -61,6 +62,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = tuple(sys.argv[1:] if argv is None else argv)
     args = _parser().parse_args(words)
     progress = Progress()
+    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the flight as Ctrl-C does
     try:
         _check(args)
         if args.vehicles > 1:
