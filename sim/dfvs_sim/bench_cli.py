@@ -29,7 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Run one measurement; 0 when it ran, 2 when it cannot, with one line that says why."""
     parser = argparse.ArgumentParser(
         prog="dfvs-bench",
-        description="Measure correspondences on picture pairs, and servoing methods in scenes.",
+        description="Measure correspondences on image pairs, and servoing methods in scenes.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

@@ -80,7 +80,7 @@ def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dfvs-demo",
         description="Bring up a simulated drone, its camera, a stand-in pilot and the real "
-        "dfvs-service, and fly to a goal picture. Nothing but this machine is needed.",
+        "dfvs-service, and fly to a goal image. Nothing but this machine is needed.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -258,7 +258,7 @@ def _fly_one(
     progress.say(
         f"  {verdict}: {summary.final_translation_m * 100:.1f} cm and "
         f"{summary.final_rotation_deg:.2f} degrees after {summary.duration_s:.1f} s, path ratio "
-        f"{summary.path_ratio:.2f}\n  pictures, plots and summary.json in {folder}"
+        f"{summary.path_ratio:.2f}\n  images, plots and summary.json in {folder}"
     )
     return summary
 

@@ -140,13 +140,13 @@ class Flight:
             self._options.pause("press Enter to end")
         return log
 
-    def _goal_pictures(self) -> list[Path]:
+    def _goal_images(self) -> list[Path]:
         """Where the goals are written: those on the way are numbered, the last is ``goal.png``."""
         via = [f"goal-{number}.png" for number in range(1, len(self._plan.goals))]
         return [self._folder / name for name in (*via, "goal.png")]
 
     def _write_goals(self) -> None:
-        for path, pose in zip(self._goal_pictures(), self._plan.goals, strict=True):
+        for path, pose in zip(self._goal_images(), self._plan.goals, strict=True):
             path.write_bytes(encode_png(self._plan.goal_image(pose)))
             sidecar = self._plan.goal_sidecar(pose).to_json()
             path.with_suffix(".json").write_text(sidecar, encoding="utf-8")
@@ -171,7 +171,7 @@ class Flight:
         pilot.take_off(take_off.height_m)
         watch = TelemetryWatch(session, Topics(self._options.vehicle))
         self._narrate("starting dfvs-service")
-        service = stack.enter_context(self._processes.service(self._goal_pictures()))
+        service = stack.enter_context(self._processes.service(self._goal_images()))
         self.await_ready(watch, service, self._engagement.ready_states)
         if page is not None and page.exit_code is not None:
             raise FlightError(f"dfvs-dashboard ended at once:\n{page.last_lines()}")
@@ -211,7 +211,7 @@ class Flight:
         return take_off
 
     def _bring_down(self, pilot: Pilot) -> None:
-        """Leave another's vehicle on the ground; the simulated one ends in the air."""
+        """Land a vehicle that the demo did not start; the simulated one ends with its process."""
         if not self._options.is_simulated:
             self._narrate("the pilot lands")
             try:

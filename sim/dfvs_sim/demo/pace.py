@@ -1,4 +1,4 @@
-"""Pictures that this machine can compare in time, beside drawing them and flying the vehicle."""
+"""Images that this machine can compare in time, beside drawing them and flying the vehicle."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
 
 SIZES = (((320, 240), 28.0), ((256, 192), 40.0), ((192, 144), np.inf))
-"""Picture sizes, and how long a match of the largest one may take for each, ms."""
+"""Image sizes, and how long a match of the largest one may take for each, ms."""
 
 RATE_HZ, SHARED_RATE_HZ = 15.0, 10.0
 """Frames a second of one vehicle, and of each of several that share too few cores."""
 
 AUTO = "auto"
-SIZE_HELP = "picture size in px, or auto: what this machine can compare in time"
+SIZE_HELP = "image size in px, or auto: what this machine can compare in time"
 
 _FRAMES = 9
 _SHIFT_PX = 3
@@ -37,11 +37,11 @@ def is_shared(vehicles: int) -> bool:
 
 
 def match_ms() -> float:
-    """Time to follow the goal in a picture of the largest size, ms: median of a few."""
+    """Time to follow the goal in an image of the largest size, ms: median of a few."""
     matcher = load_matcher(DEFAULT_MATCHER, service_threads())
-    picture = _picture()
-    goal = matcher.prepare(picture)
-    moved = np.roll(picture, _SHIFT_PX, axis=1)
+    image = _image()
+    goal = matcher.prepare(image)
+    moved = np.roll(image, _SHIFT_PX, axis=1)
     flow = matcher.match(matcher.prepare(moved), goal)
     times = []
     for _ in range(_FRAMES):
@@ -52,19 +52,19 @@ def match_ms() -> float:
 
 
 def affordable_size(taken_ms: float) -> tuple[int, int]:
-    """Width and height of the largest pictures for which a machine is quick enough."""
+    """Width and height of the largest images for which a machine is quick enough."""
     return next(size for size, most_ms in SIZES if taken_ms <= most_ms)
 
 
 def measured_size(say: Callable[[str], None], vehicles: int = 1) -> str:
-    """Size of the pictures by what this machine takes for a match, as ``--size`` takes it."""
+    """Size of the images by what this machine takes for a match, as ``--size`` takes it."""
     if is_shared(vehicles):
         size = as_text(SIZES[-1][0])
-        say(f"{vehicles} vehicles on {os.cpu_count()} cores: pictures of {size} (--size)")
+        say(f"{vehicles} vehicles on {os.cpu_count()} cores: images of {size} (--size)")
         return size
     taken_ms = match_ms()
     size = as_text(affordable_size(taken_ms))
-    say(f"{taken_ms:.0f} ms a match on this machine: pictures of {size} (--size)")
+    say(f"{taken_ms:.0f} ms a match on this machine: images of {size} (--size)")
     return size
 
 
@@ -73,8 +73,8 @@ def as_text(size: tuple[int, int]) -> str:
     return f"{size[0]}x{size[1]}"
 
 
-def _picture() -> ImageArray:
-    """Picture (H, W, 3) with detail at several scales."""
+def _image() -> ImageArray:
+    """Image (H, W, 3) with detail at several scales."""
     (width, height), _ = SIZES[0]
     rng = np.random.default_rng(0)
     total = np.zeros((height, width, 3), np.float32)

@@ -44,12 +44,12 @@ class FlightPlan:
         return *self.via, self.T_scene_goal
 
     def goal_image(self, T_scene_goal: FloatArray | None = None) -> ImageArray:
-        """Picture of a goal (H, W, 3), of the last one by default, anti-aliased as an optic's."""
+        """Image of a goal (H, W, 3), of the last one by default, anti-aliased as an optic's."""
         pose = self.T_scene_goal if T_scene_goal is None else T_scene_goal
         return self.renderer.render(self.camera, pose, antialias=True).image
 
     def goal_sidecar(self, T_scene_goal: FloatArray) -> GoalSidecar:
-        """How the picture of a goal was taken."""
+        """How the image of a goal was taken."""
         pose = tuple(float(v) for v in T_scene_goal.reshape(-1))
         return GoalSidecar(self.camera, mount=self.mount, pose_camera=pose)
 

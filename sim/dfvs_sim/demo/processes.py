@@ -58,7 +58,7 @@ class FlightProcesses:
         return Child("vehicle", words, self.folder / "vehicle.log")
 
     def service(self, goals: Sequence[Path]) -> Child:
-        """``dfvs-service`` with the pictures of its goals."""
+        """``dfvs-service`` with the images of its goals."""
         mavlink = self.options.autopilot or f"udpin://{LOOPBACK}:{self.ports.companion}"
         words = [
             *("dfvs_service.cli", "--goal", *map(str, goals)),

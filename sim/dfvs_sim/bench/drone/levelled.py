@@ -36,7 +36,7 @@ def levelled(T_world_camera: FloatArray) -> FloatArray:
 def levelled_task(task: BenchTask) -> BenchTask:
     """A task with start and goal levelled: the goal's roll and pitch are left out of it.
 
-    A multirotor cannot hold them: the goal picture is taken anew from the levelled goal.
+    A multirotor cannot hold them: the goal image is taken anew from the levelled goal.
 
     Raises
     ------

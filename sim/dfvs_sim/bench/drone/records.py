@@ -71,7 +71,7 @@ class FlightRecord:
     start, goal : tuple of float
         Levelled poses (4, 4) row by row, NED.
     size : tuple of int
-        Width and height of the pictures, px.
+        Width and height of the images, px.
     overlap : float
         Share of the goal's pixels that the start sees.
     limits : VelocityLimits

@@ -25,7 +25,7 @@ _HEAD = (
     "end",
 )
 _TEXT = """<p>The tasks flown in real time by the simulated vehicle through the real service, with
-four degrees of freedom: start and goal levelled, the goal picture taken anew. The bound is the
+four degrees of freedom: start and goal levelled, the goal image taken anew. The bound is the
 least time that the straight line takes at {horizontal:g} m/s over ground, {vertical:g} m/s
 vertically, {yaw:.0f}°/s, and changes of at most {slew:g} m/s² and {yaw_slew:.0f}°/s², by a vehicle
 that follows at once. Times count from the pilot's switch; errors are by the truth. The paper has no

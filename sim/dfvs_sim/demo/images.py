@@ -1,4 +1,4 @@
-"""Pictures of a flight: first and last view, their difference from the goal, a film strip."""
+"""Images of a flight: first and last view, their difference from the goal, a film strip."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ _INK = (30, 34, 40)
 _PAPER = (250, 250, 248)
 
 
-def write_pictures(log: FlightLog, folder: Path) -> list[Path]:
+def write_images(log: FlightLog, folder: Path) -> list[Path]:
     """Write first.png, last.png, difference.png, flow.jpg and filmstrip.png; return the paths."""
     flown = [p for p in log.track.points if p.t_ns >= log.engaged_ns]
     if not flown:
@@ -28,7 +28,7 @@ def write_pictures(log: FlightLog, folder: Path) -> list[Path]:
         "first.png": _view(log, flown[0].T_scene_camera),
         "last.png": _view(log, flown[-1].T_scene_camera),
     }
-    pictures = {
+    images = {
         **views,
         "difference.png": _side_by_side(
             [
@@ -39,7 +39,7 @@ def write_pictures(log: FlightLog, folder: Path) -> list[Path]:
         "filmstrip.png": _filmstrip(log, goal),
     }
     paths = []
-    for name, image in pictures.items():
+    for name, image in images.items():
         paths.append(folder / name)
         paths[-1].write_bytes(encode_png(image))
     if log.watch.preview is not None:
@@ -70,7 +70,7 @@ def _filmstrip(log: FlightLog, goal: ImageArray) -> ImageArray:
         degrees = np.degrees(flown[i].error_rad)
         caption = f"{seconds:.1f} s: {flown[i].error_m:.2f} m, {degrees:.1f} deg"
         captions.append((caption, _view(log, flown[i].T_scene_camera)))
-    captions.append(("goal picture", goal))
+    captions.append(("goal image", goal))
     captions.append(("last view - goal", _difference(captions[-2][1], goal)))
     rows = [_side_by_side(captions[i : i + 4]) for i in range(0, len(captions), 4)]
     return np.concatenate(rows, axis=0)
