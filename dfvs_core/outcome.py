@@ -52,7 +52,7 @@ def make_report(frame: Frame, result: ServoResult) -> PerceptionReport:
         error_rad=_finite(result.error_rad),
         overlap=result.overlap,
         feature_error=_finite(result.feature_error),
-        course_agreement=result.course_agreement,
+        mounting_score=result.mounting_score,
     )
 
 

@@ -33,9 +33,9 @@ from dfvs_core.servo.exchange import (
 )
 from dfvs_core.servo.level import real_pose
 from dfvs_core.servo.points import without_cells
-from dfvs_core.servo.step import observe_depth, servo_step
+from dfvs_core.servo.step import servo_step
+from dfvs_core.servo.structure import observe_depth
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.setting_out import SettingOut
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
 
@@ -55,8 +55,16 @@ class KeptFrame:
     T_world_camera: FloatArray
 
 
-Glimpse = Callable[[], ServoResult]
-"""A look that is still to be taken."""
+@dataclass(frozen=True, slots=True)
+class GoalPreview:
+    """What a frame says about another goal, and the observation that tracking can begin with."""
+
+    result: ServoResult
+    observation: GoodLook | None
+
+
+Preview = Callable[[], GoalPreview]
+"""A preview that is still to be worked out."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -97,14 +105,14 @@ class Pipeline:
         self._depth_m = task.config.constant_depth_m
         self._digested_ns = 0
         self._is_depth_new = False
-        self._setting_out = SettingOut()
+        self._has_flown = False
         self._last_inputs: ServoInputs | None = None
 
     def prepare(self, goal: Goal) -> GoalView:
         """Compute once what depends on another goal's picture alone."""
         return GoalView(goal.image, self._matcher.prepare(goal.image))
 
-    def aim(self, task: ServoTask, goal: GoalView) -> None:
+    def aim(self, task: ServoTask, goal: GoalView, observation: GoodLook | None = None) -> None:
         """Go on to another goal; what was learnt of depth, and of the way so far, stays.
 
         Parameters
@@ -113,19 +121,33 @@ class Pipeline:
             For that goal: the same camera and mounting.
         goal : GoalView
             Of :meth:`prepare`.
+        observation : GoodLook, optional
+            Of that goal, from its preview: it is tracked on, so that no search delays a frame.
         """
         self._task = task
         self._goal = goal
-        self._state = ServoState(depth=self._state.depth, depth_map=self._state.depth_map)
+        self._state = self._without_goal()
         self._tracker = self._make_tracker()
+        self._tracker.remember(observation)
         self._place = PlaceWatch(task.config.min_likeness)
+
+    def _without_goal(self) -> ServoState:
+        """Memory of depth, scale and odometry alone."""
+        s = self._state
+        return ServoState(
+            depth_map=s.depth_map,
+            estimate=s.estimate,
+            last=s.last,
+            mounting=s.mounting,
+            attitude_error_rad=s.attitude_error_rad,
+        )
 
     def _make_tracker(self) -> GoalTracker:
         task = self._task
         cameras = task.camera, task.goal.camera
         return GoalTracker(self._matcher, self._goal.prepared, *cameras, task.config.stride_px)
 
-    def glimpse(self, task: ServoTask, goal: GoalView) -> Glimpse | None:
+    def glimpse(self, task: ServoTask, goal: GoalView) -> Preview | None:
         """What the last frame says about another goal, to be worked out on any thread.
 
         None before the first frame. Nothing of it is remembered: the frames to come give the same
@@ -133,13 +155,18 @@ class Pipeline:
         """
         if self._last_inputs is None or not self._kept:
             return None
-        matcher, prepared = self._matcher, self._kept[-1].prepared
+        matcher, kept = self._matcher, self._kept[-1]
         inputs = replace(self._last_inputs, earlier=None, engaged=False)
-        state = ServoState(depth=self._state.depth, depth_map=self._state.depth_map)
+        state = self._without_goal()
 
-        def work() -> ServoResult:
-            flow = matcher.match(prepared, goal.prepared)
-            return servo_step(task, state, replace(inputs, flow=flow))[0]
+        def work() -> GoalPreview:
+            flow = matcher.match(kept.prepared, goal.prepared)
+            result, seen = servo_step(task, state, replace(inputs, flow=flow))
+            observation = None
+            if result.verdict is Verdict.OK and seen.T_current_goal is not None:
+                T_goal_current = real_pose(task, inputs.attitude, seen.T_current_goal)
+                observation = GoodLook(kept.t_capture_ns, flow, T_goal_current, kept.T_world_camera)
+            return GoalPreview(result, observation)
 
         return work
 
@@ -193,7 +220,7 @@ class Pipeline:
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
         return FrameOutcome(frame, result, flow, stages, inputs.now_ns)
 
-    def digest(self) -> int:
+    def digest(self, may_search: bool = True) -> int:
         """Learn from the last frame what serves those to come; time taken, ns.
 
         To be called once a frame's report is on its way. Most calls do nothing: a few times a
@@ -201,9 +228,14 @@ class Pipeline:
         to learn about depth; and one after it, where little is sure, once more with the goal.
         Before anybody flies by them, a few frames that show little of the goal are searched anew.
         Where frames come late, as after such a call, nothing is done for a while.
+
+        Parameters
+        ----------
+        may_search : bool
+            Whether a search, which takes longer than a frame, delays nobody.
         """
         start_ns = self._tick()
-        if self._look_again():
+        if may_search and self._look_again():
             return self._tick() - start_ns
         if self._task.config.depth != "motion" or not self._kept or self._is_pressed():
             return 0
@@ -238,8 +270,6 @@ class Pipeline:
         """Compare the last frame with an earlier one; False if too soon, or none is far enough."""
         last = self._kept[-1]
         if last.t_capture_ns - self._digested_ns < DEPTH_PERIOD_NS:
-            return False
-        if self._task.mount is not None and self._setting_out.is_under_way:
             return False
         poses = [kept.T_world_camera for kept in self._kept]
         chosen = choose_earlier(poses[:-1], last.T_world_camera, self._depth_m)
@@ -292,18 +322,19 @@ class Pipeline:
         if self._kept:
             self._kept[-1].prepared.slim()  # earlier frames are tracked to, never searched
         self._kept.append(KeptFrame(inputs.t_capture_ns, prepared, T_world_camera))
-        self._setting_out.follow(inputs.engaged, inputs.t_capture_ns, T_world_camera[:3, 3])
-        T_current_goal, look = self._state.T_current_goal, None
-        if result.verdict in (Verdict.OK, Verdict.STUCK) and T_current_goal is not None:
-            T_goal_current = real_pose(self._task, inputs.attitude, T_current_goal)
+        self._has_flown |= inputs.engaged
+        T_current_goal, last, look = self._state.T_current_goal, self._state.last, None
+        is_seen = result.verdict in (Verdict.OK, Verdict.STUCK)
+        if is_seen and T_current_goal is not None and last is not None:
+            T_goal_current = real_pose(self._task, last.attitude, T_current_goal)
             flow = inputs.flow
             if (outliers := self._state.outliers) is not None:
                 flow = without_cells(flow, outliers, self._task.config.stride_px)
             look = GoodLook(inputs.t_capture_ns, flow, T_goal_current, T_world_camera)
         self._tracker.remember(look)
         if result.verdict is Verdict.MISTAKEN:
-            self._tracker.forget(is_wrong=self._setting_out.has_begun)
+            self._tracker.forget(is_wrong=self._has_flown)
             stop = replace(self._state.stop, progress=None)
-            self._state = replace(self._state, T_current_goal=None, stop=stop, reference=None)
+            self._state = replace(self._without_goal(), stop=stop)
         if result.depth_m > 0:
             self._depth_m = result.depth_m

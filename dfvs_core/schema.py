@@ -27,11 +27,14 @@ def setting(
     *,
     low: float | None = None,
     high: float | None = None,
+    formerly: str = "",
 ) -> Any:
-    """Dataclass field with a default, a help text and a closed range for numbers."""
-    return dataclasses.field(
-        default=default, metadata={"help": help_text, "low": low, "high": high}
-    )
+    """Dataclass field with a default, a help text and a closed range for numbers.
+
+    ``formerly`` is a name that the field no longer has: it is refused with the present one.
+    """
+    metadata = {"help": help_text, "low": low, "high": high, "formerly": formerly}
+    return dataclasses.field(default=default, metadata=metadata)
 
 
 def parse(cls: type[T], data: object, where: str = "") -> T:
@@ -48,7 +51,8 @@ def parse(cls: type[T], data: object, where: str = "") -> T:
     hints = _hints(cls)  # type: ignore[arg-type]
     for key in data:
         if key not in fields:
-            near = difflib.get_close_matches(str(key), fields, n=1, cutoff=0.0)
+            near = [n for n, f in fields.items() if f.metadata.get("formerly") == key]
+            near = near or difflib.get_close_matches(str(key), fields, n=1, cutoff=0.0)
             raise ConfigError(
                 f"unknown key {_join(where, str(key))!r}",
                 f"one of {', '.join(sorted(fields))}",

@@ -1,8 +1,8 @@
 """How the vehicle moved lately: attitude, velocity and displacement at any recent time.
 
 Frames are matched with the vehicle's state by time, so states are kept for a while and
-interpolated. Displacement is the integral of the velocity: it does not jump when the
-estimator's position does.
+interpolated. Displacement is the change of the position without its resets: where the position
+changes by far more than the velocity explains, the velocity counts.
 """
 
 from __future__ import annotations
@@ -17,6 +17,9 @@ from dfvs_core.poses import make_pose, rotation_from_euler, wrap_angle
 from dfvs_core.wire.link import VehicleState
 
 _NS = 1e-9
+
+_LEAST_RESET_M = 0.1
+"""Change of the position between two states, beyond what the velocity explains, that is a reset."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -76,6 +79,7 @@ class VehicleHistory:
         self._keep_ns = int(keep_s * 1e9)
         self._max_gap_ns = int(max_gap_s * 1e9)
         self._states: list[Motion] = []
+        self._position_m: FloatArray = np.zeros(3)
 
     def add(self, state: VehicleState) -> None:
         """Take in a state; one that is not newer than the last is dropped."""
@@ -87,7 +91,11 @@ class VehicleHistory:
                 return
             dt_s = (state.t_ns - last.t_ns) * _NS
             yaw = last.yaw_rad + wrap_angle(state.yaw_rad - last.yaw_rad)
-            displacement = last.displacement_m + 0.5 * dt_s * (last.velocity_m_s + velocity)
+            by_velocity = 0.5 * dt_s * (last.velocity_m_s + velocity)
+            step = np.array(state.position_m) - self._position_m
+            is_reset = float(np.linalg.norm(step - by_velocity)) > _LEAST_RESET_M
+            displacement = last.displacement_m + (by_velocity if is_reset else step)
+        self._position_m = np.array(state.position_m)
         self._states.append(
             Motion(state.t_ns, state.roll_rad, state.pitch_rad, yaw, velocity, displacement)
         )

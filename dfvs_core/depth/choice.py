@@ -18,4 +18,4 @@ def depth_source(config: ServoConfig, camera: CameraModel) -> DepthSource:
     noise = 1.5 * config.flow_noise_px / camera.fx
     if config.depth == "flow":
         return FlowDepth(config.flow_depth_alpha, fallback_m=config.constant_depth_m, noise=noise)
-    return MotionDepth(prior_m=config.constant_depth_m, pixel_noise=noise)
+    return MotionDepth(prior=config.constant_depth_m, pixel_noise=noise)

@@ -8,7 +8,7 @@ import numpy as np
 
 from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.correspondence import DepthMap
-from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState, EarlierView
+from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState
 
 _LEAST_FORWARD = 0.1
 _TRUST = 0.5
@@ -68,12 +68,6 @@ class FlowDepth:
             z = z ** (1.0 - memory) * state.rho**-memory
         validity = np.where(length > 0, _TRUST * inputs.earlier.confidence, 0.0)
         return DepthMap(z.astype(np.float32), validity.astype(np.float32)), _remembered(z)
-
-    def observe(
-        self, xy: FloatArray, earlier: EarlierView, state: DepthState | None
-    ) -> DepthState | None:
-        """Learn nothing: the frame before is all that counts."""
-        return state
 
 
 def _remembered(z_m: FloatArray | Float32Array) -> DepthState:

@@ -1,4 +1,9 @@
-"""Metric depth from the vehicle's own motion: two views, a known baseline, a recursive filter."""
+"""Depth from motion: the relative structure of the goal view, from two-view triangulation.
+
+The scene is static, and so is its depth in the goal view: it is kept there, one inverse depth for
+every cell of the goal image, and measurements of the whole flight add up without drift. The unit is
+arbitrary; what it is in metres is not known here.
+"""
 
 from __future__ import annotations
 
@@ -8,71 +13,94 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.correspondence import DepthMap
-from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView
+from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView, GoalLink
+from dfvs_core.poses import invert_pose
 from dfvs_core.servo.weights import weighted_median
 
 _UNKNOWN_VARIANCE = 1e6
+_NEAREST = 0.02
+"""Depth in units below which a point is taken for one at that depth."""
 
 
 @dataclass(frozen=True, slots=True)
 class MotionDepth:
-    """Inverse depth of every grid point, triangulated against an earlier frame and filtered.
+    """Inverse depth of every cell of the goal view, triangulated in pairs of frames and filtered.
 
-    The rotation between the frames comes from the vehicle's attitude, the baseline from its
-    velocity; what remains of the flow is proportional to inverse depth. Each point keeps an
-    estimate with a variance that grows as the camera moves on. Where nothing is known yet, the
-    median of what is known stands in, and before that ``prior_m``.
+    Where nothing is known yet the median of what is known stands in, and before that ``prior``.
 
     Parameters
     ----------
-    prior_m : float
-        Depth before anything was measured, m.
+    prior : float
+        Depth before anything was measured, in units.
     prior_spread : float
         Relative standard deviation of inverse depth around its median in a scene.
     pixel_noise : float
         Standard deviation of a correspondence, normalised units (about 0.5 px / f).
-    baseline_noise : float
-        Relative standard deviation of the vehicle's velocity.
-    drift_per_m : float
-        How much relative standard deviation a grid point gains per metre of camera motion,
-        since the grid stays with the image and not with the scene.
-    near_m, far_m : float
-        Bounds of the depth given out.
+    least_spread : float
+        Relative standard deviation of inverse depth that no number of measurements undercuts.
+    near, far : float
+        Bounds of the depth given out, in units.
     """
 
-    prior_m: float = 3.0
+    prior: float = 3.0
     prior_spread: float = 0.5
     pixel_noise: float = 0.0025
-    baseline_noise: float = 0.05
-    drift_per_m: float = 1.0
-    near_m: float = 0.3
-    far_m: float = 30.0
+    least_spread: float = 0.02
+    near: float = 0.3
+    far: float = 30.0
 
     def estimate(
         self, inputs: DepthInputs, state: DepthState | None
     ) -> tuple[DepthMap, DepthState | None]:
-        """Depth on the grid: predict, measure, fuse, fill."""
-        state = self._predict(inputs, self._memory(inputs.xy, state))
-        if inputs.earlier is not None:
-            state = self.observe(inputs.xy, inputs.earlier, state)
-        return self._fill(state), state
+        """Depth on the current grid, from that of the goal view; what is not seen there is filled.
 
-    def observe(self, xy: FloatArray, earlier: EarlierView, state: DepthState | None) -> DepthState:
-        """Measure against an earlier frame, and fuse."""
-        return self._fuse(self._memory(xy, state), *self._measure(xy, earlier))
+        Without a link to the goal view the last frame's depth stands in, where there is one.
+        """
+        rho, variance = self._in_current_view(inputs, state)
+        return self._fill(rho, variance), state
 
-    def _memory(self, xy: FloatArray, state: DepthState | None) -> DepthState:
-        shape = xy.shape[:2]
+    def observe(
+        self, xy: FloatArray, earlier: EarlierView, link: GoalLink, state: DepthState | None
+    ) -> DepthState:
+        """Measure the current grid ``xy`` (h, w, 2) against an earlier frame, and fuse."""
+        state = self._memory(link, state)
+        rho, variance = self._measure(xy, earlier)
+        cells, means, variances = _in_goal_view(xy, (rho, variance), link)
+        return self._fuse(state, cells, means, variances)
+
+    def adopt(self, xy: FloatArray, depth: DepthMap, link: GoalLink) -> DepthState:
+        """Memory of a goal whose view is new, from the depth of the current grid."""
+        trust = np.clip(depth.validity.astype(np.float64), 1e-3, 1.0 - 1e-3)
+        rho = 1.0 / depth.z_m.astype(np.float64)
+        variance = (self.prior_spread * rho) ** 2 * (1.0 - trust) / trust
+        variance = np.where(depth.validity > 0.1, variance, _UNKNOWN_VARIANCE)
+        cells, means, variances = _in_goal_view(xy, (rho, variance), link)
+        return self._fuse(self._memory(link, None), cells, means, variances)
+
+    def _memory(self, link: GoalLink, state: DepthState | None) -> DepthState:
+        shape = link.grid_shape
         if state is not None and state.rho.shape == shape:
             return state
-        return DepthState(np.full(shape, 1.0 / self.prior_m), np.full(shape, _UNKNOWN_VARIANCE))
+        return DepthState(np.full(shape, 1.0 / self.prior), np.full(shape, _UNKNOWN_VARIANCE))
 
-    def _predict(self, inputs: DepthInputs, state: DepthState) -> DepthState:
-        # Going forward brings the scene nearer; the rest of the motion shifts it over the grid.
-        shrink = np.clip(1.0 - state.rho * inputs.motion_m[2], 0.5, 2.0)
-        moved_m = float(np.linalg.norm(inputs.motion_m))
-        variance = state.variance / shrink**4 + (self.drift_per_m * moved_m * state.rho) ** 2
-        return DepthState(state.rho / shrink, np.minimum(variance, _UNKNOWN_VARIANCE))
+    def _in_current_view(
+        self, inputs: DepthInputs, state: DepthState | None
+    ) -> tuple[FloatArray, FloatArray]:
+        """Inverse depth (h, w) of the current grid and its variance."""
+        shape = inputs.xy.shape[:2]
+        link = inputs.link
+        if link is None or state is None:
+            return np.full(shape, 1.0 / self.prior), np.full(shape, _UNKNOWN_VARIANCE)
+        seen = link.cell >= 0
+        cell = np.where(seen, link.cell, 0)
+        rho_goal, variance_goal = state.rho.ravel()[cell], state.variance.ravel()[cell]
+        rays = np.concatenate([link.xy_goal, np.ones((*shape, 1))], axis=2)
+        T = link.T_current_goal
+        z = ((rays / rho_goal[..., None]) @ T[2, :3]) + T[2, 3]
+        rho = 1.0 / np.maximum(z, _NEAREST)
+        variance = variance_goal * (rho / rho_goal) ** 4
+        unknown = ~seen | (variance_goal >= 0.5 * _UNKNOWN_VARIANCE)
+        return rho, np.where(unknown, _UNKNOWN_VARIANCE, variance)
 
     def _measure(self, xy: FloatArray, earlier: EarlierView) -> tuple[FloatArray, FloatArray]:
         """Inverse depth (h, w) and its variance from the parallax.
@@ -90,32 +118,61 @@ class MotionDepth:
         rho = (a * b).sum(axis=2) / parallax_sq
         # What does not lie on the epipolar line is an error of the match or a moving thing.
         off_line = np.abs(a[..., 0] * b[..., 1] - a[..., 1] * b[..., 0]) / np.sqrt(parallax_sq)
-        variance = (self.pixel_noise**2 + off_line**2) / parallax_sq
-        variance += (self.baseline_noise * rho) ** 2
+        noise_sq = self.pixel_noise**2 + earlier.rotation_spread_rad**2
+        variance = (noise_sq + off_line**2) / parallax_sq
         variance = variance / np.maximum(earlier.confidence, 1e-3) ** 2
         good = np.isfinite(rho) & (rho > 0.0) & (earlier.confidence > 0.2)
         return np.where(good, rho, 0.0), np.where(good, variance, _UNKNOWN_VARIANCE)
 
-    def _fuse(self, state: DepthState, rho: FloatArray, variance: FloatArray) -> DepthState:
-        """Kalman update per point; a jump of over three sigmas counts as a new surface."""
-        innovation = rho - state.rho
-        known = variance < _UNKNOWN_VARIANCE
-        jumped = known & (innovation**2 > 9.0 * (state.variance + variance))
-        prior = np.where(jumped, state.variance + innovation**2, state.variance)
-        gain = np.where(known, prior / (prior + variance), 0.0)
+    def _fuse(
+        self, state: DepthState, cells: FloatArray, rho: FloatArray, variance: FloatArray
+    ) -> DepthState:
+        """Kalman update of some cells; a jump of over three sigmas counts as a new surface."""
+        means, variances = state.rho.ravel().copy(), state.variance.ravel().copy()
+        innovation = rho - means[cells]
+        prior = variances[cells]
+        jumped = innovation**2 > 9.0 * (prior + variance)
+        prior = np.where(jumped, prior + innovation**2, prior)
+        gain = prior / (prior + variance)
+        means[cells] += gain * innovation
         # Not (1 - gain) * prior: that is 0 where a measurement is far surer than the prior.
-        fused = np.where(known, gain * variance, prior)
-        return DepthState(state.rho + gain * innovation, fused)
+        least = (self.least_spread * means[cells]) ** 2
+        variances[cells] = np.maximum(gain * variance, least)
+        shape = state.rho.shape
+        return DepthState(means.reshape(shape), variances.reshape(shape))
 
-    def _fill(self, state: DepthState) -> DepthMap:
+    def _fill(self, rho: FloatArray, variance: FloatArray) -> DepthMap:
         """Depth map: estimates drawn towards their median as far as they are uncertain."""
-        information = 1.0 / state.variance
+        information = 1.0 / variance
         known = information > 2.0 / _UNKNOWN_VARIANCE
-        median = 1.0 / self.prior_m
+        median = 1.0 / self.prior
         if known.any():
-            median = weighted_median(state.rho[known], np.sqrt(information[known]))
+            median = weighted_median(rho[known], np.sqrt(information[known]))
         spread_sq = (self.prior_spread * median) ** 2
-        trust = spread_sq / (spread_sq + state.variance)
-        rho = trust * state.rho + (1.0 - trust) * median
-        z = 1.0 / np.clip(rho, 1.0 / self.far_m, 1.0 / self.near_m)
+        trust = spread_sq / (spread_sq + variance)
+        filled = trust * rho + (1.0 - trust) * median
+        z = 1.0 / np.clip(filled, 1.0 / self.far, 1.0 / self.near)
         return DepthMap(z.astype(np.float32), trust.astype(np.float32))
+
+
+def _in_goal_view(
+    xy: FloatArray, measured: tuple[FloatArray, FloatArray], link: GoalLink
+) -> tuple[FloatArray, FloatArray, FloatArray]:
+    """Measurements (h, w) of the current grid as cells (n,) of the goal view: rho and variance.
+
+    Of several points in a cell the surest counts.
+    """
+    rho, variance = measured
+    good = (link.cell >= 0) & (variance < 0.5 * _UNKNOWN_VARIANCE) & (rho > 0.0)
+    rays = np.column_stack([xy[good], np.ones(np.count_nonzero(good))])
+    T = invert_pose(link.T_current_goal)
+    z = (rays / rho[good][:, None]) @ T[2, :3] + T[2, 3]
+    ahead = z > _NEAREST
+    rho_goal = 1.0 / z[ahead]
+    variance_goal = variance[good][ahead] * (rho_goal / rho[good][ahead]) ** 4
+    cells = link.cell[good][ahead]
+    surest_last = np.argsort(-variance_goal, kind="stable")
+    best = np.full(link.grid_shape[0] * link.grid_shape[1], -1)
+    best[cells[surest_last]] = surest_last
+    chosen = best[best >= 0]
+    return cells[chosen], rho_goal[chosen], variance_goal[chosen]

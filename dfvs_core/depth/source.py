@@ -7,7 +7,7 @@ from typing import Protocol
 
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, FloatArray
+from dfvs_core.arrays import Float32Array, FloatArray, IntArray
 from dfvs_core.correspondence import DepthMap
 from dfvs_core.errors import ConfigError
 
@@ -23,12 +23,37 @@ class EarlierView:
     confidence : (h, w) float64
         Trust in each correspondence, 0 to 1.
     T_earlier_current : (4, 4)
-        Motion of the camera in between, from the vehicle's attitude and velocity, m.
+        Motion of the camera in between, in units of the relative depth.
+    rotation_spread_rad : float
+        Standard deviation of its rotation.
     """
 
     xy: FloatArray
     confidence: FloatArray
     T_earlier_current: FloatArray
+    rotation_spread_rad: float = 0.0
+
+
+@dataclass(frozen=True, slots=True)
+class GoalLink:
+    """Where the current grid is seen in the goal view.
+
+    Parameters
+    ----------
+    cell : (h, w) int
+        Cell of the goal view's grid, row by row; -1 where a point is not matched.
+    xy_goal : (h, w, 2) float64
+        Normalised coordinates in the goal view.
+    T_current_goal : (4, 4)
+        Pose of the goal camera in the current one, in units of the relative depth.
+    grid_shape : tuple of int
+        Rows and columns of the goal view's grid.
+    """
+
+    cell: IntArray
+    xy_goal: FloatArray
+    T_current_goal: FloatArray
+    grid_shape: tuple[int, int]
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,23 +66,24 @@ class DepthInputs:
         Normalised coordinates of the grid in the current frame.
     earlier : EarlierView or None
         Correspondences with an earlier frame, where there is one.
-    motion_m : (3,) float64
-        How far the camera moved since the last frame, in the axes it had then, m.
+    link : GoalLink or None
+        Where the grid is seen in the goal view, if that is known.
     given : DepthMap or None
         Depth on the grid from a sensor, a renderer or a network.
     """
 
     xy: FloatArray
     earlier: EarlierView | None = None
-    motion_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    link: GoalLink | None = None
     given: DepthMap | None = None
 
 
 @dataclass(frozen=True, slots=True)
 class DepthState:
-    """Memory of a depth source: inverse depth (h, w) in 1/m and its variance (h, w).
+    """Memory of a depth source: inverse depth (h, w) and its variance (h, w).
 
-    Sources without memory keep it None.
+    Of depth from motion it is that of the goal view's grid, in units; of others it is that of the
+    current grid, in m. Sources without memory keep it None.
     """
 
     rho: FloatArray
@@ -73,25 +99,9 @@ class DepthSource(Protocol):
         """Depth on the grid, and the memory for the next frame."""
         ...
 
-    def observe(
-        self, xy: FloatArray, earlier: EarlierView, state: DepthState | None
-    ) -> DepthState | None:
-        """Memory after a comparison of the frame that was estimated last with an earlier one."""
-        ...
-
-
-class Memoryless:
-    """A source that knows nothing from one frame to the next."""
-
-    def observe(
-        self, xy: FloatArray, earlier: EarlierView, state: DepthState | None
-    ) -> DepthState | None:
-        """Learn nothing."""
-        return state
-
 
 @dataclass(frozen=True, slots=True)
-class GivenDepth(Memoryless):
+class GivenDepth:
     """Depth measured elsewhere: a sensor, the simulator's truth, a depth network."""
 
     def estimate(
@@ -110,7 +120,7 @@ class GivenDepth(Memoryless):
 
 
 @dataclass(frozen=True, slots=True)
-class ConstantDepth(Memoryless):
+class ConstantDepth:
     """The same depth everywhere: crude, yet a sound last resort."""
 
     z_m: float = 3.0

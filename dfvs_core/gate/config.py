@@ -22,10 +22,15 @@ class Engage(enum.StrEnum):
 
 
 class OnDone(enum.StrEnum):
-    """What follows when the goal is reached: zero setpoints for ever, or the autopilot's Hold."""
+    """What follows when the goal is reached.
+
+    Zero setpoints for ever, the autopilot's Hold, or going on to servo so that the vehicle stays
+    although its own estimate drifts (for ``GateConfig.hold_visual_ns``, then Hold).
+    """
 
     ZERO = "zero"
     HOLD = "hold"
+    HOLD_VISUAL = "hold-visual"
 
 
 @dataclass(frozen=True, slots=True)
@@ -54,18 +59,13 @@ class GateTiming:
     good_data_ns: int = 1 * S
     hold_ns: int = 3 * S
     reached_ns: int = 1 * S
-    proof_ns: int = 600 * MS
-    """Time from the vehicle's first motion until the error should have fallen."""
-    proof_limit_ns: int = 3 * S
-    """Time for the vehicle to begin to move as asked."""
+    response_ns: int = 1 * S
+    """Least time at reduced speed; 0: no initial-response check."""
+    response_limit_ns: int = 6 * S
+    """Time at reduced speed after which a missing response ends the flight."""
     mode_known_ns: int = 1500 * MS
     """A heartbeat older than this says nothing about the mode any more."""
     order_valid_ns: int = 5 * S
-
-    @property
-    def last_proof_ns(self) -> int:
-        """Time from the vehicle's first motion until the error must have fallen."""
-        return self.proof_ns * 6 // 5
 
 
 @dataclass(frozen=True, slots=True)
@@ -73,10 +73,12 @@ class GateConfig:
     """Limits of invariant I1, times, thresholds, and how to engage and end."""
 
     velocity: VelocityLimits = field(default_factory=VelocityLimits)
-    proof_speed_m_s: float = 0.1
-    """Largest linear speed until the error was seen to fall."""
+    reduced_speed_m_s: float = 0.1
+    """Largest linear speed until the initial-response check has passed."""
     max_distance_m: float = 5.0
     max_engaged_ns: int = 120 * S
+    hold_visual_ns: int = 300 * S
+    """Time for which the goal is held by vision, once reached."""
     min_overlap: float = 0.09
     min_frame_hz: float = 8.0
     """Fewer good frames a second refuse the preflight; one period without any is silence."""

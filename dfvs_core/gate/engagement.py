@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dfvs_core.gate.config import Engage, GateConfig
 from dfvs_core.gate.events import Heartbeat, VehicleMode
-from dfvs_core.gate.proof import MotionProof
+from dfvs_core.gate.initial_response import InitialResponse
 from dfvs_core.gate.states import Cause
 from dfvs_core.gate.vehicle import Fault, VehiclePicture
 
@@ -25,12 +25,15 @@ class Engagement:
     requested_ns: int | None = None
     is_held: bool = False
     """The operator ordered to hold."""
+    reached_ns: int | None = None
+    """When the goal was reached, where it is held by vision since."""
     hold_requested: bool = False
     """The autopilot's Hold was asked for because the goal is reached."""
     handed_over: bool = False
     """The autopilot confirmed that Hold."""
-    is_proven: bool = False
-    proof: MotionProof | None = None
+    is_confirmed_response: bool = False
+    """The initial-response check has passed."""
+    response: InitialResponse | None = None
 
     def heed(self, heartbeat: Heartbeat) -> Fault | None:
         """Take a heartbeat; say why the vehicle is no longer ours, None while it is."""
@@ -76,6 +79,10 @@ def cap(
     distance = math.dist(vehicle.position.position_m, engagement.start_m)
     if not distance <= config.max_distance_m:
         return Cause.DISTANCE_CAP, f"{distance:.2f} m, {config.max_distance_m:g} m allowed"
-    if now_ns - engagement.start_ns > config.max_engaged_ns:
-        return Cause.TIME_CAP, f"{config.max_engaged_ns / 1e9:g} s allowed"
+    if engagement.reached_ns is not None:
+        since_ns, allowed_ns = engagement.reached_ns, config.hold_visual_ns
+    else:
+        since_ns, allowed_ns = engagement.start_ns, config.max_engaged_ns
+    if now_ns - since_ns > allowed_ns:
+        return Cause.TIME_CAP, f"{allowed_ns / 1e9:g} s allowed"
     return None

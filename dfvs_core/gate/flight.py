@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.engagement import Engagement, cap
-from dfvs_core.gate.proof import Proof
+from dfvs_core.gate.initial_response import Response
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import Fault, VehiclePicture, flight_fault
@@ -33,13 +33,17 @@ class Decision:
 
 
 def decide(engagement: Engagement, moment: Moment) -> Decision | None:
-    """Say which state must be entered now, None to stay; DONE is left only for a fault."""
+    """Say which state must be entered now, None to stay.
+
+    DONE is left for a fault alone: of the vehicle, and where the goal is held by vision, of the
+    images.
+    """
     if engagement.handed_over:
         return None
     fault = flight_fault(moment.vehicle, moment.config, moment.now_ns)
     if fault is None:
         fault = moment.vehicle.rivals.flight_fault(engagement.start_ns)
-    if fault is None and moment.state is not GateState.DONE:
+    if fault is None and (moment.state is not GateState.DONE or holds_visually(engagement)):
         fault = cap(engagement, moment.vehicle, moment.config, moment.now_ns)
     if fault is not None:
         return Decision(GateState.ABORT, fault)
@@ -49,7 +53,14 @@ def decide(engagement: Engagement, moment: Moment) -> Decision | None:
         return _decide_servo(engagement, moment)
     if moment.state is GateState.HOLD:
         return _decide_hold(engagement, moment)
+    if holds_visually(engagement) and (stale := moment.sight.stale(moment.now_ns)) is not None:
+        return Decision(GateState.HOLD, stale)
     return None
+
+
+def holds_visually(engagement: Engagement) -> bool:
+    """Tell whether the goal is reached, and the vehicle kept there by vision."""
+    return engagement.reached_ns is not None
 
 
 def _decide_engage(engagement: Engagement, moment: Moment) -> Decision | None:
@@ -80,15 +91,17 @@ def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:
     reached_ns = min(moment.sight.reached_for_ns(moment.now_ns), moment.in_state_ns)
     if reached_ns >= timing.reached_ns:
         return Decision(GateState.DONE, (Cause.GOAL_REACHED, ""))
-    proof = engagement.proof
-    verdict = Proof.OPEN if proof is None else proof.judge(moment.now_ns, timing)
-    if proof is None or verdict is Proof.OPEN:
+    response = engagement.response
+    if response is None:
         return None
-    engagement.proof = None
-    engagement.is_proven = True
-    if verdict is Proof.GIVEN:
+    shown = response.judge(moment.now_ns, timing)
+    if shown is Response.OPEN:
         return None
-    return Decision(GateState.ABORT, (proof.cause, proof.objection))
+    engagement.response = None
+    engagement.is_confirmed_response = True
+    if shown is Response.CONFIRMED:
+        return None
+    return Decision(GateState.ABORT, (response.cause, response.objection))
 
 
 def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:
@@ -97,7 +110,7 @@ def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:
         return None
     if moment.in_state_ns > timing.hold_ns:
         return Decision(GateState.ABORT, (Cause.HOLD_TOO_LONG, moment.sight.reason))
-    if not engagement.is_proven and moment.sight.overlap < moment.config.min_overlap:
+    if not engagement.is_confirmed_response and moment.sight.overlap < moment.config.min_overlap:
         return None
     if moment.sight.good_for_ns(moment.now_ns) >= timing.good_data_ns:
         return _into_servo(engagement, moment, (Cause.DATA_GOOD, ""))

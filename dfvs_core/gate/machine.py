@@ -6,7 +6,8 @@ flight can be replayed. It has no word for arming or taking off.
 
 Rules that hold in every state:
 
-- A setpoint that is not zero leaves only in SERVO, saturated and slew-limited from the last one.
+- A setpoint that is not zero leaves only in SERVO, and in DONE where the goal is held by vision,
+  saturated and slew-limited from the last one.
 - Going to zero is not slew-limited: on a fault the brake is immediate.
 - A heartbeat is judged in the order of arrival, before anything is sent in that step: one that
   shows a takeover silences the gate at once, even if the next one shows OFFBOARD again. The
@@ -35,10 +36,10 @@ from dfvs_core.gate.events import (
     Stop,
     VehicleMode,
 )
-from dfvs_core.gate.flight import Moment, decide
+from dfvs_core.gate.flight import Moment, decide, holds_visually
+from dfvs_core.gate.initial_response import InitialResponse
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.preflight import Check, failures, preflight, sole_commander
-from dfvs_core.gate.proof import MotionProof
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import ENDED, ENGAGED, FLYING, Cause, GateState, Transition
 from dfvs_core.gate.stream import SetpointStream
@@ -166,8 +167,8 @@ class GateMachine:
             self._abort((Cause.GOAL_LOST, event.report.reason))
         elif fault is not None:
             self._hold_servo(fault)
-        elif self.state is GateState.SERVO and self._engagement.proof is not None:
-            self._engagement.proof.see(event.report)
+        elif self.state is GateState.SERVO and self._engagement.response is not None:
+            self._engagement.response.see(event.report)
 
     def _take_order(self, order: Order) -> None:
         engagement, action = self._engagement, order.action
@@ -177,7 +178,7 @@ class GateMachine:
             self._abort((Cause.OPERATOR_ABORT, ""))
         elif action is Action.HOLD:
             self._ordered_ns = None
-            engagement.is_held = self.state in FLYING
+            engagement.is_held = self.state in FLYING or self._holds_visually
             self._hold_servo((Cause.OPERATOR_HOLD, ""))
         else:
             self._take_engage()
@@ -199,7 +200,7 @@ class GateMachine:
             self._refusal = "rejected: the goal is reached, order another one"
 
     def _take_goal(self, goal: str) -> None:
-        """Look for another goal, where nothing moves: checks, overlap and proof begin anew."""
+        """Look for another goal, where nothing moves: checks, overlap and response begin anew."""
         hands_over = self._engagement.hold_requested and not self._engagement.handed_over
         is_done = self.state is GateState.DONE
         if self.state in (GateState.ENGAGE, GateState.SERVO) or (is_done and hands_over):
@@ -210,7 +211,7 @@ class GateMachine:
         if self.state is GateState.READY:
             self._go(GateState.PREFLIGHT, cause)
         elif self.state is GateState.HOLD:
-            self._engagement.is_proven = False
+            self._engagement.is_confirmed_response = False
             self._since = self._now
         elif is_done and not self.stream.is_silent:
             self._engagement = begin(self.vehicle, self._now)
@@ -301,8 +302,12 @@ class GateMachine:
         return self._now - t_ns
 
     def _hold_servo(self, cause: Fault) -> None:
-        if self.state is GateState.SERVO:
+        if self.state is GateState.SERVO or self._holds_visually:
             self._go(GateState.HOLD, cause)
+
+    @property
+    def _holds_visually(self) -> bool:
+        return self.state is GateState.DONE and holds_visually(self._engagement)
 
     def _abort(self, cause: Fault) -> None:
         if self.state not in (GateState.ABORT, GateState.RELEASED):
@@ -329,11 +334,15 @@ class GateMachine:
             self.stream.is_silent = False
             self.has_reached = False
         elif target is GateState.SERVO:
-            needs_proof = not self._engagement.is_proven and self.config.timing.proof_ns > 0
-            self._engagement.proof = MotionProof(self._now) if needs_proof else None
+            is_asked = self.config.timing.response_ns > 0
+            is_open = is_asked and not self._engagement.is_confirmed_response
+            self._engagement.response = InitialResponse(self._now) if is_open else None
         elif target is GateState.DONE:
             self.has_reached = True
-            if self.config.on_done is OnDone.HOLD:
+            if self.config.on_done is OnDone.HOLD_VISUAL:
+                if self._engagement.reached_ns is None:
+                    self._engagement.reached_ns = self._now
+            elif self.config.on_done is OnDone.HOLD:
                 self._engagement.hold_requested = True
                 self._request = ModeRequest.HOLD
         elif target is GateState.ABORT:
@@ -342,14 +351,14 @@ class GateMachine:
             self.stream.silence()
 
     def _next_setpoint(self) -> BodyVelocity | None:
-        if self.state is not GateState.SERVO:
+        if self.state is not GateState.SERVO and not self._holds_visually:
             setpoint = self.stream.zero(self._now)
         else:
-            proof = self._engagement.proof
-            if proof is not None:
-                proof.follow(self.stream.last, self.vehicle.own_motion, self._now)
+            response = self._engagement.response
+            if response is not None:
+                response.follow(self.stream.last, self.vehicle.own_motion, self._now)
             wanted = self.sight.velocity()
-            setpoint = self.stream.move(wanted, self._now, crawls=proof is not None)
+            setpoint = self.stream.move(wanted, self._now, is_reduced=response is not None)
         if setpoint is not None:
             self.vehicle.rivals.sent(setpoint, self._now)
         return setpoint

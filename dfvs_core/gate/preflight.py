@@ -5,6 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dfvs_core.gate.config import MS, GateConfig, S
+from dfvs_core.gate.initial_response import MOUNTING_SCORE
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.vehicle import (
     NEVER,
@@ -49,6 +50,7 @@ def preflight(
         _advice(vehicle),
         _frames(sight, config, now_ns),
         _overlap(sight, config),
+        _mounting(sight),
     )
 
 
@@ -65,6 +67,7 @@ _BATTERY = "charge or change the battery, or give the autopilot a power module"
 _PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
 _FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
 _GOAL = "move to where the goal is in view, or take another goal picture"
+_MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"
 _COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
 
 
@@ -144,3 +147,12 @@ def _overlap(sight: Sight, config: GateConfig) -> Check:
     if sight.overlap < config.min_overlap:
         return Check("goal", False, f"{found}, {config.min_overlap:.0%} needed", _GOAL)
     return Check("goal", True, found)
+
+
+def _mounting(sight: Sight) -> Check:
+    """Refuse a camera whose images turn about another axis than the vehicle does."""
+    score = None if sight.good is None else sight.good.mounting_score
+    if score is not None and score <= -MOUNTING_SCORE:
+        detail = f"the camera turns another way than the vehicle ({-score:.0f} standard deviations)"
+        return Check("mounting", False, detail, _MOUNTING)
+    return Check("mounting", True)

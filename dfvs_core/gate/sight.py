@@ -51,8 +51,8 @@ def _nonsense(report: PerceptionReport) -> str | None:
         return "error or overlap out of range"
     if report.feature_error is not None and not 0 <= report.feature_error < math.inf:
         return "feature error out of range"
-    if report.course_agreement is not None and not -1 <= report.course_agreement <= 1:
-        return "course agreement out of range"
+    if report.mounting_score is not None and not math.isfinite(report.mounting_score):
+        return "mounting score out of range"
     return None
 
 

@@ -77,7 +77,7 @@ class Cause(enum.StrEnum):
     GOAL_REACHED = "goal reached"
     GOAL_LOST = "goal lost"
     ERROR_NOT_FALLING = "error does not fall"
-    OTHER_COURSE = "camera moves another way than the vehicle"
+    WRONG_MOUNTING = "camera turns another way than the vehicle"
     HOLD_TOO_LONG = "held too long"
     DISTANCE_CAP = "too far from the start"
     TIME_CAP = "engaged too long"

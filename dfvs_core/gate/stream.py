@@ -34,13 +34,14 @@ class SetpointStream:
             return None
         return self._send(ZERO, now_ns)
 
-    def move(self, wanted: BodyVelocity, now_ns: int, *, crawls: bool) -> BodyVelocity | None:
+    def move(self, wanted: BodyVelocity, now_ns: int, *, is_reduced: bool) -> BodyVelocity | None:
         """Next setpoint towards the wanted velocity, if one is due."""
         gap_ns = self._gap_ns(now_ns)
         if self.is_silent or gap_ns < self._least_gap_ns:
             return None
         limits = self._config.velocity
-        target = saturate(wanted, limits, self._config.proof_speed_m_s if crawls else math.inf)
+        most_m_s = self._config.reduced_speed_m_s if is_reduced else math.inf
+        target = saturate(wanted, limits, most_m_s)
         dt_s = min(gap_ns, self._config.timing.slew_step_ns) / S
         return self._send(slew(self.last, target, dt_s, limits), now_ns)
 

@@ -19,7 +19,7 @@ from dfvs_core.gate.events import (
     VehicleEvent,
     VehicleMode,
 )
-from dfvs_core.gate.proof import OwnMotion
+from dfvs_core.gate.initial_response import OwnMotion
 from dfvs_core.gate.rivals import Rivals
 from dfvs_core.gate.states import Cause
 

@@ -8,8 +8,10 @@ from dataclasses import dataclass, field
 from dfvs_core.arrays import BoolArray, FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.source import DepthState
-from dfvs_core.servo.course import Way
 from dfvs_core.servo.feature_error import Reference
+from dfvs_core.servo.goal_filter import GoalEstimate
+from dfvs_core.servo.mounting import MountingState
+from dfvs_core.servo.points import GridSamples
 from dfvs_core.servo.stop import StopState
 
 _LEAST_DEPTH_M = 1e-3
@@ -84,19 +86,37 @@ class ServoInputs:
 
 
 @dataclass(frozen=True, slots=True)
+class LastFrame:
+    """What is kept of a frame: capture time, attitude and the samples of its flow.
+
+    ``position`` (3,) is the goal's, in units, as it was measured; None where it was not.
+    """
+
+    t_capture_ns: int
+    attitude: Attitude
+    samples: GridSamples
+    position: FloatArray | None = None
+
+
+@dataclass(frozen=True, slots=True)
 class ServoState:
     """Memory from frame to frame.
 
-    ``depth_map`` is the last frame's, on the grid, and ``outliers`` (h, w) tells which points of
-    that grid contradict the motion to the goal, where it explains the others and they are many.
+    ``depth`` is relative, in units whose length in metres ``estimate`` tells; ``depth_map``, on the
+    grid, and ``T_current_goal`` are of the last frame and metric. ``outliers`` (h, w) tells which
+    points of that grid contradict the motion to the goal, where it explains the others and they are
+    many. ``last`` is the last frame, None before the first one.
     """
 
     depth: DepthState | None = None
     depth_map: DepthMap | None = None
     T_current_goal: FloatArray | None = None
+    estimate: GoalEstimate | None = None
+    last: LastFrame | None = None
     stop: StopState = field(default_factory=StopState)
     reference: Reference | None = None
-    way: Way | None = None
+    mounting: MountingState | None = None
+    attitude_error_rad: tuple[float, float] = (0.0, 0.0)
     outliers: BoolArray | None = None
 
 
@@ -120,9 +140,9 @@ class ServoResult:
         The same in normalised units, of the same features from frame to frame while engaged
         (:mod:`dfvs_core.servo.feature_error`): what comes into view does not change it, and
         ``error_m`` may jump as depth becomes known.
-    course_agreement : float or None
-        Cosine of the angle between the camera's course, as the picture shows it, and the vehicle's
-        own (:mod:`dfvs_core.servo.course`); None where nothing can be told.
+    mounting_score : float or None
+        Test statistic of the camera's mounting (:mod:`dfvs_core.servo.mounting`); None where
+        nothing can be told.
     residual_px : float
         Weighted median reprojection error of the estimated motion.
     inlier_share, overlap : float
@@ -142,7 +162,7 @@ class ServoResult:
     error_rad: float
     feature_error_px: float
     feature_error: float
-    course_agreement: float | None
+    mounting_score: float | None
     residual_px: float
     inlier_share: float
     overlap: float

@@ -10,8 +10,21 @@ from dfvs_core.arrays import FloatArray
 from dfvs_core.poses import invert_pose, make_pose
 from dfvs_core.servo.exchange import Attitude
 from dfvs_core.servo.freedom import rotate_rays, virtual_rotation
+from dfvs_core.servo.interaction import interaction_matrix
+from dfvs_core.servo.law import NormalEquations, normal_equations
 from dfvs_core.servo.points import ServoPoints
+from dfvs_core.servo.pose import GoalPose
 from dfvs_core.servo.task import ServoTask
+
+_TILT_INERTIA = 0.03
+"""Weight of what is known of the attitude error against that of one frame's points."""
+
+_KNOWN_SPREAD, _KNOWN_SHARE = 0.2, 0.6
+"""Relative spread of a depth that is known, and share of the points whose depth must be: a tilt and
+wrong depths look alike."""
+
+_MOST_TILT_RAD = 0.1
+"""Largest attitude error that is corrected; a larger one is another fault."""
 
 
 def level_points(task: ServoTask, attitude: Attitude, points: ServoPoints) -> ServoPoints:
@@ -33,6 +46,55 @@ def real_pose(task: ServoTask, attitude: Attitude, T_current_goal: FloatArray) -
     R_now, R_goal = (make_pose(R, np.zeros(3)) for R in _rotations(task, attitude))
     T: FloatArray = invert_pose(R_goal) @ T_goal_current @ R_now
     return T
+
+
+def level_rotation(task: ServoTask, attitude: Attitude) -> FloatArray:
+    """Rotation (3, 3) from the camera to the virtual camera; the identity for a free camera."""
+    return np.eye(3) if task.mount is None else _rotations(task, attitude)[0]
+
+
+def corrected(attitude: Attitude, error_rad: tuple[float, float]) -> Attitude:
+    """Attitude without an estimated error of roll and pitch (2,), rad."""
+    roll, pitch = attitude.roll_rad - error_rad[0], attitude.pitch_rad - error_rad[1]
+    return Attitude(roll, pitch, attitude.yaw_rad)
+
+
+def attitude_error(
+    task: ServoTask, points: ServoPoints, pose: GoalPose, error_rad: tuple[float, float]
+) -> tuple[float, float]:
+    """Estimate of the error of roll and pitch (2,), rad, after one more frame.
+
+    What the level body's motions leave of the correspondences is explained by a tilt of the current
+    view against the goal's, in one Gauss-Newton step with all six degrees of freedom.
+
+    Parameters
+    ----------
+    points : ServoPoints
+        Levelled by ``error_rad``, with the weights of the fit.
+    pose : GoalPose
+        Of that fit.
+    error_rad : (2,)
+        Estimate so far.
+    """
+    assert task.mount is not None
+    known = points.depth_spread < _KNOWN_SPREAD
+    if float(points.weight[known].sum()) < _KNOWN_SHARE * float(points.weight.sum()):
+        return error_rad
+    points = points.select(known)
+    R_body_camera = task.mount.T_body_camera()[:3, :3]
+    rays = np.column_stack([points.xy, np.ones(len(points.xy))]) * points.z_m[:, None]
+    T = invert_pose(pose.T_current_goal)
+    seen = rays @ T[:3, :3].T + T[:3, 3]
+    z = np.maximum(seen[:, 2], 1e-3)
+    xy = seen[:, :2] / z[:, None]
+    tilt = np.zeros((6, 2))
+    tilt[3:] = (R_body_camera @ pose.T_current_goal[:3, :3]).T[:, :2]
+    J = interaction_matrix(xy, z) @ np.column_stack([task.basis.B, tilt])
+    equations = normal_equations(J, xy - points.xy_goal, points.weight)
+    prior = np.diag([0.0] * task.basis.size + [_TILT_INERTIA] * 2)
+    step = NormalEquations(equations.A + prior, equations.b).solve(1e-6)[-2:]
+    roll, pitch = np.clip(np.add(error_rad, step), -_MOST_TILT_RAD, _MOST_TILT_RAD)
+    return float(roll), float(pitch)
 
 
 def _rotations(task: ServoTask, attitude: Attitude) -> tuple[FloatArray, FloatArray]:

@@ -9,33 +9,27 @@ from dataclasses import replace
 
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array, FloatArray
-from dfvs_core.correspondence import DepthMap
-from dfvs_core.depth.choice import depth_source
-from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView
-from dfvs_core.servo.course import Way, course_agreement, follow
-from dfvs_core.servo.exchange import (
-    EarlierMatch,
-    ServoInputs,
-    ServoResult,
-    ServoState,
-    Verdict,
-)
-from dfvs_core.servo.feature_error import Reference, feature_error
+from dfvs_core.arrays import BoolArray, FloatArray
+from dfvs_core.depth.source import GoalLink
+from dfvs_core.poses import make_pose, rotation_from_euler
+from dfvs_core.servo.exchange import LastFrame, ServoInputs, ServoResult, ServoState, Verdict
+from dfvs_core.servo.feature_error import feature_error
+from dfvs_core.servo.goal_filter import GoalEstimate
 from dfvs_core.servo.law import NormalEquations
-from dfvs_core.servo.level import level_points
-from dfvs_core.servo.motion import distance_and_angle, find_goal, is_clear, wanted_motion
+from dfvs_core.servo.level import attitude_error, corrected, level_points
+from dfvs_core.servo.motion import find_goal, is_clear, wanted_motion
+from dfvs_core.servo.mounting import (
+    MountingState,
+    follow_mounting,
+    mounting_score,
+    seen_cells,
+)
 from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose
-from dfvs_core.servo.stop import (
-    ErrorScore,
-    StopState,
-    error_score,
-    is_reached,
-    is_stuck,
-    update_stop,
-)
+from dfvs_core.servo.stop import StopState, error_sample, is_reached, is_stuck, update_stop
+from dfvs_core.servo.structure import estimate_depth, goal_link, in_metres, scaled
 from dfvs_core.servo.task import ServoTask
+from dfvs_core.servo.tracking import correct_goal, elapsed_s, predict_goal
 from dfvs_core.servo.velocity import AdaptiveGain, saturate, velocity_for
 from dfvs_core.servo.weights import weighted_median
 
@@ -45,6 +39,8 @@ _GO_ON = 0.5
 """Factor on the share of the view that must show the goal, once it has been found."""
 _DIVIDED = 0.65
 """Weight kept over weight before, below which what a pose rejects is taken for wrong."""
+_APPROACH_M_S = 0.02
+"""Speed towards the goal, m/s or rad/s, below which no progress is expected."""
 _CLEAR_OVERLAP = 0.15
 """Share of the view that shows the goal from which on the gain is full."""
 
@@ -64,43 +60,68 @@ def servo_step(
     if not inputs.flow.is_finite():
         return _refused(task, Verdict.NOT_FINITE, 0.0), state
 
-    # 1. Read the flow on a grid, and give every point a depth.
+    mounting_inputs = inputs
+    inputs = replace(inputs, attitude=corrected(inputs.attitude, state.attitude_error_rad))
+
+    # 1. Carry the estimate on to this frame by the odometry.
+    dt_s = elapsed_s(inputs, state)
+    estimate, T_predicted = predict_goal(task, state, inputs)
+    unit_m = 1.0 if estimate is None else estimate.metres_per_unit
+    unit_task = replace(task, unit_m=unit_m)
+    T_guess = None if T_predicted is None else scaled(T_predicted, 1.0 / unit_m)
+
+    # 2. Read the flow on a grid, and give every point a relative depth.
     samples = sample_grid(inputs.flow, task.config.stride_px)
-    depth, depth_state = _estimate_depth(task, state, inputs, samples)
+    link = None
+    if T_guess is not None:
+        link = goal_link(unit_task, inputs.attitude, samples, T_guess)
+    depth, depth_state = estimate_depth(unit_task, state, inputs, samples, link)
     points = points_from_flow(samples, depth, task.camera, task.goal.camera)
 
-    # 2. Take both views to the gravity-aligned virtual camera.
+    # 3. Take both views to the gravity-aligned virtual camera.
     points = level_points(task, inputs.attitude, points)
     trusted = points.weight > task.config.min_confidence
     overlap = float(trusted.sum()) / samples.confidence.size
-    state = replace(state, depth=depth_state, depth_map=depth, outliers=None)
-    least = task.config.min_overlap * (1.0 if state.T_current_goal is None else _GO_ON)
+    state = replace(
+        state,
+        depth=depth_state,
+        depth_map=in_metres(depth, unit_m),
+        T_current_goal=T_predicted,
+        estimate=estimate,
+        last=LastFrame(inputs.t_capture_ns, inputs.attitude, samples),
+        outliers=None,
+    )
+    least = task.config.min_overlap * (1.0 if T_guess is None else _GO_ON)
     if overlap < least or trusted.sum() < _MIN_POINTS:
         return _refused(task, Verdict.NO_OVERLAP, overlap), state
     points = points.select(trusted)
 
-    # 3. Find where the goal is, and who is out of line.
-    pose = find_goal(task, points, state.T_current_goal)
+    # 4. Find where the goal is, and which points are out of line.
+    pose = find_goal(unit_task, points, T_guess)
     before = state.reference if inputs.engaged else None
     spacing = task.config.stride_px / task.camera.fx
     left, reference = feature_error(points, spacing, before)
-    way = _follow(state.way if reference is before else None, inputs)
-    agreement = _course_agreement(task, reference, points, way)
     points = replace(points, weight=pose.weight)
+    mounting = check_mounting(task, state, mounting_inputs, samples, link)
 
-    # 4. Solve for the motion, and make a velocity of it.
-    motion, equations = wanted_motion(task, points, pose)
-    velocity = _velocity(task, motion, inputs, overlap)
+    # 5. Solve for the motion, and filter it.
+    measured, equations = wanted_motion(unit_task, points, pose)
+    position = unit_task.basis.exp(measured)[:3, 3]
+    since_s = None if T_guess is None else dt_s
+    estimate = correct_goal(task, estimate, position, points, since_s)
+    motion = _filtered_motion(task, unit_task, estimate, measured)
+    velocity = _velocity(task, motion, estimate, inputs, overlap)
 
-    # 5. Judge.
-    error_m, error_rad = distance_and_angle(task, pose)
-    score = ErrorScore(inputs.t_capture_ns, error_score(error_m, error_rad, task.config), left)
-    stop = update_stop(state.stop, score, inputs.engaged)
+    # 6. Judge.
+    error_m, error_rad = float(np.linalg.norm(estimate.position_m)), _angle(task, motion)
+    turn_rad = (task.basis.B @ motion)[3:]
+    sample = error_sample(inputs.t_capture_ns, estimate.position_m, turn_rad, left, task.config)
+    may_approach = _may_approach(task, estimate, motion, velocity)
+    stop = update_stop(state.stop, sample, inputs.engaged and may_approach)
     feature_error_px = _feature_error_px(task, points)
     verdict = _judge(task, pose, equations, feature_error_px, stop)
     flown = verdict is Verdict.OK
     residual_px = pose.residual * task.camera.fx
-    speed, asked = (float(np.linalg.norm(v[:3])) for v in (inputs.velocity, velocity))
     result = ServoResult(
         verdict=verdict,
         velocity=velocity if flown else np.zeros_like(velocity),
@@ -109,18 +130,41 @@ def servo_step(
         error_rad=error_rad,
         feature_error_px=feature_error_px,
         feature_error=left,
-        course_agreement=agreement,
+        mounting_score=mounting_score(mounting),
         residual_px=residual_px,
         inlier_share=pose.inlier_share,
         overlap=overlap,
         condition=equations.condition,
-        depth_m=weighted_median(points.z_m, points.weight),
-        reached=flown and residual_px < task.config.tolerance_px and is_reached(stop, speed, asked),
+        depth_m=unit_m * weighted_median(points.z_m, points.weight),
+        reached=flown and residual_px < task.config.tolerance_px and is_reached(stop),
     )
+    tilt = state.attitude_error_rad
+    if flown and task.mount is not None:
+        tilt = attitude_error(unit_task, points, pose, tilt)
     outliers = _outliers(task, pose, trusted).reshape(samples.confidence.shape)
-    return result, ServoState(
-        depth_state, depth, pose.T_current_goal, stop, reference, way, outliers
+    return result, replace(
+        state,
+        T_current_goal=scaled(pose.T_current_goal, estimate.metres_per_unit),
+        estimate=estimate,
+        last=LastFrame(inputs.t_capture_ns, inputs.attitude, samples, position),
+        stop=stop,
+        reference=reference,
+        mounting=mounting,
+        attitude_error_rad=tilt,
+        outliers=outliers,
     )
+
+
+def _filtered_motion(
+    task: ServoTask, unit_task: ServoTask, estimate: GoalEstimate, measured: FloatArray
+) -> FloatArray:
+    """Motion (d,) to the goal, m and rad: the filtered position with the measured rotation."""
+    T = unit_task.basis.exp(measured)
+    return task.basis.log(make_pose(T[:3, :3], estimate.position_m))
+
+
+def _angle(task: ServoTask, motion: FloatArray) -> float:
+    return float(np.linalg.norm((task.basis.B @ motion)[3:]))
 
 
 def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:
@@ -132,6 +176,23 @@ def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:
     if is_clear(task, pose) and pose.inlier_share < _DIVIDED:
         outliers[trusted] = pose.weight <= 0.0
     return outliers
+
+
+def check_mounting(
+    task: ServoTask,
+    state: ServoState,
+    inputs: ServoInputs,
+    samples: GridSamples,
+    link: GoalLink | None,
+) -> MountingState | None:
+    """Regression of the images' tilt after this frame; of a vehicle alone."""
+    if task.mount is None or link is None:
+        return state.mounting
+    a = inputs.attitude
+    R_world_body = rotation_from_euler(a.roll_rad, a.pitch_rad, a.yaw_rad)
+    seen = seen_cells(task.camera.normalise(samples.pixels), link)
+    now = MountingState(inputs.t_capture_ns, R_world_body, seen)
+    return follow_mounting(state.mounting, now, task.mount.T_body_camera()[:3, :3])
 
 
 def _judge(
@@ -166,7 +227,7 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
         error_rad=unknown,
         feature_error_px=unknown,
         feature_error=unknown,
-        course_agreement=None,
+        mounting_score=None,
         residual_px=unknown,
         inlier_share=0.0,
         overlap=overlap,
@@ -176,74 +237,49 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
     )
 
 
-def _follow(way: Way | None, inputs: ServoInputs) -> Way:
-    return follow(way, inputs.t_capture_ns, inputs.velocity[:3], inputs.attitude.yaw_rad)
-
-
-def _course_agreement(
-    task: ServoTask, reference: Reference, points: ServoPoints, way: Way
-) -> float | None:
-    """Of a vehicle; what a free camera says of its motion is no other thing than what it sees."""
-    if task.mount is None:
-        return None
-    return course_agreement(reference.cells, points, task.basis, way)
-
-
 def _feature_error_px(task: ServoTask, points: ServoPoints) -> float:
     lengths = np.linalg.norm(points.error, axis=1)
     return weighted_median(lengths, points.weight) * task.camera.fx
 
 
-def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> ServoState:
-    """Learn about depth from the frame of the last ``servo_step`` and an earlier one.
+def _may_approach(
+    task: ServoTask, estimate: GoalEstimate, motion: FloatArray, velocity: FloatArray
+) -> bool:
+    """Tell whether a vehicle that flies this velocity (d,) comes nearer.
 
-    A comparison costs as much as the match with the goal; done after the velocity was sent, it
-    serves the frames to come and delays none.
+    Against a velocity error as large as the speed limit it does not, and that is no fault.
     """
-    samples = sample_grid(match.flow, task.config.stride_px)
-    xy = task.camera.normalise(samples.pixels)
-    source = depth_source(task.config, task.camera)
-    depth = source.observe(xy, _earlier_view(task, match), state.depth)
-    return replace(state, depth=depth)
+    length = float(np.linalg.norm(motion))
+    if length <= 0.0:
+        return True
+    flown = velocity + _velocity_error(task, estimate)
+    return float(flown @ motion) / length > _APPROACH_M_S
 
 
-def _estimate_depth(
-    task: ServoTask, state: ServoState, inputs: ServoInputs, samples: GridSamples
-) -> tuple[DepthMap, DepthState | None]:
-    """Depth of the grid points, and the depth source's memory."""
-    xy = task.camera.normalise(samples.pixels)
-    depth_inputs = DepthInputs(
-        xy=xy,
-        earlier=None if inputs.earlier is None else _earlier_view(task, inputs.earlier),
-        motion_m=inputs.motion_m,
-        given=_on_grid(inputs.given_depth, task.config.stride_px),
-    )
-    return depth_source(task.config, task.camera).estimate(depth_inputs, state.depth)
-
-
-def _earlier_view(task: ServoTask, match: EarlierMatch) -> EarlierView:
-    samples = sample_grid(match.flow, task.config.stride_px)
-    xy = task.camera.normalise(samples.pixels + samples.flow)
-    return EarlierView(xy, samples.confidence, match.T_earlier_current)
-
-
-def _on_grid(depth: DepthMap | None, stride: int) -> DepthMap | None:
-    if depth is None:
-        return None
-
-    def pick(values: Float32Array) -> Float32Array:
-        return values[stride // 2 :: stride, stride // 2 :: stride]
-
-    return DepthMap(pick(depth.z_m), pick(depth.validity))
+def _velocity_error(task: ServoTask, estimate: GoalEstimate) -> FloatArray:
+    """True velocity minus the odometry's in the components of the basis (d,)."""
+    error = np.zeros(task.basis.size)
+    error[:3] = task.basis.B[:3, :3].T @ estimate.velocity_error_m_s
+    return error
 
 
 def _velocity(
-    task: ServoTask, motion: FloatArray, inputs: ServoInputs, overlap: float
+    task: ServoTask,
+    motion: FloatArray,
+    estimate: GoalEstimate,
+    inputs: ServoInputs,
+    overlap: float,
 ) -> FloatArray:
-    """Velocity (d,) within the limits; where little is seen the pose is poor, and the gain low."""
+    """Velocity (d,) within the limits; where little is seen the pose is poor, and the gain low.
+
+    What the vehicle makes of a velocity differs by the error of its own estimate: that is taken
+    off.
+    """
     age_s = max(inputs.now_ns - inputs.t_capture_ns, 0) * 1e-9
     late_s = task.response_s + (age_s if task.mount is not None else 0.0)
     config = task.config
     gain = AdaptiveGain(config.gain_far, config.gain_near, config.gain_error)
     caution = min(1.0, overlap / _CLEAR_OVERLAP)
-    return saturate(caution * velocity_for(motion, inputs.velocity, late_s, gain), task.limits)
+    error = _velocity_error(task, estimate)
+    wanted = caution * velocity_for(motion, inputs.velocity + error, late_s, gain)
+    return saturate(wanted - error, task.limits)

@@ -19,18 +19,24 @@ class ServoTask:
     """What stays the same during a flight to one goal.
 
     ``mount`` None is a free camera with six degrees of freedom; otherwise a level body with
-    four, carrying the camera so.
+    four, carrying the camera so. ``unit_m`` is the length of a unit of depth, m: translations of
+    ``basis`` are in that unit.
     """
 
     config: ServoConfig
     camera: CameraModel
     goal: GoalSidecar
     mount: Mount | None = None
+    unit_m: float = 1.0
 
     @property
     def basis(self) -> MotionBasis:
         """Degrees of freedom."""
-        return free_camera() if self.mount is None else level_body(self.mount.T_body_camera())
+        if self.mount is None:
+            return free_camera()
+        T_body_camera = self.mount.T_body_camera()
+        T_body_camera[:3, 3] /= self.unit_m
+        return level_body(T_body_camera)
 
     @property
     def limits(self) -> tuple[SpeedLimit, ...]:

@@ -30,11 +30,11 @@ class PerceptionReport:
     of the current view that shows the goal, 0 to 1. ``feature_error`` is the
     length of the flow to the goal in normalised units, of the same features from report to report
     and free of what is believed about depth: the gate proves by it that the first motion goes the
-    right way (by ``error_m`` and ``error_rad`` where it is None). ``course_agreement`` is the
-    cosine of the angle between the camera's course, as the picture shows it, and the vehicle's own,
-    None where nothing can be told. Before the first frame
-    ``t_capture_ns`` is 0. ``goal`` is the digest of the goal that an operator ordered, empty while
-    it is the one of the start.
+    right way (by ``error_m`` and ``error_rad`` where it is None). ``mounting_score`` is
+    the test statistic of the camera's mounting (:mod:`dfvs_core.servo.mounting`): clearly positive
+    where it is as the settings say, clearly negative where not, None where nothing can be told.
+    Before the first frame ``t_capture_ns`` is 0. ``goal`` is the digest of the goal that an
+    operator ordered, empty while it is the one of the start.
     """
 
     seq: int
@@ -48,7 +48,7 @@ class PerceptionReport:
     error_rad: float
     overlap: float
     feature_error: float | None = None
-    course_agreement: float | None = None
+    mounting_score: float | None = None
     goal: str = ""
 
 

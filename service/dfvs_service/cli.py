@@ -155,7 +155,7 @@ def _flight_parser() -> argparse.ArgumentParser:
         "--camera-fov", type=float, metavar="DEG", help="horizontal field of view of the camera"
     )
     parser.add_argument(
-        "--on-done", choices=[str(way) for way in OnDone], help="at the goal (default: zero)"
+        "--on-done", choices=[str(way) for way in OnDone], help="at the goal (default: hold-visual)"
     )
     parser.add_argument(
         "--exit-when-done", action="store_true", default=None, help="end when the flight is over"

@@ -97,13 +97,14 @@ class ServiceConfig:
             GateTiming(),
             hold_ns=round(gate.hold_s * S),
             reached_ns=round(gate.reached_s * S),
-            proof_ns=round(gate.proof_s * S),
+            response_ns=round(gate.response_s * S),
         )
         return GateConfig(
             velocity=velocity,
-            proof_speed_m_s=gate.proof_m_s,
+            reduced_speed_m_s=gate.reduced_speed_m_s,
             max_distance_m=limits.max_distance_m,
             max_engaged_ns=round(limits.max_engaged_s * S),
+            hold_visual_ns=round(gate.hold_visual_s * S),
             min_overlap=gate.min_overlap,
             min_frame_hz=gate.min_frame_hz,
             min_battery=gate.min_battery,

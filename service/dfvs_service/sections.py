@@ -188,7 +188,14 @@ class GateSection:
 
     engage: Engage = setting(Engage.PILOT, "who engages: pilot, auto, command, or never")
     on_done: OnDone = setting(
-        OnDone.ZERO, "at the goal: zero setpoints for ever, or the autopilot's hold"
+        OnDone.HOLD_VISUAL,
+        "at the goal: zero setpoints, the autopilot's hold, or hold-visual: stay by vision",
+    )
+    hold_visual_s: float = setting(
+        _GATE.hold_visual_ns / S,
+        "time for which the goal is held by vision; then the autopilot's hold, s",
+        low=1.0,
+        high=86400.0,
     )
     exit_when_done: bool = setting(
         False, "true: end the service when the flight is over; at the goal the autopilot holds"
@@ -216,15 +223,20 @@ class GateSection:
     reached_s: float = setting(
         _GATE.timing.reached_ns / S, "time in tolerance that counts as reached", low=0.1, high=30.0
     )
-    proof_s: float = setting(
-        _GATE.timing.proof_ns / S,
-        "time from the first motion, at a crawl, until the error should have fallen, s; a third "
-        "later it must have; 0: no such proof (not advised)",
+    response_s: float = setting(
+        _GATE.timing.response_ns / S,
+        "least time at reduced speed, until the initial-response check has passed, s; "
+        "0: no such check (not advised)",
         low=0.0,
         high=5.0,
+        formerly="proof_s",
     )
-    proof_m_s: float = setting(
-        _GATE.proof_speed_m_s, "largest speed during that time", low=0.02, high=0.5
+    reduced_speed_m_s: float = setting(
+        _GATE.reduced_speed_m_s,
+        "largest speed during that time",
+        low=0.02,
+        high=0.5,
+        formerly="proof_m_s",
     )
     allow_return: bool = setting(
         False,

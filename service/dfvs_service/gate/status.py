@@ -11,19 +11,25 @@ from dfvs_core.wire.link import GateStatus, VehicleState
 
 _MAX_CAUSE = 300
 _MAX_WARNINGS = 4
+_MOST_CARRIED_S = 0.1
+"""Positions come less often than attitudes; an older one is not carried on further."""
 
 
 def vehicle_state(vehicle: VehiclePicture) -> VehicleState | None:
-    """Attitude with the newest velocity and position, None until both were heard.
+    """Attitude with the newest velocity, and the position carried on to its time.
 
-    Also None where a number is not finite: the wire carries none of those.
+    None until both were heard, and where a number is not finite: the wire carries none of those.
     """
     attitude, position = vehicle.attitude, vehicle.position
     angles = (attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad)
     numbers = (*angles, *position.velocity_m_s, *position.position_m)
     if NEVER in (attitude.t_ns, position.t_ns) or not all(map(math.isfinite, numbers)):
         return None
-    return VehicleState(attitude.t_ns, *angles, position.velocity_m_s, position.position_m)
+    since_s = min(max(attitude.t_ns - position.t_ns, 0) / S, _MOST_CARRIED_S)
+    x, y, z = (
+        p + v * since_s for p, v in zip(position.position_m, position.velocity_m_s, strict=True)
+    )
+    return VehicleState(attitude.t_ns, *angles, position.velocity_m_s, (x, y, z))
 
 
 def gate_status(

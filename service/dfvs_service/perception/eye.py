@@ -8,14 +8,19 @@ from dataclasses import dataclass
 from dfvs_core.camera import CameraModel
 from dfvs_core.frame_guard import Expected, GuardState, admit
 from dfvs_core.goal import Goal
+from dfvs_core.goal_tracker import GoodLook
 from dfvs_core.outcome import UNKNOWN_ERROR, FrameOutcome
-from dfvs_core.pipeline import Glimpse, GoalView, Pipeline
+from dfvs_core.pipeline import GoalView, Pipeline, Preview
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import VehicleHistory
 from dfvs_core.wire.frame import Frame
 from dfvs_core.wire.link import GateStatus, PerceptionReport
 
-ENGAGED_STATES = frozenset({"SERVO"})
+SERVO_STATES = frozenset({"SERVO"})
+"""States in which the error must fall."""
+
+ENGAGED_STATES = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
+"""States in which the vehicle is the gate's: no search may make the next frame late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -64,11 +69,13 @@ class Eye:
         self._tick = tick
         self._guard = GuardState()
         self._history = VehicleHistory()
+        self._servoing = False
         self._engaged = False
         self.refused = 0
 
     def heed(self, status: GateStatus) -> None:
         """Take in the gate's state and the vehicle's."""
+        self._servoing = status.state in SERVO_STATES
         self._engaged = status.state in ENGAGED_STATES
         if status.vehicle is not None:
             self._history.add(status.vehicle)
@@ -85,7 +92,7 @@ class Eye:
             reason = "the vehicle's attitude at capture is not known"
             return self._refuse(t_start, frame.seq, frame.t_capture_ns, reason)
         t_decoded = self._tick()
-        outcome = self._pipeline.process(frame, motion, self._engaged)
+        outcome = self._pipeline.process(frame, motion, self._servoing)
         stages = {
             "transport": sample.t_arrival_ns - frame.t_capture_ns,
             "wait": t_start - sample.t_arrival_ns,
@@ -104,17 +111,17 @@ class Eye:
         """Compute once what depends on another goal's picture alone."""
         return self._pipeline.prepare(goal)
 
-    def glimpse(self, task: ServoTask, goal: GoalView) -> Glimpse | None:
+    def glimpse(self, task: ServoTask, goal: GoalView) -> Preview | None:
         """What the last good frame says about another goal, to be worked out on any thread."""
         return self._pipeline.glimpse(task, goal)
 
-    def aim(self, task: ServoTask, goal: GoalView) -> None:
+    def aim(self, task: ServoTask, goal: GoalView, observation: GoodLook | None = None) -> None:
         """Go on to another goal with what is known of the vehicle, the camera and depth."""
-        self._pipeline.aim(task, goal)
+        self._pipeline.aim(task, goal, observation)
 
     def digest(self) -> int:
         """Learn from the last frame what may wait until its report was sent; time taken, ns."""
-        return self._pipeline.digest()
+        return self._pipeline.digest(may_search=not self._engaged)
 
     def _refuse(self, t_look_ns: int, seq: int, t_capture_ns: int, reason: str) -> Glance:
         self.refused += 1

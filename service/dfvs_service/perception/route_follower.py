@@ -8,7 +8,7 @@ from concurrent.futures import Executor, Future
 
 from dfvs_core.goal import Goal
 from dfvs_core.outcome import FrameOutcome
-from dfvs_core.pipeline import GoalView
+from dfvs_core.pipeline import GoalPreview, GoalView
 from dfvs_core.route import (
     RouteLimits,
     RouteState,
@@ -18,7 +18,6 @@ from dfvs_core.route import (
     may_go_on,
     wants_look,
 )
-from dfvs_core.servo.exchange import ServoResult
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.wire.link import PerceptionReport
 from dfvs_service.config import ServiceConfig
@@ -48,7 +47,7 @@ class RouteFollower:
         self._state = RouteState()
         self._workers = workers
         self._ahead: tuple[ServoTask, GoalView] | None = None
-        self._look: Future[ServoResult] | None = None
+        self._look: Future[GoalPreview] | None = None
         self._is_lost = False
         self.index = 0
 
@@ -93,11 +92,11 @@ class RouteFollower:
             self._begin_look(eye, t_ns)
         if self._look is None or not self._look.done():
             return False
-        self._state = look(self._state, self._limits, self._look.result(), t_ns)
-        self._look = None
+        preview, self._look = self._look.result(), None
+        self._state = look(self._state, self._limits, preview.result, t_ns)
         if self._ahead is None or not may_go_on(self._state):
             return False
-        eye.aim(*self._ahead)
+        eye.aim(*self._ahead, preview.observation)
         self.index += 1
         self._ahead = None
         self._state = RouteState(engaged_since_ns=self._state.engaged_since_ns)

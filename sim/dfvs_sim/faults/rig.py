@@ -36,7 +36,7 @@ CAMERA = CameraModel.from_horizontal_fov(network.WIDTH, network.HEIGHT, math.rad
 
 STARTUP_S, STATE_S = 40.0, 12.0
 _MOVING_M_S = 0.05
-NO_PROOF = "gate.proof_s=0"
+NO_PROOF = "gate.response_s=0"
 """Setting of flights whose first motion proves nothing."""
 
 _CALM = (

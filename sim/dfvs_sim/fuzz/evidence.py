@@ -218,5 +218,5 @@ def _sane(report: PerceptionReport) -> bool:
         and min(report.error_m, report.error_rad) >= 0.0
         and 0.0 <= report.overlap <= 1.0
         and (report.feature_error is None or 0.0 <= report.feature_error < math.inf)
-        and (report.course_agreement is None or abs(report.course_agreement) <= 1.0)
+        and (report.mounting_score is None or math.isfinite(report.mounting_score))
     )

@@ -148,7 +148,7 @@ def test_a_record_comes_back_from_disk(tmp_path):
     [
         {"matcher": "dfvs-flow"},
         {"seed": 1},
-        {"service": ("--set", "gate.proof_s=0")},
+        {"service": ("--set", "gate.response_s=0")},
         {"limits": VelocityLimits(horizontal_m_s=0.4)},
         {"timeout_s": 10.0},
         {"conditions": Conditions("medium")},

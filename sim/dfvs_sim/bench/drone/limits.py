@@ -17,7 +17,7 @@ _TIMEOUT_S = 60.0
 def limits_in_force(words: Sequence[str]) -> VelocityLimits:
     """Limits of a service with these words: the lower of the servo law's and the gate's.
 
-    The crawl of the flight's first moments (``gate.proof_m_s``) is not among them.
+    The reduced speed of the first moments (``gate.reduced_speed_m_s``) is not among them.
 
     Parameters
     ----------

@@ -1,0 +1,240 @@
+"""Kalman filter of the goal's position, the odometry's error and the metric scale.
+
+The images tell where the goal is in units of the relative depth; the odometry tells in metres how
+the vehicle moves, with an error that lasts for seconds. Together they give the scale, weighed over
+the whole flight, and the error.
+
+State ``x = (p, e, s)``: ``p`` (3,) goal position in the camera's axes in units of depth; ``e`` (3,)
+true velocity minus the rate of the odometry's position, m/s, in the same axes; ``s`` logarithm of
+the metres a unit. ``dp/dt = -exp(-s) (r + e)`` with the rate ``r``, ``e`` a first-order
+Gauss-Markov process, ``s`` constant. A free camera's axes are its own, a vehicle's those of the
+gravity-aligned virtual camera.
+
+An autopilot's velocity estimate differs from the rate of its position estimate, and is the worse of
+the two; but it is what the autopilot controls. So the difference, low-passed, is kept beside the
+state: with ``e`` it is the velocity error that a commanded velocity is flown with.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dfvs_core.arrays import FloatArray
+
+_MOST_STRETCH = 2.0
+"""Logarithm of a change of the distance that is none: near the goal it has no size."""
+
+_P, _E, _S = slice(0, 3), slice(3, 6), 6
+
+
+@dataclass(frozen=True, slots=True)
+class FilterModel:
+    """Noise of the filter.
+
+    Parameters
+    ----------
+    scale_spread : float
+        Standard deviation of ``s`` before anything is known; 0 for a depth that is metric.
+    error_m_s : float
+        Expected ``e``, standard deviation per axis; it is adapted.
+    error_range_m_s : tuple of float
+        Bounds of that adaptation.
+    error_time_s : float
+        Correlation time of ``e``.
+    slip_time_s : float
+        Time constant of the low-pass of the odometry's own contradiction.
+    adaptation_s : float
+        Time constant of the adaptation.
+    position_noise : float
+        Standard deviation of a measured position over the depth of the scene.
+    relative_noise : float
+        The same over the distance to the goal: errors of the depth's structure.
+    correlation_s : float
+        Time over which errors of the measurement are alike; frames closer than that count less.
+    drift_per_s : float
+        Slow change of the measured position, over the depth of the scene, 1/sqrt(s).
+    gate : float
+        Normalised innovation squared above which a measurement is an outlier.
+    outliers : int
+        So many outliers in a row are a new position.
+    """
+
+    scale_spread: float = 0.6
+    error_m_s: float = 0.03
+    error_range_m_s: tuple[float, float] = (0.003, 0.3)
+    error_time_s: float = 1.5
+    slip_time_s: float = 0.4
+    adaptation_s: float = 5.0
+    position_noise: float = 0.001
+    relative_noise: float = 0.02
+    correlation_s: float = 0.3
+    drift_per_s: float = 0.001
+    gate: float = 30.0
+    outliers: int = 5
+
+
+@dataclass(frozen=True, slots=True)
+class OdometryDelta:
+    """Motion of the camera between two frames by the odometry.
+
+    ``displacement_m`` (3,), by its position, and ``velocity_m_s`` (3,), as it tells it, are in the
+    axes of the earlier frame; ``R_earlier_current`` is (3, 3).
+    """
+
+    dt_s: float
+    displacement_m: FloatArray
+    velocity_m_s: FloatArray
+    R_earlier_current: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class GoalEstimate:
+    """Mean (7,) and covariance (7, 7) of the state; see the module.
+
+    ``error_m_s`` is the adapted standard deviation of ``e`` per axis, ``slip_m_s`` (3,) the rate of
+    the odometry's position minus its velocity, low-passed, in the camera's axes. ``outliers``
+    counts measurements in a row that were not used.
+    """
+
+    x: FloatArray
+    P: FloatArray
+    error_m_s: float
+    slip_m_s: FloatArray
+    outliers: int = 0
+
+    @property
+    def metres_per_unit(self) -> float:
+        """Metric scale."""
+        return math.exp(float(self.x[_S]))
+
+    @property
+    def scale_spread(self) -> float:
+        """Relative standard deviation of the metric scale."""
+        return math.sqrt(float(self.P[_S, _S]))
+
+    @property
+    def position_m(self) -> FloatArray:
+        """Goal position (3,) in the camera's axes, m."""
+        return self.metres_per_unit * self.x[_P]
+
+    @property
+    def position_spread_m(self) -> float:
+        """Standard deviation of that position at a known scale, m: its largest axis."""
+        largest = float(np.linalg.eigvalsh(self.P[_P, _P])[-1])
+        return self.metres_per_unit * math.sqrt(max(largest, 0.0))
+
+    @property
+    def velocity_error_m_s(self) -> FloatArray:
+        """True velocity minus the odometry's (3,), m/s."""
+        error: FloatArray = self.x[_E] + self.slip_m_s
+        return error
+
+    @property
+    def rate_error_m_s(self) -> FloatArray:
+        """True velocity minus the rate of the odometry's position (3,), m/s."""
+        error: FloatArray = self.x[_E]
+        return error
+
+
+def begin(
+    position: FloatArray, depth: float, model: FilterModel, before: GoalEstimate | None = None
+) -> GoalEstimate:
+    """Estimate at a first measured position (3,), in units of depth.
+
+    ``depth`` is the median depth of the scene, in units. Of an estimate ``before``, of another
+    goal, velocity error and scale are kept.
+    """
+    P = np.zeros((7, 7))
+    x, slip_m_s = np.zeros(7), np.zeros(3)
+    error_m_s = model.error_m_s
+    if before is None:
+        P[_E, _E] = np.eye(3) * error_m_s**2
+        P[_S, _S] = model.scale_spread**2
+    else:
+        x[3:], P[3:, 3:] = before.x[3:], before.P[3:, 3:]
+        error_m_s, slip_m_s = before.error_m_s, before.slip_m_s
+    x[_P] = position
+    P[_P, _P] = np.eye(3) * _noise(position, depth, model) ** 2
+    return GoalEstimate(x, P, error_m_s, slip_m_s)
+
+
+def predict(
+    estimate: GoalEstimate, moved: OdometryDelta, depth: float, model: FilterModel
+) -> GoalEstimate:
+    """Estimate in the axes of the current frame, after a motion."""
+    dt_s = moved.dt_s
+    if dt_s <= 0.0:
+        return estimate
+    x, per_m = estimate.x, math.exp(-float(estimate.x[_S]))
+    kept = math.exp(-dt_s / model.error_time_s)
+    R = moved.R_earlier_current.T
+    step = (moved.displacement_m + x[_E] * dt_s) * per_m
+    F = np.eye(7)
+    F[_P, _P], F[_P, _E], F[_P, _S] = R, -per_m * dt_s * R, R @ step
+    F[_E, _E] = kept * R
+    Q = np.zeros(7)
+    Q[_P] = dt_s * (model.drift_per_s * depth) ** 2
+    Q[_E] = (1.0 - kept**2) * estimate.error_m_s**2
+    mean = np.concatenate([R @ (x[_P] - step), kept * (R @ x[_E]), x[_S:]])
+    slip = moved.displacement_m / dt_s - moved.velocity_m_s
+    share = min(dt_s / model.slip_time_s, 1.0)
+    slip_m_s = R @ (estimate.slip_m_s + share * (slip - estimate.slip_m_s))
+    return replace(estimate, x=mean, P=F @ estimate.P @ F.T + np.diag(Q), slip_m_s=slip_m_s)
+
+
+def update(
+    estimate: GoalEstimate, position: FloatArray, depth: float, dt_s: float, model: FilterModel
+) -> GoalEstimate:
+    """Estimate after a measured position (3,), in units of depth; an outlier is passed over."""
+    spread = _noise(position, depth, model)
+    weight = max(1.0, model.correlation_s / max(dt_s, 1e-3))
+    innovation = position - estimate.x[_P]
+    S = estimate.P[_P, _P] + np.eye(3) * spread**2
+    if float(innovation @ np.linalg.solve(S, innovation)) > model.gate:
+        if estimate.outliers + 1 >= model.outliers:
+            return begin(position, depth, model, estimate)
+        return replace(estimate, outliers=estimate.outliers + 1)
+    S += np.eye(3) * spread**2 * (weight - 1.0)
+    K = np.linalg.solve(S, estimate.P[_P, :]).T
+    x = estimate.x + K @ innovation
+    P = estimate.P - K @ S @ K.T
+    P = 0.5 * (P + P.T)
+    error_m_s = _adapted(estimate.error_m_s, x, P, dt_s, model)
+    return GoalEstimate(x, P, error_m_s, estimate.slip_m_s)
+
+
+def restructured(estimate: GoalEstimate, before: FloatArray, after: FloatArray) -> GoalEstimate:
+    """Estimate after the relative depth has changed, and with it a measured position (3,).
+
+    That is no motion. The distance in metres stays: what the scale is wrong by then, the odometry
+    tells from there on.
+    """
+    stretch = math.log(
+        max(float(np.linalg.norm(after)), 1e-9) / max(float(np.linalg.norm(before)), 1e-9)
+    )
+    if not abs(stretch) < _MOST_STRETCH:
+        return estimate
+    x, P = estimate.x.copy(), estimate.P.copy()
+    x[_P] += after - before
+    x[_S] -= stretch
+    P[_S, _S] += stretch**2
+    return replace(estimate, x=x, P=P)
+
+
+def _adapted(
+    error_m_s: float, x: FloatArray, P: FloatArray, dt_s: float, model: FilterModel
+) -> float:
+    """Standard deviation of the velocity error after what was estimated of it."""
+    seen = (float(x[_E] @ x[_E]) + float(np.trace(P[_E, _E]))) / 3.0
+    share = min(dt_s / model.adaptation_s, 1.0)
+    low, high = model.error_range_m_s
+    return min(max(math.sqrt((1.0 - share) * error_m_s**2 + share * seen), low), high)
+
+
+def _noise(position: FloatArray, depth: float, model: FilterModel) -> float:
+    """Standard deviation of a measured position, in units of depth."""
+    relative = model.relative_noise * float(np.linalg.norm(position))
+    return math.hypot(model.position_noise * depth, relative)

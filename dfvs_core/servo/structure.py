@@ -1,0 +1,147 @@
+"""Relative depth of a frame's points, and what earlier frames say about it."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dfvs_core.arrays import Float32Array, FloatArray
+from dfvs_core.correspondence import DepthMap
+from dfvs_core.depth.choice import depth_source
+from dfvs_core.depth.motion import MotionDepth
+from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView, GoalLink
+from dfvs_core.poses import invert_pose, make_pose
+from dfvs_core.servo.exchange import (
+    Attitude,
+    EarlierMatch,
+    ServoInputs,
+    ServoState,
+)
+from dfvs_core.servo.goal_filter import GoalEstimate, restructured
+from dfvs_core.servo.level import level_points, real_pose
+from dfvs_core.servo.motion import find_goal, wanted_motion
+from dfvs_core.servo.points import GridSamples, points_from_flow, sample_grid
+from dfvs_core.servo.task import ServoTask
+from dfvs_core.servo.two_view import earlier_view
+
+
+def scaled(T: FloatArray, factor: float) -> FloatArray:
+    """Pose (4, 4) with its translation times a factor."""
+    return make_pose(T[:3, :3], factor * T[:3, 3])
+
+
+def in_metres(depth: DepthMap, unit_m: float) -> DepthMap:
+    """Depth map with its depth times the length of a unit, m."""
+    return DepthMap(np.asarray(depth.z_m * np.float32(unit_m)), depth.validity)
+
+
+def goal_link(
+    task: ServoTask, attitude: Attitude, samples: GridSamples, T_current_goal: FloatArray
+) -> GoalLink:
+    """Where a frame's grid is seen in the goal view.
+
+    Parameters
+    ----------
+    task : ServoTask
+    attitude : Attitude
+        Of the frame.
+    samples : GridSamples
+        Its flow to the goal.
+    T_current_goal : (4, 4)
+        Pose of the goal in the virtual camera, in units.
+    """
+    camera, stride = task.goal.camera, task.config.stride_px
+    partners = samples.pixels + samples.flow
+    rows, columns = _grid_size(camera.height, stride), _grid_size(camera.width, stride)
+    index = np.floor(partners / stride).astype(np.intp)
+    inside = ((index >= 0) & (index < [columns, rows])).all(axis=2)
+    matched = inside & (samples.confidence > task.config.min_confidence)
+    cell = np.where(matched, index[..., 1] * columns + index[..., 0], -1)
+    T = invert_pose(real_pose(task, attitude, T_current_goal))
+    return GoalLink(cell, camera.normalise(partners), T, (rows, columns))
+
+
+def _grid_size(pixels: int, stride: int) -> int:
+    return -(-pixels // stride)
+
+
+def estimate_depth(
+    task: ServoTask,
+    state: ServoState,
+    inputs: ServoInputs,
+    samples: GridSamples,
+    link: GoalLink | None,
+) -> tuple[DepthMap, DepthState | None]:
+    """Relative depth of the grid points, and the depth source's memory."""
+    source = depth_source(task.config, task.camera)
+    is_linked = link is not None and state.depth is not None
+    if isinstance(source, MotionDepth) and not is_linked and state.depth_map is not None:
+        return in_metres(state.depth_map, 1.0 / task.unit_m), state.depth
+    depth_inputs = DepthInputs(
+        xy=task.camera.normalise(samples.pixels),
+        earlier=None if inputs.earlier is None else _by_odometry(task, inputs.earlier),
+        link=link,
+        given=_on_grid(inputs.given_depth, task.config.stride_px),
+    )
+    return source.estimate(depth_inputs, state.depth)
+
+
+def _by_odometry(task: ServoTask, match: EarlierMatch) -> EarlierView:
+    samples = sample_grid(match.flow, task.config.stride_px)
+    xy = task.camera.normalise(samples.pixels + samples.flow)
+    return EarlierView(xy, samples.confidence, match.T_earlier_current)
+
+
+def _on_grid(depth: DepthMap | None, stride: int) -> DepthMap | None:
+    if depth is None:
+        return None
+
+    def pick(values: Float32Array) -> Float32Array:
+        return values[stride // 2 :: stride, stride // 2 :: stride]
+
+    return DepthMap(pick(depth.z_m), pick(depth.validity))
+
+
+def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> ServoState:
+    """Learn about depth from the frame of the last ``servo_step`` and an earlier one.
+
+    A comparison costs as much as the match with the goal; done after the velocity was sent, it
+    serves the frames to come and delays none.
+    """
+    source = depth_source(task.config, task.camera)
+    last, T_current_goal, estimate = state.last, state.T_current_goal, state.estimate
+    if state.depth_map is None or last is None or T_current_goal is None or estimate is None:
+        return state
+    if not isinstance(source, MotionDepth) or last.position is None:
+        return state
+    unit_task = replace(task, unit_m=estimate.metres_per_unit)
+    per_m = 1.0 / estimate.metres_per_unit
+    relative = in_metres(state.depth_map, per_m)
+    in_units = replace(match, T_earlier_current=scaled(match.T_earlier_current, per_m))
+    view = earlier_view(task, in_units, relative)
+    if view is None:
+        return state
+    link = goal_link(unit_task, last.attitude, last.samples, scaled(T_current_goal, per_m))
+    xy = task.camera.normalise(last.samples.pixels)
+    memory = state.depth if state.depth is not None else source.adopt(xy, relative, link)
+    learnt = source.observe(xy, view, link, memory)
+    depth, _ = source.estimate(DepthInputs(xy, link=link), learnt)
+    estimate = _restructured(unit_task, state, depth)
+    depth_map = in_metres(depth, estimate.metres_per_unit)
+    return replace(state, depth=learnt, depth_map=depth_map, estimate=estimate)
+
+
+def _restructured(task: ServoTask, state: ServoState, depth: DepthMap) -> GoalEstimate:
+    """Estimate after another relative depth of the last frame; ``task`` has a unit's length."""
+    last, estimate, T_current_goal = state.last, state.estimate, state.T_current_goal
+    assert last is not None
+    assert last.position is not None
+    assert estimate is not None
+    assert T_current_goal is not None
+    points = points_from_flow(last.samples, depth, task.camera, task.goal.camera)
+    points = level_points(task, last.attitude, points)
+    points = points.select(points.weight > task.config.min_confidence)
+    pose = find_goal(task, points, scaled(T_current_goal, 1.0 / task.unit_m))
+    measured, _ = wanted_motion(task, replace(points, weight=pose.weight), pose)
+    return restructured(estimate, last.position, task.basis.exp(measured)[:3, 3])

@@ -1,0 +1,76 @@
+"""The goal's pose from frame to frame: prediction by the odometry, correction by the images."""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.poses import make_pose, so3_exp
+from dfvs_core.servo.exchange import ServoInputs, ServoState
+from dfvs_core.servo.goal_filter import (
+    FilterModel,
+    GoalEstimate,
+    OdometryDelta,
+    begin,
+    predict,
+    update,
+)
+from dfvs_core.servo.level import level_rotation
+from dfvs_core.servo.points import ServoPoints
+from dfvs_core.servo.task import ServoTask
+from dfvs_core.servo.weights import weighted_median
+
+
+def filter_model(task: ServoTask) -> FilterModel:
+    """Noise of the filter; a depth that is metric by its source has a known scale."""
+    return FilterModel() if task.config.depth == "motion" else FilterModel(scale_spread=0.0)
+
+
+def elapsed_s(inputs: ServoInputs, state: ServoState) -> float:
+    """Time since the last frame, s; 0 for a first one."""
+    if state.last is None:
+        return 0.0
+    return max(inputs.t_capture_ns - state.last.t_capture_ns, 0) * 1e-9
+
+
+def predict_goal(
+    task: ServoTask, state: ServoState, inputs: ServoInputs
+) -> tuple[GoalEstimate | None, FloatArray | None]:
+    """Estimate in this frame's axes, and the predicted ``T_current_goal`` (4, 4), m."""
+    estimate, last = state.estimate, state.last
+    if estimate is None or last is None:
+        return estimate, None
+    moved = _odometry(task, state, inputs)
+    estimate = predict(estimate, moved, task.config.constant_depth_m, filter_model(task))
+    if state.T_current_goal is None:
+        return estimate, None
+    R_current_goal = moved.R_earlier_current.T @ state.T_current_goal[:3, :3]
+    return estimate, make_pose(R_current_goal, estimate.position_m)
+
+
+def _odometry(task: ServoTask, state: ServoState, inputs: ServoInputs) -> OdometryDelta:
+    """Motion since the last frame; a vehicle's in the axes of the virtual camera."""
+    assert state.last is not None
+    dt_s = elapsed_s(inputs, state)
+    displacement_m = np.array(inputs.motion_m)
+    velocity = task.basis.B @ inputs.velocity
+    turned = velocity[3:] * dt_s
+    if task.mount is not None:
+        then = state.last.attitude
+        turned = task.basis.B[3:, 3] * (inputs.attitude.yaw_rad - then.yaw_rad)
+        displacement_m = level_rotation(task, then) @ displacement_m
+    return OdometryDelta(dt_s, displacement_m, velocity[:3], so3_exp(turned))
+
+
+def correct_goal(
+    task: ServoTask,
+    estimate: GoalEstimate | None,
+    position: FloatArray,
+    points: ServoPoints,
+    dt_s: float | None,
+) -> GoalEstimate:
+    """Estimate with a measured position (3,), in units; ``dt_s`` None: of a new goal."""
+    depth = weighted_median(points.z_m, points.weight)
+    if estimate is None or dt_s is None:
+        return begin(position, depth, filter_model(task), estimate)
+    return update(estimate, position, depth, dt_s, filter_model(task))

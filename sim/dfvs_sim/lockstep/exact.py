@@ -1,0 +1,75 @@
+"""Correspondences by the renderer's own depth: a matcher that is right up to noise."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import cv2
+import numpy as np
+
+from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.matcher import Prepared
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.render.truth import exact_flow, visibility
+
+_CELL_PX = 16
+
+
+class KnownView(Prepared):
+    """An image whose pose (4, 4) and depth (H, W) m are known."""
+
+    def __init__(self, T_world_camera: FloatArray, depth_m: Float32Array) -> None:
+        super().__init__(depth_m.shape)
+        self.T_world_camera = T_world_camera
+        self.depth_m = depth_m
+
+
+class ExactMatcher:
+    """Exact flow with noise that is smooth over a few cells, as that of a network is.
+
+    The caller sets ``T_world_camera`` before each image is encoded.
+
+    Parameters
+    ----------
+    renderer, camera
+        Scene and intrinsics of all images.
+    noise_px : float
+        Standard deviation of each component of the flow.
+    rng : np.random.Generator
+    """
+
+    def __init__(
+        self, renderer: Renderer, camera: CameraModel, noise_px: float, rng: np.random.Generator
+    ) -> None:
+        self._renderer, self._camera = renderer, camera
+        self._noise_px, self._rng = noise_px, rng
+        self.T_world_camera: FloatArray = np.eye(4)
+
+    def prepare(self, image: ImageArray) -> KnownView:
+        """Depth of the view from ``T_world_camera``; the image is not looked at."""
+        T = self.T_world_camera.copy()
+        return KnownView(T, self._renderer.depth(self._camera, T))
+
+    def match(
+        self,
+        current: KnownView,
+        other: KnownView,
+        guess: FlowField | None = None,
+        *,
+        besides: Sequence[FlowField] = (),
+    ) -> FlowField:
+        """Exact flow plus noise, confidence 1 where both see the point."""
+        poses = current.T_world_camera, other.T_world_camera
+        flow = exact_flow(self._camera, poses[0], current.depth_m, poses[1])
+        seen = visibility(self._camera, poses, (current.depth_m, other.depth_m))
+        height, width = seen.shape
+        cells = (height // _CELL_PX + 1, width // _CELL_PX + 1, 2)
+        noise = self._rng.normal(0.0, 1.3 * self._noise_px, cells).astype(np.float32)
+        flow = np.nan_to_num(flow) + cv2.resize(noise, (width, height))
+        return FlowField(flow.astype(np.float32), seen.astype(np.float32))
+
+    def track(self, current: KnownView, other: KnownView, guess: FlowField) -> FlowField:
+        """Like :meth:`match`."""
+        return self.match(current, other)
