@@ -33,9 +33,12 @@ def report_fault(report: PerceptionReport, t_ns: int, timing: GateTiming) -> Fau
     age = t_ns - report.t_capture_ns
     if age < -timing.clock_skew_ns:
         return Cause.REPORT_REJECTED, f"captured {-age / MS:.0f} ms in the future"
-    if age > timing.result_age_ns:
-        return Cause.RESULT_LATE, f"{age / MS:.0f} ms after capture"
     return None
+
+
+def is_late(report: PerceptionReport, t_ns: int, timing: GateTiming) -> bool:
+    """Tell whether a result came too long after its frame to be flown by."""
+    return t_ns - report.t_capture_ns > timing.result_age_ns
 
 
 def _nonsense(report: PerceptionReport) -> str | None:
@@ -82,7 +85,11 @@ class Sight:
         self.spoil(fault)
 
     def take(self, report: PerceptionReport, t_ns: int) -> Fault | None:
-        """Judge a report; a fault ends the good time, a repeated capture refreshes nothing."""
+        """Judge a report; a fault ends the good time.
+
+        A repeated capture, or a late result, refreshes nothing: the last good frame counts for as
+        long as its age allows.
+        """
         about_ours = report.goal == self.goal
         fault = report_fault(report, t_ns, self.timing) if about_ours else _OTHER_GOAL
         self.lost = report.lost and about_ours
@@ -90,6 +97,11 @@ class Sight:
             self.spoil(fault)
             return fault
         if report.t_capture_ns <= self.last_capture_ns:
+            return None
+        if is_late(report, t_ns, self.timing):
+            if self.good is None:
+                age_ms = (t_ns - report.t_capture_ns) / MS
+                self.fault = (Cause.RESULT_LATE, f"{age_ms:.0f} ms after capture")
             return None
         self.last_capture_ns = report.t_capture_ns
         self.arrivals.append((t_ns, report.t_capture_ns))

@@ -47,6 +47,10 @@ __all__ = [
 ]
 
 
+_MOST_SILENCE_S = 0.2
+"""A camera that is silent for longer is told to the gate before its last frame is too old."""
+
+
 @dataclass(frozen=True, slots=True)
 class ServiceConfig:
     """All settings; angles in rad, everything else as the names say."""
@@ -80,8 +84,8 @@ class ServiceConfig:
 
     @property
     def silence_s(self) -> float:
-        """Time without a frame after which the camera is silent: a period of the lowest rate."""
-        return 1.0 / self.gate.min_frame_hz
+        """Time without a frame after which the camera is silent: one frame may be missing."""
+        return min(2.0 / self.gate.min_frame_hz, _MOST_SILENCE_S)
 
     def gate_config(self) -> GateConfig:
         """Settings of the gate's core."""
