@@ -206,8 +206,8 @@ class GateSection:
     )
     min_frame_hz: float = setting(
         _GATE.min_frame_hz,
-        "good frames a second that are needed to start; a camera that is silent for one period of "
-        "it stops the vehicle",
+        "good frames a second that are needed to start; a camera that is silent for two periods "
+        "of it, or 0.2 s, stops the vehicle",
         low=1.0,
         high=60.0,
     )
