@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.engagement import Engagement, cap
-from dfvs_core.gate.initial_response import Response
+from dfvs_core.gate.initial_response import InitialResponse, Response
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import Fault, VehiclePicture, flight_fault
@@ -53,9 +53,7 @@ def decide(engagement: Engagement, moment: Moment) -> Decision | None:
         return _decide_servo(engagement, moment)
     if moment.state is GateState.HOLD:
         return _decide_hold(engagement, moment)
-    if holds_visually(engagement) and (stale := moment.sight.stale(moment.now_ns)) is not None:
-        return Decision(GateState.HOLD, stale)
-    return None
+    return _decide_motion(engagement, moment) if holds_visually(engagement) else None
 
 
 def holds_visually(engagement: Engagement) -> bool:
@@ -85,23 +83,34 @@ def _into_servo(engagement: Engagement, moment: Moment, cause: Fault) -> Decisio
 
 
 def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:
-    timing = moment.config.timing
+    if (decision := _decide_motion(engagement, moment)) is not None:
+        return decision
+    reached_ns = min(moment.sight.reached_for_ns(moment.now_ns), moment.in_state_ns)
+    if reached_ns >= moment.config.timing.reached_ns:
+        return Decision(GateState.DONE, (Cause.GOAL_REACHED, ""))
+    return None
+
+
+def _decide_motion(engagement: Engagement, moment: Moment) -> Decision | None:
+    """Stop what moves by vision: for stale data, or a failed initial-response check."""
     if (stale := moment.sight.stale(moment.now_ns)) is not None:
         return Decision(GateState.HOLD, stale)
-    reached_ns = min(moment.sight.reached_for_ns(moment.now_ns), moment.in_state_ns)
-    if reached_ns >= timing.reached_ns:
-        return Decision(GateState.DONE, (Cause.GOAL_REACHED, ""))
     response = engagement.response
     if response is None:
         return None
-    shown = response.judge(moment.now_ns, timing)
-    if shown is Response.OPEN:
-        return None
-    engagement.response = None
-    engagement.is_confirmed_response = True
+    shown = response.judge(moment.now_ns, moment.config.timing)
     if shown is Response.CONFIRMED:
+        engagement.response = None
+        engagement.is_confirmed_response = True
+    if shown is not Response.FAILED or _need_not_fall(response, moment):
         return None
     return Decision(GateState.ABORT, (response.cause, response.objection))
+
+
+def _need_not_fall(response: InitialResponse, moment: Moment) -> bool:
+    """Tell whether the check failed only because an error stays that is within tolerance."""
+    is_reached = moment.sight.reached_for_ns(moment.now_ns) >= 0
+    return is_reached and response.cause is Cause.ERROR_NOT_FALLING
 
 
 def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:

@@ -43,9 +43,14 @@ MOUNTING_SCORE = 5.0
 CLEAR_FALL = 4.0
 """Fall of an error, in standard deviations of the difference of two medians, that is no chance."""
 
+DOUBTFUL_MOUNTING = -2.0
+"""Score below which a falling error confirms nothing."""
+
 _LONGEST_STEP_S = 0.1
 _MEDIAN_OF = 5
 _MIN_REPORTS = 4
+_MOST_REPORTS = 300
+"""Errors that are kept: the first ones, and the last."""
 
 
 class Response(enum.Enum):
@@ -88,6 +93,8 @@ class InitialResponse:
     def see(self, report: PerceptionReport) -> None:
         """Take the errors of a good report, and the mounting's statistic where it has one."""
         self.errors.append((report.error_m, report.error_rad, report.feature_error))
+        if len(self.errors) > _MOST_REPORTS:
+            del self.errors[_MEDIAN_OF]
         if report.mounting_score is not None:
             self.mounting_score = report.mounting_score
 
@@ -126,7 +133,8 @@ class InitialResponse:
         if since_ns < timing.response_ns:
             return Response.OPEN
         is_mounted = score is not None and score >= MOUNTING_SCORE
-        if is_mounted or ((score is None or score >= 0.0) and self._has_fallen()):
+        is_doubtful = score is not None and score < DOUBTFUL_MOUNTING
+        if is_mounted or (not is_doubtful and self._has_fallen()):
             return Response.CONFIRMED
         was_asked = math.hypot(*self.asked_m) >= ASKED_M or abs(self.asked_rad) >= ASKED_RAD
         if not was_asked or since_ns < timing.response_limit_ns:

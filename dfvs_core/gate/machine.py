@@ -163,11 +163,12 @@ class GateMachine:
 
     def _take_report(self, event: Report) -> None:
         fault = self.sight.take(event.report, event.t_ns)
-        if self.sight.lost and self.state in FLYING:
+        is_fresh = self.sight.good is event.report
+        if self.sight.lost and (self.state in FLYING or self._holds_visually):
             self._abort((Cause.GOAL_LOST, event.report.reason))
         elif fault is not None:
             self._hold_servo(fault)
-        elif self.state is GateState.SERVO and self._engagement.response is not None:
+        elif is_fresh and self._is_moving and self._engagement.response is not None:
             self._engagement.response.see(event.report)
 
     def _take_order(self, order: Order) -> None:
@@ -211,12 +212,20 @@ class GateMachine:
         if self.state is GateState.READY:
             self._go(GateState.PREFLIGHT, cause)
         elif self.state is GateState.HOLD:
+            self._leave_goal()
             self._engagement.is_confirmed_response = False
             self._since = self._now
         elif is_done and not self.stream.is_silent:
-            self._engagement = begin(self.vehicle, self._now)
-            self.has_reached = False
+            self._leave_goal()
             self._go(GateState.HOLD, cause)
+
+    def _leave_goal(self) -> None:
+        """Begin another engagement where the goal of this one was reached."""
+        if self.has_reached:
+            is_held = self._engagement.is_held
+            self._engagement = begin(self.vehicle, self._now)
+            self._engagement.is_held = is_held
+            self.has_reached = False
 
     def _blind(self, fault: Fault) -> None:
         """Forget what perception said last, and stop."""
@@ -302,12 +311,17 @@ class GateMachine:
         return self._now - t_ns
 
     def _hold_servo(self, cause: Fault) -> None:
-        if self.state is GateState.SERVO or self._holds_visually:
+        if self._is_moving:
             self._go(GateState.HOLD, cause)
 
     @property
     def _holds_visually(self) -> bool:
         return self.state is GateState.DONE and holds_visually(self._engagement)
+
+    @property
+    def _is_moving(self) -> bool:
+        """Tell whether setpoints other than zero may be sent in this state."""
+        return self.state is GateState.SERVO or self._holds_visually
 
     def _abort(self, cause: Fault) -> None:
         if self.state not in (GateState.ABORT, GateState.RELEASED):
@@ -351,7 +365,7 @@ class GateMachine:
             self.stream.silence()
 
     def _next_setpoint(self) -> BodyVelocity | None:
-        if self.state is not GateState.SERVO and not self._holds_visually:
+        if not self._is_moving:
             setpoint = self.stream.zero(self._now)
         else:
             response = self._engagement.response
