@@ -6,7 +6,7 @@ import math
 import pytest
 from gate_rehearsal import Rehearsal, auto_config
 
-from dfvs_core.gate.config import MS, GateConfig, GateTiming, S
+from dfvs_core.gate.config import MS, GateConfig, GateTiming, OnDone, S
 from dfvs_core.gate.engagement import Engagement, cap
 from dfvs_core.gate.events import (
     Attitude,
@@ -72,16 +72,16 @@ def test_these_are_the_times_and_limits_that_safety_rests_on():
         "good_data_ns": 1 * S,
         "hold_ns": 3 * S,
         "reached_ns": 1 * S,
-        "proof_ns": 600 * MS,
-        "proof_limit_ns": 3 * S,
+        "response_ns": 1 * S,
+        "response_limit_ns": 6 * S,
         "mode_known_ns": 1500 * MS,
         "order_valid_ns": 5 * S,
     }
-    assert CONFIG.timing.last_proof_ns == 720 * MS
     limits = dataclasses.astuple(VelocityLimits())
     assert limits == pytest.approx((0.5, 0.3, 0.349066, 0.5, 1.047198), abs=1e-6)
-    assert (CONFIG.proof_speed_m_s, CONFIG.max_distance_m) == (0.1, 5.0)
-    assert (CONFIG.max_engaged_ns, CONFIG.max_jump_m) == (120 * S, 0.5)
+    assert (CONFIG.reduced_speed_m_s, CONFIG.max_distance_m) == (0.1, 5.0)
+    assert (CONFIG.max_engaged_ns, CONFIG.hold_visual_ns) == (120 * S, 300 * S)
+    assert (CONFIG.max_jump_m, CONFIG.on_done) == (0.5, OnDone.ZERO)
     assert (CONFIG.min_overlap, CONFIG.min_battery) == (0.09, 0.2)
 
 
@@ -187,6 +187,15 @@ def test_the_time_engaged():
     assert late == (Cause.TIME_CAP, "120 s allowed")
 
 
+def test_the_time_for_which_the_goal_is_held_by_vision():
+    holding = engaged(NOW_NS - 500 * S)
+    holding.reached_ns = NOW_NS - 300 * S
+    assert cap(holding, picture(), CONFIG, NOW_NS) is None
+    assert cap(holding, picture(), CONFIG, NOW_NS + 1) == (Cause.TIME_CAP, "300 s allowed")
+    far = cap(holding, picture(place=(3.0, 4.0, 0.01)), CONFIG, NOW_NS)
+    assert far == (Cause.DISTANCE_CAP, "5.00 m, 5 m allowed")
+
+
 def test_the_age_of_the_last_good_frame():
     report = Rehearsal().report(t_capture_ns=NOW_NS).report
     sight = Sight(CONFIG.timing)
@@ -204,8 +213,8 @@ def test_the_age_of_the_last_good_frame():
         {"velocity": (0.0, 0.0, 0.0, -10.0)},
         {"error_m": 0.0, "error_rad": 0.0, "overlap": 0.0},
         {"overlap": 1.0, "feature_error": 0.0},
-        {"course_agreement": 1.0},
-        {"course_agreement": -1.0},
+        {"mounting_score": 1e300},
+        {"mounting_score": -1e300},
     ],
 )
 def test_numbers_that_are_just_believed(changes):

@@ -77,7 +77,7 @@ def test_from_the_goal_nothing_moves_until_the_next_one_is_seen(flaw):
     assert gate.last.cause is Cause.HOLD_TOO_LONG
 
 
-def test_from_the_goal_the_next_one_is_flown_with_a_proof_of_its_own():
+def test_from_the_goal_the_next_one_is_flown_with_an_initial_response_check():
     gate = at_goal()
     change_goal(gate)
     assert not gate.machine.has_reached
@@ -100,7 +100,7 @@ def test_waiting_at_the_goal_does_not_use_up_the_next_engagements_time():
 
 def test_a_new_goal_while_holding_waits_for_the_operator_who_ordered_to_hold():
     gate = Rehearsal(auto_config(), error_m=3.0).until(GateState.SERVO).run(3.0)
-    assert max(v.speed_m_s for _, v in gate.setpoints) > 0.2  # the first goal's proof is given
+    assert max(v.speed_m_s for _, v in gate.setpoints) > 0.2  # its check has passed
     gate.tick(Order(gate.now_ns, Action.HOLD))
     assert change_goal(gate).refusal == ""
     gate.forget().run(5.0)

@@ -73,14 +73,14 @@ def test_slew_needs_the_time_that_the_limit_says():
 
 
 @pytest.mark.parametrize("wanted", [(0.3, 0.0, 0.3), (0.0, 0.08, -0.08), (-5.0, 1.0, 0.2)])
-def test_a_crawl_bounds_the_length_of_the_linear_velocity(wanted):
+def test_the_reduced_speed_bounds_the_length_of_the_linear_velocity(wanted):
     asked = BodyVelocity(*wanted, 0.01)
-    crawl = saturate(asked, LIMITS, 0.1)
-    assert crawl.speed_m_s == pytest.approx(0.1)
-    assert crawl == asked.scaled(0.1 / asked.speed_m_s)
+    reduced = saturate(asked, LIMITS, 0.1)
+    assert reduced.speed_m_s == pytest.approx(0.1)
+    assert reduced == asked.scaled(0.1 / asked.speed_m_s)
 
 
-def test_a_crawl_leaves_slow_motion_and_turning_as_they_are():
+def test_the_reduced_speed_leaves_slow_motion_and_turning_as_they_are():
     slow = BodyVelocity(0.06, 0.0, 0.08, LIMITS.yaw_rad_s)
     assert saturate(slow, LIMITS, 0.1) == slow
 

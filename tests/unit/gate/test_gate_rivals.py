@@ -16,11 +16,11 @@ from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.rivals import ODD_TARGETS, SEEN_NS, Rivals
 from dfvs_core.gate.states import Cause, GateState
 
-NO_PROOF = GateTiming(proof_ns=0)
+NO_CHECK = GateTiming(response_ns=0)
 
 
 def flying(**changes):
-    return Rehearsal(auto_config(timing=NO_PROOF), **changes).until(GateState.SERVO).run(1.1)
+    return Rehearsal(auto_config(timing=NO_CHECK), **changes).until(GateState.SERVO).run(1.1)
 
 
 def target(gate, velocity=(0.5, 0.5, 0.0)):
@@ -59,7 +59,7 @@ def test_a_service_that_stands_by_does_not_end_a_flight_one_that_is_engaged_does
 
 @pytest.mark.parametrize("state", [GateState.ENGAGE, GateState.SERVO, GateState.HOLD])
 def test_a_foreign_setpoint_aborts_at_once(state):
-    gate = Rehearsal(auto_config(timing=NO_PROOF)).until(GateState.SERVO).run(1.1)
+    gate = Rehearsal(auto_config(timing=NO_CHECK)).until(GateState.SERVO).run(1.1)
     if state is GateState.ENGAGE:
         gate = Rehearsal(auto_config()).until(GateState.ENGAGE)
     if state is GateState.HOLD:

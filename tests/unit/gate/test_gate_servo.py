@@ -20,12 +20,12 @@ from dfvs_core.gate.events import (
 from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.states import Cause, GateState
 
-NO_PROOF = auto_config(timing=GateTiming(proof_ns=0))
+NO_CHECK = auto_config(timing=GateTiming(response_ns=0))
 
 
-def flying(config=NO_PROOF, **changes):
+def flying(config=NO_CHECK, **changes):
     gate = Rehearsal(config, **changes).until(GateState.SERVO)
-    return gate.run(2.0) if config is NO_PROOF else gate
+    return gate.run(2.0) if config is NO_CHECK else gate
 
 
 def test_servo_follows_perception_within_limits():
@@ -39,7 +39,7 @@ def test_servo_follows_perception_within_limits():
 
 
 def test_servo_begins_from_zero_and_slews():
-    gate = Rehearsal(NO_PROOF).until(GateState.SERVO).run(0.5)
+    gate = Rehearsal(NO_CHECK).until(GateState.SERVO).run(0.5)
     speeds = [v.forward_m_s for _, v in gate.setpoints if v != ZERO]
     assert speeds[0] <= 0.5 * 0.1 + 1e-12  # one step of at most 0.1 s at 0.5 m/s²
     steps = [b - a for a, b in itertools.pairwise(speeds)]
@@ -79,8 +79,8 @@ def test_zero_follows_within_300_ms_of_the_last_good_frame():
         ({"feature_error": math.nan}, Cause.REPORT_REJECTED),
         ({"feature_error": math.inf}, Cause.REPORT_REJECTED),
         ({"feature_error": -1.0}, Cause.REPORT_REJECTED),
-        ({"course_agreement": math.nan}, Cause.REPORT_REJECTED),
-        ({"course_agreement": -1.01}, Cause.REPORT_REJECTED),
+        ({"mounting_score": math.nan}, Cause.REPORT_REJECTED),
+        ({"mounting_score": -math.inf}, Cause.REPORT_REJECTED),
     ],
 )
 def test_a_bad_report_stops_in_the_same_step(changes, cause):
@@ -91,19 +91,15 @@ def test_a_bad_report_stops_in_the_same_step(changes, cause):
     assert (gate.state, gate.last.cause) == (GateState.HOLD, cause)
 
 
-@pytest.mark.parametrize(
-    ("shift_ns", "cause"),
-    [(201 * MS, Cause.RESULT_LATE), (-6 * MS, Cause.REPORT_REJECTED)],
-)
-def test_a_report_of_the_past_or_the_future_stops(shift_ns, cause):
+def test_a_report_of_the_future_stops():
     gate = flying()
-    output = gate.send([gate.report(t_capture_ns=gate.now_ns - shift_ns)])
+    output = gate.send([gate.report(t_capture_ns=gate.now_ns + 6 * MS)])
     assert output.setpoint == ZERO
-    assert gate.last.cause is cause
+    assert gate.last.reason == "report rejected: captured 6 ms in the future"
 
 
-@pytest.mark.parametrize("shift_ns", [200 * MS, -5 * MS])
-def test_a_report_just_in_time_does_not_stop(shift_ns):
+@pytest.mark.parametrize("shift_ns", [200 * MS, 201 * MS, 10 * S, -5 * MS])
+def test_a_report_just_in_time_or_late_does_not_stop(shift_ns):
     gate = flying()
     gate.send([gate.report(t_capture_ns=gate.now_ns - shift_ns)])
     assert gate.state is GateState.SERVO
@@ -215,7 +211,7 @@ def test_done_streams_zeros_for_ever():
 
 
 def test_done_can_hand_over_to_the_autopilots_hold():
-    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(proof_ns=0))
+    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
     gate = Rehearsal(config).until(GateState.SERVO)
     gate.changes = {"reached": True}
     gate.until(GateState.DONE)
@@ -230,7 +226,7 @@ def test_done_can_hand_over_to_the_autopilots_hold():
 
 
 def test_zeros_go_on_while_the_autopilots_hold_is_not_confirmed():
-    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(proof_ns=0))
+    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
     gate = Rehearsal(config).until(GateState.SERVO)
     gate.changes, gate.vehicle.obeys = {"reached": True}, False
     gate.until(GateState.DONE).forget()
@@ -241,7 +237,7 @@ def test_zeros_go_on_while_the_autopilots_hold_is_not_confirmed():
 
 
 def test_another_mode_than_the_awaited_hold_is_a_takeover():
-    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(proof_ns=0))
+    config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
     gate = Rehearsal(config).until(GateState.SERVO)
     gate.changes, gate.vehicle.obeys = {"reached": True}, False
     gate.until(GateState.DONE)
@@ -270,7 +266,7 @@ def test_another_mode_than_the_awaited_hold_is_a_takeover():
 )
 @pytest.mark.parametrize("state", [GateState.ENGAGE, GateState.SERVO, GateState.HOLD])
 def test_a_fault_of_the_vehicle_aborts(state, attribute, value, cause, within_ns):
-    gate = Rehearsal(NO_PROOF)
+    gate = Rehearsal(NO_CHECK)
     if state is GateState.HOLD:
         gate.until(GateState.SERVO).send([gate.report(healthy=False)])
     gate.until(state)
@@ -410,7 +406,7 @@ def test_a_takeover_silences_the_gate_in_the_same_step(state, mode):
 
 def in_confirmed(state):
     """A gate in the given state, OFFBOARD confirmed."""
-    gate = Rehearsal(pilot_config(timing=GateTiming(proof_ns=0))).until(GateState.READY)
+    gate = Rehearsal(pilot_config(timing=GateTiming(response_ns=0))).until(GateState.READY)
     gate.beat(mode=VehicleMode.OFFBOARD)
     if state is not GateState.ENGAGE:
         gate.until(GateState.SERVO)
@@ -471,7 +467,7 @@ def test_the_operator_may_engage_again(state):
 
 
 def test_one_order_engages_again_where_orders_engage():
-    config = auto_config(engage=Engage.COMMAND, timing=GateTiming(proof_ns=0))
+    config = auto_config(engage=Engage.COMMAND, timing=GateTiming(response_ns=0))
     gate = Rehearsal(config).until(GateState.READY)
     gate.tick(Order(gate.now_ns, Action.ENGAGE))
     gate.until(GateState.SERVO)
@@ -494,7 +490,7 @@ def test_engaging_again_must_wait_until_the_abort_is_over():
     assert output.refusal == "rejected: the flight is still being ended, order it again"
 
 
-def test_the_operator_holds_and_lets_go_again():
+def test_the_operator_holds_and_engages_again():
     gate = in_confirmed(GateState.SERVO)
     gate.send([Order(gate.now_ns, Action.HOLD)])
     assert (gate.state, gate.last.cause) == (GateState.HOLD, Cause.OPERATOR_HOLD)
@@ -512,7 +508,7 @@ def test_a_hold_ordered_during_engage_holds():
     assert not gate.moved()
 
 
-def test_a_held_gate_that_is_let_go_without_data_aborts_after_three_seconds():
+def test_a_held_gate_that_is_engaged_again_without_data_aborts_after_three_seconds():
     gate = in_confirmed(GateState.SERVO)
     gate.send([Order(gate.now_ns, Action.HOLD)])
     gate.sees = False
@@ -533,80 +529,6 @@ def test_the_operator_aborts():
     gate.forget().send([Order(gate.now_ns, Action.ABORT)])
     assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.OPERATOR_ABORT)
     assert gate.requests[0][1] is ModeRequest.HOLD
-
-
-# --- proof of the first second ----------------------------------------------------------
-
-
-def test_the_first_second_is_a_crawl():
-    gate = Rehearsal(auto_config()).until(GateState.SERVO)
-    start_ns = gate.now_ns
-    gate.run(3.0)
-    first = [v.speed_m_s for t, v in gate.setpoints if t < start_ns + 600 * MS]
-    assert max(first) == pytest.approx(0.1)
-    assert gate.setpoints[-1][1].speed_m_s == pytest.approx(0.4)
-
-
-@pytest.mark.parametrize("fall_m_s", [-0.15, -0.01, 0.0])
-def test_an_error_that_does_not_fall_aborts_within_a_second_of_the_first_motion(fall_m_s):
-    gate = Rehearsal(auto_config(), fall_m_s=fall_m_s).until(GateState.SERVO)
-    gate.run(0.06)
-    moving_ns = gate.now_ns
-    gate.until(GateState.ABORT)
-    assert gate.last.cause is Cause.ERROR_NOT_FALLING
-    assert "distance went from" in gate.last.detail
-    # Half a centimetre shows that it moves; 0.72 s later the error must have fallen.
-    assert gate.now_ns - moving_ns <= 1 * S
-    assert max(v.speed_m_s for _, v in gate.setpoints) <= 0.1 + 1e-12
-
-
-def test_a_camera_that_moves_another_way_aborts_at_once():
-    gate = Rehearsal(auto_config(), changes={"course_agreement": -0.8}).until(GateState.SERVO)
-    gate.run(0.06)
-    moving_ns = gate.now_ns
-    gate.until(GateState.ABORT)
-    assert gate.last.cause is Cause.OTHER_COURSE
-    assert gate.last.detail.startswith("143°")
-    assert gate.now_ns - moving_ns <= 400 * MS
-
-
-def test_a_vehicle_that_answers_late_is_waited_for_at_a_crawl():
-    gate = Rehearsal(auto_config(), fall_m_s=0.0)
-    gate.vehicle.follows = 0.0
-    gate.until(GateState.SERVO).run(2.5)
-    assert gate.state is GateState.SERVO
-    assert gate.setpoints[-1][1].speed_m_s == pytest.approx(0.1)
-    gate.vehicle.follows = 1.0
-    gate.fall_m_s = 0.1
-    gate.run(3.0)
-    assert gate.state is GateState.SERVO
-    assert max(v.speed_m_s for _, v in gate.setpoints[-5:]) > 0.3
-
-
-@pytest.mark.parametrize("follows", [0.0, -1.0])
-def test_a_vehicle_that_does_not_follow_aborts_after_three_seconds(follows):
-    gate = Rehearsal(auto_config())
-    gate.vehicle.follows = follows
-    gate.until(GateState.SERVO)
-    start_ns = gate.now_ns
-    gate.until(GateState.ABORT)
-    assert gate.last.cause is Cause.ERROR_NOT_FALLING
-    assert "the vehicle moved" in gate.last.detail
-    assert 3 * S <= gate.now_ns - start_ns <= 3 * S + TICK_NS
-
-
-def test_a_hold_starts_the_proof_anew():
-    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.5)
-    gate.send([gate.report(healthy=False)])
-    gate.until(GateState.SERVO).forget().run(0.6)
-    assert max(v.speed_m_s for _, v in gate.setpoints) <= 0.1 + 1e-12
-
-
-def test_once_proven_a_hold_does_not_ask_for_it_again():
-    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(2.0)
-    gate.send([gate.report(healthy=False)])
-    gate.until(GateState.SERVO).forget().run(0.9)
-    assert max(v.speed_m_s for _, v in gate.setpoints) > 0.3
 
 
 # --- time -------------------------------------------------------------------------------

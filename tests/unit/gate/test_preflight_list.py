@@ -1,5 +1,7 @@
 """The preflight list word by word: what an operator reads before every flight."""
 
+import math
+
 import pytest
 from gate_rehearsal import Rehearsal, pilot_config
 
@@ -32,6 +34,7 @@ BATTERY = "charge or change the battery, or give the autopilot a power module"
 PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
 FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
 GOAL = "move to where the goal is in view, or take another goal picture"
+MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"
 COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
 LOST = "goal lost, perception unhealthy: wrong goal"
 ADVISED = Check("advised parameters", True, "", "", False)
@@ -55,6 +58,7 @@ def test_before_anything_is_heard():
         ADVISED,
         Check("frames", False, "no good data, no report yet", FRAMES),
         Check("goal", False, "overlap 0%, 9% needed", GOAL),
+        Check("mounting", True, "", ""),
         Check("sole commander", True, "", ""),
     )
 
@@ -71,6 +75,7 @@ def test_where_all_is_well():
         ADVISED,
         Check("frames", True, "50.0 a second, results 40 ms after capture", ""),
         Check("goal", True, "overlap 80%", ""),
+        Check("mounting", True, "", ""),
         Check("sole commander", True, "", ""),
     )
 
@@ -141,6 +146,24 @@ def test_a_view_that_does_not_fit(changes, name, detail, remedy):
     gate.changes = changes
     gate.tick()
     assert listed(gate)[name] == Check(name, False, detail, remedy)
+
+
+@pytest.mark.parametrize("score", [None, 99.0, 0.0, math.nextafter(-5.0, 0.0)])
+def test_a_mounting_that_is_not_clearly_wrong(score):
+    gate = ready()
+    gate.changes = {"mounting_score": score}
+    gate.tick()
+    assert listed(gate)["mounting"] == Check("mounting", True, "", "")
+
+
+def test_a_mounting_that_is_clearly_wrong():
+    gate = ready()
+    gate.changes = {"mounting_score": -5.0}
+    gate.tick()
+    detail = "the camera turns another way than the vehicle (5 standard deviations)"
+    assert listed(gate)["mounting"] == Check("mounting", False, detail, MOUNTING)
+    gate.until(GateState.PREFLIGHT, 1.0)
+    assert gate.last.detail == f"mounting: {detail}"
 
 
 def test_frames_that_are_too_few():

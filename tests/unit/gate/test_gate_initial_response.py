@@ -1,0 +1,478 @@
+"""The initial-response check by itself, and what the gate does by it."""
+
+import dataclasses
+import math
+
+import pytest
+from gate_rehearsal import TICK_NS, Rehearsal, auto_config
+
+from dfvs_core.gate.config import MS, GateTiming, S
+from dfvs_core.gate.events import BadReport
+from dfvs_core.gate.initial_response import InitialResponse, OwnMotion, Response
+from dfvs_core.gate.limits import ZERO, BodyVelocity
+from dfvs_core.gate.states import Cause, GateState
+
+TIMING = GateTiming()
+STEP_NS = 20 * MS
+
+STRAIGHT = (0.1, 0.0, 0.0, 0.0)
+TURN = (0.0, 0.0, 0.0, -0.2)
+BOTH = (0.1, 0.0, 0.0, 0.2)
+"""Velocities that are asked for: forward, right, down in m/s, yaw rate in rad/s."""
+
+
+class Motion:
+    """A check that is followed at 50 Hz by a vehicle at a heading."""
+
+    def __init__(self, yaw_rad=0.0):
+        self.check = InitialResponse(0)
+        self.now_ns = 0
+        self.yaw_rad = yaw_rad
+
+    def run(self, seconds, asked=STRAIGHT, share=1.0):
+        """Ask for a velocity; the vehicle flies a share of it."""
+        for _ in range(round(seconds * S / STEP_NS)):
+            f, r, d, w = (share * v for v in asked)
+            c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
+            own = OwnMotion((c * f - s * r, s * f + c * r, d), self.yaw_rad)
+            self.check.follow(BodyVelocity(*asked), own, self.now_ns)
+            self.now_ns += STEP_NS
+            self.yaw_rad += w * STEP_NS / S
+        return self
+
+    def see(self, errors=((1.0, 0.3, None),), score=None):
+        report = Rehearsal().report(mounting_score=score).report
+        for error_m, error_rad, feature in errors:
+            self.check.see(
+                dataclasses.replace(
+                    report, error_m=error_m, error_rad=error_rad, feature_error=feature
+                )
+            )
+        return self
+
+    def judge(self):
+        return self.check.judge(self.now_ns, TIMING)
+
+
+def ramp(a, b, n=10):
+    return [a + (b - a) * i / (n - 1) for i in range(n)]
+
+
+def errors(distance=(1.0, 1.0), angle=(0.3, 0.3), feature=None):
+    """Ten reports' errors, each linear from a first to a last value."""
+    features = [None] * 10 if feature is None else ramp(*feature)
+    return list(zip(ramp(*distance), ramp(*angle), features, strict=True))
+
+
+# --- mounting -------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("score", "shown"),
+    [(-5.0, Response.FAILED), (math.nextafter(-5.0, 0.0), Response.OPEN), (-99.0, Response.FAILED)],
+)
+def test_a_wrong_mounting_fails_before_anything_has_moved(score, shown):
+    motion = Motion().see(score=score)
+    assert motion.judge() is shown
+    assert motion.check.cause is (
+        Cause.WRONG_MOUNTING if shown is Response.FAILED else Cause.ERROR_NOT_FALLING
+    )
+
+
+def test_a_wrong_mounting_says_how_clear_it_is_and_what_to_check():
+    motion = Motion().see(score=-7.4)
+    motion.judge()
+    assert motion.check.objection == "7 standard deviations; is it mounted as camera.mount says?"
+
+
+def test_an_error_that_falls_does_not_excuse_a_wrong_mounting():
+    motion = Motion().run(2.0).see(errors(distance=(1.0, 0.5), feature=(0.3, 0.2)), score=-5.0)
+    assert motion.judge() is Response.FAILED
+
+
+@pytest.mark.parametrize(
+    ("score", "shown"),
+    [(5.0, Response.CONFIRMED), (math.nextafter(5.0, 0.0), Response.OPEN)],
+)
+def test_a_right_mounting_confirms_although_no_error_has_fallen(score, shown):
+    motion = Motion().see(score=score)
+    motion.now_ns = TIMING.response_ns
+    assert motion.judge() is shown
+
+
+def test_a_right_mounting_confirms_exactly_when_the_least_time_is_over():
+    motion = Motion().see(score=9.0)
+    motion.now_ns = TIMING.response_ns - 1
+    assert motion.judge() is Response.OPEN
+    motion.now_ns += 1
+    assert motion.judge() is Response.CONFIRMED
+
+
+def test_a_right_mounting_confirms_where_the_time_limit_is_over_as_well():
+    motion = Motion().run(6.2).see(score=5.0)
+    assert motion.judge() is Response.CONFIRMED
+
+
+def test_the_last_score_counts_and_a_report_without_one_changes_nothing():
+    motion = Motion().see(score=-4.0).see(score=6.0).see(score=None)
+    motion.now_ns = TIMING.response_ns
+    assert motion.judge() is Response.CONFIRMED
+    assert motion.see(score=-6.0).see(score=None).judge() is Response.FAILED
+
+
+@pytest.mark.parametrize(
+    ("score", "shown"),
+    [
+        (None, Response.CONFIRMED),
+        (0.0, Response.CONFIRMED),
+        (-2.0, Response.CONFIRMED),
+        (math.nextafter(-2.0, -3.0), Response.OPEN),
+        (-4.9, Response.OPEN),
+    ],
+)
+def test_a_falling_error_confirms_unless_the_mounting_is_doubtful(score, shown):
+    motion = Motion().run(1.0).see(errors(distance=(1.0, 0.9)), score=score)
+    assert motion.judge() is shown
+
+
+# --- errors ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("asked", "reports", "is_confirmed"),
+    [
+        (STRAIGHT, errors(distance=(1.0, 0.95)), True),
+        (STRAIGHT, errors(distance=(1.0, 1.05)), False),
+        (STRAIGHT, errors(), False),
+        (STRAIGHT, errors(angle=(0.3, 0.2)), False),
+        (TURN, errors(angle=(0.3, 0.2)), True),
+        (TURN, errors(angle=(0.3, 0.4)), False),
+        (TURN, errors(distance=(1.0, 0.5)), False),
+        (BOTH, errors(distance=(1.0, 0.95), angle=(0.3, 0.4)), True),
+        (BOTH, errors(distance=(1.0, 1.05), angle=(0.3, 0.2)), True),
+        (BOTH, errors(distance=(1.0, 1.05), angle=(0.3, 0.4)), False),
+        (STRAIGHT, errors(distance=(1.0, 1.2), feature=(0.3, 0.29)), True),
+        (TURN, errors(angle=(0.3, 0.4), feature=(0.3, 0.29)), True),
+        (STRAIGHT, errors(distance=(1.0, 0.9), feature=(0.3, 0.31)), True),
+        (TURN, errors(angle=(0.3, 0.2), feature=(0.3, 0.31)), True),
+        (STRAIGHT, errors(distance=(1.0, 1.05), feature=(0.3, 0.31)), False),
+    ],
+)
+def test_the_feature_error_or_the_error_of_the_motion_must_fall(asked, reports, is_confirmed):
+    motion = Motion().run(1.2, asked).see(reports)
+    assert motion.judge() is (Response.CONFIRMED if is_confirmed else Response.OPEN)
+
+
+@pytest.mark.parametrize(
+    ("moved", "reports"),
+    [
+        ({"moved_m": (0.03, 0.0, 0.0)}, errors(distance=(1.0, 0.9))),
+        ({"turned_rad": 0.05}, errors(angle=(0.3, 0.2))),
+        ({"moved_m": (0.03, 0.0, 0.0)}, errors(feature=(0.3, 0.2))),
+        ({"turned_rad": 0.05}, errors(feature=(0.3, 0.2))),
+    ],
+)
+def test_a_fall_counts_from_exactly_the_least_motion_on(moved, reports):
+    (name, value) = next(iter(moved.items()))
+    less = (0.0299, 0.0, 0.0) if name == "moved_m" else 0.0499
+    for motion, shown in ((value, Response.CONFIRMED), (less, Response.OPEN)):
+        check = InitialResponse(0, asked_m=(1.0, 0.0, 0.0), asked_rad=1.0, **{name: motion})
+        check.errors.extend(reports)
+        assert check.judge(TIMING.response_ns, TIMING) is shown
+
+
+def test_a_fall_confirms_exactly_when_the_least_time_is_over():
+    motion = Motion().run(1.0).see(errors(distance=(1.0, 0.9)))
+    motion.now_ns = TIMING.response_ns - 1
+    assert motion.judge() is Response.OPEN
+    motion.now_ns += 1
+    assert motion.judge() is Response.CONFIRMED
+
+
+def noisy(fall, flutter=0.01):
+    """Ten errors whose medians of five fall, with equal steps up and down between reports."""
+    up = [flutter * (i % 2) for i in range(5)]
+    return [1.0 + v for v in up] + [1.0 + flutter - fall - v for v in up]
+
+
+@pytest.mark.parametrize(("share", "is_confirmed"), [(1.001, True), (0.999, False)])
+def test_a_fall_must_be_four_standard_deviations_of_two_medians(share, is_confirmed):
+    # Steps of d between reports: noise d / (0.6745 sqrt 2); two medians of five, each 1.25/sqrt 5.
+    least = 4.0 * 0.01 / (0.6745 * math.sqrt(2.0)) * 1.25 * math.sqrt(2.0 / 5.0)
+    values = noisy(share * least + 0.01)  # the later flutter goes the other way: medians differ
+    motion = Motion().run(1.0).see([(v, 0.3, None) for v in values])
+    assert motion.judge() is (Response.CONFIRMED if is_confirmed else Response.OPEN)
+
+
+def test_a_single_wild_report_decides_nothing():
+    reports = [(distance, 0.3, None) for distance in ramp(1.0, 0.95, 20)]
+    reports[0], reports[-1] = (0.1, 0.3, None), (9.0, 0.3, None)
+    assert Motion().run(1.2).see(reports).judge() is Response.CONFIRMED
+
+
+@pytest.mark.parametrize(("count", "is_confirmed"), [(3, False), (4, True)])
+def test_four_reports_are_just_enough(count, is_confirmed):
+    reports = [(distance, 0.3, None) for distance in (1.0, 1.0, 0.5, 0.5)[-count:]]
+    assert (Motion().run(1.2).see(reports).judge() is Response.CONFIRMED) is is_confirmed
+
+
+def test_half_of_few_reports_is_compared_with_the_other_half():
+    distances = (1.0, 1.01, 1.0, 1.01, 0.85, 0.86, 0.85, 0.86)
+    motion = Motion().run(1.2).see([(d, 0.3, None) for d in distances])
+    # Medians of four, 1.005 and 0.855; of five each they would share reports.
+    assert motion.judge() is Response.CONFIRMED
+
+
+def test_a_feature_error_counts_only_if_every_report_has_it():
+    reports = errors(distance=(1.0, 1.05), feature=(0.3, 0.2))
+    assert Motion().run(1.2).see(reports).judge() is Response.CONFIRMED
+    reports[3] = (reports[3][0], reports[3][1], None)
+    assert Motion().run(1.2).see(reports).judge() is Response.OPEN
+
+
+def test_of_many_reports_the_first_five_and_the_last_are_kept():
+    motion = Motion().see([(float(i), 0.0, None) for i in range(400)])
+    kept = [e[0] for e in motion.check.errors]
+    assert len(kept) == 300
+    assert kept[:6] == [0.0, 1.0, 2.0, 3.0, 4.0, 105.0]
+    assert kept[-1] == 399.0
+
+
+# --- time limit -----------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize(
+    ("asked", "fails"),
+    [
+        ({"asked_m": (0.06, 0.0, 0.08)}, True),
+        ({"asked_m": (0.0999, 0.0, 0.0)}, False),
+        ({"asked_rad": -0.15}, True),
+        ({"asked_rad": 0.15}, True),
+        ({"asked_rad": -0.1499}, False),
+    ],
+)
+def test_a_missing_response_fails_if_enough_was_asked_for(asked, fails):
+    check = InitialResponse(0, **asked)
+    assert check.judge(TIMING.response_limit_ns - 1, TIMING) is Response.OPEN
+    shown = check.judge(TIMING.response_limit_ns, TIMING)
+    assert shown is (Response.FAILED if fails else Response.OPEN)
+    assert bool(check.objection) is fails
+
+
+def test_a_missing_response_says_what_was_asked_for_and_what_was_done():
+    motion = Motion().run(6.2, BOTH, share=0.5).see(errors())
+    assert motion.judge() is Response.FAILED
+    assert motion.check.cause is Cause.ERROR_NOT_FALLING
+    # The body turns meanwhile, but the motion counts in its own frame.
+    assert motion.check.objection == (
+        "the vehicle moved 0.31 m and 0.62 rad of 0.62 m and 1.24 rad"
+    )
+
+
+@pytest.mark.parametrize("asked", [STRAIGHT, TURN])
+def test_motion_the_other_way_confirms_nothing(asked):
+    falling = errors(distance=(1.0, 0.5), angle=(0.3, 0.1), feature=(0.3, 0.1))
+    motion = Motion().run(5.9, asked, share=-1.0).see(falling)
+    assert motion.judge() is Response.OPEN
+    assert motion.run(0.2, asked, share=-1.0).judge() is Response.FAILED
+    assert " -" in motion.check.objection
+
+
+def test_a_doubtful_mounting_and_a_falling_error_end_with_the_time_limit():
+    motion = Motion().run(6.2).see(errors(distance=(1.0, 0.5)), score=-3.0)
+    assert motion.judge() is Response.FAILED
+
+
+def test_asking_to_and_fro_is_asking_for_nothing():
+    motion = Motion()
+    for _ in range(40):
+        motion.run(0.1, share=0.0).run(0.1, (-0.1, 0.0, 0.0, 0.0), share=0.0)
+    assert motion.judge() is Response.OPEN
+
+
+# --- motion ---------------------------------------------------------------------------------
+
+
+@pytest.mark.parametrize("yaw_rad", [0.0, 2.0, 3.1, -1.5])
+def test_motion_counts_in_the_direction_that_was_asked_for(yaw_rad):
+    motion = Motion(yaw_rad).run(1.02, (0.06, 0.0, -0.08, 0.3), share=0.5)
+    # The vehicle turns meanwhile, but the law asks anew in its body frame at every step.
+    assert motion.check.followed_m == pytest.approx(0.05, rel=1e-6)
+    assert motion.check.followed_rad == pytest.approx(0.15, rel=1e-6)
+
+
+def test_where_nothing_was_asked_for_nothing_was_followed():
+    check = InitialResponse(0, moved_m=(1.0, 0.0, 0.0), turned_rad=1.0)
+    assert (check.followed_m, check.followed_rad) == (0.0, 0.0)
+
+
+def test_what_was_asked_and_flown_is_counted_in_the_body_frame():
+    check = InitialResponse(0)
+    own = OwnMotion((0.3, 0.0, 0.1), math.pi / 2)  # heads east, drifts north: to its left
+    for t_ns in (0, 50 * MS):
+        check.follow(BodyVelocity(0.1, 0.2, 0.3, 0.4), own, t_ns)
+    assert check.asked_m == pytest.approx((0.005, 0.01, 0.015))
+    assert check.asked_rad == pytest.approx(0.02)
+    assert check.moved_m == pytest.approx((0.0, -0.015, 0.005))
+
+
+def test_a_pause_counts_for_a_tenth_of_a_second_at_most():
+    check = InitialResponse(0)
+    for now_ns in (0, 5 * S):
+        check.follow(BodyVelocity(0.1), OwnMotion((0.1, 0.0, 0.0), 0.0), now_ns)
+    assert check.followed_m == pytest.approx(0.01)
+
+
+def test_a_turn_across_south_is_a_small_one():
+    motion = Motion(yaw_rad=3.1).run(0.52, (0.0, 0.0, 0.0, 0.2))
+    assert motion.check.followed_rad == pytest.approx(0.1)
+    check = InitialResponse(0)
+    for i, yaw in enumerate((3.1, -3.1)):
+        check.follow(BodyVelocity(0, 0, 0, 0.1), OwnMotion((0, 0, 0), yaw), i * STEP_NS)
+    assert check.turned_rad == pytest.approx(math.tau - 6.2)
+
+
+# --- the gate -------------------------------------------------------------------------------
+
+
+def speeds(gate):
+    return [v.speed_m_s for _, v in gate.setpoints]
+
+
+def test_the_first_second_is_flown_at_reduced_speed():
+    gate = Rehearsal(auto_config()).until(GateState.SERVO).forget()
+    gate.run(1.0)
+    end_ns = gate.machine.since_ns + TIMING.response_ns
+    first = [v.speed_m_s for t, v in gate.setpoints if t < end_ns]
+    assert max(first) == pytest.approx(0.1)
+    gate.run(2.0)
+    assert speeds(gate)[-1] == pytest.approx(0.4)
+
+
+def test_a_mounting_known_to_be_right_does_not_shorten_it():
+    gate = Rehearsal(auto_config(), changes={"mounting_score": 50.0}, fall_m_s=0.0)
+    gate.until(GateState.SERVO).forget().run(0.98)
+    assert max(speeds(gate)) <= 0.1 + 1e-12
+    gate.run(1.0)
+    assert max(speeds(gate)) > 0.3
+
+
+@pytest.mark.parametrize("fall_m_s", [-0.15, -0.01, 0.0])
+def test_an_error_that_does_not_fall_aborts_after_six_seconds(fall_m_s):
+    gate = Rehearsal(auto_config(), error_m=2.0, fall_m_s=fall_m_s).until(GateState.SERVO)
+    start_ns = gate.now_ns
+    gate.until(GateState.ABORT)
+    assert gate.last.cause is Cause.ERROR_NOT_FALLING
+    assert gate.now_ns - start_ns == TIMING.response_limit_ns
+    assert max(speeds(gate)) <= 0.1 + 1e-12
+
+
+@pytest.mark.parametrize("score", [-5.0, -99.0])
+def test_a_wrong_mounting_aborts_in_the_step_that_tells_of_it(score):
+    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.3)
+    assert gate.moved()
+    gate.now_ns += 5 * MS
+    output = gate.send([gate.report(mounting_score=score)])
+    assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.WRONG_MOUNTING)
+    assert output.setpoint == ZERO
+
+
+def test_once_confirmed_a_wrong_mounting_is_not_asked_for_again():
+    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(1.5)
+    gate.now_ns += 5 * MS
+    gate.send([gate.report(mounting_score=-9.0)])
+    assert gate.state is GateState.SERVO
+
+
+@pytest.mark.parametrize("age_ms", [201, 240])
+def test_a_late_result_shows_nothing_of_the_mounting(age_ms):
+    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.3)
+    gate.sees = False
+    gate.run(0.1)
+    seen_ns = gate.machine.sight.last_capture_ns
+    gate.now_ns = seen_ns + MS + age_ms * MS
+    gate.send([gate.report(mounting_score=-9.0, t_capture_ns=seen_ns + MS)])
+    assert gate.state is GateState.SERVO
+    assert gate.machine.sight.last_capture_ns == seen_ns
+
+
+def test_a_repeated_frame_is_one_observation():
+    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.3)
+    seen = len(gate.machine._engagement.response.errors)
+    for _ in range(5):
+        gate.now_ns += MS
+        gate.send([gate.report(t_capture_ns=gate.machine.sight.last_capture_ns)])
+    assert len(gate.machine._engagement.response.errors) == seen > 0
+
+
+def test_a_vehicle_that_answers_late_is_waited_for_at_reduced_speed():
+    gate = Rehearsal(auto_config(), fall_m_s=0.0)
+    gate.vehicle.follows = 0.0
+    gate.until(GateState.SERVO).run(2.5)
+    assert gate.state is GateState.SERVO
+    assert speeds(gate)[-1] == pytest.approx(0.1)
+    gate.vehicle.follows = 1.0
+    gate.fall_m_s = 0.1
+    gate.run(3.0)
+    assert gate.state is GateState.SERVO
+    assert max(speeds(gate)[-5:]) > 0.3
+
+
+@pytest.mark.parametrize("follows", [0.0, -1.0])
+def test_a_vehicle_that_does_not_follow_aborts_after_six_seconds(follows):
+    gate = Rehearsal(auto_config())
+    gate.vehicle.follows = follows
+    gate.until(GateState.SERVO)
+    start_ns = gate.now_ns
+    gate.until(GateState.ABORT)
+    assert gate.last.cause is Cause.ERROR_NOT_FALLING
+    assert "the vehicle moved" in gate.last.detail
+    assert TIMING.response_limit_ns <= gate.now_ns - start_ns <= TIMING.response_limit_ns + TICK_NS
+
+
+def test_a_hold_starts_the_check_anew():
+    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.8)
+    gate.send([gate.report(healthy=False)])
+    gate.until(GateState.SERVO).forget().run(0.98)
+    assert max(speeds(gate)) <= 0.1 + 1e-12
+
+
+def test_once_confirmed_a_hold_does_not_ask_for_it_again():
+    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(2.0)
+    gate.send([gate.report(healthy=False)])
+    gate.until(GateState.SERVO).forget().run(0.9)
+    assert max(speeds(gate)) > 0.3
+
+
+@pytest.mark.parametrize(("response_ns", "speed_m_s"), [(0, 0.4), (1, 0.1)])
+def test_without_a_time_for_it_no_check_is_made(response_ns, speed_m_s):
+    config = auto_config(timing=dataclasses.replace(TIMING, response_ns=response_ns))
+    gate = Rehearsal(config, fall_m_s=0.0)
+    gate.vehicle.follows = 0.0  # and so shows no response
+    gate.until(GateState.SERVO).run(1.5)
+    assert speeds(gate)[-1] == pytest.approx(speed_m_s)
+
+
+def test_an_error_within_tolerance_need_not_fall():
+    """A vehicle that starts at its goal and is asked to stay there against its own drift."""
+    config = auto_config(timing=dataclasses.replace(TIMING, reached_ns=9 * S))
+    gate = Rehearsal(config, fall_m_s=0.0, asked=(0.03, 0.0, 0.0, 0.0))
+    gate.changes = {"reached": True}
+    gate.until(GateState.SERVO).run(8.0)
+    assert gate.state is GateState.SERVO
+    gate.changes = {"reached": False}
+    gate.tick()
+    assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.ERROR_NOT_FALLING)
+
+
+def test_a_wrong_mounting_aborts_within_tolerance_as_well():
+    gate = Rehearsal(auto_config(), changes={"reached": True}).until(GateState.SERVO).run(0.5)
+    gate.now_ns += 5 * MS
+    gate.send([gate.report(reached=True, mounting_score=-6.0)])
+    assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.WRONG_MOUNTING)
+
+
+def test_a_bad_report_is_no_observation():
+    gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.3)
+    gate.send([BadReport(gate.now_ns, "not JSON"), gate.report(mounting_score=-9.0)])
+    assert gate.state is GateState.HOLD
