@@ -20,15 +20,19 @@ CLOCK = b"c" * 16
 
 
 class StillMatcher:
-    """Says that nothing moved, with full confidence."""
+    """Says that nothing moved, with full confidence in the upper ``share`` of the view."""
+
+    def __init__(self):
+        self.share, self.searches = 1.0, 0
 
     def prepare(self, image):
         return Prepared(image.shape[:2])
 
     def match(self, current, other, guess=None, *, besides=()):
-        return FlowField(
-            np.zeros((*current.size, 2), np.float32), np.ones(current.size, np.float32)
-        )
+        self.searches += 1
+        confidence = np.zeros(current.size, np.float32)
+        confidence[: round(self.share * current.size[0])] = 1.0
+        return FlowField(np.zeros((*current.size, 2), np.float32), confidence)
 
     def track(self, current, other, guess):
         return self.match(current, other)
@@ -43,7 +47,8 @@ class Rig:
         self.seq = 0
         goal = Goal(self.picture, GoalSidecar(CAMERA))
         task = ServoTask(ServoConfig(), CAMERA, goal.sidecar, Mount())
-        pipeline = Pipeline(task, StillMatcher(), goal, lambda: self.now_ns)
+        self.matcher = StillMatcher()
+        pipeline = Pipeline(task, self.matcher, goal, lambda: self.now_ns)
         self.eye = Eye(CAMERA, pipeline, CLOCK, lambda: self.now_ns)
 
     def hear_vehicle(self, state="SERVO"):
@@ -71,9 +76,35 @@ def test_a_good_frame_becomes_a_healthy_report(rig):
     rig.hear_vehicle()
     glance = rig.eye.look(sample)
     assert glance.report.healthy
-    assert glance.report.reached
     assert glance.report.t_capture_ns == rig.now_ns - 5 * MS
     assert glance.stages_ns["transport"] == 5 * MS
+
+
+def test_a_vehicle_that_stays_at_the_goal_has_reached_it_after_the_stop_rule_s_second(rig):
+    reached = []
+    for k in range(24):
+        image = rig.picture.copy()
+        image[0, 0] = k  # else it is a frozen camera's
+        sample = rig.sample(image=image)
+        rig.hear_vehicle()
+        reached.append(rig.eye.look(sample).report.reached)
+    assert not any(reached[:18])  # 50 ms a frame: by then the window of 1 s is not full
+    assert reached[-1]
+
+
+@pytest.mark.parametrize(
+    ("state", "searches"),
+    [("READY", 1), ("ENGAGE", 0), ("SERVO", 0), ("HOLD", 0), ("DONE", 0), ("ABORT", 1)],
+)
+def test_no_search_makes_a_frame_late_while_the_vehicle_is_the_gate_s(rig, state, searches):
+    """A first match of little of the view is searched anew otherwise."""
+    rig.matcher.share = 0.2
+    sample = rig.sample()
+    rig.hear_vehicle(state)
+    assert rig.eye.look(sample).report.healthy
+    before = rig.matcher.searches
+    rig.eye.digest()
+    assert rig.matcher.searches - before == searches
 
 
 def test_without_the_vehicle_s_attitude_nothing_is_flown(rig):

@@ -16,6 +16,16 @@ from dfvs_service.perception.eye import RawSample
 from dfvs_service.perception.route_follower import RouteFollower
 
 
+class CountingMatcher(KnowingMatcher):
+    """Counts searches."""
+
+    searches = 0
+
+    def match(self, current, other, guess=None, *, besides=()):
+        self.searches += 1
+        return super().match(current, other, guess, besides=besides)
+
+
 class Rig:
     """Perception on a route, with clock and vehicle in hand; 40 degrees from goal to goal."""
 
@@ -26,7 +36,8 @@ class Rig:
         self.goals = [Goal(picture(yaw), sidecar) for yaw in yaws]
         self.now_ns = 5_000 * MS
         clocks = Clocks(CLOCK, lambda: self.now_ns, lambda: self.now_ns)
-        self.eye = build_eye(self.config, self.goals[0], KnowingMatcher(), clocks)
+        self.matcher = CountingMatcher()
+        self.eye = build_eye(self.config, self.goals[0], self.matcher, clocks)
         self.route = RouteFollower(self.config, self.goals, AtOnce())
         self.state = "SERVO"
         self.seq = 0
@@ -64,7 +75,7 @@ def test_goals_are_passed_one_by_one_and_only_the_last_is_reached():
     assert rig.route.index == 2
     assert not any(report.reached for report in reports)
     assert all(report.healthy for report in reports)
-    assert rig.stay(120.0, 1)[-1].reached
+    assert rig.stay(120.0, 2)[-1].reached
 
 
 def test_each_goal_is_flown_to_by_its_own_error():
@@ -74,6 +85,16 @@ def test_each_goal_is_flown_to_by_its_own_error():
     assert rig.route.index == 1
     assert report.error_rad == pytest.approx(np.radians(40.0), abs=0.02)
     assert report.velocity[3] > 0.1
+
+
+def test_the_next_goal_is_tracked_on_from_its_preview():
+    """A search at that moment would make a frame late in flight."""
+    rig = Rig()
+    while rig.route.index == 0:
+        rig.frame(40.0)
+    searches = rig.matcher.searches
+    assert rig.frame(41.0).healthy
+    assert rig.matcher.searches == searches
 
 
 def test_a_goal_is_kept_while_the_first_motion_is_being_proven():
@@ -98,7 +119,7 @@ def test_a_next_goal_that_does_not_come_in_sight_ends_the_flight_with_the_reason
 
 def test_one_goal_is_no_route():
     rig = Rig((40.0,))
-    assert rig.stay(40.0, 1)[-1].reached
+    assert rig.stay(40.0, 2)[-1].reached
     assert rig.route.is_last
 
 
