@@ -40,7 +40,8 @@ configs = st.builds(
     engage=st.sampled_from(Engage),
     on_done=st.sampled_from(OnDone),
     max_engaged_ns=st.sampled_from([10 * S, 120 * S]),
-    timing=st.builds(GateTiming, proof_ns=st.sampled_from([0, S])),
+    hold_visual_ns=st.sampled_from([2 * S, 300 * S]),
+    timing=st.builds(GateTiming, response_ns=st.sampled_from([0, S])),
 )
 
 
@@ -58,7 +59,7 @@ def reports(draw, t_ns):
         error_rad=draw(number),
         overlap=draw(number),
         feature_error=draw(st.none() | number),
-        course_agreement=draw(st.none() | number),
+        mounting_score=draw(st.none() | st.floats(-20.0, 20.0) | anything),
         goal=draw(st.sampled_from(["", "ab" * 32])),
     )
 
@@ -168,6 +169,7 @@ def change_sight(gate, rng):
         ("asked", tuple(rng.choice([0.0, 0.3, -5.0, math.nan, math.inf, 1e300], 4))),
         ("asked", tuple(rng.normal(0.0, 0.4, 4))),
         ("changes", {"healthy": False}),
+        ("changes", {"mounting_score": float(rng.choice([-50.0, -6.0, 0.0, 50.0]))}),
         ("follows_goal", False),
     ]
     name, value = pick(rng, changes)
@@ -193,7 +195,7 @@ def disturb(gate, rng):
 def test_a_gate_that_never_engages_sends_nothing_whatever_comes_in():
     rng = np.random.default_rng(20)
     gate = Watched(GateConfig(engage=Engage.NEVER))
-    for _ in range(150):
+    for _ in range(300):
         if rng.random() < 0.1:
             fly_again(gate)
         disturb(gate, rng)

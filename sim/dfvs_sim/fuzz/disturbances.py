@@ -71,7 +71,7 @@ class World:
     latency_ns: int = 40 * MS
     asked: tuple[float, float, float, float] = (0.3, -0.1, 0.05, 0.1)
     error_m: float = 1.0
-    course_agreement: float | None = 1.0
+    mounting_score: float | None = 3.0
     falls: bool = True
     reached: bool = False
     lost: bool = False
@@ -126,7 +126,7 @@ def _sight(world: World, dice: Dice) -> World:
         {"overlap": dice.between(0.0, 0.2)},
         {"reached": not world.reached},
         {"error_m": dice.pick(_ODD_NUMBERS)},
-        {"course_agreement": dice.pick((None, -1.0, 0.4, *_ODD_NUMBERS))},
+        {"mounting_score": dice.pick((None, 50.0, 5.0, -4.0, -50.0, *_ODD_NUMBERS))},
     )
     return replace(world, **dice.pick(changes))  # type: ignore[arg-type]
 
@@ -236,7 +236,7 @@ def odd_report(t_ns: int, dice: Dice) -> PerceptionReport:
         error_rad=_number(dice),
         overlap=_number(dice),
         feature_error=None if dice.chance(0.5) else _number(dice),
-        course_agreement=None if dice.chance(0.5) else _number(dice),
+        mounting_score=None if dice.chance(0.5) else 10.0 * _number(dice),
     )
 
 

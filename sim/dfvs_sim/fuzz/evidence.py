@@ -35,6 +35,9 @@ _LONG_AGO = -(1 << 62)
 _MOST_M_S = _MOST_RAD_S = 10.0
 """No servo law in its right mind asks for more."""
 
+_CLEAR_SCORE = 5.0
+"""Standard deviations from which on a wrong mounting ends a flight."""
+
 
 class Evidence:
     """The newest word of each kind, and whether the data have been good since.
@@ -57,6 +60,8 @@ class Evidence:
         """What went wrong in this very step."""
         self.goal: str | None = ""
         """Digest of the goal that reports must be about; None where any will do."""
+        self.is_mounted_wrong = False
+        """A good frame of this very step told of another mounting than the settings do."""
         self._newest_capture_ns = -1
         self._engaged_ns = _LONG_AGO
         self._heartbeat_ns = self._attitude_ns = self._position_ns = _LONG_AGO
@@ -73,6 +78,7 @@ class Evidence:
     def hear(self, now_ns: int, pause_ns: int, events: Sequence[Event]) -> None:
         """Take the events of one step, which came ``pause_ns`` after the one before."""
         self.faults = []
+        self.is_mounted_wrong = False
         if pause_ns > self._config.timing.stall_ns:
             self._spoil("the gate was away")
         for event in events:
@@ -137,12 +143,14 @@ class Evidence:
     def _hear_report(self, report: PerceptionReport, t_ns: int) -> None:
         timing = self._config.timing
         age_ns = t_ns - report.t_capture_ns
-        in_time = -timing.clock_skew_ns <= age_ns <= timing.result_age_ns
         ours = self.goal is None or report.goal == self.goal
-        if report.lost or not (ours and in_time and report.healthy and _sane(report)):
+        is_future = age_ns < -timing.clock_skew_ns
+        if report.lost or is_future or not (ours and report.healthy and _sane(report)):
             self._spoil("a report that cannot be flown by")
-        elif report.t_capture_ns > self._newest_capture_ns:
+        elif age_ns <= timing.result_age_ns and report.t_capture_ns > self._newest_capture_ns:
             self._newest_capture_ns = self.good_capture_ns = report.t_capture_ns
+            score = report.mounting_score
+            self.is_mounted_wrong = score is not None and score <= -_CLEAR_SCORE
 
     def _spoil(self, fault: str) -> None:
         self.good_capture_ns = None

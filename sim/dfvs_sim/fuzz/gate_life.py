@@ -61,9 +61,10 @@ def draw_config(dice: Dice) -> GateConfig:
     speed = dice.pick((0.25, 1.0, 1.0))
     config = GateConfig(
         velocity=VelocityLimits(dice.between(0.1, 1.0), dice.between(0.1, 0.6)),
-        proof_speed_m_s=dice.pick((0.02, 0.1, 0.5)),
+        reduced_speed_m_s=dice.pick((0.02, 0.1, 0.5)),
         max_distance_m=dice.pick((0.5, 5.0, 5.0)),
         max_engaged_ns=dice.pick((4, 30, 120)) * S,
+        hold_visual_ns=dice.pick((2, 10, 300)) * S,
         min_battery=dice.pick((0.0, 0.2, 0.2)),
         # "never" only checks and moves nothing: seldom drawn, so that most lives fly
         engage=Engage.NEVER if dice.chance(0.05) else dice.pick(_FLYING),
@@ -79,7 +80,8 @@ def draw_config(dice: Dice) -> GateConfig:
         good_data_ns=int(usual.good_data_ns * speed),
         reached_ns=int(usual.reached_ns * speed),
         hold_ns=int(usual.hold_ns * speed),
-        proof_ns=dice.pick((0, int(usual.proof_ns * speed))),
+        response_ns=dice.pick((0, int(usual.response_ns * speed))),
+        response_limit_ns=int(usual.response_limit_ns * speed),
     )
     return dataclasses.replace(config, timing=timing)
 
@@ -218,6 +220,8 @@ class Surroundings:
             self._seen_goal = self._wanted_goal
         if not dice.chance(0.03):  # else the capture of the report before, once more
             self._capture_ns = self._now_ns - world.latency_ns
+        # clearly wrong now and then: a camera that is so from the start is never flown
+        score = -50.0 if dice.chance(0.005) else world.mounting_score
         return PerceptionReport(
             self._seq,
             self._capture_ns,
@@ -230,7 +234,7 @@ class Surroundings:
             0.1,
             world.overlap,
             world.error_m,
-            world.course_agreement,
+            score,
             goal=self._seen_goal,
         )
 

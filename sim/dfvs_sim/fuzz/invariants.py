@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from collections.abc import Sequence
 
-from dfvs_core.gate.config import Engage, GateConfig, S
+from dfvs_core.gate.config import Engage, GateConfig, OnDone, S
 from dfvs_core.gate.events import (
     Action,
     CurrentMode,
@@ -65,10 +65,13 @@ class InvariantChecker:
         self._last = ZERO
         self._sent_ns: int | None = None
         self._engaged_ns = self._servo_ns = t_ns
+        self._reached_ns: int | None = None
+        """When the goal of this engagement was reached first."""
         self._mode_before = VehicleMode.OTHER
         self._armed = False
         self._confirmed = False
-        self._proven = False
+        self._may_be_confirmed = False
+        """A spell of motion has lasted as long as the initial-response check must."""
         self._awaits_hold = False
         self._handed_over = False
         self._taken_over = False
@@ -103,7 +106,7 @@ class InvariantChecker:
         self._check_request(output.mode_request, now_ns, state)
         self._check_setpoint(output.setpoint, now_ns, state)
         self._check_stream(output.setpoint, now_ns, state)
-        self._heed_goals(events, output)
+        self._heed_goals(events, output, now_ns, state)
         self.state = state
         self._stepped_ns = now_ns
 
@@ -123,11 +126,15 @@ class InvariantChecker:
         elif self._confirmed or mode is not self._mode_before:
             self._taken_over = True
 
-    def _heed_goals(self, events: Sequence[Event], output: GateOutput) -> None:
-        """Expect reports about the goal that the operator changed to, and a new proof for it."""
+    def _heed_goals(
+        self, events: Sequence[Event], output: GateOutput, now_ns: int, state: GateState
+    ) -> None:
+        """Expect reports about the goal that the operator changed to, and a new check for it."""
         goals = [e.argument for e in events if isinstance(e, Order) and e.action is Action.GOAL]
         if goals and not output.refusal:
-            self._proven = False
+            if state is GateState.HOLD and self._reached_ns is not None:
+                self._begin(now_ns)
+            self._may_be_confirmed = False
             self.evidence.look_for(goals[-1])
         elif len(goals) > 1:  # which of them were refused cannot be told from outside
             self.evidence.look_for(None)
@@ -148,8 +155,8 @@ class InvariantChecker:
             self._servo_ns = now_ns
         elif change.target in (GateState.DONE, GateState.ABORT):
             self._hold_asked = False
-        elif at is GateState.DONE and change.target is GateState.HOLD:
-            self._begin(now_ns)
+            if change.target is GateState.DONE and self._reached_ns is None:
+                self._reached_ns = now_ns
         elif change.target is GateState.PREFLIGHT and at in ENDED:
             orders = [e for e in events if isinstance(e, Order) and e.action is Action.ENGAGE]
             _demand(bool(orders), "I5", f"left {at} without an operator's order")
@@ -172,8 +179,9 @@ class InvariantChecker:
         self._engaged_ns = now_ns
         self._mode_before = evidence.mode
         self._confirmed = evidence.is_offboard
-        self._awaits_hold = self._handed_over = self._proven = False
+        self._awaits_hold = self._handed_over = self._may_be_confirmed = False
         self._offboard_asked = False
+        self._reached_ns = None
         evidence.engaged(now_ns)
 
     def _check_request(self, request: ModeRequest | None, now_ns: int, state: GateState) -> None:
@@ -190,7 +198,8 @@ class InvariantChecker:
             self._offboard_asked = True
             return
         _demand(request is ModeRequest.HOLD, "I8", f"asked for {request!r}")
-        _demand(state in (GateState.DONE, GateState.ABORT), "I8", f"Hold asked for in {state}")
+        is_handed_over = state is GateState.DONE and self.config.on_done is OnDone.HOLD
+        _demand(is_handed_over or state is GateState.ABORT, "I8", f"Hold asked for in {state}")
         _demand(evidence.is_offboard, "I5", "Hold asked for outside OFFBOARD")
         known_ns = self.config.timing.heartbeat_age_ns
         _demand(evidence.mode_age_ns(now_ns) <= known_ns, "I5", "Hold asked for by an old mode")
@@ -205,20 +214,25 @@ class InvariantChecker:
         _demand(not self._taken_over, "I5", f"{v} sent after a takeover")
         if v != ZERO:
             _demand(v.is_finite(), "I1", v)
-            _demand(state is GateState.SERVO, "I2", f"{v} sent in {state}")
+            _demand(self._may_move_in(state), "I2", f"{v} sent in {state}")
             self._check_speed(v, now_ns)
             self._check_slew(v, now_ns)
             self._check_reason_to_move(v, now_ns)
         self._last, self._sent_ns = v, now_ns
 
+    def _may_move_in(self, state: GateState) -> bool:
+        """Tell whether a setpoint that is not zero may be sent in a state (I2)."""
+        holds_visually = self.config.on_done is OnDone.HOLD_VISUAL
+        return state is GateState.SERVO or (state is GateState.DONE and holds_visually)
+
     def _check_speed(self, v: BodyVelocity, now_ns: int) -> None:
-        """I1: within limits, and at a crawl until a first spell in SERVO has lasted long enough."""
+        """I1: within limits, and at reduced speed until a spell in SERVO has lasted long enough."""
         limits = self.config.velocity
-        if now_ns - self._servo_ns >= self.config.timing.proof_ns:
-            self._proven = True
-        crawl_m_s = math.inf if self._proven else self.config.proof_speed_m_s
+        if now_ns - self._servo_ns >= self.config.timing.response_ns:
+            self._may_be_confirmed = True
+        most_m_s = math.inf if self._may_be_confirmed else self.config.reduced_speed_m_s
         length_m_s = math.hypot(v.forward_m_s, v.right_m_s, v.down_m_s)
-        _demand(length_m_s <= crawl_m_s + _ROUNDING, "I1", f"no crawl: {v}")
+        _demand(length_m_s <= most_m_s + _ROUNDING, "I1", f"not at reduced speed: {v}")
         _demand(v.horizontal_m_s <= limits.horizontal_m_s + _ROUNDING, "I1", f"too fast: {v}")
         _demand(abs(v.down_m_s) <= limits.vertical_m_s + _ROUNDING, "I1", f"too fast: {v}")
         _demand(abs(v.yaw_rad_s) <= limits.yaw_rad_s + _ROUNDING, "I1", f"too fast: {v}")
@@ -234,14 +248,23 @@ class InvariantChecker:
         _demand(linear_ok and turn_ok, "I1", f"from {self._last} to {v} within {dt_s} s")
 
     def _check_reason_to_move(self, v: BodyVelocity, now_ns: int) -> None:
-        """I1, I4: bounded in distance and time, by a fresh good frame, with no fault known."""
+        """I1, I4: bounded in distance and time, by a fresh good frame, with no fault known.
+
+        A wrong mounting counts until the initial-response check may have passed.
+        """
         evidence, config = self.evidence, self.config
-        _demand(now_ns - self._engaged_ns <= config.max_engaged_ns, "I1", "engaged too long")
+        if self._reached_ns is None:
+            since_ns, most_ns = self._engaged_ns, config.max_engaged_ns
+        else:
+            since_ns, most_ns = self._reached_ns, config.hold_visual_ns
+        _demand(now_ns - since_ns <= most_ns, "I1", "engaged too long")
         distance_m = evidence.distance_m
         _demand(distance_m <= config.max_distance_m, "I1", f"{distance_m} m from the start")
-        was_moving = self.state is GateState.SERVO
+        was_moving = self._may_move_in(self.state)
         faults = evidence.faults if was_moving else []
         _demand(not faults, "I4", f"{v} sent although {faults}")
+        is_wrong = was_moving and evidence.is_mounted_wrong and not self._may_be_confirmed
+        _demand(not is_wrong, "I4", f"{v} sent although the camera is mounted another way")
         _demand(evidence.good_capture_ns is not None, "I4", f"{v} sent without a good frame")
         objection = evidence.objection(now_ns)
         _demand(objection is None, "I4", f"{v} sent although {objection}")

@@ -1,4 +1,4 @@
-"""The gate under random inputs, and proof that the checker notices a gate that is broken."""
+"""The gate under random inputs, and a checker that notices a gate that is broken."""
 
 import argparse
 import dataclasses
@@ -8,14 +8,14 @@ import math
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.gate import flight, machine, stream
+from dfvs_core.gate import flight, machine, sight, stream
 from dfvs_core.gate.config import MS, GateConfig, S
 from dfvs_core.gate.engagement import Engagement
 from dfvs_core.gate.events import Attitude, GateOutput, ModeRequest
+from dfvs_core.gate.initial_response import InitialResponse, Response
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.preflight import Check
-from dfvs_core.gate.proof import Proof
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import GateState
 from dfvs_core.gate.stream import SetpointStream
@@ -92,7 +92,7 @@ def forgets_to_log(old):
     return lambda *args: dataclasses.replace(old(*args), transitions=())
 
 
-def crawls_axis_by_axis(old):
+def limits_each_axis_alone(old):
     def saturate(velocity, limits, most_m_s):
         vertical = min(limits.vertical_m_s, most_m_s)
         horizontal = min(limits.horizontal_m_s, most_m_s)
@@ -102,6 +102,20 @@ def crawls_axis_by_axis(old):
         )
 
     return saturate
+
+
+def caps_the_flight_alone(old):
+    return lambda engagement, *args: (
+        None if engagement.reached_ns is not None else old(engagement, *args)
+    )
+
+
+def moves_at_the_goal(self):
+    return self.state in (GateState.SERVO, GateState.DONE)
+
+
+def holds_in_servo_alone(old):
+    return lambda self, cause: old(self, cause) if self.state is GateState.SERVO else None
 
 
 def forgets_old_status(old):
@@ -124,18 +138,23 @@ def leaves_an_end_by_itself(old):
 
 BROKEN = [
     ("I1", stream, "saturate", lambda old: lambda velocity, limits, most_m_s: velocity),
-    ("I1", stream, "saturate", crawls_axis_by_axis),
+    ("I1", stream, "saturate", limits_each_axis_alone),
     ("I1", stream, "slew", lambda old: lambda last, target, dt_s, limits: target),
     ("I1", SetpointStream, "move", sends_faster),
     ("I1", flight, "cap", lambda old: forever(None)),
-    ("I1", machine.MotionProof, "judge", lambda old: forever(Proof.GIVEN)),
+    ("I1", flight, "cap", caps_the_flight_alone),
+    ("I1", InitialResponse, "judge", lambda old: forever(Response.CONFIRMED)),
     ("I2", SetpointStream, "zero", lambda old: keeps_moving),
+    ("I2", GateMachine, "_is_moving", lambda old: property(moves_at_the_goal)),
     ("I3", SetpointStream, "zero", pauses),
     ("I4", Sight, "stale", lambda old: forever(None)),
     ("I4", flight, "flight_fault", lambda old: forever(None)),
     ("I4", flight, "flight_fault", forgets_old_status),
     ("I4", GateMachine, "_blind", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", lambda old: forever(None)),
+    ("I4", GateMachine, "_hold_servo", holds_in_servo_alone),
+    ("I4", sight, "is_late", lambda old: forever(False)),
+    ("I4", InitialResponse, "see", lambda old: forever(None)),
     ("I5", Engagement, "heed", lambda old: forever(None)),
     ("I5", GateMachine, "_judge", leaves_an_end_by_itself),
     ("I6", machine, "sole_commander", lambda old: forever(Check("sole commander", True))),
