@@ -51,7 +51,9 @@ class FilterModel:
     position_noise : float
         Standard deviation of a measured position over the depth of the scene.
     relative_noise : float
-        The same over the distance to the goal: errors of the depth's structure.
+        The same over the distance to the goal, where the structure of the scene is known.
+    structure_noise : float
+        What is added to it for each unit of the depths' relative standard deviation.
     correlation_s : float
         Time over which errors of the measurement are alike; frames closer than that count less.
     drift_per_s : float
@@ -70,6 +72,7 @@ class FilterModel:
     adaptation_s: float = 5.0
     position_noise: float = 0.001
     relative_noise: float = 0.02
+    structure_noise: float = 0.3
     correlation_s: float = 0.3
     drift_per_s: float = 0.001
     gate: float = 30.0
@@ -139,13 +142,32 @@ class GoalEstimate:
         return error
 
 
-def begin(
-    position: FloatArray, depth: float, model: FilterModel, before: GoalEstimate | None = None
-) -> GoalEstimate:
-    """Estimate at a first measured position (3,), in units of depth.
+@dataclass(frozen=True, slots=True)
+class PositionMeasurement:
+    """The goal's position as one frame shows it.
 
-    ``depth`` is the median depth of the scene, in units. Of an estimate ``before``, of another
-    goal, velocity error and scale are kept.
+    ``position`` (3,) and the median ``depth`` of the scene are in units; ``spread`` is the mean
+    relative standard deviation of the depths that it stands on.
+    """
+
+    position: FloatArray
+    depth: float
+    spread: float
+
+    def noise(self, model: FilterModel) -> float:
+        """Standard deviation of each axis, in units."""
+        share = math.hypot(model.relative_noise, model.structure_noise * self.spread)
+        return math.hypot(
+            model.position_noise * self.depth, share * float(np.linalg.norm(self.position))
+        )
+
+
+def begin(
+    seen: PositionMeasurement, model: FilterModel, before: GoalEstimate | None = None
+) -> GoalEstimate:
+    """Estimate at a first measurement.
+
+    Of an estimate ``before``, of another goal, velocity error and scale are kept.
     """
     P = np.zeros((7, 7))
     x, slip_m_s = np.zeros(7), np.zeros(3)
@@ -156,8 +178,8 @@ def begin(
     else:
         x[3:], P[3:, 3:] = before.x[3:], before.P[3:, 3:]
         error_m_s, slip_m_s = before.error_m_s, before.slip_m_s
-    x[_P] = position
-    P[_P, _P] = np.eye(3) * _noise(position, depth, model) ** 2
+    x[_P] = seen.position
+    P[_P, _P] = np.eye(3) * seen.noise(model) ** 2
     return GoalEstimate(x, P, error_m_s, slip_m_s)
 
 
@@ -186,16 +208,16 @@ def predict(
 
 
 def update(
-    estimate: GoalEstimate, position: FloatArray, depth: float, dt_s: float, model: FilterModel
+    estimate: GoalEstimate, seen: PositionMeasurement, dt_s: float, model: FilterModel
 ) -> GoalEstimate:
-    """Estimate after a measured position (3,), in units of depth; an outlier is passed over."""
-    spread = _noise(position, depth, model)
+    """Estimate after a measurement; an outlier is passed over."""
+    spread = seen.noise(model)
     weight = max(1.0, model.correlation_s / max(dt_s, 1e-3))
-    innovation = position - estimate.x[_P]
+    innovation = seen.position - estimate.x[_P]
     S = estimate.P[_P, _P] + np.eye(3) * spread**2
     if float(innovation @ np.linalg.solve(S, innovation)) > model.gate:
         if estimate.outliers + 1 >= model.outliers:
-            return begin(position, depth, model, estimate)
+            return begin(seen, model, estimate)
         return replace(estimate, outliers=estimate.outliers + 1)
     S += np.eye(3) * spread**2 * (weight - 1.0)
     K = np.linalg.solve(S, estimate.P[_P, :]).T
@@ -232,9 +254,3 @@ def _adapted(
     share = min(dt_s / model.adaptation_s, 1.0)
     low, high = model.error_range_m_s
     return min(max(math.sqrt((1.0 - share) * error_m_s**2 + share * seen), low), high)
-
-
-def _noise(position: FloatArray, depth: float, model: FilterModel) -> float:
-    """Standard deviation of a measured position, in units of depth."""
-    relative = model.relative_noise * float(np.linalg.norm(position))
-    return math.hypot(model.position_noise * depth, relative)

@@ -4,8 +4,8 @@ A vehicle tilts whenever it accelerates. A camera that is mounted another way ro
 settings say sees that tilt about another axis. So the tilt increments of the images are regressed
 on those of the attitude, as complex numbers ``roll + i pitch``: the slope is 1 for a camera that is
 mounted as said, -1 for one that looks backwards, i or -i for one that looks aside. Neither
-position nor velocity estimate is needed. Means are taken off: flow by translation, which changes
-slowly, looks like a constant turn.
+position nor velocity estimate is needed. Both signals are high-passed: flow by translation, which
+changes slowly, looks like a turn as well.
 """
 
 from __future__ import annotations
@@ -21,8 +21,14 @@ from dfvs_core.depth.source import GoalLink
 from dfvs_core.servo.interaction import interaction_matrix
 from dfvs_core.servo.weights import NoiseScale, tukey_weights, weighted_slope
 
-_MEMORY_S = 3.0
+_MEMORY_S = 5.0
 """Time constant of the regression's forgetting."""
+
+_HIGH_PASS_S = 0.2
+"""Time constant of the high-pass of both signals."""
+
+_LEAST_FRAMES = 15.0
+"""Frames below which a regression says nothing."""
 
 _LONGEST_STEP_S = 0.5
 """Time between two frames above which a tilt increment says nothing."""
@@ -58,12 +64,14 @@ class SeenCells:
 class MountingState:
     """Weighted sums of the regression; see :func:`mounting_score`.
 
-    ``R_world_body`` (3, 3) and ``seen`` are of the last frame, taken at ``t_ns``.
+    ``R_world_body`` (3, 3) and ``seen`` are of the last frame, taken at ``t_ns``. ``slow`` holds
+    the low-passed tilt increments of gyroscopes and images, which the high-pass takes off.
     """
 
     t_ns: int
     R_world_body: FloatArray
     seen: SeenCells
+    slow: tuple[complex, complex] = (0j, 0j)
     weight: float = 0.0
     gyro: complex = 0j
     image: complex = 0j
@@ -106,10 +114,17 @@ def follow_mounting(
     gyro = _tilt(_rotation_vector(state.R_world_body.T @ now.R_world_body))
     image = _tilt(R_body_camera @ turned)
     kept = _carried(state, now, math.exp(-dt_s / _MEMORY_S))
+    share = 1.0 - math.exp(-dt_s / _HIGH_PASS_S)
+    slow = (
+        state.slow[0] + share * (gyro - state.slow[0]),
+        state.slow[1] + share * (image - state.slow[1]),
+    )
+    gyro, image = gyro - slow[0], image - slow[1]
     return MountingState(
         now.t_ns,
         now.R_world_body,
         now.seen,
+        slow=slow,
         weight=kept.weight + 1.0,
         gyro=kept.gyro + gyro,
         image=kept.image + image,
@@ -124,6 +139,7 @@ def _carried(state: MountingState, now: MountingState, share: float) -> Mounting
         now.t_ns,
         now.R_world_body,
         now.seen,
+        state.slow,
         share * state.weight,
         share * state.gyro,
         share * state.image,
@@ -139,9 +155,9 @@ def mounting_score(state: MountingState | None) -> float | None:
     Positive where the slope is nearer to 1, the mounting that the settings say: its distance from
     the nearest wrong one, which is a slope of length 1 turned by 75 degrees or more. Negative where
     it is nearer to a wrong one: its distance from 1. Near zero while the vehicle has not tilted
-    enough; None while nothing was seen.
+    enough; None while too few frames were seen.
     """
-    if state is None or state.weight < 2.0:
+    if state is None or state.weight < _LEAST_FRAMES:
         return None
     n = state.weight
     spread_gyro = state.gyro_sq - abs(state.gyro) ** 2 / n
@@ -151,7 +167,7 @@ def mounting_score(state: MountingState | None) -> float | None:
         return 0.0
     slope = product / spread_gyro
     left = max(spread_image - abs(product) ** 2 / spread_gyro, 0.0)
-    variance = left / n / 2.0 + _LEAST_SPREAD_RAD**2
+    variance = left / (n - 2.0) / 2.0 + _LEAST_SPREAD_RAD**2
     spread = math.sqrt(_AUTOCORRELATION * variance / spread_gyro)
     angle = max(abs(cmath.phase(slope)), _WRONG_RAD)
     from_wrong = abs(slope - cmath.rect(1.0, math.copysign(angle, slope.imag)))

@@ -15,15 +15,19 @@ from dfvs_core.poses import invert_pose, make_pose
 from dfvs_core.servo.exchange import (
     Attitude,
     EarlierMatch,
+    LastFrame,
     ServoInputs,
     ServoState,
 )
-from dfvs_core.servo.goal_filter import GoalEstimate, restructured
+from dfvs_core.servo.goal_filter import restructured
 from dfvs_core.servo.level import level_points, real_pose
 from dfvs_core.servo.motion import find_goal, wanted_motion
 from dfvs_core.servo.points import GridSamples, points_from_flow, sample_grid
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.two_view import earlier_view
+
+_PASSES = 2
+"""How often structure and pose of the goal are estimated in turn."""
 
 
 def scaled(T: FloatArray, factor: float) -> FloatArray:
@@ -122,26 +126,36 @@ def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> Se
     view = earlier_view(task, in_units, relative)
     if view is None:
         return state
-    link = goal_link(unit_task, last.attitude, last.samples, scaled(T_current_goal, per_m))
     xy = task.camera.normalise(last.samples.pixels)
-    memory = state.depth if state.depth is not None else source.adopt(xy, relative, link)
-    learnt = source.observe(xy, view, link, memory)
-    depth, _ = source.estimate(DepthInputs(xy, link=link), learnt)
-    estimate = _restructured(unit_task, state, depth)
-    depth_map = in_metres(depth, estimate.metres_per_unit)
-    return replace(state, depth=learnt, depth_map=depth_map, estimate=estimate)
+    T_unit, learnt, depth, position = scaled(T_current_goal, per_m), None, relative, last.position
+    for _ in range(_PASSES):
+        # The goal view's structure depends on where the goal is, and that on the structure.
+        link = goal_link(unit_task, last.attitude, last.samples, T_unit)
+        memory = state.depth if state.depth is not None else source.adopt(xy, relative, link)
+        learnt = source.observe(xy, view, link, memory)
+        depth, _ = source.estimate(DepthInputs(xy, link=link), learnt)
+        T_unit, position = _goal_pose(unit_task, last, depth, T_unit)
+    estimate = restructured(estimate, last.position, position)
+    return replace(
+        state,
+        depth=learnt,
+        depth_map=in_metres(depth, estimate.metres_per_unit),
+        T_current_goal=scaled(T_unit, estimate.metres_per_unit),
+        estimate=estimate,
+        last=replace(last, position=position),
+    )
 
 
-def _restructured(task: ServoTask, state: ServoState, depth: DepthMap) -> GoalEstimate:
-    """Estimate after another relative depth of the last frame; ``task`` has a unit's length."""
-    last, estimate, T_current_goal = state.last, state.estimate, state.T_current_goal
-    assert last is not None
-    assert last.position is not None
-    assert estimate is not None
-    assert T_current_goal is not None
+def _goal_pose(
+    task: ServoTask, last: LastFrame, depth: DepthMap, T_guess: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Pose (4, 4) of the goal in the last frame, and its position (3,) as the law has it, in units.
+
+    ``task`` has the length of a unit.
+    """
     points = points_from_flow(last.samples, depth, task.camera, task.goal.camera)
     points = level_points(task, last.attitude, points)
     points = points.select(points.weight > task.config.min_confidence)
-    pose = find_goal(task, points, scaled(T_current_goal, 1.0 / task.unit_m))
+    pose = find_goal(task, points, T_guess)
     measured, _ = wanted_motion(task, replace(points, weight=pose.weight), pose)
-    return restructured(estimate, last.position, task.basis.exp(measured)[:3, 3])
+    return pose.T_current_goal, task.basis.exp(measured)[:3, 3]

@@ -11,6 +11,7 @@ from dfvs_core.servo.goal_filter import (
     FilterModel,
     GoalEstimate,
     OdometryDelta,
+    PositionMeasurement,
     begin,
     predict,
     update,
@@ -70,7 +71,9 @@ def correct_goal(
     dt_s: float | None,
 ) -> GoalEstimate:
     """Estimate with a measured position (3,), in units; ``dt_s`` None: of a new goal."""
-    depth = weighted_median(points.z_m, points.weight)
+    weight = max(float(points.weight.sum()), 1e-9)
+    spread = float((points.weight * points.depth_spread).sum()) / weight
+    seen = PositionMeasurement(position, weighted_median(points.z_m, points.weight), spread)
     if estimate is None or dt_s is None:
-        return begin(position, depth, filter_model(task), estimate)
-    return update(estimate, position, depth, dt_s, filter_model(task))
+        return begin(seen, filter_model(task), estimate)
+    return update(estimate, seen, dt_s, filter_model(task))
