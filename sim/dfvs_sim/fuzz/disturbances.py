@@ -120,6 +120,7 @@ def _sight(world: World, dice: Dice) -> World:
     changes = (
         {"sees": False},
         {"latency_ns": dice.integer(-30, 400) * MS},
+        {"latency_ns": dice.integer(190, 260) * MS},
         {"report_healthy": False},
         {"lost": True},
         {"falls": False, "error_m": 5.0},

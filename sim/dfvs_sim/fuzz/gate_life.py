@@ -101,6 +101,8 @@ class Surroundings:
 
     def __init__(self, config: GateConfig, dice: Dice, t_ns: int) -> None:
         self._config = config
+        holds_visually = config.on_done is OnDone.HOLD_VISUAL
+        self._ended = ENDED - {GateState.DONE} if holds_visually else ENDED
         self._dice = dice
         self._now_ns = t_ns
         self._world = calm(World(), dice)
@@ -164,7 +166,7 @@ class Surroundings:
         offboard = world.mode is VehicleMode.OFFBOARD
         if state is GateState.READY and self._config.engage is Engage.PILOT and dice.chance(0.3):
             world.mode = VehicleMode.OFFBOARD
-        elif state in ENDED and dice.chance(0.2):
+        elif state in self._ended and dice.chance(0.2):
             world.mode = VehicleMode.HOLD
         elif state is GateState.PREFLIGHT and dice.chance(0.1):
             world.armed, world.in_air, world.on_ground = True, True, False
@@ -192,7 +194,7 @@ class Surroundings:
         if world.tells_status and now - self._slow_ns >= 700 * MS:
             self._slow_ns = now
             events += self._slow(now)
-        if self._dice.chance(0.15 if state in ENDED or state is GateState.READY else 0.01):
+        if self._dice.chance(0.15 if state in {*self._ended, GateState.READY} else 0.01):
             events.append(self._order(now))
         return events
 

@@ -130,13 +130,17 @@ class InvariantChecker:
         self, events: Sequence[Event], output: GateOutput, now_ns: int, state: GateState
     ) -> None:
         """Expect reports about the goal that the operator changed to, and a new check for it."""
-        goals = [e.argument for e in events if isinstance(e, Order) and e.action is Action.GOAL]
-        if goals and not output.refusal:
-            if state is GateState.HOLD and self._reached_ns is not None:
-                self._begin(now_ns)
+        orders = [e for e in events if isinstance(e, Order)]
+        goals = [order.argument for order in orders if order.action is Action.GOAL]
+        is_accepted = bool(goals) and not output.refusal
+        stood = self.state in (GateState.HOLD, GateState.DONE)  # nothing refuses a goal there
+        was_reached = self._reached_ns is not None and state is GateState.HOLD
+        if goals and was_reached and (is_accepted or stood):
+            self._begin(now_ns)
+        if is_accepted:
             self._may_be_confirmed = False
             self.evidence.look_for(goals[-1])
-        elif len(goals) > 1:  # which of them were refused cannot be told from outside
+        elif goals and len(orders) > 1:  # which were refused cannot be told from outside
             self.evidence.look_for(None)
 
     def _check_transition(
