@@ -10,6 +10,7 @@ from dfvs_core.servo.config import DepthChoice
 from dfvs_sim.bench import photometric, pnp, published, searching, sift
 from dfvs_sim.bench.method import GoalSight, MethodKind
 from dfvs_sim.bench.ours import LateDrive, PipelineMethod, bench_config
+from dfvs_sim.vehicle.estimate_errors import EstimateGrade
 
 _OURS_ITERATIONS = 300
 
@@ -21,11 +22,12 @@ def _ours(depth: DepthChoice, summary: str) -> MethodKind:
     )
 
 
-def _late(depth: DepthChoice) -> MethodKind:
+def _late(depth: DepthChoice, grade: EstimateGrade = EstimateGrade.PERFECT) -> MethodKind:
     config = bench_config(depth, response_s=LateDrive.RESPONSE_S)
+    estimate = "" if grade is EstimateGrade.PERFECT else f", odometry of grade {grade.value}"
     return MethodKind(
-        lambda goal, matcher: PipelineMethod(config, goal, matcher, LateDrive()),
-        f"{depth}-depth on a camera that answers as late as a PX4 vehicle",
+        lambda goal, matcher: PipelineMethod(config, goal, matcher, LateDrive(), grade),
+        f"{depth}-depth on a camera that answers as late as a PX4 vehicle{estimate}",
         _OURS_ITERATIONS,
     )
 
@@ -45,9 +47,11 @@ METHODS: dict[str, MethodKind] = {
     "true-depth": _ours("given", "the product's law with the true depth"),
     "motion-depth": _ours("motion", "the product as it flies: depth from its own motion"),
     "motion-depth-late": _late("motion"),
+    "motion-depth-late-medium": _late("motion", EstimateGrade.MEDIUM),
     "motion-depth-search": _searching("motion-depth that looks around where it finds no goal"),
     "flow-depth": _ours("flow", "the product's law with the paper's depth from flow"),
     "flow-depth-late": _late("flow"),
+    "flow-depth-late-medium": _late("flow", EstimateGrade.MEDIUM),
     "constant-depth": _ours("constant", "the product's law with 3 m everywhere"),
     "published": MethodKind(
         published.PublishedMethod,

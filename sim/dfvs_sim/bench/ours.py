@@ -12,13 +12,15 @@ from dfvs_core.arrays import FloatArray
 from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.pipeline import Pipeline
-from dfvs_core.poses import euler_from_rotation, se3_exp
+from dfvs_core.poses import se3_exp
 from dfvs_core.servo.config import DepthChoice, ServoConfig
 from dfvs_core.servo.exchange import Verdict
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
 from dfvs_sim.bench.method import FRAME_PERIOD_S, Decision, GoalSight, Sight
+from dfvs_sim.bench.odometry import CameraMotion, Odometry
+from dfvs_sim.vehicle.estimate_errors import EstimateGrade
 
 _PERIOD_NS = round(FRAME_PERIOD_S * 1e9)
 _REFUSALS = 5
@@ -84,6 +86,8 @@ class PipelineMethod:
         Source of correspondences.
     drive : callable
         Takes the twist (6,) that was asked for and gives the one that the camera makes of it.
+    grade : EstimateGrade
+        Errors of the odometry, which the camera is controlled by.
     """
 
     def __init__(
@@ -92,8 +96,10 @@ class PipelineMethod:
         goal: GoalSight,
         matcher: Matcher,
         drive: Callable[[FloatArray], FloatArray] = lambda twist: twist,
+        grade: EstimateGrade = EstimateGrade.PERFECT,
     ) -> None:
         self._drive = drive
+        self._odometry = Odometry(grade, FRAME_PERIOD_S)
         sidecar = GoalSidecar(goal.camera)
         self._task = ServoTask(config, goal.camera, sidecar)
         self._now_ns = 0
@@ -114,24 +120,29 @@ class PipelineMethod:
         self._now_ns = (sight.index + 1) * _PERIOD_NS
         depth = sight.depth if self._task.config.depth == "given" else None
         frame = Frame(sight.image, self._now_ns, sight.index)
-        result = self._pipeline.process(frame, self._odometry(sight), True, depth).result
+        result = self._pipeline.process(frame, self._motion(sight), True, depth).result
         self._pipeline.digest()
         flown = result.verdict is Verdict.OK
         self._is_mistaken = result.verdict is Verdict.MISTAKEN
         self._refused = 0 if flown else self._refused + 1
         given_up = result.verdict is Verdict.STUCK or self._refused >= _REFUSALS
         return Decision(
-            T_current_next=se3_exp(self._drive(result.velocity) * FRAME_PERIOD_S),
+            T_current_next=se3_exp(self._flown(sight, result.velocity) * FRAME_PERIOD_S),
             error=result.feature_error_px,
             done=result.reached,
             lost=result.verdict.value if given_up else "",
         )
 
-    def _odometry(self, sight: Sight) -> Motion:
+    def _flown(self, sight: Sight, asked: FloatArray) -> FloatArray:
+        """Twist (6,) that the camera truly makes of the one that it is asked for."""
+        twist = self._drive(asked).copy()
+        twist[:3] -= sight.T_world_camera[:3, :3].T @ self._odometry.velocity_error_m_s
+        return twist
+
+    def _motion(self, sight: Sight) -> Motion:
         """The camera's own motion as a vehicle state, the camera being the body."""
         position = sight.T_world_camera[:3, 3]
         last = position if self._last_position_m is None else self._last_position_m
         self._last_position_m = position
-        roll, pitch, yaw = euler_from_rotation(sight.T_world_camera[:3, :3])
-        velocity = (position - last) / FRAME_PERIOD_S
-        return Motion(self._now_ns, roll, pitch, yaw, velocity, np.array(position))
+        moved = CameraMotion(sight.T_world_camera, (position - last) / FRAME_PERIOD_S)
+        return self._odometry.estimate(moved, self._now_ns)
