@@ -154,7 +154,7 @@ class TelemetryVehicle:
             error_rad=0.3 * left + 0.1 * abs(wobble),
             feature_error_px=60.0 * left,
             feature_error=0.4 * left,
-            course_agreement=None,
+            mounting_score=None,
             residual_px=0.4 + 4 * abs(wobble),
             inlier_share=0.93 - abs(wobble) - 0.2 * left,
             overlap=0.9 - 0.4 * left,

@@ -9,7 +9,7 @@ from __future__ import annotations
 import bisect
 import itertools
 import math
-from collections.abc import Iterator, Sequence
+from collections.abc import Iterator, Sequence, Set
 from dataclasses import dataclass, field
 from pathlib import Path
 
@@ -27,7 +27,7 @@ _LIMITS = VelocityLimits()
 _ROUNDING = 1e-6
 """Of float32 on the wire."""
 _SLEW_S = 0.1
-_CRAWL_M_S, _PROOF_NS = 0.1, 600 * MS
+_REDUCED_M_S, _RESPONSE_NS = 0.1, 1000 * MS
 _GAP_NS = 150 * MS
 _CAPTURE_NS = 300 * MS
 _FAULT_NS = 100 * MS
@@ -72,11 +72,11 @@ def check(run: Run) -> list[Violation]:
     timeline = _Timeline(run.transitions)
     return [
         *_limits(setpoints),
-        *_crawl(setpoints, timeline, run),
-        *_only_in_servo(_in_time(setpoints, run), timeline),
+        *_reduced_speed(setpoints, timeline, run),
+        *_only_by_vision(_in_time(setpoints, run), timeline, _moving_states(run)),
         *_rhythm(setpoints, timeline, run),
         *_freshness(_in_time(setpoints, run), run.frames),
-        *_takeovers(ours, timeline),
+        *_takeovers(ours, timeline, {S.HOLD, *_moving_states(run)}),
         *_one_commander(setpoints),
         *_replayed(run.journal),
         *_no_arming(ours),
@@ -116,24 +116,33 @@ def _limits(setpoints: Sequence[Event]) -> Iterator[Violation]:
             yield Violation("I1", after["t_ns"], f"velocity changed by {change:.3f} m/s")
 
 
-def _crawl(setpoints: Sequence[Event], timeline: _Timeline, run: Run) -> Iterator[Violation]:
-    """I1: at a crawl until the first motion can have been proven."""
-    begins = [t["t_ns"] for t in run.transitions if t["source"] == S.ENGAGE and run.crawls]
+def _reduced_speed(
+    setpoints: Sequence[Event], timeline: _Timeline, run: Run
+) -> Iterator[Violation]:
+    """I1: at reduced speed until the initial-response check can have passed."""
+    begins = [t["t_ns"] for t in run.transitions if t["source"] == S.ENGAGE and run.is_reduced]
     for setpoint in filter(moves, setpoints):
         since_ns = timeline.since(setpoint["t_ns"])
         finite = [v for v in setpoint["velocity"] if not isinstance(v, str)]
         speed = math.hypot(*finite)
-        is_first = since_ns in begins and setpoint["t_ns"] - since_ns < _PROOF_NS
-        if is_first and speed > _CRAWL_M_S + _ROUNDING:
-            yield Violation("I1", setpoint["t_ns"], f"no crawl, {speed:.3f} m/s")
+        is_first = since_ns in begins and setpoint["t_ns"] - since_ns < _RESPONSE_NS
+        if is_first and speed > _REDUCED_M_S + _ROUNDING:
+            yield Violation("I1", setpoint["t_ns"], f"not at reduced speed, {speed:.3f} m/s")
 
 
-def _only_in_servo(setpoints: Sequence[Event], timeline: _Timeline) -> Iterator[Violation]:
-    """I2, and the second half of I4: not zero in SERVO alone, and 100 ms later nowhere."""
+def _moving_states(run: Run) -> frozenset[GateState]:
+    """States in which setpoints may be other than zero."""
+    return frozenset({S.SERVO, S.DONE} if run.holds_visually else {S.SERVO})
+
+
+def _only_by_vision(
+    setpoints: Sequence[Event], timeline: _Timeline, moving: Set[GateState]
+) -> Iterator[Violation]:
+    """I2, and the second half of I4: not zero in ``moving`` alone, and 100 ms later nowhere."""
     for setpoint in filter(moves, setpoints):
         t_ns = setpoint["t_ns"]
         state = timeline.at(t_ns)
-        if state is S.SERVO:
+        if state in moving:
             continue
         late_ns = t_ns - timeline.since(t_ns)
         if late_ns > _FAULT_NS:
@@ -166,8 +175,12 @@ def _freshness(setpoints: Sequence[Event], frames: Sequence[int]) -> Iterator[Vi
             yield Violation("I4", setpoint["t_ns"], text)
 
 
-def _takeovers(events: Sequence[Event], timeline: _Timeline) -> Iterator[Violation]:
+def _takeovers(
+    events: Sequence[Event], timeline: _Timeline, flown: Set[GateState]
+) -> Iterator[Violation]:
     """I5: after the message that tells of a takeover nothing, until the gate is engaged again.
+
+    ``flown`` are the states in which the vehicle is the gate's, and OFFBOARD confirmed.
 
     A message takes its time: a gate that aborts for a fault of its own in that moment, as of the
     very estimate for which the autopilot has left OFFBOARD, may ask for Hold before it hears.
@@ -178,7 +191,7 @@ def _takeovers(events: Sequence[Event], timeline: _Timeline) -> Iterator[Violati
         is_late = taken_ns is not None and t_ns - taken_ns > _TAKEOVER_NS
         if event["kind"] in TELLS_MODE:
             is_ours = event["mode"] == "OFFBOARD" and event.get("armed", True)
-            if state in (S.SERVO, S.HOLD) and not is_ours:
+            if state in flown and not is_ours:
                 taken_ns = t_ns if taken_ns is None else taken_ns
         elif taken_ns is not None and state in (S.PREFLIGHT, S.READY, S.ENGAGE):
             taken_ns = None

@@ -20,6 +20,13 @@ _LATE = (str(Cause.FRAME_OLD), str(Cause.RESULT_LATE))
 _TOO_FEW = " a second, results "
 """How the checks begin to say that good frames are too few; so they are where all are bad."""
 
+_HELD_AFTER = {
+    S.ENGAGE: (S.ENGAGE, S.HOLD),
+    S.SERVO: (S.HOLD,),
+    S.DONE: (S.HOLD,),
+}
+"""States that a fault that asks for HOLD may lead to; DONE holds the goal by vision."""
+
 _TARGETS = {
     Reaction.HOLD: S.HOLD,
     Reaction.ABORT: S.ABORT,
@@ -142,7 +149,7 @@ def _reaction(fault: Fault, state: GateState, t0_ns: int, seen: Evidence) -> tup
         is_right = seen.state is S.PREFLIGHT
         return t0_ns, "" if is_right else f"the gate is in {seen.state}"
     if fault.reaction is Reaction.HOLD:
-        right = {S.SERVO: (S.HOLD,), S.ENGAGE: (S.ENGAGE, S.HOLD)}.get(state, (state,))
+        right = _HELD_AFTER.get(state, (state,))
         return stopped_ns, "" if seen.state in right else f"the gate is in {seen.state}"
     target = S.RELEASED if fault.reaction is Reaction.RELEASED else S.ABORT
     entered_ns = seen.into(target)

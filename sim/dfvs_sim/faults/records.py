@@ -34,8 +34,10 @@ class Run:
     frames: Sequence[int]
     journal: Path
     disturbed_ns: int | None = None
-    crawls: bool = True
-    """The first motion of every flight must be proven at a crawl."""
+    is_reduced: bool = True
+    """Every flight begins at reduced speed, with the initial-response check."""
+    holds_visually: bool = True
+    """The goal is held by vision: setpoints in DONE may be other than zero."""
 
 
 def is_ours(event: Event) -> bool:

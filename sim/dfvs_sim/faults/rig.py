@@ -36,13 +36,14 @@ CAMERA = CameraModel.from_horizontal_fov(network.WIDTH, network.HEIGHT, math.rad
 
 STARTUP_S, STATE_S = 40.0, 12.0
 _MOVING_M_S = 0.05
-NO_PROOF = "gate.response_s=0"
-"""Setting of flights whose first motion proves nothing."""
+NO_RESPONSE_CHECK = "gate.response_s=0"
+"""Setting of flights without the initial-response check."""
 
 _CALM = (
     *("servo.depth='constant'", "servo.constant_depth_m=3.0", "flow.threads=1"),
     *("telemetry.state_hz=20", "telemetry.preview_hz=0", "telemetry.flow_hz=0"),
-    *("limits.max_distance_m=1000", "limits.max_engaged_s=3600", "gate.engage='command'"),
+    *("limits.max_distance_m=1000", "limits.max_engaged_s=3600", "gate.hold_visual_s=3600"),
+    "gate.engage='command'",
 )
 
 
@@ -215,7 +216,7 @@ class Rig:
             list(self.camera.good_ns),
             service.runtime / "gate-inputs.jsonl",
             self.disturbed_ns,
-            NO_PROOF not in self.setup.settings,
+            NO_RESPONSE_CHECK not in self.setup.settings,
         )
 
     def words(self) -> list[str]:

@@ -14,7 +14,7 @@ from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.goal import Mount
 from dfvs_sim.faults.fault import Fault, Reaction
-from dfvs_sim.faults.rig import NO_PROOF, Rig, Setup
+from dfvs_sim.faults.rig import NO_RESPONSE_CHECK, Rig, Setup
 from dfvs_sim.faults.service import HarnessError, wait_until
 
 S = GateState
@@ -24,6 +24,7 @@ _CANNOT_RUN = 2
 _TYPO_S = 20.0
 _TRAVEL_M, _TRAVEL_S = 0.2, 8.0
 _ENGAGED_S = 8.0
+_AT_GOAL_S = 6.0
 _STUCK_MS = 9000.0
 """Five seconds after the last fall, which may come after the view froze: the vehicle still tilts
 and turns, so that the view, levelled by its attitude, comes nearer once or twice at first."""
@@ -41,7 +42,7 @@ def _frozen_world(rig: Rig, _: np.random.Generator) -> int:
     return time.monotonic_ns()
 
 
-def _first_motion(rig: Rig, _: np.random.Generator) -> int:
+def _initial_motion(rig: Rig, _: np.random.Generator) -> int:
     """When the vehicle itself, by the truth, began to move in this engagement."""
     engaged_ns = rig.service.log.transitions()[-1]["t_ns"]
 
@@ -87,6 +88,14 @@ def _flown_long(rig: Rig, _: np.random.Generator) -> int:
     return end_ns
 
 
+def _held_long(rig: Rig, _: np.random.Generator) -> int:
+    """When the goal has been held by vision for as long as it may be."""
+    reached = [t["t_ns"] for t in rig.service.log.transitions() if t["target"] == S.DONE]
+    end_ns = int(reached[-1]) + int(_AT_GOAL_S * 1e9)
+    wait_until(lambda: time.monotonic_ns() >= end_ns, _AT_GOAL_S)
+    return end_ns
+
+
 def _misspelt(rig: Rig, _: np.random.Generator) -> int:
     """Start a second service with a setting that does not exist."""
     t_ns = time.monotonic_ns()
@@ -104,14 +113,14 @@ def _turned_mount(name: str, text: str, yaw_rad: float) -> Fault:
     return Fault(
         name,
         text,
-        "course seen against the vehicle's own; error must fall from the first motion on",
+        "initial-response check: tilt by the images against the gyroscopes",
         Reaction.ABORT,
         1000.0,
         (S.SERVO,),
-        _first_motion,
+        _initial_motion,
         Setup(mount=Mount(yaw_rad=yaw_rad)),
         spares_frames=True,
-        says=(str(Cause.OTHER_COURSE), str(Cause.ERROR_NOT_FALLING)),
+        says=(str(Cause.WRONG_MOUNTING),),
     )
 
 
@@ -137,7 +146,7 @@ def start_faults() -> tuple[Fault, ...]:
             _STUCK_MS,
             (S.SERVO,),
             _frozen_world,
-            Setup(settings=(NO_PROOF,)),
+            Setup(settings=(NO_RESPONSE_CHECK,)),
             spares_frames=True,
             says=(str(Cause.GOAL_LOST),),
         ),
@@ -165,6 +174,19 @@ def start_faults() -> tuple[Fault, ...]:
             (S.SERVO, S.HOLD),
             _flown_long,
             Setup(settings=(f"limits.max_engaged_s={_ENGAGED_S}",)),
+            restarts=True,
+            spares_frames=True,
+            says=(str(Cause.TIME_CAP),),
+        ),
+        Fault(
+            "holds-too-long",
+            f"at the goal, held by vision, for over {_AT_GOAL_S} s",
+            "time cap",
+            Reaction.ABORT,
+            200.0,
+            (S.DONE,),
+            _held_long,
+            Setup(settings=(f"gate.hold_visual_s={_AT_GOAL_S}",)),
             restarts=True,
             spares_frames=True,
             says=(str(Cause.TIME_CAP),),

@@ -15,7 +15,7 @@ from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.wire.command import encode_command
 from dfvs_sim.faults.fault import ANY_ENGAGED, Fault, Reaction
 from dfvs_sim.faults.records import TELLS_MODE
-from dfvs_sim.faults.rig import NO_PROOF, Rig, Setup
+from dfvs_sim.faults.rig import NO_RESPONSE_CHECK, Rig, Setup
 from dfvs_sim.faults.service import KEY, wait_until
 from dfvs_sim.faults.world import BATTERY, GPS, MAVLINK_SIGNAL
 from dfvs_sim.vehicle.modes import Mode
@@ -307,7 +307,7 @@ def _faults() -> tuple[Fault, ...]:
             4000.0,
             (S.SERVO, S.HOLD, S.DONE),
             _foreign_elsewhere,
-            Setup(settings=(NO_PROOF,)),
+            Setup(settings=(NO_RESPONSE_CHECK,)),
             says=(str(Cause.TWO_COMMANDERS),),
         ),
         Fault(

@@ -6,9 +6,11 @@ import json
 import pytest
 from gate_rehearsal import Rehearsal, auto_config
 
+from dfvs_core.gate.config import OnDone
 from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.replay import encode_start, encode_step
 from dfvs_core.gate.states import GateState
+from dfvs_service.config import ServiceConfig
 from dfvs_sim.faults.invariants import check
 from dfvs_sim.faults.records import PILOT_COMPONENT, ROGUE_COMPONENT, Run
 
@@ -93,13 +95,13 @@ def test_a_good_flight_violates_nothing(flight):
     assert check(run) == []
 
 
-def test_a_first_motion_that_is_no_crawl_is_found(flight):
+def test_an_initial_motion_above_the_reduced_speed_is_found(flight):
     gate, run = flight
     i = next(i for i, e in enumerate(run.events) if e["t_ns"] > state_ns(gate, "SERVO") + 500 * MS)
     before = [e for e in run.events[: i + 1] if e["kind"] == "setpoint"]
     fast = {**before[-1], "velocity": [0.1, 0.0, 0.04]}
     assert found(with_event(run, fast)) == {"I1"}
-    assert not found(dataclasses.replace(with_event(run, fast), crawls=False))
+    assert not found(dataclasses.replace(with_event(run, fast), is_reduced=False))
 
 
 @pytest.mark.parametrize(
@@ -130,6 +132,38 @@ def test_motion_outside_of_servo_is_found_once_the_grace_is_over(flight):
     soon, late = (setpoint(hold_ns + t * MS, ZERO, velocity=moving) for t in (99, 101))
     assert "I2" not in found(with_event(run, soon))
     assert "I2" in found(with_event(run, late))
+
+
+@pytest.fixture
+def stay(tmp_path):
+    """A flight to the goal, which is held by vision until a takeover, with its records."""
+    config = auto_config(on_done=OnDone.HOLD_VISUAL)
+    gate = Recorded(config).until(GateState.SERVO).run(2.0)
+    gate.changes, gate.asked = {"reached": True}, (0.02, 0.0, 0.0, 0.0)
+    gate.until(GateState.DONE).run(1.0)
+    gate.beat(mode="POSITION")
+    gate.run(0.5)
+    path = tmp_path / "gate-inputs.jsonl"
+    path.write_text("\n".join(gate.journal) + "\n")
+    return gate, Run(gate.events, gate.log, gate.frames, path)
+
+
+def test_motion_at_the_goal_is_found_unless_it_is_held_by_vision(stay):
+    _, run = stay
+    assert found(run) == set()
+    assert found(dataclasses.replace(run, holds_visually=False)) == {"I2"}
+
+
+def test_talking_after_a_takeover_at_the_goal_is_found(stay):
+    gate, run = stay
+    taken_ns = state_ns(gate, "RELEASED")
+    assert found(with_event(run, setpoint(taken_ns + 49 * MS, ZERO))) == set()
+    assert found(with_event(run, setpoint(taken_ns + 51 * MS, ZERO))) == {"I5"}
+
+
+def test_what_the_matrix_flies_holds_its_goal_by_vision(stay):
+    _, run = stay
+    assert run.holds_visually is (ServiceConfig().gate.on_done is OnDone.HOLD_VISUAL)
 
 
 def test_setpoints_that_queued_up_while_the_vehicle_stood_still_are_not_late(flight):

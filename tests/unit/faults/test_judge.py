@@ -82,6 +82,22 @@ def test_a_reaction_for_another_reason_than_the_fault_does_not_pass(reaction, st
     assert (outcome.passed, outcome.problem) == (False, "the gate said 'some cause: why'")
 
 
+@pytest.mark.parametrize(
+    ("state", "after", "passes"),
+    [
+        (S.ENGAGE, S.ENGAGE, True),
+        (S.ENGAGE, S.HOLD, True),
+        (S.SERVO, S.HOLD, True),
+        (S.HOLD, S.HOLD, True),
+        (S.DONE, S.HOLD, True),
+        (S.DONE, S.DONE, False),
+        (S.HOLD, S.SERVO, False),
+    ],
+)
+def test_what_must_hold_must_leave_what_moves_by_vision(state, after, passes):
+    assert verdict(Reaction.HOLD, seen(after, -200), state).passed is passes
+
+
 @pytest.mark.parametrize("state", [S.ABORT, S.RELEASED])
 def test_what_the_autopilot_ends_as_well_may_end_either_way(state):
     says = ("some cause",)
