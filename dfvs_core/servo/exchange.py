@@ -121,6 +121,32 @@ class ServoState:
 
 
 @dataclass(frozen=True, slots=True)
+class Uncertainty:
+    """What the servo's estimator knows of its own errors.
+
+    Parameters
+    ----------
+    error_m : float
+        Standard deviation of the distance to the goal, m.
+    scale : float
+        Relative standard deviation of the metric scale.
+    velocity_error : (d,)
+        True velocity minus the odometry's, m/s, in the components of the basis; 0 for rotations.
+    velocity_error_m_s : float
+        Expected size of the odometry's error, standard deviation per axis, m/s.
+    mean_error_m, spread_m : float
+        Mean error of the last second and the spread about it, m.
+    """
+
+    error_m: float
+    scale: float
+    velocity_error: FloatArray
+    velocity_error_m_s: float
+    mean_error_m: float
+    spread_m: float
+
+
+@dataclass(frozen=True, slots=True)
 class ServoResult:
     """What one frame says.
 
@@ -153,6 +179,8 @@ class ServoResult:
         Median depth of the points used.
     reached : bool
         The stop rule is satisfied in this frame.
+    uncertainty : Uncertainty or None
+        Of the error and of the odometry; None where the frame was refused.
     """
 
     verdict: Verdict
@@ -169,6 +197,7 @@ class ServoResult:
     condition: float
     depth_m: float
     reached: bool
+    uncertainty: Uncertainty | None = None
 
     @property
     def distance_over_depth(self) -> float:

@@ -130,6 +130,12 @@ class GoalEstimate:
         return self.metres_per_unit * math.sqrt(max(largest, 0.0))
 
     @property
+    def distance_spread_m(self) -> float:
+        """Standard deviation of the distance to the goal, m."""
+        distance_m = float(np.linalg.norm(self.position_m))
+        return math.hypot(self.position_spread_m, distance_m * self.scale_spread)
+
+    @property
     def velocity_error_m_s(self) -> FloatArray:
         """True velocity minus the odometry's (3,), m/s."""
         error: FloatArray = self.x[_E] + self.slip_m_s

@@ -13,17 +13,20 @@ from dfvs_core.servo.freedom import rotate_rays, virtual_rotation
 from dfvs_core.servo.interaction import interaction_matrix
 from dfvs_core.servo.law import NormalEquations, normal_equations
 from dfvs_core.servo.points import ServoPoints
-from dfvs_core.servo.pose import GoalPose
+from dfvs_core.servo.pose import GoalPose, Reprojection
 from dfvs_core.servo.task import ServoTask
 
-_TILT_INERTIA = 0.03
-"""Weight of what is known of the attitude error against that of one frame's points."""
+_TILT_INERTIA, _TILT_STIFFNESS = 0.03, 0.002
+"""Weights, against that of one frame's points, of the attitude error so far and of none at all."""
+
+_TILT_STEP_RAD = 0.002
+"""Largest change of the attitude error in one frame."""
 
 _KNOWN_SPREAD, _KNOWN_SHARE = 0.2, 0.6
 """Relative spread of a depth that is known, and share of the points whose depth must be: a tilt and
 wrong depths look alike."""
 
-_MOST_TILT_RAD = 0.1
+_MOST_TILT_RAD = 0.06
 """Largest attitude error that is corrected; a larger one is another fault."""
 
 
@@ -82,17 +85,17 @@ def attitude_error(
         return error_rad
     points = points.select(known)
     R_body_camera = task.mount.T_body_camera()[:3, :3]
-    rays = np.column_stack([points.xy, np.ones(len(points.xy))]) * points.z_m[:, None]
-    T = invert_pose(pose.T_current_goal)
-    seen = rays @ T[:3, :3].T + T[:3, 3]
-    z = np.maximum(seen[:, 2], 1e-3)
-    xy = seen[:, :2] / z[:, None]
+    P = np.column_stack([points.xy, np.ones(len(points.xy))]) * points.z_m[:, None]
+    noise = task.config.flow_noise_px / task.camera.fx
+    seen = Reprojection.of(pose.T_current_goal, P, points, noise)
     tilt = np.zeros((6, 2))
     tilt[3:] = (R_body_camera @ pose.T_current_goal[:3, :3]).T[:, :2]
-    J = interaction_matrix(xy, z) @ np.column_stack([task.basis.B, tilt])
-    equations = normal_equations(J, xy - points.xy_goal, points.weight)
-    prior = np.diag([0.0] * task.basis.size + [_TILT_INERTIA] * 2)
-    step = NormalEquations(equations.A + prior, equations.b).solve(1e-6)[-2:]
+    J = interaction_matrix(seen.xy, seen.z_m) @ np.column_stack([task.basis.B, tilt])
+    equations = normal_equations(seen.noise.whiten(J), seen.error, points.weight)
+    A, b = equations.A.copy(), equations.b.copy()
+    A[-2:, -2:] += (_TILT_INERTIA + _TILT_STIFFNESS) * np.eye(2)
+    b[-2:] += _TILT_STIFFNESS * np.array(error_rad)
+    step = np.clip(NormalEquations(A, b).solve(1e-6)[-2:], -_TILT_STEP_RAD, _TILT_STEP_RAD)
     roll, pitch = np.clip(np.add(error_rad, step), -_MOST_TILT_RAD, _MOST_TILT_RAD)
     return float(roll), float(pitch)
 

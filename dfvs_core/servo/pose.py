@@ -89,14 +89,14 @@ def estimate_goal_pose(
     P = rays * points.z_m[:, None]
     T = np.eye(4) if T_guess is None else T_guess
     for _ in range(iterations):
-        seen = _Sighting.of(T, P, points, noise.least)
+        seen = Reprojection.of(T, P, points, noise.least)
         weight = points.weight * tukey_weights(seen.length, points.weight, noise)
         J = seen.noise.whiten(interaction_matrix(seen.xy, seen.z_m) @ basis.B)
         step = normal_equations(J, seen.error, weight).solve(_DAMPING)
         T = T @ basis.exp(_bounded(step))
         if float(np.abs(step).max()) < _CONVERGED:
             break
-    seen = _Sighting.of(T, P, points, noise.least)
+    seen = Reprojection.of(T, P, points, noise.least)
     weight = points.weight * tukey_weights(seen.length, points.weight, noise)
     explained = 1.0 - np.minimum(seen.length / (_EXPLAINED * noise.least), 1.0) ** 2
     explained *= seen.z_m > _MIN_DEPTH_M
@@ -113,7 +113,7 @@ def estimate_goal_pose(
 
 
 @dataclass(frozen=True, slots=True)
-class _Sighting:
+class Reprojection:
     """Points as a pose has them seen in the goal camera.
 
     ``xy`` (N, 2) and ``z_m`` (N,) are where and how deep, ``error`` (N, 2) is off the
@@ -129,7 +129,7 @@ class _Sighting:
     @classmethod
     def of(
         cls, T_current_goal: FloatArray, P: FloatArray, points: ServoPoints, s: float
-    ) -> _Sighting:
+    ) -> Reprojection:
         """Points ``P`` (N, 3) m of the current camera by a pose; ``s`` is the flow's noise."""
         xy, z = _project(T_current_goal, P)
         noise = _DepthNoise.of(T_current_goal, xy, z, points.depth_spread, s)

@@ -12,7 +12,14 @@ import numpy as np
 from dfvs_core.arrays import BoolArray, FloatArray
 from dfvs_core.depth.source import GoalLink
 from dfvs_core.poses import make_pose, rotation_from_euler
-from dfvs_core.servo.exchange import LastFrame, ServoInputs, ServoResult, ServoState, Verdict
+from dfvs_core.servo.exchange import (
+    LastFrame,
+    ServoInputs,
+    ServoResult,
+    ServoState,
+    Uncertainty,
+    Verdict,
+)
 from dfvs_core.servo.feature_error import feature_error
 from dfvs_core.servo.goal_filter import GoalEstimate
 from dfvs_core.servo.law import NormalEquations
@@ -26,7 +33,14 @@ from dfvs_core.servo.mounting import (
 )
 from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose
-from dfvs_core.servo.stop import StopState, error_sample, is_reached, is_stuck, update_stop
+from dfvs_core.servo.stop import (
+    StopState,
+    error_sample,
+    is_reached,
+    is_stuck,
+    update_stop,
+    window_error,
+)
 from dfvs_core.servo.structure import estimate_depth, goal_link, in_metres, scaled
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import correct_goal, elapsed_s, predict_goal
@@ -137,6 +151,7 @@ def servo_step(
         condition=equations.condition,
         depth_m=unit_m * weighted_median(points.z_m, points.weight),
         reached=flown and residual_px < task.config.tolerance_px and is_reached(stop),
+        uncertainty=_uncertainty(task, estimate, stop),
     )
     tilt = state.attitude_error_rad
     if flown and task.mount is not None:
@@ -240,6 +255,19 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
 def _feature_error_px(task: ServoTask, points: ServoPoints) -> float:
     lengths = np.linalg.norm(points.error, axis=1)
     return weighted_median(lengths, points.weight) * task.camera.fx
+
+
+def _uncertainty(task: ServoTask, estimate: GoalEstimate, stop: StopState) -> Uncertainty:
+    """What is told of the estimator's own errors."""
+    window = window_error(stop)
+    return Uncertainty(
+        error_m=estimate.distance_spread_m,
+        scale=estimate.scale_spread,
+        velocity_error=_velocity_error(task, estimate),
+        velocity_error_m_s=estimate.error_m_s,
+        mean_error_m=window.mean[0] * task.config.tolerance_m,
+        spread_m=window.spread[0] * task.config.tolerance_m,
+    )
 
 
 def _may_approach(

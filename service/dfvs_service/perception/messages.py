@@ -7,6 +7,7 @@ from collections.abc import Mapping
 from typing import Any
 
 from dfvs_core.outcome import FrameOutcome
+from dfvs_core.servo.exchange import Uncertainty
 from dfvs_core.wire.frame import Frame
 
 
@@ -32,7 +33,24 @@ def servo_document(
         "condition": _number(result.condition),
         "depth_m": result.depth_m,
         "reached": bool(result.reached),
+        "mounting_score": result.mounting_score,
+        **_uncertainty(result.uncertainty),
         "stages_ms": {name: duration * 1e-6 for name, duration in stages_ns.items()},
+    }
+
+
+def _uncertainty(told: Uncertainty | None) -> dict[str, Any]:
+    """What is known of the estimator's own errors; null where nothing is."""
+    if told is None:
+        names = ("error_spread_m", "scale_spread", "odometry_error_m_s", "mean_error_m")
+        return {**dict.fromkeys((*names, "mean_error_spread_m")), "velocity_error": None}
+    return {
+        "error_spread_m": _number(told.error_m),
+        "scale_spread": _number(told.scale),
+        "odometry_error_m_s": _number(told.velocity_error_m_s),
+        "mean_error_m": _number(told.mean_error_m),
+        "mean_error_spread_m": _number(told.spread_m),
+        "velocity_error": [float(v) for v in told.velocity_error],
     }
 
 
