@@ -109,7 +109,11 @@ def _misspelt(rig: Rig, _: np.random.Generator) -> int:
 
 
 def _turned_mount(name: str, text: str, yaw_rad: float) -> Fault:
-    """A camera that looks another way than the settings say."""
+    """A camera that looks another way than the settings say.
+
+    Every case has a fresh service: the vehicle that is put elsewhere between two cases would turn
+    without its gyroscopes.
+    """
     return Fault(
         name,
         text,
@@ -119,6 +123,7 @@ def _turned_mount(name: str, text: str, yaw_rad: float) -> Fault:
         (S.SERVO,),
         _initial_motion,
         Setup(mount=Mount(yaw_rad=yaw_rad)),
+        restarts=True,
         spares_frames=True,
         says=(str(Cause.WRONG_MOUNTING),),
     )
