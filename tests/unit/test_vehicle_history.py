@@ -7,8 +7,8 @@ from dfvs_core.wire.link import VehicleState
 MS = 1_000_000
 
 
-def state(t_ms, yaw=0.0, velocity=(0.0, 0.0, 0.0), roll=0.0):
-    return VehicleState(t_ms * MS, roll, 0.0, yaw, velocity, (0.0, 0.0, 0.0))
+def state(t_ms, yaw=0.0, velocity=(0.0, 0.0, 0.0), roll=0.0, position=(0.0, 0.0, 0.0)):
+    return VehicleState(t_ms * MS, roll, 0.0, yaw, velocity, position)
 
 
 def filled(states):
@@ -31,16 +31,35 @@ def test_yaw_goes_the_short_way_round():
     assert history.at(50 * MS).yaw_rad == pytest.approx(np.pi, abs=1e-6)
 
 
-def test_displacement_is_the_integral_of_the_velocity():
-    ramp = [state(10 * i, velocity=(0.01 * i, 0.0, -0.2)) for i in range(101)]
-    moved = filled(ramp).at(1000 * MS).displacement_m
-    np.testing.assert_allclose(moved, [0.5, 0.0, -0.2], atol=1e-9)
+def displacement(states, t_ms):
+    return filled(states).at(t_ms * MS).displacement_m
 
 
-def test_a_jump_of_the_estimated_position_does_not_show():
-    jumped = VehicleState(50 * MS, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (7.0, 0.0, 0.0))
-    history = filled([state(0), jumped, state(100)])
-    np.testing.assert_allclose(history.at(75 * MS).displacement_m, 0.0)
+def test_displacement_follows_the_position_and_not_a_velocity_that_is_wrong():
+    """An estimator's velocity may be wrong for seconds while its position is not."""
+    wrong = (0.4, 0.0, 0.0)
+    flight = [state(20 * i, velocity=wrong, position=(0.0, 0.01 * i, 0.0)) for i in range(51)]
+    np.testing.assert_allclose(displacement(flight, 1000), [0.0, 0.5, 0.0], atol=1e-9)
+
+
+def test_displacement_begins_where_the_history_does():
+    away = [state(20 * i, position=(7.0 + 0.01 * i, -3.0, 1.0)) for i in range(11)]
+    np.testing.assert_allclose(displacement(away, 200), [0.1, 0.0, 0.0], atol=1e-9)
+
+
+@pytest.mark.parametrize("reset", [(7.0, 0.0, 0.0), (0.0, 0.0, -0.15)])
+def test_a_reset_of_the_position_does_not_show(reset):
+    """Across it the velocity tells how far the vehicle went."""
+    steady = (0.5, 0.0, 0.0)
+    moved = [np.array([0.01 * i, 0.0, 0.0]) + (i > 5) * np.array(reset) for i in range(11)]
+    flight = [state(20 * i, velocity=steady, position=tuple(p)) for i, p in enumerate(moved)]
+    np.testing.assert_allclose(displacement(flight, 200), [0.1, 0.0, 0.0], atol=1e-9)
+
+
+def test_a_fast_vehicle_is_not_taken_for_a_reset():
+    """Five metres a second over 100 ms: the velocity explains that step."""
+    fast = [state(100 * i, velocity=(5, 0, 0), position=(0.52 * i, 0.0, 0.0)) for i in range(4)]
+    np.testing.assert_allclose(displacement(fast, 300), [1.56, 0.0, 0.0], atol=1e-9)
 
 
 def test_level_velocity_is_turned_by_the_heading():
@@ -50,8 +69,8 @@ def test_level_velocity_is_turned_by_the_heading():
 
 
 def test_a_moment_beyond_the_newest_state_is_carried_on():
-    history = filled([state(0, velocity=(1.0, 0, 0)), state(100, velocity=(1.0, 0, 0))])
-    assert history.at(150 * MS).displacement_m[0] == pytest.approx(0.15)
+    history = [state(0, velocity=(1, 0, 0)), state(100, velocity=(1, 0, 0), position=(0.1, 0, 0))]
+    assert displacement(history, 150)[0] == pytest.approx(0.15)
 
 
 @pytest.mark.parametrize("t_ms", [-500, 1000])
