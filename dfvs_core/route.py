@@ -15,8 +15,8 @@ LOOK_PERIOD_NS = S // 4
 IN_SIGHT_LOOKS = 2
 """Looks ahead in a row that must show the next goal."""
 
-PROVING_NS = 4 * S
-"""The gate judges the first motion by the error of one goal: it is not changed meanwhile."""
+RESPONSE_NS = 6 * S
+"""The gate's initial-response check goes by the error of one goal: it is not changed meanwhile."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -65,7 +65,7 @@ def wants_look(state: RouteState, t_ns: int) -> bool:
     """Tell whether it is time to look for the next goal."""
     if state.near_since_ns is None:
         return False
-    if state.engaged_since_ns is not None and t_ns - state.engaged_since_ns < PROVING_NS:
+    if state.engaged_since_ns is not None and t_ns - state.engaged_since_ns < RESPONSE_NS:
         return False
     return state.looked_ns is None or t_ns - state.looked_ns >= LOOK_PERIOD_NS
 
@@ -85,5 +85,5 @@ def is_lost(state: RouteState, limits: RouteLimits, t_ns: int) -> bool:
     """Tell whether the next goal should have been in sight for too long."""
     if state.engaged_since_ns is None or state.near_since_ns is None or state.seen:
         return False
-    since_ns = max(state.near_since_ns, state.engaged_since_ns + PROVING_NS)
+    since_ns = max(state.near_since_ns, state.engaged_since_ns + RESPONSE_NS)
     return t_ns - since_ns > limits.patience_ns

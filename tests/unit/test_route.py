@@ -7,7 +7,7 @@ import pytest
 
 from dfvs_core.route import (
     LOOK_PERIOD_NS,
-    PROVING_NS,
+    RESPONSE_NS,
     RouteLimits,
     RouteState,
     S,
@@ -60,10 +60,10 @@ def test_far_from_it_or_unsure_it_is_not(far):
     assert not wants_look(near(**far), LATER)
 
 
-def test_the_goal_stays_while_the_gate_has_its_first_motion_proven():
+def test_the_goal_stays_during_the_initial_response_check():
     state = follow(RouteState(), LIMITS, NEAR, LATER, engaged=True)
-    assert not wants_look(state, LATER + PROVING_NS - 1)
-    assert wants_look(state, LATER + PROVING_NS)
+    assert not wants_look(state, LATER + RESPONSE_NS - 1)
+    assert wants_look(state, LATER + RESPONSE_NS)
 
 
 def test_before_the_vehicle_is_engaged_a_goal_may_be_passed_at_once():
@@ -94,10 +94,10 @@ def test_a_next_goal_that_stays_away_is_lost_after_a_while_only():
     assert not is_lost(look(state, LIMITS, NEAR, LATER), LIMITS, LATER + 2 * LIMITS.patience_ns)
 
 
-def test_patience_begins_when_the_gate_has_its_proof():
+def test_patience_begins_when_the_initial_response_check_is_over():
     state = follow(RouteState(), LIMITS, NEAR, 0, engaged=True)
-    assert not is_lost(state, LIMITS, PROVING_NS + LIMITS.patience_ns)
-    assert is_lost(state, LIMITS, PROVING_NS + LIMITS.patience_ns + 1)
+    assert not is_lost(state, LIMITS, RESPONSE_NS + LIMITS.patience_ns)
+    assert is_lost(state, LIMITS, RESPONSE_NS + LIMITS.patience_ns + 1)
 
 
 def test_nothing_is_lost_while_the_vehicle_is_not_engaged():

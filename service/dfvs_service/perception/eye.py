@@ -103,9 +103,9 @@ class Eye:
         return Glance(outcome.report, t_start, frame, outcome, stages)
 
     @property
-    def engaged(self) -> bool:
-        """Whether the vehicle follows."""
-        return self._engaged
+    def servoing(self) -> bool:
+        """Whether the vehicle follows, so that the error must fall."""
+        return self._servoing
 
     def prepare(self, goal: Goal) -> GoalView:
         """Compute once what depends on another goal's picture alone."""

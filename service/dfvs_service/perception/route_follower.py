@@ -81,7 +81,7 @@ class RouteFollower:
         """Take in what a frame says about the goal at hand."""
         if self.is_last:
             return
-        self._state = follow(self._state, self._limits, outcome.result, t_ns, engaged=eye.engaged)
+        self._state = follow(self._state, self._limits, outcome.result, t_ns, engaged=eye.servoing)
         self._is_lost = is_lost(self._state, self._limits, t_ns)
 
     def go_on(self, eye: Eye, t_ns: int) -> bool:

@@ -80,7 +80,7 @@ def test_goals_are_passed_one_by_one_and_only_the_last_is_reached():
 
 def test_each_goal_is_flown_to_by_its_own_error():
     rig = Rig()
-    rig.stay(40.0, 6)
+    rig.stay(40.0, 8)
     report = rig.frame(40.0)
     assert rig.route.index == 1
     assert report.error_rad == pytest.approx(np.radians(40.0), abs=0.02)
@@ -97,9 +97,9 @@ def test_the_next_goal_is_tracked_on_from_its_preview():
     assert rig.matcher.searches == searches
 
 
-def test_a_goal_is_kept_while_the_first_motion_is_being_proven():
+def test_a_goal_is_kept_during_the_initial_response_check():
     rig = Rig()
-    rig.stay(40.0, 3.5)
+    rig.stay(40.0, 5.5)
     assert rig.route.index == 0
     rig.stay(40.0, 2)
     assert rig.route.index == 1
@@ -107,14 +107,23 @@ def test_a_goal_is_kept_while_the_first_motion_is_being_proven():
 
 def test_a_next_goal_that_does_not_come_in_sight_ends_the_flight_with_the_reason():
     rig = Rig((40.0, 180.0))
-    reports = rig.stay(40.0, 14)
+    reports = rig.stay(40.0, 16)
     assert rig.route.index == 0
     assert not any(report.reached for report in reports)
-    assert not any(report.lost for report in reports[:110])
+    assert not any(report.lost for report in reports[:130])
     assert reports[-1].lost
     assert not reports[-1].healthy
     assert reports[-1].reason == "goal 2 of the route's 2 does not come in sight"
     assert reports[-1].velocity == (0.0, 0.0, 0.0, 0.0)
+
+
+@pytest.mark.parametrize("state", ["HOLD", "ENGAGE", "READY"])
+def test_patience_with_the_next_goal_runs_in_servo_alone(state):
+    """An operator may hold a flight for as long as they like."""
+    rig = Rig((40.0, 180.0))
+    rig.stay(40.0, 7)
+    rig.state = state
+    assert not any(report.lost for report in rig.stay(40.0, 20))
 
 
 def test_one_goal_is_no_route():
@@ -159,6 +168,6 @@ def test_a_glimpse_of_the_next_goal_changes_nothing():
     glimpses = []
     glimpse = looking.eye.glimpse
     looking.eye.glimpse = lambda *words: glimpses.append(glimpse(*words))
-    for yaw in np.linspace(30.0, 36.0, 60):
+    for yaw in np.linspace(30.0, 36.0, 90):
         assert looking.frame(yaw) == plain.frame(yaw)
     assert len(glimpses) > 3
