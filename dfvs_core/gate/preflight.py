@@ -66,7 +66,7 @@ _ARMING = (
 _BATTERY = "charge or change the battery, or give the autopilot a power module"
 _PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
 _FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
-_GOAL = "move to where the goal is in view, or take another goal picture"
+_GOAL = "move to where the goal is in view, or take another goal image"
 _MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"
 _COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
 

@@ -29,8 +29,8 @@ class PerceptionReport:
     cannot be reached any more (wrong goal, no progress), which aborts. ``overlap`` is the share
     of the current view that shows the goal, 0 to 1. ``feature_error`` is the
     length of the flow to the goal in normalised units, of the same features from report to report
-    and free of what is believed about depth: the gate proves by it that the first motion goes the
-    right way (by ``error_m`` and ``error_rad`` where it is None). ``mounting_score`` is
+    and independent of depth. The gate's initial-response check uses it, and ``error_m`` and
+    ``error_rad``. ``mounting_score`` is
     the test statistic of the camera's mounting (:mod:`dfvs_core.servo.mounting`): clearly positive
     where it is as the settings say, clearly negative where not, None where nothing can be told.
     Before the first frame ``t_capture_ns`` is 0. ``goal`` is the digest of the goal that an
