@@ -12,6 +12,7 @@ from dfvs_sim.commands import (
     bench_controller,
     bench_drone,
     bench_flow,
+    bench_lockstep,
     bench_report,
     bench_scenes,
     bench_table1,
@@ -41,6 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         bench_controller,
         bench_basin,
         bench_drone,
+        bench_lockstep,
         bench_report,
     ):
         command.add_parser(subparsers)

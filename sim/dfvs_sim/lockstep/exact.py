@@ -10,6 +10,7 @@ import numpy as np
 from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
+from dfvs_core.errors import ImageError
 from dfvs_core.matching.matcher import Prepared
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import exact_flow, visibility
@@ -29,7 +30,7 @@ class KnownView(Prepared):
 class ExactMatcher:
     """Exact flow with noise that is smooth over a few cells, as that of a network is.
 
-    The caller sets ``T_world_camera`` before each image is encoded.
+    :meth:`look_from` is told the camera's pose before each image is encoded.
 
     Parameters
     ----------
@@ -45,22 +46,28 @@ class ExactMatcher:
     ) -> None:
         self._renderer, self._camera = renderer, camera
         self._noise_px, self._rng = noise_px, rng
-        self.T_world_camera: FloatArray = np.eye(4)
+        self._T_world_camera: FloatArray = np.eye(4)
+
+    def look_from(self, T_world_camera: FloatArray) -> None:
+        """Take the pose (4, 4) of the images to come."""
+        self._T_world_camera = T_world_camera.copy()
 
     def prepare(self, image: ImageArray) -> KnownView:
-        """Depth of the view from ``T_world_camera``; the image is not looked at."""
-        T = self.T_world_camera.copy()
+        """Depth of the view from the pose; the image is not looked at."""
+        T = self._T_world_camera
         return KnownView(T, self._renderer.depth(self._camera, T))
 
     def match(
         self,
-        current: KnownView,
-        other: KnownView,
+        current: Prepared,
+        other: Prepared,
         guess: FlowField | None = None,
         *,
         besides: Sequence[FlowField] = (),
     ) -> FlowField:
         """Exact flow plus noise, confidence 1 where both see the point."""
+        if not isinstance(current, KnownView) or not isinstance(other, KnownView):
+            raise ImageError("an image whose pose is not known", "images of this matcher")
         poses = current.T_world_camera, other.T_world_camera
         flow = exact_flow(self._camera, poses[0], current.depth_m, poses[1])
         seen = visibility(self._camera, poses, (current.depth_m, other.depth_m))
@@ -70,6 +77,6 @@ class ExactMatcher:
         flow = np.nan_to_num(flow) + cv2.resize(noise, (width, height))
         return FlowField(flow.astype(np.float32), seen.astype(np.float32))
 
-    def track(self, current: KnownView, other: KnownView, guess: FlowField) -> FlowField:
+    def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField:
         """Like :meth:`match`."""
         return self.match(current, other)

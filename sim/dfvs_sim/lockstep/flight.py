@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 import numpy as np
 
@@ -16,10 +16,10 @@ from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import Transition
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.outcome import FrameOutcome
 from dfvs_core.pipeline import Pipeline
 from dfvs_core.poses import invert_pose, make_pose, pose_error, rotation_from_euler
 from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.exchange import ServoResult
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import VehicleHistory
 from dfvs_core.wire.frame import Frame
@@ -27,6 +27,7 @@ from dfvs_sim.lockstep.vehicle import HoveringVehicle
 from dfvs_sim.vehicle.flight import VehicleConfig
 
 _TICK_NS = 20_000_000
+_ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
 _ENDED = frozenset({"DONE", "ABORT", "RELEASED"})
 
 Render = Callable[[FloatArray], ImageArray]
@@ -59,7 +60,7 @@ class LockstepSetup:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """One frame: time since engaging, true error, true velocity NED, and what came of it."""
+    """One frame: time since the release to servo, true error, velocity NED and pose, and result."""
 
     t_s: float
     state: str
@@ -67,7 +68,7 @@ class Sample:
     error_rad: float
     velocity_m_s: FloatArray
     T_scene_camera: FloatArray
-    outcome: FrameOutcome | None
+    result: ServoResult | None
 
 
 @dataclass(slots=True)
@@ -83,6 +84,11 @@ class LockstepLog:
     def end(self) -> Transition | None:
         """First transition into a state that ends a flight."""
         return next((t for t in self.transitions if str(t.target) in _ENDED), None)
+
+    @property
+    def last_end(self) -> Transition | None:
+        """Last one: a goal that is held may still be lost."""
+        return next((t for t in reversed(self.transitions) if str(t.target) in _ENDED), None)
 
 
 class LockstepFlight:
@@ -125,13 +131,25 @@ class LockstepFlight:
         T = self._vehicle.T_local_body()
         yaw = np.arctan2(T[1, 0], T[0, 0])
         level = make_pose(rotation_from_euler(0.0, 0.0, yaw), T[:3, 3])
-        T_scene_body = self._setup.T_scene_start @ invert_pose(self._setup.mount.T_body_camera())
+        T_scene_body = self._setup.T_scene_start @ invert_pose(self._mounted.T_body_camera())
         return T_scene_body @ invert_pose(level)
 
     def T_scene_camera(self) -> FloatArray:
         """True pose (4, 4) of the camera."""
-        mounted = self._setup.mounted or self._setup.mount
-        return self._T_scene_local @ self._vehicle.T_local_body() @ mounted.T_body_camera()
+        return self._T_scene_local @ self._vehicle.T_local_body() @ self._mounted.T_body_camera()
+
+    @property
+    def T_scene_goal(self) -> FloatArray:
+        """Pose (4, 4) of the goal."""
+        return self._setup.T_scene_goal
+
+    @property
+    def _mounted(self) -> Mount:
+        return self._setup.mounted or self._setup.mount
+
+    @property
+    def _is_engaged(self) -> bool:
+        return str(self._gate.state) in _ENGAGED
 
     def run(self) -> LockstepLog:
         """Fly to the end, and watch for ``after_s`` more."""
@@ -175,7 +193,7 @@ class LockstepFlight:
         T = self.T_scene_camera()
         self._on_pose(T)
         motion = self._history.at(self._now_ns)
-        outcome = None
+        result = None
         if motion is not None:
             frame = Frame(self._render(T), self._now_ns, self._frames)
             self._frames += 1
@@ -183,7 +201,8 @@ class LockstepFlight:
             outcome = self.pipeline.process(frame, motion, engaged)
             arrival_ns = self._now_ns + round(self._setup.latency_s * 1e9)
             self._reports.append((arrival_ns, Report(arrival_ns, outcome.report)))
-            self.pipeline.digest()
+            result = outcome.result
+            self.pipeline.digest(may_search=not self._is_engaged)
         error_m, error_rad = pose_error(T, self._setup.T_scene_goal)
         since_ns = self._now_ns - (self.log.engaged_ns or self._now_ns)
         self.log.samples.append(
@@ -194,9 +213,6 @@ class LockstepFlight:
                 error_rad,
                 self._vehicle.true_velocity_m_s,
                 T,
-                outcome,
+                result,
             )
         )
-
-
-__all__ = ["LockstepFlight", "LockstepLog", "LockstepSetup", "Sample", "replace"]
