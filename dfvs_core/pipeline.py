@@ -14,7 +14,7 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray, ImageArray
 from dfvs_core.colours import is_swapped
-from dfvs_core.correspondence import DepthMap
+from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.keyframes import choose_earlier
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.goal import Goal
@@ -45,14 +45,27 @@ DEPTH_PERIOD_NS = 200_000_000
 DEPTH_PATIENCE_NS = 600_000_000
 """So long depth waits for frames to be on time again."""
 
+_NO_FLOW = FlowField(np.zeros((0, 0, 2), np.float32), np.zeros((0, 0), np.float32))
+"""Instead of the flow of a kept frame: a field for each would take tens of megabytes."""
+
 
 @dataclass(frozen=True, slots=True)
 class KeptFrame:
-    """An earlier frame, ready to be matched, and where its camera was."""
+    """An earlier frame, ready to be matched, and what a preview of another goal needs of it.
 
-    t_capture_ns: int
+    ``T_world_camera`` (4, 4) is where its camera was, m. ``inputs`` are the servo step's without
+    any flow. ``state`` is the memory after the frame, without what concerns the goal.
+    """
+
     prepared: Prepared
     T_world_camera: FloatArray
+    inputs: ServoInputs
+    state: ServoState
+
+    @property
+    def t_capture_ns(self) -> int:
+        """When the frame was taken."""
+        return self.inputs.t_capture_ns
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,6 +120,12 @@ class Pipeline:
         self._is_depth_new = False
         self._has_flown = False
         self._last_inputs: ServoInputs | None = None
+        self._observed_ns: int | None = None
+
+    @property
+    def observed_ns(self) -> int | None:
+        """Capture time of the frame whose preview tracking of this goal began with, or None."""
+        return self._observed_ns
 
     def prepare(self, goal: Goal) -> GoalView:
         """Compute once what depends on another goal's picture alone."""
@@ -122,8 +141,12 @@ class Pipeline:
         goal : GoalView
             Of :meth:`prepare`.
         observation : GoodLook, optional
-            Of that goal, from its preview: it is tracked on, so that no search delays a frame.
+            Of that goal, from its preview: it is tracked on, so that no search delays a frame. It
+            is dropped where its frame is not kept any more, as no replay could recompute it.
         """
+        if observation is not None and self._find_kept(observation.t_capture_ns) is None:
+            observation = None
+        self._observed_ns = None if observation is None else observation.t_capture_ns
         self._task = task
         self._goal = goal
         self._state = self._without_goal()
@@ -147,28 +170,51 @@ class Pipeline:
         cameras = task.camera, task.goal.camera
         return GoalTracker(self._matcher, self._goal.prepared, *cameras, task.config.stride_px)
 
-    def glimpse(self, task: ServoTask, goal: GoalView) -> Preview | None:
-        """What the last frame says about another goal, to be worked out on any thread.
+    def glimpse(
+        self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
+    ) -> Preview | None:
+        """What a frame says about another goal, to be worked out on any thread.
 
-        None before the first frame. Nothing of it is remembered: the frames to come give the same
-        results without it.
+        The result depends on nothing but the arguments and the kept frame, so a replay recomputes
+        it bit for bit. Nothing of it is remembered: the frames to come give the same results
+        without it.
+
+        Parameters
+        ----------
+        task : ServoTask
+            For that goal.
+        goal : GoalView
+            Of :meth:`prepare`.
+        t_capture_ns : int, optional
+            Of the frame; without it the last one.
+
+        Returns
+        -------
+        Preview or None
+            None where no such frame is kept.
         """
-        if self._last_inputs is None or not self._kept:
+        kept = self._find_kept(t_capture_ns)
+        if kept is None:
             return None
-        matcher, kept = self._matcher, self._kept[-1]
-        inputs = replace(self._last_inputs, earlier=None, engaged=False)
-        state = self._without_goal()
+        matcher = self._matcher
 
         def work() -> GoalPreview:
             flow = matcher.match(kept.prepared, goal.prepared)
-            result, seen = servo_step(task, state, replace(inputs, flow=flow))
+            result, seen = servo_step(task, kept.state, replace(kept.inputs, flow=flow))
             observation = None
-            if result.verdict is Verdict.OK and seen.T_current_goal is not None:
-                T_goal_current = real_pose(task, inputs.attitude, seen.T_current_goal)
+            T_current_goal, last = seen.T_current_goal, seen.last
+            if result.verdict is Verdict.OK and T_current_goal is not None and last is not None:
+                T_goal_current = real_pose(task, last.attitude, T_current_goal)
                 observation = GoodLook(kept.t_capture_ns, flow, T_goal_current, kept.T_world_camera)
             return GoalPreview(result, observation)
 
         return work
+
+    def _find_kept(self, t_capture_ns: int | None) -> KeptFrame | None:
+        """Kept frame of a capture time, or the last one."""
+        if t_capture_ns is None:
+            return self._kept[-1] if self._kept else None
+        return next((kept for kept in self._kept if kept.t_capture_ns == t_capture_ns), None)
 
     def process(
         self, frame: Frame, motion: Motion, engaged: bool, depth: DepthMap | None = None
@@ -319,9 +365,6 @@ class Pipeline:
         T_world_camera: FloatArray,
         result: ServoResult,
     ) -> None:
-        if self._kept:
-            self._kept[-1].prepared.slim()  # earlier frames are tracked to, never searched
-        self._kept.append(KeptFrame(inputs.t_capture_ns, prepared, T_world_camera))
         self._has_flown |= inputs.engaged
         T_current_goal, last, look = self._state.T_current_goal, self._state.last, None
         is_seen = result.verdict in (Verdict.OK, Verdict.STUCK)
@@ -336,5 +379,9 @@ class Pipeline:
             self._tracker.forget(is_wrong=self._has_flown)
             stop = replace(self._state.stop, progress=None)
             self._state = replace(self._without_goal(), stop=stop)
+        if self._kept:
+            self._kept[-1].prepared.slim()  # of earlier frames only previews are searched, and few
+        previewed = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False)
+        self._kept.append(KeptFrame(prepared, T_world_camera, previewed, self._without_goal()))
         if result.depth_m > 0:
             self._depth_m = result.depth_m

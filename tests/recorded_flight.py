@@ -51,10 +51,13 @@ class RecordedFlight:
         return [message for message, _ in self.events if isinstance(message, Turn)]
 
 
-def fly(rng, frames=24, pixel_format=PixelFormat.JPEG, next_goal_at=None, **settings):
+def fly(
+    rng, frames=24, pixel_format=PixelFormat.JPEG, next_goal_at=None, preview_of=None, **settings
+):
     """Drift towards the goal picture; every seventh turn sees nothing, one sees rubbish.
 
-    ``next_goal_at`` is the frame from which on another goal is looked for.
+    ``next_goal_at`` is the frame from which on another goal is looked for. With ``preview_of`` it
+    is tracked from the preview of that frame, which is worked out when it is needed.
     """
     sidecar = GoalSidecar(CAMERA)
     overrides = {"vehicle.name": "bottled", "flow.threads": 1, "flow.model": "classical"}
@@ -62,6 +65,8 @@ def fly(rng, frames=24, pixel_format=PixelFormat.JPEG, next_goal_at=None, **sett
     config, _ = load_config(None, overrides).with_camera((320, 240), sidecar)
     wall = Wall(texture(rng))
     goal = Goal(wall.picture(), sidecar)
+    following = Goal(wall.picture(turned(shift=(-20.0, 5.0))), sidecar)
+    preview = None
     clock = RunningClock(rng)
     eye = build_eye(
         config,
@@ -75,9 +80,12 @@ def fly(rng, frames=24, pixel_format=PixelFormat.JPEG, next_goal_at=None, **sett
     events = [(opening, encode_png(goal.image))]
     for i in range(frames):
         if i == next_goal_at:
-            following = Goal(wall.picture(turned(shift=(-20.0, 5.0))), sidecar)
-            eye.aim(servo_task(config, following), eye.prepare(following))
-            opening = replace(opening, opened_ns=clock(), first_turn=book.next_turn)
+            observation = None if preview is None else preview().observation
+            eye.aim(servo_task(config, following), eye.prepare(following), observation)
+            opening = replace(
+                make_opening(config, following, CLOCK, book.next_turn, eye.observed_ns),
+                opened_ns=clock(),
+            )
             book.open(opening)
             events.append((opening, encode_png(following.image)))
         heard = [status_at(clock, i, k) for k in range(3)]
@@ -100,6 +108,8 @@ def fly(rng, frames=24, pixel_format=PixelFormat.JPEG, next_goal_at=None, **sett
         servo = servo_document(glance.frame, outcome, clock(), glance.stages_ns) if outcome else {}
         events.append((book.looked(sample, heard, glance, servo), payload))
         eye.digest()
+        if i == preview_of:
+            preview = eye.glimpse(servo_task(config, following), eye.prepare(following))
     return RecordedFlight(events)
 
 

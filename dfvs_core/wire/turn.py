@@ -33,7 +33,8 @@ class Opening:
     (hex) of the clock of all ``_ns``; ``unix_offset_ns`` added to them gives Unix time. ``build``
     maps software to versions, ``model`` the matcher's files to their SHA-256. ``settings`` are the
     service's resolved ones, ``sidecar`` the goal's; the goal's picture (PNG) travels beside the
-    opening.
+    opening. ``observed_ns`` is the capture time of the earlier frame whose preview tracking began
+    with, None where it began with a search.
     """
 
     vehicle: str
@@ -46,6 +47,7 @@ class Opening:
     settings: dict[str, Any]
     sidecar: dict[str, Any]
     format: str = RECORD_FORMAT
+    observed_ns: int | None = None
 
     def __post_init__(self) -> None:
         """Refuse another format."""

@@ -111,9 +111,16 @@ class Eye:
         """Compute once what depends on another goal's picture alone."""
         return self._pipeline.prepare(goal)
 
-    def glimpse(self, task: ServoTask, goal: GoalView) -> Preview | None:
-        """What the last good frame says about another goal, to be worked out on any thread."""
-        return self._pipeline.glimpse(task, goal)
+    @property
+    def observed_ns(self) -> int | None:
+        """See :attr:`Pipeline.observed_ns`."""
+        return self._pipeline.observed_ns
+
+    def glimpse(
+        self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
+    ) -> Preview | None:
+        """What a kept frame says about another goal; see :meth:`Pipeline.glimpse`."""
+        return self._pipeline.glimpse(task, goal, t_capture_ns)
 
     def aim(self, task: ServoTask, goal: GoalView, observation: GoodLook | None = None) -> None:
         """Go on to another goal with what is known of the vehicle, the camera and depth."""

@@ -13,8 +13,16 @@ from dfvs_service.config import ServiceConfig
 from dfvs_service.perception.build import build_versions
 
 
-def make_opening(config: ServiceConfig, goal: Goal, clock: bytes, first_turn: int = 0) -> Opening:
+def make_opening(
+    config: ServiceConfig,
+    goal: Goal,
+    clock: bytes,
+    first_turn: int = 0,
+    observed_ns: int | None = None,
+) -> Opening:
     """Opening, as of now, of perception's work on a goal.
+
+    ``observed_ns`` is :attr:`Pipeline.observed_ns`.
 
     Raises
     ------
@@ -34,4 +42,5 @@ def make_opening(config: ServiceConfig, goal: Goal, clock: bytes, first_turn: in
         model=model_files(config.flow.model),
         settings=settings,
         sidecar=sidecar,
+        observed_ns=observed_ns,
     )

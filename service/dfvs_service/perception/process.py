@@ -142,7 +142,9 @@ class PerceptionProcess:
 
     def _tell_goal(self, telemetry: Telemetry, feed: TurnFeed) -> None:
         """Tell recorders with what the turns from here on work, and everybody the goal."""
-        opening = make_opening(self._config, self._goal, self._clock, self._book.next_turn)
+        opening = make_opening(
+            self._config, self._goal, self._clock, self._book.next_turn, self._eye.observed_ns
+        )
         self._book.open(opening)
         feed.offer(opening, encode_png(self._goal.image))
         image, now_ns = self._goal.image, time.monotonic_ns()

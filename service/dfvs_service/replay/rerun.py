@@ -142,7 +142,11 @@ class Rerunner:
     def aim(self, opening: Opening, picture: bytes, config: ServiceConfig) -> None:
         """Go on to the goal of an opening that follows in the same flight."""
         goal = recorded_goal(opening, picture)
-        self._eye.aim(servo_task(config, goal), self._eye.prepare(goal))
+        task, view = servo_task(config, goal), self._eye.prepare(goal)
+        preview = None
+        if opening.observed_ns is not None:
+            preview = self._eye.glimpse(task, view, opening.observed_ns)
+        self._eye.aim(task, view, None if preview is None else preview().observation)
 
     def turn(self, turn: Turn, payload: bytes) -> Rerun | None:
         """Run one turn again; None for one that saw nothing."""

@@ -73,6 +73,33 @@ def test_a_goal_that_changed_in_flight_changes_in_replay(tmp_path):
     assert abs(after - before) > 0.02  # another goal, indeed
 
 
+def test_a_goal_tracked_from_its_preview_is_replayed_bit_for_bit(tmp_path):
+    flight = fly(np.random.default_rng(12), 12, next_goal_at=8, preview_of=5)
+    opening = next(m for m, _ in flight.events if isinstance(m, Opening) and m.first_turn)
+    assert opening.observed_ns is not None
+    result = rerun(write(tmp_path, flight.events))
+    assert result.reasons == ()
+    assert compare(result.frames).is_identical
+
+
+def test_without_the_preview_the_commands_differ(tmp_path):
+    """The observation matters, so the session header has to tell its frame."""
+    flight = fly(np.random.default_rng(12), 12, next_goal_at=8, preview_of=5)
+    events = [
+        (dataclasses.replace(m, observed_ns=None) if isinstance(m, Opening) else m, payload)
+        for m, payload in flight.events
+    ]
+    assert not compare(rerun(write(tmp_path, events)).frames).is_identical
+
+
+def test_a_preview_whose_frame_was_not_recorded_is_named_as_the_reason_to_differ(tmp_path):
+    flight = fly(np.random.default_rng(12), 12, next_goal_at=8, preview_of=5)
+    frame = next(i for i, (m, _) in enumerate(flight.events) if getattr(m, "number", None) == 5)
+    events = flight.events[:frame] + flight.events[frame + 1 :]
+    result = rerun(write(tmp_path, events))
+    assert result.reasons == ("1 turns before turn 6 were not recorded",)
+
+
 def altered(recording, target, alter):
     """Copy of a recording whose turns went through ``alter``."""
     from mcap.records import Channel, Schema

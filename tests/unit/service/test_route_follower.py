@@ -8,10 +8,11 @@ from at_once import AtOnce
 from box_sight import CAMERA, CLOCK, MS, KnowingMatcher, picture
 
 from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.pipeline import KEPT_FRAMES
 from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.wire.link import GateStatus, VehicleState
 from dfvs_service.config import load_config
-from dfvs_service.perception.assembly import Clocks, build_eye
+from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.eye import RawSample
 from dfvs_service.perception.route_follower import RouteFollower
 
@@ -161,8 +162,49 @@ def test_frames_do_not_wait_for_a_look_and_one_look_is_taken_at_a_time():
     assert rig.route.index == 1
 
 
+def test_a_preview_is_the_same_whenever_it_is_worked_out():
+    """A replay works it out when the goal changes, from the frame of that capture time."""
+    rig = Rig()
+    rig.stay(35.0, 1)
+    task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
+    t_ns = rig.now_ns
+    at_once = rig.eye.glimpse(task, view)()
+    for yaw in (37.0, 40.0, 43.0):
+        rig.frame(yaw)
+    later = rig.eye.glimpse(task, view, t_ns)()
+    assert later.observation.t_capture_ns == t_ns
+    for name in ("flow", "confidence"):
+        first, second = (getattr(p.observation.flow, name) for p in (at_once, later))
+        assert np.array_equal(first, second)
+    assert np.array_equal(at_once.result.motion, later.result.motion)
+    assert np.array_equal(at_once.observation.T_goal_current, later.observation.T_goal_current)
+
+
+@pytest.mark.parametrize(("frames", "used"), [(KEPT_FRAMES - 1, True), (KEPT_FRAMES, False)])
+def test_an_observation_is_dropped_once_its_frame_is_not_kept(frames, used):
+    """No replay could recompute it."""
+    rig = Rig()
+    rig.stay(35.0, 1)
+    task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
+    t_ns, preview = rig.now_ns, rig.eye.glimpse(task, view)
+    rig.stay(35.0, 0.1 * frames)
+    rig.eye.aim(task, view, preview().observation)
+    assert rig.eye.observed_ns == (t_ns if used else None)
+    assert (rig.eye.glimpse(task, view, t_ns) is not None) == used
+
+
+def test_a_goal_that_begins_with_a_search_has_no_observation():
+    rig = Rig()
+    rig.stay(35.0, 1)
+    task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
+    rig.eye.aim(task, view, rig.eye.glimpse(task, view)().observation)
+    assert rig.eye.observed_ns == rig.now_ns
+    rig.eye.aim(task, view)
+    assert rig.eye.observed_ns is None
+
+
 def test_a_glimpse_of_the_next_goal_changes_nothing():
-    """A replay runs no glimpses, and must give the same commands."""
+    """A replay runs none but the last before a goal, and must give the same commands."""
     looking, plain = Rig((40.0, 180.0)), Rig((40.0, 180.0))
     plain.route.go_on = lambda *_: False
     glimpses = []

@@ -1,5 +1,6 @@
 """What recorders are told, on the wire."""
 
+import json
 import math
 
 import pytest
@@ -7,8 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dfvs_core.errors import ConfigError, WireError
+from dfvs_core.schema import dump
 from dfvs_core.wire.link import GateStatus, PerceptionReport, VehicleState
-from dfvs_core.wire.turn import Opening, Sight, Turn, pack, unpack
+from dfvs_core.wire.turn import Opening, Sight, Turn, from_json, pack, unpack
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 triple = st.tuples(finite, finite, finite)
@@ -39,6 +41,12 @@ def test_rubbish_is_refused(data):
 def test_a_length_that_leads_out_of_the_bytes_is_refused():
     with pytest.raises(WireError):
         unpack(Turn, b"DFVT\xff\xff\xff\xff{}")
+
+
+def test_an_opening_without_the_time_of_an_observation_is_still_read():
+    opening = Opening("v", 0, 0, "", 0, {}, {}, {}, {})
+    old = {name: value for name, value in dump(opening).items() if name != "observed_ns"}
+    assert from_json(Opening, json.dumps(old).encode()) == opening
 
 
 def test_an_opening_of_another_format_is_refused():
