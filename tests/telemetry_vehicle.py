@@ -18,7 +18,7 @@ from dfvs_core.correspondence import FlowField
 from dfvs_core.gate.authority import Authority
 from dfvs_core.outcome import FrameOutcome, make_report
 from dfvs_core.schema import dump
-from dfvs_core.servo.exchange import ServoResult, Verdict
+from dfvs_core.servo.exchange import ServoResult, Uncertainty, Verdict
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
 from dfvs_core.wire.goal_order import GoalOrder, goal_digest
@@ -63,6 +63,8 @@ class TelemetryVehicle:
         self.pictures = Pictures(CLOCK, 0.3, 70)
         self.goal, self.views, self.flows = approach()
         self.is_paused = False
+        self.mounting_score = 12.3
+        self.knows_uncertainty = True
         self.halfway = threading.Event()
         """Set by every frame that the goal is neither near nor far in."""
         self.seq = 0
@@ -143,24 +145,34 @@ class TelemetryVehicle:
             counters = {"frames": self.seq, "refused": 0, "overtaken": 3}
             self.telemetry.offer_json("timing", timing_document(summary, t_ns, counters))
 
-    @staticmethod
-    def outcome(frame, left, flow):
+    def outcome(self, frame, left, flow):
         wobble = 0.02 * math.sin(frame.seq)
+        error_m = 0.86 * left + 0.01 + 0.2 * abs(wobble)
+        scale = 0.07 + 0.3 * left**2
+        uncertainty = Uncertainty(
+            error_m=0.004 + scale * error_m,
+            scale=scale,
+            velocity_error=np.array([0.03, -0.02, 0.01 + wobble, 0.0]),
+            velocity_error_m_s=0.03,
+            mean_error_m=0.9 * left + 0.01,
+            spread_m=0.01 + 0.1 * left,
+        )
         result = ServoResult(
             verdict=Verdict.OK,
             velocity=np.array([0.3 * left, 0.1 * left, 0.0, 0.1 * left]),
             motion=np.array([0.8 * left, 0.3 * left, -0.1 * left, 0.3 * left]),
-            error_m=0.86 * left + 0.01 + 0.2 * abs(wobble),
+            error_m=error_m,
             error_rad=0.3 * left + 0.1 * abs(wobble),
             feature_error_px=60.0 * left,
             feature_error=0.4 * left,
-            mounting_score=None,
+            mounting_score=self.mounting_score,
             residual_px=0.4 + 4 * abs(wobble),
             inlier_share=0.93 - abs(wobble) - 0.2 * left,
             overlap=0.9 - 0.4 * left,
             condition=420.0 + 900 * left + 300 * wobble,
             depth_m=2.6 - 0.5 * left + wobble,
             reached=False,
+            uncertainty=uncertainty if self.knows_uncertainty else None,
         )
         return FrameOutcome(make_report(frame, result), result, flow, {}, frame.t_capture_ns)
 

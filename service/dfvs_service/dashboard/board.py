@@ -20,8 +20,7 @@ from dfvs_service.dashboard.rates import StreamRate
 
 News = dict[str, Any]
 
-SERVO_COLUMNS = (
-    "t_ms",
+_SERVO_NUMBERS = (
     "error_m",
     "error_rad",
     "feature_error_px",
@@ -30,9 +29,15 @@ SERVO_COLUMNS = (
     "overlap",
     "condition",
     "depth_m",
-    "delay_ms",
-    "motion",
+    "error_spread_m",
+    "scale_spread",
+    "odometry_error_m_s",
+    "mean_error_m",
+    "mean_error_spread_m",
+    "mounting_score",
 )
+_SERVO_VECTORS = ("motion", "velocity_error")
+SERVO_COLUMNS = ("t_ms", "delay_ms", *_SERVO_NUMBERS, *_SERVO_VECTORS)
 PATH_COLUMNS = ("t_ms", "north_m", "east_m", "down_m", "yaw_rad", "setpoint", "speed_m_s")
 
 _KEPT_ROWS = 3000
@@ -109,9 +114,9 @@ class VehicleBoard:
         """Take one frame's result."""
         t_ns, t_capture_ns = _time(document, "t_ns"), _time(document, "t_capture_ns")
         self._see("servo", now)
-        row: list[Any] = [self._clock.wall_ms(t_capture_ns, now)]
-        row += [_number(document.get(name)) for name in SERVO_COLUMNS[1:9]]
-        row += [(t_ns - t_capture_ns) * 1e-6, _numbers(document.get("motion"))]
+        row: list[Any] = [self._clock.wall_ms(t_capture_ns, now), (t_ns - t_capture_ns) * 1e-6]
+        row += [_number(document.get(name)) for name in _SERVO_NUMBERS]
+        row += [_numbers(document.get(name)) for name in _SERVO_VECTORS]
         self._servo.append(row)
         verdict = {name: str(document.get(name, ""))[:200] for name in ("verdict", "reason")}
         self._newest["verdict"] = verdict

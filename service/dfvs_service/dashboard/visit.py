@@ -11,6 +11,7 @@ from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
+from dfvs_core.gate.initial_response import MOUNTING_SCORE
 from dfvs_service.dashboard.board import PATH_COLUMNS, SERVO_COLUMNS
 from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.desk import OrderDesk
@@ -94,6 +95,7 @@ class Visit:
             "accepts_operators": self._house.tokens.operator is not None,
             "needs_token": not self._house.tokens.is_open,
             "columns": {"servo": SERVO_COLUMNS, "path": PATH_COLUMNS},
+            "mounting_score": MOUNTING_SCORE,
         }
 
     async def _send(self) -> None:

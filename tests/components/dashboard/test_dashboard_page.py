@@ -30,6 +30,17 @@ PIXELS = """() => {
   for (const value of data) { sum += value; hash = (hash * 31 + value) | 0; }
   return { brightness: sum / data.length, hash };
 }"""
+BAND_PIXELS = """() => {
+  const { width, height } = document.querySelector("#plots canvas");
+  const context = document.querySelector("#plots canvas").getContext("2d");
+  const data = context.getImageData(0, 0, width, height).data;
+  let count = 0;  // translucent and blue: neither lines nor axes are
+  for (let i = 0; i < data.length; i += 4)
+    count += data[i + 3] > 50 && data[i + 3] < 120 && data[i + 2] > data[i] + 80;
+  return count;
+}"""
+NUMBER = """name => [...document.querySelectorAll("#numbers div")]
+  .find((e) => e.firstChild.textContent === name)?.lastChild.textContent ?? ''"""
 NAMELESS = """() => [...document.querySelectorAll(
   'button, input, select, canvas:not(.uplot canvas), dialog, section')].filter((e) => !(
     e.getAttribute('aria-label') || e.getAttribute('aria-labelledby')
@@ -115,6 +126,52 @@ def test_pictures_and_numbers_move_and_nothing_comes_from_elsewhere(server, fiel
     page.frames_rise(20)
     assert all(url.startswith(server.url) for url in page.requests)
     assert page.complaints == []
+
+
+def test_the_distance_has_its_standard_deviation_beside_it_and_as_a_band(server, field, open_page):
+    page = open_page(server.url)
+    watch(page, "swift")
+    page.wait(f"() => ({BAND_PIXELS})() > 300")
+    for name, pattern in (
+        ("Distance to goal", r"^\d\.\d{3} ± \d\.\d{3} m$"),
+        ("Mean distance, 1 s", r"^\d\.\d{3} ± \d\.\d{3} m$"),
+        ("Scale spread", r"^\d+\.\d %$"),
+        ("Velocity error", r"^0\.0\d\d m/s$"),
+    ):
+        page.wait(f"([name, re]) => new RegExp(re).test(({NUMBER})(name))", [name, pattern])
+    assert page.complaints == []
+
+
+def test_without_an_uncertainty_there_is_neither_a_band_nor_a_spread(field, open_page):
+    endpoint = free_endpoint()
+    server = Server([endpoint]).start()
+    try:
+        with TelemetryVehicle(endpoint, "plain") as vehicle:
+            vehicle.knows_uncertainty, vehicle.mounting_score = False, None
+            page = open_page(server.url)
+            watch(page, "plain")
+            for name in ("Mean distance, 1 s", "Scale spread", "Velocity error", "Mounting"):
+                page.wait(f"name => ({NUMBER})(name).startsWith('–')", name)
+            page.wait(f"() => /^\\d\\.\\d{{3}} m$/.test(({NUMBER})('Distance to goal'))")
+            page.page.wait_for_selector("#plots canvas")
+            page.frames_rise(20)
+            assert page.page.evaluate(BAND_PIXELS) < 50
+            assert page.complaints == []
+    finally:
+        server.kill()
+
+
+def test_the_mounting_is_ok_undecided_or_wrong_as_the_gate_judges_its_score(
+    server, field, open_page
+):
+    page = open_page(server.url)
+    watch(page, "swift")
+    try:
+        for score, text in ((12.3, "ok 12.3 σ"), (-4.9, "undecided "), (-5.0, "wrong 5.0 σ")):
+            field.swift.mounting_score = score
+            page.wait(f"text => ({NUMBER})('Mounting') === text", text)
+    finally:
+        field.swift.mounting_score = 12.3
 
 
 def test_flow_confidence_and_ways_to_compare_change_the_picture(server, field, open_page):

@@ -77,10 +77,28 @@ def test_a_servo_row_is_stamped_with_its_capture_and_knows_its_delay():
     assert named["residual_px"] is None
 
 
+def test_a_servo_row_holds_the_uncertainty_where_it_is_known():
+    known = {
+        "error_spread_m": 0.02,
+        "scale_spread": 0.1,
+        "odometry_error_m_s": 0.03,
+        "mean_error_m": 0.5,
+        "mean_error_spread_m": 0.04,
+        "mounting_score": -7.5,
+        "velocity_error": [0.1, 0.2, 0.3, 0.0],
+    }
+    board = VehicleBoard("a")
+    (row,) = board.take("servo", servo(**known), NOW)["servo"]
+    assert known.items() <= dict(zip(SERVO_COLUMNS, row, strict=True)).items()
+    (row,) = board.take("servo", servo(**dict.fromkeys(known)), NOW)["servo"]
+    unknown = dict.fromkeys(known) | {"velocity_error": []}
+    assert unknown.items() <= dict(zip(SERVO_COLUMNS, row, strict=True)).items()
+
+
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 10**400, "x", [1], True, None])
 def test_what_is_no_finite_number_reaches_nobody(value):
     board = VehicleBoard("a")
-    news = board.take("servo", servo(depth_m=value, motion=[value]), NOW)
+    news = board.take("servo", servo(depth_m=value, motion=[value], velocity_error=value), NOW)
     assert dict(zip(SERVO_COLUMNS, news["servo"][0], strict=True))["depth_m"] is None
     timing = {"stages": {"match": {"p50_ms": value, "p99_ms": 1.0}}, "frames": value}
     assert board.take("timing", timing, NOW)["timing"]["stages"]["match"] == [None, 1.0]

@@ -30,6 +30,7 @@ let watched = "";
 let shown = "";
 let known = {};
 let columns = { servo: [], path: [] };
+let mountingLimit = Infinity;
 let refreshes = 0;
 let lostSinceMs = performance.now();
 
@@ -109,6 +110,7 @@ connection.addEventListener("news", ({ detail: news }) => {
 connection.addEventListener("picture", ({ detail }) => view.take(detail));
 connection.addEventListener("welcome", ({ detail }) => {
   columns = detail.columns;
+  mountingLimit = detail.mounting_score;
   lostSinceMs = null;
   operator.welcome(detail);
   if (watched) watch(watched);
@@ -160,7 +162,7 @@ function refresh() {
   const screen = { ...view.stats, overtaken: known.overtaken ?? 0 };
   panels.showState(known.state ?? null, fresh);
   panels.showSince(known.state ?? null, now());
-  panels.showNumbers(known);
+  panels.showNumbers({ ...known, mountingLimit });
   if (refreshes++ % TABLES_EVERY === 0) {
     panels.showLinks(known.link, screen, connection.clock.roundTripMs);
     panels.showDelays(known.timing, screen);

@@ -13,6 +13,8 @@ const SLOW_S = { camera: 0.5, servo: 0.5, state: 1, flow: 2 };
 
 const byId = (id) => document.getElementById(id);
 
+const scaled = (value, factor) => (Number.isFinite(value) ? value * factor : NaN);
+
 const fixed = (value, digits) => (Number.isFinite(value) ? value.toFixed(digits) : DASH);
 
 export function duration(seconds) {
@@ -96,28 +98,58 @@ function showWarnings(warnings) {
   }
 }
 
+/** Length in m, to the mm below 10 m, and its standard deviation where that is known. */
+function lengthWithSpread(value, spread) {
+  const digits = value < 10 ? 3 : 2;
+  const isKnown = Number.isFinite(value) && Number.isFinite(spread);
+  return [fixed(value, digits), isKnown ? `± ${fixed(spread, digits)} m` : "m"];
+}
+
+/** Length of the translation in a velocity (forward, right, down, ...), NaN where it is unknown. */
+function speed(velocity) {
+  const linear = (velocity ?? []).slice(0, 3);
+  return linear.length === 3 && linear.every(Number.isFinite) ? Math.hypot(...linear) : NaN;
+}
+
+/** Verdict of the mounting's test statistic; `limit` in standard deviations. */
+function mounting(score, limit) {
+  if (!Number.isFinite(score)) return [DASH, ""];
+  if (Math.abs(score) < limit) return ["undecided", ""];
+  return [score > 0 ? "ok" : "wrong", `${fixed(Math.abs(score), 1)} σ`, score < 0];
+}
+
+/** Name, and value, unit or what else stands small beside it, and whether it is an alarm. */
 const NUMBERS = [
-  ["Distance to goal", (n) => fixed(n.servo?.error_m, 3), "m"],
-  ["Angle to goal", (n) => fixed(n.servo ? n.servo.error_rad * DEGREES : NaN, 2), "°"],
-  ["Speed", (n) => fixed(n.path?.speed_m_s, 2), "m/s"],
-  ["Depth", (n) => fixed(n.servo?.depth_m, 2), "m"],
-  ["Inliers", (n) => fixed(n.servo ? n.servo.inlier_share * 100 : NaN, 0), "%"],
-  ["Overlap", (n) => fixed(n.servo ? n.servo.overlap * 100 : NaN, 0), "%"],
-  ["Residual", (n) => fixed(n.servo?.residual_px ?? NaN, 2), "px"],
-  ["Conditioning", (n) => fixed(n.servo?.condition ?? NaN, 0), ""],
+  ["Distance to goal", (n) => lengthWithSpread(n.servo?.error_m, n.servo?.error_spread_m)],
+  ["Mean distance, 1 s", (n) => lengthWithSpread(n.servo?.mean_error_m, n.servo?.mean_error_spread_m)],
+  ["Angle to goal", (n) => [fixed(scaled(n.servo?.error_rad, DEGREES), 2), "°"]],
+  ["Speed", (n) => [fixed(n.path?.speed_m_s, 2), "m/s"]],
+  ["Depth", (n) => [fixed(n.servo?.depth_m, 2), "m"]],
+  ["Scale spread", (n) => [fixed(scaled(n.servo?.scale_spread, 100), 1), "%"]],
+  ["Velocity error", (n) => [fixed(speed(n.servo?.velocity_error), 3), "m/s"]],
+  ["Mounting", (n) => mounting(n.servo?.mounting_score, n.mountingLimit)],
+  ["Inliers", (n) => [fixed(scaled(n.servo?.inlier_share, 100), 0), "%"]],
+  ["Overlap", (n) => [fixed(scaled(n.servo?.overlap, 100), 0), "%"]],
+  ["Residual", (n) => [fixed(n.servo?.residual_px, 2), "px"]],
+  ["Conditioning", (n) => [fixed(n.servo?.condition, 0), ""]],
 ];
 
-/** @param newest `{servo, path}`: newest rows */
+/** @param newest `{servo, path, mountingLimit}`: newest rows, and what the score is judged by */
 export function showNumbers(newest) {
   const list = byId("numbers");
   if (!list.children.length) {
-    for (const [name, , unit] of NUMBERS) {
-      const value = element("dd", "");
-      value.append(document.createElement("span"), element("small", unit ? ` ${unit}` : ""));
+    for (const [name] of NUMBERS) {
+      const value = row("dd", [element("span", ""), " ", element("small", "")]);
       list.append(row("div", [element("dt", name), value]));
     }
   }
-  NUMBERS.forEach(([, of], i) => say(list.children[i].lastChild.firstChild, of(newest)));
+  NUMBERS.forEach(([, of], i) => {
+    const place = list.children[i].lastChild;
+    const [value, rest, isBad] = of(newest);
+    say(place.firstChild, value);
+    say(place.lastChild, rest);
+    place.className = isBad ? "bad" : "";
+  });
 }
 
 export function showVerdict(verdict) {
@@ -203,8 +235,8 @@ export function showVehicles(vehicles, watched) {
 export function describeView(frames, nowMs, captureMs, newest) {
   const age = captureMs === null ? NaN : (nowMs - captureMs) / 1000;
   say(byId("view-facts"), `${frames} frames, newest ${duration(age)} old`);
-  const left = newest.servo?.error_m;
+  const [left, rest] = lengthWithSpread(newest.servo?.error_m, newest.servo?.error_spread_m);
   byId("view").setAttribute("aria-label",
     captureMs === null ? "No picture yet"
-      : `Goal and live view; ${Number.isFinite(left) ? `${left.toFixed(2)} m to the goal` : "distance to the goal unknown"}`);
+      : `Goal and live view; ${left === DASH ? "distance to the goal unknown" : `${left} ${rest} to the goal`}`);
 }

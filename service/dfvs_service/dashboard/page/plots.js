@@ -8,12 +8,16 @@ const DEGREES = 180 / Math.PI;
 
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
-/** Each line: label, colour variable, side of its axis; `of` takes it from a row. */
+/** Opacity of a band of plus/minus one standard deviation. */
+const BAND_OPACITY = 0.3;
+
+/** Each line: label, colour variable, side of its axis; `of` takes it from a row, `spread` its
+ * standard deviation. */
 const SERVO_PLOTS = [
   {
     title: "Error", units: ["m", "°"],
     lines: [
-      { label: "distance", colour: "--a", side: 0, of: (row) => row.error_m },
+      { label: "distance", colour: "--a", side: 0, of: (row) => row.error_m, spread: (row) => row.error_spread_m },
       { label: "angle", colour: "--b", side: 1, dash: true, of: (row) => scaled(row.error_rad, DEGREES) },
     ],
   },
@@ -52,16 +56,25 @@ const PATH_PLOTS = [
 
 const scaled = (value, factor) => (value === null || value === undefined ? null : value * factor);
 
-/** One plot and its data, column by column. */
+/** Upper and lower edge of a line's band; null where the value or its spread is not known. */
+function bandEdges(line, row) {
+  const [value, spread] = [line.of(row), line.spread(row)];
+  if (!Number.isFinite(value) || !Number.isFinite(spread)) return [null, null];
+  return [value + spread, Math.max(value - spread, 0)];
+}
+
+/** One plot and its data, column by column: time, the lines, two edges of every band. */
 class Plot {
   #definition;
+  #bands;
   #columns;
   #chart = null;
   #box;
 
   constructor(definition, parent) {
     this.#definition = definition;
-    this.#columns = [[], ...definition.lines.map(() => [])];
+    this.#bands = definition.lines.filter((line) => line.spread);
+    this.#columns = Array.from({ length: 1 + definition.lines.length + 2 * this.#bands.length }, () => []);
     this.#box = document.createElement("div");
     this.#box.className = "plot";
     this.#box.append(this.#heading());
@@ -75,6 +88,8 @@ class Plot {
       // A logarithm knows no zero.
       this.#columns[i + 1].push(this.#definition.log && value <= 0 ? null : value ?? null);
     });
+    const first = 1 + this.#definition.lines.length;
+    this.#bands.flatMap((line) => bandEdges(line, row)).forEach((edge, i) => this.#columns[first + i].push(edge));
     if (this.#columns[0].length > MAX_POINTS) this.#columns.forEach((column) => column.shift());
   }
 
@@ -113,14 +128,12 @@ class Plot {
     const heading = document.createElement("h3");
     heading.append(this.#definition.title);
     for (const line of this.#definition.lines) {
-      const key = document.createElement("span");
       const mark = document.createElement("i");
       mark.style.borderColor = style(line.colour);
       if (line.dash) mark.dataset.dash = "";
-      key.className = "key";
       const unit = this.#definition.units[line.side];
-      key.append(mark, unit ? `${line.label}, ${unit}` : line.label);
-      heading.append(key);
+      heading.append(key(mark, unit ? `${line.label}, ${unit}` : line.label));
+      if (line.spread) heading.append(key(bandMark(line), "± standard deviation"));
     }
     return heading;
   }
@@ -139,11 +152,34 @@ class Plot {
       series: [{}, ...lines.map((line) => ({
         label: line.label, scale: `y${line.side}`, stroke: style(line.colour), width: 2,
         dash: line.dash ? [6, 4] : undefined, points: { show: false }, spanGaps: false,
-      }))],
+      })), ...this.#bands.flatMap((line) => [edge(line), edge(line)])],
+      bands: this.#bands.map((line, i) => ({
+        series: [1 + lines.length + 2 * i, 2 + lines.length + 2 * i], fill: translucent(style(line.colour)),
+      })),
     };
     return new globalThis.uPlot(options, this.#columns, this.#box);
   }
 }
+
+/** Series of a band's edge, which is not drawn itself. */
+const edge = (line) => ({ scale: `y${line.side}`, width: 0, points: { show: false }, spanGaps: false });
+
+function key(mark, text) {
+  const made = document.createElement("span");
+  made.className = "key";
+  made.append(mark, text);
+  return made;
+}
+
+function bandMark(line) {
+  const mark = document.createElement("i");
+  mark.dataset.band = "";
+  mark.style.background = translucent(style(line.colour));
+  return mark;
+}
+
+/** @param colour `#rrggbb` */
+const translucent = (colour) => colour + Math.round(BAND_OPACITY * 255).toString(16).padStart(2, "0");
 
 /** Range with some air; a flat line gets a range too. */
 function padded(low, high, startsAtZero) {
