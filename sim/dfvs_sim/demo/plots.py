@@ -93,7 +93,13 @@ def _quality(axes: Any, t: Any, servo: list[dict[str, Any]]) -> None:
 
 def _distance(axes: Any, t: tuple[Any, Any], flown: list[Any], servo: list[dict[str, Any]]) -> None:
     axes.semilogy(t[0], [max(p.error_m, 1e-4) for p in flown], color=_BLUE, label="true")
-    axes.semilogy(t[1], _series(servo, "error_m"), ".", ms=3, color=_ORANGE, label="estimated")
+    error, spread = _series(servo, "error_m"), _series(servo, "error_spread_m")
+    axes.semilogy(t[1], error, ".", ms=3, color=_ORANGE, label="estimated")
+    bottom, _ = axes.get_ylim()  # the lower edge may be negative, which a logarithm cannot show
+    lower, upper = np.maximum(error - spread, bottom), error + spread
+    label = "± standard deviation"
+    axes.fill_between(t[1], lower, upper, color=_ORANGE, alpha=0.25, lw=0, label=label)
+    axes.set_ylim(bottom=bottom)
     axes.axhline(0.05, color=_RED, lw=0.8, ls=":")
     _label(axes, "Distance to the goal", "m")
     axes.legend()
