@@ -24,6 +24,30 @@ _GAUGES = {
     "inlier_share": ("dfvs_inlier_ratio", "Share of the correspondences that agree."),
     "depth_m": ("dfvs_depth_meters", "Median depth of the points used."),
     "condition": ("dfvs_condition", "Condition number of the normal equations."),
+    "error_spread_m": (
+        "dfvs_error_stddev_meters",
+        "Standard deviation of the estimated distance to the goal.",
+    ),
+    "mean_error_m": (
+        "dfvs_mean_error_meters",
+        "Mean distance to the goal over the last second.",
+    ),
+    "mean_error_spread_m": (
+        "dfvs_mean_error_stddev_meters",
+        "Standard deviation about the mean distance over the last second.",
+    ),
+    "scale_spread": (
+        "dfvs_scale_stddev_ratio",
+        "Relative standard deviation of the metric scale.",
+    ),
+    "odometry_error_m_s": (
+        "dfvs_odometry_error_meters_per_second",
+        "Expected error of the odometry, standard deviation per axis.",
+    ),
+    "mounting_score": (
+        "dfvs_mounting_score",
+        "Test statistic of the camera's mounting, standard deviations; negative: wrong.",
+    ),
 }
 _STATE_GAUGES = {
     "battery": ("dfvs_battery_ratio", "Charge of the vehicle's battery."),
@@ -36,6 +60,12 @@ _COUNTERS = {
     "overtaken": ("dfvs_frames_overtaken", "Frames that a newer one replaced unseen."),
 }
 _AXES = ("forward", "right", "down", "yaw")
+_SETPOINT = ("dfvs_setpoint", "Last setpoint: m/s, yaw in rad/s.", _AXES)
+_VELOCITY_ERROR = (
+    "dfvs_velocity_error_meters_per_second",
+    "Estimated velocity minus the odometry's, body axes.",
+    _AXES[:3],
+)
 
 
 class FlightMetrics:
@@ -97,7 +127,8 @@ class FlightMetrics:
         yield from self._numbers(GaugeMetricFamily, _STATE_GAUGES, state)
         yield from self._numbers(CounterMetricFamily, _COUNTERS, documents.get("timing", {}))
         yield self._states(state)
-        yield self._setpoint(state)
+        yield self._by_axis(_SETPOINT, state.get("setpoint"))
+        yield self._by_axis(_VELOCITY_ERROR, servo.get("velocity_error"))
         transitions = CounterMetricFamily(
             "dfvs_gate_entries",
             "How often the gate came into a state.",
@@ -135,16 +166,15 @@ class FlightMetrics:
             states.add_metric((self._vehicle, state.value), document.get("state") == state.value)
         return states
 
-    def _setpoint(self, document: Mapping[str, Any]) -> Metric:
-        setpoint = GaugeMetricFamily(
-            "dfvs_setpoint", "Last setpoint: m/s, yaw in rad/s.", labels=("vehicle", "axis")
-        )
-        values = document.get("setpoint")
+    def _by_axis(self, described: tuple[str, str, tuple[str, ...]], values: object) -> Metric:
+        """Metric with a sample for every axis; ``values`` (4,) of the body, or unknown."""
+        name, text, axes = described
+        metric = GaugeMetricFamily(name, text, labels=("vehicle", "axis"))
         if isinstance(values, list) and len(values) == len(_AXES):
-            for axis, value in zip(_AXES, values, strict=True):
+            for axis, value in zip(axes, values, strict=False):
                 if isinstance(value, int | float):
-                    setpoint.add_metric((self._vehicle, axis), value)
-        return setpoint
+                    metric.add_metric((self._vehicle, axis), value)
+        return metric
 
     def _ages(self, heard_ns: Mapping[str, int]) -> Metric:
         ages = GaugeMetricFamily(

@@ -67,6 +67,32 @@ def test_what_is_unknown_is_left_out_rather_than_zero(board):
     assert board.value("dfvs_setpoint", axis="forward") == 0.1
 
 
+def test_uncertainty_is_told_where_it_is_known(board):
+    known = {
+        "error_spread_m": 0.02,
+        "scale_spread": 0.1,
+        "odometry_error_m_s": 0.03,
+        "mean_error_m": 0.5,
+        "mean_error_spread_m": 0.04,
+        "mounting_score": -7.5,
+        "velocity_error": [0.1, 0.2, 0.3, 0.0],
+    }
+    names = {
+        "dfvs_error_stddev_meters": 0.02,
+        "dfvs_scale_stddev_ratio": 0.1,
+        "dfvs_odometry_error_meters_per_second": 0.03,
+        "dfvs_mean_error_meters": 0.5,
+        "dfvs_mean_error_stddev_meters": 0.04,
+        "dfvs_mounting_score": -7.5,
+        "dfvs_velocity_error_meters_per_second": [0.1, 0.2, 0.3],
+    }
+    board.metrics.heard("servo", known)
+    assert {name: board.value(name) for name in names} == names
+    assert board.value("dfvs_velocity_error_meters_per_second", axis="down") == 0.3
+    board.metrics.heard("servo", dict.fromkeys(known))
+    assert all(board.value(name) == [] for name in names)
+
+
 def test_how_old_everything_is_can_be_seen(board):
     board.metrics.heard("state", {"state": "READY"})
     board.now_ns = 7 * S
