@@ -5,7 +5,7 @@ ROS counts forward, left, up (REP 103) where we count forward, right, down.
 
 from __future__ import annotations
 
-from collections.abc import Mapping
+from collections.abc import Mapping, Sequence
 from typing import Any
 
 import numpy as np
@@ -26,7 +26,22 @@ _LEVELS = {
     "ABORT": _ERROR,
 }
 _NS = 1_000_000_000
-_SERVO_VALUES = ("error_m", "error_rad", "overlap", "inlier_share", "depth_m", "condition")
+_SERVO_VALUES = (
+    "error_m",
+    "error_spread_m",
+    "mean_error_m",
+    "mean_error_spread_m",
+    "error_rad",
+    "overlap",
+    "inlier_share",
+    "depth_m",
+    "scale_spread",
+    "odometry_error_m_s",
+    "mounting_score",
+    "condition",
+)
+_VELOCITY_ERROR = {"forward": 1.0, "left": -1.0, "up": -1.0}
+"""Axes of ROS, and their sign in our axes."""
 
 
 def header(stamp_ns: int, frame: str) -> Any:
@@ -65,6 +80,7 @@ def diagnostics_message(
         _pair("battery", state.get("battery")),
         _pair("distance_m", state.get("distance_m")),
         *(_pair(key, servo.get(key)) for key in _SERVO_VALUES),
+        *_velocity_error(servo.get("velocity_error")),
     ]
     message = f"{name}: {state.get('cause', '')}".rstrip(": ")
     status = make(
@@ -76,6 +92,16 @@ def diagnostics_message(
         [value for value in values if value is not None],
     )
     return make(DIAGNOSTICS, header(stamp_ns, ""), [status])
+
+
+def _velocity_error(velocity: Sequence[float] | None) -> list[Any]:
+    """KeyValues of the estimated true-minus-odometry velocity, m/s; none where it is unknown."""
+    if velocity is None:
+        return []
+    return [
+        _pair(f"velocity_error_{axis}_m_s", sign * value)
+        for (axis, sign), value in zip(_VELOCITY_ERROR.items(), velocity, strict=False)
+    ]
 
 
 def _pair(key: str, value: object) -> Any | None:

@@ -56,6 +56,22 @@ def test_diagnostics_carry_level_cause_and_what_is_known(state, level):
     }
 
 
+def test_diagnostics_carry_the_uncertainty_with_the_velocity_error_in_ros_axes():
+    known = {"error_spread_m": 0.02, "mounting_score": -7.5, "velocity_error": [0.1, 0.2, 0.3, 0.0]}
+    unknown = dict.fromkeys(known)
+    (status,) = diagnostics_message("swift", STATE, known, STAMP_NS).status
+    (before,) = diagnostics_message("swift", STATE, unknown, STAMP_NS).status
+    values = {pair.key: pair.value for pair in status.values}
+    kept = {pair.key for pair in before.values}
+    assert {key: value for key, value in values.items() if key not in kept} == {
+        "error_spread_m": "0.02",
+        "mounting_score": "-7.5",
+        "velocity_error_forward_m_s": "0.1",
+        "velocity_error_left_m_s": "-0.2",
+        "velocity_error_up_m_s": "-0.3",
+    }
+
+
 def test_the_preview_is_passed_on_untouched():
     jpeg = b"\xff\xd8\xff any bytes"
     message = through_the_wire(PICTURE, preview_message(jpeg, STAMP_NS))
