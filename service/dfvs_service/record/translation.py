@@ -38,6 +38,10 @@ _RAW = {
 }
 
 
+_SERVO_VECTORS = ("velocity_error",)
+"""Arrays in a servo document that are null where they are unknown."""
+
+
 class Translation:
     """Messages of one opening and of the turns that follow from it."""
 
@@ -120,7 +124,8 @@ class Translation:
     def _servo_channel(self, document: dict[str, Any]) -> Channel:
         """Channel of the servo documents, its schema made from the first of them."""
         if self._servo is None:
-            self._servo = json_channel("/perception/servo", "dfvs.Servo", document)
+            unknown = {key: [0.0] for key in _SERVO_VECTORS if document.get(key, ()) is None}
+            self._servo = json_channel("/perception/servo", "dfvs.Servo", document | unknown)
         return self._servo
 
     def _json(self, channel: Channel, t_ns: int, number: int, document: object) -> Message:

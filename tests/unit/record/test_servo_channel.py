@@ -1,0 +1,45 @@
+"""The servo document's channel of a recording: schema and content."""
+
+import json
+
+import pytest
+from box_sight import CAMERA
+
+from dfvs_core.goal import GoalSidecar
+from dfvs_core.schema import dump
+from dfvs_core.wire.link import PerceptionReport
+from dfvs_core.wire.turn import Opening, Turn
+from dfvs_service.config import CameraSection
+from dfvs_service.record.translation import Translation
+
+REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0)
+KNOWN = {"error_m": 0.5, "error_spread_m": 0.02, "velocity_error": [0.01, 0.0, 0.0, 0.0]}
+UNKNOWN = dict.fromkeys(KNOWN)
+
+
+def servo_messages(*documents):
+    settings = {"camera": dump(CameraSection())}
+    opening = Opening("v", 0, 0, "", 0, {}, {}, settings, dump(GoalSidecar(CAMERA)))
+    translation = Translation(opening)
+    turns = [Turn(i, 0, i, (), REPORT, servo=servo) for i, servo in enumerate(documents)]
+    messages = [message for turn in turns for message in translation.turn(turn, b"")]
+    return [m for m in messages if m.channel.topic == "/perception/servo"]
+
+
+@pytest.mark.parametrize("documents", [(KNOWN, UNKNOWN), (UNKNOWN, KNOWN)])
+def test_the_schema_is_the_same_whether_the_first_frame_was_refused_or_not(documents):
+    first, second = servo_messages(*documents)
+    assert first.channel == second.channel
+    properties = json.loads(first.channel.schema)["properties"]
+    assert properties["error_spread_m"] == {"type": "number"}
+    assert properties["velocity_error"] == {"type": "array", "items": {"type": "number"}}
+
+
+def test_unknown_values_stay_null():
+    (message,) = servo_messages(UNKNOWN)
+    assert json.loads(message.data) == UNKNOWN
+
+
+def test_documents_without_uncertainty_have_no_such_field():
+    (message,) = servo_messages({"error_m": 0.5})
+    assert list(json.loads(message.channel.schema)["properties"]) == ["error_m"]
