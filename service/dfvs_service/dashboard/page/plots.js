@@ -198,7 +198,7 @@ const font = () => "11px system-ui, sans-serif";
 
 function timeAxis() {
   return {
-    stroke: style("--muted"), font: font(), size: 22, gap: 3,
+    stroke: style("--muted"), font: font(), size: 22, gap: 3, space: 70,
     grid: { stroke: style("--grid"), width: 1 }, ticks: { show: false },
     values: [[1, "{HH}:{mm}:{ss}", null, null, null, null, null, null, 0]].concat([
       [60, "{HH}:{mm}", null, null, null, null, null, null, 0],
@@ -209,7 +209,7 @@ function timeAxis() {
 function valueAxis(side) {
   return {
     scale: `y${side}`, side: side === 0 ? 3 : 1, stroke: style("--muted"), font: font(),
-    size: 44, gap: 4, ticks: { show: false }, space: 24,
+    size: 44, gap: 4, ticks: { show: false }, space: 17,
     grid: side === 0 ? { stroke: style("--grid"), width: 1 } : { show: false },
     values: (_u, splits) => splits.map((v) => (v === null ? "" : shortNumber(v))),
   };
