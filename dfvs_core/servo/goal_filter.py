@@ -68,7 +68,7 @@ class FilterModel:
     error_m_s: float = 0.03
     error_range_m_s: tuple[float, float] = (0.003, 0.3)
     error_time_s: float = 1.5
-    slip_time_s: float = 0.4
+    slip_time_s: float = 0.25
     adaptation_s: float = 5.0
     position_noise: float = 0.001
     relative_noise: float = 0.02

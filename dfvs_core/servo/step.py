@@ -273,15 +273,16 @@ def _uncertainty(task: ServoTask, estimate: GoalEstimate, stop: StopState) -> Un
 def _may_approach(
     task: ServoTask, estimate: GoalEstimate, motion: FloatArray, velocity: FloatArray
 ) -> bool:
-    """Tell whether a vehicle that flies this velocity (d,) comes nearer.
+    """Tell whether a vehicle that flies this velocity (d,) surely comes nearer.
 
     Against a velocity error as large as the speed limit it does not, and that is no fault.
     """
     length = float(np.linalg.norm(motion))
     if length <= 0.0:
         return True
-    flown = velocity + _velocity_error(task, estimate)
-    return float(flown @ motion) / length > _APPROACH_M_S
+    error = _velocity_error(task, estimate)
+    doubt = max(2.0 * estimate.error_m_s, 0.5 * float(np.linalg.norm(error)), _APPROACH_M_S)
+    return float((velocity + error) @ motion) / length > doubt
 
 
 def _velocity_error(task: ServoTask, estimate: GoalEstimate) -> FloatArray:
