@@ -37,7 +37,7 @@ ASKED_M = 0.1
 ASKED_RAD = 0.15
 """Motion that must have been asked for before a missing response ends the flight."""
 
-MOUNTING_SCORE = 5.0
+MOUNTING_SCORE = 6.0
 """Standard deviations from which on the camera's mounting counts as right, or as wrong."""
 
 CLEAR_FALL = 4.0

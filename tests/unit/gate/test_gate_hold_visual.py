@@ -241,7 +241,7 @@ def test_until_the_check_has_passed_the_goal_is_held_at_reduced_speed():
     gate = at_goal_from_the_start().forget()
     gate.run(0.5)
     assert max(v.speed_m_s for _, v in gate.setpoints) <= 0.1 + 1e-12
-    gate.changes = {"reached": True, "mounting_score": 5.0}
+    gate.changes = {"reached": True, "mounting_score": 6.0}
     gate.run(2.0)
     assert gate.state is GateState.DONE
     assert max(v.speed_m_s for _, v in gate.setpoints) == pytest.approx(0.4)
@@ -250,7 +250,7 @@ def test_until_the_check_has_passed_the_goal_is_held_at_reduced_speed():
 def test_a_wrong_mounting_aborts_at_the_goal():
     gate = at_goal_from_the_start()
     gate.now_ns += 5 * MS
-    gate.send([gate.report(mounting_score=-5.0)])
+    gate.send([gate.report(mounting_score=-6.0)])
     assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.WRONG_MOUNTING)
 
 

@@ -69,7 +69,7 @@ def errors(distance=(1.0, 1.0), angle=(0.3, 0.3), feature=None):
 
 @pytest.mark.parametrize(
     ("score", "shown"),
-    [(-5.0, Response.FAILED), (math.nextafter(-5.0, 0.0), Response.OPEN), (-99.0, Response.FAILED)],
+    [(-6.0, Response.FAILED), (math.nextafter(-6.0, 0.0), Response.OPEN), (-99.0, Response.FAILED)],
 )
 def test_a_wrong_mounting_fails_before_anything_has_moved(score, shown):
     motion = Motion().see(score=score)
@@ -86,13 +86,13 @@ def test_a_wrong_mounting_says_how_clear_it_is_and_what_to_check():
 
 
 def test_an_error_that_falls_does_not_excuse_a_wrong_mounting():
-    motion = Motion().run(2.0).see(errors(distance=(1.0, 0.5), feature=(0.3, 0.2)), score=-5.0)
+    motion = Motion().run(2.0).see(errors(distance=(1.0, 0.5), feature=(0.3, 0.2)), score=-6.0)
     assert motion.judge() is Response.FAILED
 
 
 @pytest.mark.parametrize(
     ("score", "shown"),
-    [(5.0, Response.CONFIRMED), (math.nextafter(5.0, 0.0), Response.OPEN)],
+    [(6.0, Response.CONFIRMED), (math.nextafter(6.0, 0.0), Response.OPEN)],
 )
 def test_a_right_mounting_confirms_although_no_error_has_fallen(score, shown):
     motion = Motion().see(score=score)
@@ -109,7 +109,7 @@ def test_a_right_mounting_confirms_exactly_when_the_least_time_is_over():
 
 
 def test_a_right_mounting_confirms_where_the_time_limit_is_over_as_well():
-    motion = Motion().run(6.2).see(score=5.0)
+    motion = Motion().run(6.2).see(score=6.0)
     assert motion.judge() is Response.CONFIRMED
 
 
@@ -367,7 +367,7 @@ def test_an_error_that_does_not_fall_aborts_after_six_seconds(fall_m_s):
     assert max(speeds(gate)) <= 0.1 + 1e-12
 
 
-@pytest.mark.parametrize("score", [-5.0, -99.0])
+@pytest.mark.parametrize("score", [-6.0, -99.0])
 def test_a_wrong_mounting_aborts_in_the_step_that_tells_of_it(score):
     gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.3)
     assert gate.moved()
