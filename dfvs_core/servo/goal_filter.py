@@ -48,6 +48,9 @@ class FilterModel:
         Time constant of the low-pass of the odometry's own contradiction.
     adaptation_s : float
         Time constant of the adaptation.
+    slip_share : float
+        Least ``e`` over the odometry's own contradiction: an EKF's position and velocity err
+        together.
     position_noise : float
         Standard deviation of a measured position over the depth of the scene.
     relative_noise : float
@@ -69,7 +72,8 @@ class FilterModel:
     error_range_m_s: tuple[float, float] = (0.003, 0.3)
     error_time_s: float = 1.5
     slip_time_s: float = 0.25
-    adaptation_s: float = 5.0
+    adaptation_s: float = 3.0
+    slip_share: float = 0.35
     position_noise: float = 0.001
     relative_noise: float = 0.02
     structure_noise: float = 0.3
@@ -230,8 +234,8 @@ def update(
     x = estimate.x + K @ innovation
     P = estimate.P - K @ S @ K.T
     P = 0.5 * (P + P.T)
-    error_m_s = _adapted(estimate.error_m_s, x, P, dt_s, model)
-    return GoalEstimate(x, P, error_m_s, estimate.slip_m_s)
+    adapted = replace(estimate, x=x, P=P, outliers=0)
+    return replace(adapted, error_m_s=_adapted(adapted, dt_s, model))
 
 
 def restructured(estimate: GoalEstimate, before: FloatArray, after: FloatArray) -> GoalEstimate:
@@ -252,11 +256,12 @@ def restructured(estimate: GoalEstimate, before: FloatArray, after: FloatArray) 
     return replace(estimate, x=x, P=P)
 
 
-def _adapted(
-    error_m_s: float, x: FloatArray, P: FloatArray, dt_s: float, model: FilterModel
-) -> float:
-    """Standard deviation of the velocity error after what was estimated of it."""
-    seen = (float(x[_E] @ x[_E]) + float(np.trace(P[_E, _E]))) / 3.0
+def _adapted(estimate: GoalEstimate, dt_s: float, model: FilterModel) -> float:
+    """Standard deviation of ``e`` after what was estimated of it, and by the odometry's slip."""
+    x, slip = estimate.x, estimate.slip_m_s
+    estimated = float(x[_E] @ x[_E]) + float(np.trace(estimate.P[_E, _E]))
+    seen = max(estimated, float(slip @ slip) * model.slip_share**2) / 3.0
     share = min(dt_s / model.adaptation_s, 1.0)
     low, high = model.error_range_m_s
-    return min(max(math.sqrt((1.0 - share) * error_m_s**2 + share * seen), low), high)
+    mixed = (1.0 - share) * estimate.error_m_s**2 + share * seen
+    return min(max(math.sqrt(mixed), low), high)
