@@ -36,6 +36,19 @@ def test_a_dumped_document_parses_to_the_same_value():
     assert parse(Outer, dump(value)) == value
 
 
+@dataclass(frozen=True)
+class Renamed:
+    strength: float = setting(0.5, "strength", formerly="gaim")
+    gain: float = setting(0.5, "gain")
+
+
+def test_a_former_name_is_refused_with_the_present_one_and_not_with_the_nearest():
+    with pytest.raises(ConfigError, match=r"unknown key 'gaim'.*did you mean 'strength'\?"):
+        parse(Renamed, {"gaim": 1.0})
+    with pytest.raises(ConfigError, match=r"did you mean 'gain'\?"):
+        parse(Renamed, {"gaip": 1.0})
+
+
 def test_integers_serve_as_floats_but_not_the_other_way_round():
     assert parse(Outer, {"count": 1, "maybe": 2}).maybe == 2.0
     with pytest.raises(ConfigError, match="count"):

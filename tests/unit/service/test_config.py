@@ -40,6 +40,7 @@ def test_the_command_line_wins_over_the_file(tmp_path):
         ("[gate]\nengaged = 1\n", ["'gate.engaged'", "did you mean 'engage'"]),
         ("[limits]\nyaw_rad_s = 1\n", ["did you mean 'yaw_deg_s'"]),
         ("[gate]\nproof_s = 1\n", ["'gate.proof_s'", "'response_s'"]),
+        ("[gate]\nproof_m_s = 0.1\n", ["'gate.proof_m_s'", "did you mean 'reduced_speed_m_s'"]),
         ("[limits]\nyaw_deg_s = 500\n", ["limits.yaw_deg_s = 500", "1 to 120"]),
         ("[limits]\nhorizontal_m_s = nan\n", ["a finite number"]),
         ("[limits]\nhorizontal_m_s = '1'\n", ["limits.horizontal_m_s", "float"]),
