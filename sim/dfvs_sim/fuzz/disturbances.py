@@ -127,7 +127,7 @@ def _sight(world: World, dice: Dice) -> World:
         {"overlap": dice.between(0.0, 0.2)},
         {"reached": not world.reached},
         {"error_m": dice.pick(_ODD_NUMBERS)},
-        {"mounting_score": dice.pick((None, 50.0, 5.0, -4.0, -50.0, *_ODD_NUMBERS))},
+        {"mounting_score": dice.pick((None, 50.0, 6.0, -5.0, -50.0, *_ODD_NUMBERS))},
     )
     return replace(world, **dice.pick(changes))  # type: ignore[arg-type]
 
