@@ -109,7 +109,7 @@ def _decide_motion(engagement: Engagement, moment: Moment) -> Decision | None:
 
 def _need_not_fall(response: InitialResponse, moment: Moment) -> bool:
     """Tell whether the check failed only because an error stays that is within tolerance."""
-    is_reached = moment.sight.reached_for_ns(moment.now_ns) >= 0
+    is_reached = moment.sight.reached_since_ns is not None
     return is_reached and response.cause is Cause.ERROR_NOT_FALLING
 
 
