@@ -70,10 +70,15 @@ def correct_goal(
     points: ServoPoints,
     dt_s: float | None,
 ) -> GoalEstimate:
-    """Estimate with a measured position (3,), in units; ``dt_s`` None: of a new goal."""
+    """Estimate with a measured position (3,), in units; ``dt_s`` None: of a new goal.
+
+    A depth that is a mere guess (constant, or the paper's from flow) contradicts the odometry
+    without saying anything of it: then the measurement is the estimate.
+    """
     weight = max(float(points.weight.sum()), 1e-9)
     spread = float((points.weight * points.depth_spread).sum()) / weight
     seen = PositionMeasurement(position, weighted_median(points.z_m, points.weight), spread)
-    if estimate is None or dt_s is None:
+    is_guess = task.config.depth in ("constant", "flow")
+    if estimate is None or dt_s is None or is_guess:
         return begin(seen, filter_model(task), estimate)
     return update(estimate, seen, dt_s, filter_model(task))

@@ -19,6 +19,7 @@ from dfvs_core.servo.exchange import (
     Verdict,
 )
 from dfvs_core.servo.step import servo_step
+from dfvs_core.servo.structure import observe_depth
 from dfvs_core.servo.task import ServoTask
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
@@ -61,6 +62,8 @@ def fly(task, T_world_body, T_world_goal_camera, seconds=40.0):
             given_depth=ROOM.depth_map(T_cam),
         )
         result, state = servo_step(task, state, step)
+        if earlier is not None and k % 4 == 0:
+            state = observe_depth(task, state, earlier)
         if result.reached:
             break
         earlier_poses.append(T_cam)
@@ -136,10 +139,18 @@ def test_a_free_camera_uses_all_six_degrees():
 
 
 def one_frame(flow, config=EXACT, state=None, **more):
+    return after_frame(flow, config, state, **more)[0]
+
+
+def state_after(flow, config=EXACT):
+    return after_frame(flow, config)[1]
+
+
+def after_frame(flow, config=EXACT, state=None, **more):
     task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), Mount())
     given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
     step = inputs(0, flow, np.zeros(4), given_depth=given, **more)
-    return servo_step(task, state or ServoState(), step)[0]
+    return servo_step(task, state or ServoState(), step)
 
 
 def good_flow():
@@ -166,8 +177,7 @@ def test_too_little_overlap_stops():
 
 
 def test_a_goal_that_was_found_may_shrink_to_half_the_share_that_finding_it_takes():
-    config, found = replace(EXACT, min_overlap=0.3), ServoState(T_current_goal=np.eye(4))
-    flow = good_flow()
+    config, flow = replace(EXACT, min_overlap=0.3), good_flow()
 
     def seen(share, state):
         strip = np.zeros_like(flow.confidence)
@@ -175,6 +185,7 @@ def test_a_goal_that_was_found_may_shrink_to_half_the_share_that_finding_it_take
         return one_frame(FlowField(flow.flow, flow.confidence * strip), config, state)
 
     assert seen(0.6, ServoState()).verdict is Verdict.OK
+    found = state_after(flow, config)
     assert seen(0.3, ServoState()).verdict is Verdict.NO_OVERLAP
     assert seen(0.3, found).verdict is Verdict.OK
     assert seen(0.1, found).verdict is Verdict.NO_OVERLAP
@@ -251,50 +262,3 @@ def test_the_vehicle_s_late_answer_is_predicted():
         step = inputs(0, good_flow(), np.array([v, 0, 0, 0]), given_depth=given)
         speeds.append(servo_step(task, ServoState(), step)[0].velocity[0])
     assert speeds[1] < speeds[0] - 0.05
-
-
-def course_of(mounted_deg, way, config=EXACT, engaged=True):
-    """What two frames say of a camera mounted that far round, as the body flies and tilts."""
-    task = ServoTask(config, CAMERA, GoalSidecar(CAMERA), Mount())
-    T_body_camera = Mount(yaw_rad=np.radians(mounted_deg)).T_body_camera()
-    T_goal = body_pose(0.5, 0.2, 0.1, 5.0) @ T_body_camera
-    state, result = ServoState(), None
-    for k, (share, tilt_deg) in enumerate([(0.0, (0.0, 0.0)), (1.0, (1.0, 2.0))]):
-        x, y, yaw_deg = share * np.array(way)
-        T_cam = body_pose(x, y, 0.0, yaw_deg, *tilt_deg) @ T_body_camera
-        step = inputs(
-            8 * k,
-            ROOM.flow(T_cam, T_goal),
-            np.array([way[0], way[1], 0.0, 0.0]) / 0.4,
-            attitude=Attitude(*np.radians([*tilt_deg, yaw_deg])),
-            given_depth=ROOM.depth_map(T_cam),
-            engaged=engaged,
-        )
-        result, state = servo_step(task, state, step)
-        assert result.verdict is Verdict.OK
-    return result.course_agreement
-
-
-@pytest.mark.parametrize("depth", ["given", "constant"])
-@pytest.mark.parametrize("way", [(0.05, 0.0, 0.0), (0.0, 0.05, 0.0), (0.03, -0.03, 3.0)])
-def test_the_course_tells_how_the_camera_is_mounted(way, depth):
-    config = replace(EXACT, depth=depth)
-    assert course_of(0, way, config) > 0.9
-    assert abs(course_of(90, way, config)) < 0.3
-    assert course_of(180, way, config) < -0.9
-
-
-def test_there_is_no_course_before_the_vehicle_follows():
-    assert course_of(0, (0.05, 0.0, 0.0), engaged=False) is None
-
-
-def test_a_free_camera_has_no_course_of_its_own():
-    task = ServoTask(EXACT, CAMERA, GoalSidecar(CAMERA))
-    T_goal, state = body_pose(0.3, 0.0, 0.0, 0.0) @ Mount().T_body_camera(), ServoState()
-    for k in range(2):
-        T_cam = body_pose(0.05 * k, 0.0, 0.0, 0.0) @ Mount().T_body_camera()
-        flow, depth = ROOM.flow(T_cam, T_goal), ROOM.depth_map(T_cam)
-        step = inputs(10 * k, flow, np.array([0, 0, 0.1, 0, 0, 0]), given_depth=depth)
-        result, state = servo_step(task, state, step)
-    assert result.verdict is Verdict.OK
-    assert result.course_agreement is None

@@ -1,3 +1,5 @@
+from dataclasses import replace
+
 import numpy as np
 import pytest
 
@@ -5,7 +7,13 @@ from dfvs_core.correspondence import DepthMap
 from dfvs_core.depth.flow_depth import FlowDepth
 from dfvs_core.depth.keyframes import choose_earlier
 from dfvs_core.depth.motion import MotionDepth
-from dfvs_core.depth.source import ConstantDepth, DepthInputs, EarlierView, GivenDepth
+from dfvs_core.depth.source import (
+    ConstantDepth,
+    DepthInputs,
+    EarlierView,
+    GivenDepth,
+    GoalLink,
+)
 from dfvs_core.errors import ConfigError
 from dfvs_core.poses import make_pose, so3_exp
 
@@ -23,6 +31,21 @@ def earlier_view(z, translation, rotation=(0.0, 0.0, 0.0), noise=None, confidenc
     return EarlierView(xy, np.full(z.shape, confidence), T)
 
 
+def link(z, T_current_goal=None):
+    """Every point of the grid is seen in a cell of its own of the goal view."""
+    T = np.eye(4) if T_current_goal is None else T_current_goal
+    P = np.concatenate([GRID, np.ones((*GRID.shape[:2], 1))], axis=2) * z[..., None]
+    Q = P @ np.linalg.inv(T)[:3, :3].T + np.linalg.inv(T)[:3, 3]
+    cell = np.arange(z.size).reshape(z.shape)
+    return GoalLink(cell, Q[..., :2] / Q[..., 2:], T, z.shape)
+
+
+def learnt(source, view, linked, state=None):
+    """Depth of the current grid after a comparison, and the memory."""
+    state = source.observe(GRID, view, linked, state)
+    return source.estimate(DepthInputs(GRID, link=linked), state)[0], state
+
+
 @pytest.fixture
 def scene(rng):
     return 2.0 + rng.uniform(0, 3, GRID.shape[:2])
@@ -32,59 +55,87 @@ def scene(rng):
     ("translation", "rotation"),
     [((0.2, 0, 0), (0, 0, 0)), ((0.1, 0.05, -0.2), (0.02, -0.1, 0.05)), ((0, 0, 0.3), (0, 0, 0))],
 )
-def test_two_views_and_a_baseline_give_metric_depth(scene, translation, rotation):
-    inputs = DepthInputs(GRID, earlier_view(scene, translation, rotation))
-    depth, _ = MotionDepth(baseline_noise=0.0, pixel_noise=1e-5).estimate(inputs, None)
+def test_two_views_and_a_baseline_give_depth_in_its_units(scene, translation, rotation):
+    source = MotionDepth(pixel_noise=1e-5)
+    depth, _ = learnt(source, earlier_view(scene, translation, rotation), link(scene))
     # Near the focus of expansion there is no parallax; the median stands in there.
     sure = depth.validity > 0.99
     assert sure.mean() > 0.8
     np.testing.assert_allclose(depth.z_m[sure], scene[sure], rtol=0.03)
 
 
-def test_turning_alone_tells_nothing_about_depth(scene):
-    inputs = DepthInputs(GRID, earlier_view(scene, (0, 0, 0), (0.0, 0.2, 0.0)))
-    depth, _ = MotionDepth(prior_m=3.3).estimate(inputs, None)
-    np.testing.assert_allclose(depth.z_m, 3.3, rtol=1e-3)
-    assert depth.validity.max() < 0.1
+def test_what_is_learnt_is_kept_in_the_goal_view(scene):
+    """From elsewhere, the same points have another depth; nothing is learnt anew."""
+    source = MotionDepth(pixel_noise=1e-5)
+    _, state = learnt(source, earlier_view(scene, (0.2, 0, 0)), link(scene))
+    nearer = make_pose(np.eye(3), np.array([0.0, 0.0, -0.5]))
+    depth, after = source.estimate(DepthInputs(GRID, link=link(scene - 0.5, nearer)), state)
+    assert after is state
+    sure = depth.validity > 0.99
+    np.testing.assert_allclose(depth.z_m[sure], scene[sure] - 0.5, rtol=0.03)
+
+
+def test_where_the_goal_view_shows_nothing_the_median_stands_in(scene):
+    source, linked = MotionDepth(pixel_noise=1e-5), link(scene)
+    _, state = learnt(source, earlier_view(scene, (0.2, 0, 0)), linked)
+    hidden = np.zeros(scene.shape, np.bool_)
+    hidden[:, :4] = True
+    seen = replace(linked, cell=np.where(hidden, -1, linked.cell))
+    depth, _ = source.estimate(DepthInputs(GRID, link=seen), state)
+    median = 1.0 / np.median(1.0 / scene[~hidden])
+    # The sure ones count more: those that are near.
+    np.testing.assert_allclose(depth.z_m[hidden], median, rtol=0.2)
+    assert depth.validity[hidden].max() < 0.1
 
 
 def test_many_noisy_views_are_better_than_one(scene, rng):
-    source, state, errors = MotionDepth(pixel_noise=0.003), None, []
+    source, state, linked, errors = MotionDepth(pixel_noise=0.003), None, link(scene), []
     for _ in range(20):
         noise = rng.normal(0, 0.003, (*scene.shape, 2))
-        inputs = DepthInputs(GRID, earlier_view(scene, (0.15, 0.05, 0.0), noise=noise))
-        depth, state = source.estimate(inputs, state)
+        view = earlier_view(scene, (0.15, 0.05, 0.0), noise=noise)
+        depth, state = learnt(source, view, linked, state)
         errors.append(np.median(np.abs(depth.z_m / scene - 1)))
     assert errors[-1] < 0.5 * errors[0]
+
+
+def test_a_rotation_that_is_not_known_makes_depth_less_sure(scene):
+    view = earlier_view(scene, (0.1, 0.0, 0.0))
+    sure, _ = learnt(MotionDepth(), view, link(scene))
+    unsure, _ = learnt(MotionDepth(), replace(view, rotation_spread_rad=0.02), link(scene))
+    assert np.median(unsure.validity) < 0.5 * np.median(sure.validity)
 
 
 def test_a_wrong_match_is_outvoted_by_its_epipolar_line(scene):
     view = earlier_view(scene, (0.2, 0.0, 0.0))
     xy = view.xy.copy()
     xy[4, 6] += [0.0, 0.2]  # off the line: the baseline is horizontal
-    depth, _ = MotionDepth().estimate(
-        DepthInputs(GRID, EarlierView(xy, view.confidence, view.T_earlier_current)), None
-    )
+    depth, _ = learnt(MotionDepth(), replace(view, xy=xy), link(scene))
     assert depth.validity[4, 6] < 0.5 * np.median(depth.validity)
 
 
-def test_going_forward_brings_the_scene_nearer(scene):
-    source = MotionDepth(baseline_noise=0.0, pixel_noise=1e-5, drift_per_m=0.0)
-    before, state = source.estimate(DepthInputs(GRID, earlier_view(scene, (0.2, 0, 0))), None)
-    after, _ = source.estimate(DepthInputs(GRID, motion_m=(0.0, 0.0, 0.25)), state)
-    np.testing.assert_allclose(np.median(before.z_m - after.z_m), 0.25, atol=0.02)
+def test_no_number_of_measurements_makes_depth_certain(scene):
+    source, state = MotionDepth(pixel_noise=1e-9), None
+    for _ in range(5):
+        depth, state = learnt(source, earlier_view(scene, (2.0, 0.5, 0.0)), link(scene), state)
+    spread = np.sqrt(state.variance) / state.rho
+    np.testing.assert_allclose(spread, source.least_spread, rtol=1e-6)
+    np.testing.assert_allclose(depth.z_m, scene, rtol=0.02)
 
 
-def test_a_measurement_far_surer_than_the_prior_leaves_some_doubt(scene):
-    source = MotionDepth(baseline_noise=0.0, pixel_noise=1e-9)
-    depth, state = source.estimate(DepthInputs(GRID, earlier_view(scene, (2.0, 0.5, 0.0))), None)
-    assert (state.variance > 0.0).all()
-    np.testing.assert_allclose(depth.z_m, scene, rtol=1e-3)
+def test_another_goal_takes_the_depth_of_the_current_view_over(scene):
+    source = MotionDepth(pixel_noise=1e-5)
+    depth, _ = learnt(source, earlier_view(scene, (0.2, 0, 0)), link(scene))
+    aside = make_pose(np.eye(3), np.array([0.3, 0.0, 0.2]))
+    linked = link(depth.z_m.astype(np.float64), aside)
+    again, _ = source.estimate(DepthInputs(GRID, link=linked), source.adopt(GRID, depth, linked))
+    sure = depth.validity > 0.99
+    np.testing.assert_allclose(again.z_m[sure], depth.z_m[sure], rtol=0.01)
 
 
 def test_without_any_measurement_the_prior_holds():
-    depth, _ = MotionDepth(prior_m=2.5).estimate(DepthInputs(GRID), None)
+    depth, _ = MotionDepth(prior=2.5).estimate(DepthInputs(GRID), None)
     np.testing.assert_allclose(depth.z_m, 2.5, rtol=1e-5)
+    assert depth.validity.max() < 0.01
 
 
 def test_flow_depth_is_the_paper_s(scene):
