@@ -20,6 +20,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from dfvs_sim.faults.camera import PERIOD_NS, ScriptedCamera
 from dfvs_sim.faults.records import telling_of_mode
 from dfvs_sim.faults.wall import Pose
+from dfvs_sim.vehicle.estimate_errors import EstimateGrade
 from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts, wait_for_data
 from dfvs_sim.vehicle.modes import Mode
@@ -202,7 +203,8 @@ class World:
 
     def _hovering(self) -> Px4:
         begin_ns = time.monotonic_ns() - _AHEAD_NS
-        px4 = Px4(VehicleConfig(parameters=_PARAMETERS), begin_ns, self._rng, self._note)
+        config = VehicleConfig(parameters=_PARAMETERS, estimate=EstimateGrade.MEDIUM)
+        px4 = Px4(config, begin_ns, self._rng, self._note)
         _take_off(px4, begin_ns)
         return px4
 

@@ -14,6 +14,7 @@ from dfvs_core.arrays import FloatArray
 from dfvs_core.poses import pose_error
 from dfvs_core.wire.picture import encode_png
 from dfvs_sim.demo.children import Child
+from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
 from dfvs_sim.demo.flight import (
     VEHICLE_NAME,
     Crew,
@@ -79,7 +80,12 @@ class Tour(Flight):
         self._runtime = stay.folder / "runtime"
         words = ("--set", f"gate.command_key_file={self._key}", "--runtime-dir", str(self._runtime))
         service = *words, *stay.service
-        options = FlightOptions(rate_hz=stay.rate_hz, camera_nice=_CAMERA_NICE, service=service)
+        options = FlightOptions(
+            rate_hz=stay.rate_hz,
+            camera_nice=_CAMERA_NICE,
+            service=service,
+            conditions=Conditions(USUAL_ESTIMATE),
+        )
         super().__init__(plan, options, stay.folder, narrate)
         for old in (self._key, self._runtime / "gate.jsonl"):  # of an earlier soak
             old.unlink(missing_ok=True)
