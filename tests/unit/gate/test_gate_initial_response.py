@@ -223,6 +223,11 @@ def test_half_of_few_reports_is_compared_with_the_other_half():
     assert motion.judge() is Response.CONFIRMED
 
 
+def test_of_more_reports_the_last_five_are_compared_with_the_first_five():
+    distances = [1.0 + 0.01 * (i % 2) for i in range(15)] + [0.8] * 5
+    assert Motion().run(1.2).see([(d, 0.3, None) for d in distances]).judge() is Response.CONFIRMED
+
+
 def test_a_feature_error_counts_only_if_every_report_has_it():
     reports = errors(distance=(1.0, 1.05), feature=(0.3, 0.2))
     assert Motion().run(1.2).see(reports).judge() is Response.CONFIRMED
