@@ -493,7 +493,7 @@ def test_engaging_again_must_wait_until_the_abort_is_over():
 def test_the_operator_holds_and_engages_again():
     gate = in_confirmed(GateState.SERVO)
     gate.send([Order(gate.now_ns, Action.HOLD)])
-    assert (gate.state, gate.last.cause) == (GateState.HOLD, Cause.OPERATOR_HOLD)
+    assert (gate.state, gate.last.reason) == (GateState.HOLD, "operator ordered to hold")
     gate.run(20.0)
     assert gate.state is GateState.HOLD
     gate.send([Order(gate.now_ns, Action.ENGAGE)])
@@ -527,7 +527,7 @@ def test_an_order_to_engage_while_flying_changes_nothing():
 def test_the_operator_aborts():
     gate = in_confirmed(GateState.SERVO)
     gate.forget().send([Order(gate.now_ns, Action.ABORT)])
-    assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.OPERATOR_ABORT)
+    assert (gate.state, gate.last.reason) == (GateState.ABORT, "operator ordered to abort")
     assert gate.requests[0][1] is ModeRequest.HOLD
 
 
