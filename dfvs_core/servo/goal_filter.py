@@ -205,7 +205,9 @@ def predict(
     R = moved.R_earlier_current.T
     step = (moved.displacement_m + x[_E] * dt_s) * per_m
     F = np.eye(7)
-    F[_P, _P], F[_P, _E], F[_P, _S] = R, -per_m * dt_s * R, R @ step
+    F[_P, _P], F[_P, _E] = R, -per_m * dt_s * R
+    # Without the estimated error: that was found by the scale, and is no evidence of it.
+    F[_P, _S] = R @ (moved.displacement_m * per_m)
     F[_E, _E] = kept * R
     Q = np.zeros(7)
     Q[_P] = dt_s * (model.drift_per_s * depth) ** 2

@@ -103,12 +103,26 @@ def test_the_scale_is_learnt_within_the_spread_that_is_stated():
     assert np.median(np.abs(errors)) < 0.1
     # Of 60 draws with the stated spread the root mean square lies within 1 +- 0.1 (1 sigma).
     assert 0.6 < np.sqrt(np.mean((errors / spreads) ** 2)) < 1.4
-    assert np.abs(errors / spreads).max() < 4.5
+    # Two of them start at a quarter of the scale: so far off, a linearised filter is too sure.
+    assert np.sort(np.abs(errors / spreads))[-3] < 2.5
+    assert np.abs(errors / spreads).max() < 5.0
 
 
 def test_a_structure_that_is_hardly_known_says_less_of_the_scale():
     known, guessed = (flown_about(0, spread=spread).estimate for spread in (0.0, 0.5))
     assert guessed.scale_spread > 1.5 * known.scale_spread
+
+
+@pytest.mark.parametrize("seed", range(5))
+def test_a_vehicle_that_drifts_and_believes_to_stand_still_learns_no_scale(seed):
+    """The odometry tells of no motion; what the images show is its error, of unknown size."""
+    rng = np.random.default_rng(seed)
+    camera = Camera(rng, np.array([0.3, -0.2, 1.5]))
+    for drift in correlated(rng, 300, 0.04, 3.0):
+        camera.look()
+        camera.move(drift, error=drift)
+    assert abs(scale_error(camera)) < 0.05
+    assert camera.estimate.scale_spread > 0.55
 
 
 def test_a_metric_depth_keeps_its_scale():
