@@ -1,0 +1,133 @@
+"""Perception of a vehicle in a box-shaped room whose odometry errs, in simulated time."""
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+from box_room import BoxRoom
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import FlowField
+from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.matching.matcher import Prepared
+from dfvs_core.outcome import FrameOutcome
+from dfvs_core.pipeline import Pipeline
+from dfvs_core.poses import make_pose, rotation_from_euler
+from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.task import ServoTask
+from dfvs_core.vehicle_history import VehicleHistory
+from dfvs_core.wire.frame import Frame
+from dfvs_core.wire.link import VehicleState
+
+CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
+ROOM = BoxRoom(CAMERA)
+STATE_S = 0.02
+STATES_A_FRAME = 3
+RESPONSE_S = 0.3
+GRAVITY_M_S2 = 9.81
+_START_NS = 10**9
+
+
+class _View(Prepared):
+    def __init__(self, T_world_camera):
+        super().__init__((CAMERA.height, CAMERA.width))
+        self.T_world_camera = T_world_camera
+
+
+class _ExactMatcher:
+    """Exact flow with an error of 0.3 px that is alike over 16 px; images do not matter."""
+
+    def __init__(self, rng):
+        self.rng, self.T_world_camera = rng, np.eye(4)
+
+    def prepare(self, image):
+        return _View(self.T_world_camera.copy())
+
+    def match(self, current, other, guess=None, *, besides=()):
+        exact = ROOM.flow(current.T_world_camera, other.T_world_camera)
+        noise = self.rng.normal(0.0, 0.4, (9, 11, 2)).astype(np.float32)
+        return FlowField(exact.flow + cv2.resize(noise, (160, 120)), exact.confidence)
+
+    def track(self, current, other, guess):
+        return self.match(current, other)
+
+
+@dataclass(frozen=True)
+class Look:
+    """One frame: time, true distance to the goal, and what perception makes of it."""
+
+    t_s: float
+    distance_m: float
+    outcome: FrameOutcome
+
+    @property
+    def ratio(self):
+        """Estimated over true distance."""
+        return self.outcome.result.error_m / self.distance_m
+
+
+class BoxFlight:
+    """A level-headed vehicle that tilts as it accelerates, before a goal at the room's centre.
+
+    Parameters
+    ----------
+    start_m : (3,)
+        NED, off the goal.
+    mounted : Mount
+        How the camera sits. The settings say that it looks ahead.
+    seed : int
+        Of the flow's errors.
+    """
+
+    def __init__(self, start_m, mounted=None, seed=0):
+        self._T_body_camera = (mounted or Mount()).T_body_camera()
+        self._matcher = _ExactMatcher(np.random.default_rng(seed))
+        self._matcher.T_world_camera = make_pose(np.eye(3), np.zeros(3)) @ self._T_body_camera
+        image = np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8)
+        sidecar = GoalSidecar(CAMERA)
+        task = ServoTask(ServoConfig(), CAMERA, sidecar, Mount())
+        self._now_ns = _START_NS
+        self._image = image
+        self._pipeline = Pipeline(task, self._matcher, Goal(image, sidecar), lambda: self._now_ns)
+        self._history = VehicleHistory()
+        self.position_m = np.array(start_m, np.float64)
+        self._estimate_m = self.position_m.copy()
+        self.velocity_m_s = np.zeros(3)
+        self.looks: list[Look] = []
+
+    def step(self, velocity, error):
+        """Fly for 20 ms; position and velocity estimate err by ``error`` (3,) NED, m/s."""
+        wanted = self.velocity_m_s + (np.array(velocity) - self.velocity_m_s) * STATE_S / RESPONSE_S
+        acceleration = (wanted - self.velocity_m_s) / STATE_S
+        self.velocity_m_s = wanted
+        self.position_m += STATE_S * self.velocity_m_s
+        told = self.velocity_m_s + np.array(error)
+        self._estimate_m += STATE_S * told
+        self._now_ns += round(STATE_S * 1e9)
+        roll, pitch = acceleration[1] / GRAVITY_M_S2, -acceleration[0] / GRAVITY_M_S2
+        self._history.add(
+            VehicleState(self._now_ns, roll, pitch, 0.0, tuple(told), tuple(self._estimate_m))
+        )
+        count = (self._now_ns - _START_NS) // round(STATE_S * 1e9)
+        if count % STATES_A_FRAME == 0 and count > STATES_A_FRAME:
+            self._look(rotation_from_euler(roll, pitch, 0.0))
+
+    def _look(self, R_world_body):
+        self._matcher.T_world_camera = make_pose(R_world_body, self.position_m)
+        self._matcher.T_world_camera = self._matcher.T_world_camera @ self._T_body_camera
+        frame = Frame(self._image, self._now_ns, len(self.looks))
+        outcome = self._pipeline.process(frame, self._history.at(self._now_ns), engaged=True)
+        self._pipeline.digest()
+        t_s = (self._now_ns - _START_NS) * 1e-9
+        self.looks.append(Look(t_s, float(np.linalg.norm(self.position_m)), outcome))
+
+
+def correlated(seed, seconds, deviation, time_s):
+    """First-order Gauss-Markov process, one (3,) every 20 ms."""
+    rng, kept = np.random.default_rng(seed), math.exp(-STATE_S / time_s)
+    noise = rng.normal(0.0, deviation, (round(seconds / STATE_S), 3))
+    values = [noise[0]]
+    for step in noise[1:]:
+        values.append(kept * values[-1] + math.sqrt(1.0 - kept**2) * step)
+    return np.array(values)
