@@ -1,0 +1,42 @@
+"""Whole flights in simulated time: vehicle, perception and gate, judged by the true pose."""
+
+import pytest
+
+from dfvs_sim.lockstep.campaign import SimulatedJob, fly
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.vehicle.estimate_errors import EstimateGrade
+from dfvs_sim.vehicle.flight import VehicleConfig
+
+
+def flown(seed, **changes):
+    """A flight in the built-in room by an autopilot's estimate of grade medium, exact flow."""
+    vehicle = VehicleConfig(estimate=EstimateGrade.MEDIUM)
+    return fly(SimulatedJob(seed, builtin_room_path(), vehicle, **changes))
+
+
+@pytest.mark.parametrize("seed", [100, 101, 103])
+def test_a_flight_reaches_the_goal_and_stays_there_by_vision(seed):
+    """Within 5 cm and 1 degree from before DONE to the end of the watch, by the truth."""
+    flight = flown(seed, hold_s=4.0, timeout_s=40.0)
+    assert flight.end_state == "DONE"
+    assert flight.start_m > 0.8
+    assert flight.within_s is not None
+    assert flight.within_s < flight.end_s < 20.0
+    assert flight.farthest_m < flight.start_m + 0.1
+
+
+@pytest.mark.parametrize("seed", [100, 101])
+@pytest.mark.parametrize("mounted_deg", [180.0, 90.0, -90.0], ids=["backwards", "right", "left"])
+def test_a_camera_that_is_mounted_another_way_round_ends_the_flight_at_once(mounted_deg, seed):
+    """The check that no wrong velocity may pass: 1.5 s and 15 cm are the most it may take."""
+    flight = flown(seed, mounted_deg=mounted_deg, hold_s=0.2, timeout_s=12.0)
+    assert flight.end_state == "ABORT"
+    assert "turns another way" in flight.end_cause
+    assert flight.end_s < 1.5
+    assert flight.moved_m < 0.15
+
+
+def test_the_same_seed_flies_the_same_way_again():
+    """To the bit: a flight can be looked into."""
+    first, second = (flown(104, timeout_s=4.0) for _ in range(2))
+    assert first == second
