@@ -96,6 +96,11 @@ class BoxFlight:
         self.velocity_m_s = np.zeros(3)
         self.looks: list[Look] = []
 
+    @property
+    def state(self):
+        """Memory of the servo step."""
+        return self._pipeline._state
+
     def step(self, velocity, error):
         """Fly for 20 ms; position and velocity estimate err by ``error`` (3,) NED, m/s."""
         wanted = self.velocity_m_s + (np.array(velocity) - self.velocity_m_s) * STATE_S / RESPONSE_S

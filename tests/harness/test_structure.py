@@ -1,0 +1,50 @@
+"""The relative structure of the goal view while the vehicle flies about before it."""
+
+import numpy as np
+import pytest
+from box_flight import ROOM, STATE_S, BoxFlight
+
+from dfvs_core.goal import Mount
+from dfvs_core.servo.config import ServoConfig
+
+START_M = (-1.0, 0.3, 0.1)
+STRIDE = ServoConfig().stride_px
+
+
+def true_depth_m():
+    """Of the goal view's cells (h, w)."""
+    return ROOM.depth(Mount().T_body_camera())[STRIDE // 2 :: STRIDE, STRIDE // 2 :: STRIDE]
+
+
+@pytest.fixture(scope="module")
+def learnt():
+    """Metres that the unit of the structure truly has, scatter of the cells and scale, by time."""
+    flight, true_m, found = BoxFlight(START_M), true_depth_m(), {}
+    for k in range(round(24.0 / STATE_S)):
+        t_s = k * STATE_S
+        flight.step(0.3 * np.cos([0.7 * t_s, 1.1 * t_s + 1.5, 0.9 * t_s]), error=np.zeros(3))
+        if k % 300 == 299:
+            metres = true_m * flight.state.depth.rho
+            unit_m = float(np.median(metres))
+            scatter = float(np.median(np.abs(metres / unit_m - 1.0)))
+            found[round(t_s)] = unit_m, scatter, flight.state.estimate.metres_per_unit
+    return found
+
+
+def test_the_unit_does_not_drift_while_measurements_add_up(learnt):
+    """Each baseline is measured by the depth that it then improves."""
+    units = np.array([unit_m for unit_m, _, _ in learnt.values()])
+    assert len(units) == 4
+    np.testing.assert_allclose(units, units[0], rtol=0.03)
+
+
+def test_the_shape_of_the_room_is_learnt(learnt):
+    scatters = [scatter for _, scatter, _ in learnt.values()]
+    assert scatters[-1] < 0.02
+    assert scatters[-1] < scatters[0]
+
+
+def test_the_metric_scale_is_that_of_the_unit(learnt):
+    """By an odometry that is right: to the noise of the measured position, 2 %."""
+    for unit_m, _, scale in learnt.values():
+        assert scale == pytest.approx(unit_m, rel=0.05)
