@@ -86,3 +86,20 @@ def test_the_current_view_is_given_the_depth_that_it_has_from_there(rng):
         assert np.median(ratio) > 0.98
         assert np.median(ratio) < 1.02
         assert np.percentile(np.abs(ratio - 1.0), 90) < 0.1
+
+
+def test_the_uncertainty_is_that_of_the_goal_view():
+    """Of a wall 2 m away: seen by the goal from 4 m, its inverse depth is known 4 times as well."""
+    source = MotionDepth(pixel_noise=NOISE_PX / CAMERA.fx, least_spread=0.0)
+    T_earlier_current = make_pose(np.eye(3), np.array([0.2, 0.0, 0.0]))
+    xy = XY + np.array([0.2 / 2.0, 0.0])
+    earlier = EarlierView(xy, np.ones(SHAPE), T_earlier_current)
+    cells = np.arange(XY.shape[0] * XY.shape[1]).reshape(SHAPE)
+    spreads = []
+    for behind_m in (0.0, 2.0):
+        T_current_goal = make_pose(np.eye(3), np.array([0.0, 0.0, -behind_m]))
+        link = GoalLink(cells, XY * 2.0 / (2.0 + behind_m), T_current_goal, SHAPE)
+        state = source.observe(XY, earlier, link, None)
+        np.testing.assert_allclose(1.0 / state.rho, 2.0 + behind_m, rtol=1e-3)
+        spreads.append(np.sqrt(state.variance))
+    np.testing.assert_allclose(spreads[0] / spreads[1], 4.0, rtol=1e-2)

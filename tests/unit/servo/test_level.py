@@ -24,6 +24,8 @@ NOISE_PX = 0.3
 TRUE = Attitude(np.radians(2.0), np.radians(-3.0), np.radians(10.0))
 GOAL = np.array([0.5, 0.2, 0.1])
 """Forward, right and down of the vehicle."""
+GOAL_TURN_RAD = np.radians(20.0)
+"""To the right."""
 
 
 def task_of(mount):
@@ -39,8 +41,9 @@ class Frames:
         T_body_camera = self.task.mount.T_body_camera()
         R = rotation_from_euler(TRUE.roll_rad, TRUE.pitch_rad, TRUE.yaw_rad)
         level = rotation_from_euler(0.0, 0.0, TRUE.yaw_rad)
+        goal_level = rotation_from_euler(0.0, 0.0, TRUE.yaw_rad + GOAL_TURN_RAD)
         T_current = make_pose(R, np.zeros(3)) @ T_body_camera
-        T_goal = make_pose(level, level @ GOAL) @ T_body_camera
+        T_goal = make_pose(goal_level, level @ GOAL) @ T_body_camera
         self.flow = ROOM.flow(T_current, T_goal)
         z = ROOM.depth(T_current)[4::8, 4::8].astype(np.float32)
         self.depth = DepthMap(z, np.full_like(z, validity))
@@ -105,9 +108,15 @@ def test_where_depth_is_not_known_the_estimate_stays_put(validity):
     assert tuple(frames.estimate(10, so_far)) == so_far
 
 
+def test_half_of_the_depth_is_not_enough():
+    frames = Frames(np.radians([2.0, 2.0]))
+    frames.depth.validity[:, :14] = 0.0
+    assert tuple(frames.estimate(5)) == (0.0, 0.0)
+
+
 def test_it_is_enough_that_most_of_the_depth_is_known():
     frames = Frames(np.radians([2.0, 0.0]))
-    frames.depth.validity[:, :5] = 0.0
+    frames.depth.validity[:, 17:] = 0.0
     assert np.degrees(frames.estimate(60)) == pytest.approx([2.0, 0.0], abs=0.5)
 
 
