@@ -460,7 +460,7 @@ def test_the_operator_may_engage_again(state):
         gate.run(1.0)
     assert gate.state is state
     gate.forget().send([Order(gate.now_ns, Action.ENGAGE)])
-    assert (gate.state, gate.last.cause) == (GateState.PREFLIGHT, Cause.OPERATOR_AGAIN)
+    assert (gate.state, gate.last.reason) == (GateState.PREFLIGHT, "operator engages again")
     assert not gate.setpoints
     gate.until(GateState.READY)
     gate.beat(mode=VehicleMode.OFFBOARD)
