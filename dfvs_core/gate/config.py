@@ -81,7 +81,7 @@ class GateConfig:
     """Time for which the goal is held by vision, once reached."""
     min_overlap: float = 0.09
     min_frame_hz: float = 8.0
-    """Fewer good frames a second refuse the preflight; one period without any is silence."""
+    """Fewer good frames a second refuse the preflight."""
     min_battery: float = 0.2
     max_jump_m: float = 0.5
     """Largest step of the position estimate beyond what the velocity explains."""

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.engagement import Engagement, cap
-from dfvs_core.gate.initial_response import InitialResponse, Response
+from dfvs_core.gate.initial_response import Response
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import Fault, VehiclePicture, flight_fault
@@ -92,9 +92,11 @@ def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:
 
 
 def _decide_motion(engagement: Engagement, moment: Moment) -> Decision | None:
-    """Stop what moves by vision: for stale data, or a failed initial-response check."""
+    """Stop what moves by vision: for stale data, a wrong mounting, or no initial response."""
     if (stale := moment.sight.stale(moment.now_ns)) is not None:
         return Decision(GateState.HOLD, stale)
+    if (fault := moment.sight.mounting_fault()) is not None:
+        return Decision(GateState.ABORT, fault)
     response = engagement.response
     if response is None:
         return None
@@ -102,15 +104,10 @@ def _decide_motion(engagement: Engagement, moment: Moment) -> Decision | None:
     if shown is Response.CONFIRMED:
         engagement.response = None
         engagement.is_confirmed_response = True
-    if shown is not Response.FAILED or _need_not_fall(response, moment):
+    # An error that is within tolerance need not fall.
+    if shown is not Response.FAILED or moment.sight.reached_since_ns is not None:
         return None
-    return Decision(GateState.ABORT, (response.cause, response.objection))
-
-
-def _need_not_fall(response: InitialResponse, moment: Moment) -> bool:
-    """Tell whether the check failed only because an error stays that is within tolerance."""
-    is_reached = moment.sight.reached_since_ns is not None
-    return is_reached and response.cause is Cause.ERROR_NOT_FALLING
+    return Decision(GateState.ABORT, (Cause.ERROR_NOT_FALLING, response.objection))
 
 
 def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:

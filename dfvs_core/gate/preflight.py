@@ -5,7 +5,6 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dfvs_core.gate.config import MS, GateConfig, S
-from dfvs_core.gate.initial_response import MOUNTING_SCORE
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.vehicle import (
     NEVER,
@@ -151,8 +150,6 @@ def _overlap(sight: Sight, config: GateConfig) -> Check:
 
 def _mounting(sight: Sight) -> Check:
     """Refuse a camera whose images turn about another axis than the vehicle does."""
-    score = None if sight.good is None else sight.good.mounting_score
-    if score is not None and score <= -MOUNTING_SCORE:
-        detail = f"the camera turns another way than the vehicle ({-score:.0f} standard deviations)"
-        return Check("mounting", False, detail, _MOUNTING)
-    return Check("mounting", True)
+    if (fault := sight.mounting_fault()) is None:
+        return Check("mounting", True)
+    return Check("mounting", False, f"{fault[0]}: {fault[1]}", _MOUNTING)

@@ -20,6 +20,8 @@ MAX_BELIEVED_SPEED_M_S = 10.0
 MAX_BELIEVED_YAW_RAD_S = 10.0
 """A servo law that asks for more is broken; what is merely too fast gets scaled down."""
 
+MOUNTING_SCORE = 5.0
+"""Standard deviations from which on the camera's mounting counts as right, or as wrong."""
 
 _OTHER_GOAL: Fault = (Cause.REPORT_REJECTED, "it is about another goal")
 
@@ -130,6 +132,14 @@ class Sight:
             return None
         self.spoil((Cause.FRAME_OLD, f"{age / MS:.0f} ms"))
         return self.fault
+
+    def mounting_fault(self) -> Fault | None:
+        """Tell that the images turn about another axis than the vehicle does."""
+        score = None if self.good is None else self.good.mounting_score
+        if score is None or score > -MOUNTING_SCORE:
+            return None
+        detail = f"{-score:.0f} standard deviations; is it mounted as camera.mount says?"
+        return Cause.WRONG_MOUNTING, detail
 
     def pace(self, now_ns: int) -> tuple[float, int]:
         """Good frames a second of late, and the median time from capture to report, ns."""

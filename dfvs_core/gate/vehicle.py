@@ -19,7 +19,6 @@ from dfvs_core.gate.events import (
     VehicleEvent,
     VehicleMode,
 )
-from dfvs_core.gate.initial_response import OwnMotion
 from dfvs_core.gate.rivals import Rivals
 from dfvs_core.gate.states import Cause
 
@@ -30,6 +29,14 @@ NEVER = -(1 << 62)
 """Time of a message that was not heard yet: older than any limit."""
 
 _UNHEARD = "none heard yet"
+
+
+@dataclass(frozen=True, slots=True)
+class OwnMotion:
+    """How the vehicle moves by its own estimate: velocity NED in m/s and heading in rad."""
+
+    velocity_m_s: tuple[float, float, float]
+    yaw_rad: float
 
 
 @dataclass(slots=True)

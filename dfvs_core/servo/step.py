@@ -10,7 +10,7 @@ from dataclasses import replace
 import numpy as np
 
 from dfvs_core.arrays import BoolArray, FloatArray
-from dfvs_core.depth.source import GoalLink
+from dfvs_core.correspondence import DepthMap
 from dfvs_core.poses import make_pose, rotation_from_euler
 from dfvs_core.servo.exchange import (
     LastFrame,
@@ -22,14 +22,15 @@ from dfvs_core.servo.exchange import (
 )
 from dfvs_core.servo.feature_error import feature_error
 from dfvs_core.servo.goal_filter import GoalEstimate
+from dfvs_core.servo.image_turn import image_turn, point_tracks
 from dfvs_core.servo.law import NormalEquations
 from dfvs_core.servo.level import attitude_error, corrected, level_points
 from dfvs_core.servo.motion import find_goal, is_clear, wanted_motion
 from dfvs_core.servo.mounting import (
     MountingState,
+    begin_mounting,
     follow_mounting,
     mounting_score,
-    seen_cells,
 )
 from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose
@@ -92,6 +93,8 @@ def servo_step(
     depth, depth_state = estimate_depth(unit_task, state, inputs, samples, link)
     points = points_from_flow(samples, depth, task.camera, task.goal.camera)
 
+    mounting = check_mounting(task, state, mounting_inputs, samples, depth)
+
     # 3. Take both views to the gravity-aligned virtual camera.
     points = level_points(task, inputs.attitude, points)
     trusted = points.weight > task.config.min_confidence
@@ -103,6 +106,7 @@ def servo_step(
         T_current_goal=T_predicted,
         estimate=estimate,
         last=LastFrame(inputs.t_capture_ns, inputs.attitude, samples),
+        mounting=mounting,
         outliers=None,
     )
     least = task.config.min_overlap * (1.0 if T_guess is None else _GO_ON)
@@ -116,7 +120,6 @@ def servo_step(
     spacing = task.config.stride_px / task.camera.fx
     left, reference = feature_error(points, spacing, before)
     points = replace(points, weight=pose.weight)
-    mounting = check_mounting(task, state, mounting_inputs, samples, link)
 
     # 5. Solve for the motion, and filter it.
     measured, equations = wanted_motion(unit_task, points, pose)
@@ -164,7 +167,6 @@ def servo_step(
         last=LastFrame(inputs.t_capture_ns, inputs.attitude, samples, position),
         stop=stop,
         reference=reference,
-        mounting=mounting,
         attitude_error_rad=tilt,
         outliers=outliers,
     )
@@ -194,20 +196,24 @@ def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:
 
 
 def check_mounting(
-    task: ServoTask,
-    state: ServoState,
-    inputs: ServoInputs,
-    samples: GridSamples,
-    link: GoalLink | None,
+    task: ServoTask, state: ServoState, inputs: ServoInputs, samples: GridSamples, depth: DepthMap
 ) -> MountingState | None:
     """Regression of the images' tilt after this frame; of a vehicle alone."""
-    if task.mount is None or link is None:
-        return state.mounting
+    if task.mount is None:
+        return None
     a = inputs.attitude
-    R_world_body = rotation_from_euler(a.roll_rad, a.pitch_rad, a.yaw_rad)
-    seen = seen_cells(task.camera.normalise(samples.pixels), link)
-    now = MountingState(inputs.t_capture_ns, R_world_body, seen)
-    return follow_mounting(state.mounting, now, task.mount.T_body_camera()[:3, :3])
+    now = begin_mounting(
+        inputs.t_capture_ns, rotation_from_euler(a.roll_rad, a.pitch_rad, a.yaw_rad)
+    )
+    if state.mounting is None or state.last is None:
+        return now
+    turn = None
+    if state.last.t_capture_ns == state.mounting.t_ns:
+        cameras = (task.camera, task.goal.camera)
+        both = (state.last.samples, samples)
+        z = depth.z_m.astype(np.float64)
+        turn = image_turn(point_tracks(both, z, cameras, task.config.min_confidence))
+    return follow_mounting(state.mounting, now, turn, task.mount.T_body_camera()[:3, :3])
 
 
 def _judge(

@@ -35,7 +35,7 @@ _LONG_AGO = -(1 << 62)
 _MOST_M_S = _MOST_RAD_S = 10.0
 """No servo law in its right mind asks for more."""
 
-_CLEAR_SCORE = 6.0
+_CLEAR_SCORE = 5.0
 """Standard deviations from which on a wrong mounting ends a flight."""
 
 

@@ -252,10 +252,7 @@ class InvariantChecker:
         _demand(linear_ok and turn_ok, "I1", f"from {self._last} to {v} within {dt_s} s")
 
     def _check_reason_to_move(self, v: BodyVelocity, now_ns: int) -> None:
-        """I1, I4: bounded in distance and time, by a fresh good frame, with no fault known.
-
-        A wrong mounting counts until the initial-response check may have passed.
-        """
+        """I1, I4: bounded in distance and time, by a fresh good frame, with no fault known."""
         evidence, config = self.evidence, self.config
         if self._reached_ns is None:
             since_ns, most_ns = self._engaged_ns, config.max_engaged_ns
@@ -267,7 +264,7 @@ class InvariantChecker:
         was_moving = self._may_move_in(self.state)
         faults = evidence.faults if was_moving else []
         _demand(not faults, "I4", f"{v} sent although {faults}")
-        is_wrong = was_moving and evidence.is_mounted_wrong and not self._may_be_confirmed
+        is_wrong = was_moving and evidence.is_mounted_wrong
         _demand(not is_wrong, "I4", f"{v} sent although the camera is mounted another way")
         _demand(evidence.good_capture_ns is not None, "I4", f"{v} sent without a good frame")
         objection = evidence.objection(now_ns)

@@ -154,7 +154,7 @@ BROKEN = [
     ("I4", GateMachine, "_hold_servo", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", holds_in_servo_alone),
     ("I4", sight, "is_late", lambda old: forever(False)),
-    ("I4", InitialResponse, "see", lambda old: forever(None)),
+    ("I4", Sight, "mounting_fault", lambda old: forever(None)),
     ("I5", Engagement, "heed", lambda old: forever(None)),
     ("I5", GateMachine, "_judge", leaves_an_end_by_itself),
     ("I6", machine, "sole_commander", lambda old: forever(Check("sole commander", True))),

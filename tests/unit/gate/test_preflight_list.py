@@ -148,7 +148,7 @@ def test_a_view_that_does_not_fit(changes, name, detail, remedy):
     assert listed(gate)[name] == Check(name, False, detail, remedy)
 
 
-@pytest.mark.parametrize("score", [None, 99.0, 0.0, math.nextafter(-6.0, 0.0)])
+@pytest.mark.parametrize("score", [None, 99.0, 0.0, math.nextafter(-5.0, 0.0)])
 def test_a_mounting_that_is_not_clearly_wrong(score):
     gate = ready()
     gate.changes = {"mounting_score": score}
@@ -158,9 +158,12 @@ def test_a_mounting_that_is_not_clearly_wrong(score):
 
 def test_a_mounting_that_is_clearly_wrong():
     gate = ready()
-    gate.changes = {"mounting_score": -6.0}
+    gate.changes = {"mounting_score": -5.0}
     gate.tick()
-    detail = "the camera turns another way than the vehicle (6 standard deviations)"
+    detail = (
+        "camera turns another way than the vehicle: 5 standard deviations; "
+        "is it mounted as camera.mount says?"
+    )
     assert listed(gate)["mounting"] == Check("mounting", False, detail, MOUNTING)
     gate.until(GateState.PREFLIGHT, 1.0)
     assert gate.last.detail == f"mounting: {detail}"

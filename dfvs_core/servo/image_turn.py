@@ -1,0 +1,103 @@
+"""How the camera has turned between two frames, by the flow of both to the goal.
+
+A point of the scene keeps its place ``g`` in the goal image. With ``g(p)`` of each frame, ``p``
+moves by ``u`` so that ``g_now(p + u) = g_before(p)``: to first order ``J u = g_before - g_now`` at
+each point of the grid, where ``J`` is the slope of ``g``. And ``u`` is ``L`` times the camera's
+twist.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.arrays import BoolArray, FloatArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.servo.interaction import interaction_matrix
+from dfvs_core.servo.points import GridSamples
+from dfvs_core.servo.weights import NoiseScale, tukey_weights
+
+_LEAST_POINTS = 50
+_ROUNDS = 3
+_NOISE = 5e-4
+"""Expected error of a point's shift, normalised units."""
+
+_POINTS_ALIKE = 9.0
+"""Points of the grid that count as one: errors of neighbours are alike."""
+
+
+@dataclass(frozen=True, slots=True)
+class ImageTurn:
+    """Rotation vector (3,) rad of the camera between two frames, and its covariance (3, 3)."""
+
+    vector_rad: FloatArray
+    covariance: FloatArray
+
+
+@dataclass(frozen=True, slots=True)
+class PointTracks:
+    """N points that two frames share.
+
+    ``xy`` (N, 2) are their normalised coordinates in the current image and ``z`` (N,) their depth
+    in any unit. ``shift`` (N, 2) is how far the goal image's point at ``xy`` has moved from the
+    earlier frame to this one, with the sign turned, and ``slope`` (N, 2, 2) the change of that
+    point for a change of ``xy``.
+    """
+
+    xy: FloatArray
+    z: FloatArray
+    shift: FloatArray
+    slope: FloatArray
+
+
+def point_tracks(
+    samples: tuple[GridSamples, GridSamples],
+    z: FloatArray,
+    cameras: tuple[CameraModel, CameraModel],
+    min_confidence: float,
+) -> PointTracks:
+    """Points that an earlier frame and this one share.
+
+    ``samples`` are of both, ``z`` (h, w) is the depth of this one, ``cameras`` are the vehicle's
+    and the goal's.
+    """
+    before, now = samples
+    camera, goal_camera = cameras
+    stride = float(now.pixels[0, 1, 0] - now.pixels[0, 0, 0])
+    g_before, g_now = (goal_camera.normalise(s.pixels + s.flow) for s in samples)
+    mean = 0.5 * (g_before + g_now)
+    by_x = np.gradient(mean, stride / camera.fx, axis=1)
+    by_y = np.gradient(mean, stride / camera.fy, axis=0)
+    slope = np.stack([by_x, by_y], axis=-1)
+    sure = np.minimum(before.confidence, now.confidence) > min_confidence
+    keep = _with_neighbours(sure)
+    xy = camera.normalise(now.pixels)
+    return PointTracks(xy[keep], z[keep], (g_before - g_now)[keep], slope[keep])
+
+
+def _with_neighbours(sure: BoolArray) -> BoolArray:
+    """Points (h, w) whose four neighbours are sure as well."""
+    padded = np.pad(sure, 1, mode="edge")
+    across = padded[1:-1, :-2] & padded[1:-1, 2:]
+    return sure & across & padded[:-2, 1:-1] & padded[2:, 1:-1]
+
+
+def image_turn(tracks: PointTracks) -> ImageTurn | None:
+    """Turn of the camera that best explains how points have moved, None where they are few.
+
+    The translation is solved for beside it.
+    """
+    if len(tracks.xy) < _LEAST_POINTS:
+        return None
+    L = tracks.slope @ interaction_matrix(tracks.xy, tracks.z)
+    twist, A = np.zeros(6), np.eye(6)
+    for _ in range(_ROUNDS):
+        rest = np.linalg.norm(tracks.shift - L @ twist, axis=1)
+        weight = tukey_weights(rest, np.ones(len(rest)), NoiseScale(_NOISE))
+        A = np.einsum("n,nij,nik->jk", weight, L, L) + 1e-9 * np.eye(6)
+        twist = np.linalg.solve(A, np.einsum("n,nij,ni->j", weight, L, tracks.shift))
+    rest = np.linalg.norm(tracks.shift - L @ twist, axis=1)
+    variance = max(float(weight @ rest**2) / (2.0 * float(weight.sum())), _NOISE**2)
+    covariance = np.asarray(_POINTS_ALIKE * variance * np.linalg.inv(A), np.float64)
+    return ImageTurn(twist[3:], covariance[3:, 3:])
