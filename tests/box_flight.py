@@ -101,14 +101,18 @@ class BoxFlight:
         """Memory of the servo step."""
         return self._pipeline._state
 
-    def step(self, velocity, error):
-        """Fly for 20 ms; position and velocity estimate err by ``error`` (3,) NED, m/s."""
+    def step(self, velocity, error, rate_error=None):
+        """Fly for 20 ms; the velocity estimate errs by ``error`` (3,) NED, m/s.
+
+        The rate of the position estimate errs by ``rate_error``, or by the same.
+        """
         wanted = self.velocity_m_s + (np.array(velocity) - self.velocity_m_s) * STATE_S / RESPONSE_S
         acceleration = (wanted - self.velocity_m_s) / STATE_S
         self.velocity_m_s = wanted
         self.position_m += STATE_S * self.velocity_m_s
         told = self.velocity_m_s + np.array(error)
-        self._estimate_m += STATE_S * told
+        rate = told if rate_error is None else self.velocity_m_s + np.array(rate_error)
+        self._estimate_m += STATE_S * rate
         self._now_ns += round(STATE_S * 1e9)
         roll, pitch = acceleration[1] / GRAVITY_M_S2, -acceleration[0] / GRAVITY_M_S2
         self._history.add(

@@ -70,8 +70,8 @@ class FilterModel:
     scale_spread: float = 0.6
     error_m_s: float = 0.03
     error_range_m_s: tuple[float, float] = (0.003, 0.3)
-    error_time_s: float = 1.5
-    slip_time_s: float = 0.25
+    error_time_s: float = 0.6
+    slip_time_s: float = 0.1
     adaptation_s: float = 3.0
     slip_share: float = 0.35
     position_noise: float = 0.001
@@ -206,8 +206,7 @@ def predict(
     step = (moved.displacement_m + x[_E] * dt_s) * per_m
     F = np.eye(7)
     F[_P, _P], F[_P, _E] = R, -per_m * dt_s * R
-    # Without the estimated error: that was found by the scale, and is no evidence of it.
-    F[_P, _S] = R @ (moved.displacement_m * per_m)
+    F[_P, _S] = R @ _limited(step, per_m * float(np.linalg.norm(moved.displacement_m)))
     F[_E, _E] = kept * R
     Q = np.zeros(7)
     Q[_P] = dt_s * (model.drift_per_s * depth) ** 2
@@ -256,6 +255,15 @@ def restructured(estimate: GoalEstimate, before: FloatArray, after: FloatArray) 
     x[_S] -= stretch
     P[_S, _S] += stretch**2
     return replace(estimate, x=x, P=P)
+
+
+def _limited(motion: FloatArray, most: float) -> FloatArray:
+    """Motion (3,) that tells of the scale: no longer than what the odometry tells of.
+
+    The rest was found by the scale, and is no evidence of it.
+    """
+    length = float(np.linalg.norm(motion))
+    return motion * (most / length) if length > most else motion
 
 
 def _adapted(estimate: GoalEstimate, dt_s: float, model: FilterModel) -> float:
