@@ -58,6 +58,10 @@ _APPROACH_M_S = 0.02
 """Speed towards the goal, m/s or rad/s, below which no progress is expected."""
 _CLEAR_OVERLAP = 0.15
 """Share of the view that shows the goal from which on the gain is full."""
+_CONSISTENT = 5.0
+"""Residual over the flow's noise up to which the gain is full; at twice that it is least."""
+_LEAST_CAUTION = 0.25
+"""Least factor on the gain by a residual: where depth is not known yet, a flight has to begin."""
 
 
 def servo_step(
@@ -127,7 +131,8 @@ def servo_step(
     since_s = None if T_guess is None else dt_s
     estimate = correct_goal(task, estimate, position, points, since_s)
     motion = _filtered_motion(task, unit_task, estimate, measured)
-    velocity = _velocity(task, motion, estimate, inputs, overlap)
+    residual_px = pose.residual * task.camera.fx
+    velocity = _velocity(task, motion, estimate, inputs, _caution(task, overlap, residual_px))
 
     # 6. Judge.
     error_m, error_rad = float(np.linalg.norm(estimate.position_m)), _angle(task, motion)
@@ -138,7 +143,6 @@ def servo_step(
     feature_error_px = _feature_error_px(task, points)
     verdict = _judge(task, pose, equations, feature_error_px, stop)
     flown = verdict is Verdict.OK
-    residual_px = pose.residual * task.camera.fx
     result = ServoResult(
         verdict=verdict,
         velocity=velocity if flown else np.zeros_like(velocity),
@@ -298,14 +302,23 @@ def _velocity_error(task: ServoTask, estimate: GoalEstimate) -> FloatArray:
     return error
 
 
+def _caution(task: ServoTask, overlap: float, residual_px: float) -> float:
+    """Factor on the gain, 0 to 1: low where little is seen, or a pose explains what is seen badly.
+
+    A rigid scene of known depth leaves the noise of the flow alone.
+    """
+    excess = residual_px / (_CONSISTENT * task.config.flow_noise_px)
+    return min(1.0, overlap / _CLEAR_OVERLAP) * min(max(2.0 - excess, _LEAST_CAUTION), 1.0)
+
+
 def _velocity(
     task: ServoTask,
     motion: FloatArray,
     estimate: GoalEstimate,
     inputs: ServoInputs,
-    overlap: float,
+    caution: float,
 ) -> FloatArray:
-    """Velocity (d,) within the limits; where little is seen the pose is poor, and the gain low.
+    """Velocity (d,) within the limits; ``caution`` is a factor on the gain.
 
     What the vehicle makes of a velocity differs by the error of its own estimate: that is taken
     off.
@@ -314,7 +327,6 @@ def _velocity(
     late_s = task.response_s + (age_s if task.mount is not None else 0.0)
     config = task.config
     gain = AdaptiveGain(config.gain_far, config.gain_near, config.gain_error)
-    caution = min(1.0, overlap / _CLEAR_OVERLAP)
     error = _velocity_error(task, estimate)
     wanted = caution * velocity_for(motion, inputs.velocity + error, late_s, gain)
     return saturate(wanted - error, task.limits)

@@ -207,6 +207,22 @@ def test_a_third_of_wrong_correspondences_changes_little(rng):
     np.testing.assert_allclose(dirty.motion, clean.motion, atol=0.03)
 
 
+def test_correspondences_that_no_rigid_scene_explains_are_flown_on_slowly(rng):
+    """Full gain to five times the flow's noise, a quarter from nearly ten times on."""
+    flow = good_flow()
+    noise = rng.normal(0.0, 1.0, flow.flow.shape).astype(np.float32)
+    config = replace(EXACT, flow_noise_px=0.3, max_horizontal_m_s=10.0, max_vertical_m_s=10.0)
+    found = []
+    for scale in (0.3, 1.5, 2.2):
+        result = one_frame(FlowField(flow.flow + scale * noise, flow.confidence), config)
+        assert result.verdict is Verdict.OK
+        found.append((result.residual_px, np.linalg.norm(result.velocity[:3])))
+    (calm, full), (some, slower), (much, slowest) = found
+    assert calm < 1.5 < some < much < 3.0
+    assert slower == pytest.approx(full * (2.0 - some / 1.5), rel=0.1)
+    assert slowest == pytest.approx(full * max(2.0 - much / 1.5, 0.25), rel=0.1)
+
+
 def test_points_in_one_spot_are_degenerate():
     flow = good_flow()
     confidence = np.zeros_like(flow.confidence)
