@@ -12,11 +12,9 @@ tests has passed:
   reports, while the vehicle moved as it was asked to. Where the mounting can be told, this counts
   only at the time limit: a turn about the vertical comes right however the camera is mounted.
 
-What cannot be told apart yet goes on at reduced speed, up to a time limit. While it is the mounting
-that cannot, there are rests between strides: every start and stop tilts the vehicle. Errors are
-compared as medians of a few reports. The feature error does not depend on what is known of depth;
-the pose error does, but it falls where the feature error stays since way and turn cancel in the
-image.
+What cannot be told apart yet goes on at reduced speed, up to a time limit. Errors are compared as
+medians of a few reports. The feature error does not depend on what is known of depth; the pose
+error does, but it falls where the feature error stays since way and turn cancel in the image.
 """
 
 from __future__ import annotations
@@ -29,9 +27,8 @@ from dataclasses import dataclass, field
 
 from dfvs_core.gate.config import GateTiming, S
 from dfvs_core.gate.limits import BodyVelocity
-from dfvs_core.gate.sight import MOUNTING_SCORE
 from dfvs_core.gate.vehicle import OwnMotion
-from dfvs_core.wire.link import PerceptionReport
+from dfvs_core.wire.link import MOUNTING_SCORE, PerceptionReport
 
 MIN_PATH_M = 0.03
 MIN_TURN_RAD = 0.05
@@ -46,9 +43,6 @@ CLEAR_FALL = 4.0
 
 DOUBTFUL_MOUNTING = -2.0
 """Mounting score below which a falling error confirms nothing."""
-
-STRIDE_NS = S // 2
-"""Time of a stride, and of the rest after it, while the mounting is undecided."""
 
 _LONGEST_STEP_S = 0.1
 _MEDIAN_OF = 5
@@ -101,12 +95,6 @@ class InitialResponse:
             self.moved_m = _advance(self.moved_m, _in_body(own), dt_s)
             self.turned_rad += math.remainder(own.yaw_rad - self._last_yaw_rad, math.tau)
         self._last_ns, self._last_yaw_rad = now_ns, own.yaw_rad
-
-    def rests(self, now_ns: int) -> bool:
-        """Tell whether the vehicle is to stand still now, so that it tilts."""
-        score = self.mounting_score
-        is_undecided = score is not None and abs(score) < MOUNTING_SCORE
-        return is_undecided and (now_ns - self.start_ns) // STRIDE_NS % 2 == 1
 
     @property
     def followed_m(self) -> float:

@@ -38,7 +38,7 @@ from dfvs_core.gate.events import (
 )
 from dfvs_core.gate.flight import Moment, decide, holds_visually
 from dfvs_core.gate.initial_response import InitialResponse
-from dfvs_core.gate.limits import ZERO, BodyVelocity
+from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.preflight import Check, failures, preflight, sole_commander
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import ENDED, ENGAGED, FLYING, Cause, GateState, Transition
@@ -369,10 +369,9 @@ class GateMachine:
             setpoint = self.stream.zero(self._now)
         else:
             response = self._engagement.response
-            wanted = self.sight.velocity()
             if response is not None:
                 response.follow(self.stream.last, self.vehicle.own_motion, self._now)
-                wanted = ZERO if response.rests(self._now) else wanted
+            wanted = self.sight.velocity()
             setpoint = self.stream.move(wanted, self._now, is_reduced=response is not None)
         if setpoint is not None:
             self.vehicle.rivals.sent(setpoint, self._now)

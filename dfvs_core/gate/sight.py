@@ -11,7 +11,7 @@ from dfvs_core.gate.config import MS, GateTiming, S
 from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.states import Cause
 from dfvs_core.gate.vehicle import Fault
-from dfvs_core.wire.link import PerceptionReport
+from dfvs_core.wire.link import MOUNTING_SCORE, PerceptionReport
 
 PACE_NS = 1 * S
 """Time over which the rate of frames is counted."""
@@ -19,9 +19,6 @@ PACE_NS = 1 * S
 MAX_BELIEVED_SPEED_M_S = 10.0
 MAX_BELIEVED_YAW_RAD_S = 10.0
 """A servo law that asks for more is broken; what is merely too fast gets scaled down."""
-
-MOUNTING_SCORE = 5.0
-"""Standard deviations from which on the camera's mounting counts as right, or as wrong."""
 
 _OTHER_GOAL: Fault = (Cause.REPORT_REJECTED, "it is about another goal")
 

@@ -128,6 +128,11 @@ class GoalEstimate:
         return self.metres_per_unit * self.x[_P]
 
     @property
+    def distance_m(self) -> float:
+        """Distance to the goal, m."""
+        return float(np.linalg.norm(self.position_m))
+
+    @property
     def position_spread_m(self) -> float:
         """Standard deviation of that position at a known scale, m: its largest axis."""
         largest = float(np.linalg.eigvalsh(self.P[_P, _P])[-1])
@@ -136,8 +141,7 @@ class GoalEstimate:
     @property
     def distance_spread_m(self) -> float:
         """Standard deviation of the distance to the goal, m."""
-        distance_m = float(np.linalg.norm(self.position_m))
-        return math.hypot(self.position_spread_m, distance_m * self.scale_spread)
+        return math.hypot(self.position_spread_m, self.distance_m * self.scale_spread)
 
     @property
     def velocity_error_m_s(self) -> FloatArray:

@@ -20,6 +20,7 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.servo.image_turn import ImageTurn
+from dfvs_core.wire.link import MOUNTING_SCORE
 
 _MEMORY_S = 5.0
 """Time constant of the regression's forgetting."""
@@ -38,6 +39,10 @@ _LEAST_SPREAD_RAD = 2e-4
 
 _WRONG_RAD = np.radians(np.arange(75.0, 286.0, 5.0))
 """Turns about the vertical that make a mounting another one than the settings say."""
+
+_PROBE_NS = 500_000_000
+_PROBE_M_S = 0.3
+"""Time and speed of each motion to the side while the mounting is undecided."""
 
 MOST_SCORE = 99.0
 """Bound of the score."""
@@ -130,6 +135,20 @@ def mounting_score(state: MountingState | None) -> float | None:
     from_wrong = min(distance(np.array([math.cos(a), math.sin(a)])) for a in _WRONG_RAD)
     score = from_wrong if from_right < from_wrong else -from_right
     return min(max(score, -MOST_SCORE), MOST_SCORE)
+
+
+def probing_velocity(score: float | None, t_ns: int, velocity: FloatArray) -> FloatArray:
+    """Velocity (4,) of a vehicle, to the side while its mounting is undecided: that tilts it.
+
+    In every other half second, to the right and to the left in turn; else the ``velocity`` of the
+    law. The gate scales it to the reduced speed.
+    """
+    phase = t_ns // _PROBE_NS % 4
+    if score is None or abs(score) >= MOUNTING_SCORE or phase % 2 == 0:
+        return velocity
+    aside = np.zeros_like(velocity)
+    aside[1] = _PROBE_M_S if phase == 1 else -_PROBE_M_S
+    return aside
 
 
 def _rotation_vector(R: FloatArray) -> FloatArray:

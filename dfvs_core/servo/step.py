@@ -31,6 +31,7 @@ from dfvs_core.servo.mounting import (
     begin_mounting,
     follow_mounting,
     mounting_score,
+    probing_velocity,
 )
 from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose
@@ -60,6 +61,8 @@ _CLEAR_OVERLAP = 0.15
 """Share of the view that shows the goal from which on the gain is full."""
 _CONSISTENT = 5.0
 """Residual over the flow's noise up to which the gain is full; at twice that it is least."""
+_PROBED = 5.0
+"""Error in tolerances above which the mounting is probed."""
 _LEAST_CAUTION = 0.25
 """Least factor on the gain by a residual: where depth is not known yet, a flight has to begin."""
 
@@ -132,10 +135,10 @@ def servo_step(
     estimate = correct_goal(task, estimate, position, points, since_s)
     motion = _filtered_motion(task, unit_task, estimate, measured)
     residual_px = pose.residual * task.camera.fx
-    velocity = _velocity(task, motion, estimate, inputs, _caution(task, overlap, residual_px))
+    score, caution = mounting_score(mounting), _caution(task, overlap, residual_px)
+    velocity = _velocity(task, motion, estimate, inputs, caution)
 
     # 6. Judge.
-    error_m, error_rad = float(np.linalg.norm(estimate.position_m)), _angle(task, motion)
     turn_rad = (task.basis.B @ motion)[3:]
     sample = error_sample(inputs.t_capture_ns, estimate.position_m, turn_rad, left, task.config)
     may_approach = _may_approach(task, estimate, motion, velocity)
@@ -145,13 +148,15 @@ def servo_step(
     flown = verdict is Verdict.OK
     result = ServoResult(
         verdict=verdict,
-        velocity=velocity if flown else np.zeros_like(velocity),
+        velocity=_probed(task, inputs, score, velocity, estimate)
+        if flown
+        else np.zeros_like(velocity),
         motion=motion,
-        error_m=error_m,
-        error_rad=error_rad,
+        error_m=estimate.distance_m,
+        error_rad=_angle(task, motion),
         feature_error_px=feature_error_px,
         feature_error=left,
-        mounting_score=mounting_score(mounting),
+        mounting_score=score,
         residual_px=residual_px,
         inlier_share=pose.inlier_share,
         overlap=overlap,
@@ -300,6 +305,19 @@ def _velocity_error(task: ServoTask, estimate: GoalEstimate) -> FloatArray:
     error = np.zeros(task.basis.size)
     error[:3] = task.basis.B[:3, :3].T @ estimate.velocity_error_m_s
     return error
+
+
+def _probed(
+    task: ServoTask,
+    inputs: ServoInputs,
+    score: float | None,
+    velocity: FloatArray,
+    estimate: GoalEstimate,
+) -> FloatArray:
+    """Velocity (d,) of the law, or one to the side while the mounting is undecided."""
+    if not inputs.engaged or estimate.distance_m <= _PROBED * task.config.tolerance_m:
+        return velocity
+    return probing_velocity(score, inputs.t_capture_ns, velocity)
 
 
 def _caution(task: ServoTask, overlap: float, residual_px: float) -> float:

@@ -18,6 +18,9 @@ T = TypeVar("T")
 
 MAX_DATAGRAM_BYTES = 4096
 
+MOUNTING_SCORE = 5.0
+"""Standard deviations from which on the camera's mounting counts as right, or as wrong."""
+
 
 @dataclass(frozen=True, slots=True)
 class PerceptionReport:

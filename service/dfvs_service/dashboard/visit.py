@@ -11,7 +11,7 @@ from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
-from dfvs_core.gate.sight import MOUNTING_SCORE
+from dfvs_core.wire.link import MOUNTING_SCORE
 from dfvs_service.dashboard.board import PATH_COLUMNS, SERVO_COLUMNS
 from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.desk import OrderDesk

@@ -121,22 +121,6 @@ def test_at_the_time_limit_a_falling_error_confirms_a_mounting_that_is_not_doubt
     assert motion.judge() is shown
 
 
-# --- strides --------------------------------------------------------------------------------
-
-
-@pytest.mark.parametrize("score", [0.0, 4.9, -4.9])
-def test_while_the_mounting_is_undecided_the_vehicle_rests_every_other_half_second(score):
-    check = Motion().see(score=score).check
-    times_ns = [0, 499 * MS, 500 * MS, 999 * MS, 1000 * MS, 1499 * MS, 1500 * MS]
-    assert [check.rests(t) for t in times_ns] == [False, False, True, True, False, False, True]
-
-
-@pytest.mark.parametrize("score", [None, 5.0, -5.0])
-def test_a_mounting_that_is_decided_or_cannot_be_told_asks_for_no_rest(score):
-    check = Motion().see(score=score).check
-    assert not any(check.rests(t * 100 * MS) for t in range(60))
-
-
 # --- errors ---------------------------------------------------------------------------------
 
 
@@ -389,29 +373,6 @@ def test_once_confirmed_a_wrong_mounting_ends_the_flight_as_well():
     assert gate.state is GateState.ABORT
     assert gate.last.cause is Cause.WRONG_MOUNTING
     assert gate.last.detail == "5 standard deviations; is it mounted as camera.mount says?"
-
-
-def test_while_the_mounting_is_undecided_the_gate_sends_strides_and_rests():
-    gate = Rehearsal(auto_config())
-    gate.changes = {"mounting_score": 1.0, "velocity": (0.3, 0.0, 0.0, 0.0)}
-    gate.until(GateState.SERVO)
-    speeds = []
-    for _ in range(20):
-        gate.run(0.1)
-        speeds.append(gate.machine.stream.last.speed_m_s)
-    assert max(speeds[:5]) == pytest.approx(0.1)
-    assert speeds[8] == 0.0
-    assert max(speeds[10:15]) == pytest.approx(0.1)
-    assert speeds[18] == 0.0
-
-
-def test_a_shaking_vehicle_is_not_held_up_by_the_rests():
-    """A mounting that is told is flown on at once."""
-    gate = Rehearsal(auto_config())
-    gate.changes = {"mounting_score": 8.0, "velocity": (0.3, 0.0, 0.0, 0.0)}
-    gate.until(GateState.SERVO)
-    gate.run(0.8)
-    assert gate.machine.stream.last.speed_m_s == pytest.approx(0.1)
 
 
 @pytest.mark.parametrize("age_ms", [201, 240])

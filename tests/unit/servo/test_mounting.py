@@ -13,6 +13,7 @@ from dfvs_core.servo.mounting import (
     begin_mounting,
     follow_mounting,
     mounting_score,
+    probing_velocity,
 )
 from dfvs_core.servo.points import GridSamples
 
@@ -222,3 +223,27 @@ def test_a_gap_between_two_frames_is_passed_over(late_s, frames):
 def test_a_frame_whose_turn_is_not_known_is_passed_over():
     first, late = begin_mounting(0, np.eye(3)), begin_mounting(10**8, np.eye(3))
     assert follow_mounting(first, late, None, np.eye(3)).frames == 0.0
+
+
+# --- probing --------------------------------------------------------------------------------
+
+LAW = np.array([0.4, 0.1, 0.0, 0.2])
+
+
+def probed(score, seconds=2.0):
+    """Velocities to the right, every 100 ms."""
+    return [probing_velocity(score, k * 10**8, LAW)[1] for k in range(round(10 * seconds))]
+
+
+@pytest.mark.parametrize("score", [0.0, 4.9, -4.9])
+def test_an_undecided_mounting_is_probed_to_either_side_in_turn(score):
+    assert probed(score) == [0.1] * 5 + [0.3] * 5 + [0.1] * 5 + [-0.3] * 5
+
+
+@pytest.mark.parametrize("score", [None, 5.0, -5.0])
+def test_a_mounting_that_is_decided_or_cannot_be_told_is_not_probed(score):
+    assert set(probed(score)) == {0.1}
+
+
+def test_a_probe_turns_and_climbs_not():
+    np.testing.assert_array_equal(probing_velocity(0.0, 5 * 10**8, LAW), [0.0, 0.3, 0.0, 0.0])
