@@ -13,6 +13,7 @@ from dfvs_sim.commands import (
     bench_drone,
     bench_flow,
     bench_lockstep,
+    bench_relocalise,
     bench_report,
     bench_scenes,
     bench_table1,
@@ -43,6 +44,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         bench_basin,
         bench_drone,
         bench_lockstep,
+        bench_relocalise,
         bench_report,
     ):
         command.add_parser(subparsers)

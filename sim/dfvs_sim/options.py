@@ -30,8 +30,8 @@ def add_camera_options(
     )
 
 
-def camera_from(args: argparse.Namespace) -> CameraModel:
-    """Camera of ``--size`` and ``--fov``.
+def camera_from(args: argparse.Namespace, option: str = "--size") -> CameraModel:
+    """Camera of ``--size``, or what it is called, and ``--fov``.
 
     Raises
     ------
@@ -40,7 +40,7 @@ def camera_from(args: argparse.Namespace) -> CameraModel:
     """
     width, _, height = args.size.lower().partition("x")
     if not (width.isdecimal() and height.isdecimal()):
-        raise ConfigError(f"--size is {args.size!r}", "WIDTHxHEIGHT such as 320x240")
+        raise ConfigError(f"{option} is {args.size!r}", "WIDTHxHEIGHT such as 320x240")
     return CameraModel.from_horizontal_fov(int(width), int(height), math.radians(args.fov))
 
 

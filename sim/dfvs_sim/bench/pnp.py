@@ -23,12 +23,12 @@ from dfvs_sim.bench.method import Decision, GoalSight, Sight
 IntArray: TypeAlias = NDArray[np.intp]
 ITERATIONS = 200
 _GAIN = 0.1
-_STRIDE_PX = 8
-_LEAST_CONFIDENCE = 0.3
+STRIDE_PX = 8
+LEAST_CONFIDENCE = 0.3
 LEAST_POINTS = 8
 """Correspondences that a pose must stand on."""
 
-_REPROJECTION_PX = 3.0
+REPROJECTION_PX = 3.0
 _SAMPLES = 300
 _FAILURES = 5
 _AT_GOAL_M, _AT_GOAL_RAD = 0.005, 0.002
@@ -66,23 +66,23 @@ class PnpMethod:
         self._failed, self._last_flow = 0, flow
         twist = se3_log(T_current_goal)
         distance_m, angle_rad = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
-        sure = flow.confidence > _LEAST_CONFIDENCE
+        sure = flow.confidence > LEAST_CONFIDENCE
         error_px = float(np.median(np.linalg.norm(flow.flow[sure], axis=1)))
         done = bool(distance_m < _AT_GOAL_M and angle_rad < _AT_GOAL_RAD)
         return Decision(se3_exp(_GAIN * twist), error_px, done)
 
     def _goal_pose(self, flow: FlowField, sight: Sight) -> FloatArray | None:
         """Goal camera in the current one (4, 4), or None."""
-        samples = sample_grid(flow, _STRIDE_PX)
-        offset = _STRIDE_PX // 2
-        grid = (slice(offset, None, _STRIDE_PX), slice(offset, None, _STRIDE_PX))
+        samples = sample_grid(flow, STRIDE_PX)
+        offset = STRIDE_PX // 2
+        grid = (slice(offset, None, STRIDE_PX), slice(offset, None, STRIDE_PX))
         depth = DepthMap(sight.depth.z_m[grid], sight.depth.validity[grid])
         points = points_from_flow(samples, depth, self._camera, self._camera)
         valid = depth.validity.ravel() > 0
-        points = points.select(valid & (points.weight > _LEAST_CONFIDENCE))
+        points = points.select(valid & (points.weight > LEAST_CONFIDENCE))
         rays = np.column_stack([points.xy, np.ones(len(points.xy))])
         found = perspective_pose(
-            rays * points.z_m[:, None], points.xy_goal, _REPROJECTION_PX / self._camera.fx
+            rays * points.z_m[:, None], points.xy_goal, REPROJECTION_PX / self._camera.fx
         )
         return None if found is None else found[0]
 

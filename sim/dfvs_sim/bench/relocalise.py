@@ -1,0 +1,187 @@
+"""Relocalisation: a single pair of wide baseline, judged by the pose that follows with true depth.
+
+What is measured is the matcher alone: neither the depth estimate nor anything that was seen before
+helps it.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
+from enum import StrEnum
+from typing import Any
+
+import numpy as np
+
+from dfvs_core.arrays import Float32Array, FloatArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_core.poses import invert_pose, pose_error
+from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.points import points_from_flow, sample_grid
+from dfvs_models.catalog import load_matcher
+from dfvs_sim.bench.basin.drawing import LEAST_OVERLAP, DrawnTask, Order, draw
+from dfvs_sim.bench.basin.environments import Environment
+from dfvs_sim.bench.campaign import renderer_of
+from dfvs_sim.bench.pnp import LEAST_CONFIDENCE, REPROJECTION_PX, STRIDE_PX, perspective_pose
+
+RIGHT_DISTANCE, RIGHT_RAD = 0.15, float(np.radians(5.0))
+"""Error of the position, in parts of the distance, and of the rotation, that a right pose has."""
+
+_OVERLAPS = (0.2, 0.3, 0.45, 0.6, 1.0)
+"""Bounds of the classes by overlap."""
+
+_WIDTH_PX = 320.0
+"""Width of the image at which a reprojection within ``REPROJECTION_PX`` agrees."""
+
+
+class Verdict(StrEnum):
+    """What a match amounts to."""
+
+    RIGHT = "right"
+    WRONG = "wrong"
+    NONE = "none"
+
+
+@dataclass(frozen=True, slots=True)
+class Relocalisation:
+    """One match: of which matcher and task, its verdict, and its time in ms."""
+
+    matcher: str
+    task: DrawnTask
+    verdict: Verdict
+    match_ms: float
+
+
+@dataclass(frozen=True, slots=True)
+class RelocalisationJob:
+    """Tasks of one environment, for one matcher; picklable."""
+
+    matcher: str
+    environment: Environment
+    tasks: tuple[DrawnTask, ...]
+    threads: int = 2
+
+
+def draw_starts(order: Order, trials: int) -> tuple[DrawnTask, ...]:
+    """Starts of one environment that see enough of the goal, at most so many, of all cells."""
+    by_cell: dict[str, list[DrawnTask]] = {}
+    for task in draw(order):
+        if task.overlap >= LEAST_OVERLAP:
+            by_cell.setdefault(task.cell.name, []).append(task)
+    chosen: list[DrawnTask] = []
+    while len(chosen) < trials and any(by_cell.values()):
+        chosen += [tasks.pop(0) for tasks in by_cell.values() if tasks]
+    return tuple(chosen[:trials])
+
+
+def relocalise(job: RelocalisationJob) -> list[Relocalisation]:
+    """Match every start of a job with its goal.
+
+    The goal is prepared once, as the service does; preparing the current image counts. The first
+    start is matched once more beforehand: what a network sets up at its first call does not count.
+
+    Raises
+    ------
+    DfvsError
+        If the scene or the matcher cannot be used.
+    """
+    matcher = load_matcher(job.matcher, job.threads)
+    renderer, camera = renderer_of(job.environment.scene), job.environment.camera
+    found: list[Relocalisation] = []
+    for k, drawn in enumerate((job.tasks[0], *job.tasks) if job.tasks else ()):
+        task = drawn.task(job.environment)
+        goal = matcher.prepare(renderer.render(camera, task.T_world_goal, antialias=True).image)
+        view = renderer.render(camera, task.T_world_start, antialias=True)
+        began = time.perf_counter()
+        flow = matcher.match(matcher.prepare(view.image), goal)
+        match_ms = 1e3 * (time.perf_counter() - began)
+        if k > 0:
+            T_true = invert_pose(task.T_world_start) @ task.T_world_goal
+            verdict = judge(flow, view.depth_m, camera, T_true)
+            found.append(Relocalisation(job.matcher, drawn, verdict, match_ms))
+    return found
+
+
+def judge(
+    flow: FlowField, depth_m: Float32Array, camera: CameraModel, T_current_goal: FloatArray
+) -> Verdict:
+    """Verdict on the flow from the current view, of known depth (H, W), to the goal.
+
+    None where the service would refuse the frame: too few of the points are sure, or too few of
+    those agree on a pose.
+
+    Parameters
+    ----------
+    flow : FlowField
+    depth_m : (H, W)
+        0 is sky.
+    camera : CameraModel
+    T_current_goal : (4, 4)
+        True pose of the goal.
+    """
+    config = ServoConfig()
+    offset = STRIDE_PX // 2
+    grid = depth_m[offset::STRIDE_PX, offset::STRIDE_PX]
+    depth = DepthMap(np.maximum(grid, np.float32(1e-3)), (grid > 0).astype(np.float32))
+    points = points_from_flow(sample_grid(flow, STRIDE_PX), depth, camera, camera)
+    sure = points.select((grid.ravel() > 0) & (points.weight > LEAST_CONFIDENCE))
+    if len(sure.xy) < config.min_overlap * grid.size:
+        return Verdict.NONE
+    P = np.column_stack([sure.xy, np.ones(len(sure.xy))]) * sure.z_m[:, None]
+    tolerance = REPROJECTION_PX * camera.width / _WIDTH_PX / camera.fx
+    pose = perspective_pose(P, sure.xy_goal, tolerance)
+    if pose is None or len(pose[1]) < config.min_inliers * len(P):
+        return Verdict.NONE
+    error_m, error_rad = pose_error(pose[0], T_current_goal)
+    distance_m = float(np.linalg.norm(T_current_goal[:3, 3]))
+    is_right = error_m <= RIGHT_DISTANCE * distance_m and error_rad <= RIGHT_RAD
+    return Verdict.RIGHT if is_right else Verdict.WRONG
+
+
+def summarise(found: Sequence[Relocalisation]) -> dict[str, Any]:
+    """Figures of each matcher, also by translation, rotation and overlap of the starts."""
+    names = dict.fromkeys(r.matcher for r in found)
+    return {name: _figures([r for r in found if r.matcher == name]) for name in names}
+
+
+def _figures(found: Sequence[Relocalisation]) -> dict[str, Any]:
+    ms = np.array([r.match_ms for r in found])
+    times = {
+        "mean_ms": round(float(ms.mean()), 1),
+        "p95_ms": round(float(np.percentile(ms, 95)), 1),
+        "max_ms": round(float(ms.max()), 1),
+    }
+    classes: dict[str, Callable[[DrawnTask], str]] = {
+        "by_translation": lambda task: f"{task.cell.translation_m:g} m",
+        "by_rotation": lambda task: "/".join(f"{a:g}" for a in task.cell.rotation_deg),
+        "by_overlap": _overlap_class,
+    }
+    return (
+        _counts(found)
+        | times
+        | {
+            name: {label: _counts(part) for label, part in _split(found, by)}
+            for name, by in classes.items()
+        }
+    )
+
+
+def _counts(found: Iterable[Relocalisation]) -> dict[str, int]:
+    verdicts = [r.verdict for r in found]
+    return {"pairs": len(verdicts)} | {str(v): verdicts.count(v) for v in Verdict}
+
+
+def _split(
+    found: Sequence[Relocalisation], by: Callable[[DrawnTask], str]
+) -> list[tuple[str, list[Relocalisation]]]:
+    parts: dict[str, list[Relocalisation]] = {}
+    for r in found:
+        parts.setdefault(by(r.task), []).append(r)
+    return sorted(parts.items())
+
+
+def _overlap_class(task: DrawnTask) -> str:
+    upper = next(bound for bound in _OVERLAPS[1:] if task.overlap <= bound)
+    return f"{_OVERLAPS[_OVERLAPS.index(upper) - 1]:.0%} to {upper:.0%}"
