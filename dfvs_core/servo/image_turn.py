@@ -23,6 +23,9 @@ _ROUNDS = 3
 _NOISE = 5e-4
 """Expected error of a point's shift, normalised units."""
 
+_MOST_BEND = 0.5
+"""Relative change of the slope from one side of a point to the other that is no edge of depth."""
+
 _POINTS_ALIKE = 9.0
 """Points of the grid that count as one: errors of neighbours are alike."""
 
@@ -71,9 +74,24 @@ def point_tracks(
     by_y = np.gradient(mean, stride / camera.fy, axis=0)
     slope = np.stack([by_x, by_y], axis=-1)
     sure = np.minimum(before.confidence, now.confidence) > min_confidence
-    keep = _with_neighbours(sure)
+    keep = _with_neighbours(sure) & _is_smooth(mean)
     xy = camera.normalise(now.pixels)
     return PointTracks(xy[keep], z[keep], (g_before - g_now)[keep], slope[keep])
+
+
+def _is_smooth(g: FloatArray) -> BoolArray:
+    """Points (h, w) where ``g`` (h, w, 2) changes alike to either side: not at an edge of depth."""
+    smooth = np.zeros(g.shape[:2], np.bool_)
+    across = _bend(g[1:-1, :-2], g[1:-1, 1:-1], g[1:-1, 2:])
+    down = _bend(g[:-2, 1:-1], g[1:-1, 1:-1], g[2:, 1:-1])
+    smooth[1:-1, 1:-1] = np.maximum(across, down) < _MOST_BEND
+    return smooth
+
+
+def _bend(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
+    """Change of the step from a to b and from b to c, over the mean step."""
+    bend = 2.0 * np.linalg.norm(a - 2.0 * b + c, axis=-1)
+    return np.asarray(bend / np.maximum(np.linalg.norm(c - a, axis=-1), 1e-9), np.float64)
 
 
 def _with_neighbours(sure: BoolArray) -> BoolArray:

@@ -58,6 +58,9 @@ def turn_between(before, now, z=None, **noise):
 SMALL = make_pose(rotation_from_euler(0.004, -0.006, 0.003), np.array([0.01, -0.02, 0.015]))
 
 
+TURN = make_pose(rotation_from_euler(0.0, 0.0, 0.01), np.zeros(3))
+
+
 def test_the_turn_between_two_frames_is_found_beside_their_translation():
     before = make_pose(rotation_from_euler(0.02, 0.05, -0.03), np.array([0.1, 0.05, -0.4]))
     turn = turn_between(before, before @ SMALL)
@@ -95,11 +98,31 @@ def test_points_that_go_their_own_way_do_not_turn_the_camera():
     )
 
 
+def pillared(T_wall_camera):
+    """Flow of a view of a wall with pillars a third as far before it, and its depth (h, w)."""
+    pixels = CAMERA.grid(STRIDE)
+    z = np.full(pixels.shape[:2], DEPTH_M)
+    z[:, 3::7] = z[:, 4::7] = DEPTH_M / 3.0
+    points = np.concatenate([CAMERA.normalise(pixels), np.ones((*z.shape, 1))], axis=2)
+    points = points * z[..., None] @ T_wall_camera[:3, :3].T + T_wall_camera[:3, 3]
+    return GridSamples(pixels, CAMERA.project(points) - pixels, np.ones(z.shape)), z
+
+
+def test_edges_of_depth_do_not_hide_a_turn():
+    """There the slope is large and wrong; a robust fit that begins at no turn would keep it."""
+    before = make_pose(rotation_from_euler(0.0, 0.2, 0.0), np.array([0.3, 0.1, -0.4]))
+    (first, _), (second, z) = pillared(before), pillared(before @ TURN)
+    tracks = point_tracks((first, second), z, (CAMERA, CAMERA), 0.1)
+    assert len(tracks.xy) < 0.6 * z.size
+    assert np.abs(tracks.slope).max() < 3.0
+
+
 def test_points_without_sure_neighbours_do_not_count():
     before, now = samples_from(np.eye(4)), samples_from(SMALL)
     now.confidence[5, 5] = 0.0
     count = len(point_tracks((before, now), depth_of(SMALL)[0], (CAMERA, CAMERA), 0.1).xy)
-    assert count == now.confidence.size - 5
+    rows, columns = now.confidence.shape
+    assert count == (rows - 2) * (columns - 2) - 5
 
 
 def test_few_points_tell_no_turn():
@@ -198,7 +221,7 @@ def test_a_few_frames_say_nothing():
 
 
 def test_noise_of_the_attitude_makes_it_less_sure():
-    sure, unsure = score_of(0.0, tilt_deg=1.0), score_of(0.0, tilt_deg=1.0, noise_deg=0.3)
+    sure, unsure = score_of(0.0, tilt_deg=1.0), score_of(0.0, tilt_deg=1.0, noise_deg=1.0)
     assert 0.0 < unsure < sure
 
 
