@@ -37,8 +37,14 @@ _LONGEST_STEP_S = 0.5
 _LEAST_SPREAD_RAD = 2e-4
 """Expected error of a tilt increment by the images."""
 
-_WRONG_RAD = np.radians(np.arange(75.0, 286.0, 5.0))
-"""Turns about the vertical that make a mounting another one than the settings say."""
+_RIGHT: FloatArray = np.array([1.0, 0.0])
+_WRONG: tuple[FloatArray, ...] = tuple(
+    np.array([math.cos(a), math.sin(a)]) for a in np.radians(np.arange(75.0, 286.0, 5.0))
+)
+"""Slopes of the mounting that the settings say, and of those turned about the vertical."""
+
+_MOST_OFF = 0.5
+"""Distance from all of these at which a slope fits none: the images or the attitude are poor."""
 
 _PROBE_NS = 500_000_000
 _PROBE_M_S = 0.3
@@ -113,12 +119,13 @@ def follow_mounting(
 
 
 def mounting_score(state: MountingState | None) -> float | None:
-    """Distance of the slope from the hypothesis that it refutes, in its standard deviations.
+    """How clearly the slope tells a right mounting from a wrong one, in its standard deviations.
 
-    Positive where the slope is nearer to 1, the mounting that the settings say: its distance from
-    the nearest wrong one, which is a slope of length 1 turned by 75 degrees or more. Negative where
-    it is nearer to a wrong one: its distance from 1. Near zero while the vehicle has not tilted
-    enough; None while too few frames were seen.
+    A right one has the slope 1, a wrong one a slope of length 1 that is turned by 75 degrees or
+    more; of these the nearest counts. The score is twice the logarithm of their likelihood ratio
+    over the distance between the two: plus that distance where the slope is 1, minus that distance
+    where it is the wrong one, 0 half way. A slope that fits neither, such as 0, decides nothing.
+    None while too few frames were seen.
     """
     if state is None or state.frames < _LEAST_FRAMES:
         return None
@@ -127,13 +134,14 @@ def mounting_score(state: MountingState | None) -> float | None:
     misfit = (state.square - float(state.vector @ slope)) / (2.0 * state.frames - 2.0)
     H = H / max(misfit, 1.0)
 
-    def distance(mounted: FloatArray) -> float:
-        off = slope - mounted
-        return math.sqrt(max(float(off @ H @ off), 0.0))
+    def square(off: FloatArray) -> float:
+        return max(float(off @ H @ off), 0.0)
 
-    from_right = distance(np.array([1.0, 0.0]))
-    from_wrong = min(distance(np.array([math.cos(a), math.sin(a)])) for a in _WRONG_RAD)
-    score = from_wrong if from_right < from_wrong else -from_right
+    wrong = min(_WRONG, key=lambda mounted: square(slope - mounted))
+    if min(np.linalg.norm(slope - mounted) for mounted in (_RIGHT, wrong)) > _MOST_OFF:
+        return 0.0
+    apart = math.sqrt(square(_RIGHT - wrong))
+    score = (square(slope - wrong) - square(slope - _RIGHT)) / max(apart, 1e-9)
     return min(max(score, -MOST_SCORE), MOST_SCORE)
 
 
