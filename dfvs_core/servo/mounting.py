@@ -43,6 +43,9 @@ _WRONG: tuple[FloatArray, ...] = tuple(
 )
 """Slopes of the mounting that the settings say, and of those turned about the vertical."""
 
+_LEAST_MISFIT = 0.5
+"""Least variance of the increments over what is stated for them: a few frames may fit too well."""
+
 _MOST_OFF = 0.5
 """Distance from all of these at which a slope fits none: the images or the attitude are poor."""
 
@@ -132,7 +135,7 @@ def mounting_score(state: MountingState | None) -> float | None:
     H = state.information + 1e-9 * np.eye(2)
     slope = np.linalg.solve(H, state.vector)
     misfit = (state.square - float(state.vector @ slope)) / (2.0 * state.frames - 2.0)
-    H = H / max(misfit, 1.0)
+    H = H / max(misfit, _LEAST_MISFIT)
 
     def square(off: FloatArray) -> float:
         return max(float(off @ H @ off), 0.0)
