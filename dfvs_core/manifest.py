@@ -17,7 +17,7 @@ from typing import Literal, TypeVar
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.schema import dump, parse, setting
 
-BUNDLE_FORMAT = "dfvs-bundle/1"
+BUNDLE_FORMAT = "dfvs-bundle/2"
 MANIFEST_NAME = "manifest.json"
 
 T = TypeVar("T")
@@ -108,11 +108,8 @@ class Manifest:
     """A bundle's manifest; see the module's text.
 
     ``accuracy`` maps a measure (such as ``small_epe_px``) to its value; ``files`` maps every
-    file of the bundle but the manifest to its SHA-256; ``matching`` says how its flow is used
-    unless the user asks otherwise: as it is, or refined by the classical matcher. ``precision``
-    is that of its heavy operators; pictures go in and flow comes out as float32 at any.
-    ``working_size`` (width, height) px is what the graphs resize the input to inside, where they
-    do; what goes in and comes out has the input's size all the same.
+    file of the bundle but the manifest to its SHA-256. ``precision`` is that of its heavy
+    operators; what goes in and comes out is float32 at any.
     """
 
     format: str
@@ -124,8 +121,6 @@ class Manifest:
     licence: str
     origin: str
     flow: FlowOutput | None = None
-    working_size: tuple[int, int] | None = None
-    matching: Literal["alone", "hybrid"] = "alone"
     precision: Literal["fp32", "fp16", "int8"] = "fp32"
     accuracy: dict[str, float] = field(default_factory=dict)
 
@@ -146,7 +141,7 @@ class Manifest:
         for role, graph in self.graphs.items():
             if graph.file not in self.files:
                 raise ModelError(f"graph {role!r} is in {graph.file!r}", "a file listed in 'files'")
-        if (self.kind != "mono") != (self.flow is not None):
+        if (self.kind == "pair") != (self.flow is not None):
             raise ModelError(
                 f"a {self.kind!r} bundle {'lacks' if self.flow is None else 'has'} 'flow'",
                 "'flow' for networks that give flow, and only for those",

@@ -11,8 +11,8 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.matching.matcher import Prepared
-from dfvs_core.outcome import FrameOutcome
-from dfvs_core.pipeline import Pipeline
+from dfvs_core.perception.outcome import FrameOutcome
+from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.poses import make_pose, rotation_from_euler
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
@@ -44,12 +44,12 @@ class _ExactMatcher:
     def prepare(self, image):
         return _View(self.T_world_camera.copy())
 
-    def match(self, current, other, guess=None, *, besides=()):
+    def match(self, current, other, *, excluded=()):
         exact = ROOM.flow(current.T_world_camera, other.T_world_camera)
         noise = self.rng.normal(0.0, 0.4, (9, 11, 2)).astype(np.float32)
         return FlowField(exact.flow + cv2.resize(noise, (160, 120)), exact.confidence)
 
-    def track(self, current, other, guess):
+    def track(self, current, other, predicted):
         return self.match(current, other)
 
 

@@ -32,10 +32,10 @@ class KnowingMatcher:
     def prepare(self, image):
         return PictureOfPose(image)
 
-    def match(self, current, other, guess=None, *, besides=()):
+    def match(self, current, other, *, excluded=()):
         return ROOM.flow(current.T, other.T)
 
-    def track(self, current, other, guess):
+    def track(self, current, other, predicted):
         return ROOM.flow(current.T, other.T)
 
 

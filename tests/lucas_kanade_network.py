@@ -128,7 +128,7 @@ def write_bundle(folder, model=None, layout="separate", channels="rgb", output=N
     (folder / "pair.onnx").write_bytes(data)
     inputs = ("current", "other") if layout == "separate" else ("pictures",)
     manifest = Manifest(
-        format="dfvs-bundle/1",
+        format="dfvs-bundle/2",
         name="lucas-kanade",
         kind="pair",
         input=PictureInput(WIDTH, HEIGHT, layout=layout, channels=channels),

@@ -44,7 +44,7 @@ def convert(name: str, folder: Path) -> dict[str, object]:
     from dfvs_export.bundles import described, write_bundle
     from dfvs_export.check import parity
     from dfvs_export.foreign import ForeignWeights, PublishedFlow
-    from dfvs_export.running import FlowRunner
+    from dfvs_export.running import BundleRunner
     from dfvs_models.catalog import load_matcher
 
     network = PublishedFlow.load(name, ForeignWeights())
@@ -52,7 +52,7 @@ def convert(name: str, folder: Path) -> dict[str, object]:
     write_bundle(folder / name, described(bundle, network.card(bundle.manifest, {}, ""), {}))
     rng = np.random.default_rng(0)
     first, second = (rng.integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8) for _ in "ab")
-    agreement = parity(network, FlowRunner(bundle, threads=1), [(first, second)])
+    agreement = parity(network, BundleRunner(bundle, threads=1), [(first, second)])
     matcher = load_matcher(str(folder / name), threads=1)
     field = matcher.match(matcher.prepare(first), matcher.prepare(second))
     return {

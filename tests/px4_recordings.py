@@ -11,7 +11,7 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.matching.matcher import Prepared
-from dfvs_core.pipeline import Pipeline
+from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.poses import make_pose, rotation_from_euler
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import ServoResult
@@ -45,13 +45,13 @@ class NoisyMatcher:
     def prepare(self, image):
         return PosedView(self.T_world_camera)
 
-    def match(self, current, other, guess=None, *, besides=()):
+    def match(self, current, other, *, excluded=()):
         exact = self._room.flow(current.T_world_camera, other.T_world_camera)
         cells = self._rng.normal(0.0, NOISE_PX, (CAMERA.height // 8, CAMERA.width // 8, 2))
         noise = cells.repeat(8, axis=0).repeat(8, axis=1)
         return FlowField((exact.flow + noise).astype(np.float32), exact.confidence)
 
-    def track(self, current, other, guess):
+    def track(self, current, other, predicted):
         return self.match(current, other)
 
 
@@ -138,7 +138,7 @@ def _fly(name, odometry, looks_yaw_rad, since_s, until_s):
         T_body = make_pose(rotation_from_euler(*map(float, attitude[k])), position[k] - centre)
         matcher.T_world_camera = T = T_body @ truly.T_body_camera()
         outcome = pipeline.process(Frame(blank, now_ns, int(k)), motion, engaged=False)
-        pipeline.digest(may_search=False)
+        pipeline.digest()
         visible = outcome.flow.confidence > 0.5
         depth_m = float(np.median(room.depth(T)[visible])) if visible.any() else 0.0
         distance_m = float(np.linalg.norm(T[:3, 3] - T_goal[:3, 3]))

@@ -16,7 +16,7 @@ from textured_wall import Wall, exact_flow, texture, turned
 
 from dfvs_core.correspondence import FlowField
 from dfvs_core.gate.authority import Authority
-from dfvs_core.outcome import FrameOutcome, make_report
+from dfvs_core.perception.outcome import FrameOutcome, make_report
 from dfvs_core.schema import dump
 from dfvs_core.servo.exchange import ServoResult, Uncertainty, Verdict
 from dfvs_core.topics import Topics

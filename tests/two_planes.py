@@ -7,8 +7,6 @@ import cv2
 import numpy as np
 from textured_wall import HEIGHT, WIDTH, Wall, exact_flow, texture
 
-from dfvs_core.correspondence import FlowField
-
 _K = np.array([[250.0, 0, (WIDTH - 1) / 2], [0, 250.0, (HEIGHT - 1) / 2], [0, 0, 1.0]])
 _WALL_M, _BOARD_M = 4.0, 2.0
 _BOARD = (slice(40, 200), slice(170, 290))
@@ -51,19 +49,3 @@ class TwoPlanes:
         there = cv2.warpPerspective(self.board.astype(np.uint8), near, (WIDTH, HEIGHT)) > 0
         second = np.where(there[..., None], board.picture(near), wall.picture(far))
         return first, second
-
-    def known_wall(self):
-        """The flow with the wall's points sure and the board's taken for wall, unsure."""
-        flow = exact_flow(self.homography(_WALL_M)).astype(np.float32)
-        confidence = np.where(self.board, 0.0, 1.0).astype(np.float32)
-        confidence[:, 150:170] = confidence[:, 290:] = 0.0
-        confidence[:40] = confidence[200:] = 0.0
-        return FlowField(flow, confidence)
-
-    def known_edge(self, width_px=12):
-        """The same, and a strip of the board sure as well: now the epipolar lines are known."""
-        known = self.known_wall()
-        strip = self.board.copy()
-        strip[:, 170 + width_px :] = False
-        flow = np.where(strip[..., None], self.flow, known.flow)
-        return FlowField(flow, np.where(strip, np.float32(1.0), known.confidence))

@@ -19,7 +19,7 @@ class Prepared:
     Parameters
     ----------
     size : tuple of int
-        (height, width) of the picture in px.
+        Working size (height, width), px: of the flow fields.
     """
 
     def __init__(self, size: tuple[int, int]) -> None:
@@ -40,40 +40,36 @@ class Matcher(Protocol):
         ...
 
     def match(
-        self,
-        current: Prepared,
-        other: Prepared,
-        guess: FlowField | None = None,
-        *,
-        besides: Sequence[FlowField] = (),
+        self, current: Prepared, other: Prepared, *, excluded: Sequence[FlowField] = ()
     ) -> FlowField:
-        """Flow from ``current`` to ``other`` on the grid of ``current``.
+        """Flow from ``current`` to ``other``, without a prior.
 
         Parameters
         ----------
         current, other : Prepared
-            Two pictures of equal size, prepared by this same matcher.
-        guess : FlowField, optional
-            Flow of the previous frame to the same picture, which :meth:`track` did not find to
-            hold as it is; see :func:`follow`. A matcher may use it to work faster and must not
-            trust it: a wrong guess costs time, never correctness.
-        besides : sequence of FlowField
-            Flows that are known to be wrong. What leads to the same places is passed over; where
-            nothing else is found the flow comes without any confidence.
+            Two images of equal size, prepared by this same matcher.
+        excluded : sequence of FlowField
+            Flows of hypotheses that were rejected. What leads to the same places does not count;
+            where nothing else is found the flow comes without any confidence.
+
+        Returns
+        -------
+        FlowField
+            (H, W), ``current.size``: the working size, which may be smaller than the image.
         """
         ...
 
-    def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
-        """Flow by a good guess alone: never slower than that takes, None where it does not hold."""
+    def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField | None:
+        """Flow by a prediction alone; None where it does not hold."""
         ...
 
 
 def follow(
-    matcher: Matcher, current: Prepared, other: Prepared, guess: FlowField | None
+    matcher: Matcher, current: Prepared, other: Prepared, predicted: FlowField | None
 ) -> FlowField:
-    """Flow by a guess where that holds, and by a match where not."""
-    tracked = None if guess is None else matcher.track(current, other, guess)
-    return matcher.match(current, other, guess) if tracked is None else tracked
+    """Flow by a prediction where it holds, else without a prior."""
+    tracked = None if predicted is None else matcher.track(current, other, predicted)
+    return matcher.match(current, other) if tracked is None else tracked
 
 
 def check_image(image: ImageArray) -> None:

@@ -1,7 +1,7 @@
-"""Flows as maps of the image plane: applied to pictures, chained, and made from homographies.
+"""Flows as maps of the image plane: backward warping and composition.
 
 Flow is a displacement, so it is the same in OpenCV's coordinates (first pixel's centre at 0, 0)
-as in ours (at 0.5, 0.5); homographies in here act on OpenCV's.
+as in ours (at 0.5, 0.5).
 """
 
 from __future__ import annotations
@@ -13,7 +13,7 @@ from typing import TypeVar, cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
+from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
 
 _CELL_PX, _FEWEST_CELLS = 16, 4
@@ -42,10 +42,10 @@ def sample(values: Values, at: Float32Array) -> Values:
     return cast(Values, out)
 
 
-def bring(values: Values, flow: Float32Array) -> Values:
-    """Values (H, W[, C]) of the other picture, brought by the flow (H, W, 2) to where it begins.
+def backward_warp(values: Values, flow: Float32Array) -> Values:
+    """Values (H, W[, C]) of the other image, warped backwards by the flow (H, W, 2).
 
-    What becomes much smaller on the way is smoothed first, or it would come as chance has it.
+    What shrinks much is smoothed first, against aliasing.
     """
     shrinks = min(_shrinkage(flow), _MOST_SHRINKAGE)
     if shrinks > _NOTABLE_SHRINKAGE:
@@ -79,19 +79,21 @@ def lands_inside(flow: Float32Array) -> BoolArray:
     return inside
 
 
-def landing_places(field: FlowField, least_confidence: float) -> ImageArray:
-    """(H, W) uint8 in the other picture: 1 where what is surer than this leads to, else 0."""
+def resized(image: ImageArray, size: tuple[int, int]) -> ImageArray:
+    """Image (H, W[, C]) at ``size`` (height, width); the same object where it has that already."""
+    if image.shape[:2] == size:
+        return image
+    return cast(ImageArray, cv2.resize(image, size[::-1], interpolation=cv2.INTER_AREA))
+
+
+def flow_at_size(field: FlowField, size: tuple[int, int]) -> FlowField:
+    """Flow of the same images at ``size`` (height, width)."""
     height, width = field.confidence.shape
-    sure = field.confidence > least_confidence
-    u, v = np.round(pixel_grid((height, width))[sure] + field.flow[sure]).astype(np.intp).T
-    inside = (u >= 0) & (u < width) & (v >= 0) & (v < height)
-    places = np.zeros((height, width), np.uint8)
-    places[v[inside], u[inside]] = 1
-    return places
-
-
-def homography_flow(H: FloatArray, size: tuple[int, int]) -> Float32Array:
-    """Flow (H, W, 2) of the homography H (3, 3)."""
-    grid = pixel_grid(size)
-    moved = cv2.perspectiveTransform(grid.reshape(-1, 1, 2), H)
-    return np.asarray(moved, dtype=np.float32).reshape(grid.shape) - grid
+    if (height, width) == size:
+        return field
+    flow, confidence = (
+        cv2.resize(values, size[::-1], interpolation=cv2.INTER_LINEAR)
+        for values in (field.flow, field.confidence)
+    )
+    scale = np.array([size[1] / width, size[0] / height], np.float32)
+    return FlowField(np.asarray(flow * scale, np.float32), np.asarray(confidence, np.float32))

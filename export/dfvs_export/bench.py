@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 
 from dfvs_core.errors import ConfigError, DfvsError, ModelError
-from dfvs_export.running import FlowRunner
+from dfvs_export.running import BundleRunner
 from dfvs_models.bundle import read_bundle
 
 _WARM_UP = 3
@@ -107,9 +107,9 @@ def bench(
 
 
 def _precision(folder: Path, size: tuple[int, int]) -> str:
-    """Precision of a bundle that takes pictures of ``size``."""
+    """Precision of a bundle; one of two images takes them at ``size``, another resizes them."""
     manifest = read_bundle(folder).manifest
-    if (manifest.input.width, manifest.input.height) != size:
+    if manifest.kind == "pair" and (manifest.input.width, manifest.input.height) != size:
         raise ModelError(
             f"bundle {folder.name} takes {manifest.input.width}x{manifest.input.height} px",
             f"{size[0]}x{size[1]}",
@@ -154,7 +154,7 @@ def _work(pipe: Connection, folder: Path, plan: BenchPlan) -> None:
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (2, height, width, 3), dtype=np.uint8)
     try:
-        runner = FlowRunner(read_bundle(folder), plan.threads)
+        runner = BundleRunner(read_bundle(folder), plan.threads)
         goal = runner.encode(images[1])
         for _ in range(_WARM_UP):
             runner.match(runner.encode(images[0]), goal)

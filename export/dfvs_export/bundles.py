@@ -17,14 +17,13 @@ from dfvs_core.manifest import (
     PictureInput,
     sha256,
 )
-from dfvs_export.onnx_pair import (
+from dfvs_export.graphs import (
     ENCODE_INPUTS,
     ENCODE_OUTPUTS,
     MATCH_INPUTS,
     MATCH_OUTPUTS,
     OnnxPair,
 )
-from dfvs_export.working_size import Sizes
 from dfvs_models.bundle import Bundle
 
 CARD_NAME = "MODEL_CARD.md"
@@ -41,8 +40,8 @@ class Source:
     licence: str
 
 
-def encode_match_bundle(onnx: OnnxPair, sizes: Sizes, source: Source) -> Bundle:
-    """Bundle of two graphs that were traced at these sizes, for pictures RGB from 0 to 1."""
+def encode_match_bundle(onnx: OnnxPair, size: tuple[int, int], source: Source) -> Bundle:
+    """Bundle of two graphs that were traced for grey images of ``size``, 0 to 255."""
     contents = {ENCODE_FILE: onnx.encode, MATCH_FILE: onnx.match}
     graphs = {
         "encode": Graph(ENCODE_FILE, ENCODE_INPUTS, ENCODE_OUTPUTS),
@@ -52,14 +51,11 @@ def encode_match_bundle(onnx: OnnxPair, sizes: Sizes, source: Source) -> Bundle:
         format=BUNDLE_FORMAT,
         name=source.name,
         kind="encode-match",
-        input=PictureInput(*sizes.picture, multiple_of=16),
+        input=PictureInput(*size, multiple_of=32, channels="grey", scale=1.0),
         graphs=graphs,
         files=hashes(contents),
         licence=source.licence,
         origin=source.origin,
-        flow=FlowOutput(),
-        working_size=sizes.working,
-        matching="hybrid",
     )
     return Bundle(manifest, contents)
 

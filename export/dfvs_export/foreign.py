@@ -14,17 +14,21 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+import numpy as np
 import safetensors.torch
 import torch
 from torch import Tensor, nn
 
+from dfvs_core.arrays import Float32Array
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.manifest import Manifest, PictureInput, sha256
-from dfvs_core.matching.evaluation import LevelScore
 from dfvs_export.bundles import PAIR_INPUTS, PAIR_OUTPUTS, Source, pair_bundle
+from dfvs_export.calibration import ImagePair
 from dfvs_export.card import accuracy_table
 from dfvs_export.graphs import trace
+from dfvs_export.running import BundleRunner
 from dfvs_models.bundle import Bundle
+from dfvs_models.evaluation import LevelScore
 
 PREFIX = "ptlflow:"
 _MULTIPLE = 16
@@ -162,7 +166,7 @@ def read_state(data: bytes, name: str) -> dict[str, Tensor]:
 
 @dataclass(frozen=True, slots=True)
 class PublishedFlow:
-    """A network of ptlflow; a ``FlowNetwork``."""
+    """A network of ptlflow; a ``MatchingNetwork``."""
 
     name: str
     graph: PairGraph
@@ -201,10 +205,13 @@ class PublishedFlow:
         source = Source(self.name, f"ptlflow {self.name}, {self.origin}", "see its authors")
         return pair_bundle(onnx, PictureInput(width, height, _MULTIPLE, channels="bgr"), source)
 
-    def flow(self, first: Tensor, second: Tensor) -> Tensor:
-        """Flow (1, 2, H, W) px from torch, of pictures as the bundle takes them."""
-        flow: Tensor = self.graph(first, second)
-        return flow
+    def differences_px(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
+        """How far the flow of ONNX Runtime is from torch's, at every pixel."""
+        sides = [runner.encode(image) for image in pair]
+        (flow,) = runner.match(*sides)
+        with torch.no_grad():
+            expected = self.graph(*(torch.from_numpy(side[0]) for side in sides)).numpy()
+        return np.asarray(np.linalg.norm(flow - expected, axis=1).ravel(), np.float32)
 
     def card(self, manifest: Manifest, scores: Mapping[str, LevelScore], pairs_name: str) -> str:
         """Text of the model card; ``scores`` may be empty."""

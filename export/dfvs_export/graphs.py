@@ -4,70 +4,65 @@ from __future__ import annotations
 
 import io
 import warnings
+from dataclasses import dataclass
 
 import torch
 from torch import Tensor, nn
-from torch.nn import functional
 
-from dfvs_export.networks.dfvs_flow import DfvsFlow
-from dfvs_export.networks.encoder import Features
-from dfvs_export.onnx_pair import (
-    ENCODE_INPUTS,
-    ENCODE_OUTPUTS,
-    MATCH_INPUTS,
-    MATCH_OUTPUTS,
-    OnnxPair,
-)
-from dfvs_export.working_size import Shrink, Sizes, enlarged_flow
+from dfvs_export.networks.lighterglue import LighterGlue
+from dfvs_export.networks.xfeat import Keypoints, XFeat
 
 OPSET = 17
+ENCODE_INPUTS, ENCODE_OUTPUTS = ("image",), ("points", "descriptors", "scores")
+MATCH_INPUTS = tuple(f"{side}_{name}" for side in ("first", "second") for name in ENCODE_OUTPUTS)
+MATCH_OUTPUTS = ("partners", "confidence")
+_ANY_COUNT = {
+    name: {1: "second" if name.startswith("second") else "first"}
+    for name in (*MATCH_INPUTS, *MATCH_OUTPUTS)
+}
+"""The count of keypoints is chosen from match to match."""
 
 
-class EncodeGraph(nn.Module):
-    """Image (1, 3, H, W) in [0, 1] to ``Features``, at the working size."""
+@dataclass(frozen=True, slots=True)
+class OnnxPair:
+    """Bytes of the two ONNX files."""
 
-    def __init__(self, network: DfvsFlow, sizes: Sizes) -> None:
-        super().__init__()
-        self.shrink = Shrink(sizes) if sizes.differ else nn.Identity()
-        self.network = network
-
-    def forward(self, image: Tensor) -> tuple[Tensor, ...]:
-        """Features as a tuple, which is what ONNX knows."""
-        features = self.network.encode(self.shrink(image))
-        return features.at16, features.at8, features.at4, features.image
+    encode: bytes
+    match: bytes
 
 
 class MatchGraph(nn.Module):
-    """Two sets of features to flow (1, 2, H, W) px and confidence (1, 1, H, W)."""
+    """Keypoints of two images to partners (1, N, 2) px of the first's, and confidence (1, N).
 
-    def __init__(self, network: DfvsFlow, sizes: Sizes) -> None:
+    The confidence is 0 where two points are not each other's likeliest partner.
+    """
+
+    def __init__(self, matcher: LighterGlue) -> None:
         super().__init__()
-        self.network = network
-        self.sizes = sizes
+        self.matcher = matcher
 
-    def forward(self, *features: Tensor) -> tuple[Tensor, Tensor]:
-        """Flow and confidence from the features of the first image, then of the second."""
-        at16, at8, at4 = features[:3]
-        second = Features(*features[3:])
-        first = Features(at16, at8, at4, second.image)  # the first image is not looked at
-        match = self.network.match(first, second)
-        width, height = self.sizes.picture
-        sure = functional.interpolate(match.confidence(), (height, width), mode="bilinear")
-        flow = enlarged_flow(match.flow, self.sizes) if self.sizes.differ else match.flow
-        return flow, sure
+    def forward(self, *tensors: Tensor) -> tuple[Tensor, Tensor]:
+        """Partners and confidence."""
+        first, second = Keypoints(*tensors[:3]), Keypoints(*tensors[3:])
+        log = self.matcher(first, second).log_probability
+        best, partner = log.max(dim=2)
+        back = log.argmax(dim=1).gather(1, partner)
+        own = torch.arange(log.shape[1], device=log.device)[None]
+        mutual = (back == own).to(log.dtype) * (first.scores > 0).to(log.dtype)
+        points = second.points.gather(1, partner[..., None].expand(-1, -1, 2))
+        return points, best.exp() * mutual
 
 
-def to_onnx(network: DfvsFlow, sizes: Sizes) -> OnnxPair:
-    """Trace both graphs at fixed sizes."""
-    width, height = sizes.picture
-    network = network.eval()
-    image = torch.rand(1, 3, height, width, generator=torch.Generator().manual_seed(0))
-    encode, match = EncodeGraph(network, sizes).eval(), MatchGraph(network, sizes).eval()
+def to_onnx(encoder: XFeat, matcher: LighterGlue, size: tuple[int, int]) -> OnnxPair:
+    """Trace both graphs for images of ``size`` (width, height) px."""
+    width, height = size
+    image = 255 * torch.rand(1, 1, height, width, generator=torch.Generator().manual_seed(0))
     with torch.no_grad():
-        features = encode(image)
+        keypoints = encoder.eval()(image)
+    match = MatchGraph(matcher).eval()
     return OnnxPair(
-        trace(encode, (image,), (ENCODE_INPUTS, ENCODE_OUTPUTS)),
-        trace(match, (*features[:3], *features), (MATCH_INPUTS, MATCH_OUTPUTS)),
+        trace(encoder, (image,), (ENCODE_INPUTS, ENCODE_OUTPUTS)),
+        trace(match, (*keypoints, *keypoints), (MATCH_INPUTS, MATCH_OUTPUTS), _ANY_COUNT),
     )
 
 
@@ -75,8 +70,12 @@ def trace(
     graph: nn.Module,
     inputs: tuple[Tensor, ...],
     names: tuple[tuple[str, ...], tuple[str, ...]],
+    free_axes: dict[str, dict[int, str]] | None = None,
 ) -> bytes:
-    """Trace a graph with these inputs; ``names`` are those of its inputs and outputs."""
+    """Trace a graph with these inputs; ``names`` are those of its inputs and outputs.
+
+    ``free_axes`` names the axes, by tensor, whose size is not fixed.
+    """
     file = io.BytesIO()
     with warnings.catch_warnings(), torch.no_grad():
         # the tracing exporter is the one whose files were measured to be small and fast here
@@ -88,6 +87,7 @@ def trace(
             input_names=list(names[0]),
             output_names=list(names[1]),
             opset_version=OPSET,
+            dynamic_axes=free_axes,
             dynamo=False,
         )
     return file.getvalue()

@@ -7,7 +7,8 @@ above all, stays float32: positions in px need more than half precision's 11 bit
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import io
+from collections.abc import Callable
 
 import numpy as np
 import onnx
@@ -17,11 +18,21 @@ from onnx import GraphProto, NodeProto, TensorProto, helper, numpy_helper
 _LARGEST = float(np.finfo(np.float16).max)
 
 
-def to_half(model: onnx.ModelProto, heavy: Sequence[NodeProto]) -> bytes:
-    """ONNX file of the model with its heavy nodes in half precision; the model is used up."""
+def to_half(data: bytes, choose: Callable[[GraphProto], list[NodeProto]]) -> bytes:
+    """ONNX file of the graph with the chosen nodes in half precision.
+
+    Parameters
+    ----------
+    data : bytes
+        ONNX file in float32.
+    choose : callable
+        Picks the nodes.
+    """
+    model = onnx.load_model(io.BytesIO(data))
     graph = model.graph
+    _drop_copies(graph)
     weights = {t.name: t for t in graph.initializer if t.data_type == TensorProto.FLOAT}
-    chosen = {node.name for node in heavy}
+    chosen = {node.name for node in choose(graph)}
     halved: set[str] = set()
     nodes: list[NodeProto] = []
     for node in graph.node:
@@ -58,6 +69,23 @@ def _halved(tensor: TensorProto) -> TensorProto:
     values: NDArray[np.float32] = numpy_helper.to_array(tensor)
     within = np.clip(values, -_LARGEST, _LARGEST).astype(np.float16)
     return numpy_helper.from_array(within, _half(tensor.name))
+
+
+def _drop_copies(graph: GraphProto) -> None:
+    """Let layers that share weights read the weights themselves, not a copy."""
+    weights = {tensor.name for tensor in graph.initializer}
+    outputs = {o.name for o in graph.output}
+    source: dict[str, str] = {}
+    nodes: list[NodeProto] = []
+    for node in graph.node:
+        is_copy = node.op_type == "Identity" and node.input[0] in weights
+        if is_copy and outputs.isdisjoint(node.output):
+            source[node.output[0]] = node.input[0]
+            continue
+        node.input[:] = [source.get(name, name) for name in node.input]
+        nodes.append(node)
+    del graph.node[:]
+    graph.node.extend(nodes)
 
 
 def _drop_unused(graph: GraphProto) -> None:

@@ -1,4 +1,4 @@
-"""Which operators of a graph bear fewer bits: those that cost time and do not carry flow."""
+"""Which operators of a graph bear fewer bits: those that cost time and carry features."""
 
 from __future__ import annotations
 
@@ -14,13 +14,13 @@ _CARRYING = frozenset({"Add", "Concat", "Relu"})
 """What computes as well in 8 bits, so that nothing is converted between two heavy nodes."""
 
 
-def heavy_nodes(graph: GraphProto, takes_pictures: bool, gives_flow: bool) -> list[NodeProto]:
+def heavy_nodes(graph: GraphProto, takes_pictures: bool) -> list[NodeProto]:
     """Layers that may be computed with fewer bits: products with learned weights.
 
-    Three kinds stay as they are. What reads the picture itself, and what gives flow with nothing
-    but adding and resampling behind it: there every lost bit is one of the picture or the flow,
-    and both are cheap. And convolutions in groups, which ONNX Runtime was measured to compute
-    more slowly in 8 bits than in 32.
+    Three kinds stay as they are. What reads the picture itself, and what gives flow, keypoints or
+    descriptors with nothing but adding and resampling behind it: there every lost bit is one of the
+    picture or the output, and both are cheap. And convolutions in groups, which ONNX Runtime
+    computes more slowly in 8 bits than in 32.
 
     Parameters
     ----------
@@ -28,16 +28,12 @@ def heavy_nodes(graph: GraphProto, takes_pictures: bool, gives_flow: bool) -> li
         With names for all nodes, weights as initialisers.
     takes_pictures : bool
         Whether its inputs are pictures, not features.
-    gives_flow : bool
-        Whether its outputs are flow and confidence, not features.
     """
     shapes = {tensor.name: tuple(tensor.dims) for tensor in graph.initializer}
     turning = {node.name for node in graph.node if _turns_over(node, shapes)}
-    kept: set[str] = set()
+    kept = _last(graph, turning)
     if takes_pictures:
         kept |= _first(graph, turning, set(shapes))
-    if gives_flow:
-        kept |= _last(graph, turning)
     return [
         node
         for node in graph.node
@@ -78,7 +74,7 @@ def _is_layer(node: NodeProto, shapes: Mapping[str, tuple[int, ...]]) -> bool:
 
 
 def _turns_over(node: NodeProto, shapes: Mapping[str, tuple[int, ...]]) -> bool:
-    """Whether values stop being picture or flow here: behind it, an error is one of features."""
+    """Whether values stop being picture or output here: behind it, an error is one of features."""
     if node.op_type == "ArgMax" or _is_layer(node, shapes):
         return True
     return node.op_type == "MatMul" and shapes.keys().isdisjoint(node.input)

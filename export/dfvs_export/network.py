@@ -1,25 +1,26 @@
-"""What bundles are made of and checked against: a flow network in torch."""
+"""What bundles are made of and checked against: a matching network in torch."""
 
 from __future__ import annotations
 
 from collections.abc import Mapping
 from typing import Protocol
 
-from torch import Tensor
-
+from dfvs_core.arrays import Float32Array
 from dfvs_core.manifest import Manifest
-from dfvs_core.matching.evaluation import LevelScore
+from dfvs_export.calibration import ImagePair
+from dfvs_export.running import BundleRunner
 from dfvs_models.bundle import Bundle
+from dfvs_models.evaluation import LevelScore
 
 
-class FlowNetwork(Protocol):
-    """A flow network with its weights."""
+class MatchingNetwork(Protocol):
+    """A matching network with its weights."""
 
     def bundle(self, size: tuple[int, int]) -> Bundle:
-        """Bundle in fp32 for pictures of ``size`` (width, height) px."""
+        """Bundle in fp32 for images of ``size`` (width, height) px."""
 
-    def flow(self, first: Tensor, second: Tensor) -> Tensor:
-        """Flow (1, 2, H, W) px from torch, of pictures (1, 3, H, W) as the bundle takes them."""
+    def differences_px(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
+        """How far what ONNX Runtime gives is from what torch gives, for each vector (N,)."""
 
     def card(self, manifest: Manifest, scores: Mapping[str, LevelScore], pairs_name: str) -> str:
         """Text of the model card; ``scores`` on the file ``pairs_name`` may be empty."""

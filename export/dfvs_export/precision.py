@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial
 from typing import Literal, get_args
-
-import onnx
 
 from dfvs_core.manifest import sha256
 from dfvs_export.calibration import ImagePair, graph_feeds
 from dfvs_export.half import to_half
 from dfvs_export.heavy_nodes import heavy_nodes
 from dfvs_export.quantise import to_int8
-from dfvs_export.running import FlowRunner
+from dfvs_export.running import BundleRunner
 from dfvs_models.bundle import Bundle
 
 Precision = Literal["fp32", "fp16", "int8"]
@@ -28,7 +25,7 @@ def in_precision(bundle: Bundle, precision: Precision, frames: Sequence[ImagePai
     Parameters
     ----------
     bundle : Bundle
-        A flow bundle in fp32.
+        A bundle in fp32.
     precision : str
         ``"fp32"`` gives the bundle back as it is.
     frames : sequence of ImagePair
@@ -36,17 +33,15 @@ def in_precision(bundle: Bundle, precision: Precision, frames: Sequence[ImagePai
     """
     if precision == "fp32":
         return bundle
-    feeds = graph_feeds(FlowRunner(bundle), frames) if precision == "int8" else {}
+    feeds = graph_feeds(BundleRunner(bundle), frames) if precision == "int8" else {}
     manifest, contents = bundle.manifest, dict(bundle.contents)
     for role, graph in manifest.graphs.items():
-        gives_flow = role in ("pair", "match")
-        choose = partial(heavy_nodes, takes_pictures=role == "pair", gives_flow=gives_flow)
+        choose = partial(heavy_nodes, takes_pictures=role != "match")
         data = contents[graph.file]
         if precision == "int8":
             contents[graph.file] = to_int8(data, choose, feeds[role])
         else:
-            model = onnx.load_model(io.BytesIO(data))
-            contents[graph.file] = to_half(model, choose(model.graph))
+            contents[graph.file] = to_half(data, choose)
     return Bundle(
         replace(
             manifest,

@@ -8,33 +8,29 @@ import cv2
 
 from dfvs_core.errors import ModelError
 from dfvs_core.manifest import MANIFEST_NAME, sha256
-from dfvs_core.matching.classical import ClassicalMatcher
-from dfvs_core.matching.hybrid import HybridMatcher
+from dfvs_core.matching.classical import classical_matcher
+from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.matcher import Matcher
+from dfvs_core.matching.staged import StagedMatcher
 from dfvs_models.bundle import Bundle, read_bundle
-from dfvs_models.encode_match import EncodeMatchMatcher
+from dfvs_models.encode_match import EncodeMatchPoints
 from dfvs_models.onnx_session import Execution
-from dfvs_models.pair import PairMatcher
+from dfvs_models.pair import FlowPoints, PairMatcher
 
 CLASSICAL = "classical"
+_HYBRID = "hybrid:"
 _PACKAGED = Path(__file__).parent / "assets"
 
 
 def load_matcher(
-    name_or_path: str,
-    threads: int = 2,
-    provider: str = "CPUExecutionProvider",
-    any_roll: bool = False,
+    name_or_path: str, threads: int = 2, provider: str = "CPUExecutionProvider"
 ) -> Matcher:
     """Load the matcher ``"classical"``, or a model bundle by its folder.
 
-    The bundle's manifest says whether its network is used alone or as a hybrid, refined by the
-    classical matcher; ``"alone:FOLDER"`` and ``"hybrid:FOLDER"`` choose. Bundles that come with
-    this package go by their names alone, such as ``"dfvs-flow"``.
+    The flow of a ``pair`` bundle is used as it is, or after ``"hybrid:"`` made precise by the dense
+    search. Bundles that come with this package go by their names alone, such as ``"dfvs-flow"``.
 
-    ``threads`` goes to ONNX Runtime and, being what the classical parts run on, to OpenCV,
-    where it holds for the whole process. ``any_roll`` is for cameras with six degrees of freedom:
-    a hybrid looks for turned views too, where it finds next to nothing.
+    ``threads`` goes to ONNX Runtime and to OpenCV, where it holds for the whole process.
 
     Raises
     ------
@@ -44,22 +40,19 @@ def load_matcher(
     execution = Execution(threads, provider)
     cv2.setNumThreads(threads)
     if name_or_path == CLASSICAL:
-        return ClassicalMatcher()
-    matching, where = _split(name_or_path)
+        return classical_matcher()
+    is_hybrid, where = _split(name_or_path)
     bundle = read_bundle(_folder(where))
-    network = network_matcher(bundle, execution)
-    if (matching or bundle.manifest.matching) == "alone":
-        return network
-    return HybridMatcher(network, bundle.manifest.kind == "encode-match", any_roll)
+    return network_matcher(bundle, execution, is_hybrid)
 
 
-def network_matcher(bundle: Bundle, execution: Execution) -> Matcher:
-    """Load a bundle's network alone, with every check that is made before anything flies by it.
+def network_matcher(bundle: Bundle, execution: Execution, is_hybrid: bool = False) -> Matcher:
+    """Load a bundle as a matcher, with every check that is made before anything flies by it.
 
     Raises
     ------
     ModelError
-        If the bundle gives no flow, its graphs are not what its manifest says, or the provider
+        If the bundle gives no matches, its graphs are not what its manifest says, or the provider
         cannot be used.
     """
     kind = bundle.manifest.kind
@@ -69,16 +62,15 @@ def network_matcher(bundle: Bundle, execution: Execution) -> Matcher:
             f"the kinds 'pair' or 'encode-match', or {CLASSICAL!r}",
         )
     if kind == "encode-match":
-        return EncodeMatchMatcher(bundle, execution)
-    return PairMatcher(bundle, execution)
+        config = MatchingConfig()
+        return StagedMatcher(EncodeMatchPoints(bundle, execution, config.turns_rad), config)
+    network = PairMatcher(bundle, execution)
+    return StagedMatcher(FlowPoints(network)) if is_hybrid else network
 
 
-def _split(name_or_path: str) -> tuple[str, str]:
-    """Take ``"hybrid:"`` or ``"alone:"`` off a name; without them the first part is empty."""
-    for matching in ("alone", "hybrid"):
-        if name_or_path.startswith(f"{matching}:"):
-            return matching, name_or_path.removeprefix(f"{matching}:")
-    return "", name_or_path
+def _split(name_or_path: str) -> tuple[bool, str]:
+    """Whether a name begins with ``"hybrid:"``, and the rest of it."""
+    return name_or_path.startswith(_HYBRID), name_or_path.removeprefix(_HYBRID)
 
 
 def model_files(name_or_path: str) -> dict[str, str]:

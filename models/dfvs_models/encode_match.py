@@ -1,36 +1,71 @@
-"""A network of two graphs as a matcher: a picture is encoded once, however often it is matched."""
+"""A network of two graphs as a source of sparse matches: keypoints of images, and their pairs."""
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+import math
+from collections.abc import Iterator
+from typing import cast
 
+import cv2
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, ImageArray
-from dfvs_core.correspondence import FlowField
-from dfvs_core.errors import ImageError, ModelError
-from dfvs_core.manifest import FlowOutput, PictureInput
-from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
-from dfvs_core.matching.merit import passing_over
+from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
+from dfvs_core.errors import ModelError
+from dfvs_core.manifest import PictureInput
+from dfvs_core.matching.points import PointMatches
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph
-from dfvs_models.pair import picture_flow, picture_map, picture_tensor
 
 _ENCODE, _MATCH = "encode", "match"
+COUNT_AXIS = 1
+"""Axis of the keypoints, whose count the match graph leaves open."""
+_RANKING_KEYPOINTS = 400
+"""Keypoints by which the turns are ranked."""
+_OUTSIDE = -1e4
+"""Value of a pixel outside of the image, so low that an interpolated one is negative too."""
 
 
-class EncodedPicture(Prepared):
-    """A picture's features, in the order of the ``encode`` graph's outputs."""
+class Keypoints:
+    """Outputs of the ``encode`` graph, and the map (2, 3) from the network's px to the image's."""
 
-    def __init__(self, size: tuple[int, int], features: list[Float32Array]) -> None:
-        super().__init__(size)
-        self.features = features
+    def __init__(self, tensors: list[Float32Array], to_image: FloatArray) -> None:
+        self.tensors = tensors
+        self._to_image = to_image
+
+    def in_image(self, points: Float32Array) -> Float32Array:
+        """Points (N, 2) of the network's image in px of the image."""
+        moved = points @ self._to_image[:, :2].T + self._to_image[:, 2]
+        return np.asarray(moved, np.float32)
+
+    def strongest(self, count: int) -> Keypoints:
+        """Keypoints of the highest scores."""
+        return Keypoints([tensor[:, :count] for tensor in self.tensors], self._to_image)
 
 
-class EncodeMatchMatcher:
-    """Runs an ``encode-match`` bundle: features of pictures, then flow and confidence.
+class EncodedImage:
+    """Keypoints of an image, upright and turned; each is encoded when it is first asked for."""
 
-    A guess is not used.
+    def __init__(self, image: ImageArray, network: EncodeMatchPoints) -> None:
+        self._canvas = network.fit(image)
+        self._network = network
+        self._found: dict[float, Keypoints] = {}
+
+    def turned(self, angle_rad: float) -> Keypoints:
+        """Keypoints of the image turned counter-clockwise about its middle."""
+        if angle_rad not in self._found:
+            self._found[angle_rad] = self._network.keypoints(*self._canvas, angle_rad)
+        return self._found[angle_rad]
+
+
+class EncodeMatchPoints:
+    """Runs an ``encode-match`` bundle.
+
+    Parameters
+    ----------
+    bundle : Bundle
+    execution : Execution
+    turns_rad : tuple of float
+        Angles by which the other image is turned, one hypothesis each.
 
     Raises
     ------
@@ -39,66 +74,95 @@ class EncodeMatchMatcher:
         output is not finite.
     """
 
-    def __init__(self, bundle: Bundle, execution: Execution) -> None:
+    def __init__(self, bundle: Bundle, execution: Execution, turns_rad: tuple[float, ...]) -> None:
         manifest = bundle.manifest
-        if manifest.kind != "encode-match" or manifest.flow is None:
+        if manifest.kind != "encode-match":
             raise ModelError(f"bundle {manifest.name!r} is {manifest.kind!r}", "'encode-match'")
         self._manifest = manifest
         self._input: PictureInput = manifest.input
-        self._flow: FlowOutput = manifest.flow
+        self._turns_rad = turns_rad
         self._roles = manifest.graphs
         self._encode, self._match = (
-            OnnxGraph(bundle.graph(role), manifest.graphs[role].file, execution)
-            for role in (_ENCODE, _MATCH)
+            OnnxGraph(bundle.graph(role), manifest.graphs[role].file, execution, free_axis)
+            for role, free_axis in ((_ENCODE, None), (_MATCH, COUNT_AXIS))
         )
         self._check_tensors()
         self._try_out()
 
-    def prepare(self, image: ImageArray) -> EncodedPicture:
-        """Encode a picture (H, W, 3) uint8 RGB."""
-        check_image(image)
-        tensor = picture_tensor(image, self._input)
-        features = self._encode.run([tensor], self._roles[_ENCODE].outputs)
-        return EncodedPicture((image.shape[0], image.shape[1]), features)
+    @property
+    def width_px(self) -> int:
+        """Width of the network's images."""
+        return self._input.width
 
-    def match(
-        self,
-        current: Prepared,
-        other: Prepared,
-        guess: FlowField | None = None,
-        *,
-        besides: Sequence[FlowField] = (),
-    ) -> FlowField:
-        """Flow from ``current`` to ``other``; see ``dfvs_core.matching.matcher.Matcher``.
+    def encode(self, image: ImageArray) -> EncodedImage:
+        """Take an image (H, W, 3) uint8 RGB."""
+        return EncodedImage(image, self)
 
-        Output that is not finite gives a field of zeros without confidence. A network finds what it
-        finds: if that is to be passed over there is nothing.
+    def hypotheses(self, current: EncodedImage, other: EncodedImage) -> Iterator[PointMatches]:
+        """Matches with the other image at each turn; see ``dfvs_core.matching.points``.
+
+        The strongest keypoints tell which turn is the likeliest; all of them are matched when a
+        hypothesis is asked for. Output that is not finite gives no match.
         """
-        check_same_size(current, other)
-        if not (isinstance(current, EncodedPicture) and isinstance(other, EncodedPicture)):
-            raise ImageError("pictures were prepared by another matcher", "the same matcher's")
-        raw, sureness = self._run(current, other)
-        if not (np.isfinite(raw).all() and np.isfinite(sureness).all()):
-            nothing = np.zeros((*current.size, 2), np.float32)
-            return FlowField(nothing, np.zeros(current.size, np.float32))
-        flow = picture_flow(raw, self._input, self._flow, current.size)
-        confidence = picture_map(sureness[0, 0], current.size)
-        field = FlowField(flow, np.clip(confidence, 0.0, 1.0))
-        return passing_over(field, besides)
+        first = current.turned(0.0)
+        turned = [other.turned(angle_rad) for angle_rad in self._turns_rad]
+        few = first.strongest(_RANKING_KEYPOINTS)
+        support = [
+            float(self._match_points(few, second.strongest(_RANKING_KEYPOINTS)).confidence.sum())
+            for second in turned
+        ]
+        for k in sorted(range(len(turned)), key=lambda k: -support[k]):
+            yield self._match_points(first, turned[k])
 
-    def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
-        """Flow of the network, which takes as long with a guess as without."""
-        return self.match(current, other, guess)
+    def _match_points(self, first: Keypoints, second: Keypoints) -> PointMatches:
+        points, confidence = self._run(first, second)
+        at = first.tensors[0][0]
+        kept: BoolArray = confidence > 0.0
+        kept &= np.isfinite(at).all(axis=1) & np.isfinite(points).all(axis=1)
+        to = second.in_image(points[kept])
+        return PointMatches(first.in_image(at[kept]), to, confidence[kept])
 
-    def _run(self, current: EncodedPicture, other: EncodedPicture) -> list[Float32Array]:
-        return self._match.run(self._both(current, other), self._roles[_MATCH].outputs)
+    def fit(self, image: ImageArray) -> tuple[Float32Array, float]:
+        """Grey image (h, w) that fits into the network's, and its scale."""
+        height, width = image.shape[:2]
+        scale = min(self._input.width / width, self._input.height / height)
+        grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
+        method = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR
+        if scale != 1.0:
+            grey = cv2.resize(
+                grey, (round(width * scale), round(height * scale)), interpolation=method
+            )
+        return cast(Float32Array, grey.astype(np.float32)), scale
 
-    def _both(self, current: EncodedPicture, other: EncodedPicture) -> list[Float32Array]:
-        """Features of both pictures in the order of the ``match`` graph's inputs."""
-        return list(self._manifest.match_feeds(current.features, other.features).values())
+    def keypoints(self, grey: Float32Array, scale: float, angle_rad: float) -> Keypoints:
+        """Keypoints of a grey image (h, w), put in the middle of the network's and turned."""
+        size = (self._input.width, self._input.height)
+        c, s = math.cos(angle_rad), math.sin(angle_rad)
+        turn = np.array([[c, s], [-s, c]])
+        middle = 0.5 * (np.array(grey.shape[::-1]) - 1.0)
+        shift = 0.5 * (np.array(size) - 1.0) - turn @ middle
+        warped = cv2.warpAffine(
+            grey,
+            np.column_stack([turn, shift]),
+            size,
+            flags=cv2.INTER_LINEAR,
+            borderMode=cv2.BORDER_CONSTANT,
+            borderValue=_OUTSIDE,
+        )
+        canvas = np.asarray(warped, np.float32)
+        tensors = self._encode.run([canvas[None, None]], self._roles[_ENCODE].outputs)
+        # to the image: back by the turn, then from its scaled pixels to its own
+        linear = turn.T / scale
+        return Keypoints(tensors, np.column_stack([linear, (0.5 - turn.T @ shift) / scale - 0.5]))
+
+    def _run(self, first: Keypoints, second: Keypoints) -> tuple[Float32Array, Float32Array]:
+        """Partners (N, 2) px of the first keypoints, and their confidence (N,); 0 is none."""
+        feeds = self._manifest.match_feeds(first.tensors, second.tensors)
+        points, confidence = self._match.run(list(feeds.values()), self._roles[_MATCH].outputs)
+        return points[0], np.nan_to_num(confidence[0], posinf=0.0)
 
     def _check_tensors(self) -> None:
-        """Check names, and that pictures and features have the shapes that they have to have."""
+        """Check names, and that images and keypoints have the shapes that they have to have."""
         for role, graph in ((_ENCODE, self._encode), (_MATCH, self._match)):
             names = [spec.name for spec in graph.inputs]
             said = self._roles[role]
@@ -107,12 +171,13 @@ class EncodeMatchMatcher:
             missing = set(said.outputs) - set(graph.output_names)
             if missing:
                 raise ModelError(f"{said.file!r} lacks the outputs {sorted(missing)}")
-        if len(self._roles[_MATCH].outputs) != 2:
-            raise ModelError(
-                f"graph 'match' has the outputs {self._roles[_MATCH].outputs}",
-                "flow and confidence",
-            )
-        shape = (1, self._input.channel_count, self._input.height, self._input.width)
+        for role, outputs in ((_ENCODE, 3), (_MATCH, 2)):
+            if len(self._roles[role].outputs) != outputs:
+                raise ModelError(
+                    f"graph {role!r} has the outputs {self._roles[role].outputs}",
+                    f"{outputs} of them",
+                )
+        shape = (1, 1, self._input.height, self._input.width)
         actual = [(spec.element, spec.shape) for spec in self._encode.inputs]
         if actual != [("tensor(float)", shape)]:
             raise ModelError(f"graph 'encode' takes {actual}", f"tensor(float) of {shape}")
@@ -120,22 +185,27 @@ class EncodeMatchMatcher:
     def _try_out(self) -> None:
         """Run both once: shapes that lie and weights that are not finite show up."""
         height, width = self._input.height, self._input.width
-        ramp = np.add.outer(np.arange(height), np.arange(width)) % 256
-        picture = self.prepare(np.repeat(ramp[..., None], 3, axis=2).astype(np.uint8))
+        ramp = (np.add.outer(np.arange(height), np.arange(width)) % 256).astype(np.float32)
+        found = self.keypoints(ramp, 1.0, 0.0)
         expected = [spec.shape for spec in self._match.inputs]
-        given = [feature.shape for feature in self._both(picture, picture)]
-        if given != expected:
+        feeds = self._manifest.match_feeds(found.tensors, found.tensors)
+        given = [tensor.shape for tensor in feeds.values()]
+        fits = len(given) == len(expected) and all(
+            len(a) == len(b) and all(n in (0, m) for m, n in zip(a, b, strict=True))
+            for a, b in zip(given, expected, strict=True)
+        )
+        if not fits:
             raise ModelError(f"graph 'match' takes {expected}", f"what 'encode' gives: {given}")
-        raw, sureness = self._run(picture, picture)
-        stride = self._flow.stride
-        shape = (1, 2, height // stride, width // stride)
-        if raw.shape != shape or sureness.shape[:2] != (1, 1) or sureness.ndim != 4:
+        count = found.tensors[0].shape[1]
+        points, confidence = self._match.run(list(feeds.values()), self._roles[_MATCH].outputs)
+        if points.shape != (1, count, 2) or confidence.shape != (1, count):
             raise ModelError(
-                f"graph 'match' gives {raw.shape} and {sureness.shape}", f"{shape} and (1, 1, h, w)"
+                f"graph 'match' gives {points.shape} and {confidence.shape}",
+                f"{(1, count, 2)} and {(1, count)}",
             )
-        if not (np.isfinite(raw).all() and np.isfinite(sureness).all()):
+        if not (np.isfinite(points).all() and np.isfinite(confidence).all()):
             raise ModelError(
                 "graph 'match' gives values that are not finite",
-                "finite flow and confidence",
+                "finite points and confidence",
                 "its weights are damaged",
             )

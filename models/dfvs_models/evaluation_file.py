@@ -1,4 +1,14 @@
-"""Reading evaluation files: picture pairs with exact flow (``dfvs_core.pair_files``)."""
+"""Reading evaluation files: image pairs with exact flow.
+
+One ``.npz``; pixel centres lie at +0.5, images are RGB:
+
+- ``IA``, ``IB`` (N, H, W, 3) uint8, the two images;
+- ``flow`` (N, H, W, 2) float16 px, from A to B on A's grid;
+- ``vis`` (N, H, W) bool, seen in both;
+- ``level`` (N,) int64, index into ``dfvs_models.evaluation.LEVELS``;
+- and, not needed to measure, ``depth`` (N, H, W) float16 m of A (0: nothing) and ``TA``, ``TB``
+  (N, 4, 4) float64, world from camera in the scene file's axes (y up).
+"""
 
 from __future__ import annotations
 
@@ -14,11 +24,12 @@ from numpy.typing import NDArray
 
 from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.errors import ImageError
-from dfvs_core.matching.evaluation import LEVELS
-from dfvs_core.pair_files import EVALUATION_ARRAYS
+from dfvs_models.evaluation import LEVELS
 
 _Arrays = dict[str, NDArray[Any]]
-_EXPECTED = f"an .npz with {', '.join(EVALUATION_ARRAYS)}"
+_ARRAYS = ("IA", "IB", "flow", "vis", "level")
+"""Arrays that a measurement needs."""
+_EXPECTED = f"an .npz with {', '.join(_ARRAYS)}"
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -34,7 +45,7 @@ class FlowPairs:
     visible : (N, H, W) bool
         Seen in both.
     level : (N,) int64
-        Index into ``dfvs_core.matching.evaluation.LEVELS``.
+        Index into ``dfvs_models.evaluation.LEVELS``.
     """
 
     current: ImageArray
@@ -75,7 +86,7 @@ def read_flow_pairs(path: Path) -> FlowPairs:
 def _read(path: Path) -> _Arrays:
     try:
         with zipfile.ZipFile(path), np.load(path, allow_pickle=False) as data:
-            return {name: data[name] for name in EVALUATION_ARRAYS}
+            return {name: data[name] for name in _ARRAYS}
     except (OSError, ValueError, KeyError, EOFError, zlib.error, zipfile.BadZipFile) as error:
         raise ImageError(f"pairs file {str(path)!r} cannot be read ({error})", _EXPECTED) from error
 

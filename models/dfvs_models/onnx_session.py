@@ -48,7 +48,7 @@ class Execution:
 
 @dataclass(frozen=True, slots=True)
 class TensorSpec:
-    """A graph's tensor as the file declares it: name, element type and fixed shape."""
+    """A graph's tensor as the file declares it: name, element type and shape; 0 is any size."""
 
     name: str
     element: str
@@ -66,6 +66,8 @@ class OnnxGraph:
         What errors call it.
     execution : Execution
         Threads and provider.
+    free_axis : int, optional
+        Axis of the inputs whose size need not be fixed.
 
     Raises
     ------
@@ -74,7 +76,9 @@ class OnnxGraph:
         no fixed shape.
     """
 
-    def __init__(self, data: bytes, name: str, execution: Execution) -> None:
+    def __init__(
+        self, data: bytes, name: str, execution: Execution, free_axis: int | None = None
+    ) -> None:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = execution.threads
         options.inter_op_num_threads = 1
@@ -97,7 +101,7 @@ class OnnxGraph:
                 f"ONNX Runtime fell back to {', '.join(used)} for {name!r}", execution.provider
             )
         self._name = name
-        self.inputs = tuple(_fixed(name, tensor) for tensor in self._session.get_inputs())
+        self.inputs = tuple(_spec(name, t, free_axis) for t in self._session.get_inputs())
         self.output_names = tuple(tensor.name for tensor in self._session.get_outputs())
 
     def run(self, tensors: Sequence[Float32Array], outputs: Sequence[str]) -> list[Float32Array]:
@@ -118,8 +122,11 @@ class OnnxGraph:
         return [np.asarray(result) for result in results]
 
 
-def _fixed(name: str, tensor: onnxruntime.NodeArg) -> TensorSpec:
-    shape = tensor.shape
+def _spec(name: str, tensor: onnxruntime.NodeArg, free_axis: int | None) -> TensorSpec:
+    shape = list(tensor.shape)
+    if free_axis is not None and free_axis < len(shape) and isinstance(shape[free_axis], str):
+        shape[free_axis] = 0
+        return TensorSpec(tensor.name, tensor.type, tuple(shape))
     if not all(isinstance(n, int) and n > 0 for n in shape):
         raise ModelError(f"input {tensor.name!r} of {name!r} has the shape {shape}", "fixed sizes")
     return TensorSpec(tensor.name, tensor.type, tuple(shape))

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 from typing import cast
 
 import cv2
@@ -12,10 +12,16 @@ from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError, ModelError
 from dfvs_core.manifest import FlowOutput, PictureInput
+from dfvs_core.matching.confidence import empty_flow, exclude
+from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.dense_search import (
+    correlation_confidence,
+    forward_backward_consistency,
+)
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
-from dfvs_core.matching.merit import passing_over
-from dfvs_core.matching.trust import looks_alike, returns, stays_inside
-from dfvs_core.matching.warping import pixel_grid, sample
+from dfvs_core.matching.points import PointMatches
+from dfvs_core.matching.smooth_flow import confident_matches
+from dfvs_core.matching.warping import lands_inside, pixel_grid, sample
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph
 
@@ -36,7 +42,7 @@ class PairMatcher:
     """Runs a ``pair`` network both ways for every match.
 
     Flow there and back tells what is visible in both pictures, which a network that gives flow
-    alone does not; it doubles the time of a match. A guess is not used.
+    alone does not; it doubles the time of a match. A prediction is not used.
 
     Raises
     ------
@@ -50,12 +56,18 @@ class PairMatcher:
             raise ModelError(f"bundle {manifest.name!r} gives no flow", "a bundle of kind 'pair'")
         self._input = manifest.input
         self._flow = manifest.flow
+        self._config = MatchingConfig()
         graph = manifest.graphs[_ROLE]
         self._name = graph.file
         self._output = graph.outputs[0]
         self._graph = OnnxGraph(bundle.graph(_ROLE), graph.file, execution)
         self._check_tensors(graph.inputs)
         self._try_out()
+
+    @property
+    def width_px(self) -> int:
+        """Width of the network's images."""
+        return self._input.width
 
     def prepare(self, image: ImageArray) -> PairPicture:
         """Resize and normalise a picture (H, W, 3) uint8 RGB."""
@@ -65,9 +77,8 @@ class PairMatcher:
         self,
         current: Prepared,
         other: Prepared,
-        guess: FlowField | None = None,
         *,
-        besides: Sequence[FlowField] = (),
+        excluded: Sequence[FlowField] = (),
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see ``dfvs_core.matching.matcher.Matcher``.
 
@@ -79,16 +90,16 @@ class PairMatcher:
             raise ImageError("pictures were prepared by another matcher", "the same matcher's")
         there, back = self._run(current, other), self._run(other, current)
         if not (np.isfinite(there).all() and np.isfinite(back).all()):
-            nothing = np.zeros((*current.size, 2), np.float32)
-            return FlowField(nothing, np.zeros(current.size, np.float32))
+            return empty_flow(current.size)
         brought = sample(other.grey, pixel_grid(current.size) + there)
-        confidence = returns(there, back) * looks_alike(current.grey, brought)
-        field = FlowField(there, confidence * stays_inside(there))
-        return passing_over(field, besides)
+        confidence = forward_backward_consistency(there, back, self._config.return_px)
+        confidence *= correlation_confidence(current.grey, brought, self._config)
+        field = FlowField(there, confidence * lands_inside(there))
+        return exclude(field, excluded)
 
-    def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
-        """Flow of the network, which takes as long with a guess as without."""
-        return self.match(current, other, guess)
+    def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField | None:
+        """Flow of the network, which takes as long with a prediction as without."""
+        return self.match(current, other)
 
     def _run(self, current: PairPicture, other: PairPicture) -> Float32Array:
         """Flow (H, W, 2) px of the pictures' own size."""
@@ -136,6 +147,27 @@ class PairMatcher:
             )
 
 
+class FlowPoints:
+    """The confident flow of a network as sparse matches; one hypothesis."""
+
+    def __init__(self, network: PairMatcher) -> None:
+        self._network = network
+        self._stride_px = MatchingConfig().cell_px
+
+    @property
+    def width_px(self) -> int:
+        """Width of the network's images."""
+        return self._network.width_px
+
+    def encode(self, image: ImageArray) -> PairPicture:
+        """Resize and normalise an image (H, W, 3) uint8 RGB."""
+        return self._network.prepare(image)
+
+    def hypotheses(self, current: PairPicture, other: PairPicture) -> Iterator[PointMatches]:
+        """See ``dfvs_core.matching.points``."""
+        yield confident_matches(self._network.match(current, other), self._stride_px)
+
+
 def picture_tensor(image: ImageArray, spec: PictureInput) -> Float32Array:
     """Tensor (1, C, h, w) of a picture (H, W, 3) uint8 RGB, as the manifest asks."""
     shrinks = image.shape[1] > spec.width
@@ -174,9 +206,3 @@ def picture_flow(
     full = cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR)
     to_picture = np.array([width / spec.width, height / spec.height], np.float32)
     return np.asarray(full * to_picture, np.float32)
-
-
-def picture_map(values: Float32Array, size: tuple[int, int]) -> Float32Array:
-    """Map (H, W) of pictures of ``size`` from the network's (h, w)."""
-    resized = cv2.resize(values, (size[1], size[0]), interpolation=cv2.INTER_LINEAR)
-    return np.asarray(resized, np.float32)

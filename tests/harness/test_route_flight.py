@@ -8,7 +8,7 @@ from at_once import AtOnce
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.goal import Goal, GoalSidecar
-from dfvs_core.matching.classical import ClassicalMatcher
+from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.poses import make_pose, pose_error, rotation_from_euler
 from dfvs_core.teaching import TeachLimits
 from dfvs_core.wire.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
@@ -117,7 +117,7 @@ def flown(rooms, poses, goals):
     config, _ = load_config(None, {}).with_camera(CAMERA.size, goals[0].sidecar)
     flight = Flight(rooms, poses, goals[0].sidecar.mount)
     clocks = Clocks(CLOCK, lambda: flight.now_ns, lambda: flight.now_ns)
-    eye = build_eye(config, goals[0], ClassicalMatcher(), clocks)
+    eye = build_eye(config, goals[0], classical_matcher(), clocks)
     route = RouteFollower(config, goals, AtOnce())
     outcome = Outcome(flight, route)
     while flight.now_ns < 10**12 + LONGEST_S * 1e9:
@@ -172,7 +172,7 @@ def test_a_route_that_was_taught_by_hand_is_flown_again(rooms, poses, tmp_path):
     config = taught_settings(load_config(None, {}), CAMERA)
     pilot = Flight(rooms, poses, GoalSidecar(CAMERA).mount)
     clocks = Clocks(CLOCK, lambda: pilot.now_ns, lambda: pilot.now_ns)
-    teacher = RouteTeacher(config, tmp_path, ClassicalMatcher(), clocks, TeachLimits())
+    teacher = RouteTeacher(config, tmp_path, classical_matcher(), clocks, TeachLimits())
     for share in np.linspace(0.0, 1.0, 36):
         pilot.put(along(poses, share))
         teacher.heed([pilot.state()])

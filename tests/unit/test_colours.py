@@ -8,8 +8,8 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.colours import is_swapped
 from dfvs_core.correspondence import FlowField
 from dfvs_core.goal import Goal, GoalSidecar, Mount
-from dfvs_core.matching.classical import ClassicalMatcher
-from dfvs_core.pipeline import Pipeline
+from dfvs_core.matching.classical import classical_matcher
+from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
@@ -72,7 +72,7 @@ def test_frames_with_exchanged_colours_are_not_flown(rng):
     camera = CameraModel.from_horizontal_fov(picture.shape[1], picture.shape[0], 1.3)
     sidecar = GoalSidecar(camera)
     task = ServoTask(ServoConfig(depth="constant"), camera, sidecar, Mount())
-    pipeline = Pipeline(task, ClassicalMatcher(), Goal(picture, sidecar), lambda: 0)
+    pipeline = Pipeline(task, classical_matcher(), Goal(picture, sidecar), lambda: 0)
     still = Motion(0, 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3), 0.0)
     right = pipeline.process(Frame(picture, 0, 0), still, engaged=True).report
     assert right.healthy

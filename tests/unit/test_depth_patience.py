@@ -7,7 +7,7 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.matching.matcher import Prepared
-from dfvs_core.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, Pipeline
+from dfvs_core.perception.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, Pipeline
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
@@ -27,10 +27,10 @@ class StillMatcher:
     def prepare(self, image):
         return Prepared(image.shape[:2])
 
-    def match(self, current, other, guess=None, *, besides=()):
+    def match(self, current, other, *, excluded=()):
         return FlowField(np.zeros((*SIZE, 2), np.float32), np.ones(SIZE, np.float32))
 
-    def track(self, current, other, guess):
+    def track(self, current, other, predicted):
         self.tracked += 1
         return self.match(current, other)
 

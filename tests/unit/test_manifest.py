@@ -12,7 +12,7 @@ ONNX = b"not really a network"
 
 def manifest(**changes):
     fields = {
-        "format": "dfvs-bundle/1",
+        "format": "dfvs-bundle/2",
         "name": "tiny",
         "kind": "pair",
         "input": PictureInput(64, 48),
@@ -37,7 +37,7 @@ def test_a_manifest_survives_the_way_to_json_and_back():
 @pytest.mark.parametrize(
     ("changes", "message"),
     [
-        ({"format": "dfvs-bundle/2"}, "format 'dfvs-bundle/2'"),
+        ({"format": "dfvs-bundle/1"}, "format 'dfvs-bundle/1'"),
         ({"kind": "triple"}, "kind = 'triple'"),
         ({"licence": 7}, "licence = 7"),
         ({"lisence": "MIT"}, "did you mean 'licence'"),
@@ -74,14 +74,47 @@ def test_what_is_no_json_object_is_refused(data):
         Manifest.from_json(data)
 
 
-@pytest.mark.parametrize(
-    ("kind", "roles", "flow"),
-    [("encode-match", ("encode", "match"), FlowOutput(8)), ("mono", ("mono",), None)],
-)
-def test_kinds_of_later_versions_can_be_read(kind, roles, flow):
+SPARSE = [("encode-match", ("encode", "match")), ("mono", ("mono",))]
+
+
+@pytest.mark.parametrize(("kind", "roles"), SPARSE)
+def test_kinds_without_flow_can_be_read(kind, roles):
     graphs = {role: Graph("net.onnx", ("x",), ("y",)) for role in roles}
-    made = manifest(kind=kind, graphs=graphs, flow=flow)
-    assert Manifest.from_json(made.to_json().encode()).kind == kind
+    made = manifest(kind=kind, graphs=graphs, flow=None)
+    assert Manifest.from_json(made.to_json().encode()) == made
+
+
+@pytest.mark.parametrize(("kind", "roles"), SPARSE)
+def test_flow_is_announced_by_networks_that_give_it_and_no_others(kind, roles):
+    graphs = {role: Graph("net.onnx", ("x",), ("y",)) for role in roles}
+    with pytest.raises(ModelError, match=f"'{kind}' bundle has 'flow'"):
+        manifest(kind=kind, graphs=graphs)
+
+
+ENCODED = ("points", "scores")
+
+
+def two_graphs(*inputs):
+    graphs = {
+        "encode": Graph("net.onnx", ("image",), ENCODED),
+        "match": Graph("net.onnx", inputs, ("partners",)),
+    }
+    return manifest(kind="encode-match", graphs=graphs, flow=None)
+
+
+def test_what_goes_into_the_match_is_found_by_name():
+    made = two_graphs("second_points", "first_points", "first_scores")
+    feeds = made.match_feeds(("here", "one"), ("there", "two"))
+    assert list(feeds.items()) == [
+        ("second_points", "there"),
+        ("first_points", "here"),
+        ("first_scores", "one"),
+    ]
+
+
+def test_a_match_that_takes_what_no_encoder_gives_is_refused():
+    with pytest.raises(ModelError, match="third_points"):
+        two_graphs("first_points", "third_points").match_feeds((1, 2), (3, 4))
 
 
 @pytest.mark.parametrize(

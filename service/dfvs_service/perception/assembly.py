@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dfvs_core.goal import Goal, Mount
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.pipeline import Pipeline
+from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.task import ServoTask
 from dfvs_service.config import ServiceConfig
 from dfvs_service.perception.eye import Eye

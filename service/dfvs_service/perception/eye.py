@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from dfvs_core.camera import CameraModel
 from dfvs_core.frame_guard import Expected, GuardState, admit
 from dfvs_core.goal import Goal
-from dfvs_core.goal_tracker import GoodLook
-from dfvs_core.outcome import UNKNOWN_ERROR, FrameOutcome
-from dfvs_core.pipeline import GoalView, Pipeline, Preview
+from dfvs_core.perception.goal_tracker import Observation
+from dfvs_core.perception.outcome import UNKNOWN_ERROR, FrameOutcome
+from dfvs_core.perception.pipeline import GoalView, Pipeline, Preview
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import VehicleHistory
 from dfvs_core.wire.frame import Frame
@@ -18,9 +18,6 @@ from dfvs_core.wire.link import GateStatus, PerceptionReport
 
 SERVO_STATES = frozenset({"SERVO"})
 """States in which the error must fall."""
-
-ENGAGED_STATES = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
-"""States in which the vehicle is the gate's: no search may make the next frame late."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -70,13 +67,11 @@ class Eye:
         self._guard = GuardState()
         self._history = VehicleHistory()
         self._servoing = False
-        self._engaged = False
         self.refused = 0
 
     def heed(self, status: GateStatus) -> None:
         """Take in the gate's state and the vehicle's."""
         self._servoing = status.state in SERVO_STATES
-        self._engaged = status.state in ENGAGED_STATES
         if status.vehicle is not None:
             self._history.add(status.vehicle)
 
@@ -122,13 +117,13 @@ class Eye:
         """What a kept frame says about another goal; see :meth:`Pipeline.glimpse`."""
         return self._pipeline.glimpse(task, goal, t_capture_ns)
 
-    def aim(self, task: ServoTask, goal: GoalView, observation: GoodLook | None = None) -> None:
+    def aim(self, task: ServoTask, goal: GoalView, observation: Observation | None = None) -> None:
         """Go on to another goal with what is known of the vehicle, the camera and depth."""
         self._pipeline.aim(task, goal, observation)
 
     def digest(self) -> int:
         """Learn from the last frame what may wait until its report was sent; time taken, ns."""
-        return self._pipeline.digest(may_search=not self._engaged)
+        return self._pipeline.digest()
 
     def _refuse(self, t_look_ns: int, seq: int, t_capture_ns: int, reason: str) -> Glance:
         self.refused += 1

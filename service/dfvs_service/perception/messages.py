@@ -6,7 +6,7 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from dfvs_core.outcome import FrameOutcome
+from dfvs_core.perception.outcome import FrameOutcome
 from dfvs_core.servo.exchange import Uncertainty
 from dfvs_core.wire.frame import Frame
 

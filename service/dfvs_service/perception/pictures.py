@@ -4,6 +4,7 @@ from __future__ import annotations
 
 from dfvs_core.arrays import ImageArray
 from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.warping import flow_at_size
 from dfvs_core.wire.flow_grid import FLOW_GRID_ENCODING, encode_flow_grid, sample_flow
 from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
 from dfvs_service.perception.preview import draw_flow
@@ -32,7 +33,7 @@ class Pictures:
 
     def preview(self, frame: Frame, flow: FlowField) -> Note:
         """JPEG of the view with the flow drawn on it, as a frame on the wire."""
-        drawn = draw_flow(frame.image, flow, self._min_confidence)
+        drawn = draw_flow(frame.image, _of_frame(flow, frame), self._min_confidence)
         return self._jpeg(Frame(drawn, frame.t_capture_ns, frame.seq), self._quality)
 
     def goal(self, image: ImageArray, t_ns: int) -> Note:
@@ -41,9 +42,14 @@ class Pictures:
 
     def flow(self, frame: Frame, flow: FlowField) -> Note:
         """Coarse grid of the flow to the goal."""
-        grid = sample_flow(flow, frame.seq, frame.t_capture_ns)
+        grid = sample_flow(_of_frame(flow, frame), frame.seq, frame.t_capture_ns)
         return Note(encode_flow_grid(grid), FLOW_GRID_ENCODING)
 
     def _jpeg(self, frame: Frame, quality: int) -> Note:
         payload, attachment = encode_frame(frame, PixelFormat.JPEG, self._clock, quality)
         return Note(payload, "image/jpeg", attachment)
+
+
+def _of_frame(flow: FlowField, frame: Frame) -> FlowField:
+    """Flow in px of the frame."""
+    return flow_at_size(flow, (frame.image.shape[0], frame.image.shape[1]))

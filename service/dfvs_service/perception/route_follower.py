@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 
 from dfvs_core.goal import Goal
-from dfvs_core.outcome import FrameOutcome
-from dfvs_core.pipeline import GoalPreview, GoalView
+from dfvs_core.perception.outcome import FrameOutcome
+from dfvs_core.perception.pipeline import GoalPreview, GoalView
 from dfvs_core.route import (
     RouteLimits,
     RouteState,

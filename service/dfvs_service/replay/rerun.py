@@ -71,20 +71,19 @@ class TimedMatcher:
         self,
         current: Prepared,
         other: Prepared,
-        guess: FlowField | None = None,
         *,
-        besides: Sequence[FlowField] = (),
+        excluded: Sequence[FlowField] = (),
     ) -> FlowField:
         """See :class:`Matcher`."""
         start_ns = self._tick()
-        flow = self._matcher.match(current, other, guess, besides=besides)
+        flow = self._matcher.match(current, other, excluded=excluded)
         self.spent_ns += self._tick() - start_ns
         return flow
 
-    def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField | None:
+    def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField | None:
         """See :class:`Matcher`."""
         start_ns = self._tick()
-        flow = self._matcher.track(current, other, guess)
+        flow = self._matcher.track(current, other, predicted)
         self.spent_ns += self._tick() - start_ns
         return flow
 

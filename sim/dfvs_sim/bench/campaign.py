@@ -147,4 +147,4 @@ def renderer_of(scene: Path) -> Renderer:
 
 @functools.lru_cache(maxsize=1)
 def _matcher(name: str) -> Matcher:
-    return load_matcher(name, threads=1, any_roll=True)
+    return load_matcher(name, threads=1)

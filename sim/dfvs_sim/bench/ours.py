@@ -11,7 +11,7 @@ import numpy as np
 from dfvs_core.arrays import FloatArray
 from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.pipeline import Pipeline
+from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.poses import se3_exp
 from dfvs_core.servo.config import DepthChoice, ServoConfig
 from dfvs_core.servo.exchange import Verdict
@@ -74,7 +74,7 @@ class LateDrive:
 
 
 class PipelineMethod:
-    """Runs ``dfvs_core.pipeline`` on the benchmark's frames, as the service does on live ones.
+    """Runs the product's perception on the benchmark's frames, as the service does on live ones.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ import numpy as np
 from dfvs_core.arrays import FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
-from dfvs_core.matching.merit import Candidate, agree
+from dfvs_core.matching.confidence import are_consistent
 from dfvs_core.matching.warping import pixel_grid, sample
 from dfvs_core.poses import so3_exp
 
@@ -47,10 +47,11 @@ def _around(aside_rad: float, first: float) -> list[FloatArray]:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class Look:
-    """A match with the goal picture, in a camera turned by ``R_ahead_look`` (3, 3)."""
+    """A match with the goal image in a camera turned by ``R_ahead_look`` (3, 3), and its score."""
 
     R_ahead_look: FloatArray
-    match: Candidate
+    field: FlowField
+    score: float
 
 
 class Panorama:
@@ -68,7 +69,7 @@ class Panorama:
 
     def add(self, look: Look) -> None:
         """Take a look in that shows something."""
-        if look.match.merit > 0.0:
+        if look.score > 0.0:
             self._looks.append(look)
 
     def best(self) -> Look | None:
@@ -76,8 +77,8 @@ class Panorama:
         if not self._looks:
             return None
         groups = [self._agreeing(look) for look in self._looks]
-        group = max(groups, key=lambda looks: sum(look.match.merit for look in looks))
-        return max(group, key=lambda look: look.match.merit)
+        group = max(groups, key=lambda looks: sum(look.score for look in looks))
+        return max(group, key=lambda look: look.score)
 
     def dismiss(self, look: Look, *, place: bool) -> None:
         """Take a look out, with all that show the goal in the same ``place`` if that was wrong."""
@@ -90,11 +91,11 @@ class Panorama:
         return [look, *(each for each in others if self._agree(look, each))]
 
     def _agree(self, first: Look, second: Look) -> bool:
-        return agree(first.match.field, self._turned(second, first.R_ahead_look))
+        return are_consistent(first.field, self._turned(second, first.R_ahead_look))
 
     def _turned(self, look: Look, R_ahead_other: FloatArray) -> FlowField:
         """Flow of a look as a camera would have seen it that is turned by ``R_ahead_other``."""
-        field, camera = look.match.field, self._camera
+        field, camera = look.field, self._camera
         size = (camera.height, camera.width)
         pixels = pixel_grid(size)
         xy = camera.normalise(pixels.astype(np.float64))

@@ -16,6 +16,7 @@ from numpy.typing import NDArray
 from dfvs_core.arrays import FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.matching.matcher import Matcher, follow
+from dfvs_core.matching.warping import flow_at_size
 from dfvs_core.poses import invert_pose, make_pose, se3_exp, se3_log
 from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_sim.bench.method import Decision, GoalSight, Sight
@@ -73,6 +74,7 @@ class PnpMethod:
 
     def _goal_pose(self, flow: FlowField, sight: Sight) -> FloatArray | None:
         """Goal camera in the current one (4, 4), or None."""
+        flow = flow_at_size(flow, (self._camera.height, self._camera.width))
         samples = sample_grid(flow, STRIDE_PX)
         offset = STRIDE_PX // 2
         grid = (slice(offset, None, STRIDE_PX), slice(offset, None, STRIDE_PX))

@@ -12,6 +12,7 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
+import cv2
 import numpy as np
 
 from dfvs_core.arrays import Float32Array, FloatArray
@@ -115,13 +116,18 @@ def judge(
     Parameters
     ----------
     flow : FlowField
+        At the matcher's working size.
     depth_m : (H, W)
         0 is sky.
     camera : CameraModel
+        Of the depth.
     T_current_goal : (4, 4)
         True pose of the goal.
     """
     config = ServoConfig()
+    height, width = flow.confidence.shape
+    camera = camera.scaled(width, height)
+    depth_m = np.asarray(cv2.resize(depth_m, (width, height), interpolation=cv2.INTER_NEAREST))
     offset = STRIDE_PX // 2
     grid = depth_m[offset::STRIDE_PX, offset::STRIDE_PX]
     depth = DepthMap(np.maximum(grid, np.float32(1e-3)), (grid > 0).astype(np.float32))

@@ -10,13 +10,11 @@ from __future__ import annotations
 import math
 from collections.abc import Callable
 
-import cv2
 import numpy as np
 
 from dfvs_core.arrays import FloatArray
+from dfvs_core.matching.confidence import confident_ratio
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.matching.merit import assessed
-from dfvs_core.matching.texture import has_texture
 from dfvs_core.poses import invert_pose, make_pose, se3_exp, se3_log
 from dfvs_sim.bench.method import FRAME_PERIOD_S, Decision, GoalSight, Sight
 from dfvs_sim.bench.ours import MAX_SPEED_M_S, MAX_TURN_RAD_S, PipelineMethod
@@ -92,8 +90,7 @@ class SearchingMethod:
     def _look(self, sight: Sight) -> None:
         """Match what is seen in the direction that was due."""
         field = self._matcher.match(self._matcher.prepare(sight.image), self._goal)
-        grey = np.asarray(cv2.cvtColor(sight.image, cv2.COLOR_RGB2GRAY), np.uint8)
-        look = Look(self._to_look.pop(0), assessed(field, has_texture(grey)))
+        look = Look(self._to_look.pop(0), field, confident_ratio(field))
         if self._looks_taken == 0:
             self._followed = look  # straight ahead: what was followed until now
         self._looks_taken += 1

@@ -14,15 +14,16 @@ from typing import Any
 import numpy as np
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.matching.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
 from dfvs_core.matching.matcher import Matcher, follow
+from dfvs_core.matching.warping import flow_at_size
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
+from dfvs_models.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
 from dfvs_models.evaluation_file import FlowPairs, read_flow_pairs
 
 _EPILOG = """examples:
   dfvs-bench flow pairs.npz --json flow.json
-  dfvs-bench flow room_a.npz room_b.npz --bundle classical dfvs-flow alone:./my-bundle
+  dfvs-bench flow room_a.npz room_b.npz --bundle classical dfvs-flow ./my-bundle
 
 A pairs file holds IA, IB (N,H,W,3) uint8 RGB, flow (N,H,W,2) px from A to B on A's grid,
 vis (N,H,W) bool: seen in both, and level (N,) 0 small, 1 medium, 2 large (dfvs-sim pairs
@@ -83,7 +84,7 @@ def add_parser(subparsers: Any) -> None:
         nargs="+",
         action="extend",
         metavar="NAME",
-        help="'classical', a bundle's folder or name, or 'hybrid:' or 'alone:' and a bundle; "
+        help="'classical', a bundle's folder or name, or 'hybrid:' and a bundle of flow; "
         f"several are measured one after the other (default: {DEFAULT_MATCHER})",
     )
     add("--threads", type=int, default=2, help="threads for the network and OpenCV (default: 2)")
@@ -143,8 +144,9 @@ def measure(matcher: Matcher, pairs: FlowPairs, label: str, result: Measured) ->
             matched = time.perf_counter()
             follow(matcher, current, other, flow)
             result.warm_ms.append(1e3 * (time.perf_counter() - matched))
+        found = flow_at_size(flow, pairs.visible[k].shape)
         level = LEVELS[int(pairs.level[k])]
-        scores.setdefault(level, []).append(score_pair(flow, pairs.flow[k], pairs.visible[k]))
+        scores.setdefault(level, []).append(score_pair(found, pairs.flow[k], pairs.visible[k]))
     result.files[label] = {level: summarise(scores[level]) for level in LEVELS if level in scores}
 
 

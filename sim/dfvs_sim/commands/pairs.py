@@ -5,36 +5,34 @@ from __future__ import annotations
 import argparse
 import functools
 import json
-import math
 import re
 import sys
 import time
-from collections.abc import Callable, Sequence
+import zlib
+from collections.abc import Callable
 from pathlib import Path
 from typing import Any
 
 import numpy as np
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_core.matching.evaluation import LEVELS
-from dfvs_core.pair_files import PAIRS_PER_SHARD, shard_name
-from dfvs_sim.pairs.drawing import EVALUATION_CAMERA, PairArtist
-from dfvs_sim.pairs.files import evaluation_arrays, shard_arrays, write_arrays
+from dfvs_models.evaluation import LEVELS
+from dfvs_sim.pairs.drawing import PairArtist
+from dfvs_sim.pairs.files import evaluation_arrays, write_arrays
+from dfvs_sim.pairs.wide import WidePairArtist
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.bake import light_room
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.interior import KINDS, drawn_interior
-from dfvs_sim.scene.kinds import BENCHMARK_SEEDS, ROOM_KINDS, room_of_kind
+from dfvs_sim.scene.kinds import ROOM_KINDS, room_of_kind
 from dfvs_sim.scene.room import Room
+from dfvs_sim.scene.splits import BENCHMARK_SEEDS, require_training
 
-_ROOMS_PER_SHARD = 4
 _ROOMS_KEPT = 40
 _MAX_PAIRS = 1_000_000
 _EPILOG = """examples:
-  dfvs-sim pairs --format eval --scene room.glb --count 45 --seed 1 --out room.npz
-  dfvs-sim pairs --rooms 1000-1031 --size 192x144 --count 3200 --seed 0 --out runs/room_pairs
-  dfvs-sim pairs --rooms 2000-2063 --kinds all --count 3200 --seed 500 --out runs/place_pairs
+  dfvs-sim pairs --scene room.glb --count 45 --seed 1 --out room.npz
+  dfvs-sim pairs --format wide --rooms 30000-30089 --kinds all --count 40 --seed 0 --out runs/pairs
 """
 
 
@@ -43,9 +41,9 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "pairs",
         help="pairs of views with exact flow",
-        description="Render pairs of views of rooms, with exact flow and what both see: a file of "
-        "small, medium and large motions in turn for dfvs-bench, or shards of 64 pairs of both "
-        "directions for training. The seed and the rooms decide every bit of them.",
+        description="Render pairs of views of rooms: a file of small, medium and large motions in "
+        "turn with exact flow for dfvs-bench, or a folder of wide-baseline pairs with depth and "
+        "pose, a file a room, for dfvs-export train. The seed and the rooms decide every bit.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -63,11 +61,10 @@ def add_parser(subparsers: Any) -> None:
         help=f"kinds of rooms, drawn by the seed, or 'all': {', '.join(ROOM_KINDS)} "
         f"(default: {', '.join(KINDS)})",
     )
-    add("--format", choices=("shards", "eval"), default="shards", help="default: shards")
-    add("--count", type=int, required=True, metavar="N", help="pairs (shards: rounded up to 64)")
-    add("--seed", type=int, required=True, help="decides the views; of the first shard")
-    add("--size", default="192x144", metavar="WxH", help="picture size of shards (192x144)")
-    add("--out", type=Path, required=True, help="folder of shards, or evaluation file (.npz)")
+    add("--format", choices=("eval", "wide"), default="eval", help="default: eval")
+    add("--count", type=int, required=True, metavar="N", help="pairs (wide: of each room)")
+    add("--seed", type=int, required=True, help="decides the views")
+    add("--out", type=Path, required=True, help="evaluation file (.npz), or folder of pairs")
     add("--json", action="store_true", help="print what was written as JSON")
     parser.set_defaults(run=run)
 
@@ -84,9 +81,9 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--count is {args.count}", f"1 to {_MAX_PAIRS}")
     if args.seed < 0:
         raise ConfigError(f"--seed is {args.seed}", "0 or more")
-    artists = _artists(args)
+    renderers = _renderers(args)
     written = (
-        _write_shards(args, artists) if args.format == "shards" else _write_file(args, artists)
+        _write_wide(args, renderers) if args.format == "wide" else _write_file(args, renderers)
     )
     report = {"pairs": sum(written.values()), "files": [str(path) for path in written]}
     if args.json:
@@ -96,26 +93,29 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-_Artists = Sequence[Callable[[], PairArtist]]
-"""One maker of an artist per room; a room is made when it is first asked for."""
+_Renderers = dict[str, Callable[[], Renderer]]
+"""Maker of the renderer of each room by name; a room is made when it is first asked for."""
 
 
-def _artists(args: argparse.Namespace) -> _Artists:
+def _renderers(args: argparse.Namespace) -> _Renderers:
     kinds = _kinds(args.kinds)
 
     @functools.lru_cache(maxsize=_ROOMS_KEPT)
-    def in_interior(seed: int) -> PairArtist:
-        return PairArtist(Renderer(light_room(_room(seed, kinds), seed)))
+    def of_interior(seed: int) -> Renderer:
+        return Renderer(light_room(_room(seed, kinds), seed))
 
     @functools.lru_cache(maxsize=_ROOMS_KEPT)
-    def in_scene(path: Path) -> PairArtist:
-        return PairArtist(Renderer(load_glb(path)))
+    def of_scene(path: Path) -> Renderer:
+        return Renderer(load_glb(path))
 
     if args.scene is not None:
         if args.kinds is not None:
             raise ConfigError("--kinds was given with --scene", "--kinds with --rooms")
-        return [functools.partial(in_scene, path) for path in args.scene]
-    return [functools.partial(in_interior, seed) for seed in _seeds(args.rooms)]
+        return {path.stem: functools.partial(of_scene, path) for path in args.scene}
+    seeds = _seeds(args.rooms)
+    if args.format == "wide":
+        require_training(seeds[0], seeds[-1])
+    return {str(seed): functools.partial(of_interior, seed) for seed in seeds}
 
 
 def _kinds(words: str | None) -> tuple[str, ...]:
@@ -163,62 +163,46 @@ def _seeds(words: str) -> range:
     return range(first, last + 1)
 
 
-def _write_shards(args: argparse.Namespace, artists: _Artists) -> dict[Path, int]:
-    """Write shards of the seeds --seed, --seed + 1, ...; each from four rooms that follow."""
-    size = _size(args.size)
+def _write_wide(args: argparse.Namespace, renderers: _Renderers) -> dict[Path, int]:
+    """Write a file of wide-baseline pairs for each room; those that exist are kept."""
     try:
         args.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
         raise ConfigError(f"{args.out} cannot be made ({error})", "a folder") from error
     written = {}
-    shards = -(-args.count // PAIRS_PER_SHARD)
     started = time.monotonic()
-    for seed in range(args.seed, args.seed + shards):
-        rng = np.random.default_rng([seed, 3])
-        rooms = [artists[(seed * _ROOMS_PER_SHARD + k) % len(artists)] for k in range(4)]
-        pairs = [
-            rooms[k % _ROOMS_PER_SHARD]().training_pair(size, rng) for k in range(PAIRS_PER_SHARD)
-        ]
-        path = args.out / shard_name(size, seed)
-        write_arrays(path, shard_arrays(pairs), compressed=False)
-        written[path] = len(pairs)
-        _show_progress(sum(written.values()), shards * PAIRS_PER_SHARD, started)
+    for k, (name, renderer) in enumerate(renderers.items()):
+        path = args.out / f"{name}.npz"
+        if not path.exists():
+            artist = WidePairArtist(renderer(), zlib.crc32(name.encode()) ^ args.seed)
+            arrays = artist.arrays(args.count)
+            write_arrays(path, arrays)
+            written[path] = len(arrays["T"])
+        _show_progress(k + 1, len(renderers), "rooms", started)
     return written
 
 
-def _size(words: str) -> tuple[int, int]:
-    """Width and height, px, of ``WxH``.
-
-    Raises
-    ------
-    DfvsError
-        If it is none, or too small for a camera.
-    """
-    match = re.fullmatch(r"(\d{2,4})x(\d{2,4})", words)
-    if match is None:
-        raise ConfigError(f"--size is {words!r}", "WIDTHxHEIGHT such as 192x144")
-    return CameraModel.from_horizontal_fov(int(match[1]), int(match[2]), 0.5 * math.pi).size
-
-
-def _write_file(args: argparse.Namespace, artists: _Artists) -> dict[Path, int]:
+def _write_file(args: argparse.Namespace, renderers: _Renderers) -> dict[Path, int]:
     """Write an evaluation file; the rooms and the levels take turns."""
     if args.out.suffix != ".npz" or not args.out.absolute().parent.is_dir():
         raise ConfigError(f"--out is {str(args.out)!r}", "an .npz file in an existing folder")
-    if args.size not in ("192x144", "{}x{}".format(*EVALUATION_CAMERA.size)):
-        raise ConfigError(f"--size is {args.size!r} with --format eval", "320x240, or no --size")
     rng = np.random.default_rng([args.seed, 4])
     levels = [LEVELS[k % len(LEVELS)] for k in range(args.count)]
     started = time.monotonic()
+    rooms = list(renderers.values())
+    artists: dict[int, PairArtist] = {}
     pairs = []
     for k, level in enumerate(levels):
-        room = artists[k // len(LEVELS) % len(artists)]
-        pairs.append(room().evaluation_pair(level, rng))
-        _show_progress(k + 1, args.count, started)
-    write_arrays(args.out, evaluation_arrays(pairs, levels), compressed=True)
+        room = k // len(LEVELS) % len(rooms)
+        if room not in artists:
+            artists[room] = PairArtist(rooms[room]())
+        pairs.append(artists[room].evaluation_pair(level, rng))
+        _show_progress(k + 1, args.count, "pairs", started)
+    write_arrays(args.out, evaluation_arrays(pairs, levels))
     return {args.out: len(pairs)}
 
 
-def _show_progress(done: int, total: int, started: float) -> None:
+def _show_progress(done: int, total: int, unit: str, started: float) -> None:
     left_s = (time.monotonic() - started) / done * (total - done)
     end = "\n" if done == total else ""
-    print(f"\r{done} of {total} pairs, {left_s:.0f} s left ", end=end, file=sys.stderr, flush=True)
+    print(f"\r{done} of {total} {unit}, {left_s:.0f} s left ", end=end, file=sys.stderr, flush=True)

@@ -176,7 +176,7 @@ def write_bundle(folder: Path) -> Path:
     data = faulty_network().SerializeToString()
     (folder / _FILE).write_bytes(data)
     manifest = Manifest(
-        format="dfvs-bundle/1",
+        format="dfvs-bundle/2",
         name="faulty-ramp",
         kind="pair",
         input=PictureInput(WIDTH, HEIGHT),

@@ -61,9 +61,8 @@ class ExactMatcher:
         self,
         current: Prepared,
         other: Prepared,
-        guess: FlowField | None = None,
         *,
-        besides: Sequence[FlowField] = (),
+        excluded: Sequence[FlowField] = (),
     ) -> FlowField:
         """Exact flow plus noise, confidence 1 where both see the point."""
         if not isinstance(current, KnownView) or not isinstance(other, KnownView):
@@ -77,6 +76,6 @@ class ExactMatcher:
         flow = np.nan_to_num(flow) + cv2.resize(noise, (width, height))
         return FlowField(flow.astype(np.float32), seen.astype(np.float32))
 
-    def track(self, current: Prepared, other: Prepared, guess: FlowField) -> FlowField:
+    def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField:
         """Like :meth:`match`."""
         return self.match(current, other)

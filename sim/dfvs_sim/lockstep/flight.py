@@ -16,7 +16,7 @@ from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import Transition
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.pipeline import Pipeline
+from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.poses import invert_pose, make_pose, pose_error, rotation_from_euler
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import ServoResult
@@ -202,7 +202,7 @@ class LockstepFlight:
             arrival_ns = self._now_ns + round(self._setup.latency_s * 1e9)
             self._reports.append((arrival_ns, Report(arrival_ns, outcome.report)))
             result = outcome.result
-            self.pipeline.digest(may_search=not self._is_engaged)
+            self.pipeline.digest()
         error_m, error_rad = pose_error(T, self._setup.T_scene_goal)
         since_ns = self._now_ns - (self.log.engaged_ns or self._now_ns)
         self.log.samples.append(

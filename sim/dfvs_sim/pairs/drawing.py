@@ -11,7 +11,7 @@ import numpy as np
 from dfvs_core.arrays import BoolArray, Float32Array, FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.poses import make_pose, so3_exp
-from dfvs_sim.pairs.motion import Motion, evaluation_motion, training_motion
+from dfvs_sim.pairs.motion import Motion, evaluation_motion
 from dfvs_sim.render.renderer import Renderer, View
 from dfvs_sim.render.truth import exact_flow, visibility
 from dfvs_sim.scene.free_space import FreeSpace
@@ -21,7 +21,6 @@ from dfvs_sim.scene.poses import camera_pose, floor_of
 EVALUATION_CAMERA = CameraModel(320, 240, 208.5, 208.5, 160.0, 120.0)
 """The camera of an evaluation file: 75 degrees wide."""
 
-_FOV_RAD = (math.radians(58.0), math.radians(92.0))
 _PLACES_TRIED, _MOVES_TRIED = 400, 8
 _HIGHEST_M = 4.5
 """Above the floor, m: no camera flies higher, be it in a hall or under the sky."""
@@ -46,7 +45,6 @@ class Rules:
     least_overlap: float
 
 
-TRAINING_RULES = Rules((0.2, 0.12), 0.35, 0.12)
 EVALUATION_RULES = Rules((0.3, 0.25), 1.1, 0.35)
 
 
@@ -98,19 +96,6 @@ class PairArtist:
         self._high = np.array([*high, floor_m]) - 0.2
         if (self._low >= self._high).any():
             raise SceneError(f"the scene is only {high - low} m wide", "room for a camera")
-
-    def training_pair(
-        self, size: tuple[int, int], rng: np.random.Generator, rules: Rules = TRAINING_RULES
-    ) -> ViewPair:
-        """Draw a training pair of size (width, height) px: any field of view, any attitude.
-
-        Raises
-        ------
-        SceneError
-            If none was found.
-        """
-        camera = CameraModel.from_horizontal_fov(*size, float(rng.uniform(*_FOV_RAD)))
-        return self._pair(camera, rules, (_training_look, training_motion), rng)
 
     def evaluation_pair(self, level: str, rng: np.random.Generator) -> ViewPair:
         """Draw an evaluation pair of a level: the first view upright, pitched by a little.
@@ -187,19 +172,6 @@ _Look = Callable[[FloatArray, FloatArray, np.random.Generator], FloatArray]
 """``T_world_camera`` (4, 4) of a camera at a place (3,), the room's middle (3,) away from it."""
 _Move = Callable[[np.random.Generator, float], Motion]
 """Motion from a view of a median depth, m."""
-
-
-def _training_look(
-    place: FloatArray, to_middle: FloatArray, rng: np.random.Generator
-) -> FloatArray:
-    """Mostly level and mostly towards the room's middle."""
-    yaw = rng.uniform(-math.pi, math.pi)
-    if rng.random() < 0.7:
-        yaw = math.atan2(to_middle[1], to_middle[0]) + 0.25 * yaw
-    spread = 0.5 if rng.random() < 0.2 else 0.15
-    pitch, roll = np.clip(rng.normal(0.0, spread, 2), -1.0, 1.0)
-    T = camera_pose((place[0], place[1], place[2]), float(yaw))
-    return make_pose(T[:3, :3] @ so3_exp(np.array([pitch, 0.0, roll])), place)
 
 
 def _upright_look(

@@ -1,4 +1,4 @@
-"""Pairs as files: evaluation files and training shards (``dfvs_core.pair_files``)."""
+"""Evaluation files of pairs (``dfvs_models.evaluation_file`` tells what is in them)."""
 
 from __future__ import annotations
 
@@ -10,30 +10,12 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.arrays import BoolArray
 from dfvs_core.errors import ConfigError
-from dfvs_core.matching.evaluation import LEVELS
-from dfvs_core.pair_files import MAX_FLOW_SIDES
+from dfvs_models.evaluation import LEVELS
 from dfvs_sim.pairs.drawing import ViewPair
 from dfvs_sim.scene.frames import gltf_pose_from_ned
 
 Arrays = dict[str, NDArray[Any]]
-
-
-def shard_arrays(pairs: Sequence[ViewPair]) -> Arrays:
-    """Arrays of a shard of pairs of one size."""
-    height, width = pairs[0].flows[0].shape[:2]
-    limit = MAX_FLOW_SIDES * max(height, width)
-    flows = np.stack([np.stack(pair.flows) for pair in pairs])
-    solid: BoolArray = np.isfinite(flows[..., 0]) & np.isfinite(flows[..., 1])
-    cut = np.clip(np.where(solid[..., None], flows, 0.0), -limit, limit)
-    images = np.stack([np.stack([view.image for view in pair.views]) for pair in pairs])
-    return {
-        "images": np.ascontiguousarray(images.transpose(0, 1, 4, 2, 3)),
-        "flows": np.ascontiguousarray(cut.transpose(0, 1, 4, 2, 3)).astype(np.float16),
-        "visible": np.stack([np.stack(pair.visible) for pair in pairs]),
-        "solid": solid,
-    }
 
 
 def evaluation_arrays(pairs: Sequence[ViewPair], levels: Sequence[str]) -> Arrays:
@@ -52,7 +34,7 @@ def evaluation_arrays(pairs: Sequence[ViewPair], levels: Sequence[str]) -> Array
     }
 
 
-def write_arrays(path: Path, arrays: Arrays, *, compressed: bool) -> None:
+def write_arrays(path: Path, arrays: Arrays) -> None:
     """Write an ``.npz`` and put it in place whole, so that a reader never sees half of it.
 
     Raises
@@ -61,10 +43,9 @@ def write_arrays(path: Path, arrays: Arrays, *, compressed: bool) -> None:
         If it cannot be written.
     """
     part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    save = np.savez_compressed if compressed else np.savez
     try:
         with part.open("wb") as file:
-            save(file, allow_pickle=False, **arrays)
+            np.savez_compressed(file, allow_pickle=False, **arrays)
         part.replace(path)
     except OSError as error:
         part.unlink(missing_ok=True)

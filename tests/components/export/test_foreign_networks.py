@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import importlib.util
 import io
+import itertools
 import json
 import subprocess
 import sys
 from pathlib import Path
 
+import numpy as np
 import published_conversion
 import pytest
 
@@ -17,8 +19,19 @@ safetensors = pytest.importorskip("safetensors.torch")
 
 from dfvs_core.errors import ConfigError, ModelError  # noqa: E402
 from dfvs_core.manifest import sha256  # noqa: E402
-from dfvs_export.check import PARITY_LIMIT_PX  # noqa: E402
-from dfvs_export.foreign import ForeignWeights, _read_weights, load_foreign, read_state  # noqa: E402
+from dfvs_export.bundles import write_bundle  # noqa: E402
+from dfvs_export.check import PARITY_LIMIT_PX, drawn_pairs, parity  # noqa: E402
+from dfvs_export.foreign import (  # noqa: E402
+    ForeignWeights,
+    PairGraph,
+    PublishedFlow,
+    _read_weights,
+    load_foreign,
+    read_state,
+)
+from dfvs_export.precision import in_precision  # noqa: E402
+from dfvs_export.running import BundleRunner  # noqa: E402
+from dfvs_models.catalog import load_matcher  # noqa: E402
 
 SMALL = ("rapidflow_it3", "neuflow2", "sea_raft_s", "fastflownet", "raft_small", "pwcnet")
 HAS_PTLFLOW = importlib.util.find_spec("ptlflow") is not None
@@ -86,6 +99,67 @@ def test_unknown_weights_are_answered_with_the_known_names() -> None:
 def test_without_ptlflow_one_line_says_how_to_get_it() -> None:
     with pytest.raises(ConfigError, match="dfvs\\[published\\]"):
         load_foreign("raft_small", ForeignWeights())
+
+
+SIZE = (96, 64)
+
+
+class Layers(torch.nn.Module):
+    """Takes and gives what a network of ptlflow does: (1, 2, 3, H, W) to (1, 1, 2, H, W)."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        torch.manual_seed(5)
+        widths = (6, 16, 16, 2)
+        self.layers = torch.nn.ModuleList(
+            torch.nn.Conv2d(a, b, 3, padding=1) for a, b in itertools.pairwise(widths)
+        )
+
+    def forward(self, inputs: dict[str, torch.Tensor]) -> dict[str, torch.Tensor]:
+        x = inputs["images"].flatten(1, 2)
+        for layer in self.layers[:-1]:
+            x = torch.relu(layer(x))
+        return {"flows": 20.0 * self.layers[-1](x)[:, None]}
+
+
+@pytest.fixture(scope="module")
+def published() -> PublishedFlow:
+    return PublishedFlow("layers", PairGraph(Layers()).eval(), ForeignWeights())
+
+
+def test_a_network_of_two_pictures_agrees_with_torch_and_runs_in_the_service(
+    published: PublishedFlow, tmp_path: Path
+) -> None:
+    bundle = published.bundle(SIZE)
+    first, second = drawn_pairs(SIZE, 1, 1)[0]
+    found = parity(published, BundleRunner(bundle), [(first, second)])
+    assert found.holds
+    write_bundle(tmp_path / "pair", bundle)
+    matcher = load_matcher(str(tmp_path / "pair"), threads=1)
+    field = matcher.match(matcher.prepare(first), matcher.prepare(second))
+    assert field.flow.shape == (64, 96, 2)
+    assert np.abs(field.flow).max() > 1.0  # zeros would agree too
+    assert "RANDOM" in bundle.manifest.origin
+
+
+def test_torch_and_onnx_runtime_differ_where_the_weights_do(published: PublishedFlow) -> None:
+    other = PublishedFlow("layers", PairGraph(Layers()).eval(), ForeignWeights())
+    with torch.no_grad():
+        other.graph.network.layers[-1].bias[0] += 1e-3
+    found = parity(other, BundleRunner(published.bundle(SIZE)), drawn_pairs(SIZE, 1, 1))
+    assert found.greatest_px == pytest.approx(20e-3, rel=1e-2)
+    assert not found.holds
+
+
+@pytest.mark.parametrize(("precision", "most_px"), [("fp16", 0.02), ("int8", 0.4)])
+def test_a_network_of_two_pictures_is_converted_to_fewer_bits(
+    published: PublishedFlow, precision: str, most_px: float
+) -> None:
+    """Its middle layer alone is: the first reads pictures, the last gives flow."""
+    pairs = drawn_pairs(SIZE, 2, 2)
+    rounded = in_precision(published.bundle(SIZE), precision, pairs)
+    assert rounded.manifest.precision == precision
+    assert 1e-5 < parity(published, BundleRunner(rounded), pairs).greatest_px < most_px
 
 
 @pytest.fixture(scope="module")

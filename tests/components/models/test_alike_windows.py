@@ -5,7 +5,7 @@ import pytest
 from textured_wall import HEIGHT, WIDTH, Wall, texture
 
 from dfvs_core.correspondence import FlowField
-from dfvs_core.matching.sureness import sure_share
+from dfvs_core.matching.confidence import confident_ratio
 from dfvs_models.catalog import load_matcher
 
 ROWS = slice(70, 170)
@@ -24,18 +24,18 @@ def pictures():
 
 
 def moved_by(shift_px):
-    """Flow of everything to the side, as a place foretells it."""
+    """Flow of everything to the side, as the place of a window predicts it."""
     flow = np.full((HEIGHT, WIDTH, 2), (shift_px, 0.0), np.float32)
     return FlowField(flow, np.full((HEIGHT, WIDTH), 0.5, np.float32))
 
 
 @pytest.mark.parametrize("name", ["classical", "dfvs-flow"])
-def test_the_window_that_is_known_to_be_wrong_is_passed_over(name, pictures):
+def test_the_window_that_is_known_to_be_wrong_is_excluded(name, pictures):
     matcher = load_matcher(name, threads=1)
     current, goal = (matcher.prepare(view) for view in pictures)
 
-    def matched(besides):
-        field = matcher.match(current, goal, besides=besides)
+    def matched(excluded):
+        field = matcher.match(current, goal, excluded=excluded)
         sure = field.confidence > 0.5
         return field, [float(sure[ROWS, columns].mean()) for columns in (LEFT, RIGHT)]
 
@@ -50,12 +50,4 @@ def test_the_window_that_is_known_to_be_wrong_is_passed_over(name, pictures):
     sure = second.confidence > 0.5
     assert np.median(second.flow[sure] - right.flow[sure], axis=0) == pytest.approx(0.0, abs=0.5)
     third, _ = matched([wrong, right])
-    assert sure_share(third) < 0.03
-
-
-@pytest.mark.parametrize("name", ["alone:dfvs-flow"])
-def test_a_network_alone_that_finds_the_wrong_one_finds_nothing(name, pictures):
-    matcher = load_matcher(name, threads=1)
-    current, goal = (matcher.prepare(view) for view in pictures)
-    first = matcher.match(current, goal)
-    assert sure_share(matcher.match(current, goal, besides=[first])) == 0.0
+    assert confident_ratio(third) < 0.03

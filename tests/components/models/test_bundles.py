@@ -3,6 +3,7 @@
 import contextlib
 import os
 
+import grid_network
 import numpy as np
 import onnx
 import pytest
@@ -11,10 +12,9 @@ from onnx import TensorProto, helper, numpy_helper
 
 from dfvs_core.errors import ModelError
 from dfvs_core.manifest import PictureInput, sha256
-from dfvs_core.matching.classical import ClassicalMatcher
 from dfvs_core.schema import dump
 from dfvs_models.bundle import read_bundle
-from dfvs_models.catalog import load_matcher
+from dfvs_models.catalog import bundle_folder, load_matcher, model_files
 from dfvs_models.onnx_file import check_onnx
 
 SHAPE = (1, 3, HEIGHT, WIDTH)
@@ -65,7 +65,31 @@ def rewrite(folder, model):
 
 
 def test_classical_is_built_in():
-    assert isinstance(load_matcher("classical"), ClassicalMatcher)
+    matcher = load_matcher("classical")
+    picture = np.random.default_rng(6).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
+    field = matcher.match(matcher.prepare(picture), matcher.prepare(picture))
+    assert np.median(np.abs(field.flow)) < 0.1
+    assert model_files("classical") == {}
+
+
+@pytest.mark.parametrize("prefix", ["", "hybrid:"])
+def test_a_model_is_told_by_the_hash_of_every_file(bundle, prefix):
+    names = {path.name: sha256(path.read_bytes()) for path in bundle.iterdir()}
+    found = model_files(f"{prefix}{bundle}")
+    assert set(found) == set(names)
+    assert found["pair.onnx"] == names["pair.onnx"]
+
+
+def test_the_packaged_bundle_goes_by_its_name():
+    assert (bundle_folder("dfvs-flow") / "manifest.json").is_file()
+    assert load_matcher("dfvs-flow", threads=1) is not None
+    assert set(model_files("dfvs-flow")) >= {"manifest.json", "encode.onnx", "match.onnx"}
+
+
+def test_a_bundle_of_an_earlier_format_is_refused(bundle):
+    manifest = bundle / "manifest.json"
+    manifest.write_text(manifest.read_text().replace("dfvs-bundle/2", "dfvs-bundle/1"))
+    assert "format 'dfvs-bundle/1'; expected 'dfvs-bundle/2'" in refusal(bundle)
 
 
 def test_an_unknown_name_is_answered_with_what_there_is(tmp_path):
@@ -271,8 +295,74 @@ def test_a_network_that_gives_depth_is_no_matcher(tmp_path):
 def test_graphs_that_are_not_what_an_encode_match_manifest_says_are_refused(tmp_path):
     graph = {"file": "pair.onnx", "inputs": ["x"], "outputs": ["y"]}
     graphs = dict.fromkeys(("encode", "match"), graph)
-    text = refusal(write_bundle(tmp_path / "b", kind="encode-match", graphs=graphs))
+    text = refusal(write_bundle(tmp_path / "b", kind="encode-match", graphs=graphs, flow=None))
     assert "has the inputs" in text
+
+
+def test_flow_of_a_network_that_gives_keypoints_is_refused(tmp_path):
+    text = refusal(grid_network.write_bundle(tmp_path, flow={"stride": 8}))
+    assert "'encode-match' bundle has 'flow'" in text
+
+
+def with_graph(role, **changes):
+    """Graphs of the grid network's manifest, one of them changed."""
+    inputs = [f"{side}_{name}" for side in ("first", "second") for name in grid_network.ENCODED]
+    graphs = {
+        "encode": {
+            "file": "encode.onnx",
+            "inputs": ["image"],
+            "outputs": list(grid_network.ENCODED),
+        },
+        "match": {
+            "file": "match.onnx",
+            "inputs": inputs,
+            "outputs": list(grid_network.MATCHED),
+        },
+    }
+    graphs[role] |= changes
+    return graphs
+
+
+@pytest.mark.parametrize(
+    ("role", "changes", "words"),
+    [
+        ("encode", {"inputs": ["picture"]}, "'encode.onnx' has the inputs ['image']"),
+        ("encode", {"outputs": ["points", "descriptors"]}, "expected 3 of them"),
+        ("encode", {"outputs": ["points", "colours", "scores"]}, "lacks the outputs ['colours']"),
+        ("match", {"inputs": ["first_points"]}, "'match.onnx' has the inputs ['first_points', "),
+        ("match", {"outputs": ["partners"]}, "expected 2 of them"),
+        ("match", {"outputs": ["partners", "sureness"]}, "lacks the outputs ['sureness']"),
+    ],
+)
+def test_tensors_of_two_graphs_that_are_not_as_announced_are_refused(
+    tmp_path, role, changes, words
+):
+    assert words in refusal(grid_network.write_bundle(tmp_path, graphs=with_graph(role, **changes)))
+
+
+def test_an_encoder_for_images_of_another_size_than_declared_is_refused(tmp_path):
+    size = dump(PictureInput(grid_network.WIDTH // 2, grid_network.HEIGHT, channels="grey"))
+    text = refusal(grid_network.write_bundle(tmp_path, input=size))
+    assert "takes [('tensor(float)', (1, 1, 64, 96))]" in text
+    assert "expected tensor(float) of (1, 1, 64, 48)" in text
+
+
+def test_an_encoder_whose_keypoints_do_not_fit_its_matcher_is_refused(tmp_path):
+    text = refusal(grid_network.write_bundle(tmp_path, match=grid_network.match_model(count=20)))
+    assert "graph 'match' takes [(1, 20, 2)" in text
+    assert "what 'encode' gives: [(1, 24, 2)" in text
+
+
+def test_partners_that_are_no_points_are_refused(tmp_path):
+    text = refusal(grid_network.write_bundle(tmp_path, match=grid_network.match_model(width=4)))
+    assert "graph 'match' gives (1, 24, 4)" in text
+    assert "expected (1, 24, 2)" in text
+
+
+@pytest.mark.parametrize(("offset", "words"), [(np.nan, "not numbers"), (np.inf, "not finite")])
+def test_keypoints_that_are_not_finite_are_noticed_at_the_start(tmp_path, offset, words):
+    encode = grid_network.encode_model(offset=offset)
+    assert words in refusal(grid_network.write_bundle(tmp_path, encode=encode))
 
 
 def test_the_bytes_that_were_verified_are_the_bytes_that_are_kept(bundle):

@@ -8,7 +8,7 @@ from textured_wall import Wall, exact_flow, texture, turned
 
 from dfvs_core.errors import ImageError
 from dfvs_core.manifest import FlowOutput
-from dfvs_core.matching.classical import ClassicalMatcher
+from dfvs_core.matching.classical import classical_matcher
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import load_matcher
 from dfvs_models.onnx_session import Execution, OnnxGraph
@@ -84,6 +84,35 @@ def test_motion_beyond_the_network_gives_little_confidence(matcher, wall):
     assert match(matcher, a, b).confidence.mean() < 0.1
 
 
+def test_a_rejected_flow_is_not_found_again(matcher, wall):
+    a, b = (matcher.prepare(wall.picture(H)) for H in (None, turned(shift=(4.0, -2.0))))
+    found = matcher.match(a, b)
+    assert np.mean(found.confidence > 0.5) > 0.7
+    assert matcher.match(a, b, excluded=[found]).confidence.max() == 0.0
+
+
+def test_a_hybrid_is_more_precise_and_grows_into_what_the_network_misses(tmp_path, matcher, wall):
+    """A motion at the limit of the network: confident on less than a third of the picture."""
+    H = turned(roll_deg=6.0, shift=(8.0, 5.0))
+    hybrid = load_matcher(f"hybrid:{write_bundle(tmp_path)}", threads=1)
+    errors, shares = [], []
+    for source in (matcher, hybrid):
+        field = match(source, wall.picture(), wall.picture(H))
+        sure = field.confidence > 0.5
+        errors.append(np.median(np.linalg.norm(field.flow - exact_flow(H), axis=-1)[sure]))
+        shares.append(sure.mean())
+    assert shares[0] < 0.33
+    assert shares[1] > 0.8
+    assert errors[1] < 0.3 < errors[0]
+
+
+def test_a_hybrid_of_what_finds_nothing_finds_nothing(tmp_path, wall):
+    hybrid = load_matcher(f"hybrid:{write_bundle(tmp_path)}", threads=1)
+    field = match(hybrid, wall.picture(), wall.picture(turned(shift=(90.0, 50.0))))
+    assert field.is_finite()
+    assert field.confidence.max() == 0.0
+
+
 def test_plain_pictures_give_no_confidence(matcher):
     plain = np.full((240, 320, 3), 99, np.uint8)
     assert match(matcher, plain, plain).confidence.max() == 0.0
@@ -97,7 +126,7 @@ def test_the_same_pictures_give_the_same_bits(matcher, wall):
 
 
 def test_pictures_prepared_by_the_classical_matcher_are_refused(matcher, wall):
-    foreign = ClassicalMatcher().prepare(wall.picture())
+    foreign = classical_matcher().prepare(wall.picture())
     with pytest.raises(ImageError, match="another matcher"):
         matcher.match(foreign, foreign)
 

@@ -199,7 +199,7 @@ def test_other_settings_give_a_report_of_what_differs(recording, tmp_path, capsy
 
 
 def test_another_model_is_tried_on_the_same_frames(recording):
-    result = replay([recording], Trial(model="alone:dfvs-flow"), lambda _: None)
+    result = replay([recording], Trial(model="dfvs-flow"), lambda _: None)
     assert any("model" in reason for reason in result.reasons)
     assert len(result.frames) > 10
 

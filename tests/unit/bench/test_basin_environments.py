@@ -3,7 +3,8 @@ import pytest
 from dfvs_sim.bench.basin import environments
 from dfvs_sim.bench.basin.environments import default_environments, make_missing
 from dfvs_sim.bench.scenes import SCENES
-from dfvs_sim.scene.kinds import BENCHMARK_SEEDS, ROOM_KINDS
+from dfvs_sim.scene.kinds import ROOM_KINDS
+from dfvs_sim.scene.splits import BENCHMARK_SEEDS
 
 
 def split(place):

@@ -22,9 +22,9 @@ from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.free_space import FreeSpace
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.scene.kinds import BENCHMARK_SEEDS
 from dfvs_sim.scene.light import BakeSettings
 from dfvs_sim.scene.mesh import SceneError
+from dfvs_sim.scene.splits import BENCHMARK_SEEDS
 
 PLACING = Placing(1.2, np.radians(18.0), (0.4, 0.8), 60)
 

@@ -7,14 +7,13 @@ import pytest
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
-from dfvs_core.matching.merit import Candidate
 from dfvs_sim.bench.panorama import RING_RAD, Look, Panorama, ring
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, math.radians(90))
 SIZE = (CAMERA.height, CAMERA.width)
 
 
-def look(R, merit, beside_px=0.0):
+def look(R, score, beside_px=0.0):
     """What a camera turned by R sees of a goal picture that was taken straight ahead."""
     pixels = CAMERA.grid()
     xy = CAMERA.normalise(pixels)
@@ -22,7 +21,7 @@ def look(R, merit, beside_px=0.0):
     at = CAMERA.project(rays) + np.array([beside_px, 0.0])
     inside = ((at >= 0) & (at <= np.array(CAMERA.size) - 1)).all(axis=-1)
     field = FlowField((at - pixels).astype(np.float32), inside.astype(np.float32))
-    return Look(R, Candidate(field, merit))
+    return Look(R, field, score)
 
 
 def panorama(*looks):
@@ -53,7 +52,7 @@ def test_looks_that_do_not_overlap_cannot_agree():
     opposite = ring()[5]
     first, second = look(right @ right, 0.03), look(opposite @ opposite, 0.04)
     third = look(ahead, 0.05)
-    assert panorama(first, second, look(ahead, 0.06, beside_px=40)).best().match.merit == 0.06
+    assert panorama(first, second, look(ahead, 0.06, beside_px=40)).best().score == 0.06
     assert panorama(first, second, third).best() is third
 
 
@@ -77,6 +76,6 @@ def test_a_look_that_was_lost_leaves_the_others_of_its_place():
     assert made.best() is None
 
 
-@pytest.mark.parametrize("merit", [0.0, -1.0])
-def test_a_look_that_shows_nothing_is_not_followed(merit):
-    assert panorama(look(np.eye(3), merit)).best() is None
+@pytest.mark.parametrize("score", [0.0, -1.0])
+def test_a_look_that_shows_nothing_is_not_followed(score):
+    assert panorama(look(np.eye(3), score)).best() is None

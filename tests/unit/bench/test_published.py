@@ -21,12 +21,12 @@ class Shift:
     def prepare(self, image):
         return Prepared(SHAPE)
 
-    def match(self, current, other, guess=None, *, besides=()):
+    def match(self, current, other, *, excluded=()):
         flow = np.zeros((*SHAPE, 2), np.float32)
         flow[..., 0] = 1.0
         return FlowField(flow, np.ones(SHAPE, np.float32))
 
-    def track(self, current, other, guess):
+    def track(self, current, other, predicted):
         return None
 
 

@@ -39,7 +39,7 @@ class World:
     def prepare(self, image):
         return Prepared(SHAPE)
 
-    def match(self, current, other, guess=None, *, besides=()):
+    def match(self, current, other, *, excluded=()):
         shift = self.seen.get(self.looked)
         self.looked += 1
         sure = np.zeros(SHAPE, np.float32)

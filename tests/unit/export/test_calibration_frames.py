@@ -3,11 +3,15 @@
 from pathlib import Path
 
 import cv2
+import grid_network
+import lucas_kanade_network
 import numpy as np
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_export.calibration import read_frames
+from dfvs_export.calibration import graph_feeds, read_frames
+from dfvs_export.running import BundleRunner
+from dfvs_models.bundle import read_bundle
 
 SIZE = (32, 16)
 
@@ -53,6 +57,26 @@ def test_pictures_of_another_size_are_resized(tmp_path: Path) -> None:
     np.savez(tmp_path / "p.npz", IA=pictures(1), IB=pictures(1))
     ((first, second),) = read_frames(tmp_path / "p.npz", (64, 48), 1)
     assert first.shape == second.shape == (48, 64, 3)
+
+
+def feeds_of(folder: Path, count: int):
+    runner = BundleRunner(read_bundle(folder))
+    return graph_feeds(runner, list(zip(pictures(count), pictures(count, 100), strict=True)))
+
+
+def test_both_graphs_are_calibrated_on_what_goes_into_them(tmp_path: Path) -> None:
+    feeds = feeds_of(grid_network.write_bundle(tmp_path), 2)
+    assert [feed["image"].mean() for feed in feeds["encode"]] == [0.0, 100.0, 1.0, 101.0]
+    shown = [(f["first_scores"].mean(), f["second_scores"].mean()) for f in feeds["match"]]
+    np.testing.assert_allclose(shown, np.array([(0.0, 100.0), (1.0, 101.0)]) / 255.0, rtol=1e-5)
+    assert feeds["match"][0]["second_points"].shape == (1, grid_network.COUNT, 2)
+
+
+def test_a_network_of_two_pictures_is_calibrated_on_both(tmp_path: Path) -> None:
+    feeds = feeds_of(lucas_kanade_network.write_bundle(tmp_path), 2)
+    assert set(feeds) == {"pair"}
+    shown = [(f["current"].mean(), f["other"].mean()) for f in feeds["pair"]]
+    np.testing.assert_allclose(shown, np.array([(0.0, 100.0), (1.0, 101.0)]) / 255.0, rtol=1e-5)
 
 
 def empty_folder(folder: Path) -> Path:

@@ -1,5 +1,7 @@
 """Which operators may lose bits, and that half precision changes those and nothing else."""
 
+from functools import partial
+
 import numpy as np
 import onnx
 import onnxruntime
@@ -47,20 +49,19 @@ def model() -> onnx.ModelProto:
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
 
 
-def names(model: onnx.ModelProto, takes_pictures: bool, gives_flow: bool) -> list[str]:
-    return [node.name for node in heavy_nodes(model.graph, takes_pictures, gives_flow)]
+OF_PICTURES = partial(heavy_nodes, takes_pictures=True)
 
 
-def test_what_reads_the_picture_or_gives_the_flow_keeps_its_bits(model) -> None:
-    assert names(model, takes_pictures=True, gives_flow=True) == ["middle"]
+def names(model: onnx.ModelProto, takes_pictures: bool) -> list[str]:
+    return [node.name for node in heavy_nodes(model.graph, takes_pictures)]
+
+
+def test_what_reads_the_picture_or_gives_the_output_keeps_its_bits(model) -> None:
+    assert names(model, takes_pictures=True) == ["middle"]
 
 
 def test_features_in_are_no_picture(model) -> None:
-    assert names(model, takes_pictures=False, gives_flow=True) == ["first", "middle"]
-
-
-def test_features_out_are_no_flow(model) -> None:
-    assert names(model, takes_pictures=True, gives_flow=False) == ["middle", "step"]
+    assert names(model, takes_pictures=False) == ["first", "middle"]
 
 
 def product(name: str, inputs: list[str]) -> onnx.NodeProto:
@@ -73,11 +74,11 @@ def test_constants_of_the_method_are_no_layers() -> None:
         product("by_layer", ["x", "layer"]),
         product("by_sums", ["sums", "by_layer_out"]),
         product("by_few", ["x", "few"]),
-        product("of_two", ["by_layer_out", "by_few_out"]),
+        product("of_two", ["by_layer_out", "by_few_out"]),  # what stands before gives features
     ]
     constants = [numpy_helper.from_array(np.ones(s, np.float32), n) for n, s in weights.items()]
     graph = helper.make_graph(nodes, "products", [], [], constants)
-    assert [node.name for node in heavy_nodes(graph, False, False)] == ["by_layer"]
+    assert [node.name for node in heavy_nodes(graph, False)] == ["by_layer"]
 
 
 def test_what_lies_between_two_heavy_nodes_is_carried_and_nothing_else() -> None:
@@ -104,7 +105,7 @@ def run(data: bytes, picture: np.ndarray) -> np.ndarray:
 def test_half_precision_rounds_and_keeps_single_precision_outside(model) -> None:
     picture = np.random.default_rng(5).random(SHAPE, dtype=np.float32)
     exact = run(model.SerializeToString(), picture)
-    data = to_half(model, heavy_nodes(model.graph, True, True))
+    data = to_half(model.SerializeToString(), OF_PICTURES)
     found = run(data, picture)
     assert found.dtype == np.float32
     # eleven bits of the one convolution that was chosen, squared by the product behind it
@@ -113,7 +114,7 @@ def test_half_precision_rounds_and_keeps_single_precision_outside(model) -> None
 
 
 def test_half_precision_halves_the_chosen_weights_and_drops_the_whole_ones(model) -> None:
-    made = onnx.load_model_from_string(to_half(model, heavy_nodes(model.graph, True, True)))
+    made = onnx.load_model_from_string(to_half(model.SerializeToString(), OF_PICTURES))
     kinds = {tensor.name: tensor.data_type for tensor in made.graph.initializer}
     assert kinds.pop("middle_weights_half") == TensorProto.FLOAT16
     assert set(kinds) == {"first_weights", "grouped_weights", "step_weights", "two"}
@@ -125,6 +126,26 @@ def test_weights_beyond_half_precision_stay_finite(model) -> None:
     values = numpy_helper.to_array(weights).copy()
     values.flat[0] = 1e6
     weights.CopyFrom(numpy_helper.from_array(values, weights.name))
-    made = onnx.load_model_from_string(to_half(model, heavy_nodes(model.graph, True, True)))
+    made = onnx.load_model_from_string(to_half(model.SerializeToString(), OF_PICTURES))
     (halved,) = (t for t in made.graph.initializer if t.name == "middle_weights_half")
     assert np.isfinite(numpy_helper.to_array(halved)).all()
+
+
+def test_layers_that_share_weights_share_their_halves(model) -> None:
+    """The exporter lets the second one read a copy."""
+    weights = next(node for node in model.graph.node if node.name == "middle").input
+    copy = helper.make_node("Identity", [weights[1]], ["copied"], name="copy")
+    second = convolution("second", "middle_out")
+    second.input[1] = "copied"
+    model.graph.node.insert(3, copy)
+    model.graph.node.insert(4, second)
+    next(node for node in model.graph.node if node.name == "step").input[0] = "second_out"
+    picture = np.random.default_rng(7).random(SHAPE, dtype=np.float32)
+    data = to_half(model.SerializeToString(), OF_PICTURES)
+    made = onnx.load_model_from_string(data).graph
+    assert "Identity" not in {node.op_type for node in made.node}
+    assert "middle_weights" not in {tensor.name for tensor in made.initializer}
+    readers = [n.name for n in made.node if "middle_weights_half" in n.input]
+    assert readers == ["middle", "second"]
+    exact = run(model.SerializeToString(), picture)
+    np.testing.assert_allclose(run(data, picture), exact, atol=4e-3 * np.abs(exact).max())

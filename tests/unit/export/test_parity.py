@@ -2,65 +2,58 @@
 
 import numpy as np
 import pytest
-import torch
 
-from dfvs_core.correspondence import FlowField
-from dfvs_core.matching.evaluation import PairScore, summarise
-from dfvs_export.check import error_ratios, parity
+from dfvs_export.check import drawn_pairs, error_ratios, parity
+from dfvs_models.evaluation import PairScore, summarise
 
-SIZE = (4, 6)
-PAIR = (np.zeros((*SIZE, 3), np.uint8), np.zeros((*SIZE, 3), np.uint8))
+PAIR = (np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6, 3), np.uint8))
+VECTORS = 24
 
 
-class Still:
-    """A network that sees no motion."""
+class Network:
+    """Differs from its ONNX files by one vector of one pair."""
 
-    def flow(self, first: torch.Tensor, second: torch.Tensor) -> torch.Tensor:
-        return torch.zeros(1, 2, *SIZE)
+    def __init__(self, off: float) -> None:
+        self.off = [0.0, off, 0.0]
 
-
-class Runner:
-    """Gives flow that is zero but for one component of one pixel of one pair."""
-
-    def __init__(self, off: float, confidence: float = 1.0, elsewhere: float = 1.0) -> None:
-        self.off, self.confidence, self.elsewhere = [0.0, off, 0.0], confidence, elsewhere
-
-    def tensor(self, image):
-        return np.zeros((1, 3, *SIZE), np.float32)
-
-    def encode(self, image):
-        return [self.tensor(image)]
-
-    def match(self, first, second):
-        flow = np.zeros((*SIZE, 2), np.float32)
-        flow[2, 3, 1] = self.off.pop()
-        confidence = np.full(SIZE, self.elsewhere, np.float32)
-        confidence[2, 3] = self.confidence
-        return FlowField(flow, confidence)
+    def differences_px(self, runner, pair):
+        differences = np.zeros(VECTORS, np.float32)
+        differences[7] = self.off.pop()
+        return differences
 
 
-@pytest.mark.parametrize(("off", "holds"), [(0.9e-3, True), (1.1e-3, False), (-1.1e-3, False)])
-def test_one_pixel_of_one_pair_decides(off: float, holds: bool) -> None:
-    found = parity(Still(), Runner(off), [PAIR] * 3)
+@pytest.mark.parametrize(("off", "holds"), [(0.9e-3, True), (1.1e-3, False)])
+def test_one_vector_of_one_pair_decides(off: float, holds: bool) -> None:
+    found = parity(Network(off), None, [PAIR] * 3)
     assert found.holds is holds
-    assert found.greatest_px == pytest.approx(abs(off), rel=1e-5)
-    assert found.mean_px == pytest.approx(abs(off) / (3 * 2 * SIZE[0] * SIZE[1]), rel=1e-5)
+    assert found.pairs == 3
+    assert found.greatest_px == pytest.approx(off, rel=1e-5)
+    assert found.mean_px == pytest.approx(off / (3 * VECTORS), rel=1e-5)
 
 
-@pytest.mark.parametrize(("confidence", "holds"), [(0.29, True), (0.31, False)])
-def test_what_nobody_trusts_is_told_but_does_not_decide(confidence: float, holds: bool) -> None:
-    found = parity(Still(), Runner(0.01, confidence), [PAIR] * 3)
-    assert found.holds is holds
-    assert found.greatest_px == pytest.approx(0.01, rel=1e-5)
+@pytest.mark.parametrize("off", [float("nan"), float("inf")])
+def test_what_is_not_finite_never_agrees(off: float) -> None:
+    found = parity(Network(off), None, [PAIR] * 3)
+    assert not found.holds
+    assert not np.isfinite(found.greatest_px)
 
 
-def test_where_nothing_is_trusted_all_of_it_has_to_agree() -> None:
-    assert not parity(Still(), Runner(0.01, 0.0, 0.0), [PAIR] * 3).holds
+def test_drawn_pairs_are_the_same_for_a_seed_and_others_for_another() -> None:
+    first, again, other = (drawn_pairs((64, 48), 2, seed) for seed in (1, 1, 2))
+    for a, b in zip(first, again, strict=True):
+        assert a[0].tobytes() == b[0].tobytes()
+        assert a[1].tobytes() == b[1].tobytes()
+    assert first[0][0].tobytes() != first[1][0].tobytes()
+    assert first[0][0].tobytes() != other[0][0].tobytes()
 
 
-@pytest.mark.parametrize("confidence", [0.0, 1.0])
-def test_what_is_no_number_never_agrees(confidence: float) -> None:
-    assert not parity(Still(), Runner(float("nan"), confidence), [PAIR] * 3).holds
+def test_drawn_pairs_have_the_size_and_show_something() -> None:
+    ((first, second),) = drawn_pairs((64, 48), 1, 3)
+    for image in (first, second):
+        assert image.shape == (48, 64, 3)
+        assert image.dtype == np.uint8
+        assert image.std() > 20.0
+    assert (first != second).mean() > 0.3
 
 
 def score(epe_px: float):

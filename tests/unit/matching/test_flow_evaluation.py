@@ -5,7 +5,7 @@ import pytest
 
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
-from dfvs_core.matching.evaluation import score_pair, summarise
+from dfvs_models.evaluation import score_pair, summarise
 
 ALL = np.ones((1, 4), bool)
 

@@ -8,7 +8,7 @@ from at_once import AtOnce
 from box_sight import CAMERA, CLOCK, MS, KnowingMatcher, picture
 
 from dfvs_core.goal import Goal, GoalSidecar
-from dfvs_core.pipeline import KEPT_FRAMES
+from dfvs_core.perception.pipeline import KEPT_FRAMES
 from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.wire.link import GateStatus, VehicleState
 from dfvs_service.config import load_config
@@ -18,13 +18,13 @@ from dfvs_service.perception.route_follower import RouteFollower
 
 
 class CountingMatcher(KnowingMatcher):
-    """Counts searches."""
+    """Counts relocalisations."""
 
-    searches = 0
+    relocalisations = 0
 
-    def match(self, current, other, guess=None, *, besides=()):
-        self.searches += 1
-        return super().match(current, other, guess, besides=besides)
+    def match(self, current, other, *, excluded=()):
+        self.relocalisations += 1
+        return super().match(current, other, excluded=excluded)
 
 
 class Rig:
@@ -93,9 +93,9 @@ def test_the_next_goal_is_tracked_on_from_its_preview():
     rig = Rig()
     while rig.route.index == 0:
         rig.frame(40.0)
-    searches = rig.matcher.searches
+    relocalisations = rig.matcher.relocalisations
     assert rig.frame(41.0).healthy
-    assert rig.matcher.searches == searches
+    assert rig.matcher.relocalisations == relocalisations
 
 
 def test_a_goal_is_kept_during_the_initial_response_check():

@@ -9,7 +9,7 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.matching.matcher import Prepared
-from dfvs_core.pipeline import Pipeline
+from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.poses import invert_pose, make_pose, pose_error, so3_exp
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import ServoInputs, ServoState, Verdict
@@ -108,19 +108,19 @@ def test_a_step_tells_which_points_of_its_grid_are_out_of_line():
 
 
 class Divided:
-    """Always finds the same flow, and notes the guesses that it is given to track."""
+    """Always finds the same flow, and notes the predictions that it is given."""
 
     def __init__(self, flow):
-        self.flow, self.guesses = flow, []
+        self.flow, self.predictions = flow, []
 
     def prepare(self, image):
         return Prepared(image.shape[:2])
 
-    def match(self, current, other, guess=None, *, besides=()):
+    def match(self, current, other, *, excluded=()):
         return self.flow
 
-    def track(self, current, other, guess):
-        self.guesses.append(guess)
+    def track(self, current, other, predicted):
+        self.predictions.append(predicted)
         return self.flow
 
 
@@ -130,9 +130,9 @@ def test_what_is_out_of_line_is_not_tracked_on(rng):
     pipeline = Pipeline(TASK, matcher, Goal(picture, TASK.goal), lambda: 0)
     for k in range(2):
         pipeline.process(Frame(picture, k, k), Motion.at_rest(0.0, 0.0), engaged=False)
-    (guess,) = matcher.guesses
-    assert not guess.confidence[:, 80:272][wrong[:, 80:272]].any()
-    assert np.mean(guess.confidence[~wrong] > 0) > 0.95
+    (predicted,) = matcher.predictions
+    assert not predicted.confidence[:, 80:272][wrong[:, 80:272]].any()
+    assert np.mean(predicted.confidence[~wrong] > 0) > 0.95
 
 
 def test_a_step_that_explains_nothing_names_no_outliers(rng):

@@ -5,7 +5,6 @@ import numpy as np
 import pytest
 
 from dfvs_core.errors import DfvsError
-from dfvs_core.pair_files import shard_name
 from dfvs_models.evaluation_file import read_flow_pairs
 from dfvs_sim.commands import pairs
 from dfvs_sim.scene import builtin_room_path
@@ -31,13 +30,20 @@ def test_an_evaluation_file_takes_the_levels_in_turn(tmp_path, capsys):
     assert out.read_bytes() == first
 
 
-def test_shards_of_a_drawn_room_are_filled_and_numbered_by_their_seed(tmp_path):
-    words = ["--rooms", "3", "--kinds", "corridor", "--size", "48x36", "--count", "1"]
-    assert run(*words, "--seed", "12", "--out", tmp_path / "pairs") == 0
-    (path,) = (tmp_path / "pairs").iterdir()
-    assert path.name == shard_name((48, 36), 12) == "shard-48x36-00000012.npz"
+def test_wide_pairs_are_a_file_a_room_and_kept_where_they_exist(tmp_path, capsys):
+    out = tmp_path / "pairs"
+    words = ["--format", "wide", "--rooms", "30003", "--kinds", "corridor", "--count", "2"]
+    assert run(*words, "--seed", "12", "--out", out) == 0
+    (path,) = out.iterdir()
+    assert path.name == "30003.npz"
+    first = path.read_bytes()
     with np.load(path) as arrays:
-        assert len(arrays["images"]) == 64
+        assert arrays["T"].shape == (2, 4, 4)
+        assert arrays["D"].shape == (2, 2, 240, 320)
+        assert {"a0", "b0", "a1", "b1"} <= set(arrays)
+    assert run(*words, "--seed", "13", "--out", out) == 0
+    assert "wrote 0 pairs" in capsys.readouterr().out
+    assert path.read_bytes() == first
 
 
 def test_seeds_draw_among_the_kinds_that_are_named(monkeypatch):
@@ -57,8 +63,7 @@ def test_seeds_draw_among_the_kinds_that_are_named(monkeypatch):
         (["--rooms", "five"], "--rooms is 'five'; expected seeds such as 1000-1031"),
         (["--rooms", "5", "--count", "0"], "--count is 0"),
         (["--rooms", "5", "--seed", "-1"], "--seed is -1"),
-        (["--rooms", "5", "--size", "small"], "--size is 'small'"),
-        (["--rooms", "5", "--size", "10x10"], "image size 10 x 10"),
+        (["--rooms", "8001", "--format", "wide"], "rooms 8001 to 8001 to train on"),
         (["--scene", "none.glb"], "none.glb cannot be read"),
         (["--scene", "none.glb", "--kinds", "hall"], "--kinds was given with --scene"),
         (["--rooms", "5", "--kinds", "hall,cave"], "no kind of room 'cave'"),
@@ -66,14 +71,13 @@ def test_seeds_draw_among_the_kinds_that_are_named(monkeypatch):
             ["--rooms", "3990-4001"],
             "--rooms is '3990-4001'; expected other seeds than 4000 to 4199",
         ),
-        (["--rooms", "5", "--format", "eval", "--out", "pairs"], "an .npz file"),
+        (["--rooms", "5", "--out", "pairs"], "an .npz file"),
         (["--rooms", "5", "--format", "eval", "--out", "no/x.npz"], "an existing folder"),
-        (["--rooms", "5", "--format", "eval", "--size", "64x48", "--out", "x.npz"], "no --size"),
     ],
 )
 def test_says_what_is_wrong_and_writes_nothing(tmp_path, monkeypatch, words, match):
     monkeypatch.chdir(tmp_path)
-    usual = ["--count", "2", "--seed", "1", "--out", "out"]
+    usual = ["--count", "2", "--seed", "1", "--out", "out.npz"]
     with pytest.raises(DfvsError, match=match):
         run(*usual, *words)
     assert not [p for p in tmp_path.rglob("*") if p.is_file()]

@@ -1,0 +1,63 @@
+"""Confidence of flow fields: how much of one is confident, merging, and exclusion."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+
+import numpy as np
+
+from dfvs_core.arrays import BoolArray
+from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.points import PointMatches
+
+CONFIDENT = 0.5
+"""Confidence above which a vector is more likely right than wrong."""
+_SAME_PX = 3.0
+"""Distance within which two flows lead to the same place, px of the working size."""
+_LEAST_COMMON_RATIO, _SAME_RATIO = 0.005, 0.5
+"""Share of the image on which two flows are compared, and share of that which must agree."""
+
+
+def confident_ratio(field: FlowField) -> float:
+    """Share of the image whose flow is confident."""
+    return float(np.mean(field.confidence > CONFIDENT))
+
+
+def merge_by_confidence(first: FlowField, second: FlowField) -> FlowField:
+    """Take the more confident of two flows at each pixel."""
+    better = second.confidence > first.confidence
+    flow = np.where(better[..., None], second.flow, first.flow)
+    return FlowField(flow, np.maximum(first.confidence, second.confidence))
+
+
+def are_consistent(first: FlowField, second: FlowField) -> bool:
+    """Whether two flows lead to the same places, where both are confident."""
+    both = (first.confidence > CONFIDENT) & (second.confidence > CONFIDENT)
+    if np.mean(both) < _LEAST_COMMON_RATIO:
+        return False
+    apart = np.linalg.norm(first.flow[both] - second.flow[both], axis=1)
+    return bool(np.mean(apart < _SAME_PX) > _SAME_RATIO)
+
+
+def empty_flow(size: tuple[int, int]) -> FlowField:
+    """Flow of an image of ``size`` (height, width) without any confidence."""
+    return FlowField(np.zeros((*size, 2), np.float32), np.zeros(size, np.float32))
+
+
+def exclude(field: FlowField, excluded: Sequence[FlowField]) -> FlowField:
+    """Flow without confidence where it leads to the same place as one that is excluded."""
+    for wrong in excluded:
+        apart = np.linalg.norm(field.flow - wrong.flow, axis=2) >= _SAME_PX
+        field = FlowField(field.flow, field.confidence * apart)
+    return field
+
+
+def exclude_matches(matches: PointMatches, excluded: Sequence[FlowField]) -> PointMatches:
+    """Matches that lead elsewhere than every flow that is excluded."""
+    for wrong in excluded:
+        u, v = np.rint(matches.current).astype(np.intp).T
+        v, u = np.clip(v, 0, wrong.flow.shape[0] - 1), np.clip(u, 0, wrong.flow.shape[1] - 1)
+        moved = matches.other - matches.current - wrong.flow[v, u]
+        apart: BoolArray = np.linalg.norm(moved, axis=1) >= _SAME_PX
+        matches = matches.select(apart)
+    return matches

@@ -1,0 +1,50 @@
+"""Sparse matches between two images, and what a source of them offers."""
+
+from __future__ import annotations
+
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol, TypeVar
+
+from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
+
+Features = TypeVar("Features")
+
+
+@dataclass(frozen=True, slots=True)
+class PointMatches:
+    """Points (N, 2) px of one image, the same points in another (N, 2), and confidence (N,).
+
+    The centre of the first pixel is at (0, 0), as in OpenCV.
+    """
+
+    current: Float32Array
+    other: Float32Array
+    confidence: Float32Array
+
+    def __len__(self) -> int:
+        return len(self.current)
+
+    def select(self, kept: BoolArray) -> PointMatches:
+        """The matches of a mask (N,)."""
+        return PointMatches(self.current[kept], self.other[kept], self.confidence[kept])
+
+
+class PointMatcher(Protocol[Features]):
+    """Source of sparse matches: a network, or SIFT."""
+
+    @property
+    def width_px(self) -> int:
+        """Largest width of an image that it makes use of."""
+        ...
+
+    def encode(self, image: ImageArray) -> Features:
+        """What is matched of an image (H, W, 3) uint8 RGB."""
+        ...
+
+    def hypotheses(self, current: Features, other: Features) -> Iterator[PointMatches]:
+        """Match hypotheses, the likeliest first; each is computed when it is asked for.
+
+        Points are in px of the images.
+        """
+        ...

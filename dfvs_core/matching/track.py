@@ -1,0 +1,39 @@
+"""Tracking: a flow predicted from the frame before, made precise.
+
+1. Confident vectors of the prediction are matches; a smooth flow goes through them.
+2. The dense search makes it precise.
+3. The result holds if about as much of the image is confident as in the prediction. Where it does
+   not, the search is repeated once from its own result.
+"""
+
+from __future__ import annotations
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.confidence import confident_ratio
+from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.dense_search import search_residual
+from dfvs_core.matching.smooth_flow import confident_matches, smooth_flow
+
+_ROUNDS = 2
+_MOST_EXPECTED_RATIO = 0.5
+"""Confident share of a prediction above which no more is expected."""
+
+
+def track(
+    current: ImageArray, other: ImageArray, predicted: FlowField, config: MatchingConfig
+) -> FlowField | None:
+    """Flow between two grey images (H, W) by a prediction; None where it does not hold."""
+    if predicted.confidence.shape != current.shape or not predicted.is_finite():
+        return None
+    expected = config.kept_ratio * min(confident_ratio(predicted), _MOST_EXPECTED_RATIO)
+    field = predicted
+    for _ in range(_ROUNDS):
+        matches = confident_matches(field, config.cell_px)
+        if len(matches) < config.least_matches:
+            return None
+        start = smooth_flow(matches, (current.shape[0], current.shape[1]), config)
+        field = search_residual(current, other, start, config)
+        if confident_ratio(field) >= max(config.least_confident_ratio, expected):
+            return field
+    return None

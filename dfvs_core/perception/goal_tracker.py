@@ -1,0 +1,191 @@
+"""Correspondences with the goal, frame after frame.
+
+1. TRACKING: the flow of the last observation is tracked; where that does not hold, the flow that
+   its pose and the depth predict.
+2. COASTING: one frame was not tracked. It comes without confidence, as noise passes.
+3. LOST: the next one was not either. It is relocalised.
+4. SEARCHING: relocalisation has failed; every frame is tracked and relocalised.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from enum import StrEnum
+
+from dfvs_core.arrays import FloatArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_core.depth.prediction import predict_flow
+from dfvs_core.matching.confidence import confident_ratio, empty_flow
+from dfvs_core.matching.matcher import Matcher, Prepared
+from dfvs_core.perception.rejected_goals import RejectedGoals
+from dfvs_core.poses import invert_pose
+
+COAST_NS = 60_000_000
+"""Longest time since the last observation after which a frame is not relocalised."""
+
+TRACKED_NS = 5_000_000_000
+"""Longest time for which the last observation is tracked."""
+
+_SETTLED_RATIO = 0.45
+"""Confident share of the image from which on no more of the goal is looked for."""
+
+
+class TrackingState(StrEnum):
+    """What the goal tracker does with the next frame."""
+
+    TRACKING = "tracking"
+    COASTING = "coasting"
+    LOST = "lost"
+    SEARCHING = "searching"
+
+
+@dataclass(frozen=True, slots=True)
+class Observation:
+    """A frame in which the goal was seen.
+
+    ``T_goal_current`` (4, 4) is the camera's estimated pose in the goal's camera, and
+    ``T_world_camera`` (4, 4) where the vehicle's odometry had it, m.
+    """
+
+    t_capture_ns: int
+    flow: FlowField
+    T_goal_current: FloatArray
+    T_world_camera: FloatArray
+
+
+class GoalTracker:
+    """Matches frames with one goal, and keeps the last observation of it.
+
+    Parameters
+    ----------
+    matcher : Matcher
+        Source of dense correspondences.
+    goal : Prepared
+        The goal image.
+    camera, goal_camera : CameraModel
+        Of the frames and of the goal image, at the working size.
+    stride_px : int
+        Grid of the depth maps.
+    """
+
+    def __init__(
+        self,
+        matcher: Matcher,
+        goal: Prepared,
+        camera: CameraModel,
+        goal_camera: CameraModel,
+        stride_px: int,
+    ) -> None:
+        self._matcher, self._goal = matcher, goal
+        self._camera, self._goal_camera, self._stride_px = camera, goal_camera, stride_px
+        self._last: Observation | None = None
+        self._state = TrackingState.SEARCHING
+        self._rejected = RejectedGoals(camera, goal_camera, stride_px)
+        self._has_excluded = False
+        """Whether the last relocalisation excluded rejected goals, and nothing was found since."""
+
+    @property
+    def state(self) -> TrackingState:
+        """State after the last frame."""
+        return self._state
+
+    def update(self, observation: Observation | None) -> None:
+        """Keep the observation of the frame that was matched last; None where it gave none."""
+        if observation is not None:
+            self._last, self._state = observation, TrackingState.TRACKING
+            self._has_excluded = False
+
+    def reject(self, was_flown_to: bool) -> None:
+        """Begin anew: what was tracked is not the goal."""
+        last = self._last
+        if last is not None and was_flown_to:
+            T_world_goal = last.T_world_camera @ invert_pose(last.T_goal_current)
+            self._rejected.add(T_world_goal, last.t_capture_ns)
+        self._last, self._state = None, TrackingState.SEARCHING
+
+    def match(
+        self,
+        image: Prepared,
+        t_capture_ns: int,
+        T_world_camera: FloatArray,
+        depth: DepthMap | None,
+    ) -> FlowField:
+        """Flow from a frame to the goal.
+
+        Parameters
+        ----------
+        image : Prepared
+            The frame.
+        t_capture_ns : int
+            When it was taken.
+        T_world_camera : (4, 4)
+            Where, by the vehicle's odometry, m.
+        depth : DepthMap, optional
+            Of the frame before, on the grid.
+        """
+        flow = self._track(image, t_capture_ns, T_world_camera, depth)
+        if flow is not None:
+            return flow
+        if self._state is TrackingState.TRACKING:
+            self._state = TrackingState.COASTING
+            if self._last is not None and t_capture_ns - self._last.t_capture_ns <= COAST_NS:
+                return empty_flow(image.size)
+        was_coasting = self._state is TrackingState.COASTING
+        self._state = TrackingState.LOST if was_coasting else TrackingState.SEARCHING
+        excluded: list[FlowField] = []
+        if depth is not None and not self._has_excluded:
+            excluded = self._rejected.flows(T_world_camera, t_capture_ns, depth)
+        self._has_excluded = bool(excluded)
+        return self._matcher.match(image, self._goal, excluded=excluded)
+
+    def _track(
+        self,
+        image: Prepared,
+        t_capture_ns: int,
+        T_world_camera: FloatArray,
+        depth: DepthMap | None,
+    ) -> FlowField | None:
+        """Flow from the last observation, or None."""
+        last = self._last
+        if last is None or t_capture_ns - last.t_capture_ns > TRACKED_NS:
+            return None
+        flow = self._matcher.track(image, self._goal, last.flow)
+        if flow is None and depth is not None:
+            T_last_current = invert_pose(last.T_world_camera) @ T_world_camera
+            flow = self._track_predicted(image, last.T_goal_current @ T_last_current, depth)
+        return flow
+
+    def rematch(self, image: Prepared, t_capture_ns: int, depth: DepthMap) -> bool:
+        """Look for more of the goal in the last frame, where its pose and depth predict it.
+
+        Parameters
+        ----------
+        image : Prepared
+            The frame that was matched last, taken at ``t_capture_ns``.
+        depth : DepthMap
+            Of it, on the grid.
+
+        Returns
+        -------
+        bool
+            Whether it was tried: the goal was observed, in a small part of the image.
+        """
+        last = self._last
+        if last is None or last.t_capture_ns != t_capture_ns:
+            return False
+        if confident_ratio(last.flow) >= _SETTLED_RATIO:
+            return False
+        flow = self._track_predicted(image, last.T_goal_current, depth)
+        if flow is not None and confident_ratio(flow) > confident_ratio(last.flow):
+            self._last = replace(last, flow=flow)
+        return True
+
+    def _track_predicted(
+        self, image: Prepared, T_goal_current: FloatArray, depth: DepthMap
+    ) -> FlowField | None:
+        """Flow tracked from the prediction of pose and depth."""
+        predicted = predict_flow(
+            self._camera, depth, self._stride_px, T_goal_current, self._goal_camera
+        )
+        return self._matcher.track(image, self._goal, predicted)

@@ -1,0 +1,83 @@
+"""Goal verification: whether the view at the goal matches the goal image.
+
+A repeated structure can be matched with another one of its kind. All correspondences agree on a
+motion, and the error falls to nothing at a false goal. At the true goal the view is the goal
+image, and nearly all of its texture matches; far from it nothing can be said.
+"""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import cv2
+import numpy as np
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.confidence import CONFIDENT
+from dfvs_core.matching.texture import has_texture
+from dfvs_core.servo.exchange import ServoResult, Verdict
+
+NEAR_RAD = 0.05
+"""Angle to the goal plus distance over depth, below which the view has to match."""
+
+PATIENCE_NS = 1_000_000_000
+"""Time for which a view may not match: somebody may walk through it."""
+
+_NOISE_SIGMA_PX = 1.5
+"""Blur that removes the noise of a camera in the dark, which is no texture."""
+_LEAST_TEXTURE = 0.02
+"""Share of the view with texture below which nothing is verified."""
+
+
+def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
+    """Share of the texture of a view that is confidently matched; 1 where there is none.
+
+    Parameters
+    ----------
+    image : (H, W, 3) uint8
+        The view, at the size of the flow.
+    flow : FlowField
+        From it to the goal picture.
+    """
+    grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), (0, 0), _NOISE_SIGMA_PX)
+    textured = has_texture(np.asarray(grey, np.uint8))
+    if textured.mean() < _LEAST_TEXTURE:
+        return 1.0
+    return float(np.mean(flow.confidence[textured] > CONFIDENT))
+
+
+class GoalVerifier:
+    """Rejects frames that count as the goal and do not match its image.
+
+    Parameters
+    ----------
+    least : float
+        Matched texture ratio below which a view is not the goal; 0 rejects none.
+    """
+
+    def __init__(self, least: float) -> None:
+        self._least = least
+        self._mismatch_since_ns: int | None = None
+
+    def judge(
+        self, result: ServoResult, image: ImageArray, flow: FlowField, t_capture_ns: int
+    ) -> ServoResult:
+        """Result of a frame: not reached while the view does not match, in time a false goal."""
+        if result.verdict is not Verdict.OK:
+            return result
+        if not _is_near(result) or matched_texture_ratio(image, flow) >= self._least:
+            self._mismatch_since_ns = None
+            return result
+        if self._mismatch_since_ns is None:
+            self._mismatch_since_ns = t_capture_ns
+        if t_capture_ns - self._mismatch_since_ns < PATIENCE_NS:
+            return replace(result, reached=False)
+        self._mismatch_since_ns = None
+        nothing = np.zeros_like(result.velocity)
+        return replace(result, verdict=Verdict.MISTAKEN, velocity=nothing, reached=False)
+
+
+def _is_near(result: ServoResult) -> bool:
+    """Whether a frame was taken so near the goal that its view has to match."""
+    return result.error_rad + result.distance_over_depth < NEAR_RAD

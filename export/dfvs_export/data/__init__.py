@@ -1,1 +1,0 @@
-"""Training pairs with exact flow, made from random rooms of textured quadrilaterals."""

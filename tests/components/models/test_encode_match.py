@@ -1,0 +1,163 @@
+"""Sparse matches of an encode-match bundle, in px of the images that they were found in."""
+
+import math
+
+import cv2
+import grid_network
+import numpy as np
+import pytest
+from grid_network import CELL, HEIGHT, WIDTH, centres
+from textured_wall import texture
+
+from dfvs_core.errors import ModelError
+from dfvs_models.bundle import read_bundle
+from dfvs_models.catalog import bundle_folder, load_matcher
+from dfvs_models.encode_match import EncodeMatchPoints
+from dfvs_models.onnx_session import Execution
+
+SQUARE = 4
+"""Cells along a square image in the middle of the grid network's."""
+
+
+def load(folder, *turns_rad):
+    return EncodeMatchPoints(read_bundle(folder), Execution(threads=1), turns_rad or (0.0,))
+
+
+def grey(width, height):
+    return np.full((height, width, 3), 128, np.uint8)
+
+
+def match(points, first, second):
+    return list(points.hypotheses(points.encode(first), points.encode(second)))
+
+
+def scaled(points, factor):
+    """Points of an image in px of one that is larger by a factor."""
+    return (points + 0.5) * factor - 0.5
+
+
+def test_points_are_in_px_of_images_of_each_ones_own_size_and_shape(tmp_path):
+    """Images that fit the network's height, one as large and one twice as large."""
+    points = load(grid_network.write_bundle(tmp_path))
+    small, large = grey(SQUARE * CELL, HEIGHT), grey(2 * SQUARE * CELL, 2 * HEIGHT)
+    expected = centres(SQUARE, HEIGHT // CELL)
+    (found,) = match(points, small, large)
+    np.testing.assert_allclose(found.current, expected, atol=1e-4)
+    np.testing.assert_allclose(found.other, scaled(expected, 2.0), atol=1e-4)
+    (found,) = match(points, large, small)
+    np.testing.assert_allclose(found.current, scaled(expected, 2.0), atol=1e-4)
+    np.testing.assert_allclose(found.other, expected, atol=1e-4)
+
+
+def test_an_image_wider_than_the_networks_is_fitted_by_its_width(tmp_path):
+    points = load(grid_network.write_bundle(tmp_path))
+    wide = grey(3 * WIDTH, 3 * 2 * CELL)
+    (found,) = match(points, wide, wide)
+    np.testing.assert_allclose(found.current, scaled(centres(6, 2), 3.0), atol=1e-4)
+    np.testing.assert_allclose(found.other, found.current, atol=1e-4)
+
+
+def test_partners_in_the_turned_image_are_turned_back(tmp_path):
+    angle = math.radians(30.0)
+    points = load(grid_network.write_bundle(tmp_path), 0.0, angle)
+    upright, turned = match(points, *[grey(2 * WIDTH, 2 * HEIGHT)] * 2)
+    np.testing.assert_array_equal(upright.current, turned.current)
+    np.testing.assert_allclose(upright.other, upright.current, atol=1e-4)
+    # turned counter-clockwise in the image, where v points down; back is the other way
+    c, s = math.cos(angle), math.sin(angle)
+    middle = np.array([2 * WIDTH - 1, 2 * HEIGHT - 1]) / 2
+    back = (upright.other - middle) @ np.array([[c, -s], [s, c]]).T + middle
+    np.testing.assert_allclose(turned.other, back, atol=1e-3)
+
+
+@pytest.mark.parametrize(
+    "spoilt",
+    [
+        {"match": grid_network.match_model(confidence="Sqrt")},
+        {"match": grid_network.match_model(confidence="Reciprocal")},
+        {"match": grid_network.match_model(confidence="Abs", is_spoilt=True)},
+        {
+            "encode": grid_network.encode_model(is_spoilt=True),
+            "match": grid_network.match_model(confidence="Abs"),
+        },
+    ],
+    ids=["confidence is no number", "confidence is infinite", "partner", "keypoint"],
+)
+def test_output_that_is_not_finite_gives_no_match(tmp_path, spoilt):
+    """All of these are finite but outside of the first image."""
+    points = load(grid_network.write_bundle(tmp_path, **spoilt))
+    (found,) = match(points, grey(SQUARE * CELL, HEIGHT), grey(WIDTH, HEIGHT))
+    np.testing.assert_allclose(found.current, centres(SQUARE, HEIGHT // CELL), atol=1e-4)
+    assert np.isfinite(found.other).all()
+    assert np.isfinite(found.confidence).all()
+
+
+def test_a_bundle_of_another_kind_is_refused(tmp_path):
+    graph = {"file": "encode.onnx", "inputs": ["x"], "outputs": ["y"]}
+    folder = grid_network.write_bundle(tmp_path, kind="mono", graphs={"mono": graph})
+    with pytest.raises(ModelError, match="'encode-match'"):
+        load(folder)
+
+
+SIZE = (360, 200)
+"""(width, height) px, of another shape than the network's 4:3."""
+ROLL_DEG = 40.0
+LARGE = 520
+
+
+@pytest.fixture(scope="module")
+def network():
+    turns = (0.0, math.radians(-45.0), math.radians(45.0))
+    return load(bundle_folder("dfvs-flow"), *turns)
+
+
+@pytest.fixture(scope="module")
+def large():
+    return texture(np.random.default_rng(17), LARGE, LARGE).astype(np.uint8)
+
+
+def view(large, roll_deg):
+    """Image of ``SIZE`` from the middle of a large one, which is turned clockwise, and the map."""
+    M = cv2.getRotationMatrix2D(((LARGE - 1) / 2, (LARGE - 1) / 2), -roll_deg, 1.0)
+    M[:, 2] += (np.array(SIZE) - LARGE) / 2
+    return cv2.warpAffine(large, M, SIZE, flags=cv2.INTER_CUBIC), M
+
+
+@pytest.mark.parametrize(("roll_deg", "right"), [(0.0, 0), (-ROLL_DEG, 1), (ROLL_DEG, 2)])
+def test_an_image_is_matched_with_itself_turned(network, large, roll_deg, right):
+    (first, there), (second, here) = view(large, 0.0), view(large, roll_deg)
+    found = match(network, first, second)
+    sure = [matches.select(matches.confidence > 0.5) for matches in found]
+    assert int(np.argmax([len(matches) for matches in sure])) == right
+    best = sure[right]
+    assert len(best) > 100
+    expected = (best.current - there[:, 2]) @ np.linalg.inv(there[:, :2]).T @ here[:, :2].T
+    apart = np.linalg.norm(best.other - expected - here[:, 2], axis=1)
+    # keypoints are whole px of the network's image, 0.6 px of these, in each of the two
+    assert np.mean(apart < 2.0) > 0.85
+    assert np.median(apart) < 1.0
+
+
+def test_matches_lie_in_both_images(network, large):
+    (first, _), (second, _) = view(large, 0.0), view(large, ROLL_DEG)
+    for matches in match(network, first, second):
+        for points in (matches.current, matches.other):
+            assert (points > -0.5).all()
+            assert (points < np.array(SIZE) - 0.5).all()
+
+
+def test_the_same_images_give_the_same_bits(network, large):
+    first, second = view(large, 0.0)[0], view(large, ROLL_DEG)[0]
+    for a, b in zip(match(network, first, second), match(network, first, second), strict=True):
+        assert a.current.tobytes() == b.current.tobytes()
+        assert a.other.tobytes() == b.other.tobytes()
+        assert a.confidence.tobytes() == b.confidence.tobytes()
+
+
+def test_plain_images_give_no_flow(network):
+    plain = grey(*SIZE)
+    assert all((matches.confidence < 0.5).all() for matches in match(network, plain, plain))
+    matcher = load_matcher("dfvs-flow", threads=1)
+    field = matcher.match(matcher.prepare(plain), matcher.prepare(plain))
+    assert field.is_finite()
+    assert field.confidence.max() == 0.0

@@ -1,0 +1,83 @@
+"""Confident parts of flow fields: merged, compared, and excluded."""
+
+import numpy as np
+import pytest
+
+from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.confidence import (
+    are_consistent,
+    confident_ratio,
+    empty_flow,
+    exclude,
+    exclude_matches,
+    merge_by_confidence,
+)
+from dfvs_core.matching.points import PointMatches
+
+SIZE = (40, 60)
+
+
+def field(du_px, confidence=1.0):
+    """Flow to the right; its confidence is a number, or (W,) by columns."""
+    by_column = np.broadcast_to(np.asarray(confidence, np.float32), SIZE)
+    return FlowField(np.full((*SIZE, 2), (du_px, 0.0), np.float32), by_column.copy())
+
+
+def columns(first, last, confidence=1.0):
+    """Confidence (W,) of some columns."""
+    found = np.zeros(SIZE[1], np.float32)
+    found[first:last] = confidence
+    return found
+
+
+def test_the_confident_ratio_counts_what_is_likelier_right_than_wrong():
+    assert confident_ratio(field(0.0, columns(0, 15, 0.6) + columns(15, 60, 0.5))) == 0.25
+
+
+def test_an_empty_flow_has_no_confidence():
+    empty = empty_flow(SIZE)
+    assert empty.is_finite()
+    assert confident_ratio(empty) == 0.0
+
+
+def test_each_pixel_is_taken_from_the_more_confident_flow():
+    first, second = field(1.0, columns(0, 20, 0.9)), field(2.0, columns(10, 40, 0.6))
+    merged = merge_by_confidence(first, second)
+    np.testing.assert_array_equal(merged.flow[0, :20, 0], 1.0)
+    np.testing.assert_array_equal(merged.flow[0, 20:40, 0], 2.0)
+    np.testing.assert_array_equal(merged.confidence[0], columns(0, 20, 0.9) + columns(20, 40, 0.6))
+
+
+@pytest.mark.parametrize(("apart_px", "consistent"), [(2.0, True), (4.0, False)])
+def test_flows_to_the_same_places_are_consistent(apart_px, consistent):
+    assert are_consistent(field(5.0), field(5.0 + apart_px)) == consistent
+
+
+def test_flows_that_share_nothing_confident_are_not_consistent():
+    assert not are_consistent(field(5.0, columns(0, 30)), field(5.0, columns(30, 60)))
+
+
+def test_a_flow_without_confidence_does_not_make_others_inconsistent():
+    mixed = merge_by_confidence(field(5.0, columns(0, 30)), field(50.0, columns(30, 60, 0.4)))
+    assert are_consistent(field(5.0), mixed)
+
+
+def test_an_excluded_flow_takes_the_confidence_of_what_leads_to_the_same_places():
+    mixed = merge_by_confidence(field(5.0, columns(0, 30)), field(20.0, columns(30, 60)))
+    for excluded, kept in [
+        ([], columns(0, 60)),
+        ([field(6.0)], columns(30, 60)),
+        ([field(6.0), field(22.0)], columns(0, 0)),
+    ]:
+        np.testing.assert_array_equal(exclude(mixed, excluded).confidence[7], kept)
+    assert mixed.confidence.min() == 1.0
+
+
+def test_matches_that_follow_an_excluded_flow_are_dropped():
+    at = np.array([[10.0, 10.0], [20.3, 20.0], [59.6, 39.6], [-0.4, -0.4]], np.float32)
+    moved = np.array([[5.0, 0.0], [20.0, 0.0], [5.5, 0.0], [5.0, 3.5]], np.float32)
+    matches = PointMatches(at, at + moved, np.array([0.1, 0.2, 0.3, 0.4], np.float32))
+    left = exclude_matches(matches, [field(5.0)])
+    np.testing.assert_array_equal(left.confidence, np.float32([0.2, 0.4]))
+    assert len(exclude_matches(matches, [field(5.0), field(20.0)])) == 1
+    assert len(exclude_matches(matches, [])) == 4

@@ -1,0 +1,136 @@
+"""The staged matcher around a scripted point matcher: sizes, features, and refusals."""
+
+import cv2
+import numpy as np
+import pytest
+from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, texture, turned
+
+from dfvs_core.correspondence import FlowField
+from dfvs_core.errors import ImageError
+from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.points import PointMatches
+from dfvs_core.matching.staged import StagedMatcher
+
+MOTION = turned(roll_deg=20.0, zoom=1.1, shift=(20.0, -10.0))
+TRUTH = exact_flow(MOTION)
+
+
+class KnownPoints:
+    """Point matcher that knows the motion, and notes the size of each image it encodes.
+
+    Its points lie in images of ``width_px``, as a network's do.
+    """
+
+    def __init__(self, width_px):
+        self.width_px = width_px
+        self.encoded = []
+
+    def encode(self, image):
+        self.encoded.append(image.shape)
+        return image.shape[1] / WIDTH
+
+    def hypotheses(self, current, other):
+        v, u = np.mgrid[8:HEIGHT:12, 8:WIDTH:12].reshape(2, -1)
+        kept = inside(TRUTH)[v, u]
+        at = np.stack([u, v], axis=1)[kept].astype(float)
+        to = at + TRUTH[v, u][kept]
+        at, to = ((each + 0.5) * current - 0.5 for each in (at, to))
+        yield PointMatches(
+            at.astype(np.float32), to.astype(np.float32), np.ones(len(at), np.float32)
+        )
+
+
+@pytest.fixture(scope="module")
+def pictures():
+    """Of twice the size in which the motion is given."""
+    wall = Wall(texture(np.random.default_rng(7)))
+    return [cv2.resize(wall.picture(H), (2 * WIDTH, 2 * HEIGHT)) for H in (None, MOTION)]
+
+
+@pytest.mark.parametrize(
+    ("size", "working_size"),
+    [((480, 640), (240, 320)), ((240, 320), (240, 320)), ((720, 1280), (180, 320))],
+)
+def test_the_working_size_has_at_most_320_columns(size, working_size):
+    image = np.zeros((*size, 3), np.uint8)
+    prepared = StagedMatcher(KnownPoints(640)).prepare(image)
+    assert prepared.size == working_size
+    assert prepared.grey.shape == working_size
+
+
+def test_small_images_are_not_enlarged():
+    prepared = StagedMatcher(KnownPoints(640)).prepare(np.zeros((120, 160, 3), np.uint8))
+    assert prepared.size == (120, 160)
+
+
+@pytest.mark.parametrize("width_px", [160, 320, 640, 1000])
+def test_flow_is_at_the_working_size_whichever_the_points_are_found_at(pictures, width_px):
+    points = KnownPoints(width_px)
+    matcher = StagedMatcher(points)
+    current, other = map(matcher.prepare, pictures)
+    field = matcher.match(current, other)
+    assert points.encoded == 2 * [(min(width_px, 640) * 3 // 4, min(width_px, 640), 3)]
+    assert field.flow.shape == (HEIGHT, WIDTH, 2)
+    visible = inside(TRUTH, margin=8.0)
+    assert np.mean(errors(field, TRUTH)[visible] < 0.5) > 0.97
+    tracked = matcher.track(current, other, field)
+    assert np.mean(errors(tracked, TRUTH)[visible] < 0.5) > 0.97
+
+
+def test_features_are_encoded_once_and_for_relocalisation_only(pictures):
+    points = KnownPoints(320)
+    matcher = StagedMatcher(points)
+    current, other = map(matcher.prepare, pictures)
+    predicted = FlowField(TRUTH.astype(np.float32), np.ones((HEIGHT, WIDTH), np.float32))
+    assert matcher.track(current, other, predicted) is not None
+    assert points.encoded == []
+    first = matcher.match(current, other)
+    second = matcher.match(current, other)
+    assert len(points.encoded) == 2
+    assert first.flow.tobytes() == second.flow.tobytes()
+
+
+def test_released_features_are_encoded_anew_and_match_alike(pictures):
+    points = KnownPoints(320)
+    matcher = StagedMatcher(points)
+    current, other = map(matcher.prepare, pictures)
+    first = matcher.match(current, other)
+    current.slim()
+    current.slim()
+    assert "features" not in vars(current)
+    assert matcher.match(current, other).flow.tobytes() == first.flow.tobytes()
+    assert len(points.encoded) == 3
+
+
+def test_an_image_of_another_matcher_is_refused(pictures):
+    matcher = StagedMatcher(KnownPoints(320))
+    mine, foreign = matcher.prepare(pictures[0]), Prepared((HEIGHT, WIDTH))
+    nothing = FlowField(
+        np.zeros((HEIGHT, WIDTH, 2), np.float32), np.zeros((HEIGHT, WIDTH), np.float32)
+    )
+    for current, other in ((mine, foreign), (foreign, mine)):
+        with pytest.raises(ImageError, match="another matcher"):
+            matcher.match(current, other)
+        with pytest.raises(ImageError, match="another matcher"):
+            matcher.track(current, other, nothing)
+
+
+def test_images_of_different_working_sizes_are_refused(pictures):
+    matcher = StagedMatcher(KnownPoints(320))
+    low = np.ascontiguousarray(pictures[1][:240])
+    with pytest.raises(ImageError, match="320 x 240 and 320 x 120"):
+        matcher.match(matcher.prepare(pictures[0]), matcher.prepare(low))
+
+
+@pytest.mark.parametrize(
+    "image",
+    [
+        np.zeros((240, 320), np.uint8),
+        np.zeros((240, 320, 3), np.float32),
+        np.zeros((16, 320, 3), np.uint8),
+    ],
+    ids=["grey", "floats", "too small"],
+)
+def test_what_is_no_rgb_image_is_refused(image):
+    with pytest.raises(ImageError):
+        StagedMatcher(KnownPoints(320)).prepare(image)

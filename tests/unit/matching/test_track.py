@@ -1,0 +1,121 @@
+"""Tracking by a predicted flow: when it holds, and how precise it is."""
+
+import cv2
+import numpy as np
+import pytest
+from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, texture, turned
+
+from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.confidence import empty_flow
+from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.track import track
+
+CONFIG, SIZE = MatchingConfig(), (HEIGHT, WIDTH)
+MOTION = turned(roll_deg=20.0, zoom=1.1, shift=(20.0, -10.0))
+TRUTH = exact_flow(MOTION)
+VISIBLE = inside(TRUTH, margin=8.0)
+
+
+@pytest.fixture(scope="module")
+def walls():
+    return [Wall(texture(np.random.default_rng(seed))) for seed in (7, 8)]
+
+
+@pytest.fixture(scope="module")
+def frame(walls):
+    return cv2.cvtColor(walls[0].picture(), cv2.COLOR_RGB2GRAY)
+
+
+def goal(walls, hidden_ratio=0.0):
+    """The wall after the motion, with another one in front of its left part."""
+    picture = walls[0].picture(MOTION)
+    hidden_px = round(WIDTH * hidden_ratio)
+    picture[:, :hidden_px] = walls[1].picture()[:, :hidden_px]
+    return cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY)
+
+
+def prediction(error=None, confidence=1.0):
+    """The true flow followed by a homography that it is wrong by."""
+    H = MOTION if error is None else error @ MOTION
+    return FlowField(exact_flow(H).astype(np.float32), np.full(SIZE, confidence, np.float32))
+
+
+@pytest.mark.parametrize(
+    "error",
+    [None, turned(shift=(4.0, -2.0)), turned(roll_deg=1.5, shift=(3.0, 0.0)), turned(zoom=1.03)],
+    ids=["exact", "shift", "roll", "zoom"],
+)
+def test_a_prediction_of_the_frame_before_is_made_precise(walls, frame, error):
+    field = track(frame, goal(walls), prediction(error), CONFIG)
+    assert np.mean(errors(field, TRUTH)[VISIBLE] < 1.0) > 0.98
+    assert errors(field, TRUTH)[VISIBLE].mean() < 0.2
+    assert np.mean(field.confidence[VISIBLE] > 0.5) > 0.7
+
+
+def test_a_rough_prediction_is_searched_from_twice(walls, frame):
+    """At 4 degrees the first search finds the rim of the image too far from its median motion."""
+    field = track(frame, goal(walls), prediction(turned(roll_deg=4.0)), CONFIG)
+    assert np.mean(errors(field, TRUTH)[VISIBLE] < 1.0) > 0.98
+    assert np.mean(field.confidence[VISIBLE] > 0.5) > 0.95
+
+
+def test_a_part_that_was_confident_grows_to_all_that_is_in_view(walls, frame):
+    part = np.zeros(SIZE, np.float32)
+    part[90:150, 130:190] = 1.0
+    field = track(frame, goal(walls), FlowField(prediction().flow, part), CONFIG)
+    assert np.mean(field.confidence[VISIBLE] > 0.5) > 0.95
+
+
+def test_only_confident_vectors_of_the_prediction_count(walls, frame):
+    exact = prediction()
+    flow, confidence = exact.flow.copy(), exact.confidence.copy()
+    flow[:, 160:], confidence[:, 160:] = 70.0, 0.0
+    field = track(frame, goal(walls), FlowField(flow, confidence), CONFIG)
+    assert np.mean(errors(field, TRUTH)[VISIBLE] < 1.0) > 0.98
+
+
+@pytest.mark.parametrize(
+    ("hidden_ratio", "confidence", "holds"),
+    [(0.5, 1.0, True), (0.7, 1.0, False), (0.7, 0.5, True), (0.95, 0.5, False)],
+)
+def test_it_holds_while_enough_is_seen_of_what_was_confident(
+    walls, frame, hidden_ratio, confidence, holds
+):
+    """Of a mere guess, whose confidence is one half, a twentieth of the image is enough."""
+    field = track(frame, goal(walls, hidden_ratio), prediction(None, confidence), CONFIG)
+    assert (field is not None) == holds
+
+
+def test_what_is_hidden_has_no_confidence(walls, frame):
+    field = track(frame, goal(walls, 0.4), prediction(), CONFIG)
+    at_u = np.arange(WIDTH) + TRUTH[..., 0]
+    hidden = VISIBLE & (at_u < 0.4 * WIDTH - 16)
+    assert np.mean(field.confidence[hidden] > 0.5) < 0.05
+    assert np.mean(field.confidence[VISIBLE & (at_u > 0.4 * WIDTH + 16)] > 0.5) > 0.9
+
+
+@pytest.mark.parametrize(
+    "predicted",
+    [
+        prediction(turned(shift=(120.0, 60.0))),
+        empty_flow(SIZE),
+        FlowField(np.full((*SIZE, 2), np.nan, np.float32), np.ones(SIZE, np.float32)),
+        FlowField(np.zeros((60, 80, 2), np.float32), np.ones((60, 80), np.float32)),
+    ],
+    ids=["wrong", "without confidence", "not finite", "of another size"],
+)
+def test_a_useless_prediction_does_not_hold(walls, frame, predicted):
+    assert track(frame, goal(walls), predicted, CONFIG) is None
+
+
+def test_another_place_does_not_hold(walls, frame):
+    other = cv2.cvtColor(walls[1].picture(), cv2.COLOR_RGB2GRAY)
+    assert track(frame, other, prediction(), CONFIG) is None
+
+
+def test_the_prediction_is_left_as_it_was(walls, frame):
+    predicted = prediction()
+    kept = predicted.flow.copy(), predicted.confidence.copy()
+    track(frame, goal(walls), predicted, CONFIG)
+    np.testing.assert_array_equal(predicted.flow, kept[0])
+    np.testing.assert_array_equal(predicted.confidence, kept[1])

@@ -1,0 +1,288 @@
+"""States of the goal tracker: what is tracked, what is relocalised, and what is excluded."""
+
+from dataclasses import dataclass, field
+
+import numpy as np
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_core.matching.confidence import confident_ratio
+from dfvs_core.matching.matcher import Prepared
+from dfvs_core.perception.goal_tracker import GoalTracker, Observation, TrackingState
+from dfvs_core.poses import make_pose
+
+CAMERA = CameraModel.from_horizontal_fov(64, 48, np.radians(90))
+STRIDE = 8
+FRAME_NS = 50_000_000
+WALL_M = 2.0
+FRAME, GOAL = Prepared((48, 64)), Prepared((48, 64))
+DEPTH = DepthMap(np.full((6, 8), WALL_M, np.float32), np.ones((6, 8), np.float32))
+STATES = TrackingState
+
+
+def flow(du_px, share=0.3):
+    confidence = np.zeros((48, 64), np.float32)
+    confidence[: round(48 * share)] = 1.0
+    return FlowField(np.full((48, 64, 2), (du_px, 0.0), np.float32), confidence)
+
+
+def du(field):
+    return float(np.median(field.flow[..., 0]))
+
+
+@dataclass
+class Matcher:
+    """Tracks the predictions that it is told to, and notes what it was asked for."""
+
+    holds: list[bool]
+    share: float = 0.3
+    predictions: list[float] = field(default_factory=list)
+    excluded: list[list[float]] = field(default_factory=list)
+    """What each relocalisation was to exclude."""
+
+    @property
+    def relocalisations(self):
+        return len(self.excluded)
+
+    def track(self, current, other, predicted):
+        self.predictions.append(du(predicted))
+        return flow(self.predictions[-1], self.share) if self.holds.pop(0) else None
+
+    def match(self, current, other, *, excluded=()):
+        self.excluded.append([du(wrong) for wrong in excluded])
+        return flow(99.0)
+
+
+def about_down(angle_rad):
+    """Turn of a camera that stays level, y down."""
+    c, s = np.cos(angle_rad), np.sin(angle_rad)
+    return np.array([[c, 0.0, s], [0.0, 1.0, 0.0], [-s, 0.0, c]])
+
+
+def moved(right_m):
+    return make_pose(np.eye(3), [right_m, 0.0, 0.0])
+
+
+def observation(t_ns=0, seen=None, right_m=0.0):
+    """The goal lies 0.5 m to the right: 8 px of flow to the left."""
+    return Observation(t_ns, seen or flow(-7.0), moved(-0.5), moved(right_m))
+
+
+def unobserved(matcher):
+    return GoalTracker(matcher, GOAL, CAMERA, CAMERA, STRIDE)
+
+
+def tracker(matcher, seen=None):
+    """A tracker that has observed the goal at time 0."""
+    made = unobserved(matcher)
+    made.update(observation(seen=seen))
+    return made
+
+
+def test_the_last_flow_is_tried_first():
+    matcher = Matcher([True])
+    made = tracker(matcher)
+    found = made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    assert (matcher.predictions, matcher.relocalisations) == ([-7.0], 0)
+    assert found.confidence.any()
+    assert made.state is STATES.TRACKING
+
+
+def test_where_it_does_not_hold_pose_and_depth_predict_the_flow_for_the_motion_since():
+    matcher = Matcher([False, True])
+    made = tracker(matcher)
+    made.match(FRAME, FRAME_NS, moved(0.25), DEPTH)
+    pixels = (-0.5 + 0.25) / WALL_M * CAMERA.fx
+    assert matcher.predictions == [-7.0, pytest.approx(pixels, abs=0.01)]
+    assert (made.state, matcher.relocalisations) == (STATES.TRACKING, 0)
+
+
+def test_without_depth_only_the_last_flow_is_tried():
+    matcher = Matcher([False])
+    tracker(matcher).match(FRAME, FRAME_NS, moved(0.25), None)
+    assert matcher.predictions == [-7.0]
+
+
+def test_one_frame_coasts_the_next_is_lost_and_those_after_it_are_searched():
+    matcher = Matcher([False] * 8)
+    made = tracker(matcher)
+    found, states = [], []
+    for k in range(1, 5):
+        found.append(made.match(FRAME, k * FRAME_NS, moved(0.0), DEPTH))
+        made.update(None)
+        states.append(made.state)
+    assert states == [STATES.COASTING, STATES.LOST, STATES.SEARCHING, STATES.SEARCHING]
+    assert found[0].confidence.max() == 0.0
+    assert found[0].confidence.shape == FRAME.size
+    assert [du(each) for each in found[1:]] == [99.0] * 3
+    assert len(matcher.predictions) == 8  # while searching, the last observation is tried as well
+
+
+@pytest.mark.parametrize(("rate_hz", "state"), [(20, STATES.COASTING), (15, STATES.LOST)])
+def test_a_camera_with_a_low_rate_does_not_coast(rate_hz, state):
+    matcher = Matcher([False] * 2)
+    made = tracker(matcher)
+    made.match(FRAME, 1_000_000_000 // rate_hz, moved(0.0), DEPTH)
+    assert made.state is state
+    assert matcher.relocalisations == int(state is STATES.LOST)
+
+
+@pytest.mark.parametrize("frames", [1, 2, 3])
+def test_an_observation_leads_back_to_tracking_and_one_frame_may_coast_again(frames):
+    matcher = Matcher([False] * 9)
+    made = tracker(matcher)
+    for k in range(1, frames + 1):
+        made.match(FRAME, k * FRAME_NS, moved(0.0), DEPTH)
+    made.update(observation(frames * FRAME_NS))
+    assert made.state is STATES.TRACKING
+    made.match(FRAME, (frames + 1) * FRAME_NS, moved(0.0), DEPTH)
+    assert made.state is STATES.COASTING
+
+
+def test_a_frame_without_an_observation_keeps_the_last_one():
+    matcher = Matcher([False] * 2 + [True])
+    made = tracker(matcher)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    made.update(None)
+    made.match(FRAME, 2 * FRAME_NS, moved(0.0), DEPTH)
+    assert matcher.predictions[2] == -7.0
+
+
+@pytest.mark.parametrize(("age_s", "tracked"), [(5.0, 1), (5.1, 0)])
+def test_an_observation_is_tracked_for_five_seconds(age_s, tracked):
+    matcher = Matcher([True])
+    tracker(matcher).match(FRAME, round(age_s * 1e9), moved(0.0), DEPTH)
+    assert (len(matcher.predictions), matcher.relocalisations) == (tracked, 1 - tracked)
+
+
+def test_without_an_observation_a_frame_is_relocalised():
+    matcher = Matcher([])
+    made = unobserved(matcher)
+    assert made.state is STATES.SEARCHING
+    found = made.match(FRAME, 0, moved(0.0), None)
+    assert (matcher.relocalisations, du(found)) == (1, 99.0)
+    assert made.state is STATES.SEARCHING
+
+
+@pytest.mark.parametrize(("share", "next_px"), [(0.4, -8.0), (0.2, -7.0)])
+def test_a_rematch_leads_on_if_it_is_confident_in_more_of_the_image(share, next_px):
+    matcher = Matcher([True, True], share)
+    made = tracker(matcher)
+    assert made.rematch(FRAME, 0, DEPTH)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    assert matcher.predictions[0] == pytest.approx(-8.0, abs=0.01)
+    assert matcher.predictions[1] == pytest.approx(next_px, abs=0.01)
+
+
+def test_a_rematch_that_does_not_hold_changes_nothing():
+    matcher = Matcher([False, True])
+    made = tracker(matcher)
+    assert made.rematch(FRAME, 0, DEPTH)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    assert matcher.predictions[1] == -7.0
+
+
+@pytest.mark.parametrize(("share", "t_ns"), [(0.5, 0), (0.3, FRAME_NS)], ids=["clear", "past"])
+def test_a_goal_that_is_clear_or_of_a_past_frame_is_not_rematched(share, t_ns):
+    matcher = Matcher([])
+    assert not tracker(matcher, flow(-7.0, share)).rematch(FRAME, t_ns, DEPTH)
+
+
+def test_a_goal_that_was_not_observed_is_not_rematched():
+    assert not unobserved(Matcher([])).rematch(FRAME, 0, DEPTH)
+
+
+@pytest.mark.parametrize("was_flown_to", [True, False])
+def test_a_rejected_goal_is_neither_tracked_nor_rematched(was_flown_to):
+    matcher = Matcher([])
+    made = tracker(matcher)
+    made.reject(was_flown_to)
+    assert made.state is STATES.SEARCHING
+    assert not made.rematch(FRAME, 0, DEPTH)
+    found = made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    assert (matcher.predictions, matcher.excluded) == ([], [[]])
+    assert confident_ratio(found) > 0.0
+
+
+def reject(made, times, right_m=0.0):
+    """The goal was observed 0.5 m to the right of there, and was false."""
+    for _ in range(times):
+        made.update(observation(right_m=right_m))
+        made.update(None)
+        made.reject(was_flown_to=True)
+
+
+def test_a_goal_that_was_false_twice_is_excluded_from_a_relocalisation():
+    matcher = Matcher([])
+    made = unobserved(matcher)
+    reject(made, 1)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    reject(made, 1)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    made.update(Observation(0, flow(5.0), moved(0.3), moved(0.0)))
+    made.reject(was_flown_to=True)
+    made.match(FRAME, FRAME_NS, moved(0.25), DEPTH)  # on the way from there
+    ahead_px = -CAMERA.fx / WALL_M
+    expected = [[], [0.5 * ahead_px], [0.25 * ahead_px]]
+    for found, wanted in zip(matcher.excluded, expected, strict=True):
+        assert found == pytest.approx(wanted, abs=0.01)
+
+
+def test_without_depth_nothing_is_excluded():
+    matcher = Matcher([])
+    made = unobserved(matcher)
+    reject(made, 2)
+    made.match(FRAME, FRAME_NS, moved(0.0), None)
+    assert matcher.excluded == [[]]
+
+
+def test_where_nothing_else_is_found_every_other_relocalisation_excludes_nothing():
+    matcher = Matcher([])
+    made = unobserved(matcher)
+    reject(made, 2)
+    for _ in range(4):
+        made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+        made.update(None)
+    assert [len(excluded) for excluded in matcher.excluded] == [1, 0, 1, 0]
+
+
+def test_two_goals_that_were_false_once_are_not_excluded():
+    matcher = Matcher([])
+    made = unobserved(matcher)
+    reject(made, 1)
+    reject(made, 1, right_m=0.4)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    assert matcher.excluded == [[]]
+
+
+def test_two_false_goals_that_face_another_way_are_not_one():
+    matcher = Matcher([])
+    made = unobserved(matcher)
+    for turn_rad in (0.0, 0.4):
+        made.update(
+            Observation(0, flow(-7.0), moved(-0.5), make_pose(about_down(turn_rad), [0, 0, 0]))
+        )
+        made.reject(was_flown_to=True)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    assert matcher.excluded == [[]]
+
+
+@pytest.mark.parametrize(("age_s", "excluded"), [(30, 1), (31, 0)])
+def test_a_rejection_expires_after_half_a_minute(age_s, excluded):
+    matcher = Matcher([])
+    made = unobserved(matcher)
+    reject(made, 2)
+    made.match(FRAME, age_s * 1_000_000_000, moved(0.0), DEPTH)
+    assert len(matcher.excluded[0]) == excluded
+
+
+def test_a_false_goal_that_was_not_flown_to_is_not_excluded():
+    """Before a flight somebody may stand in front of the goal for as long as they like."""
+    matcher = Matcher([])
+    made = unobserved(matcher)
+    for _ in range(2):
+        made.update(observation())
+        made.reject(was_flown_to=False)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
+    assert matcher.excluded == [[]]

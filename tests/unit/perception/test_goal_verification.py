@@ -1,0 +1,163 @@
+"""Goal verification: a view that counts as the goal has to match the goal image."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+from textured_wall import Wall, texture
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.correspondence import FlowField
+from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.matching.classical import classical_matcher
+from dfvs_core.perception.goal_verification import matched_texture_ratio
+from dfvs_core.perception.pipeline import Pipeline
+from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.task import ServoTask
+from dfvs_core.vehicle_history import Motion
+from dfvs_core.wire.frame import Frame
+
+PERIOD_NS = 40_000_000
+PER_SECOND = 25
+STILL = Motion(0, 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3), 0.0)
+
+
+class Counting:
+    """The classical matcher; counts relocalisations and the flows that they exclude."""
+
+    def __init__(self):
+        self._matcher = classical_matcher()
+        self.prepare, self.track = self._matcher.prepare, self._matcher.track
+        self.relocalisations = self.excluded = 0
+
+    def match(self, current, other, *, excluded=()):
+        self.relocalisations += 1
+        self.excluded += len(excluded)
+        return self._matcher.match(current, other, excluded=excluded)
+
+
+@pytest.fixture(scope="module")
+def goal():
+    return Wall(texture(np.random.default_rng(21))).picture()
+
+
+@pytest.fixture(scope="module")
+def elsewhere(goal):
+    """Another place with the same window: all that fits is there, and stands where it should."""
+    view = Wall(texture(np.random.default_rng(22))).picture()
+    view[40:200, 70:250] = goal[40:200, 70:250]
+    return view
+
+
+def pipeline_for(goal, matcher, **settings):
+    height, width = goal.shape[:2]
+    camera = CameraModel.from_horizontal_fov(width, height, 1.3)
+    sidecar = GoalSidecar(camera)
+    task = ServoTask(ServoConfig(depth="constant", **settings), camera, sidecar, Mount())
+    return Pipeline(task, matcher, Goal(goal, sidecar), lambda: 0)
+
+
+def fly(pipeline, views, engaged=True):
+    """Reports of views, 25 a second, of a vehicle at rest."""
+    reports = []
+    for k, view in enumerate(views):
+        motion = dataclasses.replace(STILL, t_ns=k * PERIOD_NS)
+        reports.append(pipeline.process(Frame(view, k * PERIOD_NS, k), motion, engaged).report)
+    return reports
+
+
+def test_at_the_goal_it_is_reached(goal):
+    reports = fly(pipeline_for(goal, Counting()), [goal] * 40)
+    assert all(report.healthy for report in reports)
+    assert reports[-1].reached
+
+
+def test_another_place_with_the_same_window_is_never_reached_and_false_after_a_second(
+    goal, elsewhere
+):
+    matcher = Counting()
+    reports = fly(pipeline_for(goal, matcher), [elsewhere] * 60)
+    assert not any(report.reached for report in reports)
+    wrong = [k for k, report in enumerate(reports) if not report.healthy]
+    assert wrong[0] == pytest.approx(PER_SECOND, abs=1)
+    assert "look like" in reports[wrong[0]].reason
+    assert reports[wrong[0]].velocity == (0.0, 0.0, 0.0, 0.0)
+    assert matcher.relocalisations == 1 + len(wrong)  # nothing is tracked after a rejection
+
+
+def test_another_place_above_the_same_floor_is_never_reached(goal):
+    """A floor whose pattern repeats fits wherever a tile is above another."""
+    view = Wall(texture(np.random.default_rng(22))).picture()
+    view[55:] = goal[55:]
+    reports = fly(pipeline_for(goal, Counting()), [view] * 60)
+    assert not any(report.reached for report in reports)
+    assert not all(report.healthy for report in reports)
+
+
+def test_without_verification_it_would_have_been_reached(goal, elsewhere):
+    """So the two tests above do show what keeps it from that."""
+    reports = fly(pipeline_for(goal, Counting(), min_likeness=0.0), [elsewhere] * 40)
+    assert reports[-1].reached
+
+
+def test_somebody_who_walks_through_the_view_delays_and_nothing_more(goal, elsewhere):
+    passing = round(0.8 * PER_SECOND)
+    reports = fly(pipeline_for(goal, Counting()), [goal] * 5 + [elsewhere] * passing + [goal] * 30)
+    assert all(report.healthy for report in reports)
+    assert not any(report.reached for report in reports[5 : 5 + passing])
+    assert reports[-1].reached
+
+
+def test_a_goal_that_was_hidden_for_seconds_is_found_again(goal, elsewhere):
+    """By then it counts as a false goal, and is excluded from every other relocalisation."""
+    hidden = round(2.6 * PER_SECOND)
+    reports = fly(pipeline_for(goal, Counting()), [goal] * 5 + [elsewhere] * hidden + [goal] * 30)
+    assert sum("look like" in report.reason for report in reports) == 2
+    assert reports[-1].reached
+
+
+@pytest.mark.parametrize("engaged", [True, False])
+def test_only_a_false_goal_that_was_flown_to_is_excluded(goal, elsewhere, engaged):
+    """Before a flight somebody may stand in front of the goal for as long as they like."""
+    matcher = Counting()
+    reports = fly(pipeline_for(goal, matcher), [elsewhere] * 60, engaged)
+    assert sum("look like" in report.reason for report in reports) >= 2
+    assert bool(matcher.excluded) == engaged
+
+
+def test_progress_is_asked_for_anew_after_a_false_goal(goal, elsewhere):
+    """Its error was nothing: no motion towards another one would count as progress."""
+    pipeline = pipeline_for(goal, Counting())
+    reports = fly(pipeline, [elsewhere] * 80)
+    last = max(k for k, report in enumerate(reports) if "look like" in report.reason)
+    pipeline = pipeline_for(goal, Counting())
+    fly(pipeline, [elsewhere] * (last + 1))
+    assert pipeline._state.stop.progress is None
+
+
+def test_the_next_goal_is_not_blamed_for_the_last_one(goal, elsewhere):
+    pipeline = pipeline_for(goal, Counting())
+    fly(pipeline, [elsewhere] * 20)
+    pipeline.aim(pipeline._task, pipeline.prepare(Goal(elsewhere, pipeline._task.goal)))
+    assert all(report.healthy for report in fly(pipeline, [elsewhere] * 30))
+
+
+def test_noise_of_a_camera_in_the_dark_is_no_texture_that_has_to_match():
+    rng = np.random.default_rng(5)
+    view = np.full((240, 320, 3), 60.0)
+    view[60:180, 80:240] = 40.0 + 80.0 * (np.indices((120, 160)).sum(axis=0)[..., None] // 12 % 2)
+    noisy = np.clip(view + rng.normal(0.0, 8.0, view.shape), 0, 255).astype(np.uint8)
+    flow, sure = np.zeros((240, 320, 2), np.float32), np.zeros((240, 320), np.float32)
+    sure[56:184, 76:244] = 1.0
+    assert matched_texture_ratio(noisy, FlowField(flow, sure)) > 0.9
+
+
+def test_only_texture_has_to_match():
+    view = np.full((240, 320, 3), 120, np.uint8)
+    view[80:160, 100:220] = np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)
+    flow, sure = np.zeros((240, 320, 2), np.float32), np.zeros((240, 320), np.float32)
+    assert matched_texture_ratio(view, FlowField(flow, sure)) == 0.0
+    sure[70:170, 90:230] = 1.0
+    assert matched_texture_ratio(view, FlowField(flow, sure)) > 0.95
+    plain = np.full_like(view, 120)
+    assert matched_texture_ratio(plain, FlowField(flow, np.zeros_like(sure))) == 1.0
