@@ -254,7 +254,7 @@ class Pipeline:
             attitude=Attitude(motion.roll_rad, motion.pitch_rad, motion.yaw_rad),
             motion_m=self._camera_motion(T_world_camera),
             earlier=earlier,
-            given_depth=depth,
+            given_depth=None if depth is None else _resized_depth(depth, prepared.size),
             engaged=engaged,
         )
         self._last_inputs = inputs
@@ -385,3 +385,13 @@ def _at_working_size(task: ServoTask, goal: GoalView) -> ServoTask:
     cameras = (camera.scaled(width, height) for camera in (task.camera, task.goal.camera))
     camera, goal_camera = cameras
     return replace(task, camera=camera, goal=replace(task.goal, camera=goal_camera))
+
+
+def _resized_depth(depth: DepthMap, size: tuple[int, int]) -> DepthMap:
+    """Depth of an image at ``size`` (height, width), by the nearest pixel."""
+    rows, columns = (
+        ((np.arange(n) + 0.5) * given / n).astype(np.intp)
+        for n, given in zip(size, depth.z_m.shape, strict=True)
+    )
+    grid = np.ix_(rows, columns)
+    return DepthMap(depth.z_m[grid], depth.validity[grid])
