@@ -84,9 +84,22 @@ def check_image(image: ImageArray) -> None:
         raise ImageError(
             f"picture is {image.dtype} of shape {image.shape}", "uint8 of (H, W, 3), RGB"
         )
-    if min(image.shape[:2]) < LEAST_SIZE_PX:
-        size = f"{image.shape[1]} x {image.shape[0]} px"
-        raise ImageError(f"picture has {size}", f"{LEAST_SIZE_PX} x {LEAST_SIZE_PX} or more")
+    check_size((image.shape[0], image.shape[1]))
+
+
+def check_size(size: tuple[int, int]) -> None:
+    """Refuse a size (height, width) that is too small to be matched.
+
+    Raises
+    ------
+    ImageError
+        If one of them is under ``LEAST_SIZE_PX``.
+    """
+    if min(size) < LEAST_SIZE_PX:
+        raise ImageError(
+            f"image has {size[1]} x {size[0]} px where it is matched",
+            f"{LEAST_SIZE_PX} x {LEAST_SIZE_PX} or more",
+        )
 
 
 def check_same_size(current: Prepared, other: Prepared) -> None:

@@ -29,6 +29,7 @@ from dfvs_core.matching.verify import (
     fit_two_views,
     probability,
 )
+from dfvs_core.matching.warping import lands_inside
 
 _PASSES_PX = 2.0
 """Distance between the smooth flow and a match within which it passes through."""
@@ -79,16 +80,17 @@ def _densify(
     """Dense flow from the inliers of a hypothesis, and its probability."""
     size = (current.shape[0], current.shape[1])
     predicted = smooth_flow(geometry.inliers, size, config)
-    field = search_residual(current, other, predicted, config)
-    field = merge_by_confidence(field, _around_inliers(predicted, geometry.inliers, field))
+    searched = search_residual(current, other, predicted, config)
+    field = merge_by_confidence(searched, _around_inliers(predicted, geometry.inliers, searched))
     for _ in range(config.growing_rounds):
         again = confident_matches(field, config.cell_px)
         if len(again) < config.least_matches:
             break
         predicted = smooth_flow(again, size, config)
         found = search_residual(current, other, predicted, config)
-        field = merge_by_confidence(found, field)
-    explained = explained_ratio(current, predicted, field)
+        searched, field = (merge_by_confidence(found, each) for each in (searched, field))
+    # inliers that the search does not confirm explain nothing
+    explained = explained_ratio(current, predicted, searched)
     return MatchHypothesis(field, probability(geometry, explained, config))
 
 
@@ -102,7 +104,7 @@ def _around_inliers(predicted: Float32Array, inliers: PointMatches, field: FlowF
     u, v = np.clip(np.rint(inliers.current).astype(np.intp), 0, last).T
     miss = np.linalg.norm(predicted[v, u] - (inliers.other - inliers.current), axis=1)
     for k in np.flatnonzero((miss < _PASSES_PX) & (field.confidence[v, u] < CONFIDENT)):
-        rows, columns = (slice(max(0, at - _AROUND_PX), at + _AROUND_PX) for at in (v[k], u[k]))
+        rows, columns = (slice(max(0, at - _AROUND_PX), at + _AROUND_PX + 1) for at in (v[k], u[k]))
         here = confidence[rows, columns]
         np.maximum(here, 0.5 * (1.0 + inliers.confidence[k]), out=here)
-    return FlowField(predicted, confidence)
+    return FlowField(predicted, confidence * lands_inside(predicted))

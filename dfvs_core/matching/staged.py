@@ -14,7 +14,7 @@ from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.confidence import empty_flow, exclude
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
+from dfvs_core.matching.matcher import Prepared, check_image, check_same_size, check_size
 from dfvs_core.matching.points import Features, PointMatcher, PointMatches
 from dfvs_core.matching.relocalise import relocalise
 from dfvs_core.matching.track import track
@@ -29,6 +29,7 @@ class StagedImage(Prepared, Generic[Features]):
     ) -> None:
         check_image(image)
         super().__init__(_at_most(image, config.working_width_px))
+        check_size(self.size)
         self._image = resized(image, _at_most(image, points.width_px))
         self._points = points
         self.scale = self.size[1] / self._image.shape[1]
