@@ -40,11 +40,13 @@ class SiftPoints:
     width_px = _WIDTH_PX
 
     def encode(self, image: ImageArray) -> SiftFeatures:
-        """Features of an image (H, W, 3) uint8 RGB."""
+        """Features of an image (H, W, 3) uint8 RGB, no wider than ``width_px``."""
         grey = cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
         scale = min(_MOST_ENLARGED, _WIDTH_PX / grey.shape[1])
-        method = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_CUBIC
-        even = cv2.resize(even_contrast(grey), None, fx=scale, fy=scale, interpolation=method)
+        even = even_contrast(grey)
+        even = cast(
+            ImageArray, cv2.resize(even, None, fx=scale, fy=scale, interpolation=cv2.INTER_CUBIC)
+        )
         sift = cv2.SIFT.create(_COUNT, contrastThreshold=_CONTRAST, edgeThreshold=_EDGE_RATIO)
         keypoints, raw = sift.detectAndCompute(even, None)
         points = np.array([k.pt for k in keypoints], np.float32).reshape(-1, 2)

@@ -83,7 +83,7 @@ Preview = Callable[[], GoalPreview]
 
 @dataclass(frozen=True, slots=True)
 class GoalView:
-    """A goal picture (H, W, 3) uint8 RGB, and the same ready to be matched."""
+    """A goal image (H, W, 3) uint8 RGB at the working size, and the same ready to be matched."""
 
     image: ImageArray
     prepared: Prepared
@@ -130,7 +130,8 @@ class Pipeline:
 
     def prepare(self, goal: Goal) -> GoalView:
         """Compute once what depends on another goal's picture alone."""
-        return GoalView(goal.image, self._matcher.prepare(goal.image))
+        prepared = self._matcher.prepare(goal.image)
+        return GoalView(resized(goal.image, prepared.size), prepared)
 
     def aim(self, task: ServoTask, goal: GoalView, observation: Observation | None = None) -> None:
         """Go on to another goal; what was learnt of depth, and of the way so far, stays.
@@ -260,9 +261,7 @@ class Pipeline:
         self._last_inputs = inputs
         result, self._state = servo_step(self._task, self._state, inputs)
         image = resized(frame.image, prepared.size)
-        if result.verdict is Verdict.OK and is_swapped(
-            image, resized(self._goal.image, prepared.size), flow
-        ):
+        if result.verdict is Verdict.OK and is_swapped(image, self._goal.image, flow):
             nothing = np.zeros_like(result.velocity)
             verdict = Verdict.WRONG_COLOURS
             result = replace(result, verdict=verdict, velocity=nothing, reached=False)

@@ -331,7 +331,7 @@ def with_graph(role, **changes):
         ("encode", {"outputs": ["points", "colours", "scores"]}, "lacks the outputs ['colours']"),
         ("match", {"inputs": ["first_points"]}, "'match.onnx' has the inputs ['first_points', "),
         ("match", {"outputs": ["partners"]}, "expected 2 of them"),
-        ("match", {"outputs": ["partners", "sureness"]}, "lacks the outputs ['sureness']"),
+        ("match", {"outputs": ["partners", "certainty"]}, "lacks the outputs ['certainty']"),
     ],
 )
 def test_tensors_of_two_graphs_that_are_not_as_announced_are_refused(
