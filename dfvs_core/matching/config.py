@@ -29,9 +29,9 @@ class MatchingConfig:
     """Variational rounds of the flow that only checks it."""
 
     # Confidence of a flow vector
-    return_px: float = 1.0
+    forward_backward_px: float = 1.0
     """Forward-backward error at which confidence is one half."""
-    roam_px: float = 4.0
+    deviation_px: float = 4.0
     """Distance from the median residual motion at which confidence is one half."""
     correlation_radius_px: int = 4
     """Half side of the window of the normalised cross-correlation."""

@@ -37,9 +37,9 @@ def search_residual(
     forward = _search(current, aligned, config.forward_rounds, config)
     backward = _search(aligned, current, config.backward_rounds, config)
     flow = compose(forward, predicted)
-    confidence = forward_backward_consistency(forward, backward, config.return_px)
+    confidence = forward_backward_consistency(forward, backward, config.forward_backward_px)
     confidence *= correlation_confidence(current, sample(aligned, at + forward), config)
-    confidence *= _near_median(forward, config.roam_px) * lands_inside(flow)
+    confidence *= _near_median(forward, config.deviation_px) * lands_inside(flow)
     return FlowField(flow, confidence)
 
 

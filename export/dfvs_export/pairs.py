@@ -1,4 +1,4 @@
-"""Wide-baseline training pairs: read, disturbed, and their true matches."""
+"""Wide-baseline training pairs: read, augmented, and their true matches."""
 
 from __future__ import annotations
 
@@ -25,14 +25,14 @@ _OUTSIDE = -1.0
 _BORDER_PX = 9
 _TURNED_LIKE_THE_SERVICE = 0.85
 """Share of pairs whose second view is turned by the angle that fits best; others by any."""
-_TRUE_PX, _ALONE_PX = 3.0, 6.0
+_TRUE_PX, _UNMATCHABLE_PX = 3.0, 6.0
 """Distance within which a pair of points is true, and beyond which a point has no partner."""
 _DEPTH_TOLERANCE, _DEPTH_TOLERANCE_M = 0.04, 0.02
 
 
 @dataclass(frozen=True, slots=True)
 class View:
-    """A disturbed view.
+    """An augmented view.
 
     ``image`` (H, W) is grey, 0 to 255, negative outside; ``warp`` (2, 3) maps px of the rendered
     view to px of ``image``; ``depth_m`` (H / 2, W / 2) is the rendered view's.
@@ -59,12 +59,12 @@ class TrueMatches:
 
     first: NDArray[np.intp]
     second: NDArray[np.intp]
-    first_alone: BoolArray
-    second_alone: BoolArray
+    first_unmatchable: BoolArray
+    second_unmatchable: BoolArray
 
 
 class PairReader:
-    """Draws disturbed pairs from a folder that ``dfvs-sim pairs --format wide`` wrote.
+    """Draws augmented pairs from a folder that ``dfvs-sim pairs --format wide`` wrote.
 
     Raises
     ------
@@ -119,12 +119,12 @@ class PairReader:
         inside = cv2.warpAffine(np.ones(SIZE[::-1], np.float32), warp, SIZE)
         window = np.ones((_BORDER_PX, _BORDER_PX), np.uint8)
         inside = cv2.erode(inside, window, borderValue=0) if turn_rad or zoom < 1.0 else inside
-        warped = cv2.warpAffine(disturbed(image, self._rng), warp, SIZE)
+        warped = cv2.warpAffine(augmented(image, self._rng), warp, SIZE)
         grey = np.where(inside < 0.5, _OUTSIDE, warped).astype(np.float32)
         return View(grey, np.asarray(warp, np.float64), depth_m.astype(np.float32))
 
 
-def disturbed(image: Float32Array, rng: np.random.Generator) -> Float32Array:
+def augmented(image: Float32Array, rng: np.random.Generator) -> Float32Array:
     """Grey view (H, W), 0 to 255, with another exposure, light, blur, resolution and noise."""
     height, width = image.shape
     grey: Any = (image.astype(np.float32) / 255.0) ** rng.uniform(0.6, 1.6)
@@ -169,8 +169,8 @@ def true_matches(pair: TrainingPair, first: FloatArray, second: FloatArray) -> T
     return TrueMatches(
         np.flatnonzero(is_true),
         partner[is_true],
-        (either.min(axis=1) > _ALONE_PX) & known[0],
-        (either.min(axis=0) > _ALONE_PX) & known[1],
+        (either.min(axis=1) > _UNMATCHABLE_PX) & known[0],
+        (either.min(axis=0) > _UNMATCHABLE_PX) & known[1],
     )
 
 

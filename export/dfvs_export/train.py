@@ -2,7 +2,7 @@
 
 The matcher is trained with the loss of LightGlue: the log probability of true matches, and that of
 unmatchable points being so. The encoder stays as it is, or its last blocks are trained with it.
-Views are disturbed on their own, and one of two is turned by the angle that the service would
+Views are augmented on their own, and one of two is turned by the angle that the service would
 turn it by.
 """
 
@@ -110,12 +110,12 @@ class _Run:
         losses = []
         if len(truth.first) >= _LEAST_MATCHES:
             losses.append(-found.log_probability[0, truth.first, truth.second].mean())
-        for logit, alone in (
-            (found.first_matchable, truth.first_alone),
-            (found.second_matchable, truth.second_alone),
+        for logit, unmatchable in (
+            (found.first_matchable, truth.first_unmatchable),
+            (found.second_matchable, truth.second_unmatchable),
         ):
-            if alone.any():
-                unmatched = functional.softplus(logit[0, torch.from_numpy(alone)]).mean()
+            if unmatchable.any():
+                unmatched = functional.softplus(logit[0, torch.from_numpy(unmatchable)]).mean()
                 losses.append(_UNMATCHED_WEIGHT * unmatched)
         if losses:
             loss: Tensor = torch.stack(losses).sum()

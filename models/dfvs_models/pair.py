@@ -92,7 +92,7 @@ class PairMatcher:
         if not (np.isfinite(there).all() and np.isfinite(back).all()):
             return empty_flow(current.size)
         brought = sample(other.grey, pixel_grid(current.size) + there)
-        confidence = forward_backward_consistency(there, back, self._config.return_px)
+        confidence = forward_backward_consistency(there, back, self._config.forward_backward_px)
         confidence *= correlation_confidence(current.grey, brought, self._config)
         field = FlowField(there, confidence * lands_inside(there))
         return exclude(field, excluded)

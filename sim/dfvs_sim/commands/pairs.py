@@ -19,7 +19,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_models.evaluation import LEVELS
 from dfvs_sim.pairs.drawing import PairArtist
 from dfvs_sim.pairs.files import evaluation_arrays, write_arrays
-from dfvs_sim.pairs.wide import WidePairArtist
+from dfvs_sim.pairs.wide import WidePairSampler
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.bake import light_room
 from dfvs_sim.scene.glb import load_glb
@@ -174,7 +174,7 @@ def _write_wide(args: argparse.Namespace, renderers: _Renderers) -> dict[Path, i
     for k, (name, renderer) in enumerate(renderers.items()):
         path = args.out / f"{name}.npz"
         if not path.exists():
-            artist = WidePairArtist(renderer(), zlib.crc32(name.encode()) ^ args.seed)
+            artist = WidePairSampler(renderer(), zlib.crc32(name.encode()) ^ args.seed)
             arrays = artist.arrays(args.count)
             write_arrays(path, arrays)
             written[path] = len(arrays["T"])

@@ -34,7 +34,7 @@ _LEAST_DEPTH_M = (1.2, 0.6)
 _PLACES_TRIED, _STARTS_TRIED, _PAIRS_A_PLACE = 3000, 25, 4
 
 
-class WidePairArtist:
+class WidePairSampler:
     """Draws pairs in one scene.
 
     Parameters

@@ -13,7 +13,7 @@ from dfvs_export.pairs import SIZE, PairReader, TrainingPair, View, true_matches
 from dfvs_export.train import TrainSettings, train
 from dfvs_export.weights import load_weights
 from dfvs_sim.pairs.files import write_arrays
-from dfvs_sim.pairs.wide import WidePairArtist
+from dfvs_sim.pairs.wide import WidePairSampler
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
@@ -24,7 +24,7 @@ STILL = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("pairs")
-    artist = WidePairArtist(Renderer(load_glb(builtin_room_path())), 3)
+    artist = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
     write_arrays(out / "room.npz", artist.arrays(3))
     return out
 
@@ -45,11 +45,11 @@ def test_true_matches_are_found_by_depth_and_pose():
     truth = true_matches(pair, np.concatenate([first[order], alone]), second)
     assert len(truth.first) >= 28  # others lie within 3 px of each other
     np.testing.assert_array_equal(order[truth.first], truth.second)
-    assert truth.first_alone[-1]
-    assert not truth.first_alone[truth.first].any()
+    assert truth.first_unmatchable[-1]
+    assert not truth.first_unmatchable[truth.first].any()
 
 
-def test_pairs_are_drawn_by_the_seed_and_disturbed(folder):
+def test_pairs_are_drawn_by_the_seed_and_augmented(folder):
     first, again, other = (PairReader(folder, seed).draw() for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.second.image, again.second.image)
     assert not np.array_equal(first.first.image, other.first.image)
