@@ -90,6 +90,7 @@ def _add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add("--minutes", type=float, default=60.0)
     add("--learning-rate", type=float, default=2e-4)
     add("--encoder-blocks", type=int, default=0, choices=range(5), metavar="0..4")
+    add("--keypoints", type=int, default=1024, metavar="N", help="of a view (default 1024)")
     add("--seed", type=int, default=0)
     add("--threads", type=int, default=2)
     train.set_defaults(run=_run_train)
@@ -105,6 +106,7 @@ def _run_train(arguments: argparse.Namespace) -> int:
         arguments.minutes,
         arguments.learning_rate,
         arguments.encoder_blocks,
+        arguments.keypoints,
         arguments.seed,
         arguments.threads,
     )

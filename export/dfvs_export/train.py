@@ -3,7 +3,7 @@
 The matcher is trained with the loss of LightGlue: the log probability of true matches, and that of
 unmatchable points being so. The encoder stays as it is, or its last blocks are trained with it.
 Views are augmented on their own, and one of two is turned by the angle that the service would
-turn it by.
+turn it by. While the encoder stays as it is, encoded pairs are kept and learnt from again.
 """
 
 from __future__ import annotations
@@ -22,8 +22,7 @@ from torch.nn import functional
 
 from dfvs_core.errors import ConfigError
 from dfvs_export.networks.xfeat import Keypoints, XFeat
-from dfvs_export.own import KEYPOINTS
-from dfvs_export.pairs import SIZE, PairReader, TrainingPair, true_matches
+from dfvs_export.pairs import SIZE, PairReader, TrueMatches, true_matches
 from dfvs_export.weights import Weights, load_weights, save_weights
 
 _PAIRS_PER_STEP = 8
@@ -33,6 +32,18 @@ _ENCODER_RATE = 0.3
 _PAIRS_PER_REPORT = 400
 _LEAST_MATCHES = 4
 _UNMATCHED_WEIGHT = 0.5
+_LEAST_KEPT, _MOST_KEPT = 400, 6000
+_NEW = 0.3
+"""Share of pairs that are drawn anew when encoded ones are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedPair:
+    """Keypoints of both views of a pair, and their true matches."""
+
+    first: Keypoints
+    second: Keypoints
+    truth: TrueMatches
 
 
 @dataclass(frozen=True, slots=True)
@@ -45,12 +56,13 @@ class TrainSettings:
     minutes: float
     learning_rate: float
     encoder_blocks: int
+    keypoints: int
     seed: int
     threads: int
 
     def __post_init__(self) -> None:
         """Refuse what trains nothing."""
-        for name in ("minutes", "learning_rate", "threads"):
+        for name in ("minutes", "learning_rate", "keypoints", "threads"):
             if not getattr(self, name) > 0:
                 raise ConfigError(f"{name} is {getattr(self, name)}", "more than 0")
         if not self.out.absolute().parent.is_dir():
@@ -66,13 +78,12 @@ def train(settings: TrainSettings, say: Callable[[str], None]) -> None:
         If there are no pairs, or the weights to start from cannot be used.
     """
     torch.set_num_threads(settings.threads)
-    reader = PairReader(settings.pairs, settings.seed)
     run = _Run(settings, load_weights(settings.start))
     began = time.monotonic()
     done = 0.0
     while done < 1.0:
         for _ in range(_PAIRS_PER_STEP):
-            run.learn_from(reader.draw())
+            run.learn_from(run.draw())
         done = (time.monotonic() - began) / (60.0 * settings.minutes)
         run.step(done)
         if run.pairs % _PAIRS_PER_REPORT == 0:
@@ -86,7 +97,10 @@ class _Run:
 
     def __init__(self, settings: TrainSettings, start: Weights) -> None:
         self._settings, self._start = settings, start
-        self._encoder, self._matcher = start.networks(SIZE, KEYPOINTS)
+        self._reader = PairReader(settings.pairs, settings.seed)
+        self._rng = np.random.default_rng([settings.seed, 1])
+        self._kept: list[EncodedPair] = []
+        self._encoder, self._matcher = start.networks(SIZE, settings.keypoints)
         self._encoder.requires_grad_(False)
         blocks = _last_blocks(self._encoder)[: settings.encoder_blocks]
         for block in blocks:
@@ -101,12 +115,28 @@ class _Run:
         self.pairs = 0
         self._figures: list[tuple[float, int, int, int]] = []
 
-    def learn_from(self, pair: TrainingPair) -> None:
+    def draw(self) -> EncodedPair:
+        """Draw the next pair: a new one, or one that was kept."""
+        keep = self._settings.encoder_blocks == 0
+        if keep and len(self._kept) > _LEAST_KEPT and self._rng.uniform() > _NEW:
+            return self._kept[self._rng.integers(len(self._kept))]
+        pair = self._reader.draw()
+        first, second = (self._keypoints(view.image) for view in (pair.first, pair.second))
+        truth = true_matches(pair, *(k.points[0].numpy() for k in (first, second)))
+        encoded = EncodedPair(first, second, truth)
+        if keep and len(self._kept) < _MOST_KEPT:
+            self._kept.append(encoded)
+        elif keep:
+            self._kept[self._rng.integers(_MOST_KEPT)] = encoded
+        return encoded
+
+    def learn_from(self, pair: EncodedPair) -> None:
         """Add the gradient of one pair."""
         self.pairs += 1
-        keypoints = [self._keypoints(image) for image in (pair.first.image, pair.second.image)]
-        truth = true_matches(pair, *(k.points[0].numpy() for k in keypoints))
-        found = self._matcher(*keypoints)
+        truth = pair.truth
+        with torch.autocast("cpu", torch.bfloat16):
+            x, y = self._matcher.attend(pair.first, pair.second)
+        found = self._matcher.assign(pair.first, pair.second, x.float(), y.float())
         losses = []
         if len(truth.first) >= _LEAST_MATCHES:
             losses.append(-found.log_probability[0, truth.first, truth.second].mean())

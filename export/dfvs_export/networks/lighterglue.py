@@ -42,19 +42,31 @@ class LighterGlue(nn.Module):
 
     def forward(self, first: Keypoints, second: Keypoints) -> Assignment:
         """Assignment after the last layer."""
+        return self.assign(first, second, *self.attend(first, second))
+
+    def attend(self, first: Keypoints, second: Keypoints) -> tuple[Tensor, Tensor]:
+        """Features (B, N, C) and (B, M, C) after the last layer of attention."""
         x, y = self.input_proj(first.descriptors), self.input_proj(second.descriptors)
         of_x, of_y = (self.posenc(self._normalised(k.points)) for k in (first, second))
-        # no point of score 0 is attended to
-        no_x, no_y = (((k.scores <= 0).to(x.dtype) * _MASKED)[:, None] for k in (first, second))
+        masked = (_masked(first), _masked(second))
         for layer in self.transformers:
-            x, y = layer(x, y, (of_x, of_y), (no_x, no_y))
-        result: Assignment = self.log_assignment[-1](x, y, no_x, no_y)
+            x, y = layer(x, y, (of_x, of_y), masked)
+        return x, y
+
+    def assign(self, first: Keypoints, second: Keypoints, x: Tensor, y: Tensor) -> Assignment:
+        """Assignment by the features of :meth:`attend`."""
+        result: Assignment = self.log_assignment[-1](x, y, _masked(first), _masked(second))
         return result
 
     def _normalised(self, points: Tensor) -> Tensor:
         """Points in half of the longer side, from the middle."""
         middle = torch.tensor(self.size, dtype=points.dtype, device=points.device) / 2
         return (points - middle) / (max(self.size) / 2)
+
+
+def _masked(keypoints: Keypoints) -> Tensor:
+    """Logits (B, 1, N) by which no point of score 0 is attended to."""
+    return ((keypoints.scores <= 0).to(keypoints.scores.dtype) * _MASKED)[:, None]
 
 
 class _Position(nn.Module):

@@ -84,7 +84,7 @@ def test_a_short_training_changes_the_matcher_and_leaves_the_encoder(folder, tmp
 def test_what_cannot_be_trained_is_refused(folder, tmp_path, change, match):
     given = {"pairs": folder, "out": tmp_path / "x.pt", "start": None, "minutes": 1.0}
     given |= {k: tmp_path / v if isinstance(v, str) else v for k, v in change.items()}
-    given |= {"learning_rate": 1e-4, "encoder_blocks": 0, "seed": 0, "threads": 1}
+    given |= {"learning_rate": 1e-4, "encoder_blocks": 0, "keypoints": 256, "seed": 0, "threads": 1}
     with pytest.raises(ConfigError, match=match):
         train(TrainSettings(**given), print)
     assert not list(tmp_path.iterdir())
