@@ -17,6 +17,8 @@ class MatchingConfig:
     """Largest width at which the dense search runs."""
     turns_rad: tuple[float, ...] = (0.0, math.radians(-45.0), math.radians(45.0))
     """Angles by which the other image is turned in a relocalisation."""
+    scales: tuple[float, ...] = (1.0, 0.5)
+    """Factors by which it is reduced."""
 
     # Dense inverse search (OpenCV's DISOpticalFlow)
     patch_stride_px: int = 4

@@ -96,8 +96,9 @@ class PairReader:
         turn = nearest if rng.uniform() < _TURNED_LIKE_THE_SERVICE else rng.choice(turns)
         tilt = math.radians(rng.uniform(-12.0, 12.0)) if rng.uniform() < 0.3 else 0.0
         zoom = rng.uniform(0.7, 1.2) if rng.uniform() < 0.25 else 1.0
+        scale = rng.choice(MatchingConfig().scales)
         first = self._view(images[0], depths[0], tilt, zoom)
-        return TrainingPair(first, self._view(images[1], depths[1], turn, 1.0), T, room["K"][k])
+        return TrainingPair(first, self._view(images[1], depths[1], turn, scale), T, room["K"][k])
 
     def _room(self, path: Path) -> dict[str, Any]:
         if path not in self._kept:

@@ -63,7 +63,9 @@ def network_matcher(bundle: Bundle, execution: Execution, is_hybrid: bool = Fals
         )
     if kind == "encode-match":
         config = MatchingConfig()
-        return StagedMatcher(EncodeMatchPoints(bundle, execution, config.turns_rad), config)
+        return StagedMatcher(
+            EncodeMatchPoints(bundle, execution, config.turns_rad, config.scales), config
+        )
     network = PairMatcher(bundle, execution)
     return StagedMatcher(FlowPoints(network)) if is_hybrid else network
 

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Iterator
 from typing import cast
@@ -43,18 +44,19 @@ class Keypoints:
 
 
 class EncodedImage:
-    """Keypoints of an image, upright and turned; each is encoded when it is first asked for."""
+    """Keypoints of an image, also turned and reduced; encoded when they are first asked for."""
 
     def __init__(self, image: ImageArray, network: EncodeMatchPoints) -> None:
-        self._canvas = network.fit(image)
+        self._grey = cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
         self._network = network
-        self._found: dict[float, Keypoints] = {}
+        self._found: dict[tuple[float, float], Keypoints] = {}
 
-    def turned(self, angle_rad: float) -> Keypoints:
-        """Keypoints of the image turned counter-clockwise about its middle."""
-        if angle_rad not in self._found:
-            self._found[angle_rad] = self._network.keypoints(*self._canvas, angle_rad)
-        return self._found[angle_rad]
+    def keypoints(self, angle_rad: float = 0.0, scale: float = 1.0) -> Keypoints:
+        """Keypoints of the image turned counter-clockwise about its middle, and reduced."""
+        wanted = (angle_rad, scale)
+        if wanted not in self._found:
+            self._found[wanted] = self._network.keypoints(self._grey, angle_rad, scale)
+        return self._found[wanted]
 
 
 class EncodeMatchPoints:
@@ -64,8 +66,9 @@ class EncodeMatchPoints:
     ----------
     bundle : Bundle
     execution : Execution
-    turns_rad : tuple of float
-        Angles by which the other image is turned, one hypothesis each.
+    turns_rad, scales : tuple of float
+        Angles by which the other image is turned, and factors by which it is reduced: a hypothesis
+        for each pair of them.
 
     Raises
     ------
@@ -74,13 +77,19 @@ class EncodeMatchPoints:
         output is not finite.
     """
 
-    def __init__(self, bundle: Bundle, execution: Execution, turns_rad: tuple[float, ...]) -> None:
+    def __init__(
+        self,
+        bundle: Bundle,
+        execution: Execution,
+        turns_rad: tuple[float, ...] = (0.0,),
+        scales: tuple[float, ...] = (1.0,),
+    ) -> None:
         manifest = bundle.manifest
         if manifest.kind != "encode-match":
             raise ModelError(f"bundle {manifest.name!r} is {manifest.kind!r}", "'encode-match'")
         self._manifest = manifest
         self._input: PictureInput = manifest.input
-        self._turns_rad = turns_rad
+        self._changes = tuple(itertools.product(turns_rad, scales))
         self._roles = manifest.graphs
         self._encode, self._match = (
             OnnxGraph(bundle.graph(role), manifest.graphs[role].file, execution, free_axis)
@@ -99,20 +108,20 @@ class EncodeMatchPoints:
         return EncodedImage(image, self)
 
     def hypotheses(self, current: EncodedImage, other: EncodedImage) -> Iterator[PointMatches]:
-        """Matches with the other image at each turn; see ``dfvs_core.matching.points``.
+        """Matches with the other image, turned and reduced; see ``dfvs_core.matching.points``.
 
-        The strongest keypoints tell which turn is the likeliest; all of them are matched when a
+        The strongest keypoints tell which change is the likeliest; all of them are matched when a
         hypothesis is asked for. Output that is not finite gives no match.
         """
-        first = current.turned(0.0)
-        turned = [other.turned(angle_rad) for angle_rad in self._turns_rad]
+        first = current.keypoints()
+        changed = [other.keypoints(*change) for change in self._changes]
         few = first.strongest(_RANKING_KEYPOINTS)
         support = [
             float(self._match_points(few, second.strongest(_RANKING_KEYPOINTS)).confidence.sum())
-            for second in turned
+            for second in changed
         ]
-        for k in sorted(range(len(turned)), key=lambda k: -support[k]):
-            yield self._match_points(first, turned[k])
+        for k in sorted(range(len(changed)), key=lambda k: -support[k]):
+            yield self._match_points(first, changed[k])
 
     def _match_points(self, first: Keypoints, second: Keypoints) -> PointMatches:
         points, confidence = self._run(first, second)
@@ -122,27 +131,21 @@ class EncodeMatchPoints:
         to = second.in_image(points[kept])
         return PointMatches(first.in_image(at[kept]), to, confidence[kept])
 
-    def fit(self, image: ImageArray) -> tuple[Float32Array, float]:
-        """Grey image (h, w) that fits into the network's, and its scale."""
-        height, width = image.shape[:2]
-        scale = min(self._input.width / width, self._input.height / height)
-        grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)
-        method = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR
+    def keypoints(self, grey: ImageArray, angle_rad: float, scale: float) -> Keypoints:
+        """Keypoints of a grey image (h, w), fitted into the network's, then reduced and turned."""
+        height, width = grey.shape
+        scale = scale * min(self._input.width / width, self._input.height / height)
         if scale != 1.0:
-            grey = cv2.resize(
-                grey, (round(width * scale), round(height * scale)), interpolation=method
-            )
-        return cast(Float32Array, grey.astype(np.float32)), scale
-
-    def keypoints(self, grey: Float32Array, scale: float, angle_rad: float) -> Keypoints:
-        """Keypoints of a grey image (h, w), put in the middle of the network's and turned."""
+            method = cv2.INTER_AREA if scale < 1.0 else cv2.INTER_LINEAR
+            fitted = (round(width * scale), round(height * scale))
+            grey = cast(ImageArray, cv2.resize(grey, fitted, interpolation=method))
         size = (self._input.width, self._input.height)
         c, s = math.cos(angle_rad), math.sin(angle_rad)
         turn = np.array([[c, s], [-s, c]])
         middle = 0.5 * (np.array(grey.shape[::-1]) - 1.0)
         shift = 0.5 * (np.array(size) - 1.0) - turn @ middle
         warped = cv2.warpAffine(
-            grey,
+            grey.astype(np.float32),
             np.column_stack([turn, shift]),
             size,
             flags=cv2.INTER_LINEAR,
@@ -185,8 +188,8 @@ class EncodeMatchPoints:
     def _try_out(self) -> None:
         """Run both once: shapes that lie and weights that are not finite show up."""
         height, width = self._input.height, self._input.width
-        ramp = (np.add.outer(np.arange(height), np.arange(width)) % 256).astype(np.float32)
-        found = self.keypoints(ramp, 1.0, 0.0)
+        ramp = (np.add.outer(np.arange(height), np.arange(width)) % 256).astype(np.uint8)
+        found = self.keypoints(ramp, 0.0, 1.0)
         expected = [spec.shape for spec in self._match.inputs]
         feeds = self._manifest.match_feeds(found.tensors, found.tensors)
         given = [tensor.shape for tensor in feeds.values()]

@@ -19,8 +19,8 @@ SQUARE = 4
 """Cells along a square image in the middle of the grid network's."""
 
 
-def load(folder, *turns_rad):
-    return EncodeMatchPoints(read_bundle(folder), Execution(threads=1), turns_rad or (0.0,))
+def load(folder, turns_rad=(0.0,), scales=(1.0,)):
+    return EncodeMatchPoints(read_bundle(folder), Execution(threads=1), turns_rad, scales)
 
 
 def grey(width, height):
@@ -59,7 +59,7 @@ def test_an_image_wider_than_the_networks_is_fitted_by_its_width(tmp_path):
 
 def test_partners_in_the_turned_image_are_turned_back(tmp_path):
     angle = math.radians(30.0)
-    points = load(grid_network.write_bundle(tmp_path), 0.0, angle)
+    points = load(grid_network.write_bundle(tmp_path), (0.0, angle))
     upright, turned = match(points, *[grey(2 * WIDTH, 2 * HEIGHT)] * 2)
     np.testing.assert_array_equal(upright.current, turned.current)
     np.testing.assert_allclose(upright.other, upright.current, atol=1e-4)
@@ -102,13 +102,22 @@ def test_a_bundle_of_another_kind_is_refused(tmp_path):
 SIZE = (360, 200)
 """(width, height) px, of another shape than the network's 4:3."""
 ROLL_DEG = 40.0
+
+
+def test_partners_in_the_reduced_image_are_enlarged_again(tmp_path):
+    points = load(grid_network.write_bundle(tmp_path), scales=(0.5,))
+    (found,) = match(points, *[grey(WIDTH, HEIGHT)] * 2)
+    middle = np.array([WIDTH - 1, HEIGHT - 1]) / 2
+    np.testing.assert_allclose(found.other, 2.0 * (found.current - middle) + middle, atol=1e-4)
+
+
 LARGE = 520
 
 
 @pytest.fixture(scope="module")
 def network():
     turns = (0.0, math.radians(-45.0), math.radians(45.0))
-    return load(bundle_folder("dfvs-flow"), *turns)
+    return load(bundle_folder("dfvs-flow"), turns)
 
 
 @pytest.fixture(scope="module")
@@ -138,6 +147,18 @@ def test_an_image_is_matched_with_itself_turned_and_the_right_turn_comes_first(
     # keypoints are whole px of the network's image, 0.6 px of these, in each of the two
     assert np.mean(apart < 2.0) > 0.85
     assert np.median(apart) < 1.0
+
+
+def test_an_image_is_matched_with_one_from_a_third_of_the_distance(large):
+    third = LARGE // 3
+    near = cv2.resize(large[third:-third, third:-third], (LARGE, LARGE))
+    found = match(load(bundle_folder("dfvs-flow"), scales=(1.0, 0.5)), large, near)
+    sure = found[0].select(found[0].confidence > 0.5)
+    expected = (sure.current - third) * LARGE / (LARGE - 2 * third)
+    assert len(sure) > 50
+    assert np.mean(np.linalg.norm(sure.other - expected, axis=1) < 9.0) > 0.85
+    (upright,) = match(load(bundle_folder("dfvs-flow")), large, near)
+    assert len(sure) > 2 * np.count_nonzero(upright.confidence > 0.5)
 
 
 def test_matches_lie_in_both_images(network, large):
