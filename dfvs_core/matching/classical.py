@@ -15,6 +15,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfvs_core.arrays import Float32Array, ImageArray
+from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.staged import StagedMatcher
 
@@ -66,9 +67,9 @@ class SiftPoints:
         yield PointMatches(at[once], to[once], np.ones(len(once), np.float32))
 
 
-def classical_matcher() -> StagedMatcher[SiftFeatures]:
+def classical_matcher(config: MatchingConfig | None = None) -> StagedMatcher[SiftFeatures]:
     """The matcher that needs no network."""
-    return StagedMatcher(SiftPoints())
+    return StagedMatcher(SiftPoints(), config)
 
 
 def even_contrast(grey: ImageArray) -> ImageArray:

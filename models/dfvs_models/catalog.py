@@ -23,7 +23,10 @@ _PACKAGED = Path(__file__).parent / "assets"
 
 
 def load_matcher(
-    name_or_path: str, threads: int = 2, provider: str = "CPUExecutionProvider"
+    name_or_path: str,
+    threads: int = 2,
+    provider: str = "CPUExecutionProvider",
+    config: MatchingConfig | None = None,
 ) -> Matcher:
     """Load the matcher ``"classical"``, or a model bundle by its folder.
 
@@ -40,13 +43,18 @@ def load_matcher(
     execution = Execution(threads, provider)
     cv2.setNumThreads(threads)
     if name_or_path == CLASSICAL:
-        return classical_matcher()
+        return classical_matcher(config)
     is_hybrid, where = _split(name_or_path)
     bundle = read_bundle(_folder(where))
-    return network_matcher(bundle, execution, is_hybrid)
+    return network_matcher(bundle, execution, is_hybrid, config)
 
 
-def network_matcher(bundle: Bundle, execution: Execution, is_hybrid: bool = False) -> Matcher:
+def network_matcher(
+    bundle: Bundle,
+    execution: Execution,
+    is_hybrid: bool = False,
+    config: MatchingConfig | None = None,
+) -> Matcher:
     """Load a bundle as a matcher, with every check that is made before anything flies by it.
 
     Raises
@@ -62,12 +70,12 @@ def network_matcher(bundle: Bundle, execution: Execution, is_hybrid: bool = Fals
             f"the kinds 'pair' or 'encode-match', or {CLASSICAL!r}",
         )
     if kind == "encode-match":
-        config = MatchingConfig()
+        config = config or MatchingConfig()
         return StagedMatcher(
             EncodeMatchPoints(bundle, execution, config.turns_rad, config.scales), config
         )
     network = PairMatcher(bundle, execution)
-    return StagedMatcher(FlowPoints(network)) if is_hybrid else network
+    return StagedMatcher(FlowPoints(network), config) if is_hybrid else network
 
 
 def _split(name_or_path: str) -> tuple[bool, str]:

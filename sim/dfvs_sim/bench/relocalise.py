@@ -18,6 +18,7 @@ import numpy as np
 from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.poses import invert_pose, pose_error
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.points import points_from_flow, sample_grid
@@ -63,6 +64,7 @@ class RelocalisationJob:
     environment: Environment
     tasks: tuple[DrawnTask, ...]
     threads: int = 2
+    config: MatchingConfig | None = None
 
 
 def draw_starts(order: Order, trials: int) -> tuple[DrawnTask, ...]:
@@ -80,20 +82,22 @@ def draw_starts(order: Order, trials: int) -> tuple[DrawnTask, ...]:
 def relocalise(job: RelocalisationJob) -> list[Relocalisation]:
     """Match every start of a job with its goal.
 
-    The goal is prepared once, as the service does; preparing the current image counts. The first
-    start is matched once more beforehand: what a network sets up at its first call does not count.
+    The goal is prepared once, as the service does: it is matched with itself first. Preparing the
+    current image counts. The first start is matched once more beforehand: what a network sets up at
+    its first call does not count.
 
     Raises
     ------
     DfvsError
         If the scene or the matcher cannot be used.
     """
-    matcher = load_matcher(job.matcher, job.threads)
+    matcher = load_matcher(job.matcher, job.threads, config=job.config)
     renderer, camera = renderer_of(job.environment.scene), job.environment.camera
     found: list[Relocalisation] = []
     for k, drawn in enumerate((job.tasks[0], *job.tasks) if job.tasks else ()):
         task = drawn.task(job.environment)
         goal = matcher.prepare(renderer.render(camera, task.T_world_goal, antialias=True).image)
+        matcher.match(goal, goal)
         view = renderer.render(camera, task.T_world_start, antialias=True)
         began = time.perf_counter()
         flow = matcher.match(matcher.prepare(view.image), goal)

@@ -10,6 +10,7 @@ from typing import Any
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
+from dfvs_core.matching.config import STAGES, without
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.bench.basin.cells import ROTATIONS_DEG, Cell
@@ -36,6 +37,7 @@ _MOST_TRIALS = 10_000
 _EPILOG = """examples:
   dfvs-bench relocalise room_a.glb room_b.glb --trials 100 --json relocalise.json
   dfvs-bench relocalise hall.glb --bundle dfvs-flow classical --camera 1280x720
+  dfvs-bench relocalise hall.glb --without turns scales
 
 Starts lie 1.2 to 4 m from the goal, turned by 20/20/40 or 30/30/50 degrees, in free space, and see
 a fifth of the goal or more. A match is right if the pose that follows from it with true depth is
@@ -67,6 +69,7 @@ def add_parser(subparsers: Any) -> None:
     add("--fov", type=float, default=75.0, metavar="DEG", help="horizontal field of view")
     add("--threads", type=int, default=2, metavar="N", help="for each matcher (default: 2)")
     add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
+    add("--without", nargs="+", default=[], metavar="STAGE", help=f"of {', '.join(STAGES)}")
     add("--json", type=Path, metavar="FILE", help="write the figures")
     parser.set_defaults(run=run)
 
@@ -82,13 +85,14 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     camera = camera_from(args, "--camera")
     own_scenes(args, [])
+    config = without(args.without)
     workforce = Workforce(args.workers)
     matchers = list(dict.fromkeys(args.bundle))
     for name in matchers:
-        load_matcher(name, args.threads)  # refuses at once what cannot be used
+        load_matcher(name, args.threads, config=config)  # refuses at once what cannot be used
     drawn = _draw(args, camera, workforce)
     jobs = [
-        RelocalisationJob(name, place, tasks, args.threads)
+        RelocalisationJob(name, place, tasks, args.threads, config)
         for name in matchers
         for place, tasks in drawn
     ]
@@ -101,7 +105,12 @@ def run(args: argparse.Namespace) -> int:
     for name in matchers:
         print(_line(name, figures[name]))
     if args.json is not None:
-        facts = {"seed": args.seed, "camera": args.size, "fov_deg": args.fov}
+        facts = {
+            "seed": args.seed,
+            "camera": args.size,
+            "fov_deg": args.fov,
+            "without": args.without,
+        }
         document = {"matchers": figures, "scenes": [str(s) for s in args.scene]} | facts
         write_json(args.json, document | {"made_with": made_with()})
     return 0

@@ -1,12 +1,14 @@
 """Verdicts on pairs of wide baseline, and the command that measures them."""
 
 import json
+from dataclasses import asdict
 
 import numpy as np
 import pytest
 from tiny_scenes import CAMERA, NORTHWARD, scene_of, wall
 
 from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.config import STAGES, MatchingConfig, without
 from dfvs_core.poses import invert_pose, make_pose, so3_exp
 from dfvs_sim.bench.basin.cells import Cell
 from dfvs_sim.bench.basin.drawing import DrawnTask
@@ -111,6 +113,12 @@ def test_the_command_measures_pairs_in_a_scene(tmp_path, capsys):
     assert "classical" in capsys.readouterr().out
 
 
+@pytest.mark.parametrize("stage", STAGES)
+def test_a_stage_that_is_left_out_changes_its_numbers_alone(stage):
+    given, left_out = asdict(MatchingConfig()), asdict(without([stage]))
+    assert {name for name in given if given[name] != left_out[name]} == set(STAGES[stage])
+
+
 @pytest.mark.parametrize(
     ("words", "said"),
     [
@@ -120,6 +128,7 @@ def test_the_command_measures_pairs_in_a_scene(tmp_path, capsys):
         (["ROOM", "--seed", "-1"], "--seed is -1"),
         (["ROOM", "--camera", "big"], "--camera is 'big'"),
         (["ROOM", "--bundle", "none"], "there is no model 'none'"),
+        (["ROOM", "--without", "sleep"], "there is no stage 'sleep'; expected one of turns, "),
         (["ROOM", "ROOM"], "names of their own"),
         (["ROOM", "--json", "nowhere/f.json"], "lies in no folder"),
     ],
