@@ -67,11 +67,11 @@ class MatchingConfig:
     """Hypotheses for which a dense flow is searched."""
     growing_rounds: int = 3
     """Dense searches from what the one before has confirmed."""
-    logit: tuple[float, float, float] = (-1.0, 1.15, 1.2)
-    """Constant, and weights of the logarithms of cells and explained texture: probability."""
+    logit: tuple[float, float, float] = (-2.0, 1.35, 1.05)
+    """Constant, and weights of the logarithms of support and explained texture: probability."""
     clear_probability: float = 0.85
     """Probability from which on no further hypothesis is tried."""
-    least_probability: float = 0.65
+    least_probability: float = 0.5
     """Probability below which a hypothesis gives no flow."""
 
     # Tracking

@@ -4,7 +4,7 @@
 2. A two-view geometry is fitted; its inliers are kept.
 3. A smooth flow through the inliers predicts where everything else is.
 4. The dense search makes it precise, and grows from what it has confirmed.
-5. Inliers, and the texture that is explained, give the hypothesis a probability.
+5. Confirmed matches, and the texture that is explained, give the hypothesis a probability.
    The next one is tried while none is clear. Below ``least_probability`` there is no match.
 """
 
@@ -24,10 +24,10 @@ from dfvs_core.matching.dense_search import search_residual
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.smooth_flow import confident_matches, smooth_flow
 from dfvs_core.matching.verify import (
-    TwoViewGeometry,
     explained_ratio,
     fit_two_views,
     probability,
+    support,
 )
 from dfvs_core.matching.warping import lands_inside
 
@@ -63,10 +63,11 @@ def relocalise(
     """
     best: MatchHypothesis | None = None
     for matches in itertools.islice(hypotheses, config.most_hypotheses):
-        geometry = fit_two_views(exclude_matches(matches, excluded), config)
-        if geometry is None:
+        matches = exclude_matches(matches, excluded)
+        inliers = fit_two_views(matches, config)
+        if inliers is None:
             continue
-        found = _densify(current, other, geometry, config)
+        found = _densify(current, other, matches, inliers, config)
         if best is None or found.probability > best.probability:
             best = found
         if best.probability >= config.clear_probability:
@@ -75,13 +76,17 @@ def relocalise(
 
 
 def _densify(
-    current: ImageArray, other: ImageArray, geometry: TwoViewGeometry, config: MatchingConfig
+    current: ImageArray,
+    other: ImageArray,
+    matches: PointMatches,
+    inliers: PointMatches,
+    config: MatchingConfig,
 ) -> MatchHypothesis:
     """Dense flow from the inliers of a hypothesis, and its probability."""
     size = (current.shape[0], current.shape[1])
-    predicted = smooth_flow(geometry.inliers, size, config)
+    predicted = smooth_flow(inliers, size, config)
     searched = search_residual(current, other, predicted, config)
-    field = merge_by_confidence(searched, _around_inliers(predicted, geometry.inliers, searched))
+    field = merge_by_confidence(searched, _around_inliers(predicted, inliers, searched))
     for _ in range(config.growing_rounds):
         again = confident_matches(field, config.cell_px)
         if len(again) < config.least_matches:
@@ -91,7 +96,7 @@ def _densify(
         searched, field = (merge_by_confidence(found, each) for each in (searched, field))
     # inliers that the search does not confirm explain nothing
     explained = explained_ratio(current, predicted, searched)
-    return MatchHypothesis(field, probability(geometry, explained, config))
+    return MatchHypothesis(field, probability(support(matches, field), explained, config))
 
 
 def _around_inliers(predicted: Float32Array, inliers: PointMatches, field: FlowField) -> FlowField:

