@@ -9,6 +9,7 @@ from enum import Enum
 import numpy as np
 
 from dfvs_core.correspondence import FlowField
+from dfvs_core.perception.goal_tracker import TrackingState
 from dfvs_core.servo.exchange import ServoResult, Verdict
 from dfvs_core.wire.frame import Frame
 from dfvs_core.wire.link import PerceptionReport
@@ -55,7 +56,7 @@ class FrameResult:
     """Result of one frame.
 
     ``stages_ns`` holds the time that each of ``STAGES`` took; ``now_ns`` is the time at which the
-    servo step judged the frame's age.
+    servo step judged the frame's age; ``tracking`` is the goal tracker's state after the frame.
     """
 
     frame: Frame
@@ -63,6 +64,7 @@ class FrameResult:
     flow: FlowField
     stages_ns: dict[str, int]
     now_ns: int
+    tracking: TrackingState
 
     @property
     def report(self) -> PerceptionReport:

@@ -218,7 +218,7 @@ class Pipeline:
 
         self._remember(inputs, prepared, T_world_camera, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
-        return FrameResult(frame, result, flow, stages, inputs.now_ns)
+        return FrameResult(frame, result, flow, stages, inputs.now_ns, self._tracker.state)
 
     def _verify(self, servo: ServoResult, image: ImageArray, inputs: ServoInputs) -> ViewCheck:
         """Check a view (H, W, 3) at the working size; one that the servo refused is not checked."""

@@ -33,6 +33,7 @@ def servo_document(
         "condition": _number(result.condition),
         "depth_m": result.depth_m,
         "reached": bool(result.reached),
+        "tracking": outcome.tracking.value,
         "mounting_score": result.mounting_score,
         **_uncertainty(result.uncertainty),
         "stages_ms": {name: duration * 1e-6 for name, duration in stages_ns.items()},
