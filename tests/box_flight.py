@@ -11,7 +11,7 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.matching.matcher import Prepared
-from dfvs_core.perception.outcome import FrameOutcome
+from dfvs_core.perception.frame_result import FrameResult
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.poses import make_pose, rotation_from_euler
 from dfvs_core.servo.config import ServoConfig
@@ -59,7 +59,7 @@ class Look:
 
     t_s: float
     distance_m: float
-    outcome: FrameOutcome
+    outcome: FrameResult
 
     @property
     def ratio(self):
@@ -126,7 +126,7 @@ class BoxFlight:
         self._matcher.T_world_camera = make_pose(R_world_body, self.position_m)
         self._matcher.T_world_camera = self._matcher.T_world_camera @ self._T_body_camera
         frame = Frame(self._image, self._now_ns, len(self.looks))
-        outcome = self._pipeline.process(frame, self._history.at(self._now_ns), engaged=True)
+        outcome = self._pipeline.process_frame(frame, self._history.at(self._now_ns), engaged=True)
         self._pipeline.digest()
         t_s = (self._now_ns - _START_NS) * 1e-9
         self.looks.append(Look(t_s, float(np.linalg.norm(self.position_m)), outcome))

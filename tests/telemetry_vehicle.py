@@ -16,7 +16,8 @@ from textured_wall import Wall, exact_flow, texture, turned
 
 from dfvs_core.correspondence import FlowField
 from dfvs_core.gate.authority import Authority
-from dfvs_core.perception.outcome import FrameOutcome, make_report
+from dfvs_core.perception.frame_result import FrameResult
+from dfvs_core.perception.goal_tracker import TrackingState
 from dfvs_core.schema import dump
 from dfvs_core.servo.exchange import ServoResult, Uncertainty, Verdict
 from dfvs_core.topics import Topics
@@ -174,7 +175,7 @@ class TelemetryVehicle:
             reached=False,
             uncertainty=uncertainty if self.knows_uncertainty else None,
         )
-        return FrameOutcome(make_report(frame, result), result, flow, {}, frame.t_capture_ns)
+        return FrameResult(frame, result, flow, {}, frame.t_capture_ns, TrackingState.TRACKING)
 
     def status(self, t_ns, t_s, left):
         angle = 2 * math.pi * t_s / LAP_S

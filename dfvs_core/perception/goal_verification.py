@@ -7,8 +7,6 @@ image, and nearly all of its texture matches; far from it nothing can be said.
 
 from __future__ import annotations
 
-from dataclasses import replace
-
 import cv2
 import numpy as np
 
@@ -16,7 +14,8 @@ from dfvs_core.arrays import ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.confidence import CONFIDENT
 from dfvs_core.matching.texture import has_texture
-from dfvs_core.servo.exchange import ServoResult, Verdict
+from dfvs_core.perception.frame_result import ViewCheck
+from dfvs_core.servo.exchange import ServoResult
 
 NEAR_RAD = 0.05
 """Angle to the goal plus distance over depth, below which the view has to match."""
@@ -60,22 +59,31 @@ class GoalVerifier:
         self._least = least
         self._mismatch_since_ns: int | None = None
 
-    def judge(
-        self, result: ServoResult, image: ImageArray, flow: FlowField, t_capture_ns: int
-    ) -> ServoResult:
-        """Result of a frame: not reached while the view does not match, in time a false goal."""
-        if result.verdict is not Verdict.OK:
-            return result
-        if not _is_near(result) or matched_texture_ratio(image, flow) >= self._least:
+    def check(
+        self, servo: ServoResult, image: ImageArray, flow: FlowField, t_capture_ns: int
+    ) -> ViewCheck:
+        """Check the view (H, W, 3) uint8 of a frame: doubtful at first, in time a false goal.
+
+        Parameters
+        ----------
+        servo : ServoResult
+            Of the frame; its verdict is OK.
+        image : (H, W, 3) uint8
+            The frame, at the size of the flow.
+        flow : FlowField
+            From it to the goal image.
+        t_capture_ns : int
+            When it was taken.
+        """
+        if not _is_near(servo) or matched_texture_ratio(image, flow) >= self._least:
             self._mismatch_since_ns = None
-            return result
+            return ViewCheck.PASSED
         if self._mismatch_since_ns is None:
             self._mismatch_since_ns = t_capture_ns
         if t_capture_ns - self._mismatch_since_ns < PATIENCE_NS:
-            return replace(result, reached=False)
+            return ViewCheck.DOUBTFUL
         self._mismatch_since_ns = None
-        nothing = np.zeros_like(result.velocity)
-        return replace(result, verdict=Verdict.MISTAKEN, velocity=nothing, reached=False)
+        return ViewCheck.FALSE_GOAL
 
 
 def _is_near(result: ServoResult) -> bool:

@@ -1,4 +1,4 @@
-"""Perception of one goal, frame after frame: match, earlier match, servo step, report.
+"""Perception of one goal, frame after frame: match, depth, servo, verify, result.
 
 Owns what is remembered between frames and nothing else: no thread, no file, no network. The
 service runs it on live frames; the simulator and the tests run it on rendered ones.
@@ -8,7 +8,8 @@ from __future__ import annotations
 
 from collections import deque
 from collections.abc import Callable
-from dataclasses import dataclass, replace
+from dataclasses import replace
+from functools import partial
 
 import numpy as np
 
@@ -20,9 +21,16 @@ from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.goal import Goal
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.matching.warping import resized
+from dfvs_core.perception.frame_result import STAGES, FrameResult, ViewCheck, conclude
+from dfvs_core.perception.goal_preview import (
+    GoalView,
+    KeptFrame,
+    Preview,
+    observe,
+    preview_goal,
+)
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation
 from dfvs_core.perception.goal_verification import GoalVerifier
-from dfvs_core.perception.outcome import STAGES, FrameOutcome
 from dfvs_core.poses import invert_pose, so3_log
 from dfvs_core.servo.exchange import (
     Attitude,
@@ -32,7 +40,6 @@ from dfvs_core.servo.exchange import (
     ServoState,
     Verdict,
 )
-from dfvs_core.servo.level import real_pose
 from dfvs_core.servo.points import without_cells
 from dfvs_core.servo.step import servo_step
 from dfvs_core.servo.structure import observe_depth
@@ -48,45 +55,6 @@ DEPTH_PATIENCE_NS = 600_000_000
 
 _NO_FLOW = FlowField(np.zeros((0, 0, 2), np.float32), np.zeros((0, 0), np.float32))
 """Instead of the flow of a kept frame: a field for each would take tens of megabytes."""
-
-
-@dataclass(frozen=True, slots=True)
-class KeptFrame:
-    """An earlier frame, ready to be matched, and what a preview of another goal needs of it.
-
-    ``T_world_camera`` (4, 4) is where its camera was, m. ``inputs`` are the servo step's without
-    any flow. ``state`` is the memory after the frame, without what concerns the goal.
-    """
-
-    prepared: Prepared
-    T_world_camera: FloatArray
-    inputs: ServoInputs
-    state: ServoState
-
-    @property
-    def t_capture_ns(self) -> int:
-        """When the frame was taken."""
-        return self.inputs.t_capture_ns
-
-
-@dataclass(frozen=True, slots=True)
-class GoalPreview:
-    """What a frame says about another goal, and the observation that tracking can begin with."""
-
-    result: ServoResult
-    observation: Observation | None
-
-
-Preview = Callable[[], GoalPreview]
-"""A preview that is still to be worked out."""
-
-
-@dataclass(frozen=True, slots=True)
-class GoalView:
-    """A goal image (H, W, 3) uint8 RGB at the working size, and the same ready to be matched."""
-
-    image: ImageArray
-    prepared: Prepared
 
 
 class Pipeline:
@@ -151,21 +119,10 @@ class Pipeline:
         self._observed_ns = None if observation is None else observation.t_capture_ns
         self._task = _at_working_size(task, goal)
         self._goal = goal
-        self._state = self._without_goal()
+        self._state = self._state.without_goal()
         self._tracker = self._make_tracker()
         self._tracker.update(observation)
         self._verifier = GoalVerifier(task.config.min_likeness)
-
-    def _without_goal(self) -> ServoState:
-        """Memory of depth, scale and odometry alone."""
-        s = self._state
-        return ServoState(
-            depth_map=s.depth_map,
-            estimate=s.estimate,
-            last=s.last,
-            mounting=s.mounting,
-            attitude_error_rad=s.attitude_error_rad,
-        )
 
     def _make_tracker(self) -> GoalTracker:
         task = self._task
@@ -198,21 +155,7 @@ class Pipeline:
         kept = self._find_kept(t_capture_ns)
         if kept is None:
             return None
-        matcher, task = self._matcher, _at_working_size(task, goal)
-
-        def work() -> GoalPreview:
-            flow = matcher.match(kept.prepared, goal.prepared)
-            result, seen = servo_step(task, kept.state, replace(kept.inputs, flow=flow))
-            observation = None
-            T_current_goal, last = seen.T_current_goal, seen.last
-            if result.verdict is Verdict.OK and T_current_goal is not None and last is not None:
-                T_goal_current = real_pose(task, last.attitude, T_current_goal)
-                observation = Observation(
-                    kept.t_capture_ns, flow, T_goal_current, kept.T_world_camera
-                )
-            return GoalPreview(result, observation)
-
-        return work
+        return partial(preview_goal, self._matcher, _at_working_size(task, goal), goal, kept)
 
     def _find_kept(self, t_capture_ns: int | None) -> KeptFrame | None:
         """Kept frame of a capture time, or the last one."""
@@ -220,9 +163,9 @@ class Pipeline:
             return self._kept[-1] if self._kept else None
         return next((kept for kept in self._kept if kept.t_capture_ns == t_capture_ns), None)
 
-    def process(
+    def process_frame(
         self, frame: Frame, motion: Motion, engaged: bool, depth: DepthMap | None = None
-    ) -> FrameOutcome:
+    ) -> FrameResult:
         """Work on one frame.
 
         Parameters
@@ -238,15 +181,23 @@ class Pipeline:
         """
         T_world_camera = motion.T_world_body() @ self._T_body_camera
         marks = [self._tick()]
+
+        # 1. Bring the image to the working size.
         prepared = self._matcher.prepare(frame.image)
         marks.append(self._tick())
+
+        # 2. Match it with the goal.
         flow = self._tracker.match(
             prepared, frame.t_capture_ns, T_world_camera, self._state.depth_map
         )
         marks.append(self._tick())
+
+        # 3. Match it with an earlier frame, where depth is taken from each of them.
         earlier = None
         if self._task.config.depth == "flow" and self._kept:
             earlier = self._compare(prepared, T_world_camera, len(self._kept) - 1)
+
+        # 4. Servo: level, depth, pose, velocity.
         inputs = ServoInputs(
             now_ns=self._tick(),
             t_capture_ns=frame.t_capture_ns,
@@ -258,18 +209,24 @@ class Pipeline:
             given_depth=None if depth is None else _resized_depth(depth, prepared.size),
             engaged=engaged,
         )
-        self._last_inputs = inputs
-        result, self._state = servo_step(self._task, self._state, inputs)
-        image = resized(frame.image, prepared.size)
-        if result.verdict is Verdict.OK and is_swapped(image, self._goal.image, flow):
-            nothing = np.zeros_like(result.velocity)
-            verdict = Verdict.WRONG_COLOURS
-            result = replace(result, verdict=verdict, velocity=nothing, reached=False)
-        result = self._verifier.judge(result, image, flow, frame.t_capture_ns)
+        servo, self._state = servo_step(self._task, self._state, inputs)
+
+        # 5. Verify that the view is the goal's; 6. conclude.
+        view = self._verify(servo, resized(frame.image, prepared.size), inputs)
+        result = conclude(servo, view)
         marks.append(self._tick())
+
         self._remember(inputs, prepared, T_world_camera, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
-        return FrameOutcome(frame, result, flow, stages, inputs.now_ns)
+        return FrameResult(frame, result, flow, stages, inputs.now_ns, self._tracker.state)
+
+    def _verify(self, servo: ServoResult, image: ImageArray, inputs: ServoInputs) -> ViewCheck:
+        """Check a view (H, W, 3) at the working size; one that the servo refused is not checked."""
+        if servo.verdict is not Verdict.OK:
+            return ViewCheck.PASSED
+        if is_swapped(image, self._goal.image, inputs.flow):
+            return ViewCheck.SWAPPED_CHANNELS
+        return self._verifier.check(servo, image, inputs.flow, inputs.t_capture_ns)
 
     def digest(self) -> int:
         """Learn from the last frame what serves those to come; time taken, ns.
@@ -356,24 +313,26 @@ class Pipeline:
         T_world_camera: FloatArray,
         result: ServoResult,
     ) -> None:
+        self._last_inputs = inputs
         self._has_flown |= inputs.engaged
-        T_current_goal, last, look = self._state.T_current_goal, self._state.last, None
-        is_seen = result.verdict in (Verdict.OK, Verdict.STUCK)
-        if is_seen and T_current_goal is not None and last is not None:
-            T_goal_current = real_pose(self._task, last.attitude, T_current_goal)
-            flow = inputs.flow
-            if (outliers := self._state.outliers) is not None:
+        observation = None
+        if result.verdict in (Verdict.OK, Verdict.STUCK):
+            flow, outliers = inputs.flow, self._state.outliers
+            if outliers is not None:
                 flow = without_cells(flow, outliers, self._task.config.stride_px)
-            look = Observation(inputs.t_capture_ns, flow, T_goal_current, T_world_camera)
-        self._tracker.update(look)
+            observation = observe(
+                self._task, self._state, flow, inputs.t_capture_ns, T_world_camera
+            )
+        self._tracker.update(observation)
         if result.verdict is Verdict.MISTAKEN:
             self._tracker.reject(self._has_flown)
-            stop = replace(self._state.stop, progress=None)
-            self._state = replace(self._without_goal(), stop=stop)
+            self._state = self._state.without_false_goal()
         if self._kept:
             self._kept[-1].prepared.slim()  # of earlier frames only previews are searched, and few
         previewed = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False)
-        self._kept.append(KeptFrame(prepared, T_world_camera, previewed, self._without_goal()))
+        self._kept.append(
+            KeptFrame(prepared, T_world_camera, previewed, self._state.without_goal())
+        )
         if result.depth_m > 0:
             self._depth_m = result.depth_m
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 
 from dfvs_core.arrays import BoolArray, FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
@@ -118,6 +118,20 @@ class ServoState:
     mounting: MountingState | None = None
     attitude_error_rad: tuple[float, float] = (0.0, 0.0)
     outliers: BoolArray | None = None
+
+    def without_goal(self) -> ServoState:
+        """Memory of depth, scale, odometry and mounting alone, to begin with another goal."""
+        return ServoState(
+            depth_map=self.depth_map,
+            estimate=self.estimate,
+            last=self.last,
+            mounting=self.mounting,
+            attitude_error_rad=self.attitude_error_rad,
+        )
+
+    def without_false_goal(self) -> ServoState:
+        """Memory after a false goal was rejected: its progress is not measured on."""
+        return replace(self.without_goal(), stop=replace(self.stop, progress=None))
 
 
 @dataclass(frozen=True, slots=True)

@@ -74,10 +74,10 @@ def test_frames_with_exchanged_colours_are_not_flown(rng):
     task = ServoTask(ServoConfig(depth="constant"), camera, sidecar, Mount())
     pipeline = Pipeline(task, classical_matcher(), Goal(picture, sidecar), lambda: 0)
     still = Motion(0, 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3), 0.0)
-    right = pipeline.process(Frame(picture, 0, 0), still, engaged=True).report
+    right = pipeline.process_frame(Frame(picture, 0, 0), still, engaged=True).report
     assert right.healthy
     swapped = np.ascontiguousarray(picture[:, :, ::-1])
-    wrong = pipeline.process(Frame(swapped, 1, 1), still, engaged=True).report
+    wrong = pipeline.process_frame(Frame(swapped, 1, 1), still, engaged=True).report
     assert not wrong.healthy
     assert not wrong.reached
     assert "exchanged" in wrong.reason

@@ -52,7 +52,7 @@ def learnt_at_ms(late_ns, seconds=3.0, engaged_from=10**9):
         now[0] = t_ns + late_ns
         aside = np.array([0.0, 0.02 * k, 0.0])
         motion = Motion(t_ns, 0.0, 0.0, 0.0, np.zeros(3), aside, 0.0)
-        pipeline.process(Frame(picture, t_ns, k), motion, engaged=k >= engaged_from)
+        pipeline.process_frame(Frame(picture, t_ns, k), motion, engaged=k >= engaged_from)
         before = matcher.tracked
         pipeline.digest()
         if matcher.tracked > before:

@@ -8,9 +8,10 @@ from dataclasses import dataclass
 from dfvs_core.camera import CameraModel
 from dfvs_core.frame_guard import Expected, GuardState, admit
 from dfvs_core.goal import Goal
+from dfvs_core.perception.frame_result import UNKNOWN_ERROR, FrameResult
+from dfvs_core.perception.goal_preview import GoalView, Preview
 from dfvs_core.perception.goal_tracker import Observation
-from dfvs_core.perception.outcome import UNKNOWN_ERROR, FrameOutcome
-from dfvs_core.perception.pipeline import GoalView, Pipeline, Preview
+from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import VehicleHistory
 from dfvs_core.wire.frame import Frame
@@ -39,7 +40,7 @@ class Glance:
     report: PerceptionReport
     t_look_ns: int
     frame: Frame | None = None
-    outcome: FrameOutcome | None = None
+    outcome: FrameResult | None = None
     stages_ns: dict[str, int] | None = None
 
 
@@ -87,7 +88,7 @@ class Eye:
             reason = "the vehicle's attitude at capture is not known"
             return self._refuse(t_start, frame.seq, frame.t_capture_ns, reason)
         t_decoded = self._tick()
-        outcome = self._pipeline.process(frame, motion, self._servoing)
+        outcome = self._pipeline.process_frame(frame, motion, self._servoing)
         stages = {
             "transport": sample.t_arrival_ns - frame.t_capture_ns,
             "wait": t_start - sample.t_arrival_ns,

@@ -6,13 +6,13 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
-from dfvs_core.perception.outcome import FrameOutcome
+from dfvs_core.perception.frame_result import FrameResult
 from dfvs_core.servo.exchange import Uncertainty
 from dfvs_core.wire.frame import Frame
 
 
 def servo_document(
-    frame: Frame, outcome: FrameOutcome, t_ns: int, stages_ns: Mapping[str, int]
+    frame: Frame, outcome: FrameResult, t_ns: int, stages_ns: Mapping[str, int]
 ) -> dict[str, Any]:
     """One frame's result; lengths in m, angles in rad, px where the name says so."""
     result = outcome.result
@@ -33,6 +33,7 @@ def servo_document(
         "condition": _number(result.condition),
         "depth_m": result.depth_m,
         "reached": bool(result.reached),
+        "tracking": outcome.tracking.value,
         "mounting_score": result.mounting_score,
         **_uncertainty(result.uncertainty),
         "stages_ms": {name: duration * 1e-6 for name, duration in stages_ns.items()},

@@ -7,8 +7,8 @@ from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 
 from dfvs_core.goal import Goal
-from dfvs_core.perception.outcome import FrameOutcome
-from dfvs_core.perception.pipeline import GoalPreview, GoalView
+from dfvs_core.perception.frame_result import FrameResult
+from dfvs_core.perception.goal_preview import GoalPreview, GoalView
 from dfvs_core.route import (
     RouteLimits,
     RouteState,
@@ -77,7 +77,7 @@ class RouteFollower:
             )
         return dataclasses.replace(report, reached=False)
 
-    def follow(self, eye: Eye, outcome: FrameOutcome, t_ns: int) -> None:
+    def follow(self, eye: Eye, outcome: FrameResult, t_ns: int) -> None:
         """Take in what a frame says about the goal at hand."""
         if self.is_last:
             return

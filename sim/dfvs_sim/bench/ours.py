@@ -120,7 +120,7 @@ class PipelineMethod:
         self._now_ns = (sight.index + 1) * _PERIOD_NS
         depth = sight.depth if self._task.config.depth == "given" else None
         frame = Frame(sight.image, self._now_ns, sight.index)
-        result = self._pipeline.process(frame, self._motion(sight), True, depth).result
+        result = self._pipeline.process_frame(frame, self._motion(sight), True, depth).result
         self._pipeline.digest()
         flown = result.verdict is Verdict.OK
         self._is_mistaken = result.verdict is Verdict.MISTAKEN

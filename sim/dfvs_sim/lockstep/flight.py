@@ -198,7 +198,7 @@ class LockstepFlight:
             frame = Frame(self._render(T), self._now_ns, self._frames)
             self._frames += 1
             engaged = str(self._gate.state) == "SERVO"
-            outcome = self.pipeline.process(frame, motion, engaged)
+            outcome = self.pipeline.process_frame(frame, motion, engaged)
             arrival_ns = self._now_ns + round(self._setup.latency_s * 1e9)
             self._reports.append((arrival_ns, Report(arrival_ns, outcome.report)))
             result = outcome.result

@@ -38,7 +38,7 @@ def test_a_camera_of_any_size_is_asked_for_the_same_velocity(source, width):
         depth = DepthMap(
             np.full(view.shape[:2], 2.0, np.float32), np.ones(view.shape[:2], np.float32)
         )
-    outcome = pipeline.process(Frame(view, 0, 0), STILL, True, depth)
+    outcome = pipeline.process_frame(Frame(view, 0, 0), STILL, True, depth)
     assert outcome.flow.confidence.shape == (240, 320)
     assert outcome.result.velocity[0] == pytest.approx(RIGHT_M_S, rel=0.05)
 

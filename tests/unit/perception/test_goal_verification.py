@@ -62,7 +62,9 @@ def fly(pipeline, views, engaged=True):
     reports = []
     for k, view in enumerate(views):
         motion = dataclasses.replace(STILL, t_ns=k * PERIOD_NS)
-        reports.append(pipeline.process(Frame(view, k * PERIOD_NS, k), motion, engaged).report)
+        reports.append(
+            pipeline.process_frame(Frame(view, k * PERIOD_NS, k), motion, engaged).report
+        )
     return reports
 
 

@@ -36,7 +36,7 @@ def test_only_the_goal_and_the_newest_frame_hold_features(rng):
     pipeline = Pipeline(task, matcher, Goal(picture, sidecar), lambda: 0)
     still = Motion(0, 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3), 0.0)
     for k in range(4):
-        pipeline.process(Frame(picture, k, k), still, engaged=True)
+        pipeline.process_frame(Frame(picture, k, k), still, engaged=True)
     assert KEPT_FRAMES > 4
     assert ["features" in vars(each) for each in matcher.prepared] == [
         True,

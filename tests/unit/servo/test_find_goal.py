@@ -129,7 +129,7 @@ def test_what_is_out_of_line_is_not_tracked_on(rng):
     matcher, picture = Divided(flow), rng.integers(0, 255, (240, 320, 3)).astype(np.uint8)
     pipeline = Pipeline(TASK, matcher, Goal(picture, TASK.goal), lambda: 0)
     for k in range(2):
-        pipeline.process(Frame(picture, k, k), Motion.at_rest(0.0, 0.0), engaged=False)
+        pipeline.process_frame(Frame(picture, k, k), Motion.at_rest(0.0, 0.0), engaged=False)
     (predicted,) = matcher.predictions
     assert not predicted.confidence[:, 80:272][wrong[:, 80:272]].any()
     assert np.mean(predicted.confidence[~wrong] > 0) > 0.95

@@ -1,11 +1,15 @@
-"""What one frame gave, and what the gate is told of it."""
+"""Result of one frame, and what the gate is told of it."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
+from enum import Enum
+
+import numpy as np
 
 from dfvs_core.correspondence import FlowField
+from dfvs_core.perception.goal_tracker import TrackingState
 from dfvs_core.servo.exchange import ServoResult, Verdict
 from dfvs_core.wire.frame import Frame
 from dfvs_core.wire.link import PerceptionReport
@@ -16,12 +20,43 @@ UNKNOWN_ERROR = 1e6
 """Stands for an error that could not be estimated: the wire carries finite numbers only."""
 
 
+class ViewCheck(Enum):
+    """Whether a view may be the goal's.
+
+    DOUBTFUL: it counts as the goal and does not match its image, but not for long.
+    """
+
+    PASSED = "passed"
+    DOUBTFUL = "doubtful"
+    FALSE_GOAL = "false goal"
+    SWAPPED_CHANNELS = "swapped channels"
+
+
+_REFUSED = {
+    ViewCheck.FALSE_GOAL: Verdict.MISTAKEN,
+    ViewCheck.SWAPPED_CHANNELS: Verdict.WRONG_COLOURS,
+}
+
+
+def conclude(servo: ServoResult, view: ViewCheck) -> ServoResult:
+    """Result of a frame from the servo step's and the check of its view.
+
+    A frame that is refused has no velocity; only a view that passed has reached the goal.
+    """
+    if view is ViewCheck.PASSED:
+        return servo
+    if view not in _REFUSED:
+        return replace(servo, reached=False)
+    nothing = np.zeros_like(servo.velocity)
+    return replace(servo, verdict=_REFUSED[view], velocity=nothing, reached=False)
+
+
 @dataclass(frozen=True, slots=True)
-class FrameOutcome:
-    """What one frame gave.
+class FrameResult:
+    """Result of one frame.
 
     ``stages_ns`` holds the time that each of ``STAGES`` took; ``now_ns`` is the time at which the
-    servo step judged the frame's age.
+    servo step judged the frame's age; ``tracking`` is the goal tracker's state after the frame.
     """
 
     frame: Frame
@@ -29,6 +64,7 @@ class FrameOutcome:
     flow: FlowField
     stages_ns: dict[str, int]
     now_ns: int
+    tracking: TrackingState
 
     @property
     def report(self) -> PerceptionReport:
