@@ -79,7 +79,7 @@ def test_a_stopped_perception_holds_up_neither_the_state_nor_a_command(
             drained(heard)
             states = [heard.get(timeout=1.0) for _ in range(21)]
             rate_hz = 20 * S / (states[-1][0] - states[0][0])
-            assert 8.0 < rate_hz < 11.0
+            assert 9.0 < rate_hz < 11.0
             assert {document["state"] for _, document in states} <= {"HOLD", "ABORT"}
             # A state is of the moment in which it arrives: nothing waits on the way.
             assert max(t_ns - document["t_ns"] for t_ns, document in states) < 0.3 * S
