@@ -19,6 +19,7 @@ class Topics:
     ========== ============= ======= ==========================================================
     camera     camera        30 Hz   JPEG, PNG or raw pixels; attachment: ``wire.frame``
     state      service       10 Hz   JSON: gate state, cause, vehicle mode and battery
+    answer     service       command JSON: request id of a command, and the gate's answer to it
     servo      service       frame   JSON: error, velocity, inliers, conditioning, depth
     timing     service       1 Hz    JSON: latency of each stage, p50 and p99, in ms
     preview    service       5 Hz    JPEG: current view with the flow drawn on it [1]_

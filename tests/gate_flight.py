@@ -97,7 +97,8 @@ class Flight:
         """Process id of the gate or of perception."""
         children = Path(f"/proc/{self.parent.pid}/task/{self.parent.pid}/children").read_text()
         for child in children.split():
-            if name in Path(f"/proc/{child}/cmdline").read_text():
+            program = Path(f"/proc/{child}/cmdline").read_text().split("--runtime")[0]
+            if name in program:
                 return int(child)
         raise AssertionError(f"no child {name} among {children}")
 
@@ -152,6 +153,7 @@ def service_running(
         "gate.engage": "auto",
         "gate.exit_when_done": True,
         "limits.max_distance_m": 40,
+        "zenoh.listen": [],
         **{name.replace("__", "."): value for name, value in settings.items()},
     }
     (folder / "config.json").write_text(load_config(None, overrides).to_json())

@@ -20,6 +20,7 @@ from dfvs_core.gate.events import (
     LandedState,
     LocalPosition,
     ModeRequest,
+    OtherServices,
     ParametersRead,
     Report,
     VehicleMode,
@@ -52,6 +53,7 @@ class Vehicle:
     sends_position: bool = True
     sends_status: bool = True
     parameters_told: bool = True
+    others_watched: bool = True
     obeys: bool = True
     follows: float = 1.0
     """Share of a setpoint that it flies, at once."""
@@ -70,6 +72,8 @@ class Rehearsal:
     fall_m_s: float = 0.05
     latency_ns: int = 40 * MS
     changes: dict[str, object] = field(default_factory=dict)
+    others: tuple[tuple[str, ...], ...] = ()
+    """Other services: those that stand by, and those that are engaged."""
     follows_goal: bool = True
     """Perception looks for the goal that was ordered."""
     setpoints: list[tuple[int, BodyVelocity]] = field(default_factory=list)
@@ -123,6 +127,8 @@ class Rehearsal:
         """Everything that arrives in one tick of an undisturbed flight."""
         v, now = self.vehicle, self.now_ns
         events: list[Event] = [ParametersRead(now)] if v.parameters_told else []
+        if v.others_watched:
+            events.append(OtherServices(now, *self.others))
         if v.sends_status:
             events += [
                 LandedState(now, v.in_air, not v.in_air),

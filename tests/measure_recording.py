@@ -70,7 +70,9 @@ class World:
         self.perception = subprocess.Popen(command, env=os.environ | ONE_BLAS_THREAD)
         self.gate.recv(65536)  # it is up
         settings = zenoh.Config()
-        for key, value in zenoh_settings("peer", (self.endpoint,), ()):
+        for key, value in zenoh_settings(
+            "peer", (), (self.endpoint, f"unixsock-stream/{self.folder / 'zenoh.sock'}")
+        ):
             settings.insert_json5(key, value)
         self.session = zenoh.open(settings)
         for work in (self._listen, self._tell, self._shoot):

@@ -58,7 +58,7 @@ def main():
     for key, value in zenoh_settings("peer", (), (endpoint,)):
         settings.insert_json5(key, value)
     with zenoh.open(settings) as session, tempfile.TemporaryDirectory() as folder:
-        feed = TurnFeed(session, Topics("bottled"))
+        feed = TurnFeed(session, Topics("bottled"), print)
         feed.offer(*flight.events[0])
         alone_ms = spend(feed, flight.turns[0], payload)
         words = ["--out", str(Path(folder) / "r"), "--vehicle", "bottled"]

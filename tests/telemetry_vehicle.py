@@ -5,6 +5,7 @@
 
 import argparse
 import functools
+import json
 import math
 import secrets
 import threading
@@ -28,7 +29,7 @@ from dfvs_service.config import load_config
 from dfvs_service.key_file import load_key
 from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.perception.pictures import Pictures
-from dfvs_service.perception.telemetry import Telemetry
+from dfvs_service.telemetry import Telemetry
 from dfvs_service.zenoh_session import open_session
 
 RATE_HZ = 25.0
@@ -73,7 +74,7 @@ class TelemetryVehicle:
         now_ns = time.monotonic_ns()
         self.authority = Authority(key, name, lambda: secrets.token_hex(8), now_ns)
         self.session = open_session(config.zenoh)
-        self.telemetry = Telemetry(self.session, self.topics)
+        self.telemetry = Telemetry(self.session, self.topics, print)
         self.telemetry.offer_json("config", dump(config))
         self.telemetry.offer("goal", lambda: self.pictures.goal(self.goal, now_ns))
         self.goals = []
@@ -95,7 +96,7 @@ class TelemetryVehicle:
 
     def on_command(self, sample):
         verdict = self.authority.judge(sample.payload.to_bytes(), time.monotonic_ns())
-        self.orders.append(verdict.text)
+        self.answer(verdict)
         change = {"hold": ("HOLD", "operator ordered to hold"), "engage": ("SERVO", "good data")}
         change["abort"] = ("ABORT", "operator ordered to abort")
         if verdict.action is not None and str(verdict.action) in change:
@@ -106,7 +107,14 @@ class TelemetryVehicle:
         verdict = self.authority.judge(sample.attachment.to_bytes(), time.monotonic_ns())
         if verdict.argument == goal_digest(data):
             self.goals.append(GoalOrder.from_bytes(data))
-        self.orders.append(verdict.text)
+        self.answer(verdict)
+
+    def answer(self, verdict):
+        """Answer as the operator link does; the same command counts once."""
+        if not verdict.is_repeated:
+            self.orders.append(verdict.text)
+        document = {"request": verdict.request, "result": verdict.text}
+        self.session.put(self.topics.telemetry("answer"), json.dumps(document))
 
     def pause_halfway(self):
         """Send no more frames, after one that has a flow to be seen."""

@@ -1,30 +1,40 @@
-"""Who may order: challenges that are used once, and the check of a command's signature."""
+"""Command authority: challenges that are used once, signatures, and answers by request id."""
 
 from __future__ import annotations
 
 import hmac
+from collections import OrderedDict
 from collections.abc import Callable
 from dataclasses import dataclass
 
 from dfvs_core.errors import WireError
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
-from dfvs_core.wire.command import SignedCommand, command_mac, decode_command
+from dfvs_core.wire.command import SignedCommand, command_mac, decode_command, request_id
 
 ROTATION_NS = 10 * S
+MAX_ANSWERS = 64
+"""Accepted commands whose answers are kept, newest last."""
 
 
 @dataclass(frozen=True, slots=True)
 class Verdict:
-    """What became of a command: what it orders if it is authentic, and one line for the log."""
+    """Answer to a command.
+
+    ``request`` is the command's request id and ``text`` the answer, one line. ``action`` is what
+    must be done now: None where the command is rejected, and where it was accepted before.
+    ``is_repeated`` tells the latter.
+    """
 
     action: Action | None
     text: str
     argument: str = ""
+    request: str = ""
+    is_repeated: bool = False
 
 
 class Authority:
-    """Accepts each signed command once.
+    """Accepts each signed command once, and repeats its answer for the same bytes.
 
     Parameters
     ----------
@@ -45,6 +55,8 @@ class Authority:
         self._current = draw()
         self._previous: str | None = None
         self._drawn_ns = t_ns
+        self._answers: OrderedDict[str, str] = OrderedDict()
+        """Answers to accepted commands, by request id."""
 
     def challenge(self, now_ns: int) -> str:
         """Challenge that the next command must carry; empty where no command is accepted."""
@@ -54,28 +66,46 @@ class Authority:
         return self._current
 
     def judge(self, data: bytes, now_ns: int) -> Verdict:
-        """Tell whether a command is authentic, fresh and for this vehicle; use up its challenge."""
-        if self._key is None:
-            return Verdict(None, "rejected: no command key is configured")
+        """Answer a command; what is authentic, fresh and for this vehicle uses up its challenge.
+
+        The bytes of an accepted command get its answer again, and no action.
+        """
+        request = request_id(data)
+        if (answer := self._answers.get(request)) is not None:
+            return Verdict(None, answer, request=request, is_repeated=True)
+        key = self._key
+        if key is None:
+            return Verdict(None, "rejected: no command key is configured", request=request)
         self._rotate(now_ns)
         try:
-            command = decode_command(data)
+            signed = decode_command(data)
         except WireError as error:
-            return Verdict(None, f"rejected: {error}")
-        if command.vehicle != self._vehicle:
-            return Verdict(None, f"rejected: command for another vehicle, {command.vehicle!r}")
-        if command.challenge not in (self._current, self._previous):
-            return Verdict(None, "rejected: its challenge was used or is too old")
-        if not self._is_signed(self._key, command):
-            return Verdict(None, "rejected: wrong signature")
+            return Verdict(None, f"rejected: {error}", request=request)
+        command = signed.command
+        if reason := self._objection(key, signed):
+            return Verdict(None, f"rejected: {reason}", request=request)
         self._use_up(command.challenge, now_ns)
-        return Verdict(command.action, f"accepted: {command.action}", command.argument)
+        text = f"accepted: {command.action}"
+        self.record(request, text)
+        return Verdict(command.action, text, command.argument, request)
 
-    @staticmethod
-    def _is_signed(key: bytes, command: SignedCommand) -> bool:
-        challenge, argument = command.challenge, command.argument
-        mac = command_mac(key, command.vehicle, command.action, challenge, argument)
-        return hmac.compare_digest(mac.encode(), command.mac.encode(errors="replace"))
+    def record(self, request: str, answer: str) -> None:
+        """Keep the answer to an accepted command, in place of an earlier one."""
+        self._answers[request] = answer
+        if len(self._answers) > MAX_ANSWERS:
+            self._answers.popitem(last=False)
+
+    def _objection(self, key: bytes, signed: SignedCommand) -> str:
+        """Say why a command is not obeyed, empty where it is."""
+        command = signed.command
+        if command.vehicle != self._vehicle:
+            return f"command for another vehicle, {command.vehicle!r}"
+        if command.challenge not in (self._current, self._previous):
+            return "its challenge was used or is too old"
+        mac = command_mac(key, command)
+        if not hmac.compare_digest(mac.encode(), signed.mac.encode(errors="replace")):
+            return "wrong signature"
+        return ""
 
     def _rotate(self, now_ns: int) -> None:
         passed = (now_ns - self._drawn_ns) // ROTATION_NS

@@ -48,6 +48,8 @@ class GateTiming:
     """Of what the autopilot tells less often: its estimator's flags, sensors, battery, landing."""
     parameters_age_ns: int = 30 * S
     """Failsafe parameters read longer ago may have been changed since."""
+    services_age_ns: int = 5 * S
+    """The operator link tells of other services every second."""
     stall_ns: int = 150 * MS
     """A gate that was away for longer let the stream pause, and stops."""
     slew_step_ns: int = 100 * MS

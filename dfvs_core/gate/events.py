@@ -151,6 +151,14 @@ class OtherServices:
 
 
 @dataclass(frozen=True, slots=True)
+class WatchEnded:
+    """The watch over parameters and other commanders failed and was given up."""
+
+    t_ns: int
+    detail: str
+
+
+@dataclass(frozen=True, slots=True)
 class Report:
     """A report of perception arrived."""
 
@@ -197,6 +205,7 @@ VehicleEvent = (
     | VelocityTarget
     | ForeignSetpoint
     | OtherServices
+    | WatchEnded
 )
 Event = VehicleEvent | Report | BadReport | Order | Stop
 

@@ -9,7 +9,13 @@ from dfvs_core.gate.engagement import Engagement, cap
 from dfvs_core.gate.initial_response import Response
 from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import Cause, GateState
-from dfvs_core.gate.vehicle import Fault, VehiclePicture, flight_fault
+from dfvs_core.gate.vehicle import (
+    Fault,
+    VehiclePicture,
+    flight_fault,
+    parameters_fault,
+    watch_fault,
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +84,19 @@ def _into_servo(engagement: Engagement, moment: Moment, cause: Fault) -> Decisio
     """Move on to SERVO, or to HOLD where nothing may be flown by right now."""
     if engagement.is_held:
         return Decision(GateState.HOLD, (Cause.OPERATOR_HOLD, ""))
-    stale = moment.sight.stale(moment.now_ns)
-    return Decision(GateState.SERVO, cause) if stale is None else Decision(GateState.HOLD, stale)
+    doubt = _doubt(moment)
+    return Decision(GateState.SERVO, cause) if doubt is None else Decision(GateState.HOLD, doubt)
+
+
+def _doubt(moment: Moment) -> Fault | None:
+    """Say why nothing may move right now: a watch that is lost, or data that are not good."""
+    return _unwatched(moment) or moment.sight.stale(moment.now_ns)
+
+
+def _unwatched(moment: Moment) -> Fault | None:
+    """Name what is not watched any more."""
+    seen = moment.vehicle, moment.config, moment.now_ns
+    return watch_fault(*seen) or parameters_fault(*seen)
 
 
 def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:
@@ -92,9 +109,9 @@ def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:
 
 
 def _decide_motion(engagement: Engagement, moment: Moment) -> Decision | None:
-    """Stop what moves by vision: for stale data, a wrong mounting, or no initial response."""
-    if (stale := moment.sight.stale(moment.now_ns)) is not None:
-        return Decision(GateState.HOLD, stale)
+    """Stop what moves by vision: for a doubt, a wrong mounting, or no initial response."""
+    if (doubt := _doubt(moment)) is not None:
+        return Decision(GateState.HOLD, doubt)
     if (fault := moment.sight.mounting_fault()) is not None:
         return Decision(GateState.ABORT, fault)
     response = engagement.response
@@ -114,8 +131,12 @@ def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:
     timing = moment.config.timing
     if engagement.is_held:
         return None
+    watch = _unwatched(moment)
     if moment.in_state_ns > timing.hold_ns:
-        return Decision(GateState.ABORT, (Cause.HOLD_TOO_LONG, moment.sight.reason))
+        reason = moment.sight.reason if watch is None else f"{watch[0]}: {watch[1]}"
+        return Decision(GateState.ABORT, (Cause.HOLD_TOO_LONG, reason))
+    if watch is not None:
+        return None
     if not engagement.is_confirmed_response and moment.sight.overlap < moment.config.min_overlap:
         return None
     if moment.sight.good_for_ns(moment.now_ns) >= timing.good_data_ns:

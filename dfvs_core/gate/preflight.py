@@ -13,6 +13,7 @@ from dfvs_core.gate.vehicle import (
     battery_fault,
     estimate_fault,
     link_fault,
+    watch_fault,
 )
 
 
@@ -47,6 +48,7 @@ def preflight(
         _battery(vehicle, config),
         _parameters(vehicle, config, now_ns),
         _advice(vehicle),
+        _from_fault("watch", watch_fault(vehicle, config, now_ns), _WATCH),
         _frames(sight, config, now_ns),
         _overlap(sight, config),
         _mounting(sight),
@@ -64,6 +66,7 @@ _ARMING = (
 )
 _BATTERY = "charge or change the battery, or give the autopilot a power module"
 _PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
+_WATCH = "wait a few seconds; where it stays lost, see the log and start the service anew"
 _FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
 _GOAL = "move to where the goal is in view, or take another goal image"
 _MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"

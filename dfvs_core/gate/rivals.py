@@ -14,7 +14,13 @@ from collections import deque
 from dataclasses import dataclass, field
 
 from dfvs_core.gate.config import MS, S
-from dfvs_core.gate.events import ForeignSetpoint, Heartbeat, OtherServices, VelocityTarget
+from dfvs_core.gate.events import (
+    ForeignSetpoint,
+    Heartbeat,
+    OtherServices,
+    VelocityTarget,
+    WatchEnded,
+)
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.states import Cause
 
@@ -29,7 +35,7 @@ _ODD_LAPSE_NS = 1 * S
 _SENT_NS = 500 * MS
 _NEVER = -(1 << 62)
 
-RivalEvent = OtherServices | ForeignSetpoint | VelocityTarget
+RivalEvent = OtherServices | ForeignSetpoint | VelocityTarget | WatchEnded
 
 
 @dataclass(slots=True)
@@ -38,6 +44,8 @@ class Rivals:
 
     services: OtherServices = field(default_factory=lambda: OtherServices(_NEVER))
     setpoint: ForeignSetpoint = field(default_factory=lambda: ForeignSetpoint(_NEVER, ""))
+    watch_ended: str = ""
+    """Why parameters and other commanders are not watched any more, empty where they are."""
     _sent: deque[tuple[int, BodyVelocity]] = field(default_factory=deque)
     _first_odd_ns: int | None = None
     _last_odd_ns: int = _NEVER
@@ -72,6 +80,8 @@ class Rivals:
                 self.services = event
             case ForeignSetpoint():
                 self.setpoint = event
+            case WatchEnded():
+                self.watch_ended = event.detail
             case _:
                 self._compare(event, yaw_rad)
 

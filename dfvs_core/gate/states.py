@@ -84,6 +84,7 @@ class Cause(enum.StrEnum):
     HEARTBEAT_LOST = "vehicle's heartbeat lost"
     TELEMETRY_LOST = "vehicle's telemetry lost"
     BATTERY_LOW = "battery low"
+    WATCH_LOST = "watch lost"
     ESTIMATOR_INVALID = "estimator invalid"
     ESTIMATOR_JUMP = "position estimate jumped"
     FAILSAFE = "autopilot in failsafe"

@@ -145,6 +145,24 @@ def link_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Faul
     return None
 
 
+def watch_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fault | None:
+    """Say that other commanders, or the vehicle's parameters, are not watched any more."""
+    if vehicle.rivals.watch_ended:
+        return Cause.WATCH_LOST, vehicle.rivals.watch_ended
+    heard_ns = vehicle.rivals.services.t_ns
+    if now_ns - heard_ns > config.timing.services_age_ns:
+        return Cause.WATCH_LOST, f"other services, {_ago(heard_ns, now_ns)}"
+    return None
+
+
+def parameters_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fault | None:
+    """Say that the failsafe parameters were read too long ago."""
+    read_ns = vehicle.parameters.t_ns
+    if now_ns - read_ns > config.timing.parameters_age_ns:
+        return Cause.WATCH_LOST, f"failsafe parameters, {_ago(read_ns, now_ns)}"
+    return None
+
+
 def estimate_fault(vehicle: VehiclePicture, config: GateConfig) -> Fault | None:
     """Name what is wrong with the autopilot's estimate of its own motion."""
     if not _is_finite_attitude(vehicle.attitude):

@@ -1,8 +1,8 @@
-"""What perception and gate tell each other over Unix datagrams, as JSON.
+"""Messages between gate, perception and operator link: JSON in Unix datagrams.
 
-Perception sends a ``PerceptionReport`` for every frame it worked on; the gate answers with the
-vehicle's state at its own rate. A datagram that does not follow the schema is dropped, never
-half-read.
+Perception sends a ``PerceptionReport`` for every frame. The operator link sends commands and the
+holders of leases. The gate sends its state to both, and answers to the operator link. A datagram
+that does not follow the schema is dropped, never half-read.
 """
 
 from __future__ import annotations
@@ -79,8 +79,23 @@ class ForwardedCommand:
 
 
 @dataclass(frozen=True, slots=True)
+class CommandAnswer:
+    """The gate's answer to the command with the id ``request`` (``wire.command.request_id``)."""
+
+    request: str
+    result: str
+
+
+@dataclass(frozen=True, slots=True)
+class ThreadFault:
+    """A thread of another process failed; one line for the operator."""
+
+    thread_fault: str
+
+
+@dataclass(frozen=True, slots=True)
 class LeaseHolders:
-    """Other services for the same vehicle, as perception sees them on the network."""
+    """Other services for the same vehicle, as the operator link sees them on the network."""
 
     standing_by: tuple[str, ...] = ()
     engaged: tuple[str, ...] = ()
@@ -120,10 +135,11 @@ class GateStatus:
     since_ns: int = 0
 
 
-FromPerception = PerceptionReport | ForwardedCommand | LeaseHolders
+ToGate = PerceptionReport | ForwardedCommand | LeaseHolders | ThreadFault
+FromGate = GateStatus | CommandAnswer
 
 
-def to_datagram(message: FromPerception | GateStatus) -> bytes:
+def to_datagram(message: ToGate | FromGate) -> bytes:
     """Bytes of a message."""
     return json.dumps(dump(message), separators=(",", ":")).encode()
 
@@ -144,16 +160,31 @@ def from_datagram(cls: type[T], data: bytes) -> T:
         raise WireError(f"datagram is not a {cls.__name__}: {error}") from error
 
 
-def from_perception(data: bytes) -> FromPerception:
+def to_gate(data: bytes) -> ToGate:
     """Message to the gate from its bytes.
 
     Raises
     ------
     WireError
-        If it is none of the three.
+        If it is none of its kinds.
     """
     if data.startswith(b'{"payload"'):
         return from_datagram(ForwardedCommand, data)
     if data.startswith(b'{"standing_by"'):
         return from_datagram(LeaseHolders, data)
+    if data.startswith(b'{"thread_fault"'):
+        return from_datagram(ThreadFault, data)
     return from_datagram(PerceptionReport, data)
+
+
+def from_gate(data: bytes) -> FromGate:
+    """Message of the gate from its bytes.
+
+    Raises
+    ------
+    WireError
+        If it is none of its kinds.
+    """
+    if data.startswith(b'{"request"'):
+        return from_datagram(CommandAnswer, data)
+    return from_datagram(GateStatus, data)

@@ -67,13 +67,17 @@ def certificate_name(role: Role, vehicle: str) -> str:
 def access_control(vehicles: Sequence[str]) -> dict[str, Any]:
     """Zenoh's ``access_control`` section for these vehicles; whatever it does not name is denied.
 
-    Unencrypted links on the machine itself may do everything: whoever is there needs no network.
+    Unencrypted links on the machine itself, over loopback or a Unix socket, may do everything:
+    whoever is there needs no network.
     """
     rules = [_rule("this-machine", (*_SAYS, *_HEARS), ("ingress", "egress"), ("**",))]
     subjects: list[dict[str, Any]] = [
-        {"id": "this-machine", "interfaces": ["lo"], "link_protocols": ["tcp"]}
+        {"id": "this-machine", "interfaces": ["lo"], "link_protocols": ["tcp"]},
+        {"id": "this-service", "link_protocols": ["unixsock-stream"]},
     ]
-    policies: list[dict[str, Any]] = [{"rules": ["this-machine"], "subjects": ["this-machine"]}]
+    policies: list[dict[str, Any]] = [
+        {"rules": ["this-machine"], "subjects": ["this-machine", "this-service"]}
+    ]
     for vehicle in vehicles:
         for role in Role:
             access = role_access(role, Topics(vehicle))

@@ -1,10 +1,11 @@
-"""``dfvs-service command``: sends a signed order over Zenoh and waits for what becomes of it."""
+"""``dfvs-service command``: sends a signed command over Zenoh and waits for its answer."""
 
 from __future__ import annotations
 
 import dataclasses
 import json
 import queue
+import secrets
 import time
 from collections.abc import Mapping
 from typing import Any
@@ -14,13 +15,15 @@ import zenoh
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.events import Action
 from dfvs_core.topics import Topics
-from dfvs_core.wire.command import encode_command
+from dfvs_core.wire.command import Command, encode_command, request_id
 from dfvs_core.wire.goal_order import GoalOrder, goal_digest
 from dfvs_service.config import ServiceConfig, ZenohSection
 from dfvs_service.zenoh_session import open_session
 
-_SENDINGS = 2
-"""A busy link drops what it cannot take at once. What arrives twice has its challenge used up."""
+_SENDINGS, _GOAL_SENDINGS = 6, 2
+"""A busy link drops what it cannot take at once. The same bytes are obeyed once."""
+
+_Document = Mapping[str, Any]
 
 
 class OrderError(DfvsError):
@@ -65,37 +68,39 @@ def give_order(
     data = b"" if goal is None else goal.to_bytes()
     argument = "" if goal is None else goal_digest(data)
     topics = Topics(config.vehicle.name)
-    states: queue.Queue[Mapping[str, Any]] = queue.Queue()
-
-    def on_state(sample: zenoh.Sample) -> None:
-        states.put(json.loads(sample.payload.to_bytes()))
+    states: queue.Queue[_Document] = queue.Queue()
+    answers: queue.Queue[_Document] = queue.Queue()
 
     with open_session(operators_zenoh(config.zenoh)) as session:
-        # Closing the session ends the subscription; the reference keeps it until then.
-        _subscriber = session.declare_subscriber(topics.telemetry("state"), on_state)
-        state = _next_state(states, time.monotonic() + timeout_s)
+        # Closing the session ends the subscriptions; the references keep them until then.
+        _states = _subscribe(session, topics.telemetry("state"), states)
+        _answers = _subscribe(session, topics.telemetry("answer"), answers)
+        state = _next(states, time.monotonic() + timeout_s)
         if state is None:
             raise OrderError(
                 f"nothing is heard on {topics.telemetry('state')}",
                 "a running service",
                 "check --vehicle and the zenoh section of --config",
             )
-        challenge, count = str(state.get("challenge", "")), _count(state)
+        challenge = str(state.get("challenge", ""))
         if not challenge:
             raise OrderError(
                 f"the service of {config.vehicle.name!r} accepts no commands",
                 "one that was started with gate.command_key_file",
             )
-        order = encode_command(key, config.vehicle.name, action, challenge, argument)
+        nonce = secrets.token_hex(16)
+        command = Command(config.vehicle.name, action, challenge, nonce, argument)
+        order = encode_command(key, command)
         key_expr, payload = (topics.command, order) if goal is None else (topics.new_goal, data)
         attachment = None if goal is None else order
         drop = zenoh.CongestionControl.DROP
-        for _ in range(_SENDINGS):
+        sendings = _SENDINGS if goal is None else _GOAL_SENDINGS
+        for _ in range(sendings):
             session.put(key_expr, payload, attachment=attachment, congestion_control=drop)
-            deadline = time.monotonic() + timeout_s / _SENDINGS
-            while (state := _next_state(states, deadline)) is not None:
-                if _count(state) != count:
-                    return str(state.get("command_result", ""))
+            deadline = time.monotonic() + timeout_s / sendings
+            while (answer := _next(answers, deadline)) is not None:
+                if answer.get("request") == request_id(order):
+                    return str(answer.get("result", ""))
     raise OrderError(
         f"the service of {config.vehicle.name!r} did not answer in {timeout_s:g} s",
         "an answer to every command",
@@ -103,16 +108,18 @@ def give_order(
     )
 
 
-def _next_state(
-    states: queue.Queue[Mapping[str, Any]], deadline: float
-) -> Mapping[str, Any] | None:
-    """Next state that is heard, None where none is until then."""
+def _subscribe(
+    session: zenoh.Session, key_expr: str, documents: queue.Queue[_Document]
+) -> zenoh.Subscriber[None]:
+    """Put every JSON document of a key into a queue, on Zenoh's thread."""
+    return session.declare_subscriber(
+        key_expr, lambda sample: documents.put(json.loads(sample.payload.to_bytes()))
+    )
+
+
+def _next(documents: queue.Queue[_Document], deadline: float) -> _Document | None:
+    """Next document, None where none comes until the monotonic time ``deadline``, s."""
     try:
-        return states.get(timeout=max(deadline - time.monotonic(), 0.0))
+        return documents.get(timeout=max(deadline - time.monotonic(), 0.0))
     except queue.Empty:
         return None
-
-
-def _count(state: Mapping[str, Any]) -> int:
-    """How many commands the service has judged."""
-    return int(state.get("command_count", 0))

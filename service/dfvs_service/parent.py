@@ -1,7 +1,8 @@
 """The parent of the service's processes: starts them, watches the gate, never restarts it.
 
 A gate that misses its heartbeat is killed; the autopilot's own failsafe then takes over. A
-perception that dies is noticed by the gate, which goes to zero and gives the vehicle back.
+perception or an operator link that dies is noticed by the gate, which goes to zero and gives the
+vehicle back.
 Nothing that died is ever started again into motion.
 """
 
@@ -53,6 +54,7 @@ class Programs:
     gate: Sequence[str] = (sys.executable, "-m", "dfvs_service.gate")
     perception: Sequence[str] = (sys.executable, "-m", "dfvs_service.perception")
     recorder: Sequence[str] = ()
+    link: Sequence[str] = (sys.executable, "-m", "dfvs_service.operator_link")
 
 
 def furnish(
@@ -65,7 +67,8 @@ def furnish(
     _put_goal(runtime.goal_picture, goal)
     for number, following in enumerate(later, start=1):
         _put_goal(runtime.later_goal(number), following)
-    for path in (runtime.gate_socket, runtime.perception_socket, runtime.parent_socket):
+    inner = (runtime.gate_socket, runtime.perception_socket, runtime.link_socket)
+    for path in (*inner, runtime.parent_socket, runtime.zenoh_socket):
         path.unlink(missing_ok=True)
 
 
@@ -75,7 +78,7 @@ def _put_goal(picture: Path, goal: Goal) -> None:
 
 
 class Parent:
-    """Starts gate and perception in a furnished runtime folder, and watches over them."""
+    """Starts the processes in a furnished runtime folder, and watches over them."""
 
     def __init__(self, runtime: RuntimeFolder, programs: Programs, display: Display) -> None:
         self._narrator = Narrator(display)
@@ -85,10 +88,12 @@ class Parent:
         place = ("--runtime", str(runtime.path))
         self._gate = Child((*programs.gate, *place), runtime.stderr("gate"))
         self._perception = Child((*programs.perception, *place), runtime.stderr("perception"))
+        self._link = Child((*programs.link, *place), runtime.stderr("operator_link"))
         self._children = {"gate": self._gate, "perception": self._perception}
         if programs.recorder:
             recorder = Child((*programs.recorder, *place), runtime.stderr("recorder"))
             self._children["recorder"] = recorder
+        self._children["operator link"] = self._link  # the last one: others send through it
         prefer_this_process()  # after the start of the children, which would inherit it
         self._notifier = Notifier(os.environ)
         self._watch = Watch(time.monotonic_ns())
@@ -148,7 +153,8 @@ class Parent:
             self._next_show_ns = now_ns + _SHOW_NS
             self._narrator.show(self._beat)
             self._pass_on_errors()
-            self._heed_perception()
+            self._check_needed("perception", self._perception)
+            self._check_needed("the operator link", self._link)
             self._heed_recorder()
         if self._stop_requested:
             self._stop_gate()
@@ -161,12 +167,12 @@ class Parent:
             with contextlib.suppress(WireError):
                 self._beat = Beat.from_bytes(data)
 
-    def _heed_perception(self) -> None:
-        """End a service that has become blind, once nothing is flown by it any more."""
-        code = self._perception.code
+    def _check_needed(self, name: str, child: Child) -> None:
+        """End a service that lacks a process, once nothing is flown any more."""
+        code = child.code
         if code is None:
             return
-        self._say(f"warning: perception {self._perception.describe_end()}")
+        self._say(f"warning: {name} {child.describe_end()}")
         if self._beat.state not in ENGAGED:
             self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_ENDED
             self._stop_requested = True
@@ -180,7 +186,8 @@ class Parent:
     def _stop_gate(self) -> None:
         """Let the gate bring the vehicle to Hold; kill it if that takes too long."""
         self._gate.terminate()
-        # Perception has nothing to bring to an end, and the gate no more use for it.
+        # Perception has nothing to bring to an end, and the gate no more use for it. The operator
+        # link goes on telling the state until the gate has ended.
         self._perception.terminate()
         deadline = time.monotonic() + _STOP_LIMIT_S
         while self._gate.code is None and time.monotonic() < deadline:
@@ -195,7 +202,7 @@ class Parent:
         """Leave no process behind, and no error unsaid."""
         now_s = time.monotonic()
         until_s = now_s + _QUIET_END_S if self._stop_by_s is None else self._stop_by_s
-        # The recorder last: the others have something to say until their end.
+        # The recorder and the operator link last: others send to them until their end.
         for child in self._children.values():
             if child.code is None:
                 child.terminate()

@@ -55,6 +55,21 @@ class RuntimeFolder:
         return self.path / "perception.sock"
 
     @property
+    def link_socket(self) -> Path:
+        """Where the operator link listens for the gate."""
+        return self.path / "link.sock"
+
+    @property
+    def zenoh_socket(self) -> Path:
+        """Where the operator link offers Zenoh to the other processes of the service."""
+        return self.path / "zenoh.sock"
+
+    @property
+    def new_goals(self) -> Path:
+        """Folder of goals that operators sent."""
+        return self.path / "new-goals"
+
+    @property
     def parent_socket(self) -> Path:
         """Where the parent listens for the gate's heartbeats."""
         return self.path / "parent.sock"

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from pathlib import Path
 
 import zenoh
@@ -11,6 +12,7 @@ from dfvs_core.wire.zenoh_settings import Encryption, TlsFiles, zenoh_settings
 from dfvs_service.config import ZenohSection
 from dfvs_service.key_file import check_private
 from dfvs_service.preflight.ports import refuse_taken_zenoh
+from dfvs_service.runtime import RuntimeFolder
 
 _PEM = b"-----BEGIN "
 
@@ -49,6 +51,24 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
             "a free listen endpoint, and a running router for mode client",
             "see zenoh.listen and zenoh.connect in the configuration",
         ) from error
+
+
+def link_zenoh(config: ZenohSection, runtime: RuntimeFolder) -> ZenohSection:
+    """Settings of the operator link: without a router the service's processes connect to it."""
+    if config.mode == "client":
+        return config
+    return dataclasses.replace(config, listen=(*config.listen, _socket_endpoint(runtime)))
+
+
+def inner_zenoh(config: ZenohSection, runtime: RuntimeFolder) -> ZenohSection:
+    """Settings of the service's other processes: the router, or else the operator link."""
+    if config.mode == "client":
+        return config
+    return ZenohSection("client", (_socket_endpoint(runtime),), ())
+
+
+def _socket_endpoint(runtime: RuntimeFolder) -> str:
+    return f"unixsock-stream/{runtime.zenoh_socket}"
 
 
 def check_files(files: TlsFiles) -> None:

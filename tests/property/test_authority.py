@@ -6,11 +6,12 @@ import json
 
 from hypothesis import given, settings
 from hypothesis import strategies as st
+from signed_commands import signed
 
 from dfvs_core.gate.authority import ROTATION_NS, Authority
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
-from dfvs_core.wire.command import decode_command, encode_command
+from dfvs_core.wire.command import decode_command, request_id
 
 OURS, THEIRS = b"o" * 32, b"t" * 32
 DIGESTS = ("ab" * 32, "cd" * 32)
@@ -36,6 +37,8 @@ class World:
         self.seen = {}
         self.attempts = []
         self.accepted = []
+        self.answers = {}
+        """Answers to accepted commands, by request id."""
         self.look()
 
     def look(self):
@@ -45,16 +48,23 @@ class World:
 
     def sign(self, key, vehicle, action, challenge):
         argument = DIGESTS[0] if action is Action.GOAL else ""
-        data = encode_command(key, vehicle, action, challenge, argument)
+        data = signed(key, vehicle, action, challenge, argument)
         good = key == OURS and vehicle == "drone1"
         self.attempts.append(Attempt(data, self.seen[challenge], good))
 
     def send(self, attempt):
         verdict = self.authority.judge(attempt.data, self.now_ns)
+        assert verdict.request == request_id(attempt.data)
+        if verdict.is_repeated:
+            assert verdict.action is None
+            assert verdict.text == self.answers[verdict.request]
+            return
+        assert verdict.request not in self.answers
         assert verdict.text.startswith("accepted" if verdict.action else "rejected: ")
         if verdict.action is None:
             return
-        command = decode_command(attempt.data)
+        self.answers[verdict.request] = verdict.text
+        command = decode_command(attempt.data).command
         assert attempt.is_good
         assert command.action is verdict.action
         assert command.argument == verdict.argument
@@ -73,6 +83,7 @@ tampering = st.sampled_from(
         {"challenge": "c0"},
         {"mac": "0" * 64},
         {"format": "dfvs-command/1"},
+        {"nonce": "0" * 32},
     ]
 )
 
@@ -94,7 +105,10 @@ def test_nothing_but_a_fresh_authentic_command_is_ever_accepted_and_once(data):
         elif step == "tamper":
             old = data.draw(st.sampled_from(world.attempts))
             document = json.loads(old.data)
-            changed = {**document, **data.draw(tampering)}
+            changes = data.draw(tampering)
+            parts = {name: changes[name] for name in ("mac", "format") if name in changes}
+            inner = {name: value for name, value in changes.items() if name not in parts}
+            changed = {**document, **parts, "command": {**document["command"], **inner}}
             forged = Attempt(json.dumps(changed).encode(), old.drawn_ns, changed == document)
             world.send(forged if changed != document else old)
         else:
@@ -108,3 +122,4 @@ def test_the_property_is_not_empty():
     world.send(world.attempts[0])
     world.send(world.attempts[0])
     assert world.accepted == ["c0"]
+    assert len(world.answers) == 1

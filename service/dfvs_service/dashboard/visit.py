@@ -6,7 +6,7 @@ import asyncio
 import contextlib
 import json
 import logging
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from typing import Any
 
 from starlette.websockets import WebSocket, WebSocketDisconnect
@@ -21,6 +21,9 @@ from dfvs_service.dashboard.outbox import Outbox
 from dfvs_service.dashboard.tokens import Role, Tokens
 
 MAX_BROWSERS = 32
+MAX_UNKNOWN = 8
+"""Connections at a time that have not shown who they are: each may send one whole message."""
+MAX_HELLO_BYTES = 4096
 HELLO_TIMEOUT_S = 5.0
 WRONG_TOKEN_DELAY_S = 1.0
 MAX_ORDERS_AT_ONCE = 2
@@ -28,6 +31,7 @@ MAX_ORDERS_AT_ONCE = 2
 CLOSE_DENIED = 4401
 CLOSE_FULL = 4429
 CLOSE_UNREADABLE = 1003
+CLOSE_TOO_LARGE = 1009
 
 log = logging.getLogger("dfvs.dashboard")
 
@@ -40,6 +44,8 @@ class House:
     tokens: Tokens
     desk: OrderDesk | None
     clock: Clock
+    unknown: set[Visit] = field(default_factory=set)
+    """Visits that have not shown who they are."""
 
 
 class Visit:
@@ -54,9 +60,8 @@ class Visit:
 
     async def serve(self) -> None:
         """Greet, then send and receive at the same time."""
-        await self._socket.accept()
         with contextlib.suppress(WebSocketDisconnect):
-            if not await self._greet():
+            if not await self._admit():
                 return
             self._house.hub.join(self._outbox)
             sending = asyncio.create_task(self._send())
@@ -67,15 +72,31 @@ class Visit:
                 sending.cancel()
                 await asyncio.gather(sending, return_exceptions=True)
 
+    async def _admit(self) -> bool:
+        """Accept the connection and learn who it is, unless too many others are unknown."""
+        unknown = self._house.unknown
+        if len(unknown) >= MAX_UNKNOWN:
+            await self._socket.close(CLOSE_FULL, "too many connections")
+            return False
+        unknown.add(self)
+        try:
+            await self._socket.accept()
+            return await self._greet()
+        finally:
+            unknown.discard(self)
+
     async def _greet(self) -> bool:
         """Learn who it is; close where it may not look."""
         if self._house.hub.browsers >= MAX_BROWSERS:
             await self._socket.close(CLOSE_FULL, "too many pages are open")
             return False
         try:
-            hello = await asyncio.wait_for(self._next_message(), HELLO_TIMEOUT_S)
+            hello = await asyncio.wait_for(self._hello(), HELLO_TIMEOUT_S)
         except TimeoutError:
             await self._socket.close(CLOSE_DENIED, "no greeting came")
+            return False
+        if hello is None:
+            await self._socket.close(CLOSE_TOO_LARGE, "the greeting is too long")
             return False
         token = hello.get("token", "") if hello.get("type") == "hello" else ""
         self._role = self._house.tokens.role_of(token if isinstance(token, str) else "")
@@ -123,12 +144,23 @@ class Visit:
                 await self._socket.close(CLOSE_UNREADABLE, "message not understood")
                 return
 
+    async def _hello(self) -> dict[str, Any] | None:
+        """First JSON object, None where it is too long to be read."""
+        text, data = await self._next_payload()
+        if data is not None or (text is not None and len(text) > MAX_HELLO_BYTES):
+            return None
+        return read_message(text, None)
+
     async def _next_message(self) -> dict[str, Any]:
         """Next JSON object, with a picture if one came along; else an empty one."""
+        return read_message(*await self._next_payload())
+
+    async def _next_payload(self) -> tuple[str | None, bytes | None]:
+        """Text or bytes of the next message."""
         received = await self._socket.receive()
         if received["type"] == "websocket.disconnect":
             raise WebSocketDisconnect(received.get("code", 1000))
-        return read_message(received.get("text"), received.get("bytes"))
+        return received.get("text"), received.get("bytes")
 
     def _pong(self, message: dict[str, Any], now: Moment) -> None:
         t = message.get("t")

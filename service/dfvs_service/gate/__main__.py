@@ -43,7 +43,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     autopilot = Autopilot(gate.emit, gate.note, allow_return=config.gate.allow_return)
     vehicle = config.vehicle
     start_autopilot(
-        lambda: autopilot.connect(vehicle.mavlink, vehicle.timeout_s), autopilot.watch, gate.fail
+        lambda: autopilot.connect(vehicle.mavlink, vehicle.timeout_s), autopilot.watch, gate
     )
     try:
         never = config.gate.engage is Engage.NEVER

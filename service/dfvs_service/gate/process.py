@@ -1,4 +1,4 @@
-"""The gate process: one loop between perception, autopilot, operator and parent.
+"""The gate process: one loop between perception, autopilot, operator link and parent.
 
 The loop wakes at 50 Hz and whenever something arrives, steps the state machine, and sends what
 it says. Nothing in the loop waits for anything else.
@@ -25,6 +25,7 @@ from dfvs_core.gate.events import (
     ParametersRead,
     Stop,
     VehicleEvent,
+    WatchEnded,
 )
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.machine import GateMachine
@@ -38,10 +39,13 @@ from dfvs_service.gate.lifeline import Lifeline
 from dfvs_service.gate.post import Post
 from dfvs_service.gate.status import gate_status
 from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.watched_thread import run_watched
 
 TICK_NS = 20 * MS
 
 _CHECKED = frozenset({GateState.IDLE, GateState.PREFLIGHT, GateState.READY})
+
+_MAX_FAULTS = 3
 
 EXIT_REACHED, EXIT_ENDED, EXIT_CANNOT_RUN = 0, 1, 2
 
@@ -97,7 +101,9 @@ class GateProcess:
         self._inputs = InputJournal(runtime.gate_inputs, config.gate_config(), now_ns)
         name = config.vehicle.name
         self._authority = Authority(key, name, lambda: secrets.token_hex(16), now_ns)
-        self._post = Post(runtime, self._authority, self.note)
+        self._post = Post(runtime, self._authority, self.note, self.report)
+        self._faults: tuple[str, ...] = ()
+        """Threads that failed, one line each."""
         self._lifeline = Lifeline(parent, now_ns)
         self._warnings: tuple[str, ...] = ()
         self._fatal: DfvsError | None = None
@@ -117,9 +123,19 @@ class GateProcess:
         """Log a line, from any thread."""
         self._journal.add(time.monotonic_ns(), kind, text=text)
 
+    def report(self, line: str) -> None:
+        """Show and log the failure of a thread, from any thread."""
+        self.note("fault", line)
+        if line not in self._faults:
+            self._faults = (line, *self._faults)[:_MAX_FAULTS]
+
     def fail(self, error: DfvsError) -> None:
         """End because the vehicle cannot be reached, from any thread."""
         self._fatal = error
+
+    def lose_watch(self, line: str) -> None:
+        """Take the end of the watch over parameters and other commanders, from any thread."""
+        self._inbox.put(WatchEnded(time.monotonic_ns(), line))
 
     def stop(self, signal_number: int, _frame: FrameType | None) -> None:
         """Signal handler: bring the vehicle to Hold, then end."""
@@ -179,8 +195,7 @@ class GateProcess:
         if output.mode_request is not None:
             link.request_mode(output.mode_request)
             self._journal.add(now_ns, "mode_request", mode=str(output.mode_request))
-        if output.refusal:
-            self._post.answer(output.refusal)
+        self._post.settle(output.refusal)
         for change in output.transitions:
             self._journal.add(
                 change.t_ns,
@@ -192,14 +207,14 @@ class GateProcess:
             )
 
     def _tell(self, now_ns: int) -> None:
-        """Tell perception how the vehicle moves, and the parent that the loop turns."""
+        """Send the state to perception and the operator link, and a heartbeat to the parent."""
         post = self._post
         status = gate_status(
             self._machine,
             now_ns,
             challenge=self._authority.challenge(now_ns),
             command=(post.command_result, post.command_count),
-            warnings=self._warnings,
+            warnings=(*self._faults, *self._warnings),
         )
         good = self._machine.sight.good
         beat = Beat(
@@ -245,15 +260,21 @@ class GateProcess:
 
 
 def start_autopilot(
-    connect: Callable[[], None], watch: Callable[[], None], fail: Callable[[DfvsError], None]
-) -> None:
-    """Connect, and watch what changes slowly, on a thread: both block."""
+    connect: Callable[[], None], watch: Callable[[], None], gate: GateProcess
+) -> threading.Thread:
+    """Connect, and watch what changes slowly, on a thread: both block.
+
+    A watch that ends is reported, and keeps the gate from flying.
+    """
 
     def work() -> None:
         try:
             connect()
-            watch()
         except DfvsError as error:
-            fail(error)
+            gate.fail(error)
+            return
+        run_watched("autopilot-watch", watch, gate.report, gate.lose_watch)
 
-    threading.Thread(target=work, name="autopilot-watch", daemon=True).start()
+    thread = threading.Thread(target=work, name="autopilot-watch", daemon=True)
+    thread.start()
+    return thread

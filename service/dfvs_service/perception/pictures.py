@@ -8,7 +8,7 @@ from dfvs_core.matching.warping import flow_at_size
 from dfvs_core.wire.flow_grid import FLOW_GRID_ENCODING, encode_flow_grid, sample_flow
 from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
 from dfvs_service.perception.preview import draw_flow
-from dfvs_service.perception.telemetry import Note
+from dfvs_service.telemetry import Note
 
 _GOAL_QUALITY = 90
 

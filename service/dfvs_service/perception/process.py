@@ -7,6 +7,7 @@ import gc
 import logging
 import os
 import time
+from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
 from pathlib import Path
@@ -15,43 +16,43 @@ from typing import Any
 
 import zenoh
 
-from dfvs_core.errors import DfvsError
-from dfvs_core.gate.config import Engage
+from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.schema import dump
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import BOOT_ID_FILE, clock_identity
 from dfvs_core.wire.goal_order import GoalOrder
-from dfvs_core.wire.link import GateStatus, PerceptionReport
+from dfvs_core.wire.link import FromGate, GateStatus, PerceptionReport
 from dfvs_core.wire.picture import encode_png
 from dfvs_models.catalog import load_matcher
 from dfvs_service.config import ServiceConfig
+from dfvs_service.gate_link import GateLink
 from dfvs_service.goal_file import ordered_goal
+from dfvs_service.goal_store import GoalStore
+from dfvs_service.pace import Pace
 from dfvs_service.perception.announced import CameraDoubts, watch_calibration
 from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.frame_door import FrameDoor
-from dfvs_service.perception.gate_link import GateLink
 from dfvs_service.perception.heap import settle
 from dfvs_service.perception.intake import make_intake
 from dfvs_service.perception.latency import LatencyWindow
-from dfvs_service.perception.lease import Lease
 from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.perception.opening import make_opening
-from dfvs_service.perception.order_desk import OrderDesk
-from dfvs_service.perception.pace import Pace
 from dfvs_service.perception.pictures import Pictures
 from dfvs_service.perception.route_follower import RouteFollower
-from dfvs_service.perception.telemetry import Telemetry
 from dfvs_service.perception.turn_book import TurnBook
 from dfvs_service.perception.turn_feed import TurnFeed
 from dfvs_service.runtime import RuntimeFolder
-from dfvs_service.zenoh_session import open_session
+from dfvs_service.telemetry import Telemetry
+from dfvs_service.zenoh_session import inner_zenoh, open_session
 
 _TIMING_PERIOD_NS = 1_000_000_000
 _COLLECTION_PERIOD_NS = 10_000_000_000
 _RECORDER_PATIENCE_S = 10.0
+_LINK_PATIENCE_S, _LINK_PAUSE_S = 10.0, 0.1
+_KEPT_STATUSES = 256
 
 log = logging.getLogger("dfvs.perception")
 
@@ -74,7 +75,10 @@ class PerceptionProcess:
     ) -> None:
         self._config = config
         self._topics = Topics(config.vehicle.name)
-        self._gate = GateLink(runtime)
+        self._runtime = runtime
+        self._heard: deque[GateStatus] = deque(maxlen=_KEPT_STATUSES)
+        self._gate = GateLink(runtime.gate_socket, runtime.perception_socket, self._on_gate)
+        self._new_goals = GoalStore(runtime.new_goals)
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._latency = LatencyWindow()
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
@@ -90,12 +94,9 @@ class PerceptionProcess:
         self._route = RouteFollower(config, goals, self._workers)
         self._goal_digest = self._goal_flaw = ""
         self._eye = self._build_eye(goal)
-        self._status: GateStatus | None = None
-        self._last_frame_ns = self._started_ns = time.monotonic_ns()
-        self._desk = OrderDesk(self._started_ns)
+        self._last_frame_ns = time.monotonic_ns()
         told = config.telemetry
         self._pictures = Pictures(self._clock, config.servo.min_confidence, told.preview_quality)
-        self._state_pace = Pace.of_rate(told.state_hz)
         self._preview_pace = Pace.of_rate(told.preview_hz)
         self._flow_pace = Pace.of_rate(told.flow_hz)
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
@@ -107,26 +108,22 @@ class PerceptionProcess:
 
     def run(self) -> None:
         """Work until told to stop, or until the service that started this is gone."""
-        with open_session(self._config.zenoh, (self._config.vehicle.name,)) as session:
-            telemetry = Telemetry(session, self._topics)
+        session = self._open_session()
+        if session is None:
+            return
+        with session:
+            telemetry = Telemetry(session, self._topics, self._gate.report)
             patience_s = _RECORDER_PATIENCE_S if self._config.record.folder else 0.0
-            feed = TurnFeed(session, self._topics, patience_s)
+            feed = TurnFeed(session, self._topics, self._gate.report, patience_s)
             telemetry.offer_json("config", dump(self._config))
             self._tell_goal(telemetry, feed)
             frames = session.declare_subscriber(self._intake.key, self._on_frame)
             camera = watch_calibration(session, self._intake, self._doubts.take)
-            orders = session.declare_subscriber(self._topics.command, self._on_command)
-            watches = self._config.gate.engage is Engage.NEVER
-            lease = Lease(session, self._topics, self._gate.send, watches=watches)
-            goals = session.declare_subscriber(self._topics.new_goal, self._on_goal)
             log.info("listening for frames on %s", self._intake.key)
             settle()
             while not self._stopped and os.getppid() == self._parent:
                 self._turn(telemetry, feed)
-                lease.show("" if self._status is None else self._status.state)
-                lease.tell()
-            lease.close()
-            del frames, camera, orders, goals
+            del frames, camera
             feed.close()
             telemetry.close()
         self._workers.shutdown(wait=False, cancel_futures=True)
@@ -135,6 +132,25 @@ class PerceptionProcess:
     def stop(self, _signal: int, _frame: FrameType | None) -> None:
         """Signal handler: end after the frame at hand."""
         self._stopped = True
+
+    def _open_session(self) -> zenoh.Session | None:
+        """Wait for the operator link or the router; None if told to stop before.
+
+        Raises
+        ------
+        ConfigError
+            If it does not answer in time.
+        """
+        section = inner_zenoh(self._config.zenoh, self._runtime)
+        deadline = time.monotonic() + _LINK_PATIENCE_S
+        while not self._stopped and os.getppid() == self._parent:
+            try:
+                return open_session(section)
+            except ConfigError:
+                if time.monotonic() > deadline:
+                    raise
+            time.sleep(_LINK_PAUSE_S)
+        return None
 
     def _build_eye(self, goal: Goal) -> Eye:
         clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)
@@ -159,7 +175,7 @@ class PerceptionProcess:
         camera = settings.model() or self._goal.sidecar.camera
         flown = GoalSidecar(camera, mount=settings.mount or Mount())
         try:
-            order = GoalOrder.from_bytes(self._desk.hand_out(digest))
+            order = GoalOrder.from_bytes(self._new_goals.take(digest))
             self._goal = ordered_goal(order, flown)
             self._route = RouteFollower(self._config, [self._goal], self._workers)
         except DfvsError as error:
@@ -177,18 +193,10 @@ class PerceptionProcess:
         if self._door is None or self._door.admits(attachment, now_ns):
             self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, now_ns))
 
-    def _on_command(self, sample: zenoh.Sample) -> None:
-        """Zenoh's thread: pass an operator's command on; the gate judges it."""
-        command = self._desk.take_command(sample.payload.to_bytes(), time.monotonic_ns())
-        if command is not None:
-            self._gate.send(command)
-
-    def _on_goal(self, sample: zenoh.Sample) -> None:
-        """Zenoh's thread: keep a new goal unopened, and let the gate judge its command."""
-        signed = b"" if sample.attachment is None else sample.attachment.to_bytes()
-        command = self._desk.take_goal(sample.payload.to_bytes(), signed, time.monotonic_ns())
-        if command is not None:
-            self._gate.send(command)
+    def _on_gate(self, message: FromGate) -> None:
+        """Thread of the gate's datagrams: keep states until the next turn."""
+        if isinstance(message, GateStatus):
+            self._heard.append(message)
 
     def _turn(self, telemetry: Telemetry, feed: TurnFeed) -> None:
         sample = self._next_sample()
@@ -212,7 +220,6 @@ class PerceptionProcess:
             self._go_on(glance, telemetry, feed)
         if self._collection_pace.due(now_ns):
             gc.collect()
-        self._publish_state(telemetry)
 
     def _send(self, report: PerceptionReport) -> None:
         """Tell the gate, and about which goal it is."""
@@ -232,10 +239,10 @@ class PerceptionProcess:
 
     def _heed_gate(self) -> list[GateStatus]:
         """Take in everything the gate said since the last turn, and return it."""
-        heard = self._gate.heard()
-        for status in heard:
-            self._status = status
-            self._eye.heed(status)
+        heard = []
+        while self._heard:
+            heard.append(self._heard.popleft())
+            self._eye.heed(heard[-1])
         return heard
 
     def _next_sample(self) -> RawSample | str:
@@ -261,7 +268,6 @@ class PerceptionProcess:
                 "refused": self._eye.refused,
                 "overtaken": self._mailbox.dropped,
                 "turned_away": 0 if self._door is None else self._door.turned_away,
-                "orders_dropped": self._desk.dropped,
             }
             telemetry.offer_json(
                 "timing", timing_document(self._latency.summary(), now_ns, counters)
@@ -276,7 +282,3 @@ class PerceptionProcess:
         if self._flow_pace.due(now_ns):
             telemetry.offer("flow", lambda: self._pictures.flow(frame, outcome.flow))
         return servo
-
-    def _publish_state(self, telemetry: Telemetry) -> None:
-        if self._status is not None and self._state_pace.due(time.monotonic_ns()):
-            telemetry.offer_json("state", dump(self._status))

@@ -9,6 +9,7 @@ from __future__ import annotations
 import logging
 import threading
 from collections import deque
+from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any
 
@@ -17,6 +18,7 @@ import zenoh.ext
 
 from dfvs_core.topics import Topics
 from dfvs_core.wire.turn import Opening, Turn, pack
+from dfvs_service.watched_thread import start_watched
 
 MAX_WAITING_BYTES = 64 * 1024 * 1024
 _TURN_BYTES = 4096
@@ -42,11 +44,19 @@ class TurnFeed:
     ----------
     session : zenoh.Session
     topics : Topics
+    report : callable
+        Takes one line about a failure of the thread, from any thread.
     patience_s : float
         A recorder is expected: turns wait for it so long after the start, from the first one on.
     """
 
-    def __init__(self, session: zenoh.Session, topics: Topics, patience_s: float = 0.0) -> None:
+    def __init__(
+        self,
+        session: zenoh.Session,
+        topics: Topics,
+        report: Callable[[str], None],
+        patience_s: float = 0.0,
+    ) -> None:
         self._patience_s = patience_s
         self._condition = threading.Condition()
         self._waiting: deque[_Parcel] = deque()
@@ -70,8 +80,7 @@ class TurnFeed:
         self._heard = threading.Event()
         self._listener = self._turns.declare_matching_listener(self._on_matching)
         self._wanted = patience_s > 0 or self._has_recorder()
-        self._thread = threading.Thread(target=self._publish, name="turn-feed", daemon=True)
-        self._thread.start()
+        self._thread = start_watched("turn-feed", self._publish, report)
 
     @property
     def wanted(self) -> bool:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import contextlib
 import json
 import os
+import secrets
 import signal
 import subprocess
 import sys
@@ -20,7 +21,7 @@ import zenoh
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.events import Action
 from dfvs_core.topics import Topics
-from dfvs_core.wire.command import encode_command
+from dfvs_core.wire.command import Command, encode_command
 from dfvs_sim.demo.children import ONE_BLAS_THREAD
 
 KEY = b"the harness signs its orders so."
@@ -92,7 +93,7 @@ class ServiceProcess:
         self._children: dict[str, int] = {}
 
     def pid(self, name: str) -> int:
-        """Process id of ``parent``, ``gate`` or ``perception``."""
+        """Process id of ``parent``, ``gate``, ``perception`` or ``operator_link``."""
         if name == "parent":
             return self.process.pid
         if name not in self._children:
@@ -103,7 +104,7 @@ class ServiceProcess:
         pid = self.process.pid
         for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
             words = Path(f"/proc/{child}/cmdline").read_text()
-            for name in ("gate", "perception"):
+            for name in ("gate", "perception", "operator_link"):
                 if f"dfvs_service.{name}" in words:
                     self._children[name] = int(child)
 
@@ -143,6 +144,11 @@ def _is_ours(pid: int, runtime: Path) -> bool:
         return str(runtime) in Path(f"/proc/{pid}/cmdline").read_text()
     except FileNotFoundError:
         return False
+
+
+def signed(key: bytes, vehicle: str, action: Action, challenge: str) -> bytes:
+    """Bytes of a command that was never sent before."""
+    return encode_command(key, Command(vehicle, action, challenge, secrets.token_hex(16)))
 
 
 class Operator:
@@ -193,7 +199,7 @@ class Operator:
             raise HarnessError("the service publishes no challenge")
         count = self.status["command_count"]
         self.used_challenge = self.status["challenge"]
-        self.send(encode_command(KEY, self._topics.vehicle, action, self.status["challenge"]))
+        self.send(signed(KEY, self._topics.vehicle, action, self.used_challenge))
         if not self.wait(lambda s: s["command_count"] > count, timeout_s):
             raise HarnessError(f"the service does not answer the order {action}")
         return str(self.status["command_result"])

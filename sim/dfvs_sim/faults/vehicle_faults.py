@@ -12,11 +12,10 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import Cause, GateState
-from dfvs_core.wire.command import encode_command
 from dfvs_sim.faults.fault import ANY_ENGAGED, Fault, Reaction
 from dfvs_sim.faults.records import TELLS_MODE
 from dfvs_sim.faults.rig import NO_RESPONSE_CHECK, Rig, Setup
-from dfvs_sim.faults.service import KEY, wait_until
+from dfvs_sim.faults.service import KEY, signed, wait_until
 from dfvs_sim.faults.world import BATTERY, GPS, MAVLINK_SIGNAL
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.px4 import Px4
@@ -151,7 +150,7 @@ def _forged(rig: Rig, rng: np.random.Generator) -> int:
     for key, vehicle in ((rng.bytes(32), rig.topics.vehicle), (KEY, "another")):
         for action in (Action.ABORT, Action.ENGAGE, Action.HOLD):
             challenge = str(rig.operator.status["challenge"])
-            rig.operator.send(encode_command(key, vehicle, action, challenge))
+            rig.operator.send(signed(key, vehicle, action, challenge))
     for size in (0, 1, 500, 100_000):
         rig.operator.send(rng.bytes(size))
     return time.monotonic_ns()
@@ -160,7 +159,7 @@ def _forged(rig: Rig, rng: np.random.Generator) -> int:
 def _replayed(rig: Rig, _: np.random.Generator) -> int:
     """Send an order of a minute ago, and one whose challenge was never given."""
     for challenge in ("0" * 32, rig.operator.used_challenge):
-        rig.operator.send(encode_command(KEY, rig.topics.vehicle, Action.ABORT, challenge))
+        rig.operator.send(signed(KEY, rig.topics.vehicle, Action.ABORT, challenge))
     return time.monotonic_ns()
 
 

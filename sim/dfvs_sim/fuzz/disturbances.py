@@ -27,6 +27,7 @@ from dfvs_core.gate.events import (
     Stop,
     VehicleMode,
     VelocityTarget,
+    WatchEnded,
 )
 from dfvs_core.wire.link import PerceptionReport
 from dfvs_sim.fuzz.dice import Dice
@@ -218,6 +219,7 @@ _ODD_EVENTS: tuple[Callable[[int, Dice], Event], ...] = (
     lambda t, dice: VelocityTarget(t, _triple(dice)),
     lambda t, dice: ForeignSetpoint(t, "from elsewhere"),
     lambda t, dice: OtherServices(t, *dice.pick(((), (("another",),), ((), ("another",))))),
+    lambda t, dice: WatchEnded(t, "failed") if dice.chance(0.1) else ParametersRead(t),
     _stop,
     lambda t, dice: Report(t, odd_report(t, dice)),
 )

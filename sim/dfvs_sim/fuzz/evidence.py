@@ -25,9 +25,11 @@ from dfvs_core.gate.events import (
     LocalPosition,
     Order,
     OtherServices,
+    ParametersRead,
     Report,
     Stop,
     VehicleMode,
+    WatchEnded,
 )
 from dfvs_core.wire.link import PerceptionReport
 
@@ -71,6 +73,8 @@ class Evidence:
         self._failsafe = self._on_ground = False
         self._estimator_valid = False
         self._estimator_ns = self._health_ns = self._landed_ns = _LONG_AGO
+        self._services_ns = self._parameters_ns = _LONG_AGO
+        self._is_watched = True
         self._is_stopped = False
         self._battery: float | None = None
         self._rival = False
@@ -100,6 +104,10 @@ class Evidence:
                 self._is_stopped = True
             case Order() if event.action in (Action.HOLD, Action.ABORT):
                 self.faults.append(f"ordered to {event.action}")
+            case ParametersRead():
+                self._parameters_ns = t_ns
+            case WatchEnded():
+                self._is_watched = False
             case _:
                 self._hear_vehicle(event, t_ns)
 
@@ -124,6 +132,7 @@ class Evidence:
             case EstimatorState():
                 self._estimator_ns, self._estimator_valid = t_ns, event.valid
             case OtherServices():
+                self._services_ns = t_ns
                 self._rival = bool(event.engaged)
                 self.is_alone = not (event.engaged or event.standing_by)
             case ForeignSetpoint() if t_ns >= self._engaged_ns:
@@ -204,6 +213,15 @@ class Evidence:
             return "vehicle on the ground"
         if self._rival:
             return "another service is engaged"
+        return self._watch_objection(now_ns)
+
+    def _watch_objection(self, now_ns: int) -> str | None:
+        """Say that parameters or other services are not watched."""
+        timing = self._config.timing
+        if not self._is_watched or now_ns - self._services_ns > timing.services_age_ns:
+            return "other services are not watched"
+        if now_ns - self._parameters_ns > timing.parameters_age_ns:
+            return "the failsafe parameters are not watched"
         return None
 
     @property

@@ -18,6 +18,7 @@ from dfvs_core.gate.events import (
     LandedState,
     LocalPosition,
     ModeRequest,
+    OtherServices,
     ParametersRead,
     VehicleEvent,
     VehicleMode,
@@ -135,3 +136,4 @@ class HoveringVehicle:
             yield LandedState(now_ns, in_air=True, on_ground=False)
             yield Battery(now_ns, 0.9)
             yield ParametersRead(now_ns)
+            yield OtherServices(now_ns)

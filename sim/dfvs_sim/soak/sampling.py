@@ -12,7 +12,11 @@ import psutil
 
 PERIOD_S = 2.0
 _OWN = ("RssAnon:", "RssShmem:")
-_ROLES = {"dfvs_service.gate": "gate", "dfvs_service.perception": "perception"}
+_ROLES = {
+    "dfvs_service.gate": "gate",
+    "dfvs_service.perception": "perception",
+    "dfvs_service.operator_link": "operator link",
+}
 
 
 @dataclass(frozen=True, slots=True)

@@ -206,6 +206,36 @@ def test_old_data_are_called_old_and_new_ones_clear_that(server, field, open_pag
     page.page.wait_for_selector("#view-notice", state="hidden")
 
 
+OPACITY = "() => getComputedStyle(document.querySelector('#numbers dd')).opacity"
+GOOD = "() => document.getElementById('verdict').dataset.ok === 'yes'"
+NOT_GOOD = "text => (e => e.dataset.ok !== 'yes' && e.textContent.includes(text))(verdict)"
+
+
+def test_may_be_flown_is_green_only_while_it_is_true(field, open_page):
+    server = Server(field.endpoints).start()
+    page = open_page(server.url)
+    try:
+        watch(page, "swift")
+        page.wait(GOOD)
+        assert page.text("verdict") == "✓ may be flown"
+        field.swift.enter("ABORT", "goal lost")
+        page.wait(NOT_GOOD, "the gate is in ABORT")
+        field.swift.enter("SERVO", "good data")
+        page.wait(GOOD)
+        field.swift.is_paused = True
+        page.wait(NOT_GOOD, "s old")
+        assert page.page.evaluate(OPACITY) == "0.5"
+        field.swift.is_paused = False
+        page.wait(GOOD)
+        assert page.page.evaluate(OPACITY) == "1"
+        server.kill()
+        page.wait(NOT_GOOD, "s old")
+    finally:
+        field.swift.is_paused = False
+        field.swift.enter("SERVO", "good data")
+        server.kill()
+
+
 def test_it_reconnects_by_itself_after_the_server_was_killed(field, open_page):
     server = Server(field.endpoints).start()
     page = open_page(server.url)

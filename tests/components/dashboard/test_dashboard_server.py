@@ -133,6 +133,29 @@ def test_a_wrong_token_is_shown_the_door(server):
     assert closed.value.rcvd.code == 4401
 
 
+def test_connections_that_do_not_greet_are_few_and_hold_up_nobody_for_long(server, field):
+    page = server.url.rstrip("/")
+    address = page.replace("http", "ws", 1) + "/live"
+    with contextlib.ExitStack() as silent:
+        admitted = 0
+        with contextlib.suppress(InvalidStatus):
+            for _ in range(40):
+                silent.enter_context(connect(address, origin=page, proxy=None))
+                admitted += 1
+        assert 1 < admitted < 20
+        with pytest.raises(InvalidStatus) as refused:
+            Browser(server)
+        assert refused.value.response.status_code == 403
+    with Browser(server) as browser:
+        browser.watch("swift")
+
+
+def test_a_greeting_that_is_too_long_is_refused_unread(server):
+    with Browser(server, "x" * 10_000) as browser, pytest.raises(ConnectionClosed) as closed:
+        browser.hear_until(lambda _: False)
+    assert closed.value.rcvd.code == 1009
+
+
 @pytest.mark.parametrize("origin", ["http://evil.example", "null", None])
 def test_other_pages_cannot_connect(server, origin):
     with pytest.raises(InvalidStatus) as refused:

@@ -14,11 +14,11 @@ import time
 
 import pytest
 from gate_flight import HoveringVehicle, hovering_vehicle, service_running, side_by_side, speed
+from signed_commands import signed
 from vehicle_process import free_port
 
 from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import Action
-from dfvs_core.wire.command import encode_command
 from dfvs_sim.faults.records import TELLS_MODE
 
 KEY = b"0123456789abcdef0123456789abcdef"
@@ -224,10 +224,9 @@ def test_a_signed_command_engages_and_a_repeated_one_does_not_count(vehicle, tmp
     folder = tmp_path / "runtime"
     with service_running(vehicle, folder, **settings) as flight:
         flight.until("READY")
-        order = encode_command(
-            KEY, "drone1", Action.ENGAGE, (folder / "challenge").read_text()
-        ).decode()
-        forged = json.dumps({**json.loads(order), "action": "abort"})
+        order = signed(KEY, "drone1", Action.ENGAGE, (folder / "challenge").read_text()).decode()
+        document = json.loads(order)
+        forged = json.dumps({**document, "command": {**document["command"], "action": "abort"}})
         for text in (forged, order, order):
             before = len(commands(flight))
             (folder / "command.new").write_text(text)
@@ -237,7 +236,7 @@ def test_a_signed_command_engages_and_a_repeated_one_does_not_count(vehicle, tmp
     assert commands(flight) == [
         "rejected: wrong signature",
         "accepted: engage",
-        "rejected: its challenge was used or is too old",
+        "repeated: accepted: engage",
     ]
 
 

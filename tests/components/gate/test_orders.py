@@ -18,25 +18,30 @@ from dfvs_core.wire.picture import encode_png
 from dfvs_service import cli
 from dfvs_service.config import load_config
 from dfvs_service.goal_file import ordered_goal
+from dfvs_service.goal_store import GoalStore
 from dfvs_service.key_file import create_key, load_key
-from dfvs_service.perception.order_desk import OrderDesk
+from dfvs_service.operator_link.command_filter import CommandFilter
 from dfvs_service.zenoh_session import open_session
 
 TOPICS = Topics("swift")
 
 
 class Service:
-    """Publishes its state at 10 Hz and judges what arrives, as perception and gate do together."""
+    """Publishes its state at 10 Hz and judges what arrives, as gate and operator link together."""
 
-    def __init__(self, session, key):
+    def __init__(self, session, key, store):
+        self.session = session
+        self.store = store
         now_ns = time.monotonic_ns()
         self.authority = Authority(key, "swift", lambda: secrets.token_hex(8), now_ns)
         self.results = []
         self.stopped = threading.Event()
-        self.desk = OrderDesk(now_ns)
+        self.desk = CommandFilter(store, now_ns)
         self.arguments = []
         self.lost = 0
         """So many commands get lost on the way."""
+        self.mute = 0
+        """So many answers get lost on the way back."""
         self.publisher = session.declare_publisher(TOPICS.telemetry("state"))
         self.subscriber = session.declare_subscriber(TOPICS.command, self.on_command)
         self.goals = session.declare_subscriber(TOPICS.new_goal, self.on_goal)
@@ -55,14 +60,23 @@ class Service:
             self.lost -= 1
             return
         verdict = self.authority.judge(command.payload.encode(), time.monotonic_ns())
-        self.arguments.append(verdict.argument)
-        self.results.append(verdict.text)
+        if not verdict.is_repeated:
+            self.arguments.append(verdict.argument)
+            self.results.append(verdict.text)
+        if self.mute > 0:
+            self.mute -= 1
+            return
+        self.say({"request": "0" * 32, "result": "rejected: somebody else's"})
+        self.say({"request": verdict.request, "result": verdict.text})
+
+    def say(self, answer):
+        self.session.put(TOPICS.telemetry("answer"), json.dumps(answer))
 
     def publish(self):
         while not self.stopped.wait(0.1):
             state = {
                 "challenge": self.authority.challenge(time.monotonic_ns()),
-                "command_result": self.results[-1] if self.results else "",
+                "command_result": "rejected: an older one",
                 "command_count": len(self.results),
             }
             self.publisher.put(json.dumps(state))
@@ -84,13 +98,13 @@ def key_file(tmp_path):
 
 
 @pytest.fixture
-def listening(endpoint):
+def listening(endpoint, tmp_path):
     """Starts a service with a key, or with none."""
     services = []
     with open_session(load_config(None, {"zenoh.listen": [endpoint]}).zenoh) as session:
 
         def start(key):
-            services.append(Service(session, key))
+            services.append(Service(session, key, GoalStore(tmp_path / "goals")))
             return services[-1]
 
         yield start
@@ -116,9 +130,19 @@ def test_an_order_that_got_lost_is_given_once_more(endpoint, key_file, listening
     service.lost = 1
     assert order(endpoint, key_file, "hold") == 0
     assert service.results == ["accepted: hold"]
-    service.lost = 2
+    service.lost = 1000
     assert order(endpoint, key_file, "hold") == 2
     assert "did not answer in 2 s" in capsys.readouterr().err
+
+
+def test_an_order_whose_answer_got_lost_is_obeyed_once_and_answered_again(
+    endpoint, key_file, listening, capsys
+):
+    service = listening(load_key(key_file))
+    service.mute = 2
+    assert order(endpoint, key_file, "abort") == 0
+    assert service.results == ["accepted: abort"]
+    assert capsys.readouterr().out == "accepted: abort\n"
 
 
 def test_a_new_goal_arrives_with_its_sidecar_under_one_signature(
@@ -130,7 +154,7 @@ def test_a_new_goal_arrives_with_its_sidecar_under_one_signature(
     picture.with_suffix(".json").write_text(sidecar.to_json())
     assert order(endpoint, key_file, "goal", "--goal", str(picture)) == 0
     assert service.results == ["accepted: goal"]
-    arrived = GoalOrder.from_bytes(service.desk.hand_out(service.arguments[0]))
+    arrived = GoalOrder.from_bytes(service.store.take(service.arguments[0]))
     assert arrived == GoalOrder(picture.read_bytes(), sidecar.to_json())
     assert ordered_goal(arrived, sidecar).sidecar == sidecar
 

@@ -27,9 +27,13 @@ def drain(descriptor):
         pass
 
 
-def run(folder, gate, perception=IDLE, stop_after_s=None):
+def run(folder, gate, perception=IDLE, link=IDLE, stop_after_s=None):
     """Exit code, what the user reads, and how long it took."""
-    programs = Programs((sys.executable, FAKE_GATE, *gate), (sys.executable, "-c", perception))
+    programs = Programs(
+        (sys.executable, FAKE_GATE, *gate),
+        (sys.executable, "-c", perception),
+        link=(sys.executable, "-c", link),
+    )
     stream = io.StringIO()
     parent = Parent(RuntimeFolder(folder), programs, ChangeLines(stream))
     if stop_after_s is not None:
@@ -77,10 +81,10 @@ def test_a_gate_that_does_not_end_when_told_is_killed_within_two_seconds(tmp_pat
 
 
 def test_slow_children_do_not_hold_up_the_end_either(tmp_path):
-    """A deaf gate, perception and recorder together: still within two seconds."""
+    """A deaf gate, perception, recorder and operator link together: still within two seconds."""
     deaf = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(60)"
     child = (sys.executable, "-c", deaf)
-    programs = Programs((sys.executable, FAKE_GATE, "--deaf"), child, child)
+    programs = Programs((sys.executable, FAKE_GATE, "--deaf"), child, child, child)
     parent = Parent(RuntimeFolder(tmp_path), programs, ChangeLines(io.StringIO()))
     told = []
 
@@ -102,7 +106,8 @@ def test_a_stopped_terminal_does_not_stop_the_watch(tmp_path):
             os.write(write, b"." * 4096)
     os.set_blocking(write, True)
     gate = (sys.executable, FAKE_GATE, "--hang", "--deaf")
-    programs = Programs(gate, (sys.executable, "-c", IDLE))
+    idle = (sys.executable, "-c", IDLE)
+    programs = Programs(gate, idle, link=idle)
     with os.fdopen(write, "w") as stream:
         parent = Parent(RuntimeFolder(tmp_path), programs, ChangeLines(stream))
         start = time.monotonic()
@@ -120,6 +125,12 @@ def test_a_perception_that_cannot_run_ends_the_service_with_its_error(tmp_path):
     assert code == 2
     assert lines.count("error: no such model") == 1
     assert "noise" not in lines
+
+
+def test_an_operator_link_that_cannot_run_ends_the_service_with_its_error(tmp_path):
+    code, lines, _ = run(tmp_path, [], link=BROKEN)
+    assert code == 2
+    assert lines.count("error: no such model") == 1
 
 
 def test_a_perception_that_ends_in_flight_leaves_the_gate_to_its_own_judgement(tmp_path):

@@ -112,7 +112,7 @@ async def look(url, pictures):
 def test_foxglove_sees_the_flight_on_its_own_schemas(service):
     session, endpoint = service
     flight = fly(np.random.default_rng(3), frames=3)
-    feed = TurnFeed(session, TOPICS)
+    feed = TurnFeed(session, TOPICS, print)
     with Running("dfvs_service.live.foxglove_cli", endpoint) as server:
         assert server.url.startswith("ws://127.0.0.1:")
         until(lambda: feed.wanted, bool)

@@ -16,14 +16,11 @@ import numpy as np
 import pytest
 import zenoh
 import zenoh.ext
-from loopback import free_endpoint
 from textured_wall import Wall, texture
 
 from dfvs_core.camera import CameraModel
-from dfvs_core.gate.events import Action
 from dfvs_core.goal import GoalSidecar
 from dfvs_core.topics import Topics
-from dfvs_core.wire.command import encode_command
 from dfvs_core.wire.flow_grid import decode_flow_grid
 from dfvs_core.wire.frame import (
     BOOT_ID_FILE,
@@ -36,7 +33,6 @@ from dfvs_core.wire.frame import (
 )
 from dfvs_core.wire.goal_order import GoalOrder, goal_digest
 from dfvs_core.wire.link import (
-    ForwardedCommand,
     GateStatus,
     PerceptionReport,
     VehicleState,
@@ -46,6 +42,7 @@ from dfvs_core.wire.link import (
 from dfvs_core.wire.picture import encode_png
 from dfvs_core.wire.zenoh_settings import zenoh_settings
 from dfvs_service.config import load_config
+from dfvs_service.goal_store import GoalStore
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
 TOPICS = Topics("perceiver")
@@ -54,18 +51,18 @@ STARTUP_S = 30.0
 
 
 class Rig:
-    """The process, a Zenoh peer beside it, and the gate's end of its socket."""
+    """The process, the operator link's Zenoh session, and the gate's end of its socket."""
 
     overrides: ClassVar[dict[str, object]] = {}
 
     def __init__(self, folder, picture, launcher=()):
         self.picture = picture
         self.goal = ""
-        endpoint = free_endpoint()
+        self.new_goals = GoalStore(folder / "new-goals")
         sidecar = GoalSidecar(CAMERA)
         (folder / "goal.png").write_bytes(encode_png(picture))
         (folder / "goal.json").write_text(sidecar.to_json())
-        overrides = {"vehicle.name": TOPICS.vehicle, "zenoh.listen": [endpoint], **self.overrides}
+        overrides = {"vehicle.name": TOPICS.vehicle, **self.overrides}
         config, _ = load_config(None, overrides).with_camera((320, 240), sidecar)
         (folder / "config.json").write_text(config.to_json())
         self.gate = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -73,11 +70,11 @@ class Rig:
         self.gate.settimeout(STARTUP_S)
         self.address = str(folder / "perception.sock")
         command = [sys.executable, "-m", "dfvs_service.perception", "--runtime", str(folder)]
-        self.process = subprocess.Popen([*launcher, *command], stderr=subprocess.PIPE)
         settings = zenoh.Config()
-        for key, value in zenoh_settings("peer", (endpoint,), ()):
+        for key, value in zenoh_settings("peer", (), (f"unixsock-stream/{folder / 'zenoh.sock'}",)):
             settings.insert_json5(key, value)
         self.session = zenoh.open(settings)
+        self.process = subprocess.Popen([*launcher, *command], stderr=subprocess.PIPE)
         self.seq = 0
 
     def close(self):
@@ -106,22 +103,11 @@ class Rig:
         status = GateStatus(state, "tested", vehicle, goal=self.goal)
         self.gate.sendto(to_datagram(status), self.address)
 
-    def forwarded(self, within_s=5.0):
-        """Next command that the process passes on."""
-        deadline = time.monotonic() + within_s
-        self.gate.settimeout(within_s)
-        while time.monotonic() < deadline:
-            if (data := self.gate.recv(65536)).startswith(b'{"payload"'):
-                return from_datagram(ForwardedCommand, data)
-        raise AssertionError("no command")
-
     def offer(self, picture):
-        """Send a new goal as an operator does; its digest, once its command was passed on."""
+        """Keep a new goal as the operator link does; its digest."""
         data = GoalOrder(picture).to_bytes()
         digest = goal_digest(data)
-        command = encode_command(b"k" * 32, TOPICS.vehicle, Action.GOAL, "c", digest)
-        self.session.put(TOPICS.new_goal, data, attachment=command)
-        assert self.forwarded().payload == command.decode()
+        self.new_goals.keep(digest, data)
         return digest
 
     def shoot(self, rng, picture=None):
@@ -161,7 +147,7 @@ def rig(tmp_path, rng):
 
 def test_frames_become_reports_and_telemetry(rig, rng):
     heard = {}
-    names = ("servo", "timing", "preview", "state")
+    names = ("servo", "timing", "preview")
     subscribers = [
         rig.session.declare_subscriber(
             TOPICS.telemetry(name), lambda sample, name=name: heard.__setitem__(name, sample)
@@ -185,12 +171,10 @@ def test_frames_become_reports_and_telemetry(rig, rng):
     assert servo["verdict"] == "OK"
     timing = json.loads(told("timing"))
     assert timing["stages"]["capture_to_report"]["p50_ms"] > 0
-    state = json.loads(told("state"))
-    assert state["cause"] == "tested"
     preview = heard["preview"]
     header = decode_header(preview.attachment.to_bytes())
     assert decode_frame(preview.payload.to_bytes(), header).image.shape == (240, 320, 3)
-    assert len(subscribers) == 4
+    assert len(subscribers) == 3
 
 
 def test_late_joiners_are_told_the_configuration(rig, rng):
@@ -247,12 +231,6 @@ def test_frames_faster_than_perception_are_skipped_not_queued(rig, rng):
     assert len(seen) > 3
     # A queue would be a second behind by now; one slot is behind by the work on one frame.
     assert late_s[-1] < 0.5
-
-
-def test_an_operator_s_command_is_passed_on_untouched(rig, rng):
-    rig.shoot_until(rng, lambda r: r.healthy)
-    rig.session.put(TOPICS.command, b'{"not": "for perception to judge"}')
-    assert rig.forwarded().payload == '{"not": "for perception to judge"}'
 
 
 def test_a_new_goal_is_looked_for_only_after_the_gate_accepted_it(rig, rng):

@@ -52,7 +52,8 @@ def run_service(folder, recorder, until):
     """The parent with stand-ins for gate and perception; gives exit code and what was said."""
     said = Said()
     perception = (sys.executable, "-c", ENDING.replace("NAME", "perception"))
-    programs = Programs((sys.executable, "-c", BEATING), perception, recorder)
+    link = (sys.executable, "-c", ENDING.replace("NAME", "link"))
+    programs = Programs((sys.executable, "-c", BEATING), perception, recorder, link)
     parent = Parent(RuntimeFolder(folder), programs, said)
 
     def stop():
@@ -65,12 +66,13 @@ def run_service(folder, recorder, until):
     return parent.run(), said.lines
 
 
-def test_the_recorder_is_ended_after_perception_which_still_has_something_to_say(tmp_path):
+def test_the_recorder_is_ended_after_perception_and_the_operator_link_after_both(tmp_path):
     recorder = (sys.executable, "-c", ENDING.replace("NAME", "recorder"))
-    ups = [tmp_path / "perception.up", tmp_path / "recorder.up"]
+    names = ("perception", "recorder", "link")
+    ups = [tmp_path / f"{name}.up" for name in names]
     run_service(tmp_path, recorder, lambda _: all(up.exists() for up in ups))
-    ended = [int((tmp_path / f"{name}.ended").read_text()) for name in ("perception", "recorder")]
-    assert ended[0] < ended[1]
+    ended = [int((tmp_path / f"{name}.ended").read_text()) for name in names]
+    assert ended == sorted(ended)
 
 
 @pytest.mark.parametrize("end", ["sys.exit(3)", "os.kill(os.getpid(), 9)"])

@@ -47,7 +47,7 @@ def service(tmp_path, rng):
         try:
             await_service(runtime, zenoh_port)
             family = [psutil.Process(parent.pid), *psutil.Process(parent.pid).children()]
-            assert len(family) == 3
+            assert len(family) == 4
             yield family, zenoh_port, vehicle.port
         finally:
             parent.terminate()
@@ -55,7 +55,7 @@ def service(tmp_path, rng):
 
 
 def await_service(runtime, zenoh_port):
-    """Wait until perception listens and the gate has heard its vehicle and its reports."""
+    """Wait until the operator link listens and the gate has heard its vehicle and its reports."""
     deadline = time.monotonic() + 40.0
     while time.monotonic() < deadline:
         with socket.socket() as probe:

@@ -16,7 +16,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.topics import Topics
 from dfvs_core.wire.zenoh_access import Role, certificate_name
 from dfvs_service.config import load_config
-from dfvs_service.perception.lease import Lease
+from dfvs_service.operator_link.lease import Lease
 from dfvs_service.zenoh_session import open_session
 
 SCRIPT = Path(__file__).parents[3] / "deploy" / "make_certificates.py"

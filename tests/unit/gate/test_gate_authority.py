@@ -6,12 +6,13 @@ import json
 import pytest
 from hypothesis import given
 from hypothesis import strategies as st
+from signed_commands import signed
 
 from dfvs_core.errors import WireError
-from dfvs_core.gate.authority import ROTATION_NS, Authority
+from dfvs_core.gate.authority import MAX_ANSWERS, ROTATION_NS, Authority, Verdict
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
-from dfvs_core.wire.command import MAX_COMMAND_BYTES, decode_command, encode_command
+from dfvs_core.wire.command import MAX_COMMAND_BYTES, decode_command, request_id
 
 KEY, OTHER_KEY = b"k" * 32, b"K" * 32
 DIGEST = "0123456789abcdef" * 4
@@ -25,7 +26,15 @@ def authority(key=KEY):
 
 def order(challenge, action=Action.ENGAGE, vehicle="drone1", key=KEY):
     argument = DIGEST if action is Action.GOAL else ""
-    return encode_command(key, vehicle, action, challenge, argument)
+    return signed(key, vehicle, action, challenge, argument)
+
+
+def altered(data, **changes):
+    """The same command with other fields, under the old signature."""
+    document = json.loads(data)
+    envelope = {name: changes.pop(name) for name in ("mac", "format") if name in changes}
+    command = {**document["command"], **changes}
+    return json.dumps({**document, **envelope, "command": command}).encode()
 
 
 @pytest.mark.parametrize("action", list(Action))
@@ -37,13 +46,55 @@ def test_an_authentic_order_is_accepted(action):
     assert verdict.argument == (DIGEST if action is Action.GOAL else "")
 
 
-def test_an_order_counts_once():
+def test_an_order_is_obeyed_once_and_answered_each_time_it_arrives():
     gate = authority()
     data = order(gate.challenge(START_NS))
-    gate.judge(data, START_NS)
-    verdict = gate.judge(data, START_NS)
+    first = gate.judge(data, START_NS)
+    second = gate.judge(data, START_NS + 100 * ROTATION_NS)
+    assert first == Verdict(Action.ENGAGE, "accepted: engage", request=request_id(data))
+    assert second == Verdict(None, first.text, request=first.request, is_repeated=True)
+
+
+def test_another_command_with_a_used_challenge_is_rejected():
+    gate = authority()
+    challenge = gate.challenge(START_NS)
+    gate.judge(order(challenge), START_NS)
+    verdict = gate.judge(order(challenge), START_NS)
     assert verdict.action is None
-    assert "used" in verdict.text
+    assert verdict.text == "rejected: its challenge was used or is too old"
+
+
+def test_every_answer_is_for_the_bytes_that_were_sent():
+    gate = authority()
+    data = order(gate.challenge(START_NS))
+    forged = altered(data, action="abort")
+    for sent in (b"", forged, data, forged):
+        assert gate.judge(sent, START_NS).request == request_id(sent)
+    assert len({request_id(data), request_id(forged), request_id(b"")}) == 3
+    assert gate.judge(forged, START_NS).text.startswith("rejected: ")
+
+
+def test_the_answer_that_the_state_machine_gave_is_the_one_that_is_repeated():
+    gate = authority()
+    data = order(gate.challenge(START_NS))
+    request = gate.judge(data, START_NS).request
+    gate.record(request, "rejected: not now")
+    assert gate.judge(data, START_NS).text == "rejected: not now"
+
+
+def test_the_oldest_answers_are_forgotten_and_their_commands_are_rejected():
+    gate = authority()
+    sent = []
+    for _ in range(MAX_ANSWERS + 1):
+        sent.append(order(gate.challenge(START_NS)))
+        gate.judge(sent[-1], START_NS)
+    assert gate.judge(sent[0], START_NS).text.startswith("rejected: its challenge was used")
+    assert all(gate.judge(data, START_NS).is_repeated for data in sent[1:])
+
+
+def test_a_command_without_a_key_is_answered_by_its_id():
+    verdict = authority(key=None).judge(b"x", START_NS)
+    assert verdict.request == request_id(b"x")
 
 
 def test_a_used_challenge_is_replaced_at_once():
@@ -117,7 +168,7 @@ def test_what_is_not_for_us_is_rejected_with_its_reason(changes, reason):
 def test_a_changed_order_is_rejected_and_uses_nothing_up(field, value):
     gate = authority()
     data = order(gate.challenge(START_NS))
-    changed = json.dumps({**json.loads(data), field: value}).encode()
+    changed = altered(data, **{field: value})
     assert gate.judge(changed, START_NS).text == "rejected: wrong signature"
     assert gate.judge(data, START_NS).action is Action.ENGAGE
 
@@ -125,7 +176,7 @@ def test_a_changed_order_is_rejected_and_uses_nothing_up(field, value):
 def test_a_signed_order_for_one_goal_is_none_for_another():
     gate = authority()
     data = order(gate.challenge(START_NS), Action.GOAL)
-    changed = json.dumps({**json.loads(data), "argument": DIGEST[::-1]}).encode()
+    changed = altered(data, argument=DIGEST[::-1])
     assert gate.judge(changed, START_NS).text == "rejected: wrong signature"
     assert gate.judge(data, START_NS).argument == DIGEST
 
@@ -149,12 +200,15 @@ def test_garbage_is_rejected(data):
         b'{"vehicle": "drone1"}',
         b"[" * 1000,
         b" " * (MAX_COMMAND_BYTES + 1),
-        json.dumps({**json.loads(order("c")), "format": "dfvs-command/1"}).encode(),
-        json.dumps({**json.loads(order("c")), "action": "arm"}).encode(),
-        json.dumps({**json.loads(order("c")), "extra": 1}).encode(),
-        json.dumps({**json.loads(order("c")), "argument": DIGEST}).encode(),
-        json.dumps({**json.loads(order("c")), "action": "goal"}).encode(),
-        json.dumps({**json.loads(order("c", Action.GOAL)), "argument": DIGEST.upper()}).encode(),
+        altered(order("c"), format="dfvs-command/2"),
+        altered(order("c"), action="arm"),
+        altered(order("c"), extra=1),
+        altered(order("c"), nonce=""),
+        altered(order("c"), nonce="g" * 32),
+        altered(order("c"), nonce="0" * 33),
+        altered(order("c"), argument=DIGEST),
+        altered(order("c"), action="goal"),
+        altered(order("c", Action.GOAL), argument=DIGEST.upper()),
     ],
 )
 def test_what_does_not_follow_the_format_is_an_error(data):
@@ -163,7 +217,7 @@ def test_what_does_not_follow_the_format_is_an_error(data):
 
 
 def test_a_command_survives_the_wire():
-    command = decode_command(order("abc", Action.HOLD))
+    command = decode_command(order("abc", Action.HOLD)).command
     assert (command.vehicle, command.action, command.challenge) == ("drone1", Action.HOLD, "abc")
 
 

@@ -16,6 +16,7 @@ from dfvs_core.gate.events import (
     Heartbeat,
     LandedState,
     LocalPosition,
+    OtherServices,
     ParametersRead,
     VehicleMode,
 )
@@ -48,6 +49,7 @@ def picture(place=(0.0, 0.0, 0.0), **age_ns):
         Battery(NOW_NS, 0.2),
         Health(t_ns.get("health", NOW_NS), ok=True),
         ParametersRead(t_ns.get("parameters", NOW_NS)),
+        OtherServices(t_ns.get("services", NOW_NS)),
     ):
         vehicle.take(event)
     return vehicle
@@ -63,6 +65,7 @@ def test_these_are_the_times_and_limits_that_safety_rests_on():
         "telemetry_age_ns": 500 * MS,
         "status_age_ns": 2 * S,
         "parameters_age_ns": 30 * S,
+        "services_age_ns": 5 * S,
         "stall_ns": 150 * MS,
         "slew_step_ns": 100 * MS,
         "ready_after_ns": 1 * S,

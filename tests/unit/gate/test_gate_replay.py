@@ -28,6 +28,7 @@ from dfvs_core.gate.events import (
     Stop,
     VehicleMode,
     VelocityTarget,
+    WatchEnded,
 )
 from dfvs_core.gate.replay import Step, encode_gap, encode_start, encode_step, read_steps, replay
 from dfvs_core.gate.states import GateState
@@ -166,6 +167,7 @@ EVENTS: list[Event] = [
     ForeignSetpoint(9, "x"),
     OtherServices(10, ("a",), ("b", "c")),
     BadReport(11, ""),
+    WatchEnded(12, "failed"),
 ]
 
 

@@ -30,24 +30,24 @@ def target(gate, velocity=(0.5, 0.5, 0.0)):
 @pytest.mark.parametrize("place", ["standing_by", "engaged"])
 def test_a_second_service_keeps_both_from_engaging(place):
     gate = Rehearsal(auto_config())
-    gate.send([OtherServices(gate.now_ns, **{place: ("b7",)})])
+    gate.others = (("b7",), ()) if place == "standing_by" else ((), ("b7",))
     gate.run(3.0)
     assert gate.state is GateState.PREFLIGHT
     assert "another service for this vehicle runs (b7): stop one of them" in gate.machine.reason
-    gate.send([OtherServices(gate.now_ns)])
+    gate.others = ()
     gate.until(GateState.SERVO)
 
 
 def test_a_service_that_comes_up_takes_ready_back():
     gate = Rehearsal(pilot_config()).until(GateState.READY)
-    gate.send([OtherServices(gate.now_ns, standing_by=("b7",))])
+    gate.others = (("b7",),)
     gate.run(0.6)
     assert (gate.state, gate.last.cause) == (GateState.PREFLIGHT, Cause.CHECKS_FAILED)
 
 
 def test_a_service_that_stands_by_does_not_end_a_flight_one_that_is_engaged_does():
     gate = flying()
-    gate.send([OtherServices(gate.now_ns, standing_by=("b7",))])
+    gate.others = (("b7",),)
     gate.run(1.0)
     assert gate.state is GateState.SERVO
     output = gate.send([OtherServices(gate.now_ns, engaged=("b7",))])

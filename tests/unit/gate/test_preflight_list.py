@@ -32,6 +32,7 @@ ARMING = (
 )
 BATTERY = "charge or change the battery, or give the autopilot a power module"
 PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
+WATCH = "wait a few seconds; where it stays lost, see the log and start the service anew"
 FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
 GOAL = "move to where the goal is in view, or take another goal image"
 MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"
@@ -56,6 +57,7 @@ def test_before_anything_is_heard():
         Check("battery", False, "battery low, charge unknown", BATTERY),
         Check("parameters", False, "not read back yet", "wait a few seconds"),
         ADVISED,
+        Check("watch", False, "watch lost, other services, none heard yet", WATCH),
         Check("frames", False, "no good data, no report yet", FRAMES),
         Check("goal", False, "overlap 0%, 9% needed", GOAL),
         Check("mounting", True, "", ""),
@@ -73,6 +75,7 @@ def test_where_all_is_well():
         Check("battery", True, "90% left", ""),
         Check("parameters", True, "COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5", ""),
         ADVISED,
+        Check("watch", True, "", ""),
         Check("frames", True, "50.0 a second, results 40 ms after capture", ""),
         Check("goal", True, "overlap 80%", ""),
         Check("mounting", True, "", ""),

@@ -1,25 +1,35 @@
+import contextlib
 import socket
 import time
 
 import pytest
 from gate_rehearsal import Rehearsal
+from signed_commands import signed
 
 from dfvs_core.gate.authority import Authority
 from dfvs_core.gate.events import Action, BadReport, Order, Report
-from dfvs_core.wire.command import encode_command
-from dfvs_core.wire.link import ForwardedCommand, GateStatus, to_datagram
+from dfvs_core.wire.command import request_id
+from dfvs_core.wire.link import (
+    CommandAnswer,
+    ForwardedCommand,
+    GateStatus,
+    ThreadFault,
+    from_gate,
+    to_datagram,
+)
 from dfvs_service.beat import Beat
 from dfvs_service.gate.post import Post
 from dfvs_service.runtime import RuntimeFolder
 
 KEY = b"k" * 32
+FAULTS = []
 STATUS, BEAT = GateStatus("IDLE", "", None), Beat(0, "IDLE", "")
 
 
 @pytest.fixture
 def post(tmp_path):
     authority = Authority(KEY, "drone1", lambda: "c", 0)
-    return Post(RuntimeFolder(tmp_path), authority, lambda kind, text: None)
+    return Post(RuntimeFolder(tmp_path), authority, lambda kind, text: None, FAULTS.append)
 
 
 def send(tmp_path, *datagrams):
@@ -55,7 +65,7 @@ def test_garbage_becomes_a_bad_report(post, tmp_path, data):
 
 
 def test_only_an_authentic_command_becomes_an_order(post, tmp_path):
-    good = encode_command(KEY, "drone1", Action.HOLD, "c").decode()
+    good = signed(KEY, "drone1", Action.HOLD, "c").decode()
     send(tmp_path, to_datagram(ForwardedCommand("\ud800")), to_datagram(ForwardedCommand(good)))
     assert collected(post) == [Order(42, Action.HOLD)]
     assert post.command_count == 2
@@ -63,15 +73,91 @@ def test_only_an_authentic_command_becomes_an_order(post, tmp_path):
 
 
 def test_an_order_for_a_goal_says_which(post, tmp_path):
-    data = encode_command(KEY, "drone1", Action.GOAL, "c", "ab" * 32).decode()
+    data = signed(KEY, "drone1", Action.GOAL, "c", "ab" * 32).decode()
     send(tmp_path, to_datagram(ForwardedCommand(data)))
     assert collected(post) == [Order(42, Action.GOAL, "ab" * 32)]
 
 
-def test_an_order_that_the_state_forbids_is_answered_so(post):
-    post.answer("rejected: not now" + "!" * 300)
+@pytest.fixture
+def link(tmp_path):
+    """The operator link's end: gives the answers that arrived."""
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as end:
+        end.bind(str(tmp_path / "link.sock"))
+        end.setblocking(False)
+
+        def answers():
+            found = []
+            with contextlib.suppress(BlockingIOError):
+                while True:
+                    found.append(from_gate(end.recv(65536)))
+            return found
+
+        yield answers
+
+
+def command(key=KEY, action=Action.HOLD):
+    data = signed(key, "drone1", action, "c")
+    return to_datagram(ForwardedCommand(data.decode())), request_id(data)
+
+
+def test_a_command_is_answered_by_its_id_once_the_state_machine_has_taken_it(post, link, tmp_path):
+    datagram, request = command()
+    send(tmp_path, datagram)
+    assert len(collected(post)) == 1
+    assert link() == []
+    post.settle("")
+    assert link() == [CommandAnswer(request, "accepted: hold")]
+    post.settle("")
+    assert link() == []
+
+
+def test_a_repeated_command_gets_the_same_answer_and_is_no_order(post, link, tmp_path):
+    datagram, request = command()
+    send(tmp_path, datagram, datagram)
+    assert len(collected(post)) == 1
+    post.settle("rejected: not now")
+    send(tmp_path, datagram)
+    assert collected(post) == []
+    assert link() == [CommandAnswer(request, "rejected: not now")] * 2
+    assert (post.command_count, post.command_result) == (1, "rejected: not now")
+
+
+def test_the_answer_to_one_command_is_not_that_to_another(post, link, tmp_path):
+    good, accepted = command()
+    forged, rejected = command(b"x" * 32, Action.ABORT)
+    send(tmp_path, good, forged)
+    collected(post)
+    post.settle("")
+    assert set(link()) == {
+        CommandAnswer(rejected, "rejected: wrong signature"),
+        CommandAnswer(accepted, "accepted: hold"),
+    }
+
+
+def test_an_order_that_the_state_forbids_is_answered_so(post, link, tmp_path):
+    datagram, _ = command()
+    send(tmp_path, datagram)
+    collected(post)
+    post.settle("rejected: not now" + "!" * 300)
+    (answer,) = link()
+    assert answer.result == post.command_result
     assert post.command_result.startswith("rejected: not now!")
     assert len(post.command_result) == 200
+
+
+def test_a_refusal_without_a_command_answers_nobody(post, link):
+    post.settle("rejected: not now")
+    assert link() == []
+    assert post.command_result == ""
+
+
+def test_a_thread_s_fault_is_passed_on_and_is_no_event(post, tmp_path):
+    FAULTS.clear()
+    send(tmp_path, to_datagram(ThreadFault("telemetry failed" + "!" * 300)))
+    assert collected(post) == []
+    (line,) = FAULTS
+    assert line.startswith("telemetry failed!")
+    assert len(line) == 200
 
 
 def test_sending_never_waits_for_a_reader_that_is_not_there_or_does_not_read(post, tmp_path):

@@ -9,13 +9,17 @@ from hypothesis import strategies as st
 from dfvs_core.errors import WireError
 from dfvs_core.wire.link import (
     MAX_DATAGRAM_BYTES,
+    CommandAnswer,
     ForwardedCommand,
     GateStatus,
+    LeaseHolders,
     PerceptionReport,
+    ThreadFault,
     VehicleState,
     from_datagram,
-    from_perception,
+    from_gate,
     to_datagram,
+    to_gate,
 )
 
 REPORT = Rehearsal().report().report
@@ -38,8 +42,15 @@ def test_messages_survive_the_wire(message):
 
 def test_the_gate_tells_reports_from_commands():
     command = ForwardedCommand('{"vehicle": "drone1"}')
-    assert from_perception(to_datagram(REPORT)) == REPORT
-    assert from_perception(to_datagram(command)) == command
+    assert to_gate(to_datagram(REPORT)) == REPORT
+    assert to_gate(to_datagram(command)) == command
+    for message in (LeaseHolders(("a",)), ThreadFault("telemetry failed")):
+        assert to_gate(to_datagram(message)) == message
+
+
+@pytest.mark.parametrize("message", [STATUS, CommandAnswer("ab" * 16, "accepted: hold")])
+def test_states_are_told_from_answers(message):
+    assert from_gate(to_datagram(message)) == message
 
 
 @pytest.mark.parametrize("name", ["velocity", "error_m", "overlap", "feature_error"])
@@ -48,13 +59,13 @@ def test_numbers_that_are_not_finite_are_refused(name, word):
     data = json.loads(to_datagram(REPORT))
     data[name] = [0, 0, 0, "X"] if name == "velocity" else "X"
     with pytest.raises(WireError):
-        from_perception(json.dumps(data).replace('"X"', word).encode())
+        to_gate(json.dumps(data).replace('"X"', word).encode())
 
 
 @given(st.binary(max_size=300))
 def test_garbage_is_refused(data):
     with pytest.raises(WireError):
-        from_perception(data)
+        to_gate(data)
 
 
 @pytest.mark.parametrize(
@@ -62,7 +73,7 @@ def test_garbage_is_refused(data):
 )
 def test_what_does_not_follow_the_schema_is_refused(data):
     with pytest.raises(WireError):
-        from_perception(data)
+        to_gate(data)
 
 
 def test_half_a_report_is_refused():

@@ -40,7 +40,7 @@ function forget(name) {
   // After a reconnection the last picture stays until a newer one comes.
   if (name !== shown) view.clear();
   shown = name;
-  known = { ...known, servo: null, path: null, state: null, timing: null, link: null };
+  known = { ...known, servo: null, verdict: null, path: null, state: null, timing: null, link: null };
   path.clear();
   plots.clear();
   panels.clearEvents();
@@ -87,7 +87,7 @@ const TAKE = {
   servo: takeServo,
   path: takePath,
   transitions: (list) => panels.addEvents(list),
-  verdict: (verdict) => panels.showVerdict(verdict),
+  verdict: (verdict) => (known.verdict = verdict),
   timing: (timing) => (known.timing = timing),
   link: (link) => (known.link = link),
   zenoh: (zenoh) => (known.zenoh = zenoh),
@@ -162,6 +162,8 @@ function refresh() {
   const screen = { ...view.stats, overtaken: known.overtaken ?? 0 };
   panels.showState(known.state ?? null, fresh);
   panels.showSince(known.state ?? null, now());
+  const resultAgeMs = now() - (known.servo?.t_ms ?? NaN);
+  panels.showVerdict(known.verdict, resultAgeMs, fresh, known.state);
   panels.showNumbers({ ...known, mountingLimit });
   if (refreshes++ % TABLES_EVERY === 0) {
     panels.showLinks(known.link, screen, connection.clock.roundTripMs);

@@ -11,6 +11,9 @@ const ICONS = {
 /** Time until which data count as live, and from when a stream's row is marked, s. */
 const SLOW_S = { camera: 0.5, servo: 0.5, state: 1, flow: 2 };
 
+/** A result of an older frame is no sign that anything may be flown, ms. */
+const STALE_RESULT_MS = 1000;
+
 const byId = (id) => document.getElementById(id);
 
 const scaled = (value, factor) => (Number.isFinite(value) ? value * factor : NaN);
@@ -152,11 +155,28 @@ export function showNumbers(newest) {
   });
 }
 
-export function showVerdict(verdict) {
+/** States of the gate in which nothing is flown, whatever the image shows. */
+const GROUNDED = new Set(["IDLE", "ABORT", "RELEASED"]);
+
+/**
+ * Whether the newest result may be flown by: green only while it is new and the gate may fly.
+ * @param ageMs age of the result's frame; @param freshness of the gate's state
+ */
+export function showVerdict(verdict, ageMs, freshness, state) {
   const place = byId("verdict");
-  const isGood = verdict?.verdict === "OK";
-  say(place, !verdict ? "" : isGood ? "✓ may be flown" : `✕ ${verdict.reason || verdict.verdict}`);
-  place.dataset.ok = isGood ? "yes" : "no";
+  const [text, ok] = judged(verdict, ageMs, freshness, state);
+  say(place, text);
+  place.dataset.ok = ok;
+  document.body.dataset.results = ageMs < STALE_RESULT_MS ? "live" : "stale";
+}
+
+function judged(verdict, ageMs, freshness, state) {
+  if (!verdict) return ["", ""];
+  if (!(ageMs < STALE_RESULT_MS)) return [`? result ${duration(ageMs / 1000)} old`, ""];
+  if (verdict.verdict !== "OK") return [`✕ ${verdict.reason || verdict.verdict}`, "no"];
+  if (freshness.kind !== "live") return ["? state of the gate not known", ""];
+  if (GROUNDED.has(state.state)) return [`image good, the gate is in ${state.state}`, ""];
+  return ["✓ may be flown", "yes"];
 }
 
 const STREAMS = { camera: "camera", servo: "results", state: "state", flow: "flow" };

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 @dataclass(slots=True)
 class Pace:
-    """Lets something happen at most every so many nanoseconds."""
+    """Lets something happen every so many nanoseconds on average, as soon as it is asked for."""
 
     period_ns: int
     next_ns: int = 0
@@ -21,5 +21,7 @@ class Pace:
         """Tell whether it is time, and start the next period if so."""
         if self.period_ns <= 0 or now_ns < self.next_ns:
             return False
-        self.next_ns = now_ns + self.period_ns
+        # What is late does not shift what follows, unless a whole period was missed.
+        is_missed = now_ns - self.next_ns >= self.period_ns
+        self.next_ns = (now_ns if is_missed else self.next_ns) + self.period_ns
         return True

@@ -21,7 +21,7 @@ from dfvs_core.wire.link import LeaseHolders
 STANDBY, IN_COMMAND = "standby", "engaged"
 
 _REPEAT_NS = 1_000_000_000
-"""The gate may have missed it: it starts later than this process."""
+"""The gate takes a silence of ``GateTiming.services_age_ns`` as the end of this watch."""
 
 _MAX_NAMES = 8
 
@@ -74,10 +74,8 @@ class Lease:
             self._in_command = None
 
     def tell(self) -> None:
-        """Tell the gate of others: nothing before the first one, at once of every change."""
+        """Tell the gate of others: at once of every change, and again every second."""
         holders, now_ns = self.holders(), time.monotonic_ns()
-        if self._told is None and holders == LeaseHolders():
-            return
         if holders != self._told or now_ns - self._told_ns >= _REPEAT_NS:
             self._told, self._told_ns = holders, now_ns
             self._tell(holders)

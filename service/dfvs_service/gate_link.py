@@ -1,59 +1,57 @@
-"""The datagrams between perception and the gate, on perception's side."""
+"""Datagrams between the gate and another process of the service, on that process's side."""
 
 from __future__ import annotations
 
 import logging
 import socket
 import threading
-from collections import deque
+from collections.abc import Callable
+from pathlib import Path
 
 from dfvs_core.errors import WireError
-from dfvs_core.wire.link import (
-    FromPerception,
-    GateStatus,
-    from_datagram,
-    to_datagram,
-)
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_core.wire.link import FromGate, ThreadFault, ToGate, from_gate, to_datagram
+from dfvs_service.watched_thread import start_watched
 
 _POLL_S = 0.2
-_KEPT = 256
 
-log = logging.getLogger("dfvs.perception.gate")
+log = logging.getLogger("dfvs.gate_link")
 
 
 class GateLink:
-    """Sends reports at once, and keeps what the gate says until it is asked for.
+    """Sends at once, and calls back for everything that the gate sends.
 
     The kernel queues ten datagrams and drops the newest, so a thread of its own takes them in
-    while a picture is being matched.
+    while the process is busy.
+
+    Parameters
+    ----------
+    gate, own : Path
+        Sockets of the gate and of this process.
+    on_message : callable
+        Takes the gate's messages, on that thread; must not block.
     """
 
-    def __init__(self, runtime: RuntimeFolder) -> None:
-        self._gate_address = str(runtime.gate_socket)
+    def __init__(self, gate: Path, own: Path, on_message: Callable[[FromGate], None]) -> None:
+        self._gate_address = str(gate)
+        self._on_message = on_message
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
-        self._socket.bind(str(runtime.perception_socket))
+        self._socket.bind(str(own))
         self._socket.settimeout(_POLL_S)
         self._sender = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._sender.setblocking(False)
-        self._heard: deque[GateStatus] = deque(maxlen=_KEPT)
         self._closed = threading.Event()
-        self._thread = threading.Thread(target=self._listen, name="gate-link", daemon=True)
-        self._thread.start()
+        self._thread = start_watched("gate-link", self._listen, self.report)
 
-    def send(self, message: FromPerception) -> None:
+    def send(self, message: ToGate) -> None:
         """Send to the gate; one that is gone or slow is the gate's and the parent's matter."""
         try:
             self._sender.sendto(to_datagram(message), self._gate_address)
         except (BlockingIOError, ConnectionRefusedError, FileNotFoundError) as error:
             log.debug("message not delivered: %s", error)
 
-    def heard(self) -> list[GateStatus]:
-        """Everything the gate said since the last call, oldest first."""
-        statuses = []
-        while self._heard:
-            statuses.append(self._heard.popleft())
-        return statuses
+    def report(self, line: str) -> None:
+        """Have the gate show the failure of a thread of this process."""
+        self.send(ThreadFault(line))
 
     def close(self) -> None:
         """Stop listening."""
@@ -65,8 +63,10 @@ class GateLink:
     def _listen(self) -> None:
         while not self._closed.is_set():
             try:
-                self._heard.append(from_datagram(GateStatus, self._socket.recv(65536)))
+                message = from_gate(self._socket.recv(65536))
             except TimeoutError:
                 continue
             except WireError as error:
                 log.warning("datagram from the gate dropped: %s", error)
+                continue
+            self._on_message(message)

@@ -1,4 +1,4 @@
-"""Telemetry over Zenoh, from a thread of its own: whoever publishes may block, perception not."""
+"""Telemetry over Zenoh, from a thread of its own: publishing may block, its caller does not."""
 
 from __future__ import annotations
 
@@ -13,6 +13,7 @@ import zenoh
 import zenoh.ext
 
 from dfvs_core.topics import Topics
+from dfvs_service.watched_thread import start_watched
 
 log = logging.getLogger("dfvs.telemetry")
 
@@ -34,17 +35,25 @@ class Telemetry:
 
     ``state``, ``config`` and ``goal`` are kept for subscribers that join later; ``preview`` and
     ``flow``, which cost time to make, are made only while somebody subscribes.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+    topics : Topics
+    report : callable
+        Takes one line about a failure of the thread, from any thread.
     """
 
-    def __init__(self, session: zenoh.Session, topics: Topics) -> None:
+    def __init__(
+        self, session: zenoh.Session, topics: Topics, report: Callable[[str], None]
+    ) -> None:
         self._session = session
         self._topics = topics
         self._condition = threading.Condition()
         self._waiting: dict[str, Callable[[], Note]] = {}
         self._closed = False
         self._publishers: dict[str, zenoh.Publisher | zenoh.ext.AdvancedPublisher] = {}
-        self._thread = threading.Thread(target=self._publish, name="telemetry", daemon=True)
-        self._thread.start()
+        self._thread = start_watched("telemetry", self._publish, report)
 
     def offer(self, stream: str, make: Callable[[], Note]) -> None:
         """Have ``make()`` called on the telemetry thread, and its note published."""

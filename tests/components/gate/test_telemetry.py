@@ -9,7 +9,7 @@ from loopback import free_endpoint
 from dfvs_core.topics import Topics
 from dfvs_service.config import load_config
 from dfvs_service.orders import operators_zenoh
-from dfvs_service.perception.telemetry import Note, Telemetry
+from dfvs_service.telemetry import Note, Telemetry
 from dfvs_service.zenoh_session import open_session
 
 TOPICS = Topics("watched")
@@ -35,7 +35,7 @@ def test_flow_and_preview_are_made_only_while_somebody_looks(zenoh_config):
         return Note(b"grid")
 
     with open_session(zenoh_config) as session:
-        telemetry = Telemetry(session, TOPICS)
+        telemetry = Telemetry(session, TOPICS, print)
         for stream in ("flow", "preview"):
             telemetry.offer(stream, make)
         told = threading.Event()

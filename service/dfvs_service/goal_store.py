@@ -1,0 +1,55 @@
+"""New goals on their way from the operator link to perception: files in the runtime folder."""
+
+from __future__ import annotations
+
+import contextlib
+from pathlib import Path
+
+from dfvs_core.errors import WireError
+from dfvs_core.wire.goal_order import goal_digest
+
+MAX_KEPT_GOALS = 4
+
+
+class GoalStore:
+    """Keeps the bytes of the newest goals, unopened, by their digest.
+
+    Parameters
+    ----------
+    folder : Path
+        Private; made where it is missing.
+    """
+
+    def __init__(self, folder: Path) -> None:
+        self._folder = folder
+
+    def keep(self, digest: str, data: bytes) -> None:
+        """Keep a goal; the oldest beyond ``MAX_KEPT_GOALS`` are removed.
+
+        Raises
+        ------
+        OSError
+            If it cannot be written.
+        """
+        self._folder.mkdir(mode=0o700, exist_ok=True)
+        draft = self._folder / "draft"
+        draft.write_bytes(data)
+        draft.rename(self._folder / digest)
+        kept = sorted(self._folder.iterdir(), key=lambda path: path.stat().st_mtime_ns)
+        for old in kept[:-MAX_KEPT_GOALS]:
+            old.unlink(missing_ok=True)
+
+    def take(self, digest: str) -> bytes:
+        """Give away the goal that the gate accepted.
+
+        Raises
+        ------
+        WireError
+            If it is not kept, or damaged.
+        """
+        data = b""
+        with contextlib.suppress(FileNotFoundError):
+            data = (self._folder / digest).read_bytes()
+        if goal_digest(data) != digest:
+            raise WireError(f"goal {digest[:12]!r} is not here")
+        return data

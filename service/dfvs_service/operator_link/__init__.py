@@ -1,0 +1,1 @@
+"""The operator link process: state and answers out, commands in, whatever perception does."""

@@ -1,0 +1,130 @@
+"""The operator link process: Zenoh's listening end, state and answers, commands and leases.
+
+It does no work that takes time: the state leaves at its rate and commands reach the gate while
+perception is busy, hangs, or is gone. Without a router it owns the service's endpoints, and
+perception connects to it over a Unix socket.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import logging
+import os
+import queue
+import time
+from types import FrameType
+
+import zenoh
+
+from dfvs_core.gate.config import Engage
+from dfvs_core.schema import dump
+from dfvs_core.topics import Topics
+from dfvs_core.wire.link import CommandAnswer, ForwardedCommand, FromGate
+from dfvs_service.config import ServiceConfig
+from dfvs_service.gate_link import GateLink
+from dfvs_service.goal_store import GoalStore
+from dfvs_service.operator_link.command_filter import CommandFilter
+from dfvs_service.operator_link.lease import Lease
+from dfvs_service.pace import Pace
+from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.telemetry import Telemetry
+from dfvs_service.zenoh_session import link_zenoh, open_session
+
+_TURN_S = 0.05
+_MAX_ANSWERS = 64
+
+log = logging.getLogger("dfvs.operator_link")
+
+
+class OperatorLink:
+    """Publishes what the gate says, and passes on to it what operators send.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+        Resolved settings.
+    runtime : RuntimeFolder
+        Where the service's processes meet.
+    """
+
+    def __init__(self, config: ServiceConfig, runtime: RuntimeFolder) -> None:
+        self._config = config
+        self._runtime = runtime
+        self._topics = Topics(config.vehicle.name)
+        self._pace = Pace.of_rate(config.telemetry.state_hz)
+        self._filter = CommandFilter(GoalStore(runtime.new_goals), time.monotonic_ns())
+        self._telemetry: Telemetry | None = None
+        self._answers: queue.Queue[CommandAnswer] = queue.Queue(_MAX_ANSWERS)
+        self._state = ""
+        self._gate = GateLink(runtime.gate_socket, runtime.link_socket, self._on_gate)
+        self._parent = os.getppid()
+        self._stopped = False
+
+    def run(self) -> None:
+        """Work until told to stop, or until the service that started this is gone.
+
+        Raises
+        ------
+        ConfigError
+            If Zenoh cannot be opened.
+        """
+        zenoh_section = link_zenoh(self._config.zenoh, self._runtime)
+        with open_session(zenoh_section, (self._config.vehicle.name,)) as session:
+            self._telemetry = Telemetry(session, self._topics, self._gate.report)
+            answers = session.declare_publisher(
+                self._topics.telemetry("answer"),
+                congestion_control=zenoh.CongestionControl.DROP,
+                priority=zenoh.Priority.INTERACTIVE_HIGH,
+                express=True,
+            )
+            commands = session.declare_subscriber(self._topics.command, self._on_command)
+            goals = session.declare_subscriber(self._topics.new_goal, self._on_goal)
+            watches = self._config.gate.engage is Engage.NEVER
+            lease = Lease(session, self._topics, self._gate.send, watches=watches)
+            while os.getppid() == self._parent and not self._stopped:
+                self._publish_answer(answers)
+                lease.show(self._state)
+                lease.tell()
+            lease.close()
+            del commands, goals
+            self._telemetry.close()
+        self._gate.close()
+
+    def stop(self, _signal: int, _frame: FrameType | None) -> None:
+        """Signal handler: end."""
+        self._stopped = True
+
+    def _on_gate(self, message: FromGate) -> None:
+        """Thread of the gate's datagrams: offer states at their rate, and every answer."""
+        if isinstance(message, CommandAnswer):
+            with contextlib.suppress(queue.Full):
+                self._answers.put_nowait(message)
+            return
+        self._state = message.state
+        if self._telemetry is not None and self._pace.due(time.monotonic_ns()):
+            self._telemetry.offer_json("state", dump(message))
+
+    def _publish_answer(self, publisher: zenoh.Publisher) -> None:
+        """Publish the next answer, waiting for one at most so long."""
+        with contextlib.suppress(queue.Empty):
+            answer = self._answers.get(timeout=_TURN_S)
+            try:
+                publisher.put(json.dumps(dump(answer)), encoding="application/json")
+            except zenoh.ZError as error:
+                log.warning("answer not published: %s", error)
+
+    def _on_command(self, sample: zenoh.Sample) -> None:
+        """Zenoh's thread: pass an operator's command on; the gate judges it."""
+        payload = sample.payload.to_bytes()
+        self._forward(self._filter.take_command(payload, time.monotonic_ns()))
+
+    def _on_goal(self, sample: zenoh.Sample) -> None:
+        """Zenoh's thread: keep a new goal unopened, and let the gate judge its command."""
+        signed = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        payload = sample.payload.to_bytes()
+        self._forward(self._filter.take_goal(payload, signed, time.monotonic_ns()))
+
+    def _forward(self, command: ForwardedCommand | None) -> None:
+        if command is not None:
+            self._gate.send(command)

@@ -1,0 +1,13 @@
+"""Signed commands for tests: each call makes one that was never sent before."""
+
+from __future__ import annotations
+
+import secrets
+
+from dfvs_core.gate.events import Action
+from dfvs_core.wire.command import Command, encode_command
+
+
+def signed(key: bytes, vehicle: str, action: Action, challenge: str, argument: str = "") -> bytes:
+    """Bytes of a command with a nonce of its own."""
+    return encode_command(key, Command(vehicle, action, challenge, secrets.token_hex(16), argument))

@@ -1,0 +1,82 @@
+"""The watch over parameters and other commanders: without it nothing engages and nothing moves."""
+
+import pytest
+from gate_rehearsal import Rehearsal, auto_config, pilot_config
+
+from dfvs_core.gate.config import MS, GateTiming, S
+from dfvs_core.gate.events import ModeRequest, OtherServices, ParametersRead, WatchEnded
+from dfvs_core.gate.limits import ZERO
+from dfvs_core.gate.states import Cause, GateState
+
+NO_CHECK = GateTiming(response_ns=0)
+LOST = "failed twice"
+
+
+def flying(**timing):
+    config = auto_config(timing=GateTiming(response_ns=0, **timing))
+    return Rehearsal(config).until(GateState.SERVO).run(1.1)
+
+
+def end_watch(gate):
+    gate.now_ns += MS
+    return gate.send([WatchEnded(gate.now_ns, LOST)])
+
+
+@pytest.mark.parametrize("name", ["others_watched", "parameters_told"])
+def test_what_was_never_watched_keeps_the_gate_from_ready(name):
+    gate = Rehearsal(pilot_config())
+    setattr(gate.vehicle, name, False)
+    assert gate.run(3.0).state is GateState.PREFLIGHT
+    setattr(gate.vehicle, name, True)
+    gate.until(GateState.READY)
+
+
+def test_a_watch_that_ended_keeps_the_gate_from_ready_for_good():
+    gate = Rehearsal(pilot_config()).until(GateState.READY)
+    end_watch(gate)
+    gate.until(GateState.PREFLIGHT, 1.0)
+    assert gate.last.detail == f"watch: watch lost, {LOST}"
+    assert gate.run(10.0).state is GateState.PREFLIGHT
+
+
+def test_a_watch_that_ends_in_flight_stops_at_once_and_aborts_with_the_reason():
+    gate = flying()
+    assert end_watch(gate).setpoint == ZERO
+    assert (gate.state, gate.last.cause) == (GateState.HOLD, Cause.WATCH_LOST)
+    gate.until(GateState.ABORT, 4.0)
+    assert gate.last.reason == f"held too long: watch lost: {LOST}"
+    assert gate.requests[-1][1] is ModeRequest.HOLD
+
+
+@pytest.mark.parametrize(
+    ("name", "limit", "event", "detail"),
+    [
+        ("others_watched", "services_age_ns", OtherServices, "other services"),
+        ("parameters_told", "parameters_age_ns", ParametersRead, "failsafe parameters"),
+    ],
+)
+def test_a_watch_that_falls_silent_stops_the_vehicle_until_it_speaks_again(
+    name, limit, event, detail
+):
+    gate = flying(**{limit: 2 * S})
+    last_ns = gate.now_ns
+    setattr(gate.vehicle, name, False)
+    gate.run(2.0)
+    assert gate.now_ns - last_ns == 2 * S
+    assert gate.state is GateState.SERVO
+    gate.tick()
+    assert (gate.state, gate.last.cause) == (GateState.HOLD, Cause.WATCH_LOST)
+    assert gate.last.detail.startswith(f"{detail}, last one 2.0")
+    gate.run(1.5)
+    assert gate.state is GateState.HOLD
+    gate.send([event(gate.now_ns)])
+    setattr(gate.vehicle, name, True)
+    gate.tick()
+    assert gate.state is GateState.SERVO
+
+
+def test_an_engagement_without_a_watch_begins_in_hold():
+    gate = Rehearsal(auto_config(timing=NO_CHECK)).until(GateState.ENGAGE)
+    end_watch(gate)
+    gate.until(GateState.HOLD, 3.0)
+    assert (gate.last.source, gate.last.cause) == (GateState.ENGAGE, Cause.WATCH_LOST)

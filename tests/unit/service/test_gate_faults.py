@@ -1,0 +1,80 @@
+"""Failures of threads, as the gate process takes them: shown, logged, and a reason not to fly."""
+
+import contextlib
+import os
+import signal
+import socket
+
+import pytest
+
+from dfvs_core.wire.link import GateStatus, from_datagram
+from dfvs_service.config import load_config
+from dfvs_service.gate.process import GateProcess, SilentLink, start_autopilot
+from dfvs_service.runtime import RuntimeFolder
+
+FAULT = "the thread 'telemetry' failed"
+
+
+@pytest.fixture
+def gate(tmp_path):
+    read, write = os.pipe()
+    gate = GateProcess(load_config(None, {}), RuntimeFolder(tmp_path), None, read)
+    yield gate
+    gate.close()
+    os.close(read)
+    os.close(write)
+
+
+def run_to_the_end(gate):
+    gate.stop(signal.SIGTERM, None)
+    return gate.run(SilentLink(gate.note))
+
+
+def test_a_fault_is_shown_in_every_state_and_logged_once_a_report(gate, tmp_path):
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as link:
+        link.bind(str(tmp_path / "link.sock"))
+        link.setblocking(False)
+        gate.report(FAULT)
+        gate.report(FAULT)
+        run_to_the_end(gate)
+        states = []
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                states.append(from_datagram(GateStatus, link.recv(65536)))
+    assert states
+    assert all(state.warnings == (FAULT,) for state in states)
+    gate.close()
+    assert (tmp_path / "gate.jsonl").read_text().count(FAULT) == 2
+
+
+class Told:
+    """Stands in for the gate: what the autopilot's thread tells it."""
+
+    def __init__(self):
+        self.reports, self.ends, self.failures = [], [], []
+        self.report, self.lose_watch, self.fail = (
+            self.reports.append,
+            self.ends.append,
+            self.failures.append,
+        )
+
+
+def test_a_watch_that_fails_twice_is_reported_twice_and_lost():
+    told, runs = Told(), []
+
+    def watch():
+        runs.append(1)
+        raise KeyError("get_systems")
+
+    start_autopilot(lambda: None, watch, told).join(5.0)
+    assert len(runs) == 2
+    assert len(told.reports) == 2
+    assert told.ends == told.reports[1:]
+    assert not told.failures
+
+
+def test_a_watch_that_ended_keeps_the_gate_from_ready(gate):
+    gate.lose_watch("it has ended")
+    run_to_the_end(gate)
+    checks = {check.name: check for check in gate._machine.checks()}
+    assert checks["watch"].detail == "watch lost, it has ended"
