@@ -26,6 +26,7 @@ from dfvs_core.wire.link import GateStatus, PerceptionReport
 from dfvs_core.wire.picture import encode_png
 from dfvs_models.catalog import load_matcher
 from dfvs_service.config import ServiceConfig
+from dfvs_service.flight_feed import FlightFeed
 from dfvs_service.goal_file import ordered_goal
 from dfvs_service.perception.announced import CameraDoubts, watch_calibration
 from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
@@ -51,6 +52,7 @@ from dfvs_service.zenoh_session import open_session
 
 _TIMING_PERIOD_NS = 1_000_000_000
 _COLLECTION_PERIOD_NS = 10_000_000_000
+_THUMBNAIL_PERIOD_NS = 1_000_000_000
 _RECORDER_PATIENCE_S = 10.0
 
 log = logging.getLogger("dfvs.perception")
@@ -75,6 +77,7 @@ class PerceptionProcess:
         self._config = config
         self._topics = Topics(config.vehicle.name)
         self._gate = GateLink(runtime)
+        self._flight_feed = FlightFeed(runtime.black_box_socket)
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._latency = LatencyWindow()
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
@@ -98,6 +101,7 @@ class PerceptionProcess:
         self._state_pace = Pace.of_rate(told.state_hz)
         self._preview_pace = Pace.of_rate(told.preview_hz)
         self._flow_pace = Pace.of_rate(told.flow_hz)
+        self._thumbnail_pace = Pace(_THUMBNAIL_PERIOD_NS if config.black_box.enabled else 0)
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
         self._collection_pace = Pace(_COLLECTION_PERIOD_NS)
         self._frames = 0
@@ -108,7 +112,7 @@ class PerceptionProcess:
     def run(self) -> None:
         """Work until told to stop, or until the service that started this is gone."""
         with open_session(self._config.zenoh, (self._config.vehicle.name,)) as session:
-            telemetry = Telemetry(session, self._topics)
+            telemetry = Telemetry(session, self._topics, self._flight_feed.put)
             patience_s = _RECORDER_PATIENCE_S if self._config.record.folder else 0.0
             feed = TurnFeed(session, self._topics, patience_s)
             telemetry.offer_json("config", dump(self._config))
@@ -129,6 +133,7 @@ class PerceptionProcess:
             del frames, camera, orders, goals
             feed.close()
             telemetry.close()
+        self._flight_feed.close()
         self._workers.shutdown(wait=False, cancel_futures=True)
         self._gate.close()
 
@@ -151,6 +156,7 @@ class PerceptionProcess:
         telemetry.offer("goal", lambda: self._pictures.goal(image, now_ns))
         where = {"t_ns": now_ns, "goal": self._route.index + 1, "of": self._route.count}
         telemetry.offer_json("route", where)
+        telemetry.offer_json("build", {"versions": opening.build, "model": opening.model})
 
     def _change_goal(self, digest: str, telemetry: Telemetry, feed: TurnFeed) -> None:
         """Look for the goal that the gate accepted; one that is unusable is none, and said so."""
@@ -271,6 +277,8 @@ class PerceptionProcess:
         self._frames += 1
         servo = servo_document(frame, outcome, now_ns, glance.stages_ns or {})
         telemetry.offer_json("servo", servo)
+        if self._thumbnail_pace.due(now_ns):
+            telemetry.offer("thumbnail", lambda: self._pictures.thumbnail(frame))
         if self._preview_pace.due(now_ns):
             telemetry.offer("preview", lambda: self._pictures.preview(frame, outcome.flow))
         if self._flow_pace.due(now_ns):
