@@ -90,6 +90,7 @@ class Parent:
 
     def __init__(self, runtime: RuntimeFolder, programs: Programs, display: Display) -> None:
         self._narrator = Narrator(display)
+        self._log = Journal(runtime.service_log)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind(str(runtime.parent_socket))
         self._socket.settimeout(_LOOK_S)
@@ -103,7 +104,6 @@ class Parent:
         if programs.black_box:
             black_box = Child((*programs.black_box, *place), runtime.stderr("black-box"))
             self._children["black box"] = black_box
-        self._log = Journal(runtime.service_log)
         prefer_this_process()  # after the start of the children, which would inherit it
         self._notifier = Notifier(os.environ)
         self._watch = Watch(time.monotonic_ns())

@@ -7,13 +7,12 @@ import select
 import socket
 import sys
 import time
-from pathlib import Path
 from types import FrameType
 
 from dfvs_service.config import ServiceConfig
 from dfvs_service.flight_feed import split_record
 from dfvs_service.flights.black_box import BlackBox, Clock
-from dfvs_service.flights.store import FlightStore
+from dfvs_service.flights.store import FlightStore, flights_folder
 from dfvs_service.runtime import RuntimeFolder
 
 _WAIT_S = 0.1
@@ -25,7 +24,15 @@ _MOST_AT_ONCE = 64
 
 
 class BlackBoxProcess:
-    """Keeps a flight until it is told to stop, or until shortly after its parent is gone."""
+    """Keeps a flight until it is told to stop, or until shortly after its parent is gone.
+
+    Raises
+    ------
+    ConfigError
+        If no folder of flights is known.
+    OSError
+        If the runtime folder cannot be used.
+    """
 
     def __init__(self, config: ServiceConfig, runtime: RuntimeFolder) -> None:
         self._parent = os.getppid()
@@ -34,7 +41,7 @@ class BlackBoxProcess:
         self._socket.setblocking(False)
         self._socket.bind(str(runtime.black_box_socket))
         clock = Clock(time.monotonic_ns, time.time_ns)
-        store = FlightStore(Path(config.black_box.folder))
+        store = FlightStore(flights_folder(config.black_box, os.environ))
         self._box = BlackBox(config, store, runtime, clock, _warn)
 
     def stop(self, _signal: int, _frame: FrameType | None) -> None:
