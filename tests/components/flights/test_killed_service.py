@@ -17,6 +17,7 @@ from dfvs_core.gate.states import GateState
 from dfvs_service.cli import main
 from dfvs_service.flights.records import read_lines
 from dfvs_service.flights.store import is_running
+from dfvs_service.report.cli import main as report
 from dfvs_sim.faults.rig import Rig, Setup
 from dfvs_sim.faults.service import wait_until
 
@@ -119,6 +120,11 @@ def test_a_service_that_is_killed_with_all_its_processes(rig, flights, capsys, t
     assert replayed["steps"] == kept.count(b"\n") - 1
     last_ns = json.loads(kept.splitlines()[-1])["t"]
     assert killed_ns - last_ns < LATENESS_S * S
+    page_file = tmp_path / "flight.html"
+    assert report([str(exported), "--out", str(page_file)]) == 0
+    text = page_file.read_text()
+    assert "Cut off in SERVO" in text
+    assert "Nothing was recorded" not in text
 
 
 @pytest.mark.parametrize(
