@@ -7,12 +7,12 @@ as ``--config``, copied into a larger file, or named there as ``camera.calibrati
 from __future__ import annotations
 
 import dataclasses
-import os
 from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
+from dfvs_service.atomic_file import write_atomic
 from dfvs_service.config import ServiceConfig, load_config
 
 
@@ -44,12 +44,9 @@ def replace_file(path: Path, data: bytes) -> None:
     ConfigError
         If it cannot be written.
     """
-    partial = path.with_name(path.name + ".part")
     try:
-        partial.write_bytes(data)
-        os.replace(partial, path)
+        write_atomic(path, data)
     except OSError as error:
-        partial.unlink(missing_ok=True)
         raise ConfigError(
             f"{path} cannot be written ({error.strerror})", "a folder that exists and is writable"
         ) from error

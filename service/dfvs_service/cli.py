@@ -4,11 +4,13 @@ from __future__ import annotations
 
 import argparse
 import fcntl
+import os
 import shutil
 import sys
 import tempfile
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
+from dataclasses import replace
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError, DfvsError
@@ -20,6 +22,8 @@ from dfvs_service.config import ServiceConfig
 from dfvs_service.config_text import toml_text
 from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine
 from dfvs_service.exposure import exposure_warnings
+from dfvs_service.flights.cli import flights
+from dfvs_service.flights.store import flights_folder
 from dfvs_service.goal_file import (
     checked_goal,
     goal_order,
@@ -52,6 +56,7 @@ other commands:
   dfvs-service command engage --key-file my.key   engage, hold or abort a running service
   dfvs-service command goal --goal b.png --key-file my.key   give it another goal
   dfvs-service teach --out route/                 record a route of goals from a flight by hand
+  dfvs-service flights                            list, show or export what flights left behind
   dfvs-service replay-gate gate-inputs.jsonl      decide a recorded flight again
 
 exit code: 0 the goal was reached (or every check passed), 1 the flight ended otherwise (or a check
@@ -65,6 +70,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     commands = {
         "config": _print_config,
         "command": _command,
+        "flights": flights,
         "replay-gate": replay_gate,
         "teach": teach,
     }
@@ -202,7 +208,7 @@ def _fly(words: Sequence[str]) -> int:
     first, *others = route_pictures(arguments.goal)
     if arguments.check:
         return _check(config, first, arguments)
-    config, goal = _resolve(config, first)
+    config, goal = _resolve(_with_flights_folder(config), first)
     later = [_resolve(config, picture)[1] for picture in others]
     for picture, each in zip((first, *others), (goal, *later), strict=True):
         _check_camera(config, picture, each)
@@ -282,19 +288,34 @@ def _with_announced(config: ServiceConfig, sidecar: GoalSidecar | None) -> Servi
     return config if camera is None else with_intrinsics(config, camera)
 
 
+def _with_flights_folder(config: ServiceConfig) -> ServiceConfig:
+    """Settings that name the folder of flights; without a black box where none is known."""
+    if not config.black_box.enabled:
+        return config
+    try:
+        folder = flights_folder(config.black_box, os.environ)
+    except ConfigError as error:
+        print(f"warning: no black box: {error}", file=sys.stderr)
+        return replace(config, black_box=replace(config.black_box, enabled=False))
+    return replace(config, black_box=replace(config.black_box, folder=str(folder)))
+
+
 def _programs(config: ServiceConfig) -> Programs:
-    """Programs of the flight, with a recorder where a recording is asked for.
+    """Programs of the flight, with a black box, and a recorder where a recording is asked for.
 
     Raises
     ------
     ConfigError
         If recordings cannot be made here.
     """
-    if not config.record.folder:
-        return Programs()
-    require_record_extra()
-    prepare_folder(Path(config.record.folder))
-    return Programs(recorder=(sys.executable, "-m", "dfvs_service.record"))
+    programs = Programs()
+    if config.black_box.enabled:
+        programs = replace(programs, black_box=(sys.executable, "-m", "dfvs_service.flights"))
+    if config.record.folder:
+        require_record_extra()
+        prepare_folder(Path(config.record.folder))
+        programs = replace(programs, recorder=(sys.executable, "-m", "dfvs_service.record"))
+    return programs
 
 
 def _check_model(config: ServiceConfig) -> None:

@@ -19,6 +19,7 @@ from dfvs_core.schema import dump, parse
 from dfvs_core.servo.config import ServoConfig
 from dfvs_service.degrees import degrees_view, to_radians
 from dfvs_service.sections import (
+    BlackBoxSection,
     CameraSection,
     FlowSection,
     GateSection,
@@ -31,6 +32,7 @@ from dfvs_service.sections import (
 )
 
 __all__ = [
+    "BlackBoxSection",
     "CameraSection",
     "FlowSection",
     "GateSection",
@@ -65,6 +67,7 @@ class ServiceConfig:
     route: RouteSection = field(default_factory=RouteSection)
     telemetry: TelemetrySection = field(default_factory=TelemetrySection)
     record: RecordSection = field(default_factory=RecordSection)
+    black_box: BlackBoxSection = field(default_factory=BlackBoxSection)
 
     def __post_init__(self) -> None:
         """Refuse what a flight has no source for, and what contradicts itself."""

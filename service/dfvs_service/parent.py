@@ -27,6 +27,7 @@ from dfvs_service.beat import Beat
 from dfvs_service.child import Child
 from dfvs_service.config import ServiceConfig
 from dfvs_service.console import Display
+from dfvs_service.gate.journal import Journal
 from dfvs_service.narrator import Narrator
 from dfvs_service.notify import Notifier
 from dfvs_service.priority import prefer_this_process
@@ -45,22 +46,30 @@ _LEAST_END_S = 0.15
 _QUIET_END_S = 0.8
 _LAST_WORDS_S = 0.3
 _NOTABLE = ("error: ", "warning: ")
+_LOSSES = {
+    "recorder": "nothing more is recorded",
+    "black box": "no more of this flight is kept",
+}
 
 
 @dataclass(frozen=True, slots=True)
 class Programs:
-    """Commands that start the processes; ``--runtime DIR`` is added. No recorder: no recording."""
+    """Commands that start the processes; ``--runtime DIR`` is added. Empty ones are not started."""
 
     gate: Sequence[str] = (sys.executable, "-m", "dfvs_service.gate")
     perception: Sequence[str] = (sys.executable, "-m", "dfvs_service.perception")
     recorder: Sequence[str] = ()
     link: Sequence[str] = (sys.executable, "-m", "dfvs_service.operator_link")
+    black_box: Sequence[str] = ()
 
 
 def furnish(
     runtime: RuntimeFolder, config: ServiceConfig, goal: Goal, later: Sequence[Goal] = ()
 ) -> None:
-    """Put the resolved settings, the goal and those after it where the processes look for them."""
+    """Put the resolved settings, the goal and those after it where the processes look for them.
+
+    What an earlier service left in the folder goes.
+    """
     runtime.config.write_text(config.to_json(), encoding="utf-8")
     for old in runtime.later_goals():
         old.unlink()
@@ -68,7 +77,9 @@ def furnish(
     for number, following in enumerate(later, start=1):
         _put_goal(runtime.later_goal(number), following)
     inner = (runtime.gate_socket, runtime.perception_socket, runtime.link_socket)
-    for path in (*inner, runtime.parent_socket, runtime.zenoh_socket):
+    outer = (runtime.parent_socket, runtime.zenoh_socket, runtime.black_box_socket)
+    logs = (runtime.gate_log, runtime.gate_inputs, runtime.service_log)
+    for path in (*inner, *outer, *logs):
         path.unlink(missing_ok=True)
 
 
@@ -82,6 +93,7 @@ class Parent:
 
     def __init__(self, runtime: RuntimeFolder, programs: Programs, display: Display) -> None:
         self._narrator = Narrator(display)
+        self._log = Journal(runtime.service_log)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind(str(runtime.parent_socket))
         self._socket.settimeout(_LOOK_S)
@@ -93,7 +105,10 @@ class Parent:
         if programs.recorder:
             recorder = Child((*programs.recorder, *place), runtime.stderr("recorder"))
             self._children["recorder"] = recorder
-        self._children["operator link"] = self._link  # the last one: others send through it
+        self._children["operator link"] = self._link  # late: others send through it
+        if programs.black_box:
+            black_box = Child((*programs.black_box, *place), runtime.stderr("black-box"))
+            self._children["black box"] = black_box
         prefer_this_process()  # after the start of the children, which would inherit it
         self._notifier = Notifier(os.environ)
         self._watch = Watch(time.monotonic_ns())
@@ -122,6 +137,11 @@ class Parent:
             self._notifier.stopping()
             self._end_all()
             self._notifier.close()
+        return self._exit_code
+
+    @property
+    def _exit_code(self) -> int:
+        """The service's exit code, once the gate has ended."""
         if self._code is not None:
             return self._code
         code = self._gate.code
@@ -155,7 +175,7 @@ class Parent:
             self._pass_on_errors()
             self._check_needed("perception", self._perception)
             self._check_needed("the operator link", self._link)
-            self._heed_recorder()
+            self._heed_recorders()
         if self._stop_requested:
             self._stop_gate()
 
@@ -177,11 +197,12 @@ class Parent:
             self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_ENDED
             self._stop_requested = True
 
-    def _heed_recorder(self) -> None:
-        """Say that a recorder is gone; the flight goes on without."""
-        recorder = self._children.get("recorder")
-        if recorder is not None and recorder.code is not None:
-            self._say(f"warning: the recorder {recorder.describe_end()}; nothing more is recorded")
+    def _heed_recorders(self) -> None:
+        """Say that recorder or black box are gone; the flight goes on without."""
+        for name, loss in _LOSSES.items():
+            child = self._children.get(name)
+            if child is not None and child.code is not None:
+                self._say(f"warning: the {name} {child.describe_end()}; {loss}")
 
     def _stop_gate(self) -> None:
         """Let the gate bring the vehicle to Hold; kill it if that takes too long."""
@@ -202,16 +223,19 @@ class Parent:
         """Leave no process behind, and no error unsaid."""
         now_s = time.monotonic()
         until_s = now_s + _QUIET_END_S if self._stop_by_s is None else self._stop_by_s
-        # The recorder and the operator link last: others send to them until their end.
+        # Recorder and operator link late, the black box last: others send to them until their end.
+        black_box = self._children.get("black box")
         for child in self._children.values():
-            if child.code is None:
-                child.terminate()
-            if not child.wait(max(until_s - time.monotonic(), _LEAST_END_S)):
-                child.kill()
-                child.wait(_QUIET_END_S)
+            if child is not black_box:
+                _end(child, until_s)
         self._narrator.show(self._beat)
         self._pass_on_errors()
         self._lament()
+        self._log.add(time.monotonic_ns(), "end", code=self._exit_code)
+        self._log.close(_LEAST_END_S)
+        if black_box is not None:
+            _end(black_box, until_s)
+            self._pass_on_errors()
         self.is_heard = self._narrator.close(_LAST_WORDS_S)
         self._socket.close()
 
@@ -227,7 +251,17 @@ class Parent:
     def _say(self, line: str) -> None:
         if line not in self._told:
             self._told.add(line)
+            self._log.add(time.monotonic_ns(), "told", text=line)
             self._narrator.say(line)
+
+
+def _end(child: Child, until_s: float) -> None:
+    """End a child in an orderly way, or by force after that time (monotonic)."""
+    if child.code is None:
+        child.terminate()
+    if not child.wait(max(until_s - time.monotonic(), _LEAST_END_S)):
+        child.kill()
+        child.wait(_QUIET_END_S)
 
 
 def fly(runtime: RuntimeFolder, programs: Programs, display: Display) -> int:

@@ -84,6 +84,16 @@ class RuntimeFolder:
         """Everything that the gate decided by, for a replay."""
         return self.path / "gate-inputs.jsonl"
 
+    @property
+    def service_log(self) -> Path:
+        """JSON lines: all that the parent told the user, and the exit code."""
+        return self.path / "service.jsonl"
+
+    @property
+    def black_box_socket(self) -> Path:
+        """Where the black box listens for telemetry."""
+        return self.path / "black-box.sock"
+
     def stderr(self, child: str) -> Path:
         """What a child process writes to its standard error."""
         return self.path / f"{child}.err"

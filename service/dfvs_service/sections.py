@@ -288,3 +288,34 @@ class RecordSection:
     min_free_mb: float = setting(
         500.0, "free space that is left on the disk: no more is written", low=0.0, high=1_000_000.0
     )
+
+
+@dataclass(frozen=True, slots=True)
+class BlackBoxSection:
+    """Records of every flight, always on; see docs/recording.md."""
+
+    enabled: bool = setting(True, "false: flights leave no records")
+    folder: str = setting(
+        "", "where flights go; empty: $STATE_DIRECTORY/flights, or ~/.local/state/dfvs/flights"
+    )
+    max_flight_mb: float = setting(
+        500.0, "largest size of one flight, MB", low=10.0, high=100_000.0
+    )
+    max_total_mb: float = setting(
+        5000.0,
+        "size of all flights beyond which the oldest go",
+        low=10.0,
+        high=10_000_000.0,
+    )
+    min_free_mb: float = setting(
+        200.0, "free space that is left on the disk: no more is written", low=0.0, high=1_000_000.0
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse a flight that could be larger than all of them."""
+        if self.max_flight_mb > self.max_total_mb:
+            raise ConfigError(
+                f"black_box.max_flight_mb = {self.max_flight_mb:g} is more than "
+                f"black_box.max_total_mb = {self.max_total_mb:g}",
+                "one flight to be no larger than all flights",
+            )

@@ -19,6 +19,10 @@ log = logging.getLogger("dfvs.telemetry")
 
 _CACHED = ("state", "config", "goal", "route")
 _ON_DEMAND = ("preview", "flow")
+_KEPT = ("state", "servo", "timing", "thumbnail")
+_KEPT_ONCE = ("goal", "route", "build")
+"""Are told once, so they are sent until the black box takes them."""
+_NOT_PUBLISHED = ("thumbnail", "build")
 
 
 @dataclass(frozen=True, slots=True)
@@ -34,7 +38,8 @@ class Telemetry:
     """Publishes the newest note of every stream; older ones that were not sent are dropped.
 
     ``state``, ``config`` and ``goal`` are kept for subscribers that join later; ``preview`` and
-    ``flow``, which cost time to make, are made only while somebody subscribes.
+    ``flow``, which cost time to make, are made only while somebody subscribes. ``thumbnail`` and
+    ``build`` are for the black box alone.
 
     Parameters
     ----------
@@ -42,11 +47,19 @@ class Telemetry:
     topics : Topics
     report : callable
         Takes one line about a failure of the thread, from any thread.
+    keep : callable, optional
+        Takes stream and payload for the black box and tells whether it got them; must not block.
     """
 
     def __init__(
-        self, session: zenoh.Session, topics: Topics, report: Callable[[str], None]
+        self,
+        session: zenoh.Session,
+        topics: Topics,
+        report: Callable[[str], None],
+        keep: Callable[[str, bytes], bool] | None = None,
     ) -> None:
+        self._keep = keep
+        self._owed: dict[str, bytes] = {}
         self._session = session
         self._topics = topics
         self._condition = threading.Condition()
@@ -96,9 +109,23 @@ class Telemetry:
         return bool(status.matching)
 
     def _put(self, stream: str, note: Note) -> None:
+        if self._keep is not None:
+            self._copy(self._keep, stream, note.payload)
+        if stream in _NOT_PUBLISHED:
+            return
         self._publisher(stream).put(
             note.payload, encoding=note.encoding, attachment=note.attachment
         )
+
+    def _copy(self, keep: Callable[[str, bytes], bool], stream: str, payload: bytes) -> None:
+        """Give the black box what it keeps."""
+        if stream in _KEPT:
+            keep(stream, payload)
+        elif stream in _KEPT_ONCE:
+            self._owed[stream] = payload
+        for owed in tuple(self._owed):
+            if keep(owed, self._owed[owed]):
+                del self._owed[owed]
 
     def _publisher(self, stream: str) -> zenoh.Publisher | zenoh.ext.AdvancedPublisher:
         if stream not in self._publishers:

@@ -22,6 +22,7 @@ from dfvs_core.schema import dump
 from dfvs_core.topics import Topics
 from dfvs_core.wire.link import CommandAnswer, ForwardedCommand, FromGate
 from dfvs_service.config import ServiceConfig
+from dfvs_service.flight_feed import FlightFeed
 from dfvs_service.gate_link import GateLink
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.operator_link.command_filter import CommandFilter
@@ -58,6 +59,7 @@ class OperatorLink:
         self._answers: queue.Queue[CommandAnswer] = queue.Queue(_MAX_ANSWERS)
         self._state = ""
         self._gate = GateLink(runtime.gate_socket, runtime.link_socket, self._on_gate)
+        self._flight_feed = FlightFeed(runtime.black_box_socket)
         self._parent = os.getppid()
         self._stopped = False
 
@@ -71,7 +73,9 @@ class OperatorLink:
         """
         zenoh_section = link_zenoh(self._config.zenoh, self._runtime)
         with open_session(zenoh_section, (self._config.vehicle.name,)) as session:
-            self._telemetry = Telemetry(session, self._topics, self._gate.report)
+            self._telemetry = Telemetry(
+                session, self._topics, self._gate.report, self._flight_feed.put
+            )
             answers = session.declare_publisher(
                 self._topics.telemetry("answer"),
                 congestion_control=zenoh.CongestionControl.DROP,
@@ -89,6 +93,7 @@ class OperatorLink:
             lease.close()
             del commands, goals
             self._telemetry.close()
+        self._flight_feed.close()
         self._gate.close()
 
     def stop(self, _signal: int, _frame: FrameType | None) -> None:

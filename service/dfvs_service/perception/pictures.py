@@ -2,6 +2,10 @@
 
 from __future__ import annotations
 
+from typing import cast
+
+import cv2
+
 from dfvs_core.arrays import ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.warping import flow_at_size
@@ -11,6 +15,9 @@ from dfvs_service.perception.preview import draw_flow
 from dfvs_service.telemetry import Note
 
 _GOAL_QUALITY = 90
+_THUMBNAIL_QUALITY = 70
+_THUMBNAIL_WIDTH = 240
+"""Width of the black box's views, px."""
 
 
 class Pictures:
@@ -35,6 +42,13 @@ class Pictures:
         """JPEG of the view with the flow drawn on it, as a frame on the wire."""
         drawn = draw_flow(frame.image, _of_frame(flow, frame), self._min_confidence)
         return self._jpeg(Frame(drawn, frame.t_capture_ns, frame.seq), self._quality)
+
+    def thumbnail(self, frame: Frame) -> Note:
+        """Small JPEG of the view alone."""
+        height, width = frame.image.shape[:2]
+        size = (_THUMBNAIL_WIDTH, max(round(height * _THUMBNAIL_WIDTH / width), 1))
+        small = cast(ImageArray, cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA))
+        return self._jpeg(Frame(small, frame.t_capture_ns, frame.seq), _THUMBNAIL_QUALITY)
 
     def goal(self, image: ImageArray, t_ns: int) -> Note:
         """JPEG of the goal picture (H, W, 3), stamped with the time of publishing."""

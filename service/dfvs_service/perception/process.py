@@ -26,6 +26,7 @@ from dfvs_core.wire.link import FromGate, GateStatus, PerceptionReport
 from dfvs_core.wire.picture import encode_png
 from dfvs_models.catalog import load_matcher
 from dfvs_service.config import ServiceConfig
+from dfvs_service.flight_feed import FlightFeed
 from dfvs_service.gate_link import GateLink
 from dfvs_service.goal_file import ordered_goal
 from dfvs_service.goal_store import GoalStore
@@ -50,6 +51,7 @@ from dfvs_service.zenoh_session import inner_zenoh, open_session
 
 _TIMING_PERIOD_NS = 1_000_000_000
 _COLLECTION_PERIOD_NS = 10_000_000_000
+_THUMBNAIL_PERIOD_NS = 1_000_000_000
 _RECORDER_PATIENCE_S = 10.0
 _LINK_PATIENCE_S, _LINK_PAUSE_S = 10.0, 0.1
 _KEPT_STATUSES = 256
@@ -79,6 +81,7 @@ class PerceptionProcess:
         self._heard: deque[GateStatus] = deque(maxlen=_KEPT_STATUSES)
         self._gate = GateLink(runtime.gate_socket, runtime.perception_socket, self._on_gate)
         self._new_goals = GoalStore(runtime.new_goals)
+        self._flight_feed = FlightFeed(runtime.black_box_socket)
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._latency = LatencyWindow()
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
@@ -99,6 +102,7 @@ class PerceptionProcess:
         self._pictures = Pictures(self._clock, config.servo.min_confidence, told.preview_quality)
         self._preview_pace = Pace.of_rate(told.preview_hz)
         self._flow_pace = Pace.of_rate(told.flow_hz)
+        self._thumbnail_pace = Pace(_THUMBNAIL_PERIOD_NS if config.black_box.enabled else 0)
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
         self._collection_pace = Pace(_COLLECTION_PERIOD_NS)
         self._frames = 0
@@ -112,7 +116,7 @@ class PerceptionProcess:
         if session is None:
             return
         with session:
-            telemetry = Telemetry(session, self._topics, self._gate.report)
+            telemetry = Telemetry(session, self._topics, self._gate.report, self._flight_feed.put)
             patience_s = _RECORDER_PATIENCE_S if self._config.record.folder else 0.0
             feed = TurnFeed(session, self._topics, self._gate.report, patience_s)
             telemetry.offer_json("config", dump(self._config))
@@ -126,6 +130,7 @@ class PerceptionProcess:
             del frames, camera
             feed.close()
             telemetry.close()
+        self._flight_feed.close()
         self._workers.shutdown(wait=False, cancel_futures=True)
         self._gate.close()
 
@@ -167,6 +172,7 @@ class PerceptionProcess:
         telemetry.offer("goal", lambda: self._pictures.goal(image, now_ns))
         where = {"t_ns": now_ns, "goal": self._route.index + 1, "of": self._route.count}
         telemetry.offer_json("route", where)
+        telemetry.offer_json("build", {"versions": opening.build, "model": opening.model})
 
     def _change_goal(self, digest: str, telemetry: Telemetry, feed: TurnFeed) -> None:
         """Look for the goal that the gate accepted; one that is unusable is none, and said so."""
@@ -277,6 +283,8 @@ class PerceptionProcess:
         self._frames += 1
         servo = servo_document(frame, outcome, now_ns, glance.stages_ns or {})
         telemetry.offer_json("servo", servo)
+        if self._thumbnail_pace.due(now_ns):
+            telemetry.offer("thumbnail", lambda: self._pictures.thumbnail(frame))
         if self._preview_pace.due(now_ns):
             telemetry.offer("preview", lambda: self._pictures.preview(frame, outcome.flow))
         if self._flow_pace.due(now_ns):

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.schema import dump
+from dfvs_service.atomic_file import write_atomic
 from dfvs_service.replay.comparison import Comparison, FrameDifference
 
 
@@ -47,10 +47,7 @@ def write_whole(path: Path, text: str) -> None:
     ConfigError
         If it cannot be written.
     """
-    partial = path.with_name(path.name + ".part")
     try:
-        partial.write_text(text, encoding="utf-8")
-        os.replace(partial, path)
+        write_atomic(path, text.encode())
     except OSError as error:
-        partial.unlink(missing_ok=True)
         raise ConfigError(f"cannot write {path} ({error.strerror})") from error

@@ -43,7 +43,7 @@ _CALM = (
     *("servo.depth='constant'", "servo.constant_depth_m=3.0", "flow.threads=1"),
     *("telemetry.state_hz=20", "telemetry.preview_hz=0", "telemetry.flow_hz=0"),
     *("limits.max_distance_m=1000", "limits.max_engaged_s=3600", "gate.hold_visual_s=3600"),
-    "gate.engage='command'",
+    *("gate.engage='command'", "black_box.enabled=false"),
 )
 
 

@@ -81,10 +81,10 @@ def test_a_gate_that_does_not_end_when_told_is_killed_within_two_seconds(tmp_pat
 
 
 def test_slow_children_do_not_hold_up_the_end_either(tmp_path):
-    """A deaf gate, perception, recorder and operator link together: still within two seconds."""
+    """A deaf gate and every other process deaf too: still within two seconds."""
     deaf = "import signal, time; signal.signal(signal.SIGTERM, signal.SIG_IGN); time.sleep(60)"
     child = (sys.executable, "-c", deaf)
-    programs = Programs((sys.executable, FAKE_GATE, "--deaf"), child, child, child)
+    programs = Programs((sys.executable, FAKE_GATE, "--deaf"), child, child, child, child)
     parent = Parent(RuntimeFolder(tmp_path), programs, ChangeLines(io.StringIO()))
     told = []
 

@@ -48,3 +48,37 @@ def test_flow_and_preview_are_made_only_while_somebody_looks(zenoh_config):
             subscriber.undeclare()
         telemetry.close()
     assert made
+
+
+def test_the_black_box_gets_its_streams_and_what_is_told_once_also_when_it_comes_late(zenoh_config):
+    kept, is_there = [], threading.Event()
+
+    def keep(stream, payload):
+        if is_there.is_set():
+            kept.append((stream, payload))
+        return is_there.is_set()
+
+    def offer(stream, payload):
+        """Wait until it was made: the newest note of a stream replaces one that waits."""
+        made = threading.Event()
+        telemetry.offer(stream, lambda: made.set() or Note(payload))
+        assert made.wait(5.0)
+
+    heard = []
+    with open_session(zenoh_config) as session:
+        telemetry = Telemetry(session, TOPICS, keep)
+        with open_session(operators_zenoh(zenoh_config)) as viewer:
+            key = TOPICS.telemetry("*")
+            subscriber = viewer.declare_subscriber(key, lambda s: heard.append(str(s.key_expr)))
+            for stream in ("goal", "build", "state"):
+                offer(stream, b"early")
+            is_there.set()
+            for stream in ("config", "thumbnail"):
+                offer(stream, b"late")
+            eventually(lambda: offer("servo", b"late") or TOPICS.telemetry("servo") in heard)
+            subscriber.undeclare()
+        telemetry.close()
+    late = {(stream, b"late") for stream in ("servo", "thumbnail")}
+    assert set(kept) == {("goal", b"early"), ("build", b"early")} | late
+    published = {key.rpartition("/")[2] for key in heard}
+    assert not {"thumbnail", "build"} & published

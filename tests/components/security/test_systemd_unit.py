@@ -8,6 +8,8 @@ from pathlib import Path
 
 import pytest
 
+from dfvs_service.config import BlackBoxSection, load_config
+
 UNIT = Path(__file__).parents[3] / "deploy" / "dfvs-service.service"
 ANALYZE = shutil.which("systemd-analyze")
 LOCKED_UP = {
@@ -39,6 +41,13 @@ def test_it_runs_as_nobody_special_with_limits_and_a_watchdog(service):
     assert service["MemoryMax"]
     assert service["Type"] == "notify"
     assert float(service["WatchdogSec"]) <= 5
+
+
+def test_the_black_box_has_a_folder_that_outlives_the_service_and_is_for_nobody_else(service):
+    assert service["StateDirectory"] == "dfvs"
+    assert service["StateDirectoryMode"] == "0700"
+    # A folder of the settings file would lie where ProtectSystem lets nobody write.
+    assert load_config(UNIT.parent / "service.toml", {}).black_box == BlackBoxSection()
 
 
 def test_what_it_starts_is_what_the_command_line_knows(service):

@@ -10,6 +10,7 @@ import pytest
 from dfvs_core.camera import CameraModel
 from dfvs_core.goal import GoalSidecar
 from dfvs_service import cli
+from dfvs_service.config import config_from_json
 
 
 @pytest.fixture
@@ -170,3 +171,48 @@ def test_a_flight_starts_with_everything_laid_out(goal, tmp_path, monkeypatch):
     assert {"config.json", "goal.png", "goal.json"} <= set(seen)
     assert b'"engage": "auto"' in seen["config.json"]
     assert folder.stat().st_mode & 0o777 == 0o700
+
+
+@pytest.fixture
+def started(goal, monkeypatch):
+    """Starts a flight that ends at once; gives its programs and settings."""
+    seen = []
+
+    def fly(runtime, programs, _display):
+        seen.append((programs, config_from_json(runtime.config.read_text())))
+        return 0
+
+    monkeypatch.setattr(cli, "fly", fly)
+    monkeypatch.delenv("STATE_DIRECTORY", raising=False)
+
+    def start(*words):
+        words = ("--goal", str(goal), "--camera-fov", "70", "--model", "classical", *words)
+        assert cli.main(list(words)) == 0
+        return seen[-1]
+
+    return start
+
+
+def test_every_flight_has_a_black_box_with_a_folder(started, tmp_path, monkeypatch):
+    monkeypatch.setenv("XDG_STATE_HOME", str(tmp_path))
+    programs, config = started()
+    assert programs.black_box[-1] == "dfvs_service.flights"
+    assert config.black_box.folder == str(tmp_path / "dfvs" / "flights")
+
+
+def test_the_settings_switch_the_black_box_off(started):
+    programs, config = started("--set", "black_box.enabled=false")
+    assert programs.black_box == ()
+    assert not config.black_box.enabled
+
+
+def test_a_flight_without_any_folder_for_its_records_goes_on(started, monkeypatch, capsys):
+    def no_home():
+        raise RuntimeError("Could not determine home directory.")
+
+    monkeypatch.delenv("XDG_STATE_HOME", raising=False)
+    monkeypatch.setattr("pathlib.Path.home", no_home)
+    programs, _ = started()
+    assert programs.black_box == ()
+    (line,) = capsys.readouterr().err.splitlines()
+    assert line.startswith("warning: no black box: ")

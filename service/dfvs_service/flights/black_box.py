@@ -1,0 +1,223 @@
+"""The records of one flight on disk.
+
+Copies the logs that the processes write to the runtime folder, and keeps what they send. Nobody
+waits for it. What cannot be written is dropped and counted, and tried again every few seconds;
+the copies of the logs then catch up.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import importlib.metadata
+import json
+import shutil
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+from dfvs_service.atomic_file import sync_folder, write_atomic
+from dfvs_service.config import ServiceConfig
+from dfvs_service.flights import layout
+from dfvs_service.flights.files import FileRing, LogCopy, SegmentedLog
+from dfvs_service.flights.store import FlightLock, FlightStore, folder_bytes
+from dfvs_service.runtime import RuntimeFolder
+
+MB = 1_000_000
+SYNC_NS = 1_000_000_000
+"""A power loss costs at most what was written in this time."""
+RETRY_NS = 5_000_000_000
+
+JSON_STREAMS = frozenset({"state", "servo", "timing", "route"})
+_ERRORS_OF = ("gate", "perception", "recorder", "black-box")
+
+
+@dataclass(frozen=True, slots=True)
+class Clock:
+    """Readings of the monotonic and the Unix clock, ns."""
+
+    monotonic_ns: Callable[[], int]
+    unix_ns: Callable[[], int]
+
+
+@dataclass(frozen=True, slots=True)
+class _Parts:
+    """Open files of a flight."""
+
+    copies: tuple[LogCopy, ...]
+    telemetry: SegmentedLog
+    thumbnails: FileRing
+    goals: FileRing
+
+    def sync(self) -> None:
+        """Have the disk keep what was written."""
+        for copy in self.copies:
+            copy.sync()
+        self.telemetry.sync()
+
+    def close(self) -> None:
+        """Close all files; never raises."""
+        for copy in self.copies:
+            copy.close()
+        self.telemetry.close()
+
+
+class BlackBox:
+    """Writes one flight; no call raises for want of a disk.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+        Names the vehicle and the limits.
+    store : FlightStore
+        Where the flight goes.
+    runtime : RuntimeFolder
+        Of the running service.
+    clock : Clock
+    warn : callable
+        Takes one line for the user.
+    """
+
+    def __init__(
+        self,
+        config: ServiceConfig,
+        store: FlightStore,
+        runtime: RuntimeFolder,
+        clock: Clock,
+        warn: Callable[[str], None],
+    ) -> None:
+        self._config = config
+        self._limits = config.black_box
+        self._store = store
+        self._runtime = runtime
+        self._clock = clock
+        self._warn = warn
+        self._started_ns, self._started_unix_ns = clock.monotonic_ns(), clock.unix_ns()
+        self._lock: FlightLock | None = None
+        self._parts: _Parts | None = None
+        self._next_sync_ns = self._retry_ns = self._started_ns
+        self._warned = ""
+        self.folder: Path | None = None
+        """Folder of the flight, None until it could be made."""
+        self.dropped = 0
+        """Records that could not be written."""
+
+    def add(self, stream: str, payload: bytes) -> None:
+        """Take a record: JSON of a telemetry stream or of the build, JPEG of a view or a goal."""
+        now_ns = self._clock.monotonic_ns()
+        parts = self._parts
+        if parts is None or now_ns < self._retry_ns:
+            self.dropped += 1
+            return
+        with self._unless_refused(records=1):
+            if stream in JSON_STREAMS:
+                parts.telemetry.append(b'{"stream":"%s","data":%s}' % (stream.encode(), payload))
+            elif stream == "thumbnail":
+                parts.thumbnails.add(f"{now_ns}.jpg", payload)
+            elif stream == "goal":
+                parts.goals.add(f"{now_ns}.jpg", payload)
+            elif stream == "build" and self.folder is not None:
+                write_atomic(self.folder / layout.BUILD, payload)
+
+    def update(self) -> None:
+        """Copy what the logs have grown by, and do what is due; to be called several times a s."""
+        now_ns = self._clock.monotonic_ns()
+        if now_ns < self._retry_ns:
+            return
+        with self._unless_refused():
+            if self._parts is None:
+                self._parts = self._begin()
+            for copy in self._parts.copies:
+                self._update(copy)
+            if now_ns >= self._next_sync_ns:
+                self._next_sync_ns = now_ns + SYNC_NS
+                self._parts.sync()
+                self._check_room()
+
+    def close(self) -> None:
+        """Copy the rest and bring the flight to its end."""
+        self._retry_ns = self._next_sync_ns = self._clock.monotonic_ns()
+        self.update()
+        if self._parts is not None:
+            self._parts.close()
+        if self._lock is not None:
+            self._lock.release()
+
+    # --- disk -----------------------------------------------------------------------------
+
+    @contextlib.contextmanager
+    def _unless_refused(self, records: int = 0) -> Iterator[None]:
+        """Pause where the disk refuses something; that many records are lost by it."""
+        try:
+            yield
+        except OSError as error:
+            self.dropped += records
+            self._pause(error.strerror or str(error))
+
+    def _pause(self, reason: str) -> None:
+        """Write nothing for a while; what was written stays."""
+        self._retry_ns = self._clock.monotonic_ns() + RETRY_NS
+        if reason != self._warned:
+            self._warned = reason
+            where = self._store.path if self.folder is None else self.folder
+            self._warn(f"the black box cannot write to {where} ({reason}); the flight goes on")
+
+    def _begin(self) -> _Parts:
+        """Make the flight's folder with all that is known at the start."""
+        limits = self._limits
+        if self.folder is None:
+            self._store.make_room(round((limits.max_total_mb - limits.max_flight_mb) * MB))
+            name_s = self._started_unix_ns * 1e-9
+            self.folder, self._lock = self._store.create(self._config.vehicle.name, name_s)
+        folder, runtime = self.folder, self._runtime
+        self._check_room()
+        header = {
+            "format": layout.FORMAT,
+            "vehicle": self._config.vehicle.name,
+            "started_ns": self._started_ns,
+            "started_unix_ns": self._started_unix_ns,
+            "version": importlib.metadata.version("dfvs"),
+        }
+        write_atomic(folder / layout.HEADER, json.dumps(header).encode() + b"\n")
+        write_atomic(folder / layout.SETTINGS, self._config.to_json().encode())
+        for picture in (runtime.goal_picture, *runtime.later_goals()):
+            for source in (picture, picture.with_suffix(".json")):
+                write_atomic(folder / source.name, source.read_bytes())
+        sync_folder(self._store.path)
+        return self._open_parts(folder)
+
+    def _open_parts(self, folder: Path) -> _Parts:
+        """Every part has its share of the flight's size."""
+        runtime, limit = self._runtime, round(self._limits.max_flight_mb * MB)
+        whole = max(limit - folder_bytes(folder), 0)
+        small = whole // 50
+        logs = {
+            runtime.gate_inputs: (layout.GATE_INPUTS, whole * 2 // 5),
+            runtime.gate_log: (layout.GATE_LOG, small),
+            runtime.service_log: (layout.SERVICE_LOG, small),
+        }
+        logs |= {runtime.stderr(n): (runtime.stderr(n).name, small) for n in _ERRORS_OF}
+        return _Parts(
+            tuple(LogCopy(source, folder / name, size) for source, (name, size) in logs.items()),
+            SegmentedLog(folder, layout.TELEMETRY, whole // 4),
+            FileRing(folder / layout.THUMBNAILS, whole // 10),
+            FileRing(folder / layout.GOALS, whole // 20),
+        )
+
+    def _update(self, copy: LogCopy) -> None:
+        was_full = copy.is_full
+        copy.update()
+        if copy.is_full and not was_full:
+            self._warn(f"the black box keeps no more of {copy.name}: it is as large as it may be")
+
+    def _check_room(self) -> None:
+        """Refuse to fill the disk.
+
+        Raises
+        ------
+        OSError
+            If too little is free.
+        """
+        if self.folder is not None:
+            free = shutil.disk_usage(self.folder).free
+            if free < self._limits.min_free_mb * MB:
+                raise OSError(f"less than {self._limits.min_free_mb:g} MB are free")

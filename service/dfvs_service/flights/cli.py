@@ -1,0 +1,132 @@
+"""``dfvs-service flights``: list, show and export what flights left behind."""
+
+from __future__ import annotations
+
+import argparse
+import dataclasses
+import json
+import os
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from dfvs_service.flights import layout
+from dfvs_service.flights.export import export_flight
+from dfvs_service.flights.records import FlightSummary, read_summary
+from dfvs_service.flights.store import FlightStore, flights_folder
+from dfvs_service.settings_options import add_settings_options, settings_from
+
+EXIT_OK = 0
+
+_EPILOG = """\
+examples:
+  dfvs-service flights                                     all flights, oldest first
+  dfvs-service flights show latest                         what happened in the newest one
+  dfvs-service flights show 20260102T101112Z-drone1 --json
+  dfvs-service flights export latest flight.zip            all of its files
+  sudo dfvs-service flights --folder /var/lib/dfvs/flights those of the systemd service
+
+exit code: 0 done, 2 there is no such flight, or it cannot be read or written
+"""
+
+
+def flights(words: Sequence[str]) -> int:
+    """Run the command; returns the exit code.
+
+    Raises
+    ------
+    DfvsError
+        If there is no such flight, or it cannot be read or written.
+    """
+    arguments = _parser().parse_args(words)
+    section = settings_from(arguments).black_box
+    if arguments.folder is not None:
+        section = dataclasses.replace(section, folder=str(arguments.folder))
+    store = FlightStore(flights_folder(section, os.environ))
+    run: Callable[[FlightStore, argparse.Namespace], None] = arguments.run
+    run(store, arguments)
+    return EXIT_OK
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-service flights",
+        description="List, show and export the records that every flight leaves behind.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    common = argparse.ArgumentParser(add_help=False, argument_default=argparse.SUPPRESS)
+    common.add_argument("--folder", type=Path, metavar="DIR", help="flights (black_box.folder)")
+    common.add_argument("--json", action="store_true", help="print the result as JSON")
+    commands = parser.add_subparsers(metavar="COMMAND")
+    listing = commands.add_parser("list", parents=[common], help="all flights (the default)")
+    show = commands.add_parser("show", parents=[common], help="what happened in a flight")
+    export = commands.add_parser("export", parents=[common], help="pack a flight as a ZIP file")
+    for each, run in ((parser, _list), (listing, _list), (show, _show), (export, _export)):
+        each.set_defaults(run=run)
+    for each in (show, export):
+        each.add_argument("name", metavar="NAME", help="name of a flight, or 'latest'")
+    export.add_argument("file", type=Path, metavar="FILE.zip", help="must not exist")
+    parser.add_argument("--folder", type=Path, metavar="DIR", help="flights (black_box.folder)")
+    parser.add_argument("--json", action="store_true", help="print the result as JSON")
+    add_settings_options(parser)
+    return parser
+
+
+def _list(store: FlightStore, arguments: argparse.Namespace) -> None:
+    summaries = [read_summary(store.path / name) for name in store.names()]
+    if arguments.json:
+        print(json.dumps([_document(summary) for summary in summaries]))
+    elif not summaries:
+        print(f"no flights in {store.path}")
+    else:
+        print("\n".join(_table(summaries)))
+
+
+def _show(store: FlightStore, arguments: argparse.Namespace) -> None:
+    summary = read_summary(store.folder(arguments.name))
+    print(json.dumps(_document(summary)) if arguments.json else "\n".join(_page(summary)))
+
+
+def _export(store: FlightStore, arguments: argparse.Namespace) -> None:
+    folder, target = store.folder(arguments.name), arguments.file
+    count = export_flight(folder, target)
+    size_bytes = target.stat().st_size
+    if arguments.json:
+        result = {"name": folder.name, "file": str(target), "files": count}
+        print(json.dumps({**result, "size_bytes": size_bytes}))
+    else:
+        print(f"{folder.name}: {count} files, {size_bytes / 1e6:.1f} MB in {target}")
+
+
+def _document(summary: FlightSummary) -> dict[str, object]:
+    return dataclasses.asdict(summary)
+
+
+def _table(summaries: Sequence[FlightSummary]) -> list[str]:
+    width = max(len(summary.name) for summary in summaries)
+    lines = [f"{'flight':<{width}}  {'time':>8}  {'size':>8}  {'status':<7}  verdict"]
+    for s in summaries:
+        size = f"{s.size_bytes / 1e6:.1f} MB"
+        lines.append(
+            f"{s.name:<{width}}  {s.duration_s:6.1f} s  {size:>8}  {s.status:<7}  {s.verdict}"
+        )
+    return lines
+
+
+def _page(summary: FlightSummary) -> list[str]:
+    s = summary
+    code = "" if s.exit_code is None else f", exit code {s.exit_code}"
+    lines = [
+        f"flight   {s.name}  ({s.size_bytes / 1e6:.1f} MB in {s.folder})",
+        f"vehicle  {s.vehicle}, dfvs {s.version or 'of an unknown version'}",
+        f"start    {s.started}",
+        f"end      after {s.duration_s:.1f} s: {s.status}{code}",
+        f"verdict  {s.verdict}",
+        "",
+    ]
+    for change in s.states:
+        detail = f" ({change.detail})" if change.detail else ""
+        lines.append(f"{change.t_s:9.3f} s  {change.state:<9}  {change.cause}{detail}".rstrip())
+    lines += ["", *s.told] if s.told else []
+    inputs = Path(s.folder) / layout.GATE_INPUTS
+    return [*lines, "", f"decide it again: dfvs-service replay-gate {inputs}"]

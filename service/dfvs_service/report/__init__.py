@@ -1,0 +1,1 @@
+"""Reports of flights as HTML pages that need nothing else."""
