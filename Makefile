@@ -31,8 +31,14 @@ types: .venv/.stamp-test
 imports: .venv/.stamp-test
 	$(BIN)/lint-imports
 
+# Tests that start processes and measure time run one after the other.
 pytest: .venv/.stamp-test
+ifeq ($(strip $(ARGS)),)
+	$(BIN)/python -m pytest -n 2 tests/unit tests/property
+	$(BIN)/python -m pytest tests/harness tests/components
+else
 	$(BIN)/python -m pytest $(ARGS)
+endif
 
 # Every branch of the gate's core must be taken by its own tests.
 coverage: .venv/.stamp-test
