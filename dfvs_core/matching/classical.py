@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.points import PointMatches
+from dfvs_core.matching.points import PointMatches, Unwanted
 from dfvs_core.matching.staged import StagedMatcher
 
 _MEAN_SIGMA_PX, _SPREAD_SIGMA_PX = 12.0, 16.0
@@ -57,7 +57,9 @@ class SiftPoints:
         at = (points + 0.5) / scale - 0.5
         return SiftFeatures(at.astype(np.float32), descriptors.astype(np.float32))
 
-    def hypotheses(self, current: SiftFeatures, other: SiftFeatures) -> Iterator[PointMatches]:
+    def hypotheses(
+        self, current: SiftFeatures, other: SiftFeatures, unwanted: Unwanted | None = None
+    ) -> Iterator[PointMatches]:
         """The matches, all of equal confidence; see ``dfvs_core.matching.points``."""
         pairs = _mutual_distinct(current.descriptors, other.descriptors)
         at, to = current.points[pairs[:, 0]], other.points[pairs[:, 1]]

@@ -52,12 +52,12 @@ def exclude(field: FlowField, excluded: Sequence[FlowField]) -> FlowField:
     return field
 
 
-def exclude_matches(matches: PointMatches, excluded: Sequence[FlowField]) -> PointMatches:
-    """Matches that lead elsewhere than every flow that is excluded."""
+def is_excluded(matches: PointMatches, excluded: Sequence[FlowField]) -> BoolArray:
+    """Mask (N,) of the matches that lead to the same place as a flow that is excluded."""
+    same: BoolArray = np.zeros(len(matches), bool)
     for wrong in excluded:
         u, v = np.rint(matches.current).astype(np.intp).T
         v, u = np.clip(v, 0, wrong.flow.shape[0] - 1), np.clip(u, 0, wrong.flow.shape[1] - 1)
         moved = matches.other - matches.current - wrong.flow[v, u]
-        apart: BoolArray = np.linalg.norm(moved, axis=1) >= _SAME_PX
-        matches = matches.select(apart)
-    return matches
+        same |= np.linalg.norm(moved, axis=1) < _SAME_PX
+    return same

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
@@ -30,6 +30,10 @@ class PointMatches:
         return PointMatches(self.current[kept], self.other[kept], self.confidence[kept])
 
 
+Unwanted = Callable[[PointMatches], BoolArray]
+"""Mask (N,) of the matches that are known to be wrong."""
+
+
 class PointMatcher(Protocol[Features]):
     """Source of sparse matches: a network, or SIFT."""
 
@@ -42,9 +46,12 @@ class PointMatcher(Protocol[Features]):
         """What is matched of an image (H, W, 3) uint8 RGB."""
         ...
 
-    def hypotheses(self, current: Features, other: Features) -> Iterator[PointMatches]:
+    def hypotheses(
+        self, current: Features, other: Features, unwanted: Unwanted | None = None
+    ) -> Iterator[PointMatches]:
         """Match hypotheses, the likeliest first; each is computed when it is asked for.
 
-        Points are in px of the images.
+        Points are in px of the images. Unwanted matches may be left out, so that others of the
+        same points of ``other`` are found.
         """
         ...

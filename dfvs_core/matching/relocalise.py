@@ -18,7 +18,7 @@ import numpy as np
 
 from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
-from dfvs_core.matching.confidence import CONFIDENT, exclude_matches, merge_by_confidence
+from dfvs_core.matching.confidence import CONFIDENT, is_excluded, merge_by_confidence
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.dense_search import search_residual
 from dfvs_core.matching.points import PointMatches
@@ -63,7 +63,7 @@ def relocalise(
     """
     best: MatchHypothesis | None = None
     for matches in itertools.islice(hypotheses, config.most_hypotheses):
-        matches = exclude_matches(matches, excluded)
+        matches = matches.select(~is_excluded(matches, excluded))
         inliers = fit_two_views(matches, config)
         if inliers is None:
             continue

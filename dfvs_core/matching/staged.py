@@ -12,7 +12,7 @@ import numpy as np
 from dfvs_core.arrays import ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
-from dfvs_core.matching.confidence import empty_flow, exclude
+from dfvs_core.matching.confidence import empty_flow, exclude, is_excluded
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size, check_size
 from dfvs_core.matching.points import Features, PointMatcher, PointMatches
@@ -72,7 +72,7 @@ class StagedMatcher(Generic[Features]):
     ) -> FlowField:
         """Flow without a prior; see :class:`Matcher`."""
         current, other = self._check(current, other)
-        hypotheses = self._hypotheses(current, other)
+        hypotheses = self._hypotheses(current, other, excluded)
         found = relocalise(current.grey, other.grey, hypotheses, self._config, excluded)
         return empty_flow(current.size) if found is None else exclude(found.field, excluded)
 
@@ -82,15 +82,22 @@ class StagedMatcher(Generic[Features]):
         return track(current.grey, other.grey, predicted, self._config)
 
     def _hypotheses(
-        self, current: StagedImage[Features], other: StagedImage[Features]
+        self,
+        current: StagedImage[Features],
+        other: StagedImage[Features],
+        excluded: Sequence[FlowField],
     ) -> Iterator[PointMatches]:
         """Hypotheses in px of the working size."""
-        for found in self._points.hypotheses(current.features, other.features):
+
+        def scaled(found: PointMatches) -> PointMatches:
             at, to = (
                 ((points + 0.5) * image.scale - 0.5).astype(np.float32)
                 for points, image in ((found.current, current), (found.other, other))
             )
-            yield PointMatches(at, to, found.confidence)
+            return PointMatches(at, to, found.confidence)
+
+        unwanted = (lambda found: is_excluded(scaled(found), excluded)) if excluded else None
+        yield from map(scaled, self._points.hypotheses(current.features, other.features, unwanted))
 
     def _check(
         self, current: Prepared, other: Prepared

@@ -13,7 +13,7 @@ import numpy as np
 from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 from dfvs_core.errors import ModelError
 from dfvs_core.manifest import PictureInput
-from dfvs_core.matching.points import PointMatches
+from dfvs_core.matching.points import PointMatches, Unwanted
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph
 
@@ -41,6 +41,13 @@ class Keypoints:
     def strongest(self, count: int) -> Keypoints:
         """Keypoints of the highest scores."""
         return Keypoints([tensor[:, :count] for tensor in self.tensors], self._to_image)
+
+    def without(self, points: Float32Array) -> Keypoints:
+        """Keypoints that are at none of some points (N, 2) px of the image."""
+        gone = {tuple(point) for point in points.tolist()}
+        at = self.in_image(self.tensors[0][0]).tolist()
+        kept = [k for k, point in enumerate(at) if tuple(point) not in gone]
+        return Keypoints([tensor[:, kept] for tensor in self.tensors], self._to_image)
 
 
 class EncodedImage:
@@ -107,11 +114,14 @@ class EncodeMatchPoints:
         """Take an image (H, W, 3) uint8 RGB."""
         return EncodedImage(image, self)
 
-    def hypotheses(self, current: EncodedImage, other: EncodedImage) -> Iterator[PointMatches]:
+    def hypotheses(
+        self, current: EncodedImage, other: EncodedImage, unwanted: Unwanted | None = None
+    ) -> Iterator[PointMatches]:
         """Matches with the other image, turned and reduced; see ``dfvs_core.matching.points``.
 
         The strongest keypoints tell which change is the likeliest; all of them are matched when a
-        hypothesis is asked for. Output that is not finite gives no match.
+        hypothesis is asked for. Points with an unwanted match are left out, and the others matched
+        once more. Output that is not finite gives no match.
         """
         first = current.keypoints()
         changed = [other.keypoints(*change) for change in self._changes]
@@ -121,7 +131,10 @@ class EncodeMatchPoints:
             for second in changed
         ]
         for k in sorted(range(len(changed)), key=lambda k: -support[k]):
-            yield self._match_points(first, changed[k])
+            found = self._match_points(first, changed[k])
+            if unwanted is not None and (wrong := unwanted(found)).any():
+                found = self._match_points(first.without(found.current[wrong]), changed[k])
+            yield found
 
     def _match_points(self, first: Keypoints, second: Keypoints) -> PointMatches:
         points, confidence = self._run(first, second)

@@ -19,7 +19,7 @@ from dfvs_core.matching.dense_search import (
     forward_backward_consistency,
 )
 from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
-from dfvs_core.matching.points import PointMatches
+from dfvs_core.matching.points import PointMatches, Unwanted
 from dfvs_core.matching.smooth_flow import confident_matches
 from dfvs_core.matching.warping import lands_inside, pixel_grid, sample
 from dfvs_models.bundle import Bundle
@@ -163,7 +163,9 @@ class FlowPoints:
         """Resize and normalise an image (H, W, 3) uint8 RGB."""
         return self._network.prepare(image)
 
-    def hypotheses(self, current: PairPicture, other: PairPicture) -> Iterator[PointMatches]:
+    def hypotheses(
+        self, current: PairPicture, other: PairPicture, unwanted: Unwanted | None = None
+    ) -> Iterator[PointMatches]:
         """See ``dfvs_core.matching.points``."""
         yield confident_matches(self._network.match(current, other), self._stride_px)
 

@@ -66,7 +66,7 @@ def test_the_black_box_gets_its_streams_and_what_is_told_once_also_when_it_comes
 
     heard = []
     with open_session(zenoh_config) as session:
-        telemetry = Telemetry(session, TOPICS, keep)
+        telemetry = Telemetry(session, TOPICS, print, keep)
         with open_session(operators_zenoh(zenoh_config)) as viewer:
             key = TOPICS.telemetry("*")
             subscriber = viewer.declare_subscriber(key, lambda s: heard.append(str(s.key_expr)))

@@ -29,7 +29,7 @@ class KnownPoints:
         self.encoded.append(image.shape)
         return image.shape[1] / WIDTH
 
-    def hypotheses(self, current, other):
+    def hypotheses(self, current, other, unwanted=None):
         v, u = np.mgrid[8:HEIGHT:12, 8:WIDTH:12].reshape(2, -1)
         kept = inside(TRUTH)[v, u]
         at = np.stack([u, v], axis=1)[kept].astype(float)
