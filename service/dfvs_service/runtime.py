@@ -97,3 +97,7 @@ class RuntimeFolder:
     def stderr(self, child: str) -> Path:
         """What a child process writes to its standard error."""
         return self.path / f"{child}.err"
+
+    def stderr_files(self) -> list[Path]:
+        """Files of :meth:`stderr` of the children that were started."""
+        return sorted(self.path.glob("*.err"))

@@ -28,7 +28,6 @@ SYNC_NS = 1_000_000_000
 RETRY_NS = 5_000_000_000
 
 JSON_STREAMS = frozenset({"state", "servo", "timing", "route"})
-_ERRORS_OF = ("gate", "perception", "recorder", "black-box")
 
 
 @dataclass(frozen=True, slots=True)
@@ -195,7 +194,7 @@ class BlackBox:
             runtime.gate_log: (layout.GATE_LOG, small),
             runtime.service_log: (layout.SERVICE_LOG, small),
         }
-        logs |= {runtime.stderr(n): (runtime.stderr(n).name, small) for n in _ERRORS_OF}
+        logs |= {path: (path.name, small) for path in runtime.stderr_files()}
         return _Parts(
             tuple(LogCopy(source, folder / name, size) for source, (name, size) in logs.items()),
             SegmentedLog(folder, layout.TELEMETRY, whole // 4),

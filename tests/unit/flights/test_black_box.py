@@ -86,6 +86,15 @@ def test_logs_telemetry_and_views_are_kept_as_they_come(desk):
     assert desk.box.dropped == 0
 
 
+def test_the_standard_error_of_every_child_is_kept(desk):
+    children = ("gate", "perception", "operator_link", "recorder", "black-box")
+    for child in children:
+        desk.runtime.stderr(child).write_text(f"{child} failed\n")
+    desk.later(0)
+    for child in children:
+        assert (desk.box.folder / f"{child}.err").read_text() == f"{child} failed\n"
+
+
 def test_what_was_written_reaches_the_disk_once_a_second(desk, monkeypatch):
     desk.later(0)
     desk.log(t_ns=1)
