@@ -13,6 +13,7 @@ from dfvs_core.matching.verify import explained_ratio, fit_two_views, probabilit
 
 CONFIG = MatchingConfig()
 SCENE = TwoPlanes()
+EXPLAINED = 0.8
 STANDSTILL = np.zeros((HEIGHT, WIDTH, 2), np.float32)
 
 
@@ -37,6 +38,7 @@ def test_all_matches_of_a_rigid_scene_are_inliers(rng):
     given = rigid(rng, 300)
     found = fit_two_views(given, CONFIG)
     assert len(found) > 0.95 * len(given)
+    assert probability(len(found), EXPLAINED, CONFIG) > CONFIG.clear_probability
 
 
 def test_gross_errors_among_the_matches_of_a_rigid_scene_are_no_inliers(rng):
@@ -47,6 +49,7 @@ def test_gross_errors_among_the_matches_of_a_rigid_scene_are_no_inliers(rng):
     kept = np.isin(other[:, 0], found.other[:, 0])
     assert kept[~is_wrong].mean() > 0.9
     assert kept[is_wrong].mean() < 0.1  # one in some dozens lies on its epipolar line by chance
+    assert probability(len(found), EXPLAINED, CONFIG) > 0.8
 
 
 def test_too_few_matches_have_no_geometry(rng):
@@ -56,11 +59,11 @@ def test_too_few_matches_have_no_geometry(rng):
 
 
 @pytest.mark.parametrize("spread_px", [0.0, 1e-3, 1.0])
-def test_matches_that_all_lead_to_one_point_are_survived(rng, spread_px):
+def test_matches_that_all_lead_to_one_point_are_improbable(rng, spread_px):
     at = points(rng, 40)
     to = 50.0 + rng.normal(0.0, 1.0, at.shape) * spread_px
     found = fit_two_views(matches(at, to), CONFIG)
-    assert found is None or len(found) <= 40
+    assert found is None or probability(len(found), 0.02, CONFIG) < CONFIG.least_probability
 
 
 def test_the_same_matches_give_the_same_inliers(rng):
