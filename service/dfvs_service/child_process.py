@@ -1,0 +1,61 @@
+"""Entry of the service's child processes: ``python -m dfvs_service.NAME --runtime DIR``."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Protocol
+
+from dfvs_core.errors import DfvsError
+from dfvs_service.config import ServiceConfig, config_from_json
+from dfvs_service.runtime import RuntimeFolder
+
+EXIT_CANNOT_RUN = 2
+
+
+class ChildProcess(Protocol):
+    """Work of a child process."""
+
+    def stop(self, signal: int, frame: FrameType | None, /) -> None:
+        """Signal handler: end."""
+        ...
+
+    def run(self) -> None:
+        """Work until told to stop."""
+        ...
+
+
+def run_child(
+    name: str,
+    argv: Sequence[str] | None,
+    make: Callable[[ServiceConfig, RuntimeFolder], ChildProcess],
+) -> int:
+    """Run a child process of the service until SIGTERM; returns the exit code.
+
+    Parameters
+    ----------
+    name : str
+        Of the package that is run.
+    argv : sequence of str, optional
+        Command line.
+    make : callable
+        Makes the process from the settings and the runtime folder.
+    """
+    parser = argparse.ArgumentParser(prog=name)
+    parser.add_argument("--runtime", type=Path, required=True)
+    runtime = RuntimeFolder(parser.parse_args(argv).runtime)
+    # The terminal's Ctrl-C goes to all processes; the parent passes it on as SIGTERM.
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    try:
+        process = make(config_from_json(runtime.config.read_text(encoding="utf-8")), runtime)
+        signal.signal(signal.SIGTERM, process.stop)
+        process.run()
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    return 0
