@@ -32,7 +32,7 @@ from dfvs_service.goal_file import (
     route_pictures,
 )
 from dfvs_service.key_file import create_key, load_key
-from dfvs_service.parent import Programs, fly, furnish
+from dfvs_service.parent import Programs, fly, prepare_runtime
 from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.ports import refuse_taken_mavlink, refuse_taken_zenoh
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
@@ -219,7 +219,7 @@ def _fly(words: Sequence[str]) -> int:
         print(f"warning: {line}", file=sys.stderr)
     with _runtime(arguments.runtime_dir) as runtime:
         _check_ports(config)  # the model took seconds to load
-        furnish(runtime, config, goal, later)
+        prepare_runtime(runtime, config, goal, later)
         return fly(runtime, _programs(config), _display(runtime, as_json=arguments.json_log))
 
 

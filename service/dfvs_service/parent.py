@@ -63,7 +63,7 @@ class Programs:
     black_box: Sequence[str] = ()
 
 
-def furnish(
+def prepare_runtime(
     runtime: RuntimeFolder, config: ServiceConfig, goal: Goal, later: Sequence[Goal] = ()
 ) -> None:
     """Put the resolved settings, the goal and those after it where the processes look for them.
@@ -89,7 +89,7 @@ def _put_goal(picture: Path, goal: Goal) -> None:
 
 
 class Parent:
-    """Starts the processes in a furnished runtime folder, and watches over them."""
+    """Starts the processes in a prepared runtime folder, and watches over them."""
 
     def __init__(self, runtime: RuntimeFolder, programs: Programs, display: Display) -> None:
         self._narrator = Narrator(display)
@@ -147,7 +147,7 @@ class Parent:
         code = self._gate.code
         return code if code is not None and 0 <= code <= EXIT_CANNOT_RUN else EXIT_ENDED
 
-    def _lament(self) -> None:
+    def _report_end(self) -> None:
         """Say that the gate did not end by itself."""
         code = self._gate.code
         if code is not None and code < 0 and self._code is None and not self._stop_requested:
@@ -175,7 +175,7 @@ class Parent:
             self._pass_on_errors()
             self._check_needed("perception", self._perception)
             self._check_needed("the operator link", self._link)
-            self._heed_recorders()
+            self._check_recorders()
         if self._stop_requested:
             self._stop_gate()
 
@@ -197,7 +197,7 @@ class Parent:
             self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_ENDED
             self._stop_requested = True
 
-    def _heed_recorders(self) -> None:
+    def _check_recorders(self) -> None:
         """Say that recorder or black box are gone; the flight goes on without."""
         for name, loss in _LOSSES.items():
             child = self._children.get(name)
@@ -230,7 +230,7 @@ class Parent:
                 _end(child, until_s)
         self._narrator.show(self._beat)
         self._pass_on_errors()
-        self._lament()
+        self._report_end()
         self._log.add(time.monotonic_ns(), "end", code=self._exit_code)
         self._log.close(_LEAST_END_S)
         if black_box is not None:
@@ -265,7 +265,7 @@ def _end(child: Child, until_s: float) -> None:
 
 
 def fly(runtime: RuntimeFolder, programs: Programs, display: Display) -> int:
-    """Run the service in a furnished runtime folder until it ends; returns its exit code."""
+    """Run the service in a prepared runtime folder until it ends; returns its exit code."""
     return supervise(Parent(runtime, programs, display))
 
 

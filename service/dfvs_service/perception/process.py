@@ -206,7 +206,7 @@ class PerceptionProcess:
 
     def _turn(self, telemetry: Telemetry, feed: TurnFeed) -> None:
         sample = self._next_sample()
-        heard = self._heed_gate()
+        heard = self._read_gate()
         if heard and heard[-1].goal != self._goal_digest:
             self._change_goal(heard[-1].goal, telemetry, feed)
         if self._goal_flaw:  # there is nothing to fly to, whatever the camera sees
@@ -243,7 +243,7 @@ class PerceptionProcess:
             log.info("goal %d of %d", self._route.index + 1, self._route.count)
             self._tell_goal(telemetry, feed)
 
-    def _heed_gate(self) -> list[GateStatus]:
+    def _read_gate(self) -> list[GateStatus]:
         """Take in everything the gate said since the last turn, and return it."""
         heard = []
         while self._heard:

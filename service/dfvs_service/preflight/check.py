@@ -9,7 +9,7 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.gate.preflight import Check
 from dfvs_core.goal import Goal
 from dfvs_service.config import ServiceConfig
-from dfvs_service.parent import Parent, Programs, furnish, supervise
+from dfvs_service.parent import Parent, Programs, prepare_runtime, supervise
 from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.ground import (
     command_check,
@@ -70,7 +70,7 @@ def _watch(
     programs: Programs,
 ) -> tuple[Check, ...]:
     """Checks of the gate itself, once they pass or the time is up."""
-    furnish(runtime, watching(config), goal)
+    prepare_runtime(runtime, watching(config), goal)
     observer = Observer(timeout_s)
     parent = Parent(runtime, programs, observer)
     observer.end = lambda: parent.stop(signal.SIGTERM, None)

@@ -20,7 +20,7 @@ from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
 from dfvs_service.config import ZenohSection, load_config
-from dfvs_service.parent import Parent, Programs, furnish
+from dfvs_service.parent import Parent, Programs, prepare_runtime
 from dfvs_service.preflight.watch_only import watching
 from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.zenoh_session import open_session
@@ -122,7 +122,7 @@ def service_watching(folder, mavlink_port, endpoint, picture):
     sidecar = GoalSidecar(CAMERA)
     config, _ = load_config(None, overrides).with_camera(SIZE, sidecar)
     runtime = RuntimeFolder(folder)
-    furnish(runtime, watching(config), Goal(picture, sidecar))
+    prepare_runtime(runtime, watching(config), Goal(picture, sidecar))
     watch = Watch()
     parent = Parent(runtime, Programs(), watch)
     thread = threading.Thread(target=parent.run)

@@ -14,7 +14,7 @@ from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_service import cli
 from dfvs_service.config import load_config
 from dfvs_service.key_file import create_key
-from dfvs_service.parent import Parent, Programs, furnish
+from dfvs_service.parent import Parent, Programs, prepare_runtime
 from dfvs_service.runtime import RuntimeFolder
 
 __all__ = ["views"]
@@ -38,7 +38,7 @@ class Service:
         sidecar = GoalSidecar(CAMERA)
         config, _ = load_config(None, overrides).with_camera(SIZE, sidecar)
         self.runtime = RuntimeFolder(folder)
-        furnish(self.runtime, config, Goal(picture, sidecar))
+        prepare_runtime(self.runtime, config, Goal(picture, sidecar))
         self.watch = Watch()
         self.parent = Parent(self.runtime, Programs(), self.watch)
         self.thread = threading.Thread(target=self.parent.run)

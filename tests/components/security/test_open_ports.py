@@ -16,7 +16,7 @@ from loopback import free_tcp_port
 from dfvs_core.camera import CameraModel
 from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_service.config import load_config
-from dfvs_service.parent import furnish
+from dfvs_service.parent import prepare_runtime
 from dfvs_service.runtime import RuntimeFolder
 
 RUNNER = Path(__file__).parents[1] / "gate" / "run_parent.py"
@@ -39,7 +39,7 @@ def service(tmp_path, rng):
         config, _ = load_config(None, overrides).with_camera((160, 120), sidecar)
         picture = rng.integers(0, 255, (120, 160, 3), dtype=np.uint8)
         runtime = RuntimeFolder(folder)
-        furnish(runtime, config, Goal(picture, sidecar))
+        prepare_runtime(runtime, config, Goal(picture, sidecar))
         command = [sys.executable, str(RUNNER), "--runtime", str(folder)]
         parent = subprocess.Popen(
             [*command, "--perception=-m dfvs_service.perception"], stderr=subprocess.DEVNULL

@@ -15,7 +15,7 @@ from dfvs_service.config import load_config
 from dfvs_service.flights.black_box import MB, BlackBox, Clock
 from dfvs_service.flights.records import read_lines
 from dfvs_service.flights.store import FlightStore, folder_bytes, is_running
-from dfvs_service.parent import furnish
+from dfvs_service.parent import prepare_runtime
 from dfvs_service.runtime import RuntimeFolder
 
 S = 1_000_000_000
@@ -33,7 +33,7 @@ class Desk:
         self.runtime = RuntimeFolder(folder / "run")
         config = load_config(None, {f"black_box.{key}": v for key, v in settings.items()})
         self.config = config
-        furnish(self.runtime, config, GOAL)
+        prepare_runtime(self.runtime, config, GOAL)
         self.store = FlightStore(folder / "flights")
         self.now_ns = 5 * S
         self.warnings = []
