@@ -56,7 +56,7 @@ def accuracy_table(scores: Mapping[str, LevelScore], pairs_name: str) -> str:
     lines = [
         f"On `{pairs_name}`, over the pixels seen in both images, after the dense search:",
         "",
-        "| motion | mean error | under 3 px | error of the surer half | pairs |",
+        "| motion | mean error | under 3 px | error of the more confident half | pairs |",
         "|---|---|---|---|---|",
     ]
     for level, s in scores.items():
