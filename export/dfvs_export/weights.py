@@ -86,12 +86,13 @@ def load_weights(path: Path | None) -> Weights:
         raise ModelError(
             f"{path} is no checkpoint: {type(error).__name__}", "a file that the training wrote"
         ) from error
-    if not all(isinstance(name, str) and _is_weight(value) for name, value in states):
+    if not all(isinstance(name, str) and is_weight(value) for name, value in states):
         raise ModelError(f"{path} holds more than weights", "a file that the training wrote")
     return weights
 
 
-def _is_weight(value: object) -> bool:
+def is_weight(value: object) -> bool:
+    """Whether a value of a checkpoint is a tensor of weights."""
     return isinstance(value, Tensor) and value.dtype in _TYPES
 
 

