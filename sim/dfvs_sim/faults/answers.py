@@ -9,6 +9,7 @@ from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import zenoh
@@ -33,6 +34,7 @@ _ANSWER_S, _AFTER_S = 3.0, 0.3
 _BUSY_PER_CORE, _VISIT_S = 1, 60.0
 _SETTLE_S = 0.2
 _ATTEMPTS = 3
+_WITHOUT_TRACK = ("lost", "searching")
 _OUT_OF_VIEW = (S.PREFLIGHT, S.HOLD, S.ABORT, S.RELEASED)
 _HOLDS_A_VISIT = {S.IDLE: 1000, S.PREFLIGHT: 7, S.READY: 3, S.HOLD: 2}
 """In IDLE an abort costs a restart; in HOLD the gate aborts after 3 s without the goal."""
@@ -51,11 +53,17 @@ class Try:
 
 @dataclass(frozen=True, slots=True)
 class StateRate:
-    """Arrivals of the state at a subscriber while perception searches for the goal."""
+    """Arrivals of the state at a subscriber while perception searches for the goal.
+
+    ``frame_ms`` is the median time from capture to report of the frames that perception looked at,
+    ``searched`` the share of them in which it had no track of the goal.
+    """
 
     seconds: float
     rate_hz: float
     largest_gap_ms: float
+    frame_ms: float
+    searched: float
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,19 +186,31 @@ def measure_state_rate(rig: Rig, seconds: float) -> StateRate:
         If perception does not search.
     """
     arrivals: list[int] = []
+    frames: list[dict[str, Any]] = []
     _go_to(rig, S.PREFLIGHT)
     with busy_cores(_BUSY_PER_CORE, seconds + _VISIT_S):
         time.sleep(_SETTLE_S)
         subscriber = rig.session.declare_subscriber(
             rig.topics.telemetry("state"), lambda _: arrivals.append(time.monotonic_ns())
         )
+        servo = rig.session.declare_subscriber(
+            rig.topics.telemetry("servo"),
+            lambda sample: frames.append(json.loads(sample.payload.to_bytes())),
+        )
         time.sleep(seconds)
         subscriber.undeclare()  # type: ignore[no-untyped-call]
-    if len(arrivals) < 2 or rig.state is not S.PREFLIGHT:
-        raise HarnessError(f"{len(arrivals)} states arrived, the last one {rig.state}")
+        servo.undeclare()  # type: ignore[no-untyped-call]
+    if len(arrivals) < 2 or not frames or rig.state is not S.PREFLIGHT:
+        raise HarnessError(f"{len(arrivals)} states and {len(frames)} frames in {rig.state}")
     times_s = np.array(arrivals) / 1e9
     rate_hz = (len(times_s) - 1) / (times_s[-1] - times_s[0])
-    return StateRate(seconds, float(rate_hz), float(np.diff(times_s).max() * 1e3))
+    return StateRate(
+        seconds,
+        float(rate_hz),
+        float(np.diff(times_s).max() * 1e3),
+        float(np.median([frame["stages_ms"]["capture_to_report"] for frame in frames])),
+        sum(frame["tracking"] in _WITHOUT_TRACK for frame in frames) / len(frames),
+    )
 
 
 def run_answers(
