@@ -96,7 +96,7 @@ def _note(document: Mapping[str, Any]) -> str:
         f"{rate['rate_hz']:.2f} Hz over {rate['seconds']:g} s (10 asked, limit "
         f"{LEAST_STATE_HZ:g}), the largest gap was {rate['largest_gap_ms']:.0f} ms (limit "
         f"{MOST_GAP_MS:g}); perception had no track of the goal in {100 * rate['searched']:.0f} % "
-        f"of the frames that it looked at, and took {rate['frame_ms']:.0f} ms for one in the median."
+        f"of the frames that it looked at; median {rate['frame_ms']:.0f} ms from capture to report."
     )
 
 
