@@ -62,7 +62,7 @@ def run(args: argparse.Namespace) -> int:
         times = run_answers(Path(folder), per_state, args.seconds, _show)
     document = {**dataclasses.asdict(times), "passed": times.passed}
     if args.json is not None:
-        args.json.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
+        args.json.write_text(json.dumps(document) + "\n", encoding="utf-8")
     print("\n".join(markdown_lines(document)))
     return EXIT_OK if times.passed else EXIT_FAILED
 

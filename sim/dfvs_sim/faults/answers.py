@@ -146,7 +146,7 @@ def measure_answers(
     commander = Commander(rig)
     tries: list[Try] = []
     for state in S:
-        todo = _actions(state, tries_per_state)
+        todo = deque(planned_actions(state, tries_per_state))
         failures = 0
         while todo:
             before = len(todo)
@@ -168,13 +168,13 @@ def measure_answers(
     return tuple(tries)
 
 
-def _actions(state: GateState, count: int) -> deque[Action]:
+def planned_actions(state: GateState, count: int) -> list[Action]:
     """Commands in the order in which they are tried: as many as a visit to the state allows."""
     holds = _HOLDS_A_VISIT.get(state, 1)
     actions = [Action.ABORT if i % (holds + 1) == holds else Action.HOLD for i in range(count)]
     if state is S.IDLE:
         actions[-1] = Action.ABORT
-    return deque(actions)
+    return actions
 
 
 def measure_state_rate(rig: Rig, seconds: float) -> StateRate:
