@@ -154,7 +154,7 @@ def as_markdown(
         cells = (r.what, r.state, r.seen_by, r.reaction, f"{r.passed}/{r.seeds}")
         times = (_text(r.p50_ms), _text(r.p99_ms), _text(r.max_ms), f"{r.limit_ms:g}")
         lines.append(f"| {' | '.join((*cells, *times))} |")
-    lines += ["", *(f"- {text}" for text in violations)]
+    lines += ["", *(f"- {text}" for text in violations)] if violations else []
     lines += ["", *markdown_lines(answers)] if answers is not None else []
     return "\n".join(lines).rstrip() + "\n"
 
