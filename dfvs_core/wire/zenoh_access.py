@@ -23,7 +23,17 @@ class Role(enum.StrEnum):
     DASHBOARD = "dashboard"
     OPERATOR = "operator"
     RECORDER = "recorder"
+    FOXGLOVE = "foxglove"
+    METRICS = "metrics"
+    ROS2 = "ros2"
 
+
+_STREAMS = {
+    Role.FOXGLOVE: ("opening", "turn", "flow"),
+    Role.METRICS: ("state", "servo", "timing"),
+    Role.ROS2: ("state", "servo", "timing", "preview"),
+}
+"""Roles that listen to a few streams of telemetry and do nothing else."""
 
 _SAYS = ("put", "delete", "declare_queryable", "reply", "liveliness_token")
 """Messages of whoever publishes something; the other way round they reach whoever listens."""
@@ -50,6 +60,8 @@ def role_access(role: Role, topics: Topics) -> Access:
         return Access((telemetry, lease), (*inputs, lease), never_says=inputs)
     if role is Role.CAMERA:
         return Access(says=camera)
+    if role in _STREAMS:
+        return Access(hears=tuple(topics.telemetry(name) for name in _STREAMS[role]))
     if role is Role.RECORDER:
         return Access(hears=(telemetry, topics.calibration), never_hears=orders)
     if role is Role.OPERATOR:

@@ -132,7 +132,7 @@ class ZenohSection:
                 raise ConfigError(
                     f"zenoh endpoint {endpoint!r} without certificates",
                     "zenoh.tls.ca, zenoh.tls.certificate and zenoh.tls.key",
-                    "deploy/make_certificates.py makes them",
+                    "dfvs-certs makes them",
                 )
         if self.exposed and not self.allow_plaintext:
             raise ConfigError(

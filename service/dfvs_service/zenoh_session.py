@@ -88,7 +88,7 @@ def check_files(files: TlsFiles) -> None:
             raise ConfigError(
                 f"zenoh.tls.{name} = {str(path)!r} cannot be read ({error.strerror})",
                 "a PEM file",
-                "deploy/make_certificates.py makes them",
+                "dfvs-certs makes them",
             ) from error
         if begins != _PEM:
             raise ConfigError(f"zenoh.tls.{name} = {str(path)!r} is not PEM", _PEM.decode())

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 
 from dfvs_sim.command_line import run_command
 from dfvs_sim.commands import (
+    answers,
     bench_renderer,
     camera,
     faults,
@@ -38,7 +39,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     subparsers = parser.add_subparsers(metavar="COMMAND")
-    for command in (vehicle, camera, goal, room, pairs, faults, fuzz, soak, bench_renderer):
+    commands = (vehicle, camera, goal, room, pairs, faults, answers, fuzz, soak, bench_renderer)
+    for command in commands:
         command.add_parser(subparsers)
     world.add_options(parser)
     return run_command(parser, argv)

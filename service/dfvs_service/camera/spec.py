@@ -60,7 +60,7 @@ def parse_source(text: str) -> SourceSpec:
     Raises
     ------
     CameraError
-        If it is none of them.
+        If it is none of them, or may not be read.
     """
     if match := _DEVICE.fullmatch(text):
         return SourceSpec(SourceKind.V4L2, match[1])
@@ -71,9 +71,13 @@ def parse_source(text: str) -> SourceSpec:
     if _URL.match(text):
         return SourceSpec(SourceKind.STREAM, text)
     path = Path(text)
-    if path.is_dir() or (path.is_file() and path.suffix.lower() in PICTURE_SUFFIXES):
+    try:
+        is_folder, is_file = path.is_dir(), path.is_file()
+    except OSError as error:
+        raise CameraError(f"the source {text[:200]!r} cannot be read ({error.strerror})") from error
+    if is_folder or (is_file and path.suffix.lower() in PICTURE_SUFFIXES):
         return SourceSpec(SourceKind.PICTURES, text)
-    if path.is_file():
+    if is_file:
         return SourceSpec(SourceKind.VIDEO, text)
     raise CameraError(
         f"there is no source {text!r}",

@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 
 from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.wire.flow_grid import FlowGrid
 from dfvs_core.wire.turn import Opening
 from dfvs_service.config import ServiceConfig
 from dfvs_service.record.preparation import require_record_extra
@@ -74,7 +75,11 @@ def _serve(config: ServiceConfig, port: int) -> int:
         for message, payload in events:
             if isinstance(message, Opening):
                 translation, picture, repeat_s = Translation(message), payload, 0.0
-            elif translation is not None:
+            elif translation is None:
+                continue
+            elif isinstance(message, FlowGrid):
+                server.show([translation.flow(message)])
+            else:
                 server.show(translation.turn(message, payload))
         # Whoever connects later sees the goal, too: Foxglove keeps nothing for them.
         if translation is not None and time.monotonic() >= repeat_s:

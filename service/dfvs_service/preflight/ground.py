@@ -77,7 +77,7 @@ def exposure_checks(config: ServiceConfig) -> tuple[Check, Check]:
     lines = ", ".join((*config.zenoh.connect, *config.zenoh.listen))
     if exposed:
         lines = f"{', '.join(exposed)} not encrypted: anyone there can send frames"
-    encrypt = "make certificates with deploy/make_certificates.py and use tls/ endpoints"
+    encrypt = "make certificates with dfvs-certs and use tls/ endpoints"
     private = is_private_mavlink(mavlink)
     return (
         Check("zenoh", not exposed, lines, encrypt if exposed else "", binding=False),

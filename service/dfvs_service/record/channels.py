@@ -10,7 +10,10 @@ from typing import Any
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
+from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from google.protobuf.message import Message as Protobuf
 from mcap_protobuf.schema import build_file_descriptor_set
@@ -47,6 +50,9 @@ RAW_IMAGE = _foxglove("/camera/image_raw", RawImage)
 CALIBRATION = _foxglove("/camera/calibration", CameraCalibration)
 GOAL_IMAGE = _foxglove("/goal/image", CompressedImage)
 POSE = _foxglove("/vehicle/pose", PoseInFrame)
+PATH = _foxglove("/vehicle/path", PosesInFrame)
+FLOW = _foxglove("/camera/flow", ImageAnnotations)
+GATE_LOG = _foxglove("/gate/log", Log)
 TRANSFORMS = _foxglove("/tf", FrameTransforms)
 
 OPENING = Channel("/dfvs/opening", "json", "dfvs.Opening", "jsonschema", b'{"type":"object"}')

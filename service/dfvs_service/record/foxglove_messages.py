@@ -6,15 +6,22 @@ down; ``body`` is forward, right, down; ``camera`` is optical.
 
 from __future__ import annotations
 
+from collections.abc import Sequence
 from dataclasses import dataclass
 
 import numpy as np
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
+from foxglove_schemas_protobuf.Color_pb2 import Color
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.FrameTransform_pb2 import FrameTransform
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
+from foxglove_schemas_protobuf.Log_pb2 import Log
+from foxglove_schemas_protobuf.Point2_pb2 import Point2
+from foxglove_schemas_protobuf.PointsAnnotation_pb2 import PointsAnnotation
 from foxglove_schemas_protobuf.Pose_pb2 import Pose
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from foxglove_schemas_protobuf.Quaternion_pb2 import Quaternion
 from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
@@ -24,10 +31,16 @@ from dfvs_core.arrays import FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.goal import Mount
 from dfvs_core.poses import quaternion_from_rotation, rotation_from_euler
+from dfvs_core.wire.flow_grid import FlowGrid
 from dfvs_core.wire.link import VehicleState
+from dfvs_service.record.flight_log import Entry
 
 _HALF_PX = 0.5
 """Foxglove and ROS count pixels from the first one's centre, we from its corner."""
+
+_FLOW_STEP = 2
+_FLOW_THICKNESS_PX = 1.0
+_FLOW_COLOR = Color(r=0.2, g=0.9, b=0.4, a=0.9)
 
 _R_WORLD_NED = np.array([[0.0, 1.0, 0.0], [1.0, 0.0, 0.0], [0.0, 0.0, -1.0]])
 """North, east, down to east, north, up."""
@@ -78,6 +91,43 @@ def calibration(t_ns: int, camera: CameraModel) -> bytes:
         R=(1.0, 0.0, 0.0, 0.0, 1.0, 0.0, 0.0, 0.0, 1.0),
         P=(camera.fx, 0.0, cx, 0.0, 0.0, camera.fy, cy, 0.0, 0.0, 0.0, 1.0, 0.0),
     )
+    return message.SerializeToString()
+
+
+def flow_annotations(t_ns: int, grid: FlowGrid, min_confidence: float) -> bytes:
+    """``foxglove.ImageAnnotations``: the confident flow to the goal, as lines on the image.
+
+    Every second point of the grid is drawn, from the point to where the goal image shows it.
+    """
+    rows, columns = (np.arange(0, size, _FLOW_STEP) for size in grid.confidence.shape)
+    v, u = np.meshgrid(rows, columns, indexing="ij")
+    is_drawn = grid.confidence[v, u] >= min_confidence
+    v, u = v[is_drawn], u[is_drawn]
+    begins = np.stack((u, v), axis=-1) * grid.stride_px + grid.stride_px // 2 + _HALF_PX
+    ends = begins + grid.flow[v, u]
+    points = np.stack((begins, ends), axis=1).reshape(-1, 2).tolist()
+    lines = PointsAnnotation(
+        timestamp=_time(t_ns),
+        type=PointsAnnotation.Type.LINE_LIST,
+        points=[Point2(x=x, y=y) for x, y in points],
+        outline_color=_FLOW_COLOR,
+        thickness=_FLOW_THICKNESS_PX,
+    )
+    return ImageAnnotations(points=[lines]).SerializeToString()
+
+
+def path(t_ns: int, positions_m: Sequence[tuple[float, float, float]]) -> bytes:
+    """``foxglove.PosesInFrame`` of positions in the frame ``ned``."""
+    upright = Quaternion(w=1.0)
+    poses = [Pose(position=_vector(at), orientation=upright) for at in positions_m]
+    message = PosesInFrame(timestamp=_time(t_ns), frame_id="ned", poses=poses)
+    return message.SerializeToString()
+
+
+def log(t_ns: int, name: str, entry: Entry) -> bytes:
+    """``foxglove.Log`` of one line."""
+    level = Log.Level.Value(entry.severity.name)
+    message = Log(timestamp=_time(t_ns), level=level, name=name, message=entry.text)
     return message.SerializeToString()
 
 

@@ -12,14 +12,17 @@ import zenoh.ext
 
 from dfvs_core.errors import WireError
 from dfvs_core.topics import Topics
+from dfvs_core.wire.flow_grid import FlowGrid, decode_flow_grid
 from dfvs_core.wire.turn import Opening, Turn, unpack
 
 MAX_WAITING_BYTES = 128 * 1024 * 1024
 _BATCH = 4
 """Few enough that whoever is told to end is asked in time."""
 
-Event = tuple[Opening | Turn, bytes]
+Event = tuple[Opening | Turn | FlowGrid, bytes]
 """What was told, and the bytes beside it: a goal's picture, or a sample's payload."""
+
+_Kind = type[Opening] | type[Turn] | type[FlowGrid]
 
 
 class TurnListener:
@@ -30,7 +33,7 @@ class TurnListener:
 
     def __init__(self, session: zenoh.Session, topics: Topics) -> None:
         self._condition = threading.Condition()
-        self._waiting: deque[tuple[type[Opening] | type[Turn], bytes]] = deque()
+        self._waiting: deque[tuple[_Kind, bytes]] = deque()
         self._waiting_bytes = 0
         self.dropped = 0
         self._order = TurnOrder()
@@ -44,6 +47,9 @@ class TurnListener:
         self._turns: Any = session.declare_subscriber(
             topics.telemetry("turn"), lambda sample: self._put(Turn, sample.payload.to_bytes())
         )
+        self._flows: Any = session.declare_subscriber(
+            topics.telemetry("flow"), lambda sample: self._put(FlowGrid, sample.payload.to_bytes())
+        )
 
     def take(self, timeout_s: float) -> list[Event]:
         """Some of what came since, in order; waits at most so long for something to come."""
@@ -56,11 +62,12 @@ class TurnListener:
         events: list[Event] = []
         for kind, data in waiting:
             try:
-                message, payload = unpack(kind, data)
+                if issubclass(kind, FlowGrid):
+                    events.append((decode_flow_grid(data), b""))
+                else:
+                    events += self._order.put(*unpack(kind, data))
             except WireError:
                 self.dropped += 1
-                continue
-            events += self._order.put(message, payload)
         return events
 
     def close(self) -> None:
@@ -68,8 +75,9 @@ class TurnListener:
         self.dropped += len(self._waiting)
         self._openings.undeclare()
         self._turns.undeclare()
+        self._flows.undeclare()
 
-    def _put(self, kind: type[Opening] | type[Turn], data: bytes) -> None:
+    def _put(self, kind: _Kind, data: bytes) -> None:
         """Zenoh's thread: queue what fits."""
         with self._condition:
             if self._waiting_bytes + len(data) > MAX_WAITING_BYTES:

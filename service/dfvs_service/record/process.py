@@ -9,6 +9,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+from dfvs_core.wire.flow_grid import FlowGrid
 from dfvs_core.wire.turn import Opening
 from dfvs_service.config import RecordSection, ServiceConfig
 from dfvs_service.record.follow import Follower
@@ -63,6 +64,8 @@ def record(
         for message, payload in events:
             if isinstance(message, Opening):
                 recorder.open(message, payload)
+            elif isinstance(message, FlowGrid):
+                recorder.add_flow(message)
             else:
                 recorder.add(message, payload)
         show(recorder)

@@ -12,6 +12,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
+from dfvs_core.wire.flow_grid import FlowGrid
 from dfvs_core.wire.turn import Opening, Turn
 from dfvs_service.record.channels import Message
 from dfvs_service.record.mcap_file import McapFile
@@ -119,6 +120,11 @@ class Recorder:
             self.counts.turns += 1
         else:
             self.counts.dropped += 1
+
+    def add_flow(self, grid: FlowGrid) -> None:
+        """Take the flow of a frame; for people only, so it is left out where there is no file."""
+        if self._translation is not None:
+            self._write([self._translation.flow(grid)])
 
     def close(self) -> None:
         """Bring the recording to its end."""

@@ -13,12 +13,16 @@ from typing import Any
 from dfvs_core.errors import WireError
 from dfvs_core.goal import GoalSidecar, Mount
 from dfvs_core.schema import dump, parse
+from dfvs_core.wire.flow_grid import FlowGrid
 from dfvs_core.wire.frame import FrameHeader, PixelFormat, decode_header
 from dfvs_core.wire.link import GateStatus, PerceptionReport, VehicleState
 from dfvs_core.wire.turn import Opening, Sight, Turn, to_json
 from dfvs_service.config import CameraSection
+from dfvs_service.pace import Pace
 from dfvs_service.record import channels, foxglove_messages
 from dfvs_service.record.channels import Channel, Message, json_channel
+from dfvs_service.record.flight_log import FlightLog
+from dfvs_service.record.flown_path import FlownPath
 
 _NO_VEHICLE = VehicleState(0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 _NO_REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0, 0.0)
@@ -38,6 +42,8 @@ _RAW = {
 }
 
 
+_PATH_HZ = 1.0
+
 _SERVO_VECTORS = ("velocity_error",)
 """Arrays in a servo document that are null where they are unknown."""
 
@@ -51,7 +57,12 @@ class Translation:
         camera = parse(CameraSection, opening.settings["camera"])
         self._camera = camera.model() or sidecar.camera
         self._mount = camera.mount or Mount()
+        self._min_confidence = float(opening.settings["servo"]["min_confidence"])
         self._servo: Channel | None = None
+        self._log = FlightLog()
+        self._path, self._path_pace = FlownPath(), Pace.of_rate(_PATH_HZ)
+        self._is_path_new = False
+        self._last = (opening.first_turn, opening.opened_ns)
 
     def opening(self, picture: bytes, now_unix_ns: int | None = None) -> Iterator[Message]:
         """Settings, goal picture (PNG), calibration and the frames that stand still.
@@ -74,6 +85,7 @@ class Translation:
     def turn(self, turn: Turn, payload: bytes) -> Iterator[Message]:
         """One turn with its sample's payload."""
         t_ns = self._unix(turn.t_ns)
+        self._last = (turn.number, turn.t_ns)
         yield Message(channels.TURN, t_ns, turn.number, to_json(turn))
         for status in turn.heard:
             yield from self._status(status, turn.number)
@@ -83,8 +95,18 @@ class Translation:
         if turn.servo:
             yield self._json(self._servo_channel(turn.servo), t_ns, turn.number, turn.servo)
 
+    def flow(self, grid: FlowGrid) -> Message:
+        """Flow of a frame, told after the last turn."""
+        number, t_ns = self._last
+        at_ns = self._unix(grid.t_capture_ns)
+        data = foxglove_messages.flow_annotations(at_ns, grid, self._min_confidence)
+        return Message(channels.FLOW, self._unix(t_ns), number, data)
+
     def _status(self, status: GateStatus, number: int) -> Iterator[Message]:
         t_ns = self._unix(status.t_ns)
+        for entry in self._log.entries(status):
+            data = foxglove_messages.log(t_ns, "gate", entry)
+            yield Message(channels.GATE_LOG, t_ns, number, data)
         yield self._json(STATE, t_ns, number, dump(status))
         forward, right, down, yaw = status.setpoint
         setpoint = {
@@ -101,6 +123,11 @@ class Translation:
             yield Message(channels.POSE, t_ns, number, pose)
             transform = foxglove_messages.body_transform(at_ns, vehicle)
             yield Message(channels.TRANSFORMS, t_ns, number, transform)
+            self._is_path_new |= self._path.add(vehicle.position_m)
+        if self._is_path_new and self._path_pace.due(status.t_ns):
+            self._is_path_new = False
+            path = foxglove_messages.path(t_ns, self._path.positions_m)
+            yield Message(channels.PATH, t_ns, number, path)
 
     def _picture(self, sight: Sight, payload: bytes, t_ns: int, number: int) -> Message:
         """Sample as it came; where not even its header can be read, as bare bytes."""

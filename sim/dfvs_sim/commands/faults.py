@@ -10,6 +10,7 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
+from dfvs_sim.faults.answers_report import read_answers
 from dfvs_sim.faults.matrix import (
     Case,
     Result,
@@ -19,7 +20,7 @@ from dfvs_sim.faults.matrix import (
     read_outcomes,
     run_matrix,
 )
-from dfvs_sim.faults.report import make_rows, verdict, write_json, write_reports
+from dfvs_sim.faults.report import Source, make_rows, verdict, write_json, write_reports
 
 EXIT_OK, EXIT_FAILED = 0, 1
 
@@ -53,6 +54,7 @@ def add_parser(subparsers: Any) -> None:
     add("--json", type=Path, metavar="FILE", help="write the table as JSON")
     add("--html", type=Path, metavar="FILE", help="write the table as HTML, and as Markdown beside")
     add("--remark", default="", metavar="TEXT", help="what readers of the report should know")
+    add("--answers", type=Path, metavar="FILE", help="add what dfvs-sim answers --json wrote")
     add("--list", action="store_true", help="print the faults and their states, run nothing")
     parser.set_defaults(run=run)
 
@@ -64,6 +66,7 @@ def run(args: argparse.Namespace) -> int:
         for fault in all_faults().values():
             print(f"{fault.name:26s} {fault.what:44s} {' '.join(fault.states)}")
         return EXIT_OK
+    answers = read_answers(args.answers) if args.answers else None
     cases = plan(args.only, args.state, args.seeds)
     outcomes, violations = read_outcomes(args.keep) if args.keep else ({}, [])
     todo = [case for case in cases if case not in outcomes or not outcomes[case].has_verdict]
@@ -87,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     if args.json:
         write_json(args.json, rows, violations)
     if args.html:
-        write_reports(args.html, rows, violations, _command(args), args.remark)
+        write_reports(args.html, rows, violations, _source(args), answers)
     print(verdict(rows, violations))
     passed = all(row.passed == row.seeds for row in rows) and not violations
     return EXIT_OK if passed else EXIT_FAILED
@@ -103,10 +106,10 @@ def _check(args: argparse.Namespace) -> None:
             raise ConfigError(f"--{name} {path} lies in no folder", "an existing folder")
 
 
-def _command(args: argparse.Namespace) -> str:
+def _source(args: argparse.Namespace) -> Source:
     words = ["dfvs-sim", "faults", "--seeds", str(args.seeds), "--workers", str(args.workers)]
     for name in args.only:
         words += ["--only", name]
     for state in args.state:
         words += ["--state", state]
-    return shlex.join(words)
+    return Source(shlex.join(words), args.remark)

@@ -16,7 +16,7 @@ from dfvs_core.arrays import ImageArray
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.wire.frame import PixelFormat, decode_header, encode_header
 from dfvs_core.wire.picture import encode_png
-from dfvs_sim.faults.camera import PERIOD_NS, Packet, Script, Shot
+from dfvs_sim.faults.camera import PERIOD_NS, Packet, Script, ScriptedCamera, Shot
 from dfvs_sim.faults.fault import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
 from dfvs_sim.faults.network import Misbehaviour
 from dfvs_sim.faults.rig import Rig, Setup
@@ -146,6 +146,11 @@ def _stripes(image: ImageArray) -> ImageArray:
 def _elsewhere(image: ImageArray) -> ImageArray:
     """A view that shares nothing with the goal."""
     return image[::-1, ::-1] ^ np.uint8(0xA5)
+
+
+def goal_out_of_view(camera: ScriptedCamera) -> None:
+    """Let the camera show a view that shares nothing with the goal, from its next frame on."""
+    camera.film(lambda shot: [shot.packet(np.ascontiguousarray(_elsewhere(shot.image)))])
 
 
 def _misbehaves(what: Misbehaviour) -> Inject:

@@ -6,14 +6,13 @@ import contextlib
 import os
 import resource
 import signal
-import subprocess
-import sys
 import time
 
 import numpy as np
 
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_sim.faults.fault import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
+from dfvs_sim.faults.load import busy_cores
 from dfvs_sim.faults.rig import Rig, Setup
 
 S = GateState
@@ -52,12 +51,10 @@ def _perception_is(number: signal.Signals) -> Inject:
 
 def _starve(rig: Rig, _: np.random.Generator) -> int:
     """Keep every core busy twice over, for two seconds."""
-    code = f"import time\nend = time.monotonic() + {_HOG_S}\nwhile time.monotonic() < end: pass"
-    count = _HOGS * (os.cpu_count() or 1)
     t_ns = time.monotonic_ns()
-    hogs = [subprocess.Popen([sys.executable, "-S", "-c", code]) for _ in range(count)]
-    for hog in hogs:
-        hog.wait()
+    with busy_cores(_HOGS, _HOG_S) as hogs:
+        for hog in hogs:
+            hog.wait()
     return t_ns
 
 

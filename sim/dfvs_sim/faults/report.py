@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 
 from dfvs_core.gate.states import GateState
+from dfvs_sim.faults.answers_report import html_section, markdown_lines
 from dfvs_sim.faults.fault import Fault, Outcome
 
 _MAX_CAUSE = 80
@@ -54,6 +55,14 @@ class Row:
     problems: tuple[str, ...]
     repeated: int
     times_ms: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Command that made a report, and what its readers should know."""
+
+    command: str
+    remark: str = ""
 
 
 def make_rows(outcomes: Sequence[Outcome], faults: Mapping[str, Fault]) -> list[Row]:
@@ -124,17 +133,20 @@ def verdict(rows: Sequence[Row], violations: Sequence[str]) -> str:
 
 
 def as_markdown(
-    rows: Sequence[Row], violations: Sequence[str], command: str, remark: str = ""
+    rows: Sequence[Row],
+    violations: Sequence[str],
+    source: Source,
+    answers: Mapping[str, Any] | None = None,
 ) -> str:
-    """Table for people, in a text."""
+    """Table for people, in a text; ``answers`` as ``dfvs-sim answers`` writes them."""
     lines = [
         "# Faults",
         "",
-        f"{verdict(rows, violations)}. Made by `{command}` on {_machine()}.",
+        f"{verdict(rows, violations)}. Made by `{source.command}` on {_machine()}.",
         "",
         *_NOTE,
         "",
-        *([remark, ""] if remark else []),
+        *([source.remark, ""] if source.remark else []),
         "| fault | in state | seen by | reaction | passed | p50 ms | p99 ms | max ms | limit ms |",
         "|---|---|---|---|---|---|---|---|---|",
     ]
@@ -142,7 +154,8 @@ def as_markdown(
         cells = (r.what, r.state, r.seen_by, r.reaction, f"{r.passed}/{r.seeds}")
         times = (_text(r.p50_ms), _text(r.p99_ms), _text(r.max_ms), f"{r.limit_ms:g}")
         lines.append(f"| {' | '.join((*cells, *times))} |")
-    lines += ["", *(f"- {text}" for text in violations)]
+    lines += ["", *(f"- {text}" for text in violations)] if violations else []
+    lines += ["", *markdown_lines(answers)] if answers is not None else []
     return "\n".join(lines).rstrip() + "\n"
 
 
@@ -161,11 +174,17 @@ _NOTE = (
 )
 
 
-def as_html(rows: Sequence[Row], violations: Sequence[str], command: str, remark: str = "") -> str:
+def as_html(
+    rows: Sequence[Row],
+    violations: Sequence[str],
+    source: Source,
+    answers: Mapping[str, Any] | None = None,
+) -> str:
     """Table for people, in one file without any other."""
     body = "\n".join(_html_row(row) for row in rows)
     listed = "".join(f"<li>{html.escape(text)}</li>" for text in violations)
     found = f"<h2>Violations</h2><ul>{listed}</ul>" if violations else ""
+    answered = "" if answers is None else html_section(answers)
     note = html.escape(" ".join(_NOTE)).replace("`dfvs-service`", "<code>dfvs-service</code>")
     words = ("fault", "in state", "seen by", "reaction", "gate's word", "passed")
     heads = (*words, "p50", "p99", "max", "limit, ms", "0 … limit")
@@ -174,11 +193,11 @@ def as_html(rows: Sequence[Row], violations: Sequence[str], command: str, remark
 <meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head>
 <body><h1>Faults</h1>
 <p><b>{html.escape(verdict(rows, violations))}.</b></p>
-<p>Made by <code>{html.escape(command)}</code> on {html.escape(_machine())}. {note}</p>
-<p>{html.escape(remark)}</p>
+<p>Made by <code>{html.escape(source.command)}</code> on {html.escape(_machine())}. {note}</p>
+<p>{html.escape(source.remark)}</p>
 <table><thead><tr>{"".join(f"<th>{h}</th>" for h in heads)}</tr></thead><tbody>
 {body}
-</tbody></table>{found}</body></html>
+</tbody></table>{found}{answered}</body></html>
 """
 
 
@@ -210,11 +229,15 @@ def _machine() -> str:
 
 
 def write_reports(
-    page: Path, rows: Sequence[Row], violations: Sequence[str], command: str, remark: str = ""
+    page: Path,
+    rows: Sequence[Row],
+    violations: Sequence[str],
+    source: Source,
+    answers: Mapping[str, Any] | None = None,
 ) -> None:
     """Write the HTML page and, beside it, the same as Markdown."""
-    _replace(page, as_html(rows, violations, command, remark))
-    _replace(page.with_suffix(".md"), as_markdown(rows, violations, command, remark))
+    _replace(page, as_html(rows, violations, source, answers))
+    _replace(page.with_suffix(".md"), as_markdown(rows, violations, source, answers))
 
 
 def _replace(path: Path, text: str) -> None:

@@ -62,6 +62,8 @@ class Setup:
     """How the goal's sidecar says that the camera is mounted; it looks straight ahead."""
     via_router: bool = False
     """Service and camera meet through a Zenoh router."""
+    matcher: str = "classical"
+    """Model that sees the texture."""
 
 
 class Rig:
@@ -180,8 +182,10 @@ class Rig:
 
     # --- the service ------------------------------------------------------------------------
 
-    def start_service(self) -> None:
+    def start_service(self, *, silent_vehicle: bool = False) -> None:
         """Start a fresh service and wait for its state.
+
+        With ``silent_vehicle`` it hears nothing of the vehicle, until the world is healed.
 
         Raises
         ------
@@ -193,6 +197,8 @@ class Rig:
         self.heal()
         self.place_far()
         self.world.pilot_mode(Mode.HOLD)
+        if silent_vehicle:
+            self.world.silence()
         self._run_from, self.disturbed_ns = len(self.world.events), None
         self._service = ServiceProcess(self.words(), self.folder / f"run-{self.runs}")
         since_ns = time.monotonic_ns()
@@ -223,7 +229,8 @@ class Rig:
         """Arguments of ``dfvs-service`` for this rig."""
         words = ["--goal", str(self.folder / "goal.png"), "--vehicle", self.topics.vehicle]
         words += ["--mavlink", f"udpin://{LOOPBACK}:{self._mavlink}"]
-        words += ["--model", "classical" if self.setup.sees == "texture" else self._bundle()]
+        is_texture = self.setup.sees == "texture"
+        words += ["--model", self.setup.matcher if is_texture else self._bundle()]
         listen = f"zenoh.listen=['{self.endpoint}']"
         if self.setup.via_router:
             words += ["--set", "zenoh.mode='client'"]

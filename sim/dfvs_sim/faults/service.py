@@ -193,16 +193,27 @@ class Operator:
         HarnessError
             If it does not answer.
         """
+        command = self.signed(action, timeout_s)
+        count = self.status["command_count"]
+        self.send(command)
+        if not self.wait(lambda s: s["command_count"] > count, timeout_s):
+            raise HarnessError(f"the service does not answer the order {action}")
+        return str(self.status["command_result"])
+
+    def signed(self, action: Action, timeout_s: float = 3.0) -> bytes:
+        """Bytes of a command with the challenge of a state that is published from now on.
+
+        Raises
+        ------
+        HarnessError
+            If there is none.
+        """
         since_ns = time.monotonic_ns()
         fresh = self.wait(lambda s: bool(s.get("challenge")) and s["t_ns"] > since_ns, timeout_s)
         if not fresh:
             raise HarnessError("the service publishes no challenge")
-        count = self.status["command_count"]
         self.used_challenge = self.status["challenge"]
-        self.send(signed(KEY, self._topics.vehicle, action, self.used_challenge))
-        if not self.wait(lambda s: s["command_count"] > count, timeout_s):
-            raise HarnessError(f"the service does not answer the order {action}")
-        return str(self.status["command_result"])
+        return signed(KEY, self._topics.vehicle, action, self.used_challenge)
 
     def send(self, command: bytes) -> None:
         """Send the bytes of a command, whatever they are."""

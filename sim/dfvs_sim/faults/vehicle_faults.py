@@ -16,7 +16,7 @@ from dfvs_sim.faults.fault import ANY_ENGAGED, Fault, Reaction
 from dfvs_sim.faults.records import TELLS_MODE
 from dfvs_sim.faults.rig import NO_RESPONSE_CHECK, Rig, Setup
 from dfvs_sim.faults.service import KEY, signed, wait_until
-from dfvs_sim.faults.world import BATTERY, GPS, MAVLINK_SIGNAL
+from dfvs_sim.faults.world import BATTERY, GPS
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.px4 import Px4
 from dfvs_sim.vehicle.telemetry import Message
@@ -37,7 +37,7 @@ _FOREIGN_M_S, _ELSEWHERE_M_S = 0.42, 0.4
 
 
 def _link_lost(rig: Rig, _: np.random.Generator) -> int:
-    rig.world.inject(MAVLINK_SIGNAL, _OFF, 1)
+    rig.world.silence()
     return time.monotonic_ns()
 
 

@@ -175,6 +175,10 @@ class World:
         self.stream("HEARTBEAT", 0.0)
         return self.do(self._replace_if_fallen)
 
+    def silence(self) -> None:
+        """End the vehicle's link to the companion, until it is mended."""
+        self.inject(MAVLINK_SIGNAL, mavlink.FAILURE_TYPE_OFF, 1)
+
     def stream(self, name: str, interval_us: float) -> None:
         """Set the interval of a stream to the companion; -1 stops it, 0 restores it."""
         self.do(

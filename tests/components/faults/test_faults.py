@@ -4,7 +4,9 @@ import time
 
 import pytest
 
+from dfvs_core.gate.states import GateState
 from dfvs_sim.cli import main
+from dfvs_sim.faults.answers import run_answers
 from dfvs_sim.faults.matrix import Case, run_matrix
 
 CASES = (
@@ -29,6 +31,15 @@ def test_the_service_survives_a_sample_of_the_matrix():
     assert [o for o in outcomes if not o.passed] == []
     assert [text for r in results for text in r.violations] == []
     assert all(o.reaction_ms > 0 for o in outcomes if o.fault == "estimator-invalid")
+
+
+@pytest.mark.timeout(280)
+def test_commands_are_answered_in_every_state_with_busy_cores(tmp_path):
+    measured = run_answers(tmp_path, 1, 5.0, lambda _: None)
+    assert [t.state for t in measured.tries] == [state.value for state in GateState]
+    assert [t for t in measured.tries if t.problem] == []
+    assert measured.passed
+    assert measured.rate.searched > 0.9
 
 
 @pytest.mark.parametrize("words", [["--only", "no-such"], ["--seeds", "0"], ["--state", "FLYING"]])

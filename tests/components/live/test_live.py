@@ -19,6 +19,7 @@ from loopback import listening_peer
 from recorded_flight import fly
 
 from dfvs_core.topics import Topics
+from dfvs_core.wire.flow_grid import FlowGrid, encode_flow_grid
 from dfvs_service.perception.turn_feed import TurnFeed
 
 TOPICS = Topics("bottled")
@@ -88,12 +89,12 @@ def test_metrics_are_scraped_over_http(service):
     assert metrics.code == 0
 
 
-async def look(url, pictures):
+async def look(url, pictures, topics_asked):
     """What Foxglove would see: the channels by topic, and messages of the camera."""
     async with websockets.connect(url, subprotocols=["foxglove.sdk.v1"], max_size=None) as link:
         topics, seen = {}, []
         async with asyncio.timeout(START_S):
-            while len(seen) < pictures:
+            while len(seen) < pictures or not topics_asked <= topics.keys():
                 message = await link.recv()
                 if isinstance(message, bytes):
                     seen.append(message)
@@ -119,8 +120,10 @@ def test_foxglove_sees_the_flight_on_its_own_schemas(service):
         feed.offer(*flight.events[0])
 
         async def show():
-            looking = asyncio.create_task(look(server.url, 2))
+            looking = asyncio.create_task(look(server.url, 2, {"/camera/flow", "/gate/log"}))
+            grid = FlowGrid(np.ones((4, 6, 2), np.float32), np.ones((4, 6), np.float32), 40, 1, 0)
             while not looking.done():
+                session.put(TOPICS.telemetry("flow"), encode_flow_grid(grid))
                 for turn, payload in flight.events[1:]:
                     feed.offer(turn, payload)
                 await asyncio.sleep(0.05)
@@ -129,6 +132,8 @@ def test_foxglove_sees_the_flight_on_its_own_schemas(service):
         topics, seen = asyncio.run(show())
     feed.close()
     assert topics["/camera/image"]["schemaName"] == "foxglove.CompressedImage"
+    assert topics["/camera/flow"]["schemaName"] == "foxglove.ImageAnnotations"
+    assert topics["/gate/log"]["schemaName"] == "foxglove.Log"
     assert topics["/vehicle/pose"]["schemaName"] == "foxglove.PoseInFrame"
     opcode, subscription, _ = struct.unpack_from("<BIQ", seen[0])
     assert (opcode, subscription) == (1, 1)

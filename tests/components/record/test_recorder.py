@@ -9,12 +9,16 @@ import pytest
 from foxglove_schemas_protobuf.CameraCalibration_pb2 import CameraCalibration
 from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from foxglove_schemas_protobuf.FrameTransforms_pb2 import FrameTransforms
+from foxglove_schemas_protobuf.ImageAnnotations_pb2 import ImageAnnotations
+from foxglove_schemas_protobuf.Log_pb2 import Log
 from foxglove_schemas_protobuf.PoseInFrame_pb2 import PoseInFrame
+from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from mcap.reader import make_reader
 from recorded_flight import CAMERA, fly
 
 from dfvs_core.goal import Mount
 from dfvs_core.poses import rotation_from_quaternion
+from dfvs_core.wire.flow_grid import FlowGrid
 from dfvs_core.wire.frame import PixelFormat
 from dfvs_core.wire.picture import decode_picture
 from dfvs_core.wire.turn import Opening
@@ -85,6 +89,22 @@ def test_what_was_told_is_read_back_to_the_last_bit(tmp_path, pixel_format):
     assert payloads(back) == payloads(flight.events)
     assert back[0][1] == flight.events[0][1]
     assert not desk.warnings
+
+
+def test_flow_path_and_log_are_in_it_for_people_and_change_nothing_of_a_replay(tmp_path, flight):
+    grid = FlowGrid(np.ones((4, 6, 2), np.float32), np.ones((4, 6), np.float32), 40, 1, 5 * S)
+    desk = Desk(tmp_path)
+    for event in flight.events:
+        desk.recorder.add_flow(grid)  # before the opening there is no file for it
+        desk.take([event])
+    desk.recorder.close()
+    (drawn,) = ImageAnnotations.FromString(messages(desk.files[0], "/camera/flow")[0]).points
+    assert len(drawn.points) == 2 * 2 * 3
+    (entry, *_) = [Log.FromString(data) for data in messages(desk.files[0], "/gate/log")]
+    assert entry.message.startswith(flight.turns[0].heard[0].state)
+    path = PosesInFrame.FromString(messages(desk.files[0], "/vehicle/path")[-1])
+    assert path.poses[0].position.z == pytest.approx(-1.5)
+    assert [message for message, _ in told(desk.files)] == [message for message, _ in flight.events]
 
 
 def test_it_opens_with_foxglove_s_standard_schemas(tmp_path, flight):

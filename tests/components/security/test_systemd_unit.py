@@ -1,6 +1,7 @@
-"""The systemd unit: systemd reads it without complaint, and what must be locked up is."""
+"""The systemd units: systemd reads them without complaint, and what must be locked up is."""
 
 import configparser
+import re
 import shutil
 import subprocess
 import sys
@@ -8,9 +9,17 @@ from pathlib import Path
 
 import pytest
 
+from dfvs_core.gate.config import GateTiming
 from dfvs_service.config import BlackBoxSection, load_config
 
-UNIT = Path(__file__).parents[3] / "deploy" / "dfvs-service.service"
+DEPLOY = Path(__file__).parents[3] / "deploy"
+NAMES = ("service", "camera", "dashboard", "metrics")
+MODULES = {
+    "dfvs-service": "dfvs_service.cli",
+    "dfvs-camera": "dfvs_service.camera.cli",
+    "dfvs-dashboard": "dfvs_service.dashboard.cli",
+    "dfvs-metrics": "dfvs_service.live.metrics_cli",
+}
 ANALYZE = shutil.which("systemd-analyze")
 LOCKED_UP = {
     "NoNewPrivileges": "yes",
@@ -22,53 +31,98 @@ LOCKED_UP = {
     "IPAddressDeny": "any",
     "DevicePolicy": "closed",
     "LimitCORE": "0",
-    "Restart": "no",
 }
+
+
+def unit_file(name):
+    return DEPLOY / f"dfvs-{name}.service"
+
+
+def section(name):
+    """Keys of the unit's [Service] section; of a repeated one the last."""
+    parser = configparser.ConfigParser(strict=False, interpolation=None)
+    parser.optionxform = str
+    parser.read(unit_file(name))
+    return dict(parser["Service"])
 
 
 @pytest.fixture
 def service():
-    """Keys of the unit's [Service] section; of a repeated one the last."""
-    parser = configparser.ConfigParser(strict=False, interpolation=None)
-    parser.optionxform = str
-    parser.read(UNIT)
-    return dict(parser["Service"])
+    return section("service")
 
 
-def test_it_runs_as_nobody_special_with_limits_and_a_watchdog(service):
-    assert service["User"] not in ("", "root", "0")
-    assert {key: service[key] for key in LOCKED_UP} == LOCKED_UP
-    assert service["MemoryMax"]
+@pytest.mark.parametrize("name", NAMES)
+def test_it_runs_as_nobody_special_with_limits(name):
+    keys = section(name)
+    assert keys.get("DynamicUser") == "yes" or keys["User"] not in ("", "root", "0")
+    assert {key: keys[key] for key in LOCKED_UP} == LOCKED_UP
+    assert keys["MemoryMax"]
+
+
+def test_the_service_has_a_watchdog_and_never_comes_back_by_itself(service):
     assert service["Type"] == "notify"
     assert float(service["WatchdogSec"]) <= 5
+    assert service["Restart"] == "no"
+
+
+def test_a_camera_that_comes_back_finds_no_flight_that_still_waits_for_it():
+    assert float(section("camera")["RestartSec"]) > GateTiming().hold_ns * 1e-9
+
+
+@pytest.mark.parametrize("name", ["dashboard", "metrics"])
+def test_who_only_shows_has_no_device_and_cannot_read_the_keys(name):
+    keys = section(name)
+    assert keys["DynamicUser"] == keys["PrivateDevices"] == "yes"
+    assert not any(line.startswith("DeviceAllow") for line in unit_file(name).read_text().split())
+    given, path = keys["LoadCredential"].split(":")
+    assert path == "/etc/dfvs/service.toml"
+    assert keys["ExecStart"].endswith("--config ${CREDENTIALS_DIRECTORY}/" + given)
 
 
 def test_the_black_box_has_a_folder_that_outlives_the_service_and_is_for_nobody_else(service):
     assert service["StateDirectory"] == "dfvs"
     assert service["StateDirectoryMode"] == "0700"
     # A folder of the settings file would lie where ProtectSystem lets nobody write.
-    assert load_config(UNIT.parent / "service.toml", {}).black_box == BlackBoxSection()
+    assert load_config(DEPLOY / "service.toml", {}).black_box == BlackBoxSection()
 
 
-def test_what_it_starts_is_what_the_command_line_knows(service):
-    words = service["ExecStart"].split()
-    assert Path(words[0]).name == "dfvs-service"
+@pytest.mark.parametrize("name", NAMES)
+def test_what_it_starts_is_what_the_command_line_knows(name):
+    words = section(name)["ExecStart"].split()
+    program = Path(words[0]).name
+    assert program == f"dfvs-{name}"
     options = [word for word in words if word.startswith("--")]
-    command = [sys.executable, "-m", "dfvs_service.cli", "--help"]
+    command = [sys.executable, "-m", MODULES[program], "--help"]
     told = subprocess.run(command, capture_output=True, text=True, check=True).stdout
     assert all(option in told for option in options)
 
 
+def test_the_install_steps_name_files_that_exist():
+    text = (DEPLOY / "README.md").read_text(encoding="utf-8")
+    named = set(re.findall(r"deploy/[\w.-]+", text))
+    assert {f"deploy/dfvs-{name}.service" for name in NAMES} <= named
+    assert all((DEPLOY.parent / path).exists() for path in named)
+
+
+def copied(name, folder):
+    """The unit with a program that exists here."""
+    unit = folder / unit_file(name).name
+    text = unit_file(name).read_text()
+    unit.write_text(text.replace(f"/opt/dfvs/bin/dfvs-{name}", sys.executable))
+    return unit
+
+
+def verify(unit):
+    command = [ANALYZE, "verify", "--man=no", str(unit)]
+    done = subprocess.run(command, capture_output=True, text=True, check=False)
+    assert (done.returncode, done.stderr) == (0, "")
+
+
 @pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
-def test_systemd_finds_nothing_wrong_and_little_exposed(tmp_path):
-    unit = tmp_path / UNIT.name
-    # The program and the user exist where it is installed, not here.
-    text = UNIT.read_text().replace("/opt/dfvs/bin/dfvs-service", sys.executable)
-    unit.write_text(text)
-    verified = subprocess.run(
-        [ANALYZE, "verify", "--man=no", str(unit)], capture_output=True, text=True, check=False
-    )
-    assert (verified.returncode, verified.stderr) == (0, "")
+@pytest.mark.parametrize("name", NAMES)
+def test_systemd_finds_nothing_wrong_and_little_exposed(name, tmp_path):
+    unit = copied(name, tmp_path)
+    verify(unit)
     # 0 is nothing exposed, 10 everything; above 3 of it is refused.
     rated = subprocess.run(
         [ANALYZE, "security", "--offline=true", "--threshold=30", "--no-pager", str(unit)],
@@ -77,3 +131,15 @@ def test_systemd_finds_nothing_wrong_and_little_exposed(tmp_path):
         check=False,
     )
     assert rated.returncode == 0, rated.stdout[-300:]
+
+
+@pytest.mark.skipif(ANALYZE is None, reason="systemd-analyze is not installed")
+def test_systemd_reads_the_drop_in_of_a_jetson(tmp_path):
+    unit = copied("service", tmp_path)
+    folder = tmp_path / "dfvs-service.service.d"
+    folder.mkdir()
+    shutil.copy(DEPLOY / "jetson.conf", folder)
+    verify(unit)
+    (folder / "jetson.conf").write_text("[Service]\nDeviceAllow=char-nvgpu* maybe\n")
+    with pytest.raises(AssertionError):
+        verify(unit)

@@ -1,11 +1,11 @@
-"""Certificates of the script in deploy/, and real Zenoh: who gets through, and who does not."""
+"""Certificates of ``dfvs-certs``, and real Zenoh: who gets through, and who does not."""
 
+import contextlib
 import shutil
 import stat
 import subprocess
 import sys
 import time
-from pathlib import Path
 
 import pytest
 import zenoh
@@ -15,16 +15,22 @@ from loopback import free_tcp_port
 from dfvs_core.errors import ConfigError
 from dfvs_core.topics import Topics
 from dfvs_core.wire.zenoh_access import Role, certificate_name
+from dfvs_service.certificates.authority import (
+    Validity,
+    make_certificate,
+    read_authority,
+    write_credentials,
+)
 from dfvs_service.config import load_config
 from dfvs_service.operator_link.lease import Lease
 from dfvs_service.zenoh_session import open_session
 
-SCRIPT = Path(__file__).parents[3] / "deploy" / "make_certificates.py"
 OURS, OTHER = Topics("drone1"), Topics("drone2")
 KEYS = {
     "camera": OURS.camera,
     "calibration": OURS.calibration,
     "state": OURS.telemetry("state"),
+    "turn": OURS.telemetry("turn"),
     "lease": OURS.lease("standby", "somebody"),
     "command": OURS.command,
     "new_goal": OURS.new_goal,
@@ -33,11 +39,13 @@ KEYS = {
     "elsewhere": "somewhere/else",
 }
 MAY_SAY = {
-    "service.drone1": {"state", "lease"},
+    "service.drone1": {"state", "turn", "lease"},
     "camera.drone1": {"camera", "calibration"},
     "operator.drone1": {"command", "new_goal"},
     "dashboard.drone1": set(),
     "recorder.drone1": set(),
+    "foxglove.drone1": set(),
+    "metrics.drone1": set(),
     "camera.drone2": {"other camera"},
     "operator.drone2": {"other command"},
     "nobody": set(),
@@ -45,9 +53,11 @@ MAY_SAY = {
 MAY_HEAR = {
     "service.drone1": {"camera", "calibration", "command", "new_goal", "lease"},
     "camera.drone1": set(),
-    "operator.drone1": {"state"},
-    "dashboard.drone1": {"state"},
-    "recorder.drone1": {"state", "camera", "calibration"},
+    "operator.drone1": {"state", "turn"},
+    "dashboard.drone1": {"state", "turn"},
+    "recorder.drone1": {"state", "turn", "camera", "calibration"},
+    "foxglove.drone1": {"turn"},
+    "metrics.drone1": {"state"},
     "camera.drone2": set(),
     "operator.drone2": set(),
     "nobody": set(),
@@ -55,7 +65,7 @@ MAY_HEAR = {
 
 
 def make_certificates(folder, *words):
-    command = [sys.executable, str(SCRIPT), "--out", str(folder), *words]
+    command = [sys.executable, "-m", "dfvs_service.certificates.cli", "--out", str(folder), *words]
     return subprocess.run(command, capture_output=True, text=True, check=False)
 
 
@@ -98,8 +108,10 @@ def folder(tmp_path_factory):
 def router_hub(folder):
     """A router, as zenohd would be with the same file."""
     endpoint = (folder.parent / "endpoint").read_text()
-    configuration = zenoh.Config.from_file(str(folder / "router" / "router.json5"))
-    return Hub(zenoh.open(configuration), endpoint, folder, "service.drone1")
+    # Its paths are relative: a router runs in the folder of its certificate.
+    with contextlib.chdir(folder / "router"):
+        session = zenoh.open(zenoh.Config.from_file("router.json5"))
+    return Hub(session, endpoint, folder, "service.drone1")
 
 
 def service_hub(folder):
@@ -122,17 +134,9 @@ def nobody(folder):
     """A certificate of our own authority with a name that has no role."""
     place = folder / "nobody"
     if not place.exists():
-        code = (
-            "import importlib.util, sys, pathlib\n"
-            f"spec = importlib.util.spec_from_file_location('make', {str(SCRIPT)!r})\n"
-            "make = importlib.util.module_from_spec(spec); sys.modules['make'] = make\n"
-            "spec.loader.exec_module(make)\n"
-            f"authority = make.read_authority(pathlib.Path({str(folder / 'authority')!r}))\n"
-            "day = make.Validity.days_from_now(1)\n"
-            "made = make.make_certificate(authority, 'nobody', (), day)\n"
-            f"make.write_credentials(pathlib.Path({str(place)!r}), made, authority)\n"
-        )
-        subprocess.run([sys.executable, "-c", code], check=True)
+        authority = read_authority(folder / "authority")
+        made = make_certificate(authority, "nobody", (), Validity.days_from_now(1))
+        write_credentials(place, made, authority)
     return place
 
 

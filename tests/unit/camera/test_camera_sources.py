@@ -60,6 +60,11 @@ def test_a_word_that_names_nothing_is_refused():
         parse_source("camera0")
 
 
+def test_a_source_that_the_system_refuses_is_an_error_of_ours():
+    with pytest.raises(CameraError, match="cannot be read"):
+        parse_source("x" * 5000)
+
+
 def test_a_camera_that_is_not_plugged_in_may_come_back():
     with pytest.raises(SourceLostError, match=r"there is no camera /dev/video97"):
         open_source(parse_source("97"), SourceOptions())

@@ -7,6 +7,7 @@ from box_sight import CAMERA
 
 from dfvs_core.goal import GoalSidecar
 from dfvs_core.schema import dump
+from dfvs_core.servo.config import ServoConfig
 from dfvs_core.wire.link import PerceptionReport
 from dfvs_core.wire.turn import Opening, Turn
 from dfvs_service.config import CameraSection
@@ -18,7 +19,7 @@ UNKNOWN = dict.fromkeys(KNOWN)
 
 
 def servo_messages(*documents):
-    settings = {"camera": dump(CameraSection())}
+    settings = {"camera": dump(CameraSection()), "servo": dump(ServoConfig())}
     opening = Opening("v", 0, 0, "", 0, {}, {}, settings, dump(GoalSidecar(CAMERA)))
     translation = Translation(opening)
     turns = [Turn(i, 0, i, (), REPORT, servo=servo) for i, servo in enumerate(documents)]

@@ -68,7 +68,7 @@ def test_the_defaults_expose_nothing():
 
 @pytest.mark.parametrize("key", ["zenoh.listen", "zenoh.connect"])
 def test_an_encrypted_endpoint_needs_certificates(key):
-    with pytest.raises(ConfigError, match="make_certificates"):
+    with pytest.raises(ConfigError, match="dfvs-certs"):
         load_config(None, {key: ["tls/10.0.0.1:7447"]})
 
 

@@ -1,23 +1,10 @@
-#!/usr/bin/env python3
-"""Make an authority, a certificate for each role, and a router's configuration for Zenoh.
-
-By that configuration every role may do its own work and nothing else.
-
-example:
-  python deploy/make_certificates.py --out zenoh --vehicle drone1 --host 192.168.1.10
-
-Everybody gets the folder of its own role and nobody another one. The folder authority belongs on no
-aircraft: whoever has its key can make certificates for any role.
-"""
+"""An authority and the certificates that it signs, as PEM files."""
 
 from __future__ import annotations
 
-import argparse
 import datetime
 import ipaddress
-import json
 import os
-import sys
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -26,14 +13,9 @@ from cryptography.hazmat.primitives import hashes, serialization
 from cryptography.hazmat.primitives.asymmetric import ec
 from cryptography.x509.oid import ExtendedKeyUsageOID, NameOID
 
-from dfvs_core.errors import ConfigError, DfvsError
-from dfvs_core.topics import Topics
-from dfvs_core.wire.zenoh_access import Role, certificate_name
-from dfvs_core.wire.zenoh_settings import Encryption, TlsFiles, zenoh_settings
+from dfvs_core.errors import ConfigError
 
-EXIT_OK, EXIT_CANNOT_RUN = 0, 2
 _CLOCK_SLACK = datetime.timedelta(hours=1)
-_LOOPBACK = ("localhost", "127.0.0.1")
 
 
 @dataclass(frozen=True, slots=True)
@@ -170,106 +152,3 @@ def read_authority(folder: Path) -> Credentials:
     if not isinstance(key, ec.EllipticCurvePrivateKey):
         raise ConfigError(f"{folder / 'key.pem'} is not an elliptic-curve key")
     return Credentials(certificate, key)
-
-
-def router_document(folder: Path, vehicles: tuple[str, ...], endpoint: str) -> dict[str, object]:
-    """Configuration of a Zenoh router, for ``zenohd -c`` and for ``zenoh.Config.from_file``."""
-    where = folder.absolute()
-    names = ("ca.pem", "certificate.pem", "key.pem")
-    files = TlsFiles(*(str(where / name) for name in names))
-    pairs = zenoh_settings("router", (), (endpoint,), Encryption(files, vehicles))
-    document: dict[str, object] = {}
-    for path, value in pairs:
-        *parents, last = path.split("/")
-        place: dict[str, object] = document
-        for parent in parents:
-            inner = place.setdefault(parent, {})
-            if not isinstance(inner, dict):
-                raise TypeError(f"{path}: {parent} is a value")
-            place = inner
-        place[last] = json.loads(value)
-    return document
-
-
-def main() -> int:
-    """Make the files; one line on standard error where that cannot be."""
-    arguments = _parser().parse_args()
-    try:
-        make_everything(arguments)
-    except (DfvsError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
-    return EXIT_OK
-
-
-def _parser() -> argparse.ArgumentParser:
-    description, _, example = (__doc__ or "").partition("example:")
-    parser = argparse.ArgumentParser(
-        description=description,
-        epilog=f"example:{example}",
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to")
-    parser.add_argument(
-        "--vehicle", action="append", default=[], metavar="NAME", help="may be repeated"
-    )
-    parser.add_argument(
-        "--host",
-        action="append",
-        default=[],
-        metavar="NAME",
-        help="name or address at which router or service is reached; may be repeated",
-    )
-    parser.add_argument("--days", type=int, default=365, help="validity (default: 365)")
-    parser.add_argument(
-        "--listen",
-        default="tls/0.0.0.0:7447",
-        metavar="ENDPOINT",
-        help="where the router listens (default: tls/0.0.0.0:7447)",
-    )
-    return parser
-
-
-def make_everything(arguments: argparse.Namespace) -> None:
-    """Make an authority, unless one is there, and the certificates that are missing.
-
-    Raises
-    ------
-    ConfigError
-        If a name is none, or the authority that is there cannot be read.
-    """
-    out: Path = arguments.out
-    vehicles = tuple(Topics(name).vehicle for name in arguments.vehicle or ["drone1"])
-    if arguments.days < 1:
-        raise ConfigError(f"--days {arguments.days}", "1 or more")
-    validity = Validity.days_from_now(arguments.days)
-    out.mkdir(mode=0o700, parents=True, exist_ok=True)
-    authority = _authority(out / "authority", validity)
-    hosts = tuple(dict.fromkeys((*arguments.host, *_LOOPBACK)))
-    for role in Role:
-        for vehicle in vehicles if role is not Role.ROUTER else vehicles[:1]:
-            name = certificate_name(role, vehicle)
-            if (out / name).exists():
-                print(f"kept  {out / name}")
-                continue
-            listens = hosts if role in (Role.ROUTER, Role.SERVICE) else ()
-            credentials = make_certificate(authority, name, listens, validity)
-            write_credentials(out / name, credentials, authority)
-            print(f"wrote {out / name}")
-    document = router_document(out / "router", vehicles, arguments.listen)
-    path = out / "router" / "router.json5"
-    path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
-    print(f"wrote {path}; start the router with: zenohd -c {path}")
-
-
-def _authority(folder: Path, validity: Validity) -> Credentials:
-    if folder.exists():
-        return read_authority(folder)
-    authority = make_authority("DFVS authority", validity)
-    write_credentials(folder, authority, authority)
-    print(f"wrote {folder}; keep it off the aircraft")
-    return authority
-
-
-if __name__ == "__main__":
-    sys.exit(main())

@@ -1,0 +1,1 @@
+"""Certificates for Zenoh: an authority, a certificate for each role, a router's configuration."""

@@ -1,0 +1,74 @@
+"""``dfvs-certs``: certificates for Zenoh beyond one machine."""
+
+from __future__ import annotations
+
+import argparse
+import importlib.util
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from dfvs_core.errors import ConfigError, DfvsError
+
+EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+
+_EPILOG = """\
+example:
+  dfvs-certs --out certificates --vehicle drone1 --host 192.168.1.10
+
+Give each machine the folders of its own roles and no other. The folder authority belongs on no
+aircraft: whoever has its key can make certificates for any role. Run again, it keeps what is there
+and adds what is missing. Exit code: 0 made, 2 cannot run.
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Make the files; one line on standard error where that cannot be."""
+    arguments = _parser().parse_args(argv)
+    try:
+        if importlib.util.find_spec("cryptography") is None:
+            raise ConfigError(
+                "dfvs-certs needs the Python package 'cryptography'",
+                "the extra 'deploy'",
+                "pip install 'dfvs[deploy]'",
+            )
+        from dfvs_service.certificates.roles import make_everything
+
+        make_everything(arguments)
+    except (DfvsError, OSError) as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    return EXIT_OK
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-certs",
+        description="Make an authority, a certificate for each role, and a router's configuration "
+        "for Zenoh, by which every role may do its own work and nothing else.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to")
+    parser.add_argument(
+        "--vehicle", action="append", default=[], metavar="NAME", help="may be repeated"
+    )
+    parser.add_argument(
+        "--host",
+        action="append",
+        default=[],
+        metavar="NAME",
+        help="name or address at which router or service is reached; may be repeated",
+    )
+    parser.add_argument("--days", type=int, default=365, help="validity (default: 365)")
+    parser.add_argument(
+        "--listen",
+        default="tls/0.0.0.0:7447",
+        metavar="ENDPOINT",
+        help="where the router listens (default: tls/0.0.0.0:7447)",
+    )
+    return parser
+
+
+if __name__ == "__main__":
+    sys.exit(main())

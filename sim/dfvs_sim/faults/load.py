@@ -1,0 +1,23 @@
+"""Load of the processor: busy processes beside what is measured."""
+
+from __future__ import annotations
+
+import os
+import subprocess
+import sys
+from collections.abc import Iterator
+from contextlib import contextmanager
+
+
+@contextmanager
+def busy_cores(per_core: int, seconds: float) -> Iterator[list[subprocess.Popen[bytes]]]:
+    """Busy processes that end by themselves after so many seconds, or with the context."""
+    code = f"import time\nend = time.monotonic() + {seconds}\nwhile time.monotonic() < end: pass"
+    count = per_core * (os.cpu_count() or 1)
+    busy = [subprocess.Popen([sys.executable, "-S", "-c", code]) for _ in range(count)]
+    try:
+        yield busy
+    finally:
+        for process in busy:
+            process.kill()
+            process.wait()

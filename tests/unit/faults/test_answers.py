@@ -1,0 +1,96 @@
+"""Answers to commands: what is tried, what passes, and the table about it."""
+
+import dataclasses
+import json
+
+import pytest
+
+from dfvs_core.gate.events import Action
+from dfvs_core.gate.states import GateState
+from dfvs_sim.cli import main
+from dfvs_sim.faults.answers import AnswerTimes, StateRate, Try, planned_actions
+from dfvs_sim.faults.answers_report import html_section, markdown_lines, read_answers
+from dfvs_sim.faults.report import Source, as_html, as_markdown
+
+RATE = StateRate(60.0, 10.0, 120.0, 400.0, 1.0)
+
+
+def times(answer_ms=5.0, problem="", rate=RATE, count=200):
+    tries = [Try("SERVO", "hold", True, 5.0) for _ in range(count - 3)]
+    tries += [Try("HOLD", "abort", False, answer_ms, problem) for _ in range(3)]
+    return AnswerTimes(tuple(tries), rate, 2, 2)
+
+
+@pytest.mark.parametrize("state", GateState)
+def test_hold_and_abort_are_both_tried_in_every_state(state):
+    actions = planned_actions(state, 23)
+    assert len(actions) == 23
+    assert set(actions) == {Action.HOLD, Action.ABORT}
+
+
+def test_what_is_answered_in_time_once_and_truly_passes():
+    assert times().passed
+
+
+@pytest.mark.parametrize(
+    "measured",
+    [
+        times(answer_ms=501.0),
+        times(problem="2 answers"),
+        times(rate=dataclasses.replace(RATE, rate_hz=8.9)),
+        times(rate=dataclasses.replace(RATE, largest_gap_ms=301.0)),
+    ],
+    ids=["late", "twice", "seldom", "gap"],
+)
+def test_what_is_not_does_not(measured):
+    assert not measured.passed
+
+
+def test_one_late_answer_in_two_hundred_is_within_99_of_100():
+    late = Try("HOLD", "abort", False, 900.0)
+    measured = times()
+    assert dataclasses.replace(measured, tries=(*measured.tries[:-1], late)).passed
+
+
+def test_the_table_counts_by_state_and_names_what_went_wrong():
+    document = dataclasses.asdict(times(answer_ms=7.0, problem="2 answers"))
+    text = "\n".join(markdown_lines(document))
+    assert "| SERVO | in view | 197 | 0 | 197/197 | 5 | 5 | 5 |" in text
+    assert "| HOLD | out of view | 0 | 3 | 0/3 | 7 | 7 | 7 |" in text
+    assert "| all |  | 197 | 3 | 197/200 |" in text
+    assert "- abort in HOLD: 2 answers" in text
+    assert "<td>197/200</td>" in html_section(document)
+
+
+def test_the_report_of_the_matrix_holds_it_where_it_is_given():
+    document = dataclasses.asdict(times())
+    for make in (as_markdown, as_html):
+        assert "Answers to commands" in make([], [], Source("x"), document)
+        assert "Answers to commands" not in make([], [], Source("x"))
+
+
+def test_results_are_read_back(tmp_path):
+    document = dataclasses.asdict(times())
+    path = tmp_path / "answers.json"
+    path.write_text(json.dumps(document))
+    assert markdown_lines(read_answers(path)) == markdown_lines(document)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"tries": [{}]}'])
+def test_a_file_of_something_else_is_one_clear_line(text, tmp_path, capsys):
+    path = tmp_path / "answers.json"
+    path.write_text(text)
+    assert main(["faults", "--minutes", "0", "--answers", str(path)]) == 2
+    err = capsys.readouterr().err
+    assert f"{path} holds no answer times" in err
+    assert len(err.splitlines()) == 1
+
+
+@pytest.mark.parametrize(
+    "words", [["--tries", "0"], ["--seconds", "0.5"], ["--json", "no/such/folder/a.json"]]
+)
+def test_what_cannot_be_measured_is_one_clear_line(words, capsys):
+    assert main(["answers", *words]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"error: {words[0]}")
+    assert len(err.splitlines()) == 1

@@ -1,0 +1,70 @@
+"""``dfvs-certs``: what it writes, and which role each program has."""
+
+import importlib.util
+import json
+import re
+import shutil
+import tomllib
+from pathlib import Path
+
+import pytest
+from cryptography import x509
+
+from dfvs_core.wire.zenoh_access import Role, certificate_name
+from dfvs_service.certificates.cli import main
+
+ROOT = Path(__file__).parents[3]
+SECURITY = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+WITHOUT_ZENOH = {"dfvs-report", "dfvs-replay", "dfvs-certs"}
+
+
+@pytest.fixture(scope="module")
+def folder(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("certificates") / "made"
+    assert main(["--out", str(folder), "--vehicle", "drone1", "--vehicle", "drone2"]) == 0
+    return folder
+
+
+def test_every_role_has_a_certificate_of_its_name(folder):
+    for vehicle in ("drone1", "drone2"):
+        for role in Role:
+            name = certificate_name(role, vehicle)
+            data = (folder / name / "certificate.pem").read_bytes()
+            subject = x509.load_pem_x509_certificate(data).subject.rfc4514_string()
+            assert subject == f"CN={name}"
+
+
+def test_the_router_s_file_names_no_folder_so_that_it_may_be_moved(folder, tmp_path):
+    text = (folder / "router" / "router.json5").read_text(encoding="utf-8")
+    assert str(folder) not in text
+    files = json.loads(text)["transport"]["link"]["tls"]
+    moved = shutil.copytree(folder / "router", tmp_path / "moved")
+    paths = [value for value in files.values() if isinstance(value, str)]
+    assert paths
+    assert all((moved / path).is_file() and not Path(path).is_absolute() for path in paths)
+
+
+def test_without_cryptography_it_says_what_to_install(tmp_path, monkeypatch, capsys):
+    monkeypatch.setattr(importlib.util, "find_spec", lambda _: None)
+    assert main(["--out", str(tmp_path / "none")]) == 2
+    err = capsys.readouterr().err
+    assert err.startswith("error: ")
+    assert "pip install 'dfvs[deploy]'" in err
+    assert not (tmp_path / "none").exists()
+
+
+def test_an_authority_that_cannot_be_read_is_one_line(tmp_path, capsys):
+    (tmp_path / "authority").mkdir()
+    assert main(["--out", str(tmp_path)]) == 2
+    err = capsys.readouterr().err
+    assert "holds no authority" in err
+    assert len(err.splitlines()) == 1
+
+
+def test_the_docs_name_every_role_and_every_program_that_meets_others():
+    rows = re.findall(r"^\| `([a-z0-9]+)(?:\.drone1)?` \| (.*?) \|", SECURITY, re.MULTILINE)
+    assert {role for role, _ in rows} == {role.value for role in Role}
+    named = {word for _, programs in rows for word in re.findall(r"dfvs-[a-z0-9]+", programs)}
+    scripts = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+    ours = {name for name, entry in scripts["scripts"].items() if entry.startswith("dfvs_service.")}
+    assert named == ours - WITHOUT_ZENOH
