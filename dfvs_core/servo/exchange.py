@@ -8,11 +8,9 @@ from dataclasses import dataclass, field, replace
 from dfvs_core.arrays import BoolArray, FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.source import DepthState
-from dfvs_core.servo.feature_error import Reference
 from dfvs_core.servo.goal_filter import GoalEstimate
-from dfvs_core.servo.mounting import MountingState
+from dfvs_core.servo.motion_monitor import MotionMonitor
 from dfvs_core.servo.points import GridSamples
-from dfvs_core.servo.stop import StopState
 
 _LEAST_DEPTH_M = 1e-3
 
@@ -113,9 +111,7 @@ class ServoState:
     T_current_goal: FloatArray | None = None
     estimate: GoalEstimate | None = None
     last: LastFrame | None = None
-    stop: StopState = field(default_factory=StopState)
-    reference: Reference | None = None
-    mounting: MountingState | None = None
+    monitor: MotionMonitor = field(default_factory=MotionMonitor)
     attitude_error_rad: tuple[float, float] = (0.0, 0.0)
     outliers: BoolArray | None = None
 
@@ -125,13 +121,13 @@ class ServoState:
             depth_map=self.depth_map,
             estimate=self.estimate,
             last=self.last,
-            mounting=self.mounting,
+            monitor=self.monitor.without_goal(),
             attitude_error_rad=self.attitude_error_rad,
         )
 
     def without_false_goal(self) -> ServoState:
         """Memory after a false goal was rejected: its progress is not measured on."""
-        return replace(self.without_goal(), stop=replace(self.stop, progress=None))
+        return replace(self.without_goal(), monitor=self.monitor.without_progress())
 
 
 @dataclass(frozen=True, slots=True)

@@ -134,7 +134,7 @@ def test_progress_is_asked_for_anew_after_a_false_goal(goal, elsewhere):
     last = max(k for k, report in enumerate(reports) if "look like" in report.reason)
     pipeline = pipeline_for(goal, Counting())
     fly(pipeline, [elsewhere] * (last + 1))
-    assert pipeline._state.stop.progress is None
+    assert pipeline._state.monitor.stop.progress is None
 
 
 def test_the_next_goal_is_not_blamed_for_the_last_one(goal, elsewhere):
