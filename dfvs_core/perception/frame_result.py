@@ -10,7 +10,7 @@ import numpy as np
 
 from dfvs_core.correspondence import FlowField
 from dfvs_core.perception.goal_tracker import TrackingState
-from dfvs_core.servo.exchange import ServoResult, Verdict
+from dfvs_core.servo.exchange import ServoResult, Status
 from dfvs_core.wire.frame import Frame
 from dfvs_core.wire.link import PerceptionReport
 
@@ -33,8 +33,8 @@ class ViewCheck(Enum):
 
 
 _REFUSED = {
-    ViewCheck.FALSE_GOAL: Verdict.MISTAKEN,
-    ViewCheck.SWAPPED_CHANNELS: Verdict.WRONG_COLOURS,
+    ViewCheck.FALSE_GOAL: Status.FALSE_GOAL,
+    ViewCheck.SWAPPED_CHANNELS: Status.SWAPPED_CHANNELS,
 }
 
 
@@ -48,7 +48,7 @@ def conclude(servo: ServoResult, view: ViewCheck) -> ServoResult:
     if view not in _REFUSED:
         return replace(servo, reached=False)
     nothing = np.zeros_like(servo.velocity)
-    return replace(servo, verdict=_REFUSED[view], velocity=nothing, reached=False)
+    return replace(servo, status=_REFUSED[view], velocity=nothing, reached=False)
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,7 +74,7 @@ class FrameResult:
 
 def make_report(frame: Frame, result: ServoResult) -> PerceptionReport:
     """What the gate is told about a frame."""
-    ok = result.verdict is Verdict.OK
+    ok = result.status is Status.OK
     forward, right, down, yaw_rate = (float(v) for v in result.velocity)
     return PerceptionReport(
         seq=frame.seq,
@@ -82,8 +82,8 @@ def make_report(frame: Frame, result: ServoResult) -> PerceptionReport:
         velocity=(forward, right, down, yaw_rate),
         healthy=ok,
         reached=result.reached,
-        lost=result.verdict is Verdict.STUCK,
-        reason="" if ok else result.verdict.value,
+        lost=result.status is Status.STUCK,
+        reason="" if ok else result.status.value,
         error_m=_finite(result.error_m),
         error_rad=_finite(result.error_rad),
         overlap=result.overlap,

@@ -12,7 +12,7 @@ from dfvs_core.arrays import FloatArray, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.perception.goal_tracker import Observation
-from dfvs_core.servo.exchange import ServoInputs, ServoResult, ServoState, Verdict
+from dfvs_core.servo.exchange import ServoInputs, ServoResult, ServoState, Status
 from dfvs_core.servo.level import real_pose
 from dfvs_core.servo.step import servo_step
 from dfvs_core.servo.task import ServoTask
@@ -61,7 +61,7 @@ def preview_goal(matcher: Matcher, task: ServoTask, goal: GoalView, kept: KeptFr
     """Match a kept frame with a goal, without a prior; ``task`` is at the working size."""
     flow = matcher.match(kept.prepared, goal.prepared)
     result, state = servo_step(task, kept.state, replace(kept.inputs, flow=flow))
-    if result.verdict is not Verdict.OK:
+    if result.status is not Status.OK:
         return GoalPreview(result, None)
     return GoalPreview(result, observe(task, state, flow, kept.t_capture_ns, kept.T_world_camera))
 

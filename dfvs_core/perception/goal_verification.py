@@ -67,7 +67,7 @@ class GoalVerifier:
         Parameters
         ----------
         servo : ServoResult
-            Of the frame; its verdict is OK.
+            Of the frame; its status is OK.
         image : (H, W, 3) uint8
             The frame, at the size of the flow.
         flow : FlowField

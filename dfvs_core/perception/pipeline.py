@@ -38,7 +38,7 @@ from dfvs_core.servo.exchange import (
     ServoInputs,
     ServoResult,
     ServoState,
-    Verdict,
+    Status,
 )
 from dfvs_core.servo.points import without_cells
 from dfvs_core.servo.step import servo_step
@@ -222,7 +222,7 @@ class Pipeline:
 
     def _verify(self, servo: ServoResult, image: ImageArray, inputs: ServoInputs) -> ViewCheck:
         """Check a view (H, W, 3) at the working size; one that the servo refused is not checked."""
-        if servo.verdict is not Verdict.OK:
+        if servo.status is not Status.OK:
             return ViewCheck.PASSED
         if is_swapped(image, self._goal.image, inputs.flow):
             return ViewCheck.SWAPPED_CHANNELS
@@ -316,7 +316,7 @@ class Pipeline:
         self._last_inputs = inputs
         self._has_flown |= inputs.engaged
         observation = None
-        if result.verdict in (Verdict.OK, Verdict.STUCK):
+        if result.status in (Status.OK, Status.STUCK):
             flow, outliers = inputs.flow, self._state.outliers
             if outliers is not None:
                 flow = without_cells(flow, outliers, self._task.config.stride_px)
@@ -324,7 +324,7 @@ class Pipeline:
                 self._task, self._state, flow, inputs.t_capture_ns, T_world_camera
             )
         self._tracker.update(observation)
-        if result.verdict is Verdict.MISTAKEN:
+        if result.status is Status.FALSE_GOAL:
             self._tracker.reject(self._has_flown)
             self._state = self._state.without_false_goal()
         if self._kept:

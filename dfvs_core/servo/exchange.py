@@ -15,16 +15,16 @@ from dfvs_core.servo.points import GridSamples
 _LEAST_DEPTH_M = 1e-3
 
 
-class Verdict(enum.Enum):
-    """What is to be thought of a frame; anything but OK must not be flown."""
+class Status(enum.Enum):
+    """Status of a frame; one that is not OK must not be flown."""
 
     OK = "ok"
     NOT_FINITE = "the flow network gave values that are not finite"
     NO_OVERLAP = "too little of the view shows the goal"
     NO_AGREEMENT = "the correspondences do not agree on one motion"
     DEGENERATE = "the view does not determine every direction of motion"
-    WRONG_COLOURS = "red and blue are exchanged against the goal picture"
-    MISTAKEN = "what counts as the goal here does not look like the goal picture"
+    SWAPPED_CHANNELS = "red and blue are exchanged against the goal picture"
+    FALSE_GOAL = "what counts as the goal here does not look like the goal picture"
     STUCK = "the error has not fallen for too long"
 
 
@@ -162,7 +162,7 @@ class ServoResult:
 
     Parameters
     ----------
-    verdict : Verdict
+    status : Status
         Whether the velocity may be flown; it is zero unless OK.
     velocity : (d,)
         m/s and rad/s in the components of the basis.
@@ -193,7 +193,7 @@ class ServoResult:
         Of the error and of the odometry; None where the frame was refused.
     """
 
-    verdict: Verdict
+    status: Status
     velocity: FloatArray
     motion: FloatArray
     error_m: float

@@ -16,8 +16,8 @@ from dfvs_core.servo.exchange import (
     ServoInputs,
     ServoResult,
     ServoState,
+    Status,
     Uncertainty,
-    Verdict,
 )
 from dfvs_core.servo.goal_filter import GoalEstimate
 from dfvs_core.servo.law import NormalEquations
@@ -57,12 +57,12 @@ def servo_step(
     Returns
     -------
     ServoResult
-        What is expected to go wrong is a verdict in it, never an exception.
+        What is expected to go wrong is a status in it, never an exception.
     ServoState
         For the next frame.
     """
     if not inputs.flow.is_finite():
-        return _refused(task, Verdict.NOT_FINITE, 0.0), state
+        return _refused(task, Status.NOT_FINITE, 0.0), state
 
     a = inputs.attitude
     R_world_body = rotation_from_euler(a.roll_rad, a.pitch_rad, a.yaw_rad)
@@ -102,7 +102,7 @@ def servo_step(
     )
     least = task.config.min_overlap * (1.0 if T_guess is None else _GO_ON)
     if overlap < least or trusted.sum() < _MIN_POINTS:
-        return _refused(task, Verdict.NO_OVERLAP, overlap), state
+        return _refused(task, Status.NO_OVERLAP, overlap), state
     points = points.select(trusted)
 
     # 4. Find where the goal is, and which points are out of line.
@@ -124,10 +124,10 @@ def servo_step(
         inputs.t_capture_ns, matched, pose.weight, estimate, motion, velocity, inputs.engaged
     )
     measures, monitor = monitor.measure(task, frame)
-    verdict = _judge(task, pose, equations, measures)
-    flown = verdict is Verdict.OK
+    status = _judge(task, pose, equations, measures)
+    flown = status is Status.OK
     result = ServoResult(
-        verdict=verdict,
+        status=status,
         velocity=_probed(task, inputs, measures.mounting_score, velocity, estimate)
         if flown
         else np.zeros_like(velocity),
@@ -188,7 +188,7 @@ def _judge(
     pose: GoalPose,
     equations: NormalEquations,
     measures: MotionMeasures,
-) -> Verdict:
+) -> Status:
     """Tell whether the frame may be flown, and if not why not."""
     config = task.config
     unexplained = pose.residual * task.camera.fx
@@ -196,20 +196,20 @@ def _judge(
         _NOISE_FACTOR * config.flow_noise_px, config.max_residual * measures.feature_error_px
     )
     if pose.inlier_share < config.min_inliers or unexplained > tolerated:
-        return Verdict.NO_AGREEMENT
+        return Status.NO_AGREEMENT
     if equations.condition > config.max_condition:
-        return Verdict.DEGENERATE
+        return Status.DEGENERATE
     if measures.is_stuck:
-        return Verdict.STUCK
-    return Verdict.OK
+        return Status.STUCK
+    return Status.OK
 
 
-def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
+def _refused(task: ServoTask, status: Status, overlap: float) -> ServoResult:
     """Result of a frame that cannot be worked on: zero velocity, unknown error."""
     nothing = np.zeros(task.basis.size)
     unknown = float("inf")
     return ServoResult(
-        verdict=verdict,
+        status=status,
         velocity=nothing,
         motion=nothing,
         error_m=unknown,

@@ -10,7 +10,7 @@ from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.perception.frame_result import ViewCheck, conclude
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.exchange import ServoResult, Verdict
+from dfvs_core.servo.exchange import ServoResult, Status
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
@@ -19,9 +19,9 @@ from dfvs_service.perception.messages import servo_document
 PERIOD_NS = 40_000_000
 
 
-def servo(verdict=Verdict.OK):
+def servo(status=Status.OK):
     return ServoResult(
-        verdict=verdict,
+        status=status,
         velocity=np.array([0.1, 0.0, 0.0, 0.2]),
         motion=np.zeros(4),
         error_m=0.01,
@@ -45,20 +45,20 @@ def test_a_view_that_passed_changes_nothing():
 
 def test_a_doubtful_view_is_flown_and_has_not_reached_the_goal():
     result = conclude(servo(), ViewCheck.DOUBTFUL)
-    assert (result.verdict, result.reached) == (Verdict.OK, False)
+    assert (result.status, result.reached) == (Status.OK, False)
     assert result.velocity[0] == 0.1
 
 
 @pytest.mark.parametrize(
-    ("view", "verdict"),
+    ("view", "status"),
     [
-        (ViewCheck.FALSE_GOAL, Verdict.MISTAKEN),
-        (ViewCheck.SWAPPED_CHANNELS, Verdict.WRONG_COLOURS),
+        (ViewCheck.FALSE_GOAL, Status.FALSE_GOAL),
+        (ViewCheck.SWAPPED_CHANNELS, Status.SWAPPED_CHANNELS),
     ],
 )
-def test_a_view_that_is_not_the_goals_is_not_flown(view, verdict):
+def test_a_view_that_is_not_the_goals_is_not_flown(view, status):
     result = conclude(servo(), view)
-    assert (result.verdict, result.reached) == (verdict, False)
+    assert (result.status, result.reached) == (status, False)
     assert not result.velocity.any()
 
 
