@@ -81,7 +81,7 @@ def fly(
     for i in range(frames):
         if i == next_goal_at:
             observation = None if preview is None else preview().observation
-            eye.aim(servo_task(config, following), eye.prepare(following), observation)
+            eye.set_goal(servo_task(config, following), eye.prepare(following), observation)
             opening = replace(
                 make_opening(config, following, CLOCK, book.next_turn, eye.observed_ns),
                 opened_ns=clock(),
@@ -107,9 +107,9 @@ def fly(
         outcome = glance.outcome
         servo = servo_document(glance.frame, outcome, clock(), glance.stages_ns) if outcome else {}
         events.append((book.looked(sample, heard, glance, servo), payload))
-        eye.digest()
+        eye.update_depth()
         if i == preview_of:
-            preview = eye.glimpse(servo_task(config, following), eye.prepare(following))
+            preview = eye.evaluate_next_goal(servo_task(config, following), eye.prepare(following))
     return RecordedFlight(events)
 
 

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from dfvs_core.arrays import BoolArray, FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
@@ -124,10 +124,6 @@ class ServoState:
             monitor=self.monitor.without_goal(),
             attitude_error_rad=self.attitude_error_rad,
         )
-
-    def without_false_goal(self) -> ServoState:
-        """Memory after a false goal was rejected: its progress is not measured on."""
-        return replace(self.without_goal(), monitor=self.monitor.without_progress())
 
 
 @dataclass(frozen=True, slots=True)

@@ -104,10 +104,6 @@ class MotionMonitor:
         """Memory of the mounting alone."""
         return MotionMonitor(self.mounting)
 
-    def without_progress(self) -> MotionMonitor:
-        """The same with the recent errors."""
-        return MotionMonitor(self.mounting, stop=replace(self.stop, progress=None))
-
     def follow_tilt(
         self,
         task: ServoTask,

@@ -188,7 +188,7 @@ class PerceptionProcess:
             self._goal_flaw = f"the new goal cannot be used: {error}"
             log.warning("%s", self._goal_flaw)
             return
-        self._eye.aim(servo_task(self._config, self._goal), self._eye.prepare(self._goal))
+        self._eye.set_goal(servo_task(self._config, self._goal), self._eye.prepare(self._goal))
         self._tell_goal(telemetry, feed)
         log.info("looking for the goal %s", digest[:12])
 
@@ -222,7 +222,7 @@ class PerceptionProcess:
             self._send(glance.report)
             servo = self._tell(telemetry, glance)
             feed.offer(self._book.looked(sample, heard, glance, servo), sample.payload)
-            self._latency.add({"depth": self._eye.digest()})
+            self._latency.add({"depth": self._eye.update_depth()})
             self._go_on(glance, telemetry, feed)
         if self._collection_pace.due(now_ns):
             gc.collect()

@@ -64,7 +64,7 @@ class FlightReplay:
         for reason in reasons_to_differ(opening, config, model, self._build):
             self.reasons[reason] = None
         if self._rerunner is not None and opening.first_turn > 0:
-            self._rerunner.aim(opening, picture, config)
+            self._rerunner.set_goal(opening, picture, config)
             return
         if self._matcher is None or self._matcher[0] != flow.model:
             self._matcher = (flow.model, load_matcher(flow.model, flow.threads, flow.provider))

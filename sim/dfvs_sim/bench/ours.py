@@ -121,7 +121,7 @@ class PipelineMethod:
         depth = sight.depth if self._task.config.depth == "given" else None
         frame = Frame(sight.image, self._now_ns, sight.index)
         result = self._pipeline.process_frame(frame, self._motion(sight), True, depth).result
-        self._pipeline.digest()
+        self._pipeline.update_depth()
         flown = result.status is Status.OK
         self._is_false_goal = result.status is Status.FALSE_GOAL
         self._refused = 0 if flown else self._refused + 1

@@ -140,7 +140,7 @@ def test_progress_is_asked_for_anew_after_a_false_goal(goal, elsewhere):
 def test_the_next_goal_is_not_blamed_for_the_last_one(goal, elsewhere):
     pipeline = pipeline_for(goal, Counting())
     fly(pipeline, [elsewhere] * 20)
-    pipeline.aim(pipeline._task, pipeline.prepare(Goal(elsewhere, pipeline._task.goal)))
+    pipeline.set_goal(pipeline._task, pipeline.prepare(Goal(elsewhere, pipeline._task.goal)))
     assert all(report.healthy for report in fly(pipeline, [elsewhere] * 30))
 
 
