@@ -10,16 +10,16 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import cv2
 import numpy as np
 
-from dfvs_core.arrays import FloatArray, ImageArray
-from dfvs_core.colours import is_swapped
+from dfvs_core.arrays import FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.goal import Goal
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.matching.warping import resized
-from dfvs_core.perception.frame_result import STAGES, FrameResult, ViewCheck, conclude
+from dfvs_core.perception.frame_result import STAGES, FrameResult
 from dfvs_core.perception.goal_preview import GoalView, Preview, observe, preview_goal
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation
 from dfvs_core.perception.goal_verification import GoalVerifier
@@ -67,22 +67,15 @@ class Pipeline:
     def __init__(
         self, task: ServoTask, matcher: Matcher, goal: Goal, tick: Callable[[], int]
     ) -> None:
-        self._matcher = matcher
-        self._goal = self.prepare(goal)
-        self._task = _at_working_size(task, self._goal)
-        self._tick = tick
+        self._matcher, self._tick = matcher, tick
         self._T_body_camera = np.eye(4) if task.mount is None else task.mount.T_body_camera()
         self._keyframes = Keyframes()
         self._last: Keyframe | None = None
-        self._period_ns = 0
-        self._state = ServoState()
-        self._tracker = self._make_tracker()
-        self._verifier = GoalVerifier(task.config.min_likeness)
+        self._period_ns = self._depth_ns = 0
         self._depth_m = task.config.constant_depth_m
-        self._depth_ns = 0
-        self._is_depth_new = False
-        self._has_flown = False
-        self._observed_ns: int | None = None
+        self._is_depth_new = self._has_flown = False
+        self._state = ServoState()
+        self.set_goal(task, self.prepare(goal))
 
     @property
     def observed_ns(self) -> int | None:
@@ -112,33 +105,24 @@ class Pipeline:
         if observation is not None and self._keyframes.find(observation.t_capture_ns) is None:
             observation = None
         self._observed_ns = None if observation is None else observation.t_capture_ns
-        self._task = _at_working_size(task, goal)
-        self._goal = goal
+        self._task = task = _at_working_size(task, goal)
         self._state = self._state.without_goal()
-        self._tracker = self._make_tracker()
-        self._tracker.update(observation)
-        self._verifier = GoalVerifier(task.config.min_likeness)
-
-    def _make_tracker(self) -> GoalTracker:
-        task = self._task
         cameras = task.camera, task.goal.camera
-        return GoalTracker(self._matcher, self._goal.prepared, *cameras, task.config.stride_px)
+        self._tracker = GoalTracker(self._matcher, goal.prepared, *cameras, task.config.stride_px)
+        self._tracker.update(observation)
+        self._verifier = GoalVerifier(goal.image, task.config.min_likeness)
 
     def evaluate_next_goal(
         self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
     ) -> Preview | None:
         """What a keyframe says about another goal, to be worked out on any thread.
 
-        The result depends on nothing but the arguments and the keyframe, so a replay recomputes
-        it bit for bit. Nothing of it is remembered: the frames to come give the same results
-        without it.
+        Nothing of it is remembered: the frames to come give the same results without it.
 
         Parameters
         ----------
-        task : ServoTask
-            For that goal.
-        goal : GoalView
-            Of :meth:`prepare`.
+        task, goal : ServoTask, GoalView
+            For that goal, and of :meth:`prepare`.
         t_capture_ns : int, optional
             Of the keyframe; without it the newest one.
 
@@ -201,22 +185,14 @@ class Pipeline:
         )
         servo, self._state = servo_step(self._task, self._state, inputs)
 
-        # 5. Verify that the view is the goal's; 6. conclude.
-        view = self._verify(servo, resized(frame.image, prepared.size), inputs)
-        result = conclude(servo, view)
+        # 5. Verify that the view is the goal's, and conclude.
+        image = resized(frame.image, prepared.size)
+        result = self._verifier.verify(servo, image, flow, frame.t_capture_ns)
         marks.append(self._tick())
 
         self._remember(inputs, prepared, T_world_camera, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
         return FrameResult(frame, result, flow, stages, inputs.now_ns, self._tracker.state)
-
-    def _verify(self, servo: ServoResult, image: ImageArray, inputs: ServoInputs) -> ViewCheck:
-        """Check a view (H, W, 3) at the working size; one that the servo refused is not checked."""
-        if servo.status is not Status.OK:
-            return ViewCheck.PASSED
-        if is_swapped(image, self._goal.image, inputs.flow):
-            return ViewCheck.SWAPPED_CHANNELS
-        return self._verifier.check(servo, image, inputs.flow, inputs.t_capture_ns)
 
     def update_depth(self) -> int:
         """Learn from the last frame what serves those to come; time taken, ns.
@@ -328,9 +304,8 @@ def _at_working_size(task: ServoTask, goal: GoalView) -> ServoTask:
 
 def _resized_depth(depth: DepthMap, size: tuple[int, int]) -> DepthMap:
     """Depth of an image at ``size`` (height, width), by the nearest pixel."""
-    rows, columns = (
-        ((np.arange(n) + 0.5) * given / n).astype(np.intp)
-        for n, given in zip(size, depth.z_m.shape, strict=True)
+    z_m, validity = (
+        np.asarray(cv2.resize(v, size[::-1], interpolation=cv2.INTER_NEAREST_EXACT), np.float32)
+        for v in (depth.z_m, depth.validity)
     )
-    grid = np.ix_(rows, columns)
-    return DepthMap(depth.z_m[grid], depth.validity[grid])
+    return DepthMap(z_m, validity)
