@@ -81,7 +81,7 @@ class GoalTracker:
         self._camera, self._goal_camera, self._stride_px = camera, goal_camera, stride_px
         self._last: Observation | None = None
         self._state = TrackingState.SEARCHING
-        self._rejected = RejectedGoals(camera, goal_camera, stride_px)
+        self._rejected = RejectedGoals()
         self._has_excluded = False
         """Whether the last relocalisation excluded rejected goals, and nothing was found since."""
 
@@ -135,7 +135,10 @@ class GoalTracker:
         self._state = TrackingState.LOST if was_coasting else TrackingState.SEARCHING
         excluded: list[FlowField] = []
         if depth is not None and not self._has_excluded:
-            excluded = self._rejected.flows(T_world_camera, t_capture_ns, depth)
+            excluded = [
+                self._predict(invert_pose(T_world_goal) @ T_world_camera, depth)
+                for T_world_goal in self._rejected.excluded(t_capture_ns)
+            ]
         self._has_excluded = bool(excluded)
         return self._matcher.match(image, self._goal, excluded=excluded)
 
@@ -153,39 +156,27 @@ class GoalTracker:
         flow = self._matcher.track(image, self._goal, last.flow)
         if flow is None and depth is not None:
             T_last_current = invert_pose(last.T_world_camera) @ T_world_camera
-            flow = self._track_predicted(image, last.T_goal_current @ T_last_current, depth)
+            predicted = self._predict(last.T_goal_current @ T_last_current, depth)
+            flow = self._matcher.track(image, self._goal, predicted)
         return flow
 
     def rematch(self, image: Prepared, t_capture_ns: int, depth: DepthMap) -> bool:
-        """Look for more of the goal in the last frame, where its pose and depth predict it.
+        """Look for more of the goal in the frame matched last, where pose and depth predict it.
 
-        Parameters
-        ----------
-        image : Prepared
-            The frame that was matched last, taken at ``t_capture_ns``.
-        depth : DepthMap
-            Of it, on the grid.
-
-        Returns
-        -------
-        bool
-            Whether it was tried: the goal was observed, in a small part of the image.
+        Returns whether it was tried: the goal was observed, in a small part of the image.
         """
         last = self._last
         if last is None or last.t_capture_ns != t_capture_ns:
             return False
         if confident_ratio(last.flow) >= _SETTLED_RATIO:
             return False
-        flow = self._track_predicted(image, last.T_goal_current, depth)
+        predicted = self._predict(last.T_goal_current, depth)
+        flow = self._matcher.track(image, self._goal, predicted)
         if flow is not None and confident_ratio(flow) > confident_ratio(last.flow):
             self._last = replace(last, flow=flow)
         return True
 
-    def _track_predicted(
-        self, image: Prepared, T_goal_current: FloatArray, depth: DepthMap
-    ) -> FlowField | None:
-        """Flow tracked from the prediction of pose and depth."""
-        predicted = predict_flow(
-            self._camera, depth, self._stride_px, T_goal_current, self._goal_camera
-        )
-        return self._matcher.track(image, self._goal, predicted)
+    def _predict(self, T_goal_current: FloatArray, depth: DepthMap) -> FlowField:
+        """Flow that a pose in the goal's camera and the depth of the grid predict."""
+        stride_px, goal_camera = self._stride_px, self._goal_camera
+        return predict_flow(self._camera, depth, stride_px, T_goal_current, goal_camera)
