@@ -11,9 +11,8 @@ from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.wire.link import GateStatus, VehicleState
 from dfvs_core.wire.picture import encode_png
 from dfvs_core.wire.turn import Turn
-from dfvs_models.catalog import load_matcher
 from dfvs_service.config import load_config
-from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
+from dfvs_service.perception.assembly import Clocks, build_eye, flow_matcher, servo_task
 from dfvs_service.perception.eye import RawSample
 from dfvs_service.perception.messages import servo_document
 from dfvs_service.perception.opening import make_opening
@@ -71,7 +70,7 @@ def fly(
     eye = build_eye(
         config,
         goal,
-        load_matcher(config.flow.model, config.flow.threads),
+        flow_matcher(config.flow),
         Clocks(CLOCK, clock, clock),
     )
     opening = replace(make_opening(config, goal, CLOCK), opened_ns=clock())

@@ -185,7 +185,11 @@ def with_trial(config: ServiceConfig, trial: ServiceConfig | None, model: str) -
         Name or folder; empty: as the settings say.
     """
     if trial is not None:
-        config = dataclasses.replace(config, servo=trial.servo, flow=trial.flow)
+        flow = trial.flow
+        if flow.working_width_px == 0:  # measured at the start of a flight, and at no replay
+            width_px = config.flow.working_width_px
+            flow = dataclasses.replace(flow, working_width_px=width_px)
+        config = dataclasses.replace(config, servo=trial.servo, flow=flow)
     if model:
         config = dataclasses.replace(config, flow=dataclasses.replace(config.flow, model=model))
     return config

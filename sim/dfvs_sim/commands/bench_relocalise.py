@@ -71,6 +71,7 @@ def add_parser(subparsers: Any) -> None:
     add("--trials", type=int, default=100, metavar="N", help="pairs in all (default: 100)")
     add("--seed", type=int, default=0, metavar="S", help="draws goals and starts (default: 0)")
     add("--camera", nargs="+", default=["640x480"], metavar="WxH", help="default: 640x480")
+    add("--working-width", type=int, default=320, metavar="PX", help="default: 320")
     add("--fov", type=float, default=75.0, metavar="DEG", help="horizontal field of view")
     add("--threads", type=int, default=2, metavar="N", help="for each matcher (default: 2)")
     add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
@@ -90,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     cameras = {size: _camera(args, size) for size in args.camera}
     own_scenes(args, [])
-    config = without(args.without)
+    config = replace(without(args.without), working_width_px=args.working_width)
     workforce = Workforce(args.workers)
     matchers = list(dict.fromkeys(args.bundle))
     for name in matchers:
@@ -116,6 +117,7 @@ def run(args: argparse.Namespace) -> int:
             "camera": " ".join(cameras),
             "fov_deg": args.fov,
             "without": args.without,
+            "working_width_px": args.working_width,
         }
         document = {"matchers": figures, "scenes": [str(s) for s in args.scene]} | facts
         write_json(args.json, document | {"made_with": made_with()})
@@ -123,9 +125,11 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    for name, most in (("trials", _MOST_TRIALS), ("threads", 64)):
-        if not 1 <= getattr(args, name) <= most:
-            raise ConfigError(f"--{name} is {getattr(args, name)}", f"1 to {most}")
+    bounds = {"trials": (1, _MOST_TRIALS), "threads": (1, 64), "working_width": (64, 1920)}
+    for name, (least, most) in bounds.items():
+        if not least <= getattr(args, name) <= most:
+            option = name.replace("_", "-")
+            raise ConfigError(f"--{option} is {getattr(args, name)}", f"{least} to {most}")
     if args.seed < 0:
         raise ConfigError(f"--seed is {args.seed}", "0 or more")
     if args.json is not None and not args.json.absolute().parent.is_dir():

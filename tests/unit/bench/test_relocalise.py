@@ -142,6 +142,7 @@ def test_a_stage_that_is_left_out_changes_its_numbers_alone(stage):
         (["nowhere.glb"], "nowhere.glb"),
         (["ROOM", "--trials", "0"], "--trials is 0"),
         (["ROOM", "--threads", "0"], "--threads is 0"),
+        (["ROOM", "--working-width", "9"], "--working-width is 9; expected 64 to 1920"),
         (["ROOM", "--seed", "-1"], "--seed is -1"),
         (["ROOM", "--camera", "big"], "--camera is 'big'"),
         (["ROOM", "--bundle", "none"], "there is no model 'none'"),

@@ -1,0 +1,66 @@
+"""Working size of a flight: settled once, among the settings."""
+
+import dataclasses
+
+import numpy as np
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError
+from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.matching.matcher import Prepared
+from dfvs_service.config import config_from_json, load_config
+from dfvs_service.perception.assembly import flow_matcher
+from dfvs_service.perception.working_size import with_working_size, working_size_line
+from dfvs_service.replay.rerun import with_trial
+
+CAMERA = CameraModel.from_horizontal_fov(640, 480, 1.2)
+GOAL = Goal(np.zeros((480, 640, 3), np.uint8), GoalSidecar(CAMERA))
+
+
+def settings(**flow):
+    overrides = {"flow.model": "classical"} | {f"flow.{name}": v for name, v in flow.items()}
+    return load_config(None, overrides).with_camera(CAMERA.size, GOAL.sidecar)[0]
+
+
+def never():
+    raise AssertionError("nothing was to be measured")
+
+
+def test_what_was_measured_is_a_setting_by_which_the_processes_match():
+    config = settings()
+    settled = with_working_size(config, GOAL, flow_matcher(config.flow), lambda: 0)
+    assert settled.flow.working_width_px == 640
+    assert dataclasses.replace(settled, flow=config.flow) == config
+    passed_on = config_from_json(settled.to_json())
+    assert flow_matcher(passed_on.flow).prepare(GOAL.image).size == (480, 640)
+    assert "640 x 480 px" in working_size_line(settled, GOAL)
+
+
+def test_a_size_that_is_set_is_not_measured():
+    config = settings(working_width_px=400)
+    assert with_working_size(config, GOAL, flow_matcher(config.flow), never) is config
+    assert flow_matcher(config.flow).prepare(GOAL.image).size == (300, 400)
+
+
+def test_a_matcher_without_a_working_size_is_left_as_it_is():
+    class Pair:
+        def prepare(self, image):
+            return Prepared(image.shape[:2])
+
+    config = settings()
+    assert with_working_size(config, GOAL, Pair(), never) is config
+
+
+def test_settings_that_are_tried_in_a_replay_do_not_measure_anew():
+    recorded, tried = settings(working_width_px=480), settings(threads=1)
+    assert with_trial(recorded, tried, "").flow == dataclasses.replace(
+        tried.flow, working_width_px=480
+    )
+    tried = settings(working_width_px=400)
+    assert with_trial(recorded, tried, "").flow.working_width_px == 400
+
+
+def test_a_size_at_which_nothing_can_be_matched_is_refused():
+    with pytest.raises(ConfigError, match="working_width_px = 20"):
+        settings(working_width_px=20)
