@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from dfvs_core.arrays import FloatArray
-from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.matching.confidence import confident_ratio, empty_flow
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.perception.rejected_goals import RejectedGoals
 from dfvs_core.poses import invert_pose
+from dfvs_core.servo.task import ServoTask
 
 COAST_NS = 60_000_000
 """Longest time since the last observation after which a frame is not relocalised."""
@@ -63,22 +63,12 @@ class GoalTracker:
         Source of dense correspondences.
     goal : Prepared
         The goal image.
-    camera, goal_camera : CameraModel
-        Of the frames and of the goal image, at the working size.
-    stride_px : int
-        Grid of the depth maps.
+    task : ServoTask
+        Cameras at the working size, and the grid of the depth maps.
     """
 
-    def __init__(
-        self,
-        matcher: Matcher,
-        goal: Prepared,
-        camera: CameraModel,
-        goal_camera: CameraModel,
-        stride_px: int,
-    ) -> None:
-        self._matcher, self._goal = matcher, goal
-        self._camera, self._goal_camera, self._stride_px = camera, goal_camera, stride_px
+    def __init__(self, matcher: Matcher, goal: Prepared, task: ServoTask) -> None:
+        self._matcher, self._goal, self._task = matcher, goal, task
         self._last: Observation | None = None
         self._state = TrackingState.SEARCHING
         self._rejected = RejectedGoals()
@@ -178,5 +168,5 @@ class GoalTracker:
 
     def _predict(self, T_goal_current: FloatArray, depth: DepthMap) -> FlowField:
         """Flow that a pose in the goal's camera and the depth of the grid predict."""
-        stride_px, goal_camera = self._stride_px, self._goal_camera
-        return predict_flow(self._camera, depth, stride_px, T_goal_current, goal_camera)
+        task, stride_px = self._task, self._task.config.stride_px
+        return predict_flow(task.camera, depth, stride_px, T_goal_current, task.goal.camera)

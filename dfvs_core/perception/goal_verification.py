@@ -36,10 +36,8 @@ def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
 
     Parameters
     ----------
-    image : (H, W, 3) uint8
-        The view, at the size of the flow.
-    flow : FlowField
-        From it to the goal picture.
+    image, flow : (H, W, 3) uint8, FlowField
+        The view, at the size of the flow, and that to the goal image.
     """
     grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), (0, 0), _NOISE_SIGMA_PX)
     textured = has_texture(np.asarray(grey, np.uint8))
@@ -73,14 +71,10 @@ class GoalVerifier:
 
         Parameters
         ----------
-        servo : ServoResult
+        servo, t_capture_ns
             Of the frame.
-        image : (H, W, 3) uint8
-            The view, at the size of the flow.
-        flow : FlowField
-            From it to the goal image.
-        t_capture_ns : int
-            When it was taken.
+        image, flow : (H, W, 3) uint8, FlowField
+            The view, at the size of the flow, and that to the goal image.
         """
         if servo.status is not Status.OK:
             return servo

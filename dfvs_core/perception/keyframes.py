@@ -84,19 +84,10 @@ class Keyframes:
         return self._frames[times.index(t_capture_ns)] if t_capture_ns in times else None
 
     def for_depth(self, T_world_camera: FloatArray, depth_m: float) -> Keyframe | None:
-        """Keyframe to triangulate depth against, or None if all are too near or too turned.
+        """Keyframe to triangulate the depth of a frame against, from its pose (4, 4), m.
 
-        Parameters
-        ----------
-        T_world_camera : (4, 4)
-            Of the current frame, m.
-        depth_m : float
-            Median depth of the scene, as far as it is known.
-
-        Returns
-        -------
-        Keyframe or None
-            The newest whose baseline suffices; else the one with the longest baseline.
+        The newest whose baseline suffices at a median depth, m; else the one with the longest. None
+        if all are too near or too turned.
         """
         best, best_baseline_m = None, _LEAST_PARALLAX * depth_m
         for frame in reversed(self._frames):

@@ -94,10 +94,8 @@ class Pipeline:
 
         Parameters
         ----------
-        task : ServoTask
-            For that goal: the same camera and mounting.
-        goal : GoalView
-            Of :meth:`prepare`.
+        task, goal : ServoTask, GoalView
+            For that goal, of the same camera and mounting, and of :meth:`prepare`.
         observation : Observation, optional
             Of that goal, from its preview: it is tracked on, so that no search delays a frame. It
             is dropped where its keyframe is not kept any more, as no replay could recompute it.
@@ -107,8 +105,7 @@ class Pipeline:
         self._observed_ns = None if observation is None else observation.t_capture_ns
         self._task = task = _at_working_size(task, goal)
         self._state = self._state.without_goal()
-        cameras = task.camera, task.goal.camera
-        self._tracker = GoalTracker(self._matcher, goal.prepared, *cameras, task.config.stride_px)
+        self._tracker = GoalTracker(self._matcher, goal.prepared, task)
         self._tracker.update(observation)
         self._verifier = GoalVerifier(goal.image, task.config.min_likeness)
 
@@ -117,7 +114,8 @@ class Pipeline:
     ) -> Preview | None:
         """What a keyframe says about another goal, to be worked out on any thread.
 
-        Nothing of it is remembered: the frames to come give the same results without it.
+        Nothing of it is remembered: the frames to come give the same results without it. None
+        where there is no such keyframe.
 
         Parameters
         ----------
@@ -125,11 +123,6 @@ class Pipeline:
             For that goal, and of :meth:`prepare`.
         t_capture_ns : int, optional
             Of the keyframe; without it the newest one.
-
-        Returns
-        -------
-        Preview or None
-            None where no such keyframe is kept.
         """
         frame = self._keyframes.find(t_capture_ns)
         if frame is None:
@@ -197,10 +190,9 @@ class Pipeline:
     def update_depth(self) -> int:
         """Learn from the last frame what serves those to come; time taken, ns.
 
-        To be called once a frame's report is on its way. Most calls do nothing: a few times a
-        second, and only where the camera has moved far enough, it is compared with an earlier one
-        to learn about depth; and one after it, where little is sure, once more with the goal.
-        Where frames come late, as after such a call, nothing is done for a while.
+        To be called once a frame's report is on its way. A few times a second, where the camera
+        has moved far enough, the frame is compared with a keyframe; and the one after it, where
+        little is sure, once more with the goal. Where frames come late nothing is done for a while.
         """
         start_ns, last = self._tick(), self._last
         if self._task.config.depth != "motion" or last is None or self._is_pressed(last):

@@ -1,10 +1,8 @@
-"""Working size: chosen by the time of a tracked frame, and what memory depends on."""
+"""Working size of images of any shape, and what memory depends on."""
 
 import tracemalloc
-from itertools import count
 
 import numpy as np
-import pytest
 from hypothesis import given
 from hypothesis import strategies as st
 from textured_wall import Wall, texture
@@ -15,45 +13,12 @@ from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.perception.keyframes import MOST_KEYFRAMES
 from dfvs_core.perception.pipeline import Pipeline
-from dfvs_core.perception.working_size import choose_working_width
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
 
 MS = 1_000_000
-READINGS = 12
-"""Of the clock for one candidate: six frames."""
-
-
-def clock_of(*durations_ms):
-    """A clock by which each candidate's frames take so long, one candidate after the other."""
-    readings = count()
-
-    def tick():
-        n = next(readings)
-        return (n % 2) * durations_ms[n // READINGS] * MS
-
-    return tick
-
-
-def image(width, height):
-    return np.zeros((height, width, 3), np.uint8)
-
-
-@pytest.mark.parametrize(
-    ("durations_ms", "width_px"),
-    [((26,), 320), ((20, 26), 400), ((20, 25, 26), 480), ((10, 15, 20), 640)],
-)
-def test_the_largest_size_that_fits_the_budget_is_taken(durations_ms, width_px):
-    assert choose_working_width(image(1280, 720), 25 * MS, clock_of(*durations_ms)) == width_px
-
-
-@pytest.mark.parametrize(
-    ("size", "width_px"), [((320, 240), 320), ((160, 120), 320), ((424, 240), 400)]
-)
-def test_no_size_above_the_cameras_is_tried(size, width_px):
-    assert choose_working_width(image(*size), 25 * MS, clock_of(1, 99)) == width_px
 
 
 @given(st.integers(64, 1920), st.integers(64, 1920), st.sampled_from([320, 400, 640]))

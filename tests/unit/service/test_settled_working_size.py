@@ -1,6 +1,7 @@
 """Working size of a flight: settled once, among the settings."""
 
 import dataclasses
+from itertools import count
 
 import numpy as np
 import pytest
@@ -11,11 +12,50 @@ from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.matching.matcher import Prepared
 from dfvs_service.config import config_from_json, load_config
 from dfvs_service.perception.assembly import flow_matcher
-from dfvs_service.perception.working_size import with_working_size, working_size_line
+from dfvs_service.perception.working_size import (
+    choose_working_width,
+    with_working_size,
+    working_size_line,
+)
 from dfvs_service.replay.rerun import with_trial
 
 CAMERA = CameraModel.from_horizontal_fov(640, 480, 1.2)
 GOAL = Goal(np.zeros((480, 640, 3), np.uint8), GoalSidecar(CAMERA))
+
+
+MS = 1_000_000
+READINGS = 12
+"""Of the clock for one candidate: six frames."""
+
+
+def clock_of(*durations_ms):
+    """A clock by which each candidate's frames take so long, one candidate after the other."""
+    readings = count()
+
+    def tick():
+        n = next(readings)
+        return (n % 2) * durations_ms[n // READINGS] * MS
+
+    return tick
+
+
+def image(width, height):
+    return np.zeros((height, width, 3), np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("durations_ms", "width_px"),
+    [((26,), 320), ((20, 26), 400), ((20, 25, 26), 480), ((10, 15, 20), 640)],
+)
+def test_the_largest_size_that_fits_the_budget_is_taken(durations_ms, width_px):
+    assert choose_working_width(image(1280, 720), 25 * MS, clock_of(*durations_ms)) == width_px
+
+
+@pytest.mark.parametrize(
+    ("size", "width_px"), [((320, 240), 320), ((160, 120), 320), ((424, 240), 400)]
+)
+def test_no_size_above_the_cameras_is_tried(size, width_px):
+    assert choose_working_width(image(*size), 25 * MS, clock_of(1, 99)) == width_px
 
 
 def settings(**flow):
