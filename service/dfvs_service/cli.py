@@ -323,12 +323,9 @@ def _with_model(config: ServiceConfig, goal: Goal) -> ServiceConfig:
     """Settings with a working size, by a model that can be used: the errors come before a start."""
     # ONNX Runtime is needed here alone, and takes its time to load.
     from dfvs_service.perception.assembly import flow_matcher
-    from dfvs_service.perception.working_size import with_working_size, working_size_line
+    from dfvs_service.perception.working_size import with_working_size
 
-    config = with_working_size(config, goal, flow_matcher(config.flow), time.monotonic_ns)
-    if config.flow.working_width_px > 0:
-        print(working_size_line(config, goal), file=sys.stderr)
-    return config
+    return with_working_size(config, goal, flow_matcher(config.flow), time.monotonic_ns)
 
 
 @contextmanager

@@ -122,6 +122,8 @@ class PerceptionProcess:
             frames = session.declare_subscriber(self._intake.key, self._on_frame)
             camera = watch_calibration(session, self._intake, self._doubts.take)
             log.info("listening for frames on %s", self._intake.key)
+            size = self._matcher.prepare(self._goal.image).size
+            log.info("frames are matched at %d x %d px", *reversed(size))
             settle()
             while not self._stopped and os.getppid() == self._parent:
                 self._turn(telemetry, feed)

@@ -38,13 +38,6 @@ def with_working_size(
     return replace(config, flow=replace(config.flow, working_width_px=width_px))
 
 
-def working_size_line(config: ServiceConfig, goal: Goal) -> str:
-    """Line that tells the working size of a flight with settled settings."""
-    matching = MatchingConfig(working_width_px=config.flow.working_width_px)
-    height, width = matching.working_size(goal.image.shape[:2])
-    return f"frames are matched at {width} x {height} px (flow.working_width_px)"
-
-
 def choose_working_width(image: ImageArray, budget_ns: int, tick: Callable[[], int]) -> int:
     """Largest working width at which a tracked frame fits the budget, else the smallest, px.
 

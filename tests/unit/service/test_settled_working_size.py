@@ -15,7 +15,6 @@ from dfvs_service.perception.assembly import flow_matcher
 from dfvs_service.perception.working_size import (
     choose_working_width,
     with_working_size,
-    working_size_line,
 )
 from dfvs_service.replay.rerun import with_trial
 
@@ -74,7 +73,6 @@ def test_what_was_measured_is_a_setting_by_which_the_processes_match():
     assert dataclasses.replace(settled, flow=config.flow) == config
     passed_on = config_from_json(settled.to_json())
     assert flow_matcher(passed_on.flow).prepare(GOAL.image).size == (480, 640)
-    assert "640 x 480 px" in working_size_line(settled, GOAL)
 
 
 def test_a_size_that_is_set_is_not_measured():
