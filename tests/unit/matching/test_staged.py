@@ -49,9 +49,9 @@ def pictures():
 
 @pytest.mark.parametrize(
     ("size", "working_size"),
-    [((480, 640), (240, 320)), ((240, 320), (240, 320)), ((720, 1280), (180, 320))],
+    [((480, 640), (240, 320)), ((240, 320), (240, 320)), ((720, 1280), (208, 370))],
 )
-def test_the_working_size_has_at_most_320_columns(size, working_size):
+def test_the_working_size_has_at_most_as_many_pixels_as_320_x_240(size, working_size):
     image = np.zeros((*size, 3), np.uint8)
     prepared = StagedMatcher(KnownPoints(640)).prepare(image)
     assert prepared.size == working_size
