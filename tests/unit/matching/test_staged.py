@@ -118,7 +118,7 @@ def test_an_image_of_another_matcher_is_refused(pictures):
 def test_images_of_different_working_sizes_are_refused(pictures):
     matcher = StagedMatcher(KnownPoints(320))
     low = np.ascontiguousarray(pictures[1][:240])
-    with pytest.raises(ImageError, match="320 x 240 and 320 x 120"):
+    with pytest.raises(ImageError, match="320 x 240 and 453 x 170"):
         matcher.match(matcher.prepare(pictures[0]), matcher.prepare(low))
 
 
