@@ -8,7 +8,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass, replace
 
-from dfvs_core.servo.exchange import ServoResult, Verdict
+from dfvs_core.servo.exchange import ServoResult, Status
 
 S = 1_000_000_000
 LOOK_PERIOD_NS = S // 4
@@ -51,7 +51,7 @@ def follow(
         (t_ns if state.engaged_since_ns is None else state.engaged_since_ns) if engaged else None
     )
     near = (
-        result.verdict is Verdict.OK
+        result.status is Status.OK
         and result.error_m <= limits.near_m
         and result.error_rad <= limits.near_rad
     )
@@ -72,7 +72,7 @@ def wants_look(state: RouteState, t_ns: int) -> bool:
 
 def look(state: RouteState, limits: RouteLimits, ahead: ServoResult, t_ns: int) -> RouteState:
     """Take in what the same frame says about the next goal."""
-    in_sight = ahead.verdict is Verdict.OK and ahead.overlap >= limits.overlap
+    in_sight = ahead.status is Status.OK and ahead.overlap >= limits.overlap
     return replace(state, looked_ns=t_ns, seen=state.seen + 1 if in_sight else 0)
 
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass
 
-from dfvs_core.servo.exchange import ServoResult, Verdict
+from dfvs_core.servo.exchange import ServoResult, Status
 
 
 class Lesson(enum.Enum):
@@ -38,7 +38,7 @@ def judge(result: ServoResult, limits: TeachLimits, full_overlap: float) -> Less
     ``full_overlap`` is the greatest overlap with that goal so far. The next one is due while the
     last one is in sight for certain, so that the way back can be found.
     """
-    if result.verdict is not Verdict.OK and result.verdict is not Verdict.STUCK:
+    if result.status is not Status.OK and result.status is not Status.STUCK:
         return Lesson.LOST
     distance = result.distance_over_depth
     if distance + result.error_rad < limits.stillness:

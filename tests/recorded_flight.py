@@ -11,9 +11,8 @@ from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.wire.link import GateStatus, VehicleState
 from dfvs_core.wire.picture import encode_png
 from dfvs_core.wire.turn import Turn
-from dfvs_models.catalog import load_matcher
 from dfvs_service.config import load_config
-from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
+from dfvs_service.perception.assembly import Clocks, build_eye, flow_matcher, servo_task
 from dfvs_service.perception.eye import RawSample
 from dfvs_service.perception.messages import servo_document
 from dfvs_service.perception.opening import make_opening
@@ -71,7 +70,7 @@ def fly(
     eye = build_eye(
         config,
         goal,
-        load_matcher(config.flow.model, config.flow.threads),
+        flow_matcher(config.flow),
         Clocks(CLOCK, clock, clock),
     )
     opening = replace(make_opening(config, goal, CLOCK), opened_ns=clock())
@@ -81,7 +80,7 @@ def fly(
     for i in range(frames):
         if i == next_goal_at:
             observation = None if preview is None else preview().observation
-            eye.aim(servo_task(config, following), eye.prepare(following), observation)
+            eye.set_goal(servo_task(config, following), eye.prepare(following), observation)
             opening = replace(
                 make_opening(config, following, CLOCK, book.next_turn, eye.observed_ns),
                 opened_ns=clock(),
@@ -107,9 +106,9 @@ def fly(
         outcome = glance.outcome
         servo = servo_document(glance.frame, outcome, clock(), glance.stages_ns) if outcome else {}
         events.append((book.looked(sample, heard, glance, servo), payload))
-        eye.digest()
+        eye.update_depth()
         if i == preview_of:
-            preview = eye.glimpse(servo_task(config, following), eye.prepare(following))
+            preview = eye.evaluate_next_goal(servo_task(config, following), eye.prepare(following))
     return RecordedFlight(events)
 
 

@@ -20,7 +20,7 @@ from dfvs_core.gate.authority import Authority
 from dfvs_core.perception.frame_result import FrameResult
 from dfvs_core.perception.goal_tracker import TrackingState
 from dfvs_core.schema import dump
-from dfvs_core.servo.exchange import ServoResult, Uncertainty, Verdict
+from dfvs_core.servo.exchange import ServoResult, Status, Uncertainty
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
 from dfvs_core.wire.goal_order import GoalOrder, goal_digest
@@ -167,7 +167,7 @@ class TelemetryVehicle:
             spread_m=0.01 + 0.1 * left,
         )
         result = ServoResult(
-            verdict=Verdict.OK,
+            status=Status.OK,
             velocity=np.array([0.3 * left, 0.1 * left, 0.0, 0.1 * left]),
             motion=np.array([0.8 * left, 0.3 * left, -0.1 * left, 0.3 * left]),
             error_m=error_m,

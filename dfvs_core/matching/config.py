@@ -18,7 +18,7 @@ class MatchingConfig:
     """
 
     working_width_px: int = 320
-    """Largest width at which the dense search runs."""
+    """Width at which images of 4:3 are searched; others at as many pixels, none enlarged."""
     turns_rad: tuple[float, ...] = (0.0, math.radians(-45.0), math.radians(45.0))
     """Angles by which the other image is turned in a relocalisation."""
     scales: tuple[float, ...] = (1.0, 0.5)
@@ -79,6 +79,12 @@ class MatchingConfig:
     """Share of the confident area of the prediction that has to be confident again."""
     least_confident_ratio: float = 0.05
     """Confident share of the image that a track has to have."""
+
+    def working_size(self, size: tuple[int, int]) -> tuple[int, int]:
+        """Size (height, width) at which the dense search runs, of an image of ``size``, px."""
+        height, width = size
+        scale = min(1.0, self.working_width_px * math.sqrt(0.75 / (height * width)))
+        return round(height * scale), round(width * scale)
 
 
 STAGES: dict[str, dict[str, Any]] = {

@@ -28,7 +28,7 @@ class StagedImage(Prepared, Generic[Features]):
         self, image: ImageArray, points: PointMatcher[Features], config: MatchingConfig
     ) -> None:
         check_image(image)
-        super().__init__(_at_most(image, config.working_width_px))
+        super().__init__(config.working_size((image.shape[0], image.shape[1])))
         check_size(self.size)
         self._image = resized(image, _at_most(image, points.width_px))
         self._points = points

@@ -13,13 +13,13 @@ from dataclasses import dataclass, replace
 from enum import StrEnum
 
 from dfvs_core.arrays import FloatArray
-from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.matching.confidence import confident_ratio, empty_flow
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.perception.rejected_goals import RejectedGoals
 from dfvs_core.poses import invert_pose
+from dfvs_core.servo.task import ServoTask
 
 COAST_NS = 60_000_000
 """Longest time since the last observation after which a frame is not relocalised."""
@@ -63,25 +63,15 @@ class GoalTracker:
         Source of dense correspondences.
     goal : Prepared
         The goal image.
-    camera, goal_camera : CameraModel
-        Of the frames and of the goal image, at the working size.
-    stride_px : int
-        Grid of the depth maps.
+    task : ServoTask
+        Cameras at the working size, and the grid of the depth maps.
     """
 
-    def __init__(
-        self,
-        matcher: Matcher,
-        goal: Prepared,
-        camera: CameraModel,
-        goal_camera: CameraModel,
-        stride_px: int,
-    ) -> None:
-        self._matcher, self._goal = matcher, goal
-        self._camera, self._goal_camera, self._stride_px = camera, goal_camera, stride_px
+    def __init__(self, matcher: Matcher, goal: Prepared, task: ServoTask) -> None:
+        self._matcher, self._goal, self._task = matcher, goal, task
         self._last: Observation | None = None
         self._state = TrackingState.SEARCHING
-        self._rejected = RejectedGoals(camera, goal_camera, stride_px)
+        self._rejected = RejectedGoals()
         self._has_excluded = False
         """Whether the last relocalisation excluded rejected goals, and nothing was found since."""
 
@@ -135,7 +125,10 @@ class GoalTracker:
         self._state = TrackingState.LOST if was_coasting else TrackingState.SEARCHING
         excluded: list[FlowField] = []
         if depth is not None and not self._has_excluded:
-            excluded = self._rejected.flows(T_world_camera, t_capture_ns, depth)
+            excluded = [
+                self._predict(invert_pose(T_world_goal) @ T_world_camera, depth)
+                for T_world_goal in self._rejected.excluded(t_capture_ns)
+            ]
         self._has_excluded = bool(excluded)
         return self._matcher.match(image, self._goal, excluded=excluded)
 
@@ -153,39 +146,27 @@ class GoalTracker:
         flow = self._matcher.track(image, self._goal, last.flow)
         if flow is None and depth is not None:
             T_last_current = invert_pose(last.T_world_camera) @ T_world_camera
-            flow = self._track_predicted(image, last.T_goal_current @ T_last_current, depth)
+            predicted = self._predict(last.T_goal_current @ T_last_current, depth)
+            flow = self._matcher.track(image, self._goal, predicted)
         return flow
 
     def rematch(self, image: Prepared, t_capture_ns: int, depth: DepthMap) -> bool:
-        """Look for more of the goal in the last frame, where its pose and depth predict it.
+        """Look for more of the goal in the frame matched last, where pose and depth predict it.
 
-        Parameters
-        ----------
-        image : Prepared
-            The frame that was matched last, taken at ``t_capture_ns``.
-        depth : DepthMap
-            Of it, on the grid.
-
-        Returns
-        -------
-        bool
-            Whether it was tried: the goal was observed, in a small part of the image.
+        Returns whether it was tried: the goal was observed, in a small part of the image.
         """
         last = self._last
         if last is None or last.t_capture_ns != t_capture_ns:
             return False
         if confident_ratio(last.flow) >= _SETTLED_RATIO:
             return False
-        flow = self._track_predicted(image, last.T_goal_current, depth)
+        predicted = self._predict(last.T_goal_current, depth)
+        flow = self._matcher.track(image, self._goal, predicted)
         if flow is not None and confident_ratio(flow) > confident_ratio(last.flow):
             self._last = replace(last, flow=flow)
         return True
 
-    def _track_predicted(
-        self, image: Prepared, T_goal_current: FloatArray, depth: DepthMap
-    ) -> FlowField | None:
-        """Flow tracked from the prediction of pose and depth."""
-        predicted = predict_flow(
-            self._camera, depth, self._stride_px, T_goal_current, self._goal_camera
-        )
-        return self._matcher.track(image, self._goal, predicted)
+    def _predict(self, T_goal_current: FloatArray, depth: DepthMap) -> FlowField:
+        """Flow that a pose in the goal's camera and the depth of the grid predict."""
+        task, stride_px = self._task, self._task.config.stride_px
+        return predict_flow(task.camera, depth, stride_px, T_goal_current, task.goal.camera)

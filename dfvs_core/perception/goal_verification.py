@@ -7,15 +7,17 @@ image, and nearly all of its texture matches; far from it nothing can be said.
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 
 from dfvs_core.arrays import ImageArray
+from dfvs_core.colours import is_swapped
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.confidence import CONFIDENT
 from dfvs_core.matching.texture import has_texture
-from dfvs_core.perception.frame_result import ViewCheck
-from dfvs_core.servo.exchange import ServoResult
+from dfvs_core.servo.exchange import ServoResult, Status
 
 NEAR_RAD = 0.05
 """Angle to the goal plus distance over depth, below which the view has to match."""
@@ -34,10 +36,8 @@ def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
 
     Parameters
     ----------
-    image : (H, W, 3) uint8
-        The view, at the size of the flow.
-    flow : FlowField
-        From it to the goal picture.
+    image, flow : (H, W, 3) uint8, FlowField
+        The view, at the size of the flow, and that to the goal image.
     """
     grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), (0, 0), _NOISE_SIGMA_PX)
     textured = has_texture(np.asarray(grey, np.uint8))
@@ -47,45 +47,51 @@ def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
 
 
 class GoalVerifier:
-    """Rejects frames that count as the goal and do not match its image.
+    """Refuses frames whose view is not the goal's.
 
     Parameters
     ----------
+    goal : (H, W, 3) uint8
+        The goal image, at the size of the flow.
     least : float
-        Matched texture ratio below which a view is not the goal; 0 rejects none.
+        Matched texture ratio below which a view at the goal is not the goal's; 0 refuses none.
     """
 
-    def __init__(self, least: float) -> None:
-        self._least = least
+    def __init__(self, goal: ImageArray, least: float) -> None:
+        self._goal, self._least = goal, least
         self._mismatch_since_ns: int | None = None
 
-    def check(
+    def verify(
         self, servo: ServoResult, image: ImageArray, flow: FlowField, t_capture_ns: int
-    ) -> ViewCheck:
-        """Check the view (H, W, 3) uint8 of a frame: doubtful at first, in time a false goal.
+    ) -> ServoResult:
+        """Result of a frame: the servo's, refused where the view is not the goal's.
+
+        A view that counts as the goal and does not match its image has not reached it; after
+        ``PATIENCE_NS`` it is a false goal.
 
         Parameters
         ----------
-        servo : ServoResult
-            Of the frame; its verdict is OK.
-        image : (H, W, 3) uint8
-            The frame, at the size of the flow.
-        flow : FlowField
-            From it to the goal image.
-        t_capture_ns : int
-            When it was taken.
+        servo, t_capture_ns
+            Of the frame.
+        image, flow : (H, W, 3) uint8, FlowField
+            The view, at the size of the flow, and that to the goal image.
         """
-        if not _is_near(servo) or matched_texture_ratio(image, flow) >= self._least:
+        if servo.status is not Status.OK:
+            return servo
+        if is_swapped(image, self._goal, flow):
+            return _refused(servo, Status.SWAPPED_CHANNELS)
+        is_near = servo.error_rad + servo.distance_over_depth < NEAR_RAD
+        if not is_near or matched_texture_ratio(image, flow) >= self._least:
             self._mismatch_since_ns = None
-            return ViewCheck.PASSED
+            return servo
         if self._mismatch_since_ns is None:
             self._mismatch_since_ns = t_capture_ns
         if t_capture_ns - self._mismatch_since_ns < PATIENCE_NS:
-            return ViewCheck.DOUBTFUL
+            return replace(servo, reached=False)
         self._mismatch_since_ns = None
-        return ViewCheck.FALSE_GOAL
+        return _refused(servo, Status.FALSE_GOAL)
 
 
-def _is_near(result: ServoResult) -> bool:
-    """Whether a frame was taken so near the goal that its view has to match."""
-    return result.error_rad + result.distance_over_depth < NEAR_RAD
+def _refused(servo: ServoResult, status: Status) -> ServoResult:
+    nothing = np.zeros_like(servo.velocity)
+    return replace(servo, status=status, velocity=nothing, reached=False)

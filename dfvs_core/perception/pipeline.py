@@ -6,31 +6,24 @@ service runs it on live frames; the simulator and the tests run it on rendered o
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
+import cv2
 import numpy as np
 
-from dfvs_core.arrays import FloatArray, ImageArray
-from dfvs_core.colours import is_swapped
+from dfvs_core.arrays import FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
-from dfvs_core.depth.keyframes import choose_earlier
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.goal import Goal
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.matching.warping import resized
-from dfvs_core.perception.frame_result import STAGES, FrameResult, ViewCheck, conclude
-from dfvs_core.perception.goal_preview import (
-    GoalView,
-    KeptFrame,
-    Preview,
-    observe,
-    preview_goal,
-)
+from dfvs_core.perception.frame_result import STAGES, FrameResult
+from dfvs_core.perception.goal_preview import GoalView, Preview, observe, preview_goal
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation
 from dfvs_core.perception.goal_verification import GoalVerifier
+from dfvs_core.perception.keyframes import Keyframe, Keyframes
 from dfvs_core.poses import invert_pose, so3_log
 from dfvs_core.servo.exchange import (
     Attitude,
@@ -38,7 +31,7 @@ from dfvs_core.servo.exchange import (
     ServoInputs,
     ServoResult,
     ServoState,
-    Verdict,
+    Status,
 )
 from dfvs_core.servo.points import without_cells
 from dfvs_core.servo.step import servo_step
@@ -47,14 +40,13 @@ from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
 
-KEPT_FRAMES = 24
 DEPTH_PERIOD_NS = 200_000_000
 """Depth changes slowly: it is measured five times a second at most."""
 DEPTH_PATIENCE_NS = 600_000_000
 """So long depth waits for frames to be on time again."""
 
 _NO_FLOW = FlowField(np.zeros((0, 0, 2), np.float32), np.zeros((0, 0), np.float32))
-"""Instead of the flow of a kept frame: a field for each would take tens of megabytes."""
+"""Instead of the flow of a keyframe: a field for each would take tens of megabytes."""
 
 
 class Pipeline:
@@ -75,25 +67,19 @@ class Pipeline:
     def __init__(
         self, task: ServoTask, matcher: Matcher, goal: Goal, tick: Callable[[], int]
     ) -> None:
-        self._matcher = matcher
-        self._goal = self.prepare(goal)
-        self._task = _at_working_size(task, self._goal)
-        self._tick = tick
+        self._matcher, self._tick = matcher, tick
         self._T_body_camera = np.eye(4) if task.mount is None else task.mount.T_body_camera()
-        self._kept: deque[KeptFrame] = deque(maxlen=KEPT_FRAMES)
-        self._state = ServoState()
-        self._tracker = self._make_tracker()
-        self._verifier = GoalVerifier(task.config.min_likeness)
+        self._keyframes = Keyframes()
+        self._last: Keyframe | None = None
+        self._period_ns = self._depth_ns = 0
         self._depth_m = task.config.constant_depth_m
-        self._digested_ns = 0
-        self._is_depth_new = False
-        self._has_flown = False
-        self._last_inputs: ServoInputs | None = None
-        self._observed_ns: int | None = None
+        self._is_depth_new = self._has_flown = False
+        self._state = ServoState()
+        self.set_goal(task, self.prepare(goal))
 
     @property
     def observed_ns(self) -> int | None:
-        """Capture time of the frame whose preview tracking of this goal began with, or None."""
+        """Capture time of the keyframe whose preview tracking of this goal began with, or None."""
         return self._observed_ns
 
     def prepare(self, goal: Goal) -> GoalView:
@@ -101,67 +87,47 @@ class Pipeline:
         prepared = self._matcher.prepare(goal.image)
         return GoalView(resized(goal.image, prepared.size), prepared)
 
-    def aim(self, task: ServoTask, goal: GoalView, observation: Observation | None = None) -> None:
+    def set_goal(
+        self, task: ServoTask, goal: GoalView, observation: Observation | None = None
+    ) -> None:
         """Go on to another goal; what was learnt of depth, and of the way so far, stays.
 
         Parameters
         ----------
-        task : ServoTask
-            For that goal: the same camera and mounting.
-        goal : GoalView
-            Of :meth:`prepare`.
+        task, goal : ServoTask, GoalView
+            For that goal, of the same camera and mounting, and of :meth:`prepare`.
         observation : Observation, optional
             Of that goal, from its preview: it is tracked on, so that no search delays a frame. It
-            is dropped where its frame is not kept any more, as no replay could recompute it.
+            is dropped where its keyframe is not kept any more, as no replay could recompute it.
         """
-        if observation is not None and self._find_kept(observation.t_capture_ns) is None:
+        if observation is not None and self._keyframes.find(observation.t_capture_ns) is None:
             observation = None
         self._observed_ns = None if observation is None else observation.t_capture_ns
-        self._task = _at_working_size(task, goal)
-        self._goal = goal
+        self._task = task = _at_working_size(task, goal)
         self._state = self._state.without_goal()
-        self._tracker = self._make_tracker()
+        self._tracker = GoalTracker(self._matcher, goal.prepared, task)
         self._tracker.update(observation)
-        self._verifier = GoalVerifier(task.config.min_likeness)
+        self._verifier = GoalVerifier(goal.image, task.config.min_likeness)
 
-    def _make_tracker(self) -> GoalTracker:
-        task = self._task
-        cameras = task.camera, task.goal.camera
-        return GoalTracker(self._matcher, self._goal.prepared, *cameras, task.config.stride_px)
-
-    def glimpse(
+    def evaluate_next_goal(
         self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
     ) -> Preview | None:
-        """What a frame says about another goal, to be worked out on any thread.
+        """What a keyframe says about another goal, to be worked out on any thread.
 
-        The result depends on nothing but the arguments and the kept frame, so a replay recomputes
-        it bit for bit. Nothing of it is remembered: the frames to come give the same results
-        without it.
+        Nothing of it is remembered: the frames to come give the same results without it. None
+        where there is no such keyframe.
 
         Parameters
         ----------
-        task : ServoTask
-            For that goal.
-        goal : GoalView
-            Of :meth:`prepare`.
+        task, goal : ServoTask, GoalView
+            For that goal, and of :meth:`prepare`.
         t_capture_ns : int, optional
-            Of the frame; without it the last one.
-
-        Returns
-        -------
-        Preview or None
-            None where no such frame is kept.
+            Of the keyframe; without it the newest one.
         """
-        kept = self._find_kept(t_capture_ns)
-        if kept is None:
+        frame = self._keyframes.find(t_capture_ns)
+        if frame is None:
             return None
-        return partial(preview_goal, self._matcher, _at_working_size(task, goal), goal, kept)
-
-    def _find_kept(self, t_capture_ns: int | None) -> KeptFrame | None:
-        """Kept frame of a capture time, or the last one."""
-        if t_capture_ns is None:
-            return self._kept[-1] if self._kept else None
-        return next((kept for kept in self._kept if kept.t_capture_ns == t_capture_ns), None)
+        return partial(preview_goal, self._matcher, _at_working_size(task, goal), goal, frame)
 
     def process_frame(
         self, frame: Frame, motion: Motion, engaged: bool, depth: DepthMap | None = None
@@ -192,119 +158,103 @@ class Pipeline:
         )
         marks.append(self._tick())
 
-        # 3. Match it with an earlier frame, where depth is taken from each of them.
+        # 3. Match it with the last frame, where depth is taken from each of them.
         earlier = None
-        if self._task.config.depth == "flow" and self._kept:
-            earlier = self._compare(prepared, T_world_camera, len(self._kept) - 1)
+        if self._task.config.depth == "flow":
+            earlier = self._compare(prepared, T_world_camera, self._last)
 
         # 4. Servo: level, depth, pose, velocity.
+        velocity, motion_m = self._odometry(motion, T_world_camera)
         inputs = ServoInputs(
             now_ns=self._tick(),
             t_capture_ns=frame.t_capture_ns,
             flow=flow,
-            velocity=self._velocity(motion, T_world_camera),
+            velocity=velocity,
             attitude=Attitude(motion.roll_rad, motion.pitch_rad, motion.yaw_rad),
-            motion_m=self._camera_motion(T_world_camera),
+            motion_m=motion_m,
             earlier=earlier,
             given_depth=None if depth is None else _resized_depth(depth, prepared.size),
             engaged=engaged,
         )
         servo, self._state = servo_step(self._task, self._state, inputs)
 
-        # 5. Verify that the view is the goal's; 6. conclude.
-        view = self._verify(servo, resized(frame.image, prepared.size), inputs)
-        result = conclude(servo, view)
+        # 5. Verify that the view is the goal's, and conclude.
+        image = resized(frame.image, prepared.size)
+        result = self._verifier.verify(servo, image, flow, frame.t_capture_ns)
         marks.append(self._tick())
 
         self._remember(inputs, prepared, T_world_camera, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
         return FrameResult(frame, result, flow, stages, inputs.now_ns, self._tracker.state)
 
-    def _verify(self, servo: ServoResult, image: ImageArray, inputs: ServoInputs) -> ViewCheck:
-        """Check a view (H, W, 3) at the working size; one that the servo refused is not checked."""
-        if servo.verdict is not Verdict.OK:
-            return ViewCheck.PASSED
-        if is_swapped(image, self._goal.image, inputs.flow):
-            return ViewCheck.SWAPPED_CHANNELS
-        return self._verifier.check(servo, image, inputs.flow, inputs.t_capture_ns)
-
-    def digest(self) -> int:
+    def update_depth(self) -> int:
         """Learn from the last frame what serves those to come; time taken, ns.
 
-        To be called once a frame's report is on its way. Most calls do nothing: a few times a
-        second, and only where the camera has moved far enough, it is compared with an earlier one
-        to learn about depth; and one after it, where little is sure, once more with the goal.
-        Where frames come late, as after such a call, nothing is done for a while.
+        To be called once a frame's report is on its way. A few times a second, where the camera
+        has moved far enough, the frame is compared with a keyframe; and the one after it, where
+        little is sure, once more with the goal. Where frames come late nothing is done for a while.
         """
-        start_ns = self._tick()
-        if self._task.config.depth != "motion" or not self._kept or self._is_pressed():
+        start_ns, last = self._tick(), self._last
+        if self._task.config.depth != "motion" or last is None or self._is_pressed(last):
             return 0
-        tried = self._rematch() if self._is_depth_new else self._learn_depth()
+        tried = self._rematch(last) if self._is_depth_new else self._learn_depth(last)
         self._is_depth_new = tried and not self._is_depth_new
         return self._tick() - start_ns if tried else 0
 
-    def _is_pressed(self) -> bool:
+    def _is_pressed(self, last: Keyframe) -> bool:
         """Whether the next frame waits already: the last took longer than from one to the next."""
-        inputs = self._last_inputs
-        if inputs is None or len(self._kept) < 2:
+        t_ns = last.t_capture_ns
+        if t_ns - self._depth_ns >= DEPTH_PATIENCE_NS or self._period_ns == 0:
             return False
-        t_ns = inputs.t_capture_ns
-        if t_ns - self._digested_ns >= DEPTH_PATIENCE_NS:
-            return False
-        return inputs.now_ns - t_ns >= t_ns - self._kept[-2].t_capture_ns
+        return last.inputs.now_ns - t_ns >= self._period_ns
 
-    def _rematch(self) -> bool:
+    def _rematch(self, last: Keyframe) -> bool:
         """Look for more of the goal in the last frame; False where that was not worth a try."""
-        prepared, depth = self._kept[-1].prepared, self._state.depth_map
-        if depth is None:
-            return False
-        return self._tracker.rematch(prepared, self._kept[-1].t_capture_ns, depth)
+        depth = self._state.depth_map
+        return depth is not None and self._tracker.rematch(last.prepared, last.t_capture_ns, depth)
 
-    def _learn_depth(self) -> bool:
-        """Compare the last frame with an earlier one; False if too soon, or none is far enough."""
-        last = self._kept[-1]
-        if last.t_capture_ns - self._digested_ns < DEPTH_PERIOD_NS:
+    def _learn_depth(self, last: Keyframe) -> bool:
+        """Compare the last frame with a keyframe; False if too soon, or none is far enough."""
+        if last.t_capture_ns - self._depth_ns < DEPTH_PERIOD_NS:
             return False
-        poses = [kept.T_world_camera for kept in self._kept]
-        chosen = choose_earlier(poses[:-1], last.T_world_camera, self._depth_m)
+        chosen = self._keyframes.for_depth(last.T_world_camera, self._depth_m)
         if chosen is None:
             return False
-        self._digested_ns = last.t_capture_ns
+        self._depth_ns = last.t_capture_ns
         match = self._compare(last.prepared, last.T_world_camera, chosen)
         if match is not None:
             self._state = observe_depth(self._task, self._state, match)
         return True
 
     def _compare(
-        self, prepared: Prepared, T_world_camera: FloatArray, index: int
+        self, prepared: Prepared, T_world_camera: FloatArray, earlier: Keyframe | None
     ) -> EarlierMatch | None:
-        """Match a frame with one of those kept, by the flow that depth and motion foretell."""
-        kept = self._kept[index]
-        T_earlier_current = invert_pose(kept.T_world_camera) @ T_world_camera
-        if self._state.depth_map is None:
+        """Match a frame with an earlier one, by the flow that depth and motion predict."""
+        if earlier is None or self._state.depth_map is None:
             return None
+        T_earlier_current = invert_pose(earlier.T_world_camera) @ T_world_camera
         stride, camera = self._task.config.stride_px, self._task.camera
-        guess = predict_flow(camera, self._state.depth_map, stride, T_earlier_current)
-        flow = self._matcher.track(prepared, kept.prepared, guess)
+        predicted = predict_flow(camera, self._state.depth_map, stride, T_earlier_current)
+        flow = self._matcher.track(prepared, earlier.prepared, predicted)
         return None if flow is None else EarlierMatch(flow, T_earlier_current)
 
-    def _velocity(self, motion: Motion, T_world_camera: FloatArray) -> FloatArray:
-        """How the vehicle moves, in the components of the task's basis; (d,) m/s, rad/s."""
-        if self._task.mount is not None:
-            return motion.level_velocity()
-        R = T_world_camera[:3, :3]
-        turning = np.zeros(3)
-        if self._kept and (since_ns := motion.t_ns - self._kept[-1].t_capture_ns) > 0:
-            turning = so3_log(self._kept[-1].T_world_camera[:3, :3].T @ R) / (since_ns * 1e-9)
-        return np.append(R.T @ motion.velocity_m_s, turning)
+    def _odometry(
+        self, motion: Motion, T_world_camera: FloatArray
+    ) -> tuple[FloatArray, tuple[float, float, float]]:
+        """Velocity (d,) in the components of the task's basis, and motion since the last frame.
 
-    def _camera_motion(self, T_world_camera: FloatArray) -> tuple[float, float, float]:
-        """Motion since the last frame, in the optical axes of then, m."""
-        if not self._kept:
-            return 0.0, 0.0, 0.0
-        last = self._kept[-1].T_world_camera
-        x, y, z = last[:3, :3].T @ (T_world_camera[:3, 3] - last[:3, 3])
-        return float(x), float(y), float(z)
+        The motion is in the optical axes of then, m.
+        """
+        R, moved, turning = T_world_camera[:3, :3], np.zeros(3), np.zeros(3)
+        if self._last is not None:
+            R_last = self._last.T_world_camera[:3, :3]
+            moved = R_last.T @ (T_world_camera[:3, 3] - self._last.T_world_camera[:3, 3])
+            if (since_ns := motion.t_ns - self._last.t_capture_ns) > 0:
+                turning = so3_log(R_last.T @ R) / (since_ns * 1e-9)
+        x, y, z = (float(value) for value in moved)
+        if self._task.mount is not None:
+            return motion.level_velocity(), (x, y, z)
+        return np.append(R.T @ motion.velocity_m_s, turning), (x, y, z)
 
     def _remember(
         self,
@@ -313,10 +263,9 @@ class Pipeline:
         T_world_camera: FloatArray,
         result: ServoResult,
     ) -> None:
-        self._last_inputs = inputs
         self._has_flown |= inputs.engaged
         observation = None
-        if result.verdict in (Verdict.OK, Verdict.STUCK):
+        if result.status in (Status.OK, Status.STUCK):
             flow, outliers = inputs.flow, self._state.outliers
             if outliers is not None:
                 flow = without_cells(flow, outliers, self._task.config.stride_px)
@@ -324,17 +273,17 @@ class Pipeline:
                 self._task, self._state, flow, inputs.t_capture_ns, T_world_camera
             )
         self._tracker.update(observation)
-        if result.verdict is Verdict.MISTAKEN:
+        if result.status is Status.FALSE_GOAL:
             self._tracker.reject(self._has_flown)
-            self._state = self._state.without_false_goal()
-        if self._kept:
-            self._kept[-1].prepared.slim()  # of earlier frames only previews are searched, and few
-        previewed = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False)
-        self._kept.append(
-            KeptFrame(prepared, T_world_camera, previewed, self._state.without_goal())
-        )
+            self._state = self._state.without_goal()
+        if self._last is not None:
+            self._last.prepared.slim()  # of earlier frames only previews are searched, and few
+            self._period_ns = inputs.t_capture_ns - self._last.t_capture_ns
         if result.depth_m > 0:
             self._depth_m = result.depth_m
+        inputs = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False)
+        self._last = Keyframe(prepared, T_world_camera, inputs, self._state.without_goal())
+        self._keyframes.add(self._last, self._depth_m)
 
 
 def _at_working_size(task: ServoTask, goal: GoalView) -> ServoTask:
@@ -347,9 +296,8 @@ def _at_working_size(task: ServoTask, goal: GoalView) -> ServoTask:
 
 def _resized_depth(depth: DepthMap, size: tuple[int, int]) -> DepthMap:
     """Depth of an image at ``size`` (height, width), by the nearest pixel."""
-    rows, columns = (
-        ((np.arange(n) + 0.5) * given / n).astype(np.intp)
-        for n, given in zip(size, depth.z_m.shape, strict=True)
+    z_m, validity = (
+        np.asarray(cv2.resize(v, size[::-1], interpolation=cv2.INTER_NEAREST_EXACT), np.float32)
+        for v in (depth.z_m, depth.validity)
     )
-    grid = np.ix_(rows, columns)
-    return DepthMap(depth.z_m[grid], depth.validity[grid])
+    return DepthMap(z_m, validity)

@@ -1,7 +1,7 @@
-"""False goals that were rejected, and the flows to exclude for them.
+"""False goals that were rejected, which relocalisation excludes.
 
 Of repeated structures any may be matched with the goal's. A relocalisation from the same place
-would find the same one again; it excludes the flows of those that were rejected.
+would find the same one again.
 """
 
 from __future__ import annotations
@@ -9,10 +9,7 @@ from __future__ import annotations
 from dataclasses import dataclass, field
 
 from dfvs_core.arrays import FloatArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import DepthMap, FlowField
-from dfvs_core.depth.prediction import predict_flow
-from dfvs_core.poses import invert_pose, pose_error
+from dfvs_core.poses import pose_error
 
 _SAME_M, _SAME_RAD = 0.3, 0.2
 """Distance within which two false goals count as one."""
@@ -32,48 +29,28 @@ class _FalseGoal:
         distance_m, angle_rad = pose_error(self.T_world_goal, T_world_goal)
         return distance_m < _SAME_M and angle_rad < _SAME_RAD
 
+    def is_recent(self, t_ns: int) -> bool:
+        return t_ns - self.t_ns <= _REMEMBERED_NS
+
+    def is_excluded(self, t_ns: int) -> bool:
+        return self.times >= _TIMES and self.is_recent(t_ns)
+
 
 @dataclass(slots=True)
 class RejectedGoals:
-    """Rejected false goals of one goal.
+    """Rejected false goals of one goal."""
 
-    Parameters
-    ----------
-    camera, goal_camera : CameraModel
-        Of the frames and of the goal's picture.
-    stride_px : int
-        Grid of the depth maps.
-    """
-
-    camera: CameraModel
-    goal_camera: CameraModel
-    stride_px: int
     _goals: list[_FalseGoal] = field(default_factory=list)
 
     def add(self, T_world_goal: FloatArray, t_ns: int) -> None:
         """Add a rejection: the goal camera's pose (4, 4) by odometry, m, and the time."""
-        self._expire(t_ns)
-        place = next((each for each in self._goals if each.is_near(T_world_goal)), None)
-        if place is None:
+        self._goals = [each for each in self._goals if each.is_recent(t_ns)]
+        known = next((each for each in self._goals if each.is_near(T_world_goal)), None)
+        if known is None:
             self._goals.append(_FalseGoal(T_world_goal, t_ns))
         else:
-            place.T_world_goal, place.t_ns, place.times = T_world_goal, t_ns, place.times + 1
+            known.T_world_goal, known.t_ns, known.times = T_world_goal, t_ns, known.times + 1
 
-    def _expire(self, t_ns: int) -> None:
-        """Drop the rejections of long ago."""
-        self._goals = [each for each in self._goals if t_ns - each.t_ns <= _REMEMBERED_NS]
-
-    def flows(self, T_world_camera: FloatArray, t_ns: int, depth: DepthMap) -> list[FlowField]:
-        """Flow to each of them from a camera (4, 4) m that sees this depth, on the grid."""
-        self._expire(t_ns)
-        wrong = (place.T_world_goal for place in self._goals if place.times >= _TIMES)
-        return [
-            predict_flow(
-                self.camera,
-                depth,
-                self.stride_px,
-                invert_pose(T) @ T_world_camera,
-                self.goal_camera,
-            )
-            for T in wrong
-        ]
+    def excluded(self, t_ns: int) -> list[FloatArray]:
+        """Pose ``T_world_goal`` (4, 4), m, of each that is excluded at a time."""
+        return [each.T_world_goal for each in self._goals if each.is_excluded(t_ns)]

@@ -3,30 +3,28 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field, replace
+from dataclasses import dataclass, field
 
 from dfvs_core.arrays import BoolArray, FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.source import DepthState
-from dfvs_core.servo.feature_error import Reference
 from dfvs_core.servo.goal_filter import GoalEstimate
-from dfvs_core.servo.mounting import MountingState
+from dfvs_core.servo.motion_monitor import MotionMonitor
 from dfvs_core.servo.points import GridSamples
-from dfvs_core.servo.stop import StopState
 
 _LEAST_DEPTH_M = 1e-3
 
 
-class Verdict(enum.Enum):
-    """What is to be thought of a frame; anything but OK must not be flown."""
+class Status(enum.Enum):
+    """Status of a frame; one that is not OK must not be flown."""
 
     OK = "ok"
     NOT_FINITE = "the flow network gave values that are not finite"
     NO_OVERLAP = "too little of the view shows the goal"
     NO_AGREEMENT = "the correspondences do not agree on one motion"
     DEGENERATE = "the view does not determine every direction of motion"
-    WRONG_COLOURS = "red and blue are exchanged against the goal picture"
-    MISTAKEN = "what counts as the goal here does not look like the goal picture"
+    SWAPPED_CHANNELS = "red and blue are exchanged against the goal picture"
+    FALSE_GOAL = "what counts as the goal here does not look like the goal picture"
     STUCK = "the error has not fallen for too long"
 
 
@@ -113,9 +111,7 @@ class ServoState:
     T_current_goal: FloatArray | None = None
     estimate: GoalEstimate | None = None
     last: LastFrame | None = None
-    stop: StopState = field(default_factory=StopState)
-    reference: Reference | None = None
-    mounting: MountingState | None = None
+    monitor: MotionMonitor = field(default_factory=MotionMonitor)
     attitude_error_rad: tuple[float, float] = (0.0, 0.0)
     outliers: BoolArray | None = None
 
@@ -125,13 +121,9 @@ class ServoState:
             depth_map=self.depth_map,
             estimate=self.estimate,
             last=self.last,
-            mounting=self.mounting,
+            monitor=self.monitor.without_goal(),
             attitude_error_rad=self.attitude_error_rad,
         )
-
-    def without_false_goal(self) -> ServoState:
-        """Memory after a false goal was rejected: its progress is not measured on."""
-        return replace(self.without_goal(), stop=replace(self.stop, progress=None))
 
 
 @dataclass(frozen=True, slots=True)
@@ -166,7 +158,7 @@ class ServoResult:
 
     Parameters
     ----------
-    verdict : Verdict
+    status : Status
         Whether the velocity may be flown; it is zero unless OK.
     velocity : (d,)
         m/s and rad/s in the components of the basis.
@@ -197,7 +189,7 @@ class ServoResult:
         Of the error and of the odometry; None where the frame was refused.
     """
 
-    verdict: Verdict
+    status: Status
     velocity: FloatArray
     motion: FloatArray
     error_m: float

@@ -10,39 +10,23 @@ from dataclasses import replace
 import numpy as np
 
 from dfvs_core.arrays import BoolArray, FloatArray
-from dfvs_core.correspondence import DepthMap
 from dfvs_core.poses import make_pose, rotation_from_euler
 from dfvs_core.servo.exchange import (
     LastFrame,
     ServoInputs,
     ServoResult,
     ServoState,
+    Status,
     Uncertainty,
-    Verdict,
 )
-from dfvs_core.servo.feature_error import feature_error
 from dfvs_core.servo.goal_filter import GoalEstimate
-from dfvs_core.servo.image_turn import image_turn, point_tracks
 from dfvs_core.servo.law import NormalEquations
 from dfvs_core.servo.level import attitude_error, corrected, level_points
 from dfvs_core.servo.motion import find_goal, is_clear, wanted_motion
-from dfvs_core.servo.mounting import (
-    MountingState,
-    begin_mounting,
-    follow_mounting,
-    mounting_score,
-    probing_velocity,
-)
-from dfvs_core.servo.points import GridSamples, ServoPoints, points_from_flow, sample_grid
+from dfvs_core.servo.motion_monitor import FrameMotion, MotionMeasures, velocity_error
+from dfvs_core.servo.mounting import probing_velocity
+from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose
-from dfvs_core.servo.stop import (
-    StopState,
-    error_sample,
-    is_reached,
-    is_stuck,
-    update_stop,
-    window_error,
-)
 from dfvs_core.servo.structure import estimate_depth, goal_link, in_metres, scaled
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import correct_goal, elapsed_s, predict_goal
@@ -55,8 +39,6 @@ _GO_ON = 0.5
 """Factor on the share of the view that must show the goal, once it has been found."""
 _DIVIDED = 0.65
 """Weight kept over weight before, below which what a pose rejects is taken for wrong."""
-_APPROACH_M_S = 0.02
-"""Speed towards the goal, m/s or rad/s, below which no progress is expected."""
 _CLEAR_OVERLAP = 0.15
 """Share of the view that shows the goal from which on the gain is full."""
 _CONSISTENT = 5.0
@@ -75,15 +57,16 @@ def servo_step(
     Returns
     -------
     ServoResult
-        What is expected to go wrong is a verdict in it, never an exception.
+        What is expected to go wrong is a status in it, never an exception.
     ServoState
         For the next frame.
     """
     if not inputs.flow.is_finite():
-        return _refused(task, Verdict.NOT_FINITE, 0.0), state
+        return _refused(task, Status.NOT_FINITE, 0.0), state
 
-    mounting_inputs = inputs
-    inputs = replace(inputs, attitude=corrected(inputs.attitude, state.attitude_error_rad))
+    a = inputs.attitude
+    R_world_body = rotation_from_euler(a.roll_rad, a.pitch_rad, a.yaw_rad)
+    inputs = replace(inputs, attitude=corrected(a, state.attitude_error_rad))
 
     # 1. Carry the estimate on to this frame by the odometry.
     dt_s = elapsed_s(inputs, state)
@@ -100,7 +83,8 @@ def servo_step(
     depth, depth_state = estimate_depth(unit_task, state, inputs, samples, link)
     points = points_from_flow(samples, depth, task.camera, task.goal.camera)
 
-    mounting = check_mounting(task, state, mounting_inputs, samples, depth)
+    both = (None if state.last is None else state.last.samples, samples)
+    monitor = state.monitor.follow_tilt(task, inputs.t_capture_ns, R_world_body, both, depth)
 
     # 3. Take both views to the gravity-aligned virtual camera.
     points = level_points(task, inputs.attitude, points)
@@ -113,20 +97,17 @@ def servo_step(
         T_current_goal=T_predicted,
         estimate=estimate,
         last=LastFrame(inputs.t_capture_ns, inputs.attitude, samples),
-        mounting=mounting,
+        monitor=monitor,
         outliers=None,
     )
     least = task.config.min_overlap * (1.0 if T_guess is None else _GO_ON)
     if overlap < least or trusted.sum() < _MIN_POINTS:
-        return _refused(task, Verdict.NO_OVERLAP, overlap), state
+        return _refused(task, Status.NO_OVERLAP, overlap), state
     points = points.select(trusted)
 
     # 4. Find where the goal is, and which points are out of line.
     pose = find_goal(unit_task, points, T_guess)
-    before = state.reference if inputs.engaged else None
-    spacing = task.config.stride_px / task.camera.fx
-    left, reference = feature_error(points, spacing, before)
-    points = replace(points, weight=pose.weight)
+    matched, points = points, replace(points, weight=pose.weight)
 
     # 5. Solve for the motion, and filter it.
     measured, equations = wanted_motion(unit_task, points, pose)
@@ -135,35 +116,34 @@ def servo_step(
     estimate = correct_goal(task, estimate, position, points, since_s)
     motion = _filtered_motion(task, unit_task, estimate, measured)
     residual_px = pose.residual * task.camera.fx
-    score, caution = mounting_score(mounting), _caution(task, overlap, residual_px)
+    caution = _caution(task, overlap, residual_px)
     velocity = _velocity(task, motion, estimate, inputs, caution)
 
-    # 6. Judge.
-    turn_rad = (task.basis.B @ motion)[3:]
-    sample = error_sample(inputs.t_capture_ns, estimate.position_m, turn_rad, left, task.config)
-    may_approach = _may_approach(task, estimate, motion, velocity)
-    stop = update_stop(state.stop, sample, inputs.engaged and may_approach)
-    feature_error_px = _feature_error_px(task, points)
-    verdict = _judge(task, pose, equations, feature_error_px, stop)
-    flown = verdict is Verdict.OK
+    # 6. Watch the motion, and judge.
+    frame = FrameMotion(
+        inputs.t_capture_ns, matched, pose.weight, estimate, motion, velocity, inputs.engaged
+    )
+    measures, monitor = monitor.measure(task, frame)
+    status = _judge(task, pose, equations, measures)
+    flown = status is Status.OK
     result = ServoResult(
-        verdict=verdict,
-        velocity=_probed(task, inputs, score, velocity, estimate)
+        status=status,
+        velocity=_probed(task, inputs, measures.mounting_score, velocity, estimate)
         if flown
         else np.zeros_like(velocity),
         motion=motion,
         error_m=estimate.distance_m,
         error_rad=_angle(task, motion),
-        feature_error_px=feature_error_px,
-        feature_error=left,
-        mounting_score=score,
+        feature_error_px=measures.feature_error_px,
+        feature_error=measures.feature_error,
+        mounting_score=measures.mounting_score,
         residual_px=residual_px,
         inlier_share=pose.inlier_share,
         overlap=overlap,
         condition=equations.condition,
         depth_m=unit_m * weighted_median(points.z_m, points.weight),
-        reached=flown and residual_px < task.config.tolerance_px and is_reached(stop),
-        uncertainty=_uncertainty(task, estimate, stop),
+        reached=flown and residual_px < task.config.tolerance_px and measures.is_reached,
+        uncertainty=_uncertainty(task, estimate, measures),
     )
     tilt = state.attitude_error_rad
     if flown and task.mount is not None:
@@ -174,8 +154,7 @@ def servo_step(
         T_current_goal=scaled(pose.T_current_goal, estimate.metres_per_unit),
         estimate=estimate,
         last=LastFrame(inputs.t_capture_ns, inputs.attitude, samples, position),
-        stop=stop,
-        reference=reference,
+        monitor=monitor,
         attitude_error_rad=tilt,
         outliers=outliers,
     )
@@ -204,53 +183,33 @@ def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:
     return outliers
 
 
-def check_mounting(
-    task: ServoTask, state: ServoState, inputs: ServoInputs, samples: GridSamples, depth: DepthMap
-) -> MountingState | None:
-    """Regression of the images' tilt after this frame; of a vehicle alone."""
-    if task.mount is None:
-        return None
-    a = inputs.attitude
-    now = begin_mounting(
-        inputs.t_capture_ns, rotation_from_euler(a.roll_rad, a.pitch_rad, a.yaw_rad)
-    )
-    if state.mounting is None or state.last is None:
-        return now
-    turn = None
-    if state.last.t_capture_ns == state.mounting.t_ns:
-        cameras = (task.camera, task.goal.camera)
-        both = (state.last.samples, samples)
-        z = depth.z_m.astype(np.float64)
-        turn = image_turn(point_tracks(both, z, cameras, task.config.min_confidence))
-    return follow_mounting(state.mounting, now, turn, task.mount.T_body_camera()[:3, :3])
-
-
 def _judge(
     task: ServoTask,
     pose: GoalPose,
     equations: NormalEquations,
-    feature_error_px: float,
-    stop: StopState,
-) -> Verdict:
+    measures: MotionMeasures,
+) -> Status:
     """Tell whether the frame may be flown, and if not why not."""
     config = task.config
     unexplained = pose.residual * task.camera.fx
-    tolerated = max(_NOISE_FACTOR * config.flow_noise_px, config.max_residual * feature_error_px)
+    tolerated = max(
+        _NOISE_FACTOR * config.flow_noise_px, config.max_residual * measures.feature_error_px
+    )
     if pose.inlier_share < config.min_inliers or unexplained > tolerated:
-        return Verdict.NO_AGREEMENT
+        return Status.NO_AGREEMENT
     if equations.condition > config.max_condition:
-        return Verdict.DEGENERATE
-    if is_stuck(stop, config.progress_s):
-        return Verdict.STUCK
-    return Verdict.OK
+        return Status.DEGENERATE
+    if measures.is_stuck:
+        return Status.STUCK
+    return Status.OK
 
 
-def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
+def _refused(task: ServoTask, status: Status, overlap: float) -> ServoResult:
     """Result of a frame that cannot be worked on: zero velocity, unknown error."""
     nothing = np.zeros(task.basis.size)
     unknown = float("inf")
     return ServoResult(
-        verdict=verdict,
+        status=status,
         velocity=nothing,
         motion=nothing,
         error_m=unknown,
@@ -267,44 +226,16 @@ def _refused(task: ServoTask, verdict: Verdict, overlap: float) -> ServoResult:
     )
 
 
-def _feature_error_px(task: ServoTask, points: ServoPoints) -> float:
-    lengths = np.linalg.norm(points.error, axis=1)
-    return weighted_median(lengths, points.weight) * task.camera.fx
-
-
-def _uncertainty(task: ServoTask, estimate: GoalEstimate, stop: StopState) -> Uncertainty:
-    """What is told of the estimator's own errors."""
-    window = window_error(stop)
+def _uncertainty(task: ServoTask, estimate: GoalEstimate, measures: MotionMeasures) -> Uncertainty:
+    """Errors that the estimator states of itself."""
     return Uncertainty(
         error_m=estimate.distance_spread_m,
         scale=estimate.scale_spread,
-        velocity_error=_velocity_error(task, estimate),
+        velocity_error=velocity_error(task, estimate),
         velocity_error_m_s=estimate.error_m_s,
-        mean_error_m=window.mean[0] * task.config.tolerance_m,
-        spread_m=window.spread[0] * task.config.tolerance_m,
+        mean_error_m=measures.mean_error_m,
+        spread_m=measures.spread_m,
     )
-
-
-def _may_approach(
-    task: ServoTask, estimate: GoalEstimate, motion: FloatArray, velocity: FloatArray
-) -> bool:
-    """Tell whether a vehicle that flies this velocity (d,) surely comes nearer.
-
-    Against a velocity error as large as the speed limit it does not, and that is no fault.
-    """
-    length = float(np.linalg.norm(motion))
-    if length <= 0.0:
-        return True
-    error = _velocity_error(task, estimate)
-    doubt = max(2.0 * estimate.error_m_s, 0.5 * float(np.linalg.norm(error)), _APPROACH_M_S)
-    return float((velocity + error) @ motion) / length > doubt
-
-
-def _velocity_error(task: ServoTask, estimate: GoalEstimate) -> FloatArray:
-    """True velocity minus the odometry's in the components of the basis (d,)."""
-    error = np.zeros(task.basis.size)
-    error[:3] = task.basis.B[:3, :3].T @ estimate.velocity_error_m_s
-    return error
 
 
 def _probed(
@@ -345,6 +276,6 @@ def _velocity(
     late_s = task.response_s + (age_s if task.mount is not None else 0.0)
     config = task.config
     gain = AdaptiveGain(config.gain_far, config.gain_near, config.gain_error)
-    error = _velocity_error(task, estimate)
+    error = velocity_error(task, estimate)
     wanted = caution * velocity_for(motion, inputs.velocity + error, late_s, gain)
     return saturate(wanted - error, task.limits)

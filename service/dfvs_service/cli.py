@@ -8,6 +8,7 @@ import os
 import shutil
 import sys
 import tempfile
+import time
 from collections.abc import Iterator, Sequence
 from contextlib import contextmanager
 from dataclasses import replace
@@ -214,7 +215,7 @@ def _fly(words: Sequence[str]) -> int:
         _check_camera(config, picture, each)
     _check_commands(config)
     _check_ports(config)
-    _check_model(config)
+    config = _with_model(config, goal)
     for line in exposure_warnings(config):
         print(f"warning: {line}", file=sys.stderr)
     with _runtime(arguments.runtime_dir) as runtime:
@@ -318,12 +319,13 @@ def _programs(config: ServiceConfig) -> Programs:
     return programs
 
 
-def _check_model(config: ServiceConfig) -> None:
-    """Load the model once, so that what is wrong with it is said before anything starts."""
+def _with_model(config: ServiceConfig, goal: Goal) -> ServiceConfig:
+    """Settings with a working size, by a model that can be used: the errors come before a start."""
     # ONNX Runtime is needed here alone, and takes its time to load.
-    from dfvs_models.catalog import load_matcher
+    from dfvs_service.perception.assembly import flow_matcher
+    from dfvs_service.perception.working_size import with_working_size
 
-    load_matcher(config.flow.model, config.flow.threads, config.flow.provider)
+    return with_working_size(config, goal, flow_matcher(config.flow), time.monotonic_ns)
 
 
 @contextmanager

@@ -19,6 +19,7 @@ from dfvs_service.exposure import is_encrypted, is_private
 
 CameraSource = Literal["dfvs", "ros2-rmw", "ros2-bridge"]
 
+_LEAST_WORKING_WIDTH_PX = 64
 _VELOCITY = VelocityLimits()
 _GATE = GateConfig()
 
@@ -154,6 +155,24 @@ class FlowSection:
     model: str = setting(DEFAULT_MATCHER, "'classical' or the folder of a model bundle")
     threads: int = setting(2, "threads for the network", low=1, high=64)
     provider: str = setting("CPUExecutionProvider", "ONNX Runtime's execution provider")
+    working_width_px: int = setting(
+        0,
+        "width at which images of 4:3 are matched, others at as many pixels, px; 0: the largest "
+        "that tracking_ms allows, measured at start",
+        low=0,
+        high=1920,
+    )
+    tracking_ms: float = setting(
+        25.0, "time of a tracked frame that the working size is chosen by, ms", low=1, high=125
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse a size at which nothing can be matched."""
+        if 0 < self.working_width_px < _LEAST_WORKING_WIDTH_PX:
+            raise ConfigError(
+                f"flow.working_width_px = {self.working_width_px}",
+                f"0, or {_LEAST_WORKING_WIDTH_PX} or more",
+            )
 
 
 @dataclass(frozen=True, slots=True)

@@ -9,7 +9,7 @@ import pytest
 from dfvs_core.camera import CameraModel
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.poses import make_pose, so3_exp
-from dfvs_core.servo.exchange import Verdict
+from dfvs_core.servo.exchange import Status
 from dfvs_sim.bench.method import Decision
 from dfvs_sim.bench.methods import METHODS
 from dfvs_sim.bench.task import BenchTask
@@ -109,7 +109,7 @@ def test_a_goal_beside_the_view_is_found_by_looking_around(room):
     aside = T_WORLD_GOAL @ make_pose(so3_exp(np.array([0.0, 1.3, 0.0])), np.array([0.2, 0, 0]))
     beside = BenchTask("room", Path("room.glb"), aside, T_WORLD_GOAL, LARGE)
     lost = servo(room, "motion-depth", beside, 80)
-    assert lost.end == Verdict.NO_OVERLAP.value
+    assert lost.end == Status.NO_OVERLAP.value
     assert lost.path_m == 0.0
     found = servo(room, "motion-depth-search", beside, 150)
     assert found.end == "done"

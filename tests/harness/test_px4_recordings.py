@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from px4_recordings import excerpt, fly
 
-from dfvs_core.servo.exchange import Verdict
+from dfvs_core.servo.exchange import Status
 
 MOVING = ["low_0", "medium_1", "medium_4"]
 ALL = [*MOVING, "high_takeoff"]
@@ -93,7 +93,7 @@ def test_a_backwards_camera_is_called_wrong_once_the_vehicle_tilts(name, since_s
 
 
 @pytest.mark.parametrize("name", ALL)
-def test_verdicts_are_those_of_the_true_odometry(name):
+def test_statuses_are_those_of_the_true_odometry(name):
     told, true = fly(name), fly(name, "true")
-    assert [f.result.verdict for f in told] == [f.result.verdict for f in true]
-    assert all(f.result.verdict is Verdict.OK for f in told)
+    assert [f.result.status for f in told] == [f.result.status for f in true]
+    assert all(f.result.status is Status.OK for f in told)

@@ -126,7 +126,7 @@ def flown(rooms, poses, goals):
         outcome.reports.append(route.amend(glance.report))
         if glance.outcome is not None:
             route.follow(eye, glance.outcome, flight.now_ns)
-        eye.digest()
+        eye.update_depth()
         if route.go_on(eye, flight.now_ns):
             outcome.passed.append(pose_error(flight.camera_pose(), poses[route.index]))
         if outcome.reports[-1].reached:

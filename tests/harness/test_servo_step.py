@@ -16,7 +16,7 @@ from dfvs_core.servo.exchange import (
     EarlierMatch,
     ServoInputs,
     ServoState,
-    Verdict,
+    Status,
 )
 from dfvs_core.servo.step import servo_step
 from dfvs_core.servo.structure import observe_depth
@@ -165,14 +165,14 @@ def test_flow_that_is_not_finite_stops():
     broken = flow.flow.copy()
     broken[3, 4, 0] = np.nan
     result = one_frame(FlowField(broken, flow.confidence))
-    assert result.verdict is Verdict.NOT_FINITE
+    assert result.status is Status.NOT_FINITE
     assert not result.velocity.any()
 
 
 def test_too_little_overlap_stops():
     flow = good_flow()
     result = one_frame(FlowField(flow.flow, flow.confidence * 0.01))
-    assert result.verdict is Verdict.NO_OVERLAP
+    assert result.status is Status.NO_OVERLAP
     assert not result.velocity.any()
 
 
@@ -184,17 +184,17 @@ def test_a_goal_that_was_found_may_shrink_to_half_the_share_that_finding_it_take
         strip[: round(share * strip.shape[0])] = 1.0
         return one_frame(FlowField(flow.flow, flow.confidence * strip), config, state)
 
-    assert seen(0.6, ServoState()).verdict is Verdict.OK
+    assert seen(0.6, ServoState()).status is Status.OK
     found = state_after(flow, config)
-    assert seen(0.3, ServoState()).verdict is Verdict.NO_OVERLAP
-    assert seen(0.3, found).verdict is Verdict.OK
-    assert seen(0.1, found).verdict is Verdict.NO_OVERLAP
+    assert seen(0.3, ServoState()).status is Status.NO_OVERLAP
+    assert seen(0.3, found).status is Status.OK
+    assert seen(0.1, found).status is Status.NO_OVERLAP
 
 
 def test_confident_nonsense_stops(rng):
     flow = rng.uniform(-60, 60, (120, 160, 2)).astype(np.float32)
     result = one_frame(FlowField(flow, np.ones((120, 160), np.float32)))
-    assert result.verdict is not Verdict.OK
+    assert result.status is not Status.OK
     assert not result.velocity.any()
 
 
@@ -203,7 +203,7 @@ def test_a_third_of_wrong_correspondences_changes_little(rng):
     wrong = flow.flow.copy()
     wrong[:, 50:100] += rng.normal(0, 25, (120, 50, 2)).astype(np.float32)
     clean, dirty = one_frame(flow), one_frame(FlowField(wrong, flow.confidence))
-    assert dirty.verdict is Verdict.OK
+    assert dirty.status is Status.OK
     np.testing.assert_allclose(dirty.motion, clean.motion, atol=0.03)
 
 
@@ -215,7 +215,7 @@ def test_correspondences_that_no_rigid_scene_explains_are_flown_on_slowly(rng):
     found = []
     for scale in (0.3, 1.5, 2.2):
         result = one_frame(FlowField(flow.flow + scale * noise, flow.confidence), config)
-        assert result.verdict is Verdict.OK
+        assert result.status is Status.OK
         found.append((result.residual_px, np.linalg.norm(result.velocity[:3])))
     (calm, full), (some, slower), (much, slowest) = found
     assert calm < 1.5 < some < much < 3.0
@@ -230,19 +230,19 @@ def test_points_in_one_spot_are_degenerate():
     config = replace(EXACT, min_overlap=0.0, stride_px=2, max_condition=1e3)
     # All points on the axis, so near to each other that turning looks like moving sideways.
     result = one_frame(FlowField(flow.flow, confidence), config)
-    assert result.verdict in (Verdict.DEGENERATE, Verdict.NO_OVERLAP)
+    assert result.status in (Status.DEGENERATE, Status.NO_OVERLAP)
     assert not result.velocity.any()
 
 
 def test_an_error_that_does_not_fall_is_called_stuck():
     task = ServoTask(EXACT, CAMERA, GoalSidecar(CAMERA), Mount())
     given = ROOM.depth_map(body_pose(0, 0, 0, 0) @ task.mount.T_body_camera())
-    flow, state, verdicts = good_flow(), ServoState(), []
+    flow, state, statuses = good_flow(), ServoState(), []
     for k in range(120):
         step = inputs(k, flow, np.zeros(4), given_depth=given)
         result, state = servo_step(task, state, step)
-        verdicts.append(result.verdict)
-    seconds = verdicts.index(Verdict.STUCK) * FRAME_NS * 1e-9
+        statuses.append(result.status)
+    seconds = statuses.index(Status.STUCK) * FRAME_NS * 1e-9
     assert seconds == pytest.approx(EXACT.progress_s, abs=0.2)
 
 
@@ -253,7 +253,7 @@ def test_waiting_for_the_pilot_is_not_being_stuck():
     for k in range(120):
         step = inputs(k, flow, np.zeros(4), given_depth=given, engaged=False)
         result, state = servo_step(task, state, step)
-        assert result.verdict is Verdict.OK
+        assert result.status is Status.OK
         assert not result.reached
 
 

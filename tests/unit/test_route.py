@@ -17,11 +17,11 @@ from dfvs_core.route import (
     may_go_on,
     wants_look,
 )
-from dfvs_core.servo.exchange import ServoResult, Verdict
+from dfvs_core.servo.exchange import ServoResult, Status
 
 LIMITS = RouteLimits(near_m=0.3, near_rad=0.2, overlap=0.2, patience_ns=8 * S)
 NEAR = ServoResult(
-    verdict=Verdict.OK,
+    status=Status.OK,
     velocity=np.zeros(4),
     motion=np.zeros(4),
     error_m=0.2,
@@ -54,7 +54,7 @@ def test_near_the_goal_the_next_one_is_looked_for_now_and_then():
 
 
 @pytest.mark.parametrize(
-    "far", [{"error_m": 0.31}, {"error_rad": 0.21}, {"verdict": Verdict.NO_AGREEMENT}]
+    "far", [{"error_m": 0.31}, {"error_rad": 0.21}, {"status": Status.NO_AGREEMENT}]
 )
 def test_far_from_it_or_unsure_it_is_not(far):
     assert not wants_look(near(**far), LATER)
@@ -76,7 +76,7 @@ def test_a_goal_in_sight_twice_in_a_row_takes_over():
     assert not may_go_on(state)
     hidden = dataclasses.replace(NEAR, overlap=0.19)
     assert not may_go_on(look(look(state, LIMITS, hidden, LATER), LIMITS, NEAR, LATER))
-    unsure = dataclasses.replace(NEAR, verdict=Verdict.DEGENERATE)
+    unsure = dataclasses.replace(NEAR, status=Status.DEGENERATE)
     assert not may_go_on(look(look(state, LIMITS, unsure, LATER), LIMITS, NEAR, LATER))
     assert may_go_on(look(state, LIMITS, NEAR, LATER))
 

@@ -5,12 +5,12 @@ import dataclasses
 import numpy as np
 import pytest
 
-from dfvs_core.servo.exchange import ServoResult, Verdict
+from dfvs_core.servo.exchange import ServoResult, Status
 from dfvs_core.teaching import Lesson, TeachLimits, judge
 
 LIMITS = TeachLimits(overlap=0.5, turn_rad=0.35, distance=0.3, stillness=0.05)
 NEAR = ServoResult(
-    verdict=Verdict.OK,
+    status=Status.OK,
     velocity=np.zeros(4),
     motion=np.zeros(4),
     error_m=0.2,
@@ -48,8 +48,8 @@ def test_a_vehicle_that_stands_still_takes_one_picture():
 
 
 @pytest.mark.parametrize(
-    "verdict", [Verdict.NO_OVERLAP, Verdict.NO_AGREEMENT, Verdict.DEGENERATE, Verdict.NOT_FINITE]
+    "status", [Status.NO_OVERLAP, Status.NO_AGREEMENT, Status.DEGENERATE, Status.NOT_FINITE]
 )
-def test_without_a_sure_match_the_route_is_lost(verdict):
-    assert lesson(verdict=verdict) is Lesson.LOST
-    assert lesson(verdict=Verdict.STUCK) is Lesson.NEAR
+def test_without_a_sure_match_the_route_is_lost(status):
+    assert lesson(status=status) is Lesson.LOST
+    assert lesson(status=Status.STUCK) is Lesson.NEAR

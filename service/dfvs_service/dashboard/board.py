@@ -118,7 +118,7 @@ class VehicleBoard:
         row += [_number(document.get(name)) for name in _SERVO_NUMBERS]
         row += [_numbers(document.get(name)) for name in _SERVO_VECTORS]
         self._servo.append(row)
-        verdict = {name: str(document.get(name, ""))[:200] for name in ("verdict", "reason")}
+        verdict = {name: str(document.get(name, ""))[:200] for name in ("status", "reason")}
         self._newest["verdict"] = verdict
         return {"servo": [row], "verdict": verdict}
 

@@ -3,13 +3,15 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 from dfvs_core.goal import Goal, Mount
+from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.task import ServoTask
-from dfvs_service.config import ServiceConfig
+from dfvs_models.catalog import load_matcher
+from dfvs_service.config import FlowSection, ServiceConfig
 from dfvs_service.perception.eye import Eye
 
 
@@ -24,6 +26,20 @@ class Clocks:
     identity: bytes
     look: Callable[[], int]
     servo: Callable[[], int]
+
+
+def flow_matcher(flow: FlowSection) -> Matcher:
+    """Matcher of the settings; without a working width, at the default one.
+
+    Raises
+    ------
+    ModelError
+        If there is no such model or provider, or it cannot be used.
+    """
+    config = MatchingConfig()
+    if flow.working_width_px > 0:
+        config = replace(config, working_width_px=flow.working_width_px)
+    return load_matcher(flow.model, flow.threads, flow.provider, config)
 
 
 def servo_task(config: ServiceConfig, goal: Goal) -> ServoTask:

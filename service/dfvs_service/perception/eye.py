@@ -112,19 +112,21 @@ class Eye:
         """See :attr:`Pipeline.observed_ns`."""
         return self._pipeline.observed_ns
 
-    def glimpse(
+    def evaluate_next_goal(
         self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
     ) -> Preview | None:
-        """What a kept frame says about another goal; see :meth:`Pipeline.glimpse`."""
-        return self._pipeline.glimpse(task, goal, t_capture_ns)
+        """What a kept frame says about another goal; see :meth:`Pipeline.evaluate_next_goal`."""
+        return self._pipeline.evaluate_next_goal(task, goal, t_capture_ns)
 
-    def aim(self, task: ServoTask, goal: GoalView, observation: Observation | None = None) -> None:
+    def set_goal(
+        self, task: ServoTask, goal: GoalView, observation: Observation | None = None
+    ) -> None:
         """Go on to another goal with what is known of the vehicle, the camera and depth."""
-        self._pipeline.aim(task, goal, observation)
+        self._pipeline.set_goal(task, goal, observation)
 
-    def digest(self) -> int:
+    def update_depth(self) -> int:
         """Learn from the last frame what may wait until its report was sent; time taken, ns."""
-        return self._pipeline.digest()
+        return self._pipeline.update_depth()
 
     def _refuse(self, t_look_ns: int, seq: int, t_capture_ns: int, reason: str) -> Glance:
         self.refused += 1

@@ -24,7 +24,6 @@ from dfvs_core.wire.frame import BOOT_ID_FILE, clock_identity
 from dfvs_core.wire.goal_order import GoalOrder
 from dfvs_core.wire.link import FromGate, GateStatus, PerceptionReport
 from dfvs_core.wire.picture import encode_png
-from dfvs_models.catalog import load_matcher
 from dfvs_service.config import ServiceConfig
 from dfvs_service.flight_feed import FlightFeed
 from dfvs_service.gate_link import GateLink
@@ -32,7 +31,7 @@ from dfvs_service.goal_file import ordered_goal
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.pace import Pace
 from dfvs_service.perception.announced import CameraDoubts, watch_calibration
-from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
+from dfvs_service.perception.assembly import Clocks, build_eye, flow_matcher, servo_task
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.frame_door import FrameDoor
 from dfvs_service.perception.heap import settle
@@ -91,8 +90,7 @@ class PerceptionProcess:
         self._doubts = CameraDoubts(camera)
         is_ours = config.camera.source == "dfvs"
         self._door = FrameDoor(camera.size, time.monotonic_ns()) if is_ours else None
-        flow = config.flow
-        self._matcher = load_matcher(flow.model, flow.threads, flow.provider)
+        self._matcher = flow_matcher(config.flow)
         self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look-ahead")
         self._route = RouteFollower(config, goals, self._workers)
         self._goal_digest = self._goal_flaw = ""
@@ -124,6 +122,8 @@ class PerceptionProcess:
             frames = session.declare_subscriber(self._intake.key, self._on_frame)
             camera = watch_calibration(session, self._intake, self._doubts.take)
             log.info("listening for frames on %s", self._intake.key)
+            size = self._matcher.prepare(self._goal.image).size
+            log.info("frames are matched at %d x %d px", *reversed(size))
             settle()
             while not self._stopped and os.getppid() == self._parent:
                 self._turn(telemetry, feed)
@@ -188,7 +188,7 @@ class PerceptionProcess:
             self._goal_flaw = f"the new goal cannot be used: {error}"
             log.warning("%s", self._goal_flaw)
             return
-        self._eye.aim(servo_task(self._config, self._goal), self._eye.prepare(self._goal))
+        self._eye.set_goal(servo_task(self._config, self._goal), self._eye.prepare(self._goal))
         self._tell_goal(telemetry, feed)
         log.info("looking for the goal %s", digest[:12])
 
@@ -222,7 +222,7 @@ class PerceptionProcess:
             self._send(glance.report)
             servo = self._tell(telemetry, glance)
             feed.offer(self._book.looked(sample, heard, glance, servo), sample.payload)
-            self._latency.add({"depth": self._eye.digest()})
+            self._latency.add({"depth": self._eye.update_depth()})
             self._go_on(glance, telemetry, feed)
         if self._collection_pace.due(now_ns):
             gc.collect()

@@ -96,7 +96,7 @@ class RouteFollower:
         self._state = look(self._state, self._limits, preview.result, t_ns)
         if self._ahead is None or not may_go_on(self._state):
             return False
-        eye.aim(*self._ahead, preview.observation)
+        eye.set_goal(*self._ahead, preview.observation)
         self.index += 1
         self._ahead = None
         self._state = RouteState(engaged_since_ns=self._state.engaged_since_ns)
@@ -109,6 +109,6 @@ class RouteFollower:
         if self._ahead is None:
             following = self._goals[self.index + 1]
             self._ahead = servo_task(self._config, following), eye.prepare(following)
-        glimpse = eye.glimpse(*self._ahead)
-        if glimpse is not None:
-            self._look = self._workers.submit(glimpse)
+        preview = eye.evaluate_next_goal(*self._ahead)
+        if preview is not None:
+            self._look = self._workers.submit(preview)

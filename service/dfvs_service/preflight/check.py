@@ -10,6 +10,8 @@ from dfvs_core.gate.preflight import Check
 from dfvs_core.goal import Goal
 from dfvs_service.config import ServiceConfig
 from dfvs_service.parent import Parent, Programs, prepare_runtime, supervise
+from dfvs_service.perception.assembly import flow_matcher
+from dfvs_service.perception.working_size import with_working_size
 from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.ground import (
     command_check,
@@ -52,6 +54,9 @@ def check_everything(
     if matcher is None:
         missing = Check("vehicle", False, "not checked", "mend the model first")
         return CheckReport(config.vehicle.name, (*first, *_settings_checks(config), missing))
+    settled = with_working_size(config, goal, matcher, time.monotonic_ns)
+    if settled != config:
+        config, matcher = settled, flow_matcher(settled.flow)
     speed = speed_check(config, matcher, goal, time.monotonic_ns)
     found = _watch(config, goal, runtime, timeout_s, programs or Programs())
     checks = (*first, speed, *_settings_checks(config), *found)

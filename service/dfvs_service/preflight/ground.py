@@ -14,10 +14,11 @@ from dfvs_core.gate.config import MS, Engage, GateTiming
 from dfvs_core.gate.preflight import Check
 from dfvs_core.goal import Goal
 from dfvs_core.matching.matcher import Matcher, follow
-from dfvs_models.catalog import load_matcher, model_files
+from dfvs_models.catalog import model_files
 from dfvs_service.config import ServiceConfig
 from dfvs_service.exposure import is_private_mavlink
 from dfvs_service.key_file import load_key
+from dfvs_service.perception.assembly import flow_matcher
 
 _FRAMES = 5
 _SHIFT_PX = 4
@@ -38,7 +39,7 @@ def model_check(config: ServiceConfig) -> tuple[Check, Matcher | None]:
     start_ns = time.monotonic_ns()
     try:
         files = model_files(flow.model)
-        matcher = load_matcher(flow.model, flow.threads, flow.provider)
+        matcher = flow_matcher(flow)
     except DfvsError as error:
         return error_check("model", error), None
     took_s = (time.monotonic_ns() - start_ns) * 1e-9
@@ -53,18 +54,19 @@ def speed_check(
     view = np.roll(goal.image, _SHIFT_PX, axis=1)
     try:
         wanted = matcher.prepare(goal.image)
-        last, durations = None, []
+        last, durations, size = None, [], ""
         for _ in range(1 + _FRAMES):
             start_ns = tick()
             last = follow(matcher, matcher.prepare(view), wanted, last)
             durations.append(tick() - start_ns)
+            size = "{1} x {0} px".format(*last.confidence.shape)
     except DfvsError as error:
         return error_check("speed", error)
     first_ms, then_ms = durations[0] / MS, statistics.median(durations[1:]) / MS
     provider = config.flow.provider if config.flow.model != "classical" else "OpenCV"
     detail = (
-        f"{provider}, {config.flow.threads} threads: first {first_ms:.0f} ms, then {then_ms:.0f} "
-        f"ms a frame, {MATCH_BUDGET_NS / MS:.0f} allowed"
+        f"{provider}, {config.flow.threads} threads, {size}: first {first_ms:.0f} "
+        f"ms, then {then_ms:.0f} ms a frame, {MATCH_BUDGET_NS / MS:.0f} allowed"
     )
     fast = then_ms * MS <= MATCH_BUDGET_NS
     remedy = "use smaller frames, a faster model (flow.model) or another flow.provider"

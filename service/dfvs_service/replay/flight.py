@@ -8,8 +8,9 @@ from pathlib import Path
 
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.wire.turn import Opening, Turn
-from dfvs_models.catalog import load_matcher, model_files
-from dfvs_service.config import ServiceConfig
+from dfvs_models.catalog import model_files
+from dfvs_service.config import FlowSection, ServiceConfig
+from dfvs_service.perception.assembly import flow_matcher
 from dfvs_service.perception.build import build_versions
 from dfvs_service.replay.identity import reasons_to_differ
 from dfvs_service.replay.recording import read_recording
@@ -43,7 +44,7 @@ class FlightReplay:
     def __init__(self, trial: Trial) -> None:
         self._trial = trial
         self._rerunner: Rerunner | None = None
-        self._matcher: tuple[str, Matcher] | None = None
+        self._matcher: tuple[FlowSection, Matcher] | None = None
         self._build = build_versions()
         self._next_turn = 0
         self.reasons: dict[str, None] = {}
@@ -64,10 +65,10 @@ class FlightReplay:
         for reason in reasons_to_differ(opening, config, model, self._build):
             self.reasons[reason] = None
         if self._rerunner is not None and opening.first_turn > 0:
-            self._rerunner.aim(opening, picture, config)
+            self._rerunner.set_goal(opening, picture, config)
             return
-        if self._matcher is None or self._matcher[0] != flow.model:
-            self._matcher = (flow.model, load_matcher(flow.model, flow.threads, flow.provider))
+        if self._matcher is None or self._matcher[0] != flow:
+            self._matcher = (flow, flow_matcher(flow))
         self._rerunner = Rerunner(opening, picture, config, self._matcher[1])
 
     def turn(self, turn: Turn, payload: bytes) -> Rerun | None:

@@ -138,14 +138,14 @@ class Rerunner:
         self._timed = TimedMatcher(matcher, time.monotonic_ns)
         self._eye = build_eye(config, goal, self._timed, clocks)
 
-    def aim(self, opening: Opening, picture: bytes, config: ServiceConfig) -> None:
+    def set_goal(self, opening: Opening, picture: bytes, config: ServiceConfig) -> None:
         """Go on to the goal of an opening that follows in the same flight."""
         goal = recorded_goal(opening, picture)
         task, view = servo_task(config, goal), self._eye.prepare(goal)
         preview = None
         if opening.observed_ns is not None:
-            preview = self._eye.glimpse(task, view, opening.observed_ns)
-        self._eye.aim(task, view, None if preview is None else preview().observation)
+            preview = self._eye.evaluate_next_goal(task, view, opening.observed_ns)
+        self._eye.set_goal(task, view, None if preview is None else preview().observation)
 
     def turn(self, turn: Turn, payload: bytes) -> Rerun | None:
         """Run one turn again; None for one that saw nothing."""
@@ -157,7 +157,7 @@ class Rerunner:
         self._timed.spent_ns, start_ns = 0, time.monotonic_ns()
         glance = self._eye.look(sample)
         look_ns, match_ns = time.monotonic_ns() - start_ns, self._timed.spent_ns
-        depth_ns = self._digest()
+        depth_ns = self._update_depth()
         return Rerun(turn, glance.report, {"match": match_ns, "look": look_ns, "depth": depth_ns})
 
     def _set_back(self, sight: Sight, payload: bytes) -> RawSample:
@@ -166,9 +166,9 @@ class Rerunner:
         self._servo.now_ns = sight.t_look_ns if sight.t_servo_ns is None else sight.t_servo_ns
         return RawSample(payload, bytes.fromhex(sight.attachment), sight.t_arrival_ns)
 
-    def _digest(self) -> int:
+    def _update_depth(self) -> int:
         start_ns = time.monotonic_ns()
-        self._eye.digest()
+        self._eye.update_depth()
         return time.monotonic_ns() - start_ns
 
 
@@ -185,7 +185,11 @@ def with_trial(config: ServiceConfig, trial: ServiceConfig | None, model: str) -
         Name or folder; empty: as the settings say.
     """
     if trial is not None:
-        config = dataclasses.replace(config, servo=trial.servo, flow=trial.flow)
+        flow = trial.flow
+        if flow.working_width_px == 0:  # measured at the start of a flight, and at no replay
+            width_px = config.flow.working_width_px
+            flow = dataclasses.replace(flow, working_width_px=width_px)
+        config = dataclasses.replace(config, servo=trial.servo, flow=flow)
     if model:
         config = dataclasses.replace(config, flow=dataclasses.replace(config.flow, model=model))
     return config

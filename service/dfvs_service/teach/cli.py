@@ -72,14 +72,12 @@ def run(words: Sequence[str]) -> int:
 def _teach(config: ServiceConfig, folder: Path, limits: TeachLimits, stop: threading.Event) -> int:
     """Teach until stopped; returns the number of goals."""
     # Zenoh, MAVSDK and the matcher take their time to load.
-    from dfvs_models.catalog import load_matcher
-    from dfvs_service.perception.assembly import Clocks
+    from dfvs_service.perception.assembly import Clocks, flow_matcher
     from dfvs_service.teach.frame_inbox import FrameInbox, known_camera, open_beside
     from dfvs_service.teach.vehicle_watch import VehicleWatch
 
     config = taught_settings(config, known_camera(config))
-    flow = config.flow
-    matcher = load_matcher(flow.model, flow.threads, flow.provider)
+    matcher = flow_matcher(config.flow)
     watch = VehicleWatch()
     watch.connect(config.vehicle.mavlink, config.vehicle.timeout_s)
     with open_beside(config) as session:

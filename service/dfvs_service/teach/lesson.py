@@ -108,7 +108,7 @@ class RouteTeacher:
         if self._eye is None:
             self._eye = build_eye(self._config, goal, self._matcher, self._clocks)
         else:
-            self._eye.aim(servo_task(self._config, goal), self._eye.prepare(goal))
+            self._eye.set_goal(servo_task(self._config, goal), self._eye.prepare(goal))
         self._last, self._full_overlap = None, 0.0
         return True
 

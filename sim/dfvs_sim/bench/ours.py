@@ -14,7 +14,7 @@ from dfvs_core.matching.matcher import Matcher
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.poses import se3_exp
 from dfvs_core.servo.config import DepthChoice, ServoConfig
-from dfvs_core.servo.exchange import Verdict
+from dfvs_core.servo.exchange import Status
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
@@ -108,12 +108,12 @@ class PipelineMethod:
         )
         self._last_position_m: FloatArray | None = None
         self._refused = 0
-        self._is_mistaken = False
+        self._is_false_goal = False
 
     @property
     def is_mistaken(self) -> bool:
         """Whether the last frame should have been at the goal, and does not look like it."""
-        return self._is_mistaken
+        return self._is_false_goal
 
     def decide(self, sight: Sight) -> Decision:
         """Process one frame; a refused frame keeps the camera where it is."""
@@ -121,16 +121,16 @@ class PipelineMethod:
         depth = sight.depth if self._task.config.depth == "given" else None
         frame = Frame(sight.image, self._now_ns, sight.index)
         result = self._pipeline.process_frame(frame, self._motion(sight), True, depth).result
-        self._pipeline.digest()
-        flown = result.verdict is Verdict.OK
-        self._is_mistaken = result.verdict is Verdict.MISTAKEN
+        self._pipeline.update_depth()
+        flown = result.status is Status.OK
+        self._is_false_goal = result.status is Status.FALSE_GOAL
         self._refused = 0 if flown else self._refused + 1
-        given_up = result.verdict is Verdict.STUCK or self._refused >= _REFUSALS
+        given_up = result.status is Status.STUCK or self._refused >= _REFUSALS
         return Decision(
             T_current_next=se3_exp(self._flown(sight, result.velocity) * FRAME_PERIOD_S),
             error=result.feature_error_px,
             done=result.reached,
-            lost=result.verdict.value if given_up else "",
+            lost=result.status.value if given_up else "",
         )
 
     def _flown(self, sight: Sight, asked: FloatArray) -> FloatArray:

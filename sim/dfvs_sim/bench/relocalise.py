@@ -12,30 +12,25 @@ from dataclasses import dataclass
 from enum import StrEnum
 from typing import Any
 
-import cv2
 import numpy as np
 
 from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.poses import invert_pose, pose_error
-from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.bench.basin.drawing import LEAST_OVERLAP, DrawnTask, Order, draw
 from dfvs_sim.bench.basin.environments import Environment
 from dfvs_sim.bench.campaign import renderer_of
-from dfvs_sim.bench.pnp import LEAST_CONFIDENCE, REPROJECTION_PX, STRIDE_PX, perspective_pose
+from dfvs_sim.bench.near_goal import Approach, approach, approach_figures
+from dfvs_sim.bench.pose_with_depth import pose_with_depth
 
 RIGHT_DISTANCE, RIGHT_RAD = 0.15, float(np.radians(5.0))
 """Error of the position, in parts of the distance, and of the rotation, that a right pose has."""
 
 _OVERLAPS = (0.2, 0.3, 0.45, 0.6, 1.0)
 """Bounds of the classes by overlap."""
-
-_WIDTH_PX = 320.0
-"""Width of the image at which a reprojection within ``REPROJECTION_PX`` agrees."""
 
 
 class Verdict(StrEnum):
@@ -48,18 +43,26 @@ class Verdict(StrEnum):
 
 @dataclass(frozen=True, slots=True)
 class Relocalisation:
-    """One match: of which matcher and task, its verdict, and its time in ms."""
+    """One match: of which matcher and task, its verdict, and its time in ms.
+
+    ``approach`` is the last part of the way to the same goal.
+    """
 
     matcher: str
     task: DrawnTask
     verdict: Verdict
     match_ms: float
+    approach: Approach
 
 
 @dataclass(frozen=True, slots=True)
 class RelocalisationJob:
-    """Tasks of one environment, for one matcher; picklable."""
+    """Tasks of one environment, for one matcher; picklable.
 
+    ``name`` is what the figures are listed by.
+    """
+
+    name: str
     matcher: str
     environment: Environment
     tasks: tuple[DrawnTask, ...]
@@ -105,7 +108,8 @@ def relocalise(job: RelocalisationJob) -> list[Relocalisation]:
         if k > 0:
             T_true = invert_pose(task.T_world_start) @ task.T_world_goal
             verdict = judge(flow, view.depth_m, camera, T_true)
-            found.append(Relocalisation(job.matcher, drawn, verdict, match_ms))
+            last = approach(matcher, job.environment, drawn, camera)
+            found.append(Relocalisation(job.name, drawn, verdict, match_ms, last))
     return found
 
 
@@ -114,37 +118,17 @@ def judge(
 ) -> Verdict:
     """Verdict on the flow from the current view, of known depth (H, W), to the goal.
 
-    None where the service would refuse the frame: too few of the points are sure, or too few of
-    those agree on a pose.
-
     Parameters
     ----------
-    flow : FlowField
-        At the matcher's working size.
-    depth_m : (H, W)
-        0 is sky.
-    camera : CameraModel
-        Of the depth.
+    flow, depth_m, camera
+        As :func:`pose_with_depth` takes them; where that gives no pose the verdict is NONE.
     T_current_goal : (4, 4)
         True pose of the goal.
     """
-    config = ServoConfig()
-    height, width = flow.confidence.shape
-    camera = camera.scaled(width, height)
-    depth_m = np.asarray(cv2.resize(depth_m, (width, height), interpolation=cv2.INTER_NEAREST))
-    offset = STRIDE_PX // 2
-    grid = depth_m[offset::STRIDE_PX, offset::STRIDE_PX]
-    depth = DepthMap(np.maximum(grid, np.float32(1e-3)), (grid > 0).astype(np.float32))
-    points = points_from_flow(sample_grid(flow, STRIDE_PX), depth, camera, camera)
-    sure = points.select((grid.ravel() > 0) & (points.weight > LEAST_CONFIDENCE))
-    if len(sure.xy) < config.min_overlap * grid.size:
+    pose = pose_with_depth(flow, depth_m, camera)
+    if pose is None:
         return Verdict.NONE
-    P = np.column_stack([sure.xy, np.ones(len(sure.xy))]) * sure.z_m[:, None]
-    tolerance = REPROJECTION_PX * camera.width / _WIDTH_PX / camera.fx
-    pose = perspective_pose(P, sure.xy_goal, tolerance)
-    if pose is None or len(pose[1]) < config.min_inliers * len(P):
-        return Verdict.NONE
-    error_m, error_rad = pose_error(pose[0], T_current_goal)
+    error_m, error_rad = pose_error(pose, T_current_goal)
     distance_m = float(np.linalg.norm(T_current_goal[:3, 3]))
     is_right = error_m <= RIGHT_DISTANCE * distance_m and error_rad <= RIGHT_RAD
     return Verdict.RIGHT if is_right else Verdict.WRONG
@@ -171,6 +155,7 @@ def _figures(found: Sequence[Relocalisation]) -> dict[str, Any]:
     return (
         _counts(found)
         | times
+        | approach_figures([r.approach for r in found])
         | {
             name: {label: _counts(part) for label, part in _split(found, by)}
             for name, by in classes.items()

@@ -202,7 +202,7 @@ class LockstepFlight:
             arrival_ns = self._now_ns + round(self._setup.latency_s * 1e9)
             self._reports.append((arrival_ns, Report(arrival_ns, outcome.report)))
             result = outcome.result
-            self.pipeline.digest()
+            self.pipeline.update_depth()
         error_m, error_rad = pose_error(T, self._setup.T_scene_goal)
         since_ns = self._now_ns - (self.log.engaged_ns or self._now_ns)
         self.log.samples.append(

@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 
 from dfvs_core.arrays import FloatArray
-from dfvs_core.servo.exchange import Verdict
+from dfvs_core.servo.exchange import Status
 from dfvs_sim.lockstep.flight import LockstepFlight, LockstepLog, Sample
 
 CONVERGED_M, CONVERGED_RAD = 0.05, math.radians(1.0)
@@ -114,7 +114,7 @@ def _distance_errors(samples: Sequence[Sample]) -> tuple[list[float], list[float
         way_m += 0.0 if last is None else float(np.linalg.norm(position - last))
         last = position
         result = s.result
-        if result is None or result.verdict is not Verdict.OK or result.uncertainty is None:
+        if result is None or result.status is not Status.OK or result.uncertainty is None:
             continue
         if way_m >= _FIRST_METRE_M and s.error_m >= _LEAST_DISTANCE_M and result.error_m > 0.0:
             errors.append(math.log(result.error_m / s.error_m))

@@ -168,7 +168,7 @@ def test_frames_become_reports_and_telemetry(rig, rng):
     assert report.error_m < 0.02  # the camera sees the goal image itself
     assert rig.shoot_until(rng, lambda r: r.reached).error_m < 0.02
     servo = json.loads(told("servo"))
-    assert servo["verdict"] == "OK"
+    assert servo["status"] == "OK"
     timing = json.loads(told("timing"))
     assert timing["stages"]["capture_to_report"]["p50_ms"] > 0
     preview = heard["preview"]

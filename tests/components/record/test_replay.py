@@ -63,6 +63,27 @@ def test_time_taken_to_replay_changes_nothing(recording, monkeypatch):
     assert compare(rerun(recording).frames).is_identical
 
 
+def test_a_flight_at_another_working_size_is_replayed_at_it(tmp_path):
+    """Measured before the flight, it is among the settings of the recording."""
+    flight = fly(np.random.default_rng(11), 10, flow__working_width_px=160)
+    assert flight.opening.settings["flow"]["working_width_px"] == 160
+    result = rerun(write(tmp_path, flight.events))
+    assert result.reasons == ()
+    assert compare(result.frames).is_identical
+    events = [
+        (dataclasses.replace(m, settings=another_size(m.settings)), payload)
+        if isinstance(m, Opening)
+        else (m, payload)
+        for m, payload in flight.events
+    ]
+    (tmp_path / "other").mkdir()
+    assert not compare(rerun(write(tmp_path / "other", events)).frames).is_identical
+
+
+def another_size(settings):
+    return settings | {"flow": settings["flow"] | {"working_width_px": 240}}
+
+
 def test_a_goal_that_changed_in_flight_changes_in_replay(tmp_path):
     flight = fly(np.random.default_rng(12), 10, next_goal_at=5)
     result = rerun(write(tmp_path, flight.events))

@@ -1,7 +1,7 @@
 """Verdicts on pairs of wide baseline, and the command that measures them."""
 
 import json
-from dataclasses import asdict
+from dataclasses import asdict, replace
 
 import numpy as np
 import pytest
@@ -12,6 +12,7 @@ from dfvs_core.matching.config import STAGES, MatchingConfig, without
 from dfvs_core.poses import invert_pose, make_pose, so3_exp
 from dfvs_sim.bench.basin.cells import Cell
 from dfvs_sim.bench.basin.drawing import DrawnTask
+from dfvs_sim.bench.near_goal import Approach
 from dfvs_sim.bench.relocalise import Relocalisation, Verdict, judge, summarise
 from dfvs_sim.bench_cli import main
 from dfvs_sim.render.renderer import Renderer
@@ -76,17 +77,22 @@ def task(translation_m, overlap):
     )
 
 
+NEAR = Approach((8.0, 12.0, 30.0), 0.001, 0.002)
+
+
 def test_figures_are_counted_by_matcher_and_class():
     found = [
-        Relocalisation("a", task(1.2, 0.25), Verdict.RIGHT, 100.0),
-        Relocalisation("a", task(1.2, 0.7), Verdict.WRONG, 300.0),
-        Relocalisation("a", task(4.0, 0.2), Verdict.NONE, 200.0),
-        Relocalisation("b", task(4.0, 1.0), Verdict.RIGHT, 50.0),
+        Relocalisation("a", task(1.2, 0.25), Verdict.RIGHT, 100.0, NEAR),
+        Relocalisation("a", task(1.2, 0.7), Verdict.WRONG, 300.0, NEAR),
+        Relocalisation("a", task(4.0, 0.2), Verdict.NONE, 200.0, NEAR),
+        Relocalisation("b", task(4.0, 1.0), Verdict.RIGHT, 50.0, replace(NEAR, error=None)),
     ]
     figures = summarise(found)
     a = figures["a"]
     assert (a["pairs"], a["right"], a["wrong"], a["none"]) == (3, 1, 1, 1)
     assert (a["mean_ms"], a["max_ms"]) == (200.0, 300.0)
+    assert (a["tracked_p50_ms"], a["final_error"], a["final_none"]) == (12.0, 0.001, 0)
+    assert (figures["b"]["final_error"], figures["b"]["final_none"]) == (None, 1)
     assert a["by_translation"]["1.2 m"] == {"pairs": 2, "right": 1, "wrong": 1, "none": 0}
     assert a["by_rotation"]["20/20/40"]["pairs"] == 3
     assert a["by_overlap"]["20% to 30%"]["pairs"] == 2
@@ -105,12 +111,23 @@ def test_the_command_measures_pairs_in_a_scene(tmp_path, capsys):
     words = ["relocalise", str(builtin_room_path()), "--bundle", "classical", "--trials", "2"]
     assert main([*words, "--camera", "320x240", "--json", str(out)]) == 0
     document = json.loads(out.read_text())
+    assert 0.0 < document["matchers"]["classical"]["final_error"] < 0.005
     figures = document["matchers"]["classical"]
     assert figures["pairs"] == 2
     assert figures["right"] + figures["wrong"] + figures["none"] == 2
     assert figures["max_ms"] >= figures["mean_ms"] > 0.0
     assert (document["camera"], document["seed"]) == ("320x240", 0)
     assert "classical" in capsys.readouterr().out
+
+
+def test_each_of_several_cameras_is_a_row_with_tracked_time_and_final_error(tmp_path, capsys):
+    out = tmp_path / "cameras.json"
+    words = ["relocalise", str(builtin_room_path()), "--bundle", "classical", "--trials", "1"]
+    assert main([*words, "--camera", "160x120", "320x240", "--json", str(out)]) == 0
+    figures = json.loads(out.read_text())["matchers"]
+    assert list(figures) == ["classical 160x120", "classical 320x240"]
+    assert all(each["tracked_p50_ms"] > 0.0 for each in figures.values())
+    assert "classical 160x120" in capsys.readouterr().out
 
 
 @pytest.mark.parametrize("stage", STAGES)
@@ -125,6 +142,7 @@ def test_a_stage_that_is_left_out_changes_its_numbers_alone(stage):
         (["nowhere.glb"], "nowhere.glb"),
         (["ROOM", "--trials", "0"], "--trials is 0"),
         (["ROOM", "--threads", "0"], "--threads is 0"),
+        (["ROOM", "--working-width", "9"], "--working-width is 9; expected 64 to 1920"),
         (["ROOM", "--seed", "-1"], "--seed is -1"),
         (["ROOM", "--camera", "big"], "--camera is 'big'"),
         (["ROOM", "--bundle", "none"], "there is no model 'none'"),

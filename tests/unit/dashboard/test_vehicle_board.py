@@ -24,7 +24,7 @@ def servo(**fields):
     document = {
         "t_ns": 9_980 * MS,
         "t_capture_ns": 9_940 * MS,
-        "verdict": "OK",
+        "status": "OK",
         "reason": "",
         "error_m": 0.25,
         "error_rad": 0.1,

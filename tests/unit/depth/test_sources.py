@@ -5,7 +5,6 @@ import pytest
 
 from dfvs_core.correspondence import DepthMap
 from dfvs_core.depth.flow_depth import FlowDepth
-from dfvs_core.depth.keyframes import choose_earlier
 from dfvs_core.depth.motion import MotionDepth
 from dfvs_core.depth.source import (
     ConstantDepth,
@@ -207,22 +206,3 @@ def test_given_depth_is_passed_on_or_asked_for():
 def test_impossible_constant_depths_are_refused(z):
     with pytest.raises(ConfigError):
         ConstantDepth(z)
-
-
-def place(x, yaw=0.0):
-    return make_pose(so3_exp(np.array([0.0, yaw, 0.0])), np.array([x, 0.0, 0.0]))
-
-
-def test_the_newest_frame_with_enough_baseline_is_chosen():
-    poses = [place(0.0), place(0.05), place(0.1), place(0.28)]
-    assert choose_earlier(poses, place(0.3), depth_m=3.0) == 2
-
-
-def test_the_longest_baseline_serves_where_none_suffices():
-    poses = [place(0.0), place(0.02), place(0.05)]
-    assert choose_earlier(poses, place(0.06), depth_m=3.0) == 0
-
-
-def test_frames_too_near_or_too_turned_are_not_used():
-    assert choose_earlier([place(0.0)], place(0.001), depth_m=3.0) is None
-    assert choose_earlier([place(0.0, yaw=0.6)], place(0.5), depth_m=3.0) is None

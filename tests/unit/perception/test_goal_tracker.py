@@ -7,10 +7,13 @@ import pytest
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_core.goal import GoalSidecar
 from dfvs_core.matching.confidence import confident_ratio
 from dfvs_core.matching.matcher import Prepared
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation, TrackingState
 from dfvs_core.poses import make_pose
+from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.task import ServoTask
 
 CAMERA = CameraModel.from_horizontal_fov(64, 48, np.radians(90))
 STRIDE = 8
@@ -70,7 +73,8 @@ def observation(t_ns=0, seen=None, right_m=0.0):
 
 
 def unobserved(matcher):
-    return GoalTracker(matcher, GOAL, CAMERA, CAMERA, STRIDE)
+    task = ServoTask(ServoConfig(stride_px=STRIDE), CAMERA, GoalSidecar(CAMERA))
+    return GoalTracker(matcher, GOAL, task)
 
 
 def tracker(matcher, seen=None):

@@ -10,9 +10,10 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.matching.classical import classical_matcher
-from dfvs_core.perception.goal_verification import matched_texture_ratio
+from dfvs_core.perception.goal_verification import GoalVerifier, matched_texture_ratio
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.exchange import ServoResult, Status
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.vehicle_history import Motion
 from dfvs_core.wire.frame import Frame
@@ -134,13 +135,13 @@ def test_progress_is_asked_for_anew_after_a_false_goal(goal, elsewhere):
     last = max(k for k, report in enumerate(reports) if "look like" in report.reason)
     pipeline = pipeline_for(goal, Counting())
     fly(pipeline, [elsewhere] * (last + 1))
-    assert pipeline._state.stop.progress is None
+    assert pipeline._state.monitor.stop.progress is None
 
 
 def test_the_next_goal_is_not_blamed_for_the_last_one(goal, elsewhere):
     pipeline = pipeline_for(goal, Counting())
     fly(pipeline, [elsewhere] * 20)
-    pipeline.aim(pipeline._task, pipeline.prepare(Goal(elsewhere, pipeline._task.goal)))
+    pipeline.set_goal(pipeline._task, pipeline.prepare(Goal(elsewhere, pipeline._task.goal)))
     assert all(report.healthy for report in fly(pipeline, [elsewhere] * 30))
 
 
@@ -163,3 +164,62 @@ def test_only_texture_has_to_match():
     assert matched_texture_ratio(view, FlowField(flow, sure)) > 0.95
     plain = np.full_like(view, 120)
     assert matched_texture_ratio(plain, FlowField(flow, np.zeros_like(sure))) == 1.0
+
+
+def servo(status=Status.OK):
+    return ServoResult(
+        status=status,
+        velocity=np.array([0.1, 0.0, 0.0, 0.2]),
+        motion=np.zeros(4),
+        error_m=0.01,
+        error_rad=0.0,
+        feature_error_px=0.1,
+        feature_error=0.001,
+        mounting_score=None,
+        residual_px=0.1,
+        inlier_share=1.0,
+        overlap=1.0,
+        condition=1.0,
+        depth_m=2.0,
+        reached=True,
+    )
+
+
+@pytest.fixture
+def window():
+    """A goal image with texture in its middle."""
+    image = np.full((240, 320, 3), 120, np.uint8)
+    image[80:160, 100:220] = np.random.default_rng(0).integers(0, 255, (80, 120, 3), np.uint8)
+    return image
+
+
+def verified(result, view, goal, sure=0.0):
+    """Result of a view that stands where the goal is, half a second after one like it."""
+    still = np.zeros((240, 320, 2), np.float32)
+    flow = FlowField(still, np.full((240, 320), sure, np.float32))
+    verifier = GoalVerifier(goal, 0.7)
+    verifier.verify(result, view, flow, 0)
+    return verifier.verify(result, view, flow, 500_000_000)
+
+
+def test_a_doubtful_view_is_flown_and_has_not_reached_the_goal(window):
+    result = verified(servo(), window, window)
+    assert (result.status, result.reached) == (Status.OK, False)
+    assert result.velocity[0] == 0.1
+
+
+def test_a_view_that_matches_changes_nothing(window):
+    result = servo()
+    assert verified(result, window, window, sure=1.0) is result
+
+
+def test_a_frame_that_the_servo_refused_keeps_its_status(window):
+    refused = servo(Status.STUCK)
+    assert verified(refused, window, window) is refused
+
+
+def test_a_view_with_swapped_channels_is_not_flown(window):
+    tinted = (window * np.array([1.0, 0.7, 0.4])).astype(np.uint8)
+    result = verified(servo(), tinted[..., ::-1], tinted, sure=1.0)
+    assert (result.status, result.reached) == (Status.SWAPPED_CHANNELS, False)
+    assert not result.velocity.any()

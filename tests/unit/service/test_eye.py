@@ -101,7 +101,7 @@ def test_nothing_is_relocalised_after_a_report(rig):
     rig.hear_vehicle()
     assert rig.eye.look(sample).report.healthy
     before = rig.matcher.relocalisations
-    rig.eye.digest()
+    rig.eye.update_depth()
     assert rig.matcher.relocalisations == before
 
 

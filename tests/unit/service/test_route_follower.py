@@ -8,7 +8,7 @@ from at_once import AtOnce
 from box_sight import CAMERA, CLOCK, MS, KnowingMatcher, picture
 
 from dfvs_core.goal import Goal, GoalSidecar
-from dfvs_core.perception.pipeline import KEPT_FRAMES
+from dfvs_core.perception.keyframes import HORIZON_NS
 from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.wire.link import GateStatus, VehicleState
 from dfvs_service.config import load_config
@@ -167,12 +167,10 @@ def test_a_preview_is_the_same_whenever_it_is_worked_out():
     rig = Rig()
     rig.stay(35.0, 1)
     task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
-    t_ns = rig.now_ns
-    at_once = rig.eye.glimpse(task, view)()
+    at_once = rig.eye.evaluate_next_goal(task, view)()
     for yaw in (37.0, 40.0, 43.0):
         rig.frame(yaw)
-    later = rig.eye.glimpse(task, view, t_ns)()
-    assert later.observation.t_capture_ns == t_ns
+    later = rig.eye.evaluate_next_goal(task, view, at_once.observation.t_capture_ns)()
     for name in ("flow", "confidence"):
         first, second = (getattr(p.observation.flow, name) for p in (at_once, later))
         assert np.array_equal(first, second)
@@ -180,36 +178,38 @@ def test_a_preview_is_the_same_whenever_it_is_worked_out():
     assert np.array_equal(at_once.observation.T_goal_current, later.observation.T_goal_current)
 
 
-@pytest.mark.parametrize(("frames", "used"), [(KEPT_FRAMES - 1, True), (KEPT_FRAMES, False)])
-def test_an_observation_is_dropped_once_its_frame_is_not_kept(frames, used):
+@pytest.mark.parametrize(("seconds", "used"), [(-0.4, True), (0.1, False)])
+def test_an_observation_is_dropped_once_its_keyframe_is_not_kept(seconds, used):
     """No replay could recompute it."""
     rig = Rig()
     rig.stay(35.0, 1)
     task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
-    t_ns, preview = rig.now_ns, rig.eye.glimpse(task, view)
-    rig.stay(35.0, 0.1 * frames)
-    rig.eye.aim(task, view, preview().observation)
+    preview = rig.eye.evaluate_next_goal(task, view)()
+    t_ns = preview.observation.t_capture_ns
+    rig.stay(35.0, HORIZON_NS * 1e-9 + seconds)
+    rig.eye.set_goal(task, view, preview.observation)
     assert rig.eye.observed_ns == (t_ns if used else None)
-    assert (rig.eye.glimpse(task, view, t_ns) is not None) == used
+    assert (rig.eye.evaluate_next_goal(task, view, t_ns) is not None) == used
 
 
 def test_a_goal_that_begins_with_a_search_has_no_observation():
     rig = Rig()
     rig.stay(35.0, 1)
     task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
-    rig.eye.aim(task, view, rig.eye.glimpse(task, view)().observation)
-    assert rig.eye.observed_ns == rig.now_ns
-    rig.eye.aim(task, view)
+    observation = rig.eye.evaluate_next_goal(task, view)().observation
+    rig.eye.set_goal(task, view, observation)
+    assert rig.eye.observed_ns == observation.t_capture_ns
+    rig.eye.set_goal(task, view)
     assert rig.eye.observed_ns is None
 
 
-def test_a_glimpse_of_the_next_goal_changes_nothing():
+def test_a_preview_of_the_next_goal_changes_nothing():
     """A replay runs none but the last before a goal, and must give the same commands."""
     looking, plain = Rig((40.0, 180.0)), Rig((40.0, 180.0))
     plain.route.go_on = lambda *_: False
-    glimpses = []
-    glimpse = looking.eye.glimpse
-    looking.eye.glimpse = lambda *words: glimpses.append(glimpse(*words))
+    previews = []
+    evaluate = looking.eye.evaluate_next_goal
+    looking.eye.evaluate_next_goal = lambda *words: previews.append(evaluate(*words))
     for yaw in np.linspace(30.0, 36.0, 90):
         assert looking.frame(yaw) == plain.frame(yaw)
-    assert len(glimpses) > 3
+    assert len(previews) > 3

@@ -12,7 +12,7 @@ from dfvs_core.matching.matcher import Prepared
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.poses import invert_pose, make_pose, pose_error, so3_exp
 from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.exchange import ServoInputs, ServoState, Verdict
+from dfvs_core.servo.exchange import ServoInputs, ServoState, Status
 from dfvs_core.servo.motion import find_goal, is_clear
 from dfvs_core.servo.points import ServoPoints, without_cells
 from dfvs_core.servo.pose import estimate_goal_pose
@@ -100,7 +100,7 @@ def step(flow):
 def test_a_step_tells_which_points_of_its_grid_are_out_of_line():
     flow, wrong = flow_of_a_wall(0.4)
     result, state = step(flow)
-    assert result.verdict is Verdict.OK
+    assert result.status is Status.OK
     left = without_cells(flow, state.outliers, TASK.config.stride_px)
     inside = slice(80, 272)  # elsewhere the flow leads out of the goal picture
     assert not (left.confidence[:, inside] > 0)[wrong[:, inside]].any()

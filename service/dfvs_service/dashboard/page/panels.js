@@ -173,7 +173,7 @@ export function showVerdict(verdict, ageMs, freshness, state) {
 function judged(verdict, ageMs, freshness, state) {
   if (!verdict) return ["", ""];
   if (!(ageMs < STALE_RESULT_MS)) return [`? result ${duration(ageMs / 1000)} old`, ""];
-  if (verdict.verdict !== "OK") return [`✕ ${verdict.reason || verdict.verdict}`, "no"];
+  if (verdict.status !== "OK") return [`✕ ${verdict.reason || verdict.status}`, "no"];
   if (freshness.kind !== "live") return ["? state of the gate not known", ""];
   if (GROUNDED.has(state.state)) return [`image good, the gate is in ${state.state}`, ""];
   return ["✓ may be flown", "yes"];

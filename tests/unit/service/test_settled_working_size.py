@@ -1,0 +1,104 @@
+"""Working size of a flight: settled once, among the settings."""
+
+import dataclasses
+from itertools import count
+
+import numpy as np
+import pytest
+
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ConfigError
+from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.matching.matcher import Prepared
+from dfvs_service.config import config_from_json, load_config
+from dfvs_service.perception.assembly import flow_matcher
+from dfvs_service.perception.working_size import (
+    choose_working_width,
+    with_working_size,
+)
+from dfvs_service.replay.rerun import with_trial
+
+CAMERA = CameraModel.from_horizontal_fov(640, 480, 1.2)
+GOAL = Goal(np.zeros((480, 640, 3), np.uint8), GoalSidecar(CAMERA))
+
+
+MS = 1_000_000
+READINGS = 12
+"""Of the clock for one candidate: six frames."""
+
+
+def clock_of(*durations_ms):
+    """A clock by which each candidate's frames take so long, one candidate after the other."""
+    readings = count()
+
+    def tick():
+        n = next(readings)
+        return (n % 2) * durations_ms[n // READINGS] * MS
+
+    return tick
+
+
+def image(width, height):
+    return np.zeros((height, width, 3), np.uint8)
+
+
+@pytest.mark.parametrize(
+    ("durations_ms", "width_px"),
+    [((26,), 320), ((20, 26), 400), ((20, 25, 26), 480), ((10, 15, 20), 640)],
+)
+def test_the_largest_size_that_fits_the_budget_is_taken(durations_ms, width_px):
+    assert choose_working_width(image(1280, 720), 25 * MS, clock_of(*durations_ms)) == width_px
+
+
+@pytest.mark.parametrize(
+    ("size", "width_px"), [((320, 240), 320), ((160, 120), 320), ((424, 240), 400)]
+)
+def test_no_size_above_the_cameras_is_tried(size, width_px):
+    assert choose_working_width(image(*size), 25 * MS, clock_of(1, 99)) == width_px
+
+
+def settings(**flow):
+    overrides = {"flow.model": "classical"} | {f"flow.{name}": v for name, v in flow.items()}
+    return load_config(None, overrides).with_camera(CAMERA.size, GOAL.sidecar)[0]
+
+
+def never():
+    raise AssertionError("nothing was to be measured")
+
+
+def test_what_was_measured_is_a_setting_by_which_the_processes_match():
+    config = settings()
+    settled = with_working_size(config, GOAL, flow_matcher(config.flow), lambda: 0)
+    assert settled.flow.working_width_px == 640
+    assert dataclasses.replace(settled, flow=config.flow) == config
+    passed_on = config_from_json(settled.to_json())
+    assert flow_matcher(passed_on.flow).prepare(GOAL.image).size == (480, 640)
+
+
+def test_a_size_that_is_set_is_not_measured():
+    config = settings(working_width_px=400)
+    assert with_working_size(config, GOAL, flow_matcher(config.flow), never) is config
+    assert flow_matcher(config.flow).prepare(GOAL.image).size == (300, 400)
+
+
+def test_a_matcher_without_a_working_size_is_left_as_it_is():
+    class Pair:
+        def prepare(self, image):
+            return Prepared(image.shape[:2])
+
+    config = settings()
+    assert with_working_size(config, GOAL, Pair(), never) is config
+
+
+def test_settings_that_are_tried_in_a_replay_do_not_measure_anew():
+    recorded, tried = settings(working_width_px=480), settings(threads=1)
+    assert with_trial(recorded, tried, "").flow == dataclasses.replace(
+        tried.flow, working_width_px=480
+    )
+    tried = settings(working_width_px=400)
+    assert with_trial(recorded, tried, "").flow.working_width_px == 400
+
+
+def test_a_size_at_which_nothing_can_be_matched_is_refused():
+    with pytest.raises(ConfigError, match="working_width_px = 20"):
+        settings(working_width_px=20)
