@@ -14,8 +14,6 @@ CONFIDENT = 0.5
 """Confidence above which a vector is more likely right than wrong."""
 _SAME_PX = 3.0
 """Distance within which two flows lead to the same place, px of the working size."""
-_LEAST_COMMON_RATIO, _SAME_RATIO = 0.005, 0.5
-"""Share of the image on which two flows are compared, and share of that which must agree."""
 
 
 def confident_ratio(field: FlowField) -> float:
@@ -28,15 +26,6 @@ def merge_by_confidence(first: FlowField, second: FlowField) -> FlowField:
     better = second.confidence > first.confidence
     flow = np.where(better[..., None], second.flow, first.flow)
     return FlowField(flow, np.maximum(first.confidence, second.confidence))
-
-
-def are_consistent(first: FlowField, second: FlowField) -> bool:
-    """Whether two flows lead to the same places, where both are confident."""
-    both = (first.confidence > CONFIDENT) & (second.confidence > CONFIDENT)
-    if np.mean(both) < _LEAST_COMMON_RATIO:
-        return False
-    apart = np.linalg.norm(first.flow[both] - second.flow[both], axis=1)
-    return bool(np.mean(apart < _SAME_PX) > _SAME_RATIO)
 
 
 def empty_flow(size: tuple[int, int]) -> FlowField:

@@ -3,11 +3,7 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import Any
-
-from dfvs_core.errors import ConfigError
+from dataclasses import dataclass
 
 
 @dataclass(frozen=True, slots=True)
@@ -79,29 +75,3 @@ class MatchingConfig:
     """Share of the confident area of the prediction that has to be confident again."""
     least_confident_ratio: float = 0.05
     """Confident share of the image that a track has to have."""
-
-
-STAGES: dict[str, dict[str, Any]] = {
-    "turns": {"turns_rad": (0.0,)},
-    "scales": {"scales": (1.0,)},
-    "hypotheses": {"most_hypotheses": 1},
-    "growing": {"growing_rounds": 0},
-    "verification": {"least_probability": 0.0},
-}
-"""Stages of relocalisation that can be left out, and the numbers that do so."""
-
-
-def without(stages: Iterable[str]) -> MatchingConfig:
-    """Default numbers, with some of :data:`STAGES` left out.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such stage.
-    """
-    config = MatchingConfig()
-    for stage in stages:
-        if stage not in STAGES:
-            raise ConfigError(f"there is no stage {stage!r}", f"one of {', '.join(STAGES)}")
-        config = replace(config, **STAGES[stage])
-    return config

@@ -11,14 +11,14 @@
 from __future__ import annotations
 
 import itertools
-from collections.abc import Iterable, Sequence
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
 
 from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
-from dfvs_core.matching.confidence import CONFIDENT, is_excluded, merge_by_confidence
+from dfvs_core.matching.confidence import CONFIDENT, merge_by_confidence
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.dense_search import search_residual
 from dfvs_core.matching.points import PointMatches
@@ -50,7 +50,6 @@ def relocalise(
     other: ImageArray,
     hypotheses: Iterable[PointMatches],
     config: MatchingConfig,
-    excluded: Sequence[FlowField] = (),
 ) -> MatchHypothesis | None:
     """Likeliest flow between two grey images (H, W), or None.
 
@@ -58,12 +57,9 @@ def relocalise(
     ----------
     hypotheses : iterable of PointMatches
         In px of these images, the likeliest first; one is asked for while none before it is clear.
-    excluded : sequence of FlowField
-        Rejected hypotheses: matches that lead to the same places do not count.
     """
     best: MatchHypothesis | None = None
     for matches in itertools.islice(hypotheses, config.most_hypotheses):
-        matches = matches.select(~is_excluded(matches, excluded))
         inliers = fit_two_views(matches, config)
         if inliers is None:
             continue

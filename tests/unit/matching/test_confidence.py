@@ -1,11 +1,9 @@
-"""Confident parts of flow fields: merged, compared, and excluded."""
+"""Confident parts of flow fields: merged, and excluded."""
 
 import numpy as np
-import pytest
 
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.confidence import (
-    are_consistent,
     confident_ratio,
     empty_flow,
     exclude,
@@ -46,20 +44,6 @@ def test_each_pixel_is_taken_from_the_more_confident_flow():
     np.testing.assert_array_equal(merged.flow[0, :20, 0], 1.0)
     np.testing.assert_array_equal(merged.flow[0, 20:40, 0], 2.0)
     np.testing.assert_array_equal(merged.confidence[0], columns(0, 20, 0.9) + columns(20, 40, 0.6))
-
-
-@pytest.mark.parametrize(("apart_px", "consistent"), [(2.0, True), (4.0, False)])
-def test_flows_to_the_same_places_are_consistent(apart_px, consistent):
-    assert are_consistent(field(5.0), field(5.0 + apart_px)) == consistent
-
-
-def test_flows_that_share_nothing_confident_are_not_consistent():
-    assert not are_consistent(field(5.0, columns(0, 30)), field(5.0, columns(30, 60)))
-
-
-def test_a_flow_without_confidence_does_not_make_others_inconsistent():
-    mixed = merge_by_confidence(field(5.0, columns(0, 30)), field(50.0, columns(30, 60, 0.4)))
-    assert are_consistent(field(5.0), mixed)
 
 
 def test_an_excluded_flow_takes_the_confidence_of_what_leads_to_the_same_places():
