@@ -8,6 +8,7 @@ import numpy as np
 
 from dfvs_core.arrays import BoolArray
 from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.points import PointMatches
 
 CONFIDENT = 0.5
@@ -33,20 +34,20 @@ def empty_flow(size: tuple[int, int]) -> FlowField:
     return FlowField(np.zeros((*size, 2), np.float32), np.zeros(size, np.float32))
 
 
-def exclude(field: FlowField, excluded: Sequence[FlowField]) -> FlowField:
+def exclude(field: FlowField, excluded: Sequence[FlowField], config: MatchingConfig) -> FlowField:
     """Flow without confidence where it leads to the same place as one that is excluded."""
     for wrong in excluded:
-        apart = np.linalg.norm(field.flow - wrong.flow, axis=2) >= _SAME_PX
-        field = FlowField(field.flow, field.confidence * apart)
+        apart_px = np.linalg.norm(field.flow - wrong.flow, axis=2)
+        kept = apart_px >= config.same_px(apart_px.shape[1])
+        field = FlowField(field.flow, field.confidence * kept)
     return field
 
 
-def is_excluded(matches: PointMatches, excluded: Sequence[FlowField]) -> BoolArray:
+def is_excluded(
+    matches: PointMatches, excluded: Sequence[FlowField], config: MatchingConfig
+) -> BoolArray:
     """Mask (N,) of the matches that lead to the same place as a flow that is excluded."""
     same: BoolArray = np.zeros(len(matches), bool)
     for wrong in excluded:
-        u, v = np.rint(matches.current).astype(np.intp).T
-        v, u = np.clip(v, 0, wrong.flow.shape[0] - 1), np.clip(u, 0, wrong.flow.shape[1] - 1)
-        moved = matches.other - matches.current - wrong.flow[v, u]
-        same |= np.linalg.norm(moved, axis=1) < _SAME_PX
+        same |= matches.miss_px(wrong.flow) < config.same_px(wrong.flow.shape[1])
     return same

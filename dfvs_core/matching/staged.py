@@ -9,7 +9,7 @@ from typing import Generic, cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, ImageArray
+from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.confidence import empty_flow, exclude, is_excluded
 from dfvs_core.matching.config import MatchingConfig
@@ -74,7 +74,7 @@ class StagedMatcher(Generic[Features]):
         first, second = check_pair(current, other, StagedImage)
         hypotheses = self._hypotheses(first, second, excluded)
         found = relocalise(first.grey, second.grey, hypotheses, self._config)
-        return empty_flow(first.size) if found is None else exclude(found.field, excluded)
+        return empty_flow(first.size) if found is None else exclude(found, excluded, self._config)
 
     def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField | None:
         """Flow by a prediction alone; see :class:`Matcher`."""
@@ -93,7 +93,11 @@ class StagedMatcher(Generic[Features]):
             at, to = current.at_working_size(found.current), other.at_working_size(found.other)
             return PointMatches(at, to, found.confidence)
 
-        unwanted = (lambda found: is_excluded(scaled(found), excluded)) if excluded else None
-        hypotheses = self._points.hypotheses(current.features, other.features, unwanted)
-        for matches in map(scaled, hypotheses):
-            yield matches.select(~is_excluded(matches, excluded))
+        def unwanted(found: PointMatches) -> BoolArray:
+            return is_excluded(scaled(found), excluded, self._config)
+
+        hypotheses = self._points.hypotheses(
+            current.features, other.features, unwanted if excluded else None
+        )
+        for matches in hypotheses:
+            yield scaled(matches.select(~unwanted(matches)))

@@ -15,8 +15,8 @@ from dfvs_core.manifest import FlowOutput, PictureInput
 from dfvs_core.matching.confidence import empty_flow, exclude
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.dense_search import (
-    correlation_confidence,
     forward_backward_consistency,
+    normalised_cross_correlation,
 )
 from dfvs_core.matching.matcher import Prepared, check_pair, working_size
 from dfvs_core.matching.points import PointMatches, Unwanted
@@ -89,10 +89,10 @@ class PairMatcher:
         if not (np.isfinite(there).all() and np.isfinite(back).all()):
             return empty_flow(current.size)
         brought = sample(other.grey, pixel_grid(current.size) + there)
-        confidence = forward_backward_consistency(there, back, self._config.forward_backward_px)
-        confidence *= correlation_confidence(current.grey, brought, self._config)
+        confidence = forward_backward_consistency(there, back, self._config)
+        confidence *= np.maximum(normalised_cross_correlation(current.grey, brought), 0.0)
         field = FlowField(there, confidence * lands_inside(there))
-        return exclude(field, excluded)
+        return exclude(field, excluded, self._config)
 
     def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField | None:
         """Flow of the network, which takes as long with a prediction as without."""
@@ -149,7 +149,6 @@ class FlowPoints:
 
     def __init__(self, network: PairMatcher) -> None:
         self._network = network
-        self._stride_px = MatchingConfig().cell_px
 
     @property
     def width_px(self) -> int:
@@ -164,7 +163,7 @@ class FlowPoints:
         self, current: PairPicture, other: PairPicture, unwanted: Unwanted | None = None
     ) -> Iterator[PointMatches]:
         """See ``dfvs_core.matching.points``."""
-        yield confident_matches(self._network.match(current, other), self._stride_px)
+        yield confident_matches(self._network.match(current, other))
 
 
 def picture_tensor(image: ImageArray, spec: PictureInput) -> Float32Array:
