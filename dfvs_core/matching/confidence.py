@@ -13,8 +13,6 @@ from dfvs_core.matching.points import PointMatches
 
 CONFIDENT = 0.5
 """Confidence above which a vector is more likely right than wrong."""
-_SAME_PX = 3.0
-"""Distance within which two flows lead to the same place, px of the working size."""
 
 
 def confident_ratio(field: FlowField) -> float:

@@ -39,6 +39,12 @@ class MatchingConfig:
     """Share of the confident area of a prediction that has to be confident again."""
     least_confident_ratio: float = 0.05
     """Confident share of the image that a track has to have."""
+    sift_width_px: int = 640
+    """Largest width at which the classical matcher finds keypoints."""
+    sift_count: int = 3000
+    """Keypoints of an image, at most."""
+    sift_ratio: float = 0.9
+    """Distance of the nearest descriptor, in distances of the second, of a match."""
 
     def noise_px(self, width_px: int) -> float:
         """Standard deviation of a match in an image of a width, px: 1 at the working width."""

@@ -34,8 +34,9 @@ def fit_two_views(
         _, mask = cv2.findFundamentalMat(current, other, cv2.USAC_MAGSAC, sigma_px)
     except cv2.error:  # all points lead to nearly the same one, say
         return None
-    inliers = matches.select(np.ravel(mask) > 0) if mask is not None else matches.select([])
-    return inliers if len(inliers) >= config.least_matches else None
+    if mask is None or np.count_nonzero(mask) < config.least_matches:
+        return None
+    return matches.select(mask.ravel() > 0)
 
 
 def probability(confirmed: float, explained: float, config: MatchingConfig) -> float:
