@@ -36,7 +36,7 @@ def exclude(field: FlowField, excluded: Sequence[FlowField], config: MatchingCon
     """Flow without confidence where it leads to the same place as one that is excluded."""
     for wrong in excluded:
         apart_px = np.linalg.norm(field.flow - wrong.flow, axis=2)
-        kept = apart_px >= config.same_px(apart_px.shape[1])
+        kept = apart_px >= config.same_px
         field = FlowField(field.flow, field.confidence * kept)
     return field
 
@@ -47,5 +47,5 @@ def is_excluded(
     """Mask (N,) of the matches that lead to the same place as a flow that is excluded."""
     same: BoolArray = np.zeros(len(matches), bool)
     for wrong in excluded:
-        same |= matches.miss_px(wrong.flow) < config.same_px(wrong.flow.shape[1])
+        same |= matches.miss_px(wrong.flow) < config.same_px
     return same

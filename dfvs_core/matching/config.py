@@ -25,6 +25,8 @@ class MatchingConfig:
     """Dense searches from what the one before has confirmed."""
     least_matches: int = 12
     """Matches that a two-view geometry or a smooth flow is fitted to."""
+    noise_px: float = 1.0
+    """Standard deviation of a match, px of the working size. Limits are multiples of it."""
     same_sigmas: float = 3.0
     """Distance within which two matches lead to the same place, in standard deviations."""
     residual_sigmas: float = 6.0
@@ -46,10 +48,7 @@ class MatchingConfig:
     sift_ratio: float = 0.9
     """Distance of the nearest descriptor, in distances of the second, of a match."""
 
-    def noise_px(self, width_px: int) -> float:
-        """Standard deviation of a match in an image of a width, px: 1 at the working width."""
-        return width_px / self.working_width_px
-
-    def same_px(self, width_px: int) -> float:
-        """Distance within which two matches of such an image lead to the same place, px."""
-        return self.same_sigmas * self.noise_px(width_px)
+    @property
+    def same_px(self) -> float:
+        """Distance within which two matches lead to the same place, px of the working size."""
+        return self.same_sigmas * self.noise_px

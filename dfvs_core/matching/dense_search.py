@@ -44,7 +44,7 @@ def forward_backward_consistency(
     """(H, W): 1 where both flows lead back to the start, 0.5 one standard deviation beside it."""
     miss = compose(forward, backward)
     square = np.einsum("hwc,hwc->hw", miss, miss)
-    return np.asarray(1.0 / (1.0 + square / config.noise_px(miss.shape[1]) ** 2), np.float32)
+    return np.asarray(1.0 / (1.0 + square / config.noise_px**2), np.float32)
 
 
 def normalised_cross_correlation(current: ImageArray, warped: ImageArray) -> Float32Array:

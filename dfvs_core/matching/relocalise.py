@@ -41,7 +41,7 @@ def relocalise(
         In px of these images, the likeliest first; each is asked for when all before it failed.
     """
     for matches in itertools.islice(hypotheses, config.most_hypotheses):
-        inliers = fit_two_views(matches, current.shape[1], config)
+        inliers = fit_two_views(matches, config)
         if inliers is None:
             continue
         field, right = _densify(current, other, matches, inliers, config)
@@ -82,7 +82,7 @@ def _around_inliers(
     Only those count where the dense search has found nothing.
     """
     confidence = np.zeros_like(field.confidence)
-    counts = inliers.miss_px(predicted) < config.same_px(confidence.shape[1])
+    counts = inliers.miss_px(predicted) < config.same_px
     counts &= field.confidence[inliers.pixels(confidence.shape)] < CONFIDENT
     counted = inliers.select(counts)
     np.maximum.at(confidence, counted.pixels(confidence.shape), 0.5 * (1.0 + counted.confidence))

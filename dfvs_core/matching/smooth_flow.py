@@ -31,7 +31,7 @@ def smooth_flow(
     at = ((matches.current + 0.5) / PATCH_PX - 0.5).astype(np.float32)
     rest = (matches.other - matches.current @ A[:, :2].T - A[:, 2]).astype(np.float32)
     rest /= PATCH_PX
-    residual = config.residual_sigmas * config.noise_px(width) / PATCH_PX
+    residual = config.residual_sigmas * config.noise_px / PATCH_PX
     bend: Float32Array = np.zeros((*cells, 2), np.float32)
     for sigma in 2.0 ** np.arange(int(np.log2(cells[1])), -1, -1):
         miss = np.linalg.norm(rest, axis=1) / (residual * (1.0 + np.sqrt(sigma)))

@@ -24,7 +24,7 @@ def track(
         return None
     least = max(config.least_confident_ratio, config.kept_ratio * confident_ratio(predicted))
     field = predicted
-    for _ in range(config.growing_rounds):
+    for _ in range(1 + config.growing_rounds):
         matches = confident_matches(field)
         if len(matches) < config.least_matches:
             return None

@@ -19,19 +19,16 @@ from dfvs_core.matching.texture import has_texture
 from dfvs_core.matching.warping import lands_inside
 
 
-def fit_two_views(
-    matches: PointMatches, width_px: int, config: MatchingConfig
-) -> PointMatches | None:
+def fit_two_views(matches: PointMatches, config: MatchingConfig) -> PointMatches | None:
     """Inliers of the two-view geometry that explains most matches; None where there is none.
 
-    The same matches, of an image of a width in px, give the same inliers.
+    The same matches, in px of the working size, give the same inliers.
     """
     if len(matches) < config.least_matches:
         return None
     current, other = (at.astype(np.float64) for at in (matches.current, matches.other))
-    sigma_px = config.noise_px(width_px)
     try:
-        _, mask = cv2.findFundamentalMat(current, other, cv2.USAC_MAGSAC, sigma_px)
+        _, mask = cv2.findFundamentalMat(current, other, cv2.USAC_MAGSAC, config.noise_px)
     except cv2.error:  # all points lead to nearly the same one, say
         return None
     if mask is None or np.count_nonzero(mask) < config.least_matches:
@@ -55,9 +52,8 @@ def probability(confirmed: float, explained: float, config: MatchingConfig) -> f
 
 def support(matches: PointMatches, field: FlowField, config: MatchingConfig) -> float:
     """Sum of the confidence of the matches that a dense flow (H, W) confirms."""
-    height, width = field.confidence.shape
-    confirmed = matches.miss_px(field.flow) < config.same_px(width)
-    confirmed &= field.confidence[matches.pixels((height, width))] > CONFIDENT
+    confirmed = matches.miss_px(field.flow) < config.same_px
+    confirmed &= field.confidence[matches.pixels(field.confidence.shape)] > CONFIDENT
     return float(matches.confidence[confirmed].sum())
 
 

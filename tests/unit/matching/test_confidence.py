@@ -14,7 +14,7 @@ from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.points import PointMatches
 
 SIZE = (40, 60)
-CONFIG = MatchingConfig(working_width_px=SIZE[1])
+CONFIG = MatchingConfig()
 
 
 def field(du_px, confidence=1.0):

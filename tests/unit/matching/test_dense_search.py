@@ -88,7 +88,7 @@ def test_a_plain_image_has_no_confidence():
 def test_confidence_halves_where_the_way_back_misses_by_a_standard_deviation():
     forward = np.full((*SIZE, 2), (10.0, 0.0), np.float32)
     backward = -forward
-    backward[:, WIDTH // 2 :] += 0.0, CONFIG.noise_px(WIDTH)
+    backward[:, WIDTH // 2 :] += 0.0, CONFIG.noise_px
     confidence = forward_backward_consistency(forward, backward, CONFIG)
     np.testing.assert_allclose(confidence[:, : WIDTH // 2 - 11], 1.0)
     np.testing.assert_allclose(confidence[:, WIDTH // 2 :], 0.5)

@@ -36,7 +36,7 @@ def rigid(rng, count, flow=SCENE.flow):
 
 def test_all_matches_of_a_rigid_scene_are_inliers(rng):
     given = rigid(rng, 300)
-    found = fit_two_views(given, WIDTH, CONFIG)
+    found = fit_two_views(given, CONFIG)
     assert len(found) > 0.95 * len(given)
     assert probability(len(found), EXPLAINED, CONFIG) > 0.95
 
@@ -45,7 +45,7 @@ def test_gross_errors_among_the_matches_of_a_rigid_scene_are_no_inliers(rng):
     right = rigid(rng, 400)
     is_wrong = rng.random(len(right)) < 0.3
     other = np.where(is_wrong[:, None], points(rng, len(right)), right.other)
-    found = fit_two_views(matches(right.current, other), WIDTH, CONFIG)
+    found = fit_two_views(matches(right.current, other), CONFIG)
     kept = np.isin(other[:, 0], found.other[:, 0])
     assert kept[~is_wrong].mean() > 0.9
     assert kept[is_wrong].mean() < 0.1  # one in some dozens lies on its epipolar line by chance
@@ -55,22 +55,22 @@ def test_gross_errors_among_the_matches_of_a_rigid_scene_are_no_inliers(rng):
 def test_too_few_matches_have_no_geometry(rng):
     enough = rigid(rng, 300)
     for count in (0, 1, 7, CONFIG.least_matches - 1):
-        assert fit_two_views(enough.select(np.arange(len(enough)) < count), WIDTH, CONFIG) is None
+        assert fit_two_views(enough.select(np.arange(len(enough)) < count), CONFIG) is None
 
 
 @pytest.mark.parametrize("spread_px", [0.0, 1e-3, 1.0])
 def test_matches_that_all_lead_to_one_point_are_improbable(rng, spread_px):
     at = points(rng, 40)
     to = 50.0 + rng.normal(0.0, 1.0, at.shape) * spread_px
-    found = fit_two_views(matches(at, to), WIDTH, CONFIG)
+    found = fit_two_views(matches(at, to), CONFIG)
     assert found is None or probability(len(found), 0.02, CONFIG) < 0.5
 
 
 def test_the_same_matches_give_the_same_inliers(rng):
     noisy = rigid(rng, 300)
-    first = fit_two_views(noisy, WIDTH, CONFIG)
+    first = fit_two_views(noisy, CONFIG)
     cv2.setRNGSeed(12345)
-    second = fit_two_views(noisy, WIDTH, CONFIG)
+    second = fit_two_views(noisy, CONFIG)
     assert first.current.tobytes() == second.current.tobytes()
 
 
