@@ -8,14 +8,11 @@ import numpy as np
 
 from dfvs_core.arrays import BoolArray
 from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.points import PointMatches
 
 CONFIDENT = 0.5
 """Confidence above which a vector is more likely right than wrong."""
-_SAME_PX = 3.0
-"""Distance within which two flows lead to the same place, px of the working size."""
-_LEAST_COMMON_RATIO, _SAME_RATIO = 0.005, 0.5
-"""Share of the image on which two flows are compared, and share of that which must agree."""
 
 
 def confident_ratio(field: FlowField) -> float:
@@ -30,34 +27,25 @@ def merge_by_confidence(first: FlowField, second: FlowField) -> FlowField:
     return FlowField(flow, np.maximum(first.confidence, second.confidence))
 
 
-def are_consistent(first: FlowField, second: FlowField) -> bool:
-    """Whether two flows lead to the same places, where both are confident."""
-    both = (first.confidence > CONFIDENT) & (second.confidence > CONFIDENT)
-    if np.mean(both) < _LEAST_COMMON_RATIO:
-        return False
-    apart = np.linalg.norm(first.flow[both] - second.flow[both], axis=1)
-    return bool(np.mean(apart < _SAME_PX) > _SAME_RATIO)
-
-
 def empty_flow(size: tuple[int, int]) -> FlowField:
     """Flow of an image of ``size`` (height, width) without any confidence."""
     return FlowField(np.zeros((*size, 2), np.float32), np.zeros(size, np.float32))
 
 
-def exclude(field: FlowField, excluded: Sequence[FlowField]) -> FlowField:
+def exclude(field: FlowField, excluded: Sequence[FlowField], config: MatchingConfig) -> FlowField:
     """Flow without confidence where it leads to the same place as one that is excluded."""
     for wrong in excluded:
-        apart = np.linalg.norm(field.flow - wrong.flow, axis=2) >= _SAME_PX
-        field = FlowField(field.flow, field.confidence * apart)
+        apart_px = np.linalg.norm(field.flow - wrong.flow, axis=2)
+        kept = apart_px >= config.same_px
+        field = FlowField(field.flow, field.confidence * kept)
     return field
 
 
-def is_excluded(matches: PointMatches, excluded: Sequence[FlowField]) -> BoolArray:
+def is_excluded(
+    matches: PointMatches, excluded: Sequence[FlowField], config: MatchingConfig
+) -> BoolArray:
     """Mask (N,) of the matches that lead to the same place as a flow that is excluded."""
     same: BoolArray = np.zeros(len(matches), bool)
     for wrong in excluded:
-        u, v = np.rint(matches.current).astype(np.intp).T
-        v, u = np.clip(v, 0, wrong.flow.shape[0] - 1), np.clip(u, 0, wrong.flow.shape[1] - 1)
-        moved = matches.other - matches.current - wrong.flow[v, u]
-        same |= np.linalg.norm(moved, axis=1) < _SAME_PX
+        same |= matches.miss_px(wrong.flow) < config.same_px
     return same

@@ -3,19 +3,15 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Iterable
-from dataclasses import dataclass, replace
-from typing import Any
+from dataclasses import dataclass
 
-from dfvs_core.errors import ConfigError
+PATCH_PX = 8
+"""Side of a patch of OpenCV's DISOpticalFlow. Windows and cells are as large."""
 
 
 @dataclass(frozen=True, slots=True)
 class MatchingConfig:
-    """Everything in ``dfvs_core.matching`` that was chosen by measurement.
-
-    Lengths are in px of the working size unless a name says otherwise.
-    """
+    """Everything in ``dfvs_core.matching`` that was chosen by measurement."""
 
     working_width_px: int = 320
     """Width at which images of 4:3 are searched; others at as many pixels, none enlarged."""
@@ -23,62 +19,34 @@ class MatchingConfig:
     """Angles by which the other image is turned in a relocalisation."""
     scales: tuple[float, ...] = (1.0, 0.5)
     """Factors by which it is reduced."""
-
-    # Dense inverse search (OpenCV's DISOpticalFlow)
-    patch_stride_px: int = 4
-    """From patch to patch of 8 px."""
-    smoothness: float = 40.0
-    """Weight of smoothness in the variational refinement."""
-    forward_rounds: int = 8
-    """Variational rounds of the flow that is used."""
-    backward_rounds: int = 4
-    """Variational rounds of the flow that only checks it."""
-
-    # Confidence of a flow vector
-    forward_backward_px: float = 1.0
-    """Forward-backward error at which confidence is one half."""
-    deviation_px: float = 4.0
-    """Distance from the median residual motion at which confidence is one half."""
-    correlation_radius_px: int = 4
-    """Half side of the window of the normalised cross-correlation."""
-    full_correlation: float = 0.8
-    """Correlation from which on confidence is not reduced."""
-
-    # Smooth flow through scattered matches
-    cell_px: int = 8
-    """Cell of the grid on which residuals are interpolated."""
-    sigmas_cells: tuple[float, ...] = (8.0, 4.0, 2.0, 1.0)
-    """Widths of the interpolation, from coarse to fine."""
-    damping: float = 0.15
-    """Weight of no residual at all, in matches at the same place."""
-    slope_damping: float = 0.3
-    """The same of no slope, per square of the width."""
-    residual_px: float = 6.0
-    """Scale of the robust weight of a residual at the finest width."""
-
-    # Verification
-    least_match_confidence: float = 0.1
-    """Confidence below which a sparse match is dropped."""
-    epipolar_px: float = 1.0
-    """Distance from the epipolar line within which a match is an inlier."""
-    least_matches: int = 12
-    """Matches that a two-view geometry is fitted to."""
     most_hypotheses: int = 2
     """Hypotheses for which a dense flow is searched."""
-    growing_rounds: int = 3
+    growing_rounds: int = 2
     """Dense searches from what the one before has confirmed."""
-    logit: tuple[float, float, float] = (-2.0, 1.35, 1.05)
-    """Constant, and weights of the logarithms of support and explained texture: probability."""
-    clear_probability: float = 0.85
-    """Probability from which on no further hypothesis is tried."""
-    least_probability: float = 0.5
-    """Probability below which a hypothesis gives no flow."""
-
-    # Tracking
-    kept_ratio: float = 0.5
-    """Share of the confident area of the prediction that has to be confident again."""
+    least_matches: int = 12
+    """Matches that a two-view geometry or a smooth flow is fitted to."""
+    noise_px: float = 1.0
+    """Standard deviation of a match, px of the working size. Limits are multiples of it."""
+    same_sigmas: float = 3.0
+    """Distance within which two matches lead to the same place, in standard deviations."""
+    residual_sigmas: float = 6.0
+    """Scale of the robust weight of a match, in standard deviations beside the smooth flow."""
+    damping: float = 0.15
+    """Weight of no residual and of no slope, in matches at the same place and one sigma aside."""
+    least_gradient: float = 15.0
+    """Size of Sobel's gradient, in the mean of a patch, from which on it has texture."""
+    even_odds_matches: float = 5.0
+    """Confirmed matches, times the explained texture, of a hypothesis with even odds."""
+    kept_ratio: float = 1.0 / 3.0
+    """Share of the confident area of a prediction that has to be confident again."""
     least_confident_ratio: float = 0.05
     """Confident share of the image that a track has to have."""
+    sift_width_px: int = 640
+    """Largest width at which the classical matcher finds keypoints."""
+    sift_count: int = 3000
+    """Keypoints of an image, at most."""
+    sift_ratio: float = 0.9
+    """Distance of the nearest descriptor, in distances of the second, of a match."""
 
     def working_size(self, size: tuple[int, int]) -> tuple[int, int]:
         """Size (height, width) at which the dense search runs, of an image of ``size``, px."""
@@ -86,28 +54,7 @@ class MatchingConfig:
         scale = min(1.0, self.working_width_px * math.sqrt(0.75 / (height * width)))
         return round(height * scale), round(width * scale)
 
-
-STAGES: dict[str, dict[str, Any]] = {
-    "turns": {"turns_rad": (0.0,)},
-    "scales": {"scales": (1.0,)},
-    "hypotheses": {"most_hypotheses": 1},
-    "growing": {"growing_rounds": 0},
-    "verification": {"least_probability": 0.0},
-}
-"""Stages of relocalisation that can be left out, and the numbers that do so."""
-
-
-def without(stages: Iterable[str]) -> MatchingConfig:
-    """Default numbers, with some of :data:`STAGES` left out.
-
-    Raises
-    ------
-    ConfigError
-        If there is no such stage.
-    """
-    config = MatchingConfig()
-    for stage in stages:
-        if stage not in STAGES:
-            raise ConfigError(f"there is no stage {stage!r}", f"one of {', '.join(STAGES)}")
-        config = replace(config, **STAGES[stage])
-    return config
+    @property
+    def same_px(self) -> float:
+        """Distance within which two matches lead to the same place, px of the working size."""
+        return self.same_sigmas * self.noise_px

@@ -3,18 +3,18 @@
 from __future__ import annotations
 
 from collections.abc import Sequence
-from typing import Protocol
+from typing import Protocol, TypeVar
 
 from dfvs_core.arrays import ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
 
 LEAST_SIZE_PX = 32
-"""Width and height of the smallest pictures that can be matched."""
+"""Width and height of the smallest images that can be matched."""
 
 
 class Prepared:
-    """A picture as its matcher wants it: opaque to everybody else.
+    """An image as its matcher wants it, opaque to everybody else.
 
     Parameters
     ----------
@@ -26,17 +26,20 @@ class Prepared:
         self.size = size
 
     def slim(self) -> None:
-        """Let go of what only a search asks for; where one does, it is found anew, to the bit."""
+        """Release what only a relocalisation asks for; it is computed anew there, to the bit."""
+
+
+OwnPrepared = TypeVar("OwnPrepared", bound=Prepared)
 
 
 class Matcher(Protocol):
-    """Finds where the points of one picture are seen in another.
+    """Finds where the points of one image are seen in another.
 
     A matcher keeps nothing between calls: the same arguments give the same bits.
     """
 
     def prepare(self, image: ImageArray) -> Prepared:
-        """Compute once what depends on one picture (H, W, 3) alone: a goal's, or a frame's."""
+        """Compute once what depends on one image (H, W, 3) alone."""
         ...
 
     def match(
@@ -72,46 +75,43 @@ def follow(
     return matcher.match(current, other) if tracked is None else tracked
 
 
-def check_image(image: ImageArray) -> None:
-    """Refuse what is not an RGB picture that can be matched.
+def working_size(image: ImageArray, most_width_px: int | None = None) -> tuple[int, int]:
+    """Size (height, width) at which an image is matched: its own, reduced to a largest width.
 
     Raises
     ------
     ImageError
-        If it is not (H, W, 3) uint8 with H and W of ``LEAST_SIZE_PX`` or more.
+        If the image is not (H, W, 3) uint8, or height or width are under ``LEAST_SIZE_PX``.
     """
     if image.ndim != 3 or image.shape[2] != 3 or image.dtype.name != "uint8":
         raise ImageError(
-            f"picture is {image.dtype} of shape {image.shape}", "uint8 of (H, W, 3), RGB"
+            f"image is {image.dtype} of shape {image.shape}", "uint8 of (H, W, 3), RGB"
         )
-    check_size((image.shape[0], image.shape[1]))
-
-
-def check_size(size: tuple[int, int]) -> None:
-    """Refuse a size (height, width) that is too small to be matched.
-
-    Raises
-    ------
-    ImageError
-        If one of them is under ``LEAST_SIZE_PX``.
-    """
+    height, width = image.shape[:2]
+    scale = 1.0 if most_width_px is None else min(1.0, most_width_px / width)
+    size = round(height * scale), round(width * scale)
     if min(size) < LEAST_SIZE_PX:
         raise ImageError(
             f"image has {size[1]} x {size[0]} px where it is matched",
             f"{LEAST_SIZE_PX} x {LEAST_SIZE_PX} or more",
         )
+    return size
 
 
-def check_same_size(current: Prepared, other: Prepared) -> None:
-    """Refuse two pictures of different sizes.
+def check_pair(current: Prepared, other: Prepared, kind: type[OwnPrepared]) -> list[OwnPrepared]:
+    """Both images, as a matcher's own kind.
 
     Raises
     ------
     ImageError
-        If their sizes differ.
+        If their sizes differ, or another matcher prepared one of them.
     """
     if current.size != other.size:
         (h, w), (oh, ow) = current.size, other.size
         raise ImageError(
-            f"pictures of {w} x {h} and {ow} x {oh} px cannot be matched", "one size for both"
+            f"images of {w} x {h} and {ow} x {oh} px cannot be matched", "one size for both"
         )
+    pair = [image for image in (current, other) if isinstance(image, kind)]
+    if len(pair) < 2:
+        raise ImageError("images were prepared by another matcher", "the same matcher's")
+    return pair

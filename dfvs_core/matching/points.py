@@ -6,7 +6,9 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
-from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
+import numpy as np
+
+from dfvs_core.arrays import BoolArray, Float32Array, ImageArray, IntArray
 
 Features = TypeVar("Features")
 
@@ -28,6 +30,17 @@ class PointMatches:
     def select(self, kept: BoolArray) -> PointMatches:
         """The matches of a mask (N,)."""
         return PointMatches(self.current[kept], self.other[kept], self.confidence[kept])
+
+    def pixels(self, size: tuple[int, ...]) -> tuple[IntArray, IntArray]:
+        """Rows and columns (N,) of the pixels of ``current`` in an image of ``size`` (H, W)."""
+        last = np.array(size[1::-1]) - 1
+        u, v = np.clip(np.rint(self.current).astype(np.intp), 0, last).T
+        return v, u
+
+    def miss_px(self, flow: Float32Array) -> Float32Array:
+        """Distance (N,) of ``other`` from where a flow (H, W, 2) leads."""
+        moved = flow[self.pixels(flow.shape)] - (self.other - self.current)
+        return np.asarray(np.linalg.norm(moved, axis=1), np.float32)
 
 
 Unwanted = Callable[[PointMatches], BoolArray]

@@ -9,12 +9,11 @@ from typing import Generic, cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
+from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
-from dfvs_core.errors import ImageError
 from dfvs_core.matching.confidence import empty_flow, exclude, is_excluded
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.matcher import Prepared, check_image, check_same_size, check_size
+from dfvs_core.matching.matcher import Prepared, check_pair, working_size
 from dfvs_core.matching.points import Features, PointMatcher, PointMatches
 from dfvs_core.matching.relocalise import relocalise
 from dfvs_core.matching.track import track
@@ -27,13 +26,10 @@ class StagedImage(Prepared, Generic[Features]):
     def __init__(
         self, image: ImageArray, points: PointMatcher[Features], config: MatchingConfig
     ) -> None:
-        check_image(image)
+        features_size = working_size(image, points.width_px)
         super().__init__(config.working_size((image.shape[0], image.shape[1])))
-        check_size(self.size)
-        self._image = resized(image, _at_most(image, points.width_px))
+        self._image = resized(image, features_size)
         self._points = points
-        self.scale = self.size[1] / self._image.shape[1]
-        """Px of the working size in one of the image that features lie in."""
         grey = cast(ImageArray, cv2.cvtColor(self._image, cv2.COLOR_RGB2GRAY))
         self.grey = resized(grey, self.size)
 
@@ -41,6 +37,11 @@ class StagedImage(Prepared, Generic[Features]):
     def features(self) -> Features:
         """Features of the point matcher."""
         return self._points.encode(self._image)
+
+    def at_working_size(self, points: Float32Array) -> Float32Array:
+        """Points (N, 2) px of the image that features lie in, in px of the working size."""
+        scale = self.size[1] / self._image.shape[1]
+        return np.asarray((points + 0.5) * scale - 0.5, np.float32)
 
     def slim(self) -> None:
         """Release the features; they are encoded anew where they are asked for again."""
@@ -71,15 +72,15 @@ class StagedMatcher(Generic[Features]):
         self, current: Prepared, other: Prepared, *, excluded: Sequence[FlowField] = ()
     ) -> FlowField:
         """Flow without a prior; see :class:`Matcher`."""
-        current, other = self._check(current, other)
-        hypotheses = self._hypotheses(current, other, excluded)
-        found = relocalise(current.grey, other.grey, hypotheses, self._config, excluded)
-        return empty_flow(current.size) if found is None else exclude(found.field, excluded)
+        first, second = check_pair(current, other, StagedImage)
+        hypotheses = self._hypotheses(first, second, excluded)
+        found = relocalise(first.grey, second.grey, hypotheses, self._config)
+        return empty_flow(first.size) if found is None else exclude(found, excluded, self._config)
 
     def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField | None:
         """Flow by a prediction alone; see :class:`Matcher`."""
-        current, other = self._check(current, other)
-        return track(current.grey, other.grey, predicted, self._config)
+        first, second = check_pair(current, other, StagedImage)
+        return track(first.grey, second.grey, predicted, self._config)
 
     def _hypotheses(
         self,
@@ -87,30 +88,17 @@ class StagedMatcher(Generic[Features]):
         other: StagedImage[Features],
         excluded: Sequence[FlowField],
     ) -> Iterator[PointMatches]:
-        """Hypotheses in px of the working size."""
+        """Hypotheses in px of the working size, without matches that follow an excluded flow."""
 
         def scaled(found: PointMatches) -> PointMatches:
-            at, to = (
-                ((points + 0.5) * image.scale - 0.5).astype(np.float32)
-                for points, image in ((found.current, current), (found.other, other))
-            )
+            at, to = current.at_working_size(found.current), other.at_working_size(found.other)
             return PointMatches(at, to, found.confidence)
 
-        unwanted = (lambda found: is_excluded(scaled(found), excluded)) if excluded else None
-        yield from map(scaled, self._points.hypotheses(current.features, other.features, unwanted))
+        def unwanted(found: PointMatches) -> BoolArray:
+            return is_excluded(scaled(found), excluded, self._config)
 
-    def _check(
-        self, current: Prepared, other: Prepared
-    ) -> tuple[StagedImage[Features], StagedImage[Features]]:
-        """Refuse images of different sizes or of another matcher."""
-        check_same_size(current, other)
-        if not (isinstance(current, StagedImage) and isinstance(other, StagedImage)):
-            raise ImageError("images were prepared by another matcher", "the same matcher's")
-        return current, other
-
-
-def _at_most(image: ImageArray, width_px: int) -> tuple[int, int]:
-    """Size (height, width) of an image, reduced to a width if it has more."""
-    height, width = image.shape[:2]
-    scale = min(1.0, width_px / width)
-    return round(height * scale), round(width * scale)
+        hypotheses = self._points.hypotheses(
+            current.features, other.features, unwanted if excluded else None
+        )
+        for matches in hypotheses:
+            yield scaled(matches.select(~unwanted(matches)))

@@ -3,7 +3,7 @@
 1. Confident vectors of the prediction are matches; a smooth flow goes through them.
 2. The dense search makes it precise.
 3. The result holds if about as much of the image is confident as in the prediction. Where it does
-   not, the search is repeated once from its own result.
+   not, the search is repeated from its own result.
 """
 
 from __future__ import annotations
@@ -15,10 +15,6 @@ from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.dense_search import search_residual
 from dfvs_core.matching.smooth_flow import confident_matches, smooth_flow
 
-_ROUNDS = 2
-_MOST_EXPECTED_RATIO = 0.5
-"""Confident share of a prediction above which no more is expected."""
-
 
 def track(
     current: ImageArray, other: ImageArray, predicted: FlowField, config: MatchingConfig
@@ -26,14 +22,14 @@ def track(
     """Flow between two grey images (H, W) by a prediction; None where it does not hold."""
     if predicted.confidence.shape != current.shape or not predicted.is_finite():
         return None
-    expected = config.kept_ratio * min(confident_ratio(predicted), _MOST_EXPECTED_RATIO)
+    least = max(config.least_confident_ratio, config.kept_ratio * confident_ratio(predicted))
     field = predicted
-    for _ in range(_ROUNDS):
-        matches = confident_matches(field, config.cell_px)
+    for _ in range(1 + config.growing_rounds):
+        matches = confident_matches(field)
         if len(matches) < config.least_matches:
             return None
         start = smooth_flow(matches, (current.shape[0], current.shape[1]), config)
         field = search_residual(current, other, start, config)
-        if confident_ratio(field) >= max(config.least_confident_ratio, expected):
+        if confident_ratio(field) >= least:
             return field
     return None

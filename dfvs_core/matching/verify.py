@@ -7,8 +7,6 @@ right, nearly all that has texture and is in view of both images matches.
 
 from __future__ import annotations
 
-import math
-
 import cv2
 import numpy as np
 
@@ -20,39 +18,26 @@ from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.texture import has_texture
 from dfvs_core.matching.warping import lands_inside
 
-_CONFIDENCE, _ROUNDS = 0.999, 2000
-_LEAST_EXPLAINED = 0.02
-"""Share of explained texture that counts as none."""
-_CONFIRMED_PX = 4.0
-"""Distance between a match and the dense flow within which it is confirmed."""
-
 
 def fit_two_views(matches: PointMatches, config: MatchingConfig) -> PointMatches | None:
-    """Inliers of the two-view geometry that explains most matches; None where there is none."""
-    matches = matches.select(matches.confidence > config.least_match_confidence)
+    """Inliers of the two-view geometry that explains most matches; None where there is none.
+
+    The same matches, in px of the working size, give the same inliers.
+    """
     if len(matches) < config.least_matches:
         return None
+    current, other = (at.astype(np.float64) for at in (matches.current, matches.other))
     try:
-        found, mask = cv2.findFundamentalMat(
-            matches.current.astype(np.float64),
-            matches.other.astype(np.float64),
-            cv2.USAC_MAGSAC,
-            config.epipolar_px,
-            _CONFIDENCE,
-            _ROUNDS,
-        )  # which draws the same samples every time
+        _, mask = cv2.findFundamentalMat(current, other, cv2.USAC_MAGSAC, config.noise_px)
     except cv2.error:  # all points lead to nearly the same one, say
         return None
-    if found is None:
+    if mask is None or np.count_nonzero(mask) < config.least_matches:
         return None
-    kept = mask.ravel() > 0
-    if np.count_nonzero(kept) < config.least_matches:
-        return None
-    return matches.select(kept)
+    return matches.select(mask.ravel() > 0)
 
 
 def probability(confirmed: float, explained: float, config: MatchingConfig) -> float:
-    """Probability that a hypothesis is right, by logistic regression.
+    """Probability that a hypothesis is right: its odds are the matches that appearance confirms.
 
     Parameters
     ----------
@@ -61,22 +46,20 @@ def probability(confirmed: float, explained: float, config: MatchingConfig) -> f
     explained : float
         Of :func:`explained_ratio`.
     """
-    constant, of_support, of_texture = config.logit
-    logit = constant + of_support * math.log(confirmed + 1.0)
-    logit += of_texture * math.log(explained + _LEAST_EXPLAINED)
-    return 1.0 / (1.0 + math.exp(-logit))
+    odds = confirmed * explained
+    return odds / (odds + config.even_odds_matches) if odds > 0.0 else 0.0
 
 
-def support(matches: PointMatches, field: FlowField) -> float:
+def support(matches: PointMatches, field: FlowField, config: MatchingConfig) -> float:
     """Sum of the confidence of the matches that a dense flow (H, W) confirms."""
-    last = np.array(field.confidence.shape[::-1]) - 1
-    u, v = np.clip(np.rint(matches.current).astype(np.intp), 0, last).T
-    apart = np.linalg.norm(field.flow[v, u] - (matches.other - matches.current), axis=1)
-    confirmed = (apart < _CONFIRMED_PX) & (field.confidence[v, u] > CONFIDENT)
+    confirmed = matches.miss_px(field.flow) < config.same_px
+    confirmed &= field.confidence[matches.pixels(field.confidence.shape)] > CONFIDENT
     return float(matches.confidence[confirmed].sum())
 
 
-def explained_ratio(current: ImageArray, predicted: Float32Array, field: FlowField) -> float:
+def explained_ratio(
+    current: ImageArray, predicted: Float32Array, field: FlowField, config: MatchingConfig
+) -> float:
     """Share of the texture in view of both images that is confidently matched.
 
     Parameters
@@ -88,7 +71,7 @@ def explained_ratio(current: ImageArray, predicted: Float32Array, field: FlowFie
     field : FlowField
         Found from it.
     """
-    in_both: BoolArray = has_texture(current) & lands_inside(predicted)
+    in_both: BoolArray = has_texture(current, config) & lands_inside(predicted)
     if not in_both.any():
         return 0.0
     return float(np.mean(field.confidence[in_both] > CONFIDENT))

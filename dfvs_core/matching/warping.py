@@ -15,9 +15,7 @@ import numpy as np
 
 from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
-
-_CELL_PX, _FEWEST_CELLS = 16, 4
-_NOTABLE_SHRINKAGE, _MOST_SHRINKAGE = 1.25, 6.0
+from dfvs_core.matching.config import PATCH_PX
 
 Values = TypeVar("Values", ImageArray, Float32Array)
 
@@ -47,22 +45,18 @@ def backward_warp(values: Values, flow: Float32Array) -> Values:
 
     What shrinks much is smoothed first, against aliasing.
     """
-    shrinks = min(_shrinkage(flow), _MOST_SHRINKAGE)
-    if shrinks > _NOTABLE_SHRINKAGE:
-        sigma_px = 0.5 * math.sqrt(shrinks * shrinks - 1.0)
+    sigma_px = 0.5 * math.sqrt(min(max(1.0, _shrinkage(flow)), PATCH_PX) ** 2 - 1.0)
+    if sigma_px > 0.0:
         values = cast(Values, cv2.GaussianBlur(values, (0, 0), sigma_px))
     return sample(values, pixel_grid(flow.shape[:2]) + flow)
 
 
 def _shrinkage(flow: Float32Array) -> float:
-    """How many times smaller the other picture is where the flow leads into it, in the median."""
-    corners = (pixel_grid(flow.shape[:2]) + flow)[::_CELL_PX, ::_CELL_PX]
-    inside = lands_inside(flow)[::_CELL_PX, ::_CELL_PX][:-1, :-1]
-    if np.count_nonzero(inside) < _FEWEST_CELLS:
-        return 1.0
-    right, down = corners[:-1, 1:] - corners[:-1, :-1], corners[1:, :-1] - corners[:-1, :-1]
+    """How many times smaller the other image is where the flow leads into it, in the median."""
+    corners = (pixel_grid(flow.shape[:2]) + flow)[::PATCH_PX, ::PATCH_PX]
+    right, down = np.diff(corners, axis=1)[:-1], np.diff(corners, axis=0)[:, :-1]
     area = right[..., 0] * down[..., 1] - right[..., 1] * down[..., 0]
-    return math.sqrt(float(np.median(np.abs(area[inside])))) / _CELL_PX
+    return math.sqrt(float(np.median(np.abs(area)))) / PATCH_PX
 
 
 def compose(first: Float32Array, second: Float32Array) -> Float32Array:

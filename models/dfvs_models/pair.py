@@ -10,15 +10,15 @@ import numpy as np
 
 from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
-from dfvs_core.errors import ImageError, ModelError
+from dfvs_core.errors import ModelError
 from dfvs_core.manifest import FlowOutput, PictureInput
 from dfvs_core.matching.confidence import empty_flow, exclude
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.dense_search import (
-    correlation_confidence,
     forward_backward_consistency,
+    normalised_cross_correlation,
 )
-from dfvs_core.matching.matcher import Prepared, check_image, check_same_size
+from dfvs_core.matching.matcher import Prepared, check_pair, working_size
 from dfvs_core.matching.points import PointMatches, Unwanted
 from dfvs_core.matching.smooth_flow import confident_matches
 from dfvs_core.matching.warping import lands_inside, pixel_grid, sample
@@ -32,8 +32,7 @@ class PairPicture(Prepared):
     """A picture as the network wants it, (1, C, h, w) float32, and in grey (H, W)."""
 
     def __init__(self, image: ImageArray, spec: PictureInput) -> None:
-        check_image(image)
-        super().__init__((image.shape[0], image.shape[1]))
+        super().__init__(working_size(image))
         self.grey = cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
         self.tensor = picture_tensor(image, spec)
 
@@ -85,17 +84,15 @@ class PairMatcher:
         Output that is not finite gives a field of zeros without confidence. A network finds what it
         finds: if that is to be passed over there is nothing.
         """
-        check_same_size(current, other)
-        if not (isinstance(current, PairPicture) and isinstance(other, PairPicture)):
-            raise ImageError("pictures were prepared by another matcher", "the same matcher's")
+        current, other = check_pair(current, other, PairPicture)
         there, back = self._run(current, other), self._run(other, current)
         if not (np.isfinite(there).all() and np.isfinite(back).all()):
             return empty_flow(current.size)
         brought = sample(other.grey, pixel_grid(current.size) + there)
-        confidence = forward_backward_consistency(there, back, self._config.forward_backward_px)
-        confidence *= correlation_confidence(current.grey, brought, self._config)
+        confidence = forward_backward_consistency(there, back, self._config)
+        confidence *= np.maximum(normalised_cross_correlation(current.grey, brought), 0.0)
         field = FlowField(there, confidence * lands_inside(there))
-        return exclude(field, excluded)
+        return exclude(field, excluded, self._config)
 
     def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField | None:
         """Flow of the network, which takes as long with a prediction as without."""
@@ -152,7 +149,6 @@ class FlowPoints:
 
     def __init__(self, network: PairMatcher) -> None:
         self._network = network
-        self._stride_px = MatchingConfig().cell_px
 
     @property
     def width_px(self) -> int:
@@ -167,7 +163,7 @@ class FlowPoints:
         self, current: PairPicture, other: PairPicture, unwanted: Unwanted | None = None
     ) -> Iterator[PointMatches]:
         """See ``dfvs_core.matching.points``."""
-        yield confident_matches(self._network.match(current, other), self._stride_px)
+        yield confident_matches(self._network.match(current, other))
 
 
 def picture_tensor(image: ImageArray, spec: PictureInput) -> Float32Array:

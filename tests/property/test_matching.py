@@ -66,7 +66,7 @@ def test_there_and_back_is_where_it_began(H):
     there, back = (exact_flow(each).astype(np.float32) for each in (H, np.linalg.inv(H)))
     seen = inside(there)
     assert np.abs(compose(there, back)[seen]).max() < 0.05
-    assert forward_backward_consistency(there, back, half_px=1.0)[seen].min() > 0.99
+    assert forward_backward_consistency(there, back, MatchingConfig())[seen].min() > 0.99
 
 
 @settings(max_examples=REPEATS)

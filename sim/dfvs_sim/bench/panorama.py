@@ -15,7 +15,7 @@ import numpy as np
 from dfvs_core.arrays import FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
-from dfvs_core.matching.confidence import are_consistent
+from dfvs_core.matching.confidence import CONFIDENT
 from dfvs_core.matching.warping import pixel_grid, sample
 from dfvs_core.poses import so3_exp
 
@@ -26,6 +26,10 @@ OUTER_RING_RAD = math.radians(50.0)
 _RING_COUNT = 8
 _LEAST_DEPTH = 0.1
 """Of a ray of unit depth, turned: what is further aside is not in view."""
+_SAME_PX = 3.0
+"""Distance within which two looks lead to the same point."""
+_LEAST_COMMON_RATIO, _SAME_RATIO = 0.005, 0.5
+"""Share of the image on which two looks are compared, and share of that which must agree."""
 
 
 def ring() -> list[FloatArray]:
@@ -91,7 +95,7 @@ class Panorama:
         return [look, *(each for each in others if self._agree(look, each))]
 
     def _agree(self, first: Look, second: Look) -> bool:
-        return are_consistent(first.field, self._turned(second, first.R_ahead_look))
+        return _are_consistent(first.field, self._turned(second, first.R_ahead_look))
 
     def _turned(self, look: Look, R_ahead_other: FloatArray) -> FlowField:
         """Flow of a look as a camera would have seen it that is turned by ``R_ahead_other``."""
@@ -106,3 +110,12 @@ class Panorama:
         ahead &= ((at >= 0.0) & (at <= np.array(camera.size) - 1.0)).all(axis=-1)
         flow = sample(field.flow, at) + at - pixels
         return FlowField(flow, sample(field.confidence, at) * ahead)
+
+
+def _are_consistent(first: FlowField, second: FlowField) -> bool:
+    """Whether two flows lead to the same places, where both are confident."""
+    both = (first.confidence > CONFIDENT) & (second.confidence > CONFIDENT)
+    if np.mean(both) < _LEAST_COMMON_RATIO:
+        return False
+    apart = np.linalg.norm(first.flow[both] - second.flow[both], axis=1)
+    return bool(np.mean(apart < _SAME_PX) > _SAME_RATIO)

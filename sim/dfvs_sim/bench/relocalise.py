@@ -8,7 +8,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable, Iterable, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from enum import StrEnum
 from typing import Any
 
@@ -17,6 +17,7 @@ import numpy as np
 from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import FlowField
+from dfvs_core.errors import ConfigError
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.poses import invert_pose, pose_error
 from dfvs_models.catalog import load_matcher
@@ -31,6 +32,15 @@ RIGHT_DISTANCE, RIGHT_RAD = 0.15, float(np.radians(5.0))
 
 _OVERLAPS = (0.2, 0.3, 0.45, 0.6, 1.0)
 """Bounds of the classes by overlap."""
+
+STAGES: dict[str, dict[str, Any]] = {
+    "turns": {"turns_rad": (0.0,)},
+    "scales": {"scales": (1.0,)},
+    "hypotheses": {"most_hypotheses": 1},
+    "growing": {"growing_rounds": 0},
+    "verification": {"even_odds_matches": 0.0},
+}
+"""Stages of relocalisation that can be left out, and the numbers that do so."""
 
 
 class Verdict(StrEnum):
@@ -68,6 +78,22 @@ class RelocalisationJob:
     tasks: tuple[DrawnTask, ...]
     threads: int = 2
     config: MatchingConfig | None = None
+
+
+def without(stages: Iterable[str]) -> MatchingConfig:
+    """Default numbers, with some of :data:`STAGES` left out.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such stage.
+    """
+    config = MatchingConfig()
+    for stage in stages:
+        if stage not in STAGES:
+            raise ConfigError(f"there is no stage {stage!r}", f"one of {', '.join(STAGES)}")
+        config = replace(config, **STAGES[stage])
+    return config
 
 
 def draw_starts(order: Order, trials: int) -> tuple[DrawnTask, ...]:

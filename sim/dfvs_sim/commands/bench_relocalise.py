@@ -10,7 +10,6 @@ from typing import Any
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_core.matching.config import STAGES, without
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.bench.basin.cells import ROTATIONS_DEG, Cell
@@ -18,11 +17,13 @@ from dfvs_sim.bench.basin.drawing import DrawnTask, Order
 from dfvs_sim.bench.basin.environments import Environment, environments_in
 from dfvs_sim.bench.provenance import made_with
 from dfvs_sim.bench.relocalise import (
+    STAGES,
     Relocalisation,
     RelocalisationJob,
     draw_starts,
     relocalise,
     summarise,
+    without,
 )
 from dfvs_sim.bench.workforce import Workforce
 from dfvs_sim.commands.bench_options import own_scenes

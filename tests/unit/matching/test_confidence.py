@@ -1,20 +1,20 @@
-"""Confident parts of flow fields: merged, compared, and excluded."""
+"""Confident parts of flow fields: merged, and excluded."""
 
 import numpy as np
-import pytest
 
 from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.confidence import (
-    are_consistent,
     confident_ratio,
     empty_flow,
     exclude,
     is_excluded,
     merge_by_confidence,
 )
+from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.points import PointMatches
 
 SIZE = (40, 60)
+CONFIG = MatchingConfig()
 
 
 def field(du_px, confidence=1.0):
@@ -48,20 +48,6 @@ def test_each_pixel_is_taken_from_the_more_confident_flow():
     np.testing.assert_array_equal(merged.confidence[0], columns(0, 20, 0.9) + columns(20, 40, 0.6))
 
 
-@pytest.mark.parametrize(("apart_px", "consistent"), [(2.0, True), (4.0, False)])
-def test_flows_to_the_same_places_are_consistent(apart_px, consistent):
-    assert are_consistent(field(5.0), field(5.0 + apart_px)) == consistent
-
-
-def test_flows_that_share_nothing_confident_are_not_consistent():
-    assert not are_consistent(field(5.0, columns(0, 30)), field(5.0, columns(30, 60)))
-
-
-def test_a_flow_without_confidence_does_not_make_others_inconsistent():
-    mixed = merge_by_confidence(field(5.0, columns(0, 30)), field(50.0, columns(30, 60, 0.4)))
-    assert are_consistent(field(5.0), mixed)
-
-
 def test_an_excluded_flow_takes_the_confidence_of_what_leads_to_the_same_places():
     mixed = merge_by_confidence(field(5.0, columns(0, 30)), field(20.0, columns(30, 60)))
     for excluded, kept in [
@@ -69,7 +55,7 @@ def test_an_excluded_flow_takes_the_confidence_of_what_leads_to_the_same_places(
         ([field(6.0)], columns(30, 60)),
         ([field(6.0), field(22.0)], columns(0, 0)),
     ]:
-        np.testing.assert_array_equal(exclude(mixed, excluded).confidence[7], kept)
+        np.testing.assert_array_equal(exclude(mixed, excluded, CONFIG).confidence[7], kept)
     assert mixed.confidence.min() == 1.0
 
 
@@ -77,7 +63,7 @@ def test_matches_that_follow_an_excluded_flow_are_dropped():
     at = np.array([[10.0, 10.0], [20.3, 20.0], [59.6, 39.6], [-0.4, -0.4]], np.float32)
     moved = np.array([[5.0, 0.0], [20.0, 0.0], [5.5, 0.0], [5.0, 3.5]], np.float32)
     matches = PointMatches(at, at + moved, np.array([0.1, 0.2, 0.3, 0.4], np.float32))
-    left = matches.select(~is_excluded(matches, [field(5.0)]))
+    left = matches.select(~is_excluded(matches, [field(5.0)], CONFIG))
     np.testing.assert_array_equal(left.confidence, np.float32([0.2, 0.4]))
-    assert is_excluded(matches, [field(5.0), field(20.0)]).sum() == 3
-    assert not is_excluded(matches, []).any()
+    assert is_excluded(matches, [field(5.0), field(20.0)], CONFIG).sum() == 3
+    assert not is_excluded(matches, [], CONFIG).any()

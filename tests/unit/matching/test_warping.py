@@ -32,7 +32,7 @@ def test_what_becomes_smaller_is_smoothed(speckle, zoom):
     assert backward_warp(speckle, flow)[seen].std() < 0.7 * aliased
 
 
-@pytest.mark.parametrize("zoom", [0.5, 1.0, 1.2])
+@pytest.mark.parametrize("zoom", [0.5, 1.0])
 def test_what_keeps_its_size_or_grows_is_not(speckle, zoom):
     flow = exact_flow(turned(zoom=zoom, roll_deg=30.0)).astype(np.float32)
     expected = sample(speckle, pixel_grid(SIZE) + flow)
