@@ -30,12 +30,12 @@ class MatchingConfig:
     same_sigmas: float = 3.0
     """Distance within which two matches lead to the same place, in standard deviations."""
     residual_sigmas: float = 6.0
-    """Scale of the robust weight of a match, in standard deviations beside the smooth flow."""
+    """Distance of a match from the smooth flow at which it counts less, in standard deviations."""
     damping: float = 0.15
     """Weight of no residual and of no slope, in matches at the same place and one sigma aside."""
     least_gradient: float = 15.0
     """Size of Sobel's gradient, in the mean of a patch, from which on it has texture."""
-    even_odds_matches: float = 5.0
+    even_odds_matches: float = 2.5
     """Confirmed matches, times the explained texture, of a hypothesis with even odds."""
     kept_ratio: float = 1.0 / 3.0
     """Share of the confident area of a prediction that has to be confident again."""

@@ -3,8 +3,8 @@
 1. Warp the other image backwards by the prediction, and match its brightness.
 2. Search the residual motion both ways (DIS, Kroeger et al., ECCV 2016).
 3. Compose the residual with the prediction.
-4. Confidence is the product of forward-backward consistency, normalised cross-correlation, and the
-   in-bounds mask.
+4. Confidence is the product of forward-backward consistency, normalised cross-correlation,
+   nearness to the median residual, and the in-bounds mask.
 """
 
 from __future__ import annotations
@@ -35,6 +35,8 @@ def search_residual(
     confidence = forward_backward_consistency(forward, backward, config)
     warped = sample(aligned, pixel_grid(current.shape[:2]) + forward)
     confidence *= np.maximum(normalised_cross_correlation(current, warped), 0.0)
+    median = np.median(forward[::PATCH_PX, ::PATCH_PX], axis=(0, 1)).astype(np.float32)
+    confidence *= _half_at(forward - median, config.residual_sigmas * config.noise_px)
     return FlowField(flow, confidence * lands_inside(flow))
 
 
@@ -42,9 +44,13 @@ def forward_backward_consistency(
     forward: Float32Array, backward: Float32Array, config: MatchingConfig
 ) -> Float32Array:
     """(H, W): 1 where both flows lead back to the start, 0.5 one standard deviation beside it."""
-    miss = compose(forward, backward)
+    return _half_at(compose(forward, backward), config.noise_px)
+
+
+def _half_at(miss: Float32Array, half_px: float) -> Float32Array:
+    """(H, W): 1 where ``miss`` (H, W, 2) is nothing, 0.5 where it is ``half_px`` long."""
     square = np.einsum("hwc,hwc->hw", miss, miss)
-    return np.asarray(1.0 / (1.0 + square / config.noise_px**2), np.float32)
+    return np.asarray(1.0 / (1.0 + square / half_px**2), np.float32)
 
 
 def normalised_cross_correlation(current: ImageArray, warped: ImageArray) -> Float32Array:
@@ -70,14 +76,18 @@ def _search(current: ImageArray, other: ImageArray) -> Float32Array:
 
 
 def _match_brightness(current: ImageArray, warped: ImageArray, inside: BoolArray) -> ImageArray:
-    """Warped image with the mean and spread of ``current``, over what both show.
+    """Warped image with the gain and offset of ``current``, over most of what both show.
 
-    A regression's slope would shrink where images are not aligned.
+    The gain is the ratio of the spreads: a regression's slope shrinks where images are not aligned.
     """
-    mask = inside.astype(np.uint8)
-    (mean, spread), (mean_warped, spread_warped) = (
-        np.ravel(cv2.meanStdDev(image, mask=mask)) for image in (current, warped)
-    )
-    gain = (spread + 1.0) / (spread_warped + 1.0)
-    table = np.clip(gain * (np.arange(256) - mean_warped) + mean, 0.0, 255.0)
-    return cast(ImageArray, cv2.LUT(warped, table.astype(np.uint8)))
+    x, y = (image[::4, ::4][inside[::4, ::4]].astype(np.float32) for image in (warped, current))
+    if len(x) == 0:
+        return warped
+    kept = np.ones(len(x), np.bool_)
+    for _ in range(3):  # what both show is not all alike
+        gain = (y[kept].std() + 1.0) / (x[kept].std() + 1.0)
+        offset = np.median(y[kept] - gain * x[kept])
+        miss = np.abs(gain * x + offset - y)
+        kept = miss <= 3.0 * np.median(miss)
+    table = np.clip(gain * np.arange(256) + offset, 0.0, 255.0).astype(np.uint8)
+    return cast(ImageArray, cv2.LUT(warped, table))
