@@ -1,8 +1,7 @@
 """The dashboard's page in a real browser, fed by real telemetry."""
 
-import shutil
-
 import pytest
+from browser_page import CHROMIUM, Page, needs_chromium
 from dashboard_server import Server
 from loopback import free_endpoint
 from telemetry_vehicle import TelemetryVehicle
@@ -12,13 +11,7 @@ from dfvs_core.wire.picture import encode_jpeg
 
 sync_api = pytest.importorskip("playwright.sync_api")
 
-NAMES = ("chromium", "chromium-browser", "google-chrome")
-CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
-PATIENCE_MS = 60_000
-
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no Chromium on this machine (Debian: apt-get install chromium)"
-)
+pytestmark = needs_chromium
 
 FRAMES = "dfvsScreen().frames"
 PIXELS = """() => {
@@ -40,34 +33,15 @@ BAND_PIXELS = """() => {
   return count;
 }"""
 NUMBER = """name => [...document.querySelectorAll("#numbers div")]
-  .find((e) => e.firstChild.textContent === name)?.lastChild.textContent ?? ''"""
+  .find((e) => e.firstChild.firstChild.textContent === name)?.lastChild.textContent ?? ''"""
 NAMELESS = """() => [...document.querySelectorAll(
   'button, input, select, canvas:not(.uplot canvas), dialog, section')].filter((e) => !(
     e.getAttribute('aria-label') || e.getAttribute('aria-labelledby')
     || e.textContent.trim() || e.labels?.length)).map((e) => e.outerHTML)"""
 
 
-class Page:
-    """A page with everything that it complained about and asked for."""
-
-    def __init__(self, context, url):
-        self.complaints, self.requests = [], []
-        self.page = context.new_page()
-        self.page.set_default_timeout(PATIENCE_MS)
-        self.page.on("console", self.on_console)
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.goto(url)
-
-    def on_console(self, message):
-        if message.type in ("error", "warning"):
-            self.complaints.append(message.text)
-
-    def wait(self, script, argument=None):
-        self.page.wait_for_function(script, arg=argument, timeout=PATIENCE_MS, polling=100)
-
-    def text(self, element):
-        return self.page.text_content(f"#{element}")
+class LivePage(Page):
+    """A page that shows a vehicle whose pictures move."""
 
     def pixels(self):
         return self.page.evaluate(PIXELS)
@@ -75,12 +49,6 @@ class Page:
     def frames_rise(self, by=5):
         now = self.page.evaluate(FRAMES)
         self.wait(f"n => {FRAMES} > n", now + by)
-
-    def sign_in(self, token):
-        self.page.click("#sign")
-        self.page.fill("#token", token)
-        self.page.keyboard.press("Enter")
-        self.wait("() => !document.getElementById('operator').hidden")
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +65,7 @@ def open_page(chromium):
 
     def open_page(url, width=1280, height=900):
         contexts.append(chromium.new_context(viewport={"width": width, "height": height}))
-        return Page(contexts[-1], url)
+        return LivePage(contexts[-1], url)
 
     yield open_page
     for context in contexts:
