@@ -90,9 +90,7 @@ def approach_status(t_ns, t_s, left, **fields):
     """State of the gate after ``t_s`` seconds; ``fields`` replace what is usual."""
     angle = 2 * math.pi * t_s / LAP_S
     position = (1.0 - left, 0.4 * math.sin(angle), -1.3 + 0.1 * math.cos(2 * angle))
-    vehicle = VehicleState(
-        t_ns, 0.06, -0.04, 0.4 - 0.3 * left, (0.25 * left, 0.1, 0.02), position
-    )
+    vehicle = VehicleState(t_ns, 0.06, -0.04, 0.4 - 0.3 * left, (0.25 * left, 0.1, 0.02), position)
     usual = {
         "state": "SERVO",
         "cause": "good data",

@@ -107,11 +107,11 @@ class GateStatus:
 
     ``t_ns`` is the monotonic time of sending, ``since_ns`` that of entering the state. ``mode``,
     ``armed``, ``in_air`` and ``battery`` (0 to 1, None if unknown) are the autopilot's,
-    ``heartbeat_age_s`` and ``battery_age_s`` say how old the newest of each is. ``setpoint`` is the velocity that was last
-    sent: forward, right, down in m/s and yaw rate in rad/s; ``distance_m`` says how far the
-    vehicle is from where it was engaged. A signed command must carry ``challenge``;
-    ``command_result`` says what became of the last one,
-    ``command_count`` how many came. ``warnings`` are for the operator. ``goal`` is the digest of
+    ``heartbeat_age_s`` and ``battery_age_s`` say how old the newest of each is. ``setpoint`` is the
+    velocity that was last sent: forward, right, down in m/s and yaw rate in rad/s; ``distance_m``
+    says how far the vehicle is from where it was engaged. A signed command must carry
+    ``challenge``; ``command_result`` says what became of the last one, ``command_count`` how many
+    came. ``warnings`` are for the operator. ``goal`` is the digest of
     the goal that an operator ordered, empty while it is the one of the start.
     """
 

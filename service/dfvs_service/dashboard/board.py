@@ -40,8 +40,8 @@ _SERVO_VECTORS = ("motion", "velocity_error")
 SERVO_COLUMNS = ("t_ms", "delay_ms", *_SERVO_NUMBERS, *_SERVO_VECTORS)
 _PATH_NUMBERS = ("north_m", "east_m", "down_m", "roll_rad", "pitch_rad", "yaw_rad")
 PATH_COLUMNS = ("t_ms", *_PATH_NUMBERS, "setpoint", "flown")
-"""``setpoint`` is the commanded and ``flown`` the estimated velocity: forward, right, down in m/s in
-the level body frame, and yaw rate in rad/s (None where it is unknown)."""
+"""``setpoint`` is the commanded and ``flown`` the estimated velocity in the level body frame:
+forward, right, down in m/s, and yaw rate in rad/s (None where it is unknown)."""
 
 _KEPT_ROWS = 3000
 _KEPT_PERIOD_MS = 90.0

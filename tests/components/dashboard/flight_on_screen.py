@@ -32,9 +32,9 @@ ENGAGED_S, SERVO_S = 27.0, 25.0
 
 @dataclasses.dataclass(frozen=True)
 class Flight:
-    """A flight that ends in ``state`` since ``since_s``; ``ages``: what fell silent how long ago, s.
+    """A flight that ends in ``state`` since ``since_s``; ``ages``: silence of sources, s.
 
-    Sources are state, vehicle, battery, results, view, flow and timing.
+    Its keys are state, vehicle, battery, results, view, flow and timing.
     """
 
     state: str = "SERVO"
@@ -153,7 +153,10 @@ class Screen:
                 yield before_s, Parcel(name, "servo", document)
             if before_s >= flight.age("timing") and step % 5 == 0:
                 stages = {"match": {"p50_ms": 25.1, "p99_ms": 41.7, "max_ms": 50.0}}
-                yield before_s, Parcel(name, "timing", timing_document(stages, t_ns, {"frames": step}))
+                yield (
+                    before_s,
+                    Parcel(name, "timing", timing_document(stages, t_ns, {"frames": step})),
+                )
             if is_last("view", before_s):
                 payload, attachment = encode_frame(frame, PixelFormat.JPEG, CLOCK)
                 yield before_s, unpack(Arrival(name, "camera", payload, attachment))

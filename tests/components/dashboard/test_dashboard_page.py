@@ -1,5 +1,7 @@
 """The dashboard's page in a real browser, fed by real telemetry."""
 
+import json
+
 import pytest
 from browser_page import CHROMIUM, Page, needs_chromium
 from dashboard_server import Server
@@ -164,7 +166,7 @@ def test_old_data_are_called_old_and_new_ones_clear_that(server, field, open_pag
     field.swift.is_paused = True
     try:
         page.wait("() => document.getElementById('state').textContent === 'STALE: was SERVO'")
-        assert "Nothing heard for" in page.text("cause")
+        assert "Nothing heard since" in page.text("cause")
         assert page.page.title().startswith("STALE")
         page.wait("() => !document.getElementById('view-notice').hidden")
         assert "NO NEW PICTURE" in page.text("view-notice")
@@ -192,7 +194,7 @@ def test_may_be_flown_is_green_only_while_it_is_true(field, open_page):
         page.wait(GOOD)
         field.swift.is_paused = True
         page.wait(NOT_GOOD, "s old")
-        assert page.page.evaluate(OPACITY) == "0.5"
+        assert page.page.evaluate(OPACITY) == "0.6"
         field.swift.is_paused = False
         page.wait(GOOD)
         assert page.page.evaluate(OPACITY) == "1"
@@ -257,6 +259,29 @@ def test_an_operator_changes_the_goal_to_a_picture_with_its_sidecar(server, fiel
     page.wait("() => document.getElementById('answer').textContent === 'accepted: goal'")
     assert field.swift.goals[-1] == GoalOrder(picture, sidecar)
     field.swift.enter("SERVO", "good data")
+
+
+def test_an_operator_takes_the_view_as_the_goal_with_the_attitude_of_its_capture(
+    server, field, open_page
+):
+    page = open_page(server.url)
+    watch(page, "swift")
+    assert page.page.is_hidden("#take-view")  # a viewer may not
+    page.sign_in(field.token)
+    field.swift.enter("HOLD", "operator ordered to hold")
+    try:
+        page.page.click("#take-view:enabled")
+        assert page.page.get_attribute("#confirm-picture", "src").startswith("blob:")
+        page.page.click("#confirm-cancel")
+        page.page.click("#take-view:enabled")
+        page.page.click("#confirm-ok")
+        page.wait("() => document.getElementById('answer').textContent === 'accepted: goal'")
+    finally:
+        field.swift.enter("SERVO", "good data")
+    order = field.swift.goals[-1]
+    assert order.picture in [encode_jpeg(view) for view in field.swift.views]
+    attitude = json.loads(order.sidecar)
+    assert attitude == {"roll_rad": pytest.approx(0.06), "pitch_rad": pytest.approx(-0.04)}
 
 
 def test_a_wrong_token_is_asked_for_again(server, field, open_page):

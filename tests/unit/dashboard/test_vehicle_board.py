@@ -159,7 +159,8 @@ def test_documents_that_follow_no_schema_are_refused(stream, document):
 def test_history_is_bounded():
     board = VehicleBoard("a")
     for i in range(4000):
-        board.take("servo", servo(t_capture_ns=NOW.t_ns - (4000 - i) * 100 * MS % 9_000_000_000), NOW)
+        t_ns = NOW.t_ns + i * 100 * MS
+        board.take("servo", servo(t_capture_ns=t_ns), Moment(t_ns, NOW.wall_ms + i * 100))
     assert len(board.history()["history"]["servo"]) == 3000
 
 

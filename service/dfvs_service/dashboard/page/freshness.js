@@ -1,7 +1,7 @@
 // How old everything is, and what may be said of it. Every part of the page asks here and nowhere
 // else, so that no two parts disagree.
 
-import { DASH, duration, say } from "./words.js";
+import { DASH, duration, say, timeOfDay } from "./words.js";
 
 /** Age from which the values of a source are old, ms. */
 export const LIMITS_MS = Object.freeze({
@@ -36,7 +36,7 @@ export function assess(known, nowMs, server) {
   };
   const old = {};
   for (const source of Object.keys(ages)) old[source] = !server.isOpen || !(ages[source] < LIMITS_MS[source]);
-  const gate = gateOf(known, ages.state, old.state, server);
+  const gate = gateOf(known, old.state, server);
   return {
     ages, old, gate,
     verdict: judged(known, ages, old),
@@ -46,12 +46,12 @@ export function assess(known, nowMs, server) {
   };
 }
 
-function gateOf({ state, zenoh }, ageMs, isOld, server) {
+function gateOf({ state, zenoh }, isOld, server) {
   if (!state) {
     return { kind: "never", name: "", title: "no data", icon: DASH, text: waitingFor(zenoh, server) };
   }
   if (isOld) {
-    const text = `Nothing heard for ${duration(ageMs / 1000)}.`;
+    const text = `Nothing heard since ${timeOfDay(state.t_ms)}.`;
     return { kind: "stale", name: state.state, title: `STALE: was ${state.state}`, icon: "!", text };
   }
   const isDone = state.state === "DONE";
@@ -96,7 +96,8 @@ export function showAges({ ages, old }) {
   }
   for (const label of document.querySelectorAll("[data-age-of]")) {
     const source = label.dataset.ageOf;
-    label.classList.toggle("is-old", old[source]);
-    say(label, "quiet" in label.dataset && !old[source] ? "" : ageText(ages[source]));
+    const isOld = old[source] && Number.isFinite(ages[source]);
+    label.classList.toggle("is-old", isOld);
+    say(label, "quiet" in label.dataset && !isOld ? "" : ageText(ages[source]));
   }
 }

@@ -50,6 +50,7 @@ function forget(name) {
   plots.clear();
   attitudes.clear();
   card.clearEvents();
+  refreshes = 0;
 }
 
 const named = (names, row) => Object.fromEntries(names.map((name, i) => [name, row[i]]));
@@ -157,7 +158,7 @@ function showView({ ages, old }) {
   const age = duration(ages.view / 1000);
   byId("view-notice").hidden = !isOld;
   say(byId("view-notice"), view.shown ? `NO NEW PICTURE FOR ${age}` : "No picture yet");
-  say(byId("view-facts"), `${view.frames} frames, newest ${age} old`);
+  say(byId("view-facts"), `${view.frames} ${view.frames === 1 ? "frame" : "frames"}, newest ${age} old`);
   const [left, rest] = lengthWithSpread(known.servo?.error_m, known.servo?.error_spread_m);
   const distance = left === DASH || old.results ? "distance to the goal unknown" : `${left} ${rest} to the goal`;
   byId("view").setAttribute("aria-label",

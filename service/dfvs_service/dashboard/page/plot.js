@@ -5,7 +5,7 @@ import { ageLabel, say } from "./words.js";
 const MAX_POINTS = 9000;
 const HEIGHT_PX = 112;
 const WIDE_PX = 1800;
-const WIDE_HEIGHT_PX = 150;
+const WIDE_HEIGHT_PX = 180;
 const BAND_OPACITY = 0.3;
 
 const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
@@ -23,6 +23,7 @@ export class Plot {
   #columns;
   #chart = null;
   #box;
+  #place = document.createElement("div");
   #readouts = [];
   #events;
 
@@ -34,7 +35,8 @@ export class Plot {
     this.#columns = Array.from({ length: 1 + definition.lines.length + 2 * this.#bands.length }, () => []);
     this.#box = document.createElement("div");
     this.#box.className = "plot";
-    this.#box.append(this.#heading());
+    this.#place.dataset.source = definition.source;
+    this.#box.append(this.#heading(), this.#place);
     parent.append(this.#box);
   }
 
@@ -56,6 +58,7 @@ export class Plot {
 
   clear() {
     this.#columns.forEach((column) => (column.length = 0));
+    this.forgetChart();
   }
 
   get #height() {
@@ -108,7 +111,7 @@ export class Plot {
   }
 
   #make(width) {
-    const { lines, units, log, zero, source } = this.#definition;
+    const { lines, units, log, zero } = this.#definition;
     const scales = { x: { time: true, auto: false } };
     units.forEach((_, side) => {
       scales[`y${side}`] = log ? { distr: 3 } : { range: (_u, low, high) => padded(low, high, zero) };
@@ -136,9 +139,7 @@ export class Plot {
         setSelect: [(chart) => this.#select(chart)],
       },
     };
-    const chart = new globalThis.uPlot(options, this.#columns, this.#box);
-    chart.root.dataset.source = source;
-    return chart;
+    return new globalThis.uPlot(options, this.#columns, this.#place);
   }
 
   /** Show the values under the cursor. */

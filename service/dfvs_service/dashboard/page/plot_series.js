@@ -25,6 +25,10 @@ export const PLOTS = [
   velocity("down", 2, 1, "m/s"),
   velocity("yaw", 3, DEGREES, "°/s"),
   {
+    title: "Altitude above origin", units: ["m"], source: "vehicle",
+    lines: [{ label: "estimated", colour: "--d", side: 0, of: (row) => -row.down_m }],
+  },
+  {
     title: "Depth", units: ["m"], source: "results",
     lines: [{ label: "median of the scene", colour: "--c", side: 0, of: (row) => row.depth_m }],
   },

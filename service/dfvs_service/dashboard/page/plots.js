@@ -61,12 +61,13 @@ export class Plots {
   #setZoom(range) {
     this.#zoom = range;
     byId("unzoom").hidden = !range;
+    this.#showTime(null);
     this.#draw();
   }
 
   #showTime(tS) {
     if (tS === null) {
-      say(byId("plot-time"), "");
+      say(byId("plot-time"), this.#zoom ? this.#zoom.map((edgeS) => timeOfDay(edgeS * 1000)).join(" to ") : "");
       return;
     }
     const state = this.#markers.findLast((marker) => marker.t_ms <= tS * 1000)?.to ?? "";
