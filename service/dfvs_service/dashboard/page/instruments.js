@@ -1,9 +1,8 @@
 // Attitude indicator, altitude and battery.
 
-import { byId, DASH, DEGREES, fixed, say, scaled } from "./words.js";
+import { byId, DASH, DEGREES, fixed, say, scaled, style } from "./words.js";
 
 const SHOWN_PITCH_RAD = 0.5;
-const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 /** @param path newest row of the path; @param state newest state of the gate */
 export function showInstruments(path, state) {

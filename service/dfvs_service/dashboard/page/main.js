@@ -1,7 +1,7 @@
 // The dashboard's page: news from the server to the panels, and the user's choices back.
 
 import { Connection } from "./connection.js";
-import { assess, showAges } from "./freshness.js";
+import { ageText, assess, showAges } from "./freshness.js";
 import { AttitudeHistory, showInstruments } from "./instruments.js";
 import { showDelays, showLinks } from "./links.js";
 import { lengthWithSpread, showNumbers } from "./numbers.js";
@@ -150,6 +150,7 @@ function refresh() {
   showView(truth);
   operator.show(known.state ?? null, truth.old);
   say(byId("path-facts"), `${path.lengthM.toFixed(2)} m flown, ${path.straightM.toFixed(2)} m straight`);
+  path.ageGoal(truth.old.results ? ageText(truth.ages.results) : "");
   showAges(truth);
 }
 

@@ -1,14 +1,12 @@
 // One plot of time series with uPlot: lines, bands of uncertainty, markers of the gate's states.
 
-import { ageLabel, say } from "./words.js";
+import { ageLabel, say, style } from "./words.js";
 
 const MAX_POINTS = 9000;
 const HEIGHT_PX = 112;
 const WIDE_PX = 1800;
 const WIDE_HEIGHT_PX = 180;
 const BAND_OPACITY = 0.3;
-
-const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
 
 /** Colour of a state's marker; others are calm. */
 const TONES = {

@@ -3,6 +3,9 @@
 export const DASH = "–";
 export const DEGREES = 180 / Math.PI;
 
+/** Value of a CSS variable of the theme. */
+export const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+
 export const byId = (id) => document.getElementById(id);
 
 export const scaled = (value, factor) => (Number.isFinite(value) ? value * factor : null);
