@@ -72,8 +72,8 @@ class GoalSidecar:
         return json.dumps(dump(self), indent=2) + "\n"
 
     @classmethod
-    def from_json(cls, text: str) -> GoalSidecar:
-        """Read a sidecar file's text.
+    def from_json(cls, text: str, flown: GoalSidecar | None = None) -> GoalSidecar:
+        """Read a sidecar file's text; one without a camera is of ``flown``'s camera and mount.
 
         Raises
         ------
@@ -84,6 +84,8 @@ class GoalSidecar:
             data = json.loads(text)
         except json.JSONDecodeError as error:
             raise ConfigError(f"the goal sidecar is not JSON ({error})") from error
+        if flown is not None and isinstance(data, dict) and "camera" not in data:
+            data = {"camera": dump(flown.camera), "mount": dump(flown.mount)} | data
         return parse(cls, data)
 
 

@@ -53,6 +53,61 @@ def approach():
     )
 
 
+def approach_result(frame, left, flow, mounting_score=12.3, knows_uncertainty=True):
+    """Perception's result with the share ``left`` of the way before the vehicle."""
+    wobble = 0.02 * math.sin(frame.seq)
+    error_m = 0.86 * left + 0.01 + 0.2 * abs(wobble)
+    scale = 0.07 + 0.3 * left**2
+    uncertainty = Uncertainty(
+        error_m=0.004 + scale * error_m,
+        scale=scale,
+        velocity_error=np.array([0.03, -0.02, 0.01 + wobble, 0.0]),
+        velocity_error_m_s=0.03,
+        mean_error_m=0.9 * left + 0.01,
+        spread_m=0.01 + 0.1 * left,
+    )
+    result = ServoResult(
+        status=Status.OK,
+        velocity=np.array([0.3 * left, 0.1 * left, 0.0, 0.1 * left]),
+        motion=np.array([0.8 * left, 0.3 * left, -0.1 * left, 0.3 * left]),
+        error_m=error_m,
+        error_rad=0.3 * left + 0.1 * abs(wobble),
+        feature_error_px=60.0 * left,
+        feature_error=0.4 * left,
+        mounting_score=mounting_score,
+        residual_px=0.4 + 4 * abs(wobble),
+        inlier_share=0.93 - abs(wobble) - 0.2 * left,
+        overlap=0.9 - 0.4 * left,
+        condition=420.0 + 900 * left + 300 * wobble,
+        depth_m=2.6 - 0.5 * left + wobble,
+        reached=False,
+        uncertainty=uncertainty if knows_uncertainty else None,
+    )
+    return FrameResult(frame, result, flow, {}, frame.t_capture_ns, TrackingState.TRACKING)
+
+
+def approach_status(t_ns, t_s, left, **fields):
+    """State of the gate after ``t_s`` seconds; ``fields`` replace what is usual."""
+    angle = 2 * math.pi * t_s / LAP_S
+    position = (1.0 - left, 0.4 * math.sin(angle), -1.3 + 0.1 * math.cos(2 * angle))
+    vehicle = VehicleState(t_ns, 0.06, -0.04, 0.4 - 0.3 * left, (0.25 * left, 0.1, 0.02), position)
+    usual = {
+        "state": "SERVO",
+        "cause": "good data",
+        "vehicle": vehicle,
+        "t_ns": t_ns,
+        "mode": "OFFBOARD",
+        "armed": True,
+        "in_air": True,
+        "battery": 0.87,
+        "heartbeat_age_s": 0.4,
+        "battery_age_s": 0.6,
+        "setpoint": (0.3 * left, 0.1 * math.sin(angle), 0.05 * math.cos(angle), 0.1 * left),
+        "distance_m": math.dist(position, (0.0, 0.0, -1.3)),
+    }
+    return GateStatus(**usual | fields)
+
+
 class TelemetryVehicle:
     """Approaches a textured wall again and again; judges orders as the gate does."""
 
@@ -155,55 +210,16 @@ class TelemetryVehicle:
             self.telemetry.offer_json("timing", timing_document(summary, t_ns, counters))
 
     def outcome(self, frame, left, flow):
-        wobble = 0.02 * math.sin(frame.seq)
-        error_m = 0.86 * left + 0.01 + 0.2 * abs(wobble)
-        scale = 0.07 + 0.3 * left**2
-        uncertainty = Uncertainty(
-            error_m=0.004 + scale * error_m,
-            scale=scale,
-            velocity_error=np.array([0.03, -0.02, 0.01 + wobble, 0.0]),
-            velocity_error_m_s=0.03,
-            mean_error_m=0.9 * left + 0.01,
-            spread_m=0.01 + 0.1 * left,
-        )
-        result = ServoResult(
-            status=Status.OK,
-            velocity=np.array([0.3 * left, 0.1 * left, 0.0, 0.1 * left]),
-            motion=np.array([0.8 * left, 0.3 * left, -0.1 * left, 0.3 * left]),
-            error_m=error_m,
-            error_rad=0.3 * left + 0.1 * abs(wobble),
-            feature_error_px=60.0 * left,
-            feature_error=0.4 * left,
-            mounting_score=self.mounting_score,
-            residual_px=0.4 + 4 * abs(wobble),
-            inlier_share=0.93 - abs(wobble) - 0.2 * left,
-            overlap=0.9 - 0.4 * left,
-            condition=420.0 + 900 * left + 300 * wobble,
-            depth_m=2.6 - 0.5 * left + wobble,
-            reached=False,
-            uncertainty=uncertainty if self.knows_uncertainty else None,
-        )
-        return FrameResult(frame, result, flow, {}, frame.t_capture_ns, TrackingState.TRACKING)
+        return approach_result(frame, left, flow, self.mounting_score, self.knows_uncertainty)
 
     def status(self, t_ns, t_s, left):
-        angle = 2 * math.pi * t_s / LAP_S
-        position = (1.0 - left, 0.4 * math.sin(angle), -1.3 + 0.1 * math.cos(2 * angle))
-        vehicle = VehicleState(
-            t_ns, 0.01, -0.02, 0.4 - 0.3 * left, (0.3 * left, 0.1, 0.0), position
-        )
-        return GateStatus(
+        return approach_status(
+            t_ns,
+            t_s,
+            left,
             state=self.state,
             cause=self.cause,
-            vehicle=vehicle,
-            t_ns=t_ns,
             since_ns=self.since_ns,
-            mode="OFFBOARD",
-            armed=True,
-            in_air=True,
-            battery=0.87,
-            heartbeat_age_s=0.4,
-            setpoint=(0.3 * left, 0.1 * math.sin(angle), 0.05 * math.cos(angle), 0.1 * left),
-            distance_m=math.dist(position, (0.0, 0.0, -1.3)),
             challenge=self.authority.challenge(t_ns),
             command_result=self.orders[-1] if self.orders else "",
             command_count=len(self.orders),

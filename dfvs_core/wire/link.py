@@ -87,10 +87,10 @@ class CommandAnswer:
 
 
 @dataclass(frozen=True, slots=True)
-class ThreadFault:
-    """A thread of another process failed; one line for the operator."""
+class ServiceFault:
+    """Something outside the gate failed that the flight can do without; one line to show."""
 
-    thread_fault: str
+    service_fault: str
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,11 +107,11 @@ class GateStatus:
 
     ``t_ns`` is the monotonic time of sending, ``since_ns`` that of entering the state. ``mode``,
     ``armed``, ``in_air`` and ``battery`` (0 to 1, None if unknown) are the autopilot's,
-    ``heartbeat_age_s`` says how old its heartbeat is. ``setpoint`` is the velocity that was last
-    sent: forward, right, down in m/s and yaw rate in rad/s; ``distance_m`` says how far the
-    vehicle is from where it was engaged. A signed command must carry ``challenge``;
-    ``command_result`` says what became of the last one,
-    ``command_count`` how many came. ``warnings`` are for the operator. ``goal`` is the digest of
+    ``heartbeat_age_s`` and ``battery_age_s`` say how old the newest of each is. ``setpoint`` is the
+    velocity that was last sent: forward, right, down in m/s and yaw rate in rad/s; ``distance_m``
+    says how far the vehicle is from where it was engaged. A signed command must carry
+    ``challenge``; ``command_result`` says what became of the last one, ``command_count`` how many
+    came. ``warnings`` are for the operator. ``goal`` is the digest of
     the goal that an operator ordered, empty while it is the one of the start.
     """
 
@@ -133,9 +133,10 @@ class GateStatus:
     warnings: tuple[str, ...] = ()
     goal: str = ""
     since_ns: int = 0
+    battery_age_s: float | None = None
 
 
-ToGate = PerceptionReport | ForwardedCommand | LeaseHolders | ThreadFault
+ToGate = PerceptionReport | ForwardedCommand | LeaseHolders | ServiceFault
 FromGate = GateStatus | CommandAnswer
 
 
@@ -172,8 +173,8 @@ def to_gate(data: bytes) -> ToGate:
         return from_datagram(ForwardedCommand, data)
     if data.startswith(b'{"standing_by"'):
         return from_datagram(LeaseHolders, data)
-    if data.startswith(b'{"thread_fault"'):
-        return from_datagram(ThreadFault, data)
+    if data.startswith(b'{"service_fault"'):
+        return from_datagram(ServiceFault, data)
     return from_datagram(PerceptionReport, data)
 
 

@@ -9,7 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 from dfvs_core.errors import WireError
-from dfvs_core.wire.link import FromGate, ThreadFault, ToGate, from_gate, to_datagram
+from dfvs_core.wire.link import FromGate, ServiceFault, ToGate, from_gate, to_datagram
 from dfvs_service.watched_thread import start_watched
 
 _POLL_S = 0.2
@@ -51,7 +51,7 @@ class GateLink:
 
     def report(self, line: str) -> None:
         """Have the gate show the failure of a thread of this process."""
-        self.send(ThreadFault(line))
+        self.send(ServiceFault(line))
 
     def close(self) -> None:
         """Stop listening."""

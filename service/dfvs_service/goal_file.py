@@ -139,7 +139,7 @@ def goal_order(picture: Path) -> GoalOrder:
 
 
 def ordered_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:
-    """Goal of an order that was found signed; without a sidecar it counts as ``flown`` says.
+    """Goal of an order that was found signed; what its sidecar lacks is as ``flown`` says.
 
     Raises
     ------
@@ -149,7 +149,7 @@ def ordered_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:
         If the sidecar cannot be used.
     """
     image = decode_picture(order.picture)
-    sidecar = GoalSidecar.from_json(order.sidecar) if order.sidecar else flown
+    sidecar = GoalSidecar.from_json(order.sidecar, flown) if order.sidecar else flown
     if sidecar.camera.size != flown.camera.size:
         raise ImageError(
             f"the new goal is of a camera of {sidecar.camera.width} x {sidecar.camera.height} px",

@@ -22,6 +22,7 @@ from types import FrameType
 from dfvs_core.errors import WireError
 from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_core.goal import Goal
+from dfvs_core.wire.link import ServiceFault, to_datagram
 from dfvs_core.wire.picture import encode_png
 from dfvs_service.beat import Beat
 from dfvs_service.child import Child
@@ -46,6 +47,7 @@ _LEAST_END_S = 0.15
 _QUIET_END_S = 0.8
 _LAST_WORDS_S = 0.3
 _NOTABLE = ("error: ", "warning: ")
+_MAX_FAULT = 200
 _LOSSES = {
     "recorder": "nothing more is recorded",
     "black box": "no more of this flight is kept",
@@ -94,6 +96,7 @@ class Parent:
     def __init__(self, runtime: RuntimeFolder, programs: Programs, display: Display) -> None:
         self._narrator = Narrator(display)
         self._log = Journal(runtime.service_log)
+        self._gate_address = str(runtime.gate_socket)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind(str(runtime.parent_socket))
         self._socket.settimeout(_LOOK_S)
@@ -202,7 +205,16 @@ class Parent:
         for name, loss in _LOSSES.items():
             child = self._children.get(name)
             if child is not None and child.code is not None:
-                self._say(f"warning: the {name} {child.describe_end()}; {loss}")
+                self._say_of_recorder(f"warning: the {name} {child.describe_end()}; {loss}")
+
+    def _say_of_recorder(self, line: str) -> None:
+        """Say a warning of recorder or black box, and have the gate show it to operators."""
+        if line not in self._told:
+            text = line.partition(": ")[2][:_MAX_FAULT]
+            with contextlib.suppress(OSError):  # a gate that is gone shows nothing
+                datagram = to_datagram(ServiceFault(text))
+                self._socket.sendto(datagram, self._gate_address)
+        self._say(line)
 
     def _stop_gate(self) -> None:
         """Let the gate bring the vehicle to Hold; kill it if that takes too long."""
@@ -243,10 +255,11 @@ class Parent:
         """Show the children's errors and warnings, and the gate's advice, once each."""
         for line in self._beat.warnings:
             self._say(f"warning: {line}")
-        for child in self._children.values():
+        for name, child in self._children.items():
+            say = self._say_of_recorder if name in _LOSSES else self._say
             for line in child.new_errors():
                 if line.startswith(_NOTABLE):
-                    self._say(line)
+                    say(line)
 
     def _say(self, line: str) -> None:
         if line not in self._told:

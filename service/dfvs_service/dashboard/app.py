@@ -19,7 +19,7 @@ from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.courier import Courier
 from dfvs_service.dashboard.desk import OrderDesk
 from dfvs_service.dashboard.doorkeeper import Doorkeeper
-from dfvs_service.dashboard.hub import MAX_VEHICLES, Hub
+from dfvs_service.dashboard.hub import MAX_VEHICLES, Clock, Hub
 from dfvs_service.dashboard.parcel import Arrival
 from dfvs_service.dashboard.receiver import Receiver
 from dfvs_service.dashboard.settings import DashboardSettings
@@ -35,14 +35,22 @@ def present_moment() -> Moment:
 
 
 class Dashboard:
-    """Everything behind the page, between ``start`` and ``close``."""
+    """Everything behind the page.
 
-    def __init__(self, settings: DashboardSettings) -> None:
-        self.hub = Hub(present_moment, self._watch)
+    Parameters
+    ----------
+    settings : DashboardSettings
+    clock : callable
+        The present moment.
+    """
+
+    def __init__(self, settings: DashboardSettings, clock: Clock = present_moment) -> None:
+        self.address = settings.address
+        self.hub = Hub(clock, self._watch)
         self._reached_by: dict[str, ZenohSection] = {}
         key = settings.command_key
         desk = None if key is None else OrderDesk(key, self._reached_by.get)
-        self.house = House(self.hub, settings.tokens, desk, present_moment)
+        self.house = House(self.hub, settings.tokens, desk, clock)
         self._links = settings.links
         self._receivers: list[Receiver] = []
         self._courier: Courier | None = None
@@ -76,9 +84,8 @@ class Dashboard:
             receiver.watch(vehicles)
 
 
-def make_app(settings: DashboardSettings) -> Starlette:
+def make_app(dashboard: Dashboard) -> Starlette:
     """Application to be served by an ASGI server."""
-    dashboard = Dashboard(settings)
 
     @contextlib.asynccontextmanager
     async def lifespan(_app: Starlette) -> AsyncIterator[None]:
@@ -95,6 +102,6 @@ def make_app(settings: DashboardSettings) -> Starlette:
             WebSocketRoute("/live", visit),
             Mount("/", StaticFiles(directory=PAGE, html=True)),
         ],
-        middleware=[Middleware(Doorkeeper, address=settings.address)],
+        middleware=[Middleware(Doorkeeper, address=dashboard.address)],
         lifespan=lifespan,
     )

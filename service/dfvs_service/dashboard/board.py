@@ -13,7 +13,7 @@ from typing import Any
 
 from dfvs_core.errors import WireError
 from dfvs_core.schema import dump, parse
-from dfvs_core.wire.link import GateStatus
+from dfvs_core.wire.link import GateStatus, VehicleState
 from dfvs_service.dashboard.clock import Moment, SenderClock
 from dfvs_service.dashboard.parcel import Picture
 from dfvs_service.dashboard.rates import StreamRate
@@ -38,9 +38,15 @@ _SERVO_NUMBERS = (
 )
 _SERVO_VECTORS = ("motion", "velocity_error")
 SERVO_COLUMNS = ("t_ms", "delay_ms", *_SERVO_NUMBERS, *_SERVO_VECTORS)
-PATH_COLUMNS = ("t_ms", "north_m", "east_m", "down_m", "yaw_rad", "setpoint", "speed_m_s")
+_PATH_NUMBERS = ("north_m", "east_m", "down_m", "roll_rad", "pitch_rad", "yaw_rad")
+PATH_COLUMNS = ("t_ms", *_PATH_NUMBERS, "setpoint", "flown")
+"""``setpoint`` is the commanded and ``flown`` the estimated velocity in the level body frame:
+forward, right, down in m/s, and yaw rate in rad/s (None where it is unknown)."""
 
 _KEPT_ROWS = 3000
+_KEPT_PERIOD_MS = 90.0
+"""Shortest time between rows of the servo history: five minutes are kept."""
+_PAUSE_S = 1.0
 _KEPT_TRANSITIONS = 50
 _STATUS_FIELDS = frozenset(field.name for field in dataclasses.fields(GateStatus))
 _SECRETS = frozenset({"challenge"})
@@ -60,10 +66,9 @@ class VehicleBoard:
     def __init__(self, name: str) -> None:
         self.name = name
         self.status: GateStatus | None = None
-        self.seen_ns = 0
-        """Monotonic time of the last word of any kind."""
         self.rates = {stream: StreamRate() for stream in ("camera", "servo", "state", "flow")}
         self._clock = SenderClock()
+        self._vehicle: VehicleState | None = None
         self._newest: News = {}
         self._servo: deque[list[Any]] = deque(maxlen=_KEPT_ROWS)
         self._path: deque[list[Any]] = deque(maxlen=_KEPT_ROWS)
@@ -84,7 +89,7 @@ class VehicleBoard:
         if stream == "servo":
             return self._take_servo(document, now)
         if stream == "timing":
-            return self._take_timing(document)
+            return self._take_timing(document, now)
         return self._take_config(document)
 
     def _take_state(self, document: Mapping[str, Any], now: Moment) -> News:
@@ -92,7 +97,7 @@ class VehicleBoard:
         # A newer service may say more than our schema knows.
         known = {key: value for key, value in document.items() if key in _STATUS_FIELDS}
         status = parse(GateStatus, known)
-        self._see("state", now)
+        self.rates["state"].note(now.t_ns)
         t_ms = self._clock.wall_ms(status.t_ns, now)
         shown = {key: value for key, value in dump(status).items() if key not in _SECRETS}
         shown["t_ms"] = t_ms
@@ -105,7 +110,11 @@ class VehicleBoard:
             news["transitions"] = [transition]
         self.status = status
         self._newest["state"] = shown
-        if (row := _path_row(status, t_ms)) is not None:
+        vehicle = status.vehicle
+        if vehicle is not None and vehicle != self._vehicle:
+            vehicle_ms = t_ms - max(status.t_ns - vehicle.t_ns, 0) * 1e-6
+            row = [vehicle_ms, *_path_row(vehicle, self._vehicle, status.setpoint)]
+            self._vehicle = vehicle
             self._path.append(row)
             news["path"] = [row]
         return news
@@ -113,16 +122,17 @@ class VehicleBoard:
     def _take_servo(self, document: Mapping[str, Any], now: Moment) -> News:
         """Take one frame's result."""
         t_ns, t_capture_ns = _time(document, "t_ns"), _time(document, "t_capture_ns")
-        self._see("servo", now)
+        self.rates["servo"].note(now.t_ns)
         row: list[Any] = [self._clock.wall_ms(t_capture_ns, now), (t_ns - t_capture_ns) * 1e-6]
         row += [_number(document.get(name)) for name in _SERVO_NUMBERS]
         row += [_numbers(document.get(name)) for name in _SERVO_VECTORS]
-        self._servo.append(row)
+        if not self._servo or abs(row[0] - self._servo[-1][0]) >= _KEPT_PERIOD_MS:
+            self._servo.append(row)
         verdict = {name: str(document.get(name, ""))[:200] for name in ("status", "reason")}
         self._newest["verdict"] = verdict
         return {"servo": [row], "verdict": verdict}
 
-    def _take_timing(self, document: Mapping[str, Any]) -> News:
+    def _take_timing(self, document: Mapping[str, Any], now: Moment) -> News:
         """Take the latencies of the stages, and what perception counted."""
         stages = {
             str(name)[:40]: [_number(stage.get(key)) for key in ("p50_ms", "p99_ms")]
@@ -130,7 +140,7 @@ class VehicleBoard:
             if isinstance(stage, Mapping)
         }
         counters = {name: _number(document.get(name)) for name in _COUNTERS}
-        self._newest["timing"] = {"stages": stages, **counters}
+        self._newest["timing"] = {"t_ms": now.wall_ms, "stages": stages, **counters}
         return {"timing": self._newest["timing"]}
 
     def _take_config(self, document: Mapping[str, Any]) -> News:
@@ -140,13 +150,13 @@ class VehicleBoard:
             "engage": str(_inner(document, "gate").get("engage", ""))[:20],
             "min_confidence": _number(_inner(document, "servo").get("min_confidence")),
             "tolerance_m": _number(_inner(document, "servo").get("tolerance_m")),
+            "camera_width": _number(_inner(document, "camera").get("width")),
             "max_distance_m": _number(_inner(document, "limits").get("max_distance_m")),
         }
         return {"settings": self._newest["settings"]}
 
     def see_picture(self, stream: str, picture: Picture, now: Moment) -> float:
         """Note a picture of the camera, flow or goal stream; wall-clock time of its stamp, ms."""
-        self.seen_ns = now.t_ns
         if stream in self.rates:
             seq = picture.seq if stream == "camera" else None
             self.rates[stream].note(now.t_ns, len(picture.data), seq)
@@ -155,7 +165,8 @@ class VehicleBoard:
     def link_news(self, now: Moment) -> News:
         """Rates and ages of the streams; whether ages are exact."""
         streams = {name: rate.summary(now.t_ns) for name, rate in self.rates.items()}
-        return {"link": {"streams": streams, "is_foreign_clock": self._clock.is_foreign}}
+        link = {"t_ms": now.wall_ms, "streams": streams, "is_foreign_clock": self._clock.is_foreign}
+        return {"link": link}
 
     def history(self) -> News:
         """Everything that a page needs which has just begun to watch."""
@@ -168,22 +179,29 @@ class VehicleBoard:
             },
         }
 
-    def listing(self, now_ns: int) -> News:
-        """One line for the choice of vehicles."""
-        state = "" if self.status is None else self.status.state
-        return {"name": self.name, "state": state, "age_s": (now_ns - self.seen_ns) * 1e-9}
-
-    def _see(self, stream: str, now: Moment) -> None:
-        self.seen_ns = now.t_ns
-        self.rates[stream].note(now.t_ns)
+    def listing(self) -> News:
+        """One line for the choice of vehicles: name, newest state, and when it was sent."""
+        state = self._newest.get("state", {})
+        return {"name": self.name, "state": state.get("state", ""), "t_ms": state.get("t_ms")}
 
 
-def _path_row(status: GateStatus, t_ms: float) -> list[Any] | None:
-    vehicle = status.vehicle
-    if vehicle is None:
+def _path_row(
+    vehicle: VehicleState, before: VehicleState | None, setpoint: Sequence[float]
+) -> list[Any]:
+    """``PATH_COLUMNS`` without the time."""
+    cos, sin = math.cos(vehicle.yaw_rad), math.sin(vehicle.yaw_rad)
+    north, east, down = vehicle.velocity_m_s
+    flown = [cos * north + sin * east, cos * east - sin * north, down, _yaw_rate(vehicle, before)]
+    angles = vehicle.roll_rad, vehicle.pitch_rad, vehicle.yaw_rad
+    return [*vehicle.position_m, *angles, list(setpoint), flown]
+
+
+def _yaw_rate(vehicle: VehicleState, before: VehicleState | None) -> float | None:
+    """Mean yaw rate since the state before, rad/s; None after a pause."""
+    dt_s = 0.0 if before is None else (vehicle.t_ns - before.t_ns) * 1e-9
+    if before is None or not 0 < dt_s < _PAUSE_S:
         return None
-    speed = math.hypot(*vehicle.velocity_m_s)
-    return [t_ms, *vehicle.position_m, vehicle.yaw_rad, list(status.setpoint), speed]
+    return math.remainder(vehicle.yaw_rad - before.yaw_rad, 2 * math.pi) / dt_s
 
 
 def _time(document: Mapping[str, Any], name: str) -> int:

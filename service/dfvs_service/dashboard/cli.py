@@ -84,7 +84,7 @@ def _serve(words: Sequence[str]) -> int:
         # An extra of the installation, which this command alone needs.
         import uvicorn
 
-        from dfvs_service.dashboard.app import make_app
+        from dfvs_service.dashboard.app import Dashboard, make_app
     except ModuleNotFoundError as error:
         raise ConfigError(
             f"the dashboard needs {error.name}, which is not installed",
@@ -93,7 +93,7 @@ def _serve(words: Sequence[str]) -> int:
     settings = dashboard_settings(arguments)
     logging.basicConfig(level=logging.INFO, format="%(name)s: %(message)s")
     config = uvicorn.Config(
-        make_app(settings),
+        make_app(Dashboard(settings)),
         host=arguments.host,
         port=arguments.port,
         ws="websockets-sansio",

@@ -42,7 +42,8 @@ class Hub:
         self._clock = clock
         self._on_watch = on_watch
         self._boards: dict[str, VehicleBoard] = {}
-        self._goals: dict[str, bytes] = {}
+        self._pictures: dict[str, dict[PictureKind, bytes]] = {}
+        """Newest picture of each kind of a vehicle."""
         self._watchers: dict[Outbox, str | None] = {}
         self.refused = 0
         """Messages from vehicles that could not be read."""
@@ -72,10 +73,11 @@ class Hub:
             return
         self._watchers[outbox] = vehicle
         outbox.forget()
-        outbox.offer(_encode({"watching": vehicle, **board.history()}))
+        links = board.link_news(self._clock())
+        outbox.offer(_encode({"watching": vehicle, **board.history(), **links}))
         outbox.offer({"vehicles": self._vehicles_json()})
-        if (goal := self._goals.get(vehicle)) is not None:
-            outbox.show(PictureKind.GOAL, goal)
+        for kind, picture in self._pictures.get(vehicle, {}).items():
+            outbox.show(kind, picture)
         self._tell_watched()
 
     def take(self, parcels: Iterable[Parcel]) -> None:
@@ -111,8 +113,7 @@ class Hub:
         if isinstance(parcel.content, Picture):
             t_ms = board.see_picture(parcel.stream, parcel.content, now)
             message = encode_picture(parcel.content.kind, t_ms, parcel.content.data)
-            if parcel.content.kind is PictureKind.GOAL:
-                self._goals[board.name] = message
+            self._pictures.setdefault(board.name, {})[parcel.content.kind] = message
             self._show(board.name, parcel.content.kind, message)
         else:
             self._tell(board.name, board.take(parcel.stream, parcel.content, now))
@@ -139,8 +140,7 @@ class Hub:
         self._on_watch(frozenset(name for name in self._watchers.values() if name is not None))
 
     def _vehicles_json(self) -> str:
-        now_ns = self._clock().t_ns
-        return _json([board.listing(now_ns) for _, board in sorted(self._boards.items())])
+        return _json([board.listing() for _, board in sorted(self._boards.items())])
 
 
 def _json(value: Any) -> str:

@@ -11,6 +11,9 @@ MAX_ROWS = 512
 MAX_UNSEEN = 2
 """Pictures under way that the browser has not confirmed: more would only grow old in buffers."""
 
+_PERSONAL = frozenset({"welcome", "pong", "answers"})
+"""News for this browser, whatever vehicle it watches."""
+
 _PICTURE_HEADER = struct.Struct("<Bd")
 
 
@@ -73,9 +76,9 @@ class Outbox:
         self._ready.set()
 
     def forget(self) -> None:
-        """Drop everything that waits: the browser turns to another vehicle."""
-        self._news.clear()
-        self._rows.clear()
+        """Drop what waits of vehicles: the browser turns to another one."""
+        self._news = {key: value for key, value in self._news.items() if key in _PERSONAL}
+        self._rows = {key: rows for key, rows in self._rows.items() if key in _PERSONAL}
         self._pictures.clear()
 
     async def next(self) -> tuple[str | None, list[bytes]]:

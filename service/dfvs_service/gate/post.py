@@ -15,7 +15,7 @@ from dfvs_core.wire.link import (
     ForwardedCommand,
     GateStatus,
     LeaseHolders,
-    ThreadFault,
+    ServiceFault,
     to_datagram,
     to_gate,
 )
@@ -37,7 +37,7 @@ class Post:
     note : callable
         Takes (kind, text) for the log.
     on_fault : callable
-        Takes one line about a thread of another process that failed.
+        Takes one line about what failed outside the gate.
     """
 
     def __init__(
@@ -85,8 +85,8 @@ class Post:
             return self._judge(message, now_ns)
         if isinstance(message, LeaseHolders):
             return OtherServices(now_ns, message.standing_by, message.engaged)
-        if isinstance(message, ThreadFault):
-            self._on_fault(message.thread_fault[:_MAX_TEXT])
+        if isinstance(message, ServiceFault):
+            self._on_fault(message.service_fault[:_MAX_TEXT])
             return None
         self.has_seen_frame = self.has_seen_frame or message.t_capture_ns > 0
         return Report(now_ns, message)

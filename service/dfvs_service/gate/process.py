@@ -103,7 +103,7 @@ class GateProcess:
         self._authority = Authority(key, name, lambda: secrets.token_hex(16), now_ns)
         self._post = Post(runtime, self._authority, self.note, self.report)
         self._faults: tuple[str, ...] = ()
-        """Threads that failed, one line each."""
+        """What failed that the flight can do without, one line each."""
         self._lifeline = Lifeline(parent, now_ns)
         self._warnings: tuple[str, ...] = ()
         self._fatal: DfvsError | None = None
@@ -124,7 +124,7 @@ class GateProcess:
         self._journal.add(time.monotonic_ns(), kind, text=text)
 
     def report(self, line: str) -> None:
-        """Show and log the failure of a thread, from any thread."""
+        """Show and log a failure that the flight can do without, from any thread."""
         self.note("fault", line)
         if line not in self._faults:
             self._faults = (line, *self._faults)[:_MAX_FAULTS]

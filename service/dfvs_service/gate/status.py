@@ -43,18 +43,17 @@ def gate_status(
     """Status of this moment; ``command`` is the last command's result and how many came."""
     vehicle, setpoint = machine.vehicle, machine.stream.last
     heartbeat = vehicle.heartbeat
-    heard = heartbeat.t_ns != NEVER
     return GateStatus(
         state=str(machine.state),
         cause=machine.reason[:_MAX_CAUSE],
         vehicle=vehicle_state(vehicle),
         t_ns=now_ns,
         reached=machine.has_reached,
-        mode=str(heartbeat.mode) if heard else "",
+        mode=str(heartbeat.mode) if heartbeat.t_ns != NEVER else "",
         armed=heartbeat.armed,
         in_air=vehicle.landed.in_air,
         battery=vehicle.battery.remaining,
-        heartbeat_age_s=(now_ns - heartbeat.t_ns) / S if heard else None,
+        heartbeat_age_s=_age_s(heartbeat.t_ns, now_ns),
         setpoint=(
             setpoint.forward_m_s,
             setpoint.right_m_s,
@@ -68,4 +67,9 @@ def gate_status(
         warnings=tuple(line[:200] for line in warnings[:_MAX_WARNINGS]),
         goal=machine.sight.goal,
         since_ns=machine.since_ns,
+        battery_age_s=_age_s(vehicle.battery.t_ns, now_ns),
     )
+
+
+def _age_s(t_ns: int, now_ns: int) -> float | None:
+    return None if t_ns == NEVER else (now_ns - t_ns) / S

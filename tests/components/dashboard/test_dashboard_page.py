@@ -1,8 +1,9 @@
 """The dashboard's page in a real browser, fed by real telemetry."""
 
-import shutil
+import json
 
 import pytest
+from browser_page import CHROMIUM, Page, needs_chromium
 from dashboard_server import Server
 from loopback import free_endpoint
 from telemetry_vehicle import TelemetryVehicle
@@ -12,13 +13,7 @@ from dfvs_core.wire.picture import encode_jpeg
 
 sync_api = pytest.importorskip("playwright.sync_api")
 
-NAMES = ("chromium", "chromium-browser", "google-chrome")
-CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
-PATIENCE_MS = 60_000
-
-pytestmark = pytest.mark.skipif(
-    CHROMIUM is None, reason="no Chromium on this machine (Debian: apt-get install chromium)"
-)
+pytestmark = needs_chromium
 
 FRAMES = "dfvsScreen().frames"
 PIXELS = """() => {
@@ -40,34 +35,15 @@ BAND_PIXELS = """() => {
   return count;
 }"""
 NUMBER = """name => [...document.querySelectorAll("#numbers div")]
-  .find((e) => e.firstChild.textContent === name)?.lastChild.textContent ?? ''"""
+  .find((e) => e.firstChild.firstChild.textContent === name)?.lastChild.textContent ?? ''"""
 NAMELESS = """() => [...document.querySelectorAll(
   'button, input, select, canvas:not(.uplot canvas), dialog, section')].filter((e) => !(
     e.getAttribute('aria-label') || e.getAttribute('aria-labelledby')
     || e.textContent.trim() || e.labels?.length)).map((e) => e.outerHTML)"""
 
 
-class Page:
-    """A page with everything that it complained about and asked for."""
-
-    def __init__(self, context, url):
-        self.complaints, self.requests = [], []
-        self.page = context.new_page()
-        self.page.set_default_timeout(PATIENCE_MS)
-        self.page.on("console", self.on_console)
-        self.page.on("pageerror", lambda error: self.complaints.append(str(error)))
-        self.page.on("request", lambda request: self.requests.append(request.url))
-        self.page.goto(url)
-
-    def on_console(self, message):
-        if message.type in ("error", "warning"):
-            self.complaints.append(message.text)
-
-    def wait(self, script, argument=None):
-        self.page.wait_for_function(script, arg=argument, timeout=PATIENCE_MS, polling=100)
-
-    def text(self, element):
-        return self.page.text_content(f"#{element}")
+class LivePage(Page):
+    """A page that shows a vehicle whose pictures move."""
 
     def pixels(self):
         return self.page.evaluate(PIXELS)
@@ -75,12 +51,6 @@ class Page:
     def frames_rise(self, by=5):
         now = self.page.evaluate(FRAMES)
         self.wait(f"n => {FRAMES} > n", now + by)
-
-    def sign_in(self, token):
-        self.page.click("#sign")
-        self.page.fill("#token", token)
-        self.page.keyboard.press("Enter")
-        self.wait("() => !document.getElementById('operator').hidden")
 
 
 @pytest.fixture(scope="module")
@@ -97,7 +67,7 @@ def open_page(chromium):
 
     def open_page(url, width=1280, height=900):
         contexts.append(chromium.new_context(viewport={"width": width, "height": height}))
-        return Page(contexts[-1], url)
+        return LivePage(contexts[-1], url)
 
     yield open_page
     for context in contexts:
@@ -196,7 +166,7 @@ def test_old_data_are_called_old_and_new_ones_clear_that(server, field, open_pag
     field.swift.is_paused = True
     try:
         page.wait("() => document.getElementById('state').textContent === 'STALE: was SERVO'")
-        assert "Nothing heard for" in page.text("cause")
+        assert "Nothing heard since" in page.text("cause")
         assert page.page.title().startswith("STALE")
         page.wait("() => !document.getElementById('view-notice').hidden")
         assert "NO NEW PICTURE" in page.text("view-notice")
@@ -224,7 +194,7 @@ def test_may_be_flown_is_green_only_while_it_is_true(field, open_page):
         page.wait(GOOD)
         field.swift.is_paused = True
         page.wait(NOT_GOOD, "s old")
-        assert page.page.evaluate(OPACITY) == "0.5"
+        assert page.page.evaluate(OPACITY) == "0.6"
         field.swift.is_paused = False
         page.wait(GOOD)
         assert page.page.evaluate(OPACITY) == "1"
@@ -289,6 +259,29 @@ def test_an_operator_changes_the_goal_to_a_picture_with_its_sidecar(server, fiel
     page.wait("() => document.getElementById('answer').textContent === 'accepted: goal'")
     assert field.swift.goals[-1] == GoalOrder(picture, sidecar)
     field.swift.enter("SERVO", "good data")
+
+
+def test_an_operator_takes_the_view_as_the_goal_with_the_attitude_of_its_capture(
+    server, field, open_page
+):
+    page = open_page(server.url)
+    watch(page, "swift")
+    assert page.page.is_hidden("#take-view")  # a viewer may not
+    page.sign_in(field.token)
+    field.swift.enter("HOLD", "operator ordered to hold")
+    try:
+        page.page.click("#take-view:enabled")
+        assert page.page.get_attribute("#confirm-picture", "src").startswith("blob:")
+        page.page.click("#confirm-cancel")
+        page.page.click("#take-view:enabled")
+        page.page.click("#confirm-ok")
+        page.wait("() => document.getElementById('answer').textContent === 'accepted: goal'")
+    finally:
+        field.swift.enter("SERVO", "good data")
+    order = field.swift.goals[-1]
+    assert order.picture in [encode_jpeg(view) for view in field.swift.views]
+    attitude = json.loads(order.sidecar)
+    assert attitude == {"roll_rad": pytest.approx(0.06), "pitch_rad": pytest.approx(-0.04)}
 
 
 def test_a_wrong_token_is_asked_for_again(server, field, open_page):

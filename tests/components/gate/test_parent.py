@@ -12,6 +12,7 @@ from pathlib import Path
 
 import pytest
 
+from dfvs_core.wire.link import to_gate
 from dfvs_service.console import ChangeLines
 from dfvs_service.parent import Parent, Programs
 from dfvs_service.runtime import RuntimeFolder
@@ -139,6 +140,26 @@ def test_a_perception_that_ends_in_flight_leaves_the_gate_to_its_own_judgement(t
     assert code == 1
     assert took_s >= 1.9  # it went on until it was told to stop
     assert "warning: perception ended with code 0" in lines
+
+
+def test_operators_are_told_of_the_end_of_the_black_box_and_of_its_warnings(tmp_path):
+    ends = "import sys; print('warning: the disk is slow', file=sys.stderr); sys.exit(3)"
+    gate = (sys.executable, FAKE_GATE, "--code", "0")
+    idle = (sys.executable, "-c", IDLE)
+    programs = Programs(gate, idle, link=idle, black_box=(sys.executable, "-c", ends))
+    runtime = RuntimeFolder(tmp_path)
+    with socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM) as heard_by_gate:
+        heard_by_gate.bind(str(runtime.gate_socket))
+        heard_by_gate.setblocking(False)
+        Parent(runtime, programs, ChangeLines(io.StringIO())).run()
+        heard = []
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                heard.append(to_gate(heard_by_gate.recv(4096)).service_fault)
+    assert sorted(heard) == [
+        "the black box ended with code 3; no more of this flight is kept",
+        "the disk is slow",
+    ]
 
 
 def test_systemd_is_told_of_the_start_of_life_and_of_the_end(tmp_path, monkeypatch):

@@ -1,5 +1,6 @@
 import asyncio
 import json
+import struct
 
 import pytest
 
@@ -74,6 +75,15 @@ def test_who_begins_to_watch_is_told_everything_so_far(rig):
     assert news["state"]["state"] == "SERVO"
     assert [t["to"] for t in news["history"]["transitions"]] == ["READY", "SERVO"]
     assert [p[9:] for p in pictures] == [b"goal"]
+
+
+def test_who_begins_to_watch_a_vehicle_that_fell_silent_gets_its_last_view_with_its_time(rig):
+    rig.state("swift")
+    rig.picture("swift", data=b"last")
+    rig.now = Moment(61_000_000_000, 65_000.0)
+    _, (view,) = take(rig.browser("swift"))
+    assert view[9:] == b"last"
+    assert struct.unpack_from("<d", view, 1)[0] == 5000.0
 
 
 def test_pictures_are_asked_for_only_while_somebody_watches(rig):

@@ -72,6 +72,14 @@ def test_a_browser_that_turns_away_is_sent_nothing_old():
     assert is_silent(outbox)
 
 
+def test_what_is_for_the_browser_itself_is_sent_whatever_it_turns_to():
+    outbox = Outbox()
+    outbox.offer({"state": "1", "pong": "2"})
+    outbox.append("answers", ["3"])
+    outbox.forget()
+    assert take(outbox) == ('{"pong":2,"answers":[3]}', [])
+
+
 def test_confirmations_that_nothing_was_sent_for_earn_no_credit():
     outbox = Outbox()
     for _ in range(50):

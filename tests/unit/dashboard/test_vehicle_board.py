@@ -1,4 +1,6 @@
+import dataclasses
 import json
+import math
 
 import pytest
 
@@ -56,12 +58,39 @@ def test_only_a_change_of_state_is_an_event():
     assert [e["to"] for e in board.history()["history"]["transitions"]] == ["READY", "ABORT"]
 
 
-def test_a_path_row_holds_position_heading_setpoint_and_speed():
-    (row,) = VehicleBoard("a").take("state", status(setpoint=(0.1, 0.0, 0.0, 0.2)), NOW)["path"]
-    named = dict(zip(PATH_COLUMNS, row, strict=True))
+def path_row(board, vehicle, **fields):
+    document = status(**fields) | {"vehicle": dump(vehicle)}
+    (row,) = board.take("state", document, NOW)["path"]
+    return dict(zip(PATH_COLUMNS, row, strict=True))
+
+
+def test_a_path_row_holds_position_attitude_and_the_commanded_and_flown_velocity():
+    board = VehicleBoard("a")
+    named = path_row(board, VEHICLE, t_ns=9_995 * MS, setpoint=(0.1, 0.0, 0.0, 0.2))
+    assert named["t_ms"] == 1_000_000.0 - 10  # of the vehicle's own stamp
     assert (named["north_m"], named["east_m"], named["down_m"]) == (1.0, 2.0, -1.5)
-    assert named["speed_m_s"] == pytest.approx(0.5)
+    assert (named["roll_rad"], named["pitch_rad"], named["yaw_rad"]) == (0.0, 0.0, 0.5)
     assert named["setpoint"] == [0.1, 0.0, 0.0, 0.2]
+    cos, sin = math.cos(0.5), math.sin(0.5)
+    flown = [0.3 * cos + 0.4 * sin, 0.4 * cos - 0.3 * sin, 0.0]
+    assert named["flown"] == [*map(pytest.approx, flown), None]
+
+
+@pytest.mark.parametrize(
+    ("yaw", "after_ms", "rate"), [(-3.13, 100, 0.2319), (3.0, 100, -1.3), (3.1, 1500, None)]
+)
+def test_the_flown_yaw_rate_is_between_two_states_that_follow_closely(yaw, after_ms, rate):
+    board = VehicleBoard("a")
+    path_row(board, dataclasses.replace(VEHICLE, yaw_rad=3.13))
+    later = dataclasses.replace(VEHICLE, yaw_rad=yaw, t_ns=VEHICLE.t_ns + after_ms * MS)
+    flown = path_row(board, later, t_ns=later.t_ns)["flown"]
+    assert flown[3] == (rate if rate is None else pytest.approx(rate, abs=1e-3))
+
+
+def test_a_vehicle_that_is_not_heard_any_more_adds_nothing_to_the_path():
+    board = VehicleBoard("a")
+    board.take("state", status(), NOW)
+    assert "path" not in board.take("state", status(t_ns=9_999 * MS), NOW)
 
 
 def test_fields_of_a_newer_service_are_passed_over():
@@ -130,8 +159,16 @@ def test_documents_that_follow_no_schema_are_refused(stream, document):
 def test_history_is_bounded():
     board = VehicleBoard("a")
     for i in range(4000):
-        board.take("servo", servo(t_capture_ns=i), NOW)
+        t_ns = NOW.t_ns + i * 100 * MS
+        board.take("servo", servo(t_capture_ns=t_ns), Moment(t_ns, NOW.wall_ms + i * 100))
     assert len(board.history()["history"]["servo"]) == 3000
+
+
+def test_the_history_of_results_is_thinned_to_ten_a_second():
+    board = VehicleBoard("a")
+    for i in range(100):
+        board.take("servo", servo(t_capture_ns=NOW.t_ns - (3960 - 40 * i) * MS), NOW)
+    assert len(board.history()["history"]["servo"]) == 34
 
 
 def test_links_tell_rate_age_and_loss_of_the_camera():

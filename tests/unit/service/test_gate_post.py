@@ -13,7 +13,7 @@ from dfvs_core.wire.link import (
     CommandAnswer,
     ForwardedCommand,
     GateStatus,
-    ThreadFault,
+    ServiceFault,
     from_gate,
     to_datagram,
 )
@@ -153,7 +153,7 @@ def test_a_refusal_without_a_command_answers_nobody(post, link):
 
 def test_a_thread_s_fault_is_passed_on_and_is_no_event(post, tmp_path):
     FAULTS.clear()
-    send(tmp_path, to_datagram(ThreadFault("telemetry failed" + "!" * 300)))
+    send(tmp_path, to_datagram(ServiceFault("telemetry failed" + "!" * 300)))
     assert collected(post) == []
     (line,) = FAULTS
     assert line.startswith("telemetry failed!")

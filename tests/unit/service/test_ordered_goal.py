@@ -27,6 +27,11 @@ def test_a_goals_own_sidecar_counts():
     assert ordered_goal(GoalOrder(picture(), own.to_json()), FLOWN).sidecar == own
 
 
+def test_a_sidecar_without_a_camera_is_of_the_camera_that_flies():
+    goal = ordered_goal(GoalOrder(picture(), '{"roll_rad": 0.2, "pitch_rad": -0.1}'), FLOWN)
+    assert goal.sidecar == GoalSidecar(CAMERA, 0.2, -0.1, FLOWN.mount)
+
+
 @pytest.mark.parametrize(
     "order",
     [

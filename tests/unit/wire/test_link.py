@@ -14,7 +14,7 @@ from dfvs_core.wire.link import (
     GateStatus,
     LeaseHolders,
     PerceptionReport,
-    ThreadFault,
+    ServiceFault,
     VehicleState,
     from_datagram,
     from_gate,
@@ -44,7 +44,7 @@ def test_the_gate_tells_reports_from_commands():
     command = ForwardedCommand('{"vehicle": "drone1"}')
     assert to_gate(to_datagram(REPORT)) == REPORT
     assert to_gate(to_datagram(command)) == command
-    for message in (LeaseHolders(("a",)), ThreadFault("telemetry failed")):
+    for message in (LeaseHolders(("a",)), ServiceFault("telemetry failed")):
         assert to_gate(to_datagram(message)) == message
 
 

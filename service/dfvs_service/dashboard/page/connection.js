@@ -19,6 +19,11 @@ class ServerClock {
     if (this.#samples.length > 15) this.#samples.shift();
   }
 
+  /** Whether the server's time is known; ages are not, before. */
+  get isKnown() {
+    return this.#samples.length > 0;
+  }
+
   get roundTripMs() {
     return this.#samples.length ? this.#samples.at(-1).roundTrip : null;
   }

@@ -1,26 +1,30 @@
 // The dashboard's page: news from the server to the panels, and the user's choices back.
 
 import { Connection } from "./connection.js";
+import { ageText, assess, showAges } from "./freshness.js";
+import { AttitudeHistory, showInstruments } from "./instruments.js";
+import { showDelays, showLinks } from "./links.js";
+import { lengthWithSpread, showNumbers } from "./numbers.js";
 import { Operator, keptToken } from "./operator.js";
-import * as panels from "./panels.js";
 import { PathView } from "./path.js";
 import { Plots } from "./plots.js";
+import * as card from "./state_card.js";
 import { startTheme } from "./theme.js";
 import { View } from "./view.js";
+import { byId, DASH, duration, say } from "./words.js";
 
-const STALE_STATE_MS = 1500;
-const STALE_VIEW_MS = 1000;
 const REFRESH_MS = 200;
 const TABLES_EVERY = 5;
 const MODES = ["side", "slider", "blend", "difference"];
+const LIVELY_MS = 3000;
 
-const byId = (id) => document.getElementById(id);
 const connection = new Connection(keptToken());
 const now = () => connection.clock.now();
 const view = new View(byId("view"), now);
 const path = new PathView(byId("path"));
-const plots = new Plots(byId("plots"));
-const operator = new Operator(connection);
+const plots = new Plots(byId("plots"), now);
+const attitudes = new AttitudeHistory();
+const operator = new Operator(connection, () => view.shown && { ...view.shown, attitude: attitudes.at(view.shown.captureMs) });
 const nextTheme = startTheme(() => {
   plots.restyle();
   path.redraw();
@@ -29,6 +33,7 @@ const nextTheme = startTheme(() => {
 let watched = "";
 let shown = "";
 let known = {};
+let vehicles = [];
 let columns = { servo: [], path: [] };
 let mountingLimit = Infinity;
 let refreshes = 0;
@@ -40,10 +45,12 @@ function forget(name) {
   // After a reconnection the last picture stays until a newer one comes.
   if (name !== shown) view.clear();
   shown = name;
-  known = { ...known, servo: null, verdict: null, path: null, state: null, timing: null, link: null };
+  known = { zenoh: known.zenoh, overtaken: known.overtaken };
   path.clear();
   plots.clear();
-  panels.clearEvents();
+  attitudes.clear();
+  card.clearEvents();
+  refreshes = 0;
 }
 
 const named = (names, row) => Object.fromEntries(names.map((name, i) => [name, row[i]]));
@@ -51,7 +58,7 @@ const named = (names, row) => Object.fromEntries(names.map((name, i) => [name, r
 function takeServo(rows) {
   for (const values of rows) {
     known.servo = named(columns.servo, values);
-    plots.addServo(known.servo);
+    plots.add("results", known.servo);
     path.aim(known.servo.motion);
   }
 }
@@ -59,15 +66,21 @@ function takeServo(rows) {
 function takePath(rows) {
   for (const values of rows) {
     known.path = named(columns.path, values);
-    plots.addPath(known.path);
+    plots.add("vehicle", known.path);
     path.add(known.path);
+    attitudes.add(known.path);
   }
+}
+
+function takeTransitions(list) {
+  card.addEvents(list);
+  plots.mark(list);
 }
 
 const TAKE = {
   vehicles: (list) => {
-    panels.showVehicles(list, watched);
-    const wanted = list.find((v) => v.name === watched) ?? liveliest(list);
+    vehicles = list;
+    const wanted = list.find((v) => v.name === watched) ?? list.find((v) => now() - v.t_ms < LIVELY_MS) ?? list[0];
     if (wanted && wanted.name !== watched) watch(wanted.name);
   },
   watching: (name) => {
@@ -77,16 +90,17 @@ const TAKE = {
   },
   settings: (settings) => {
     if (Number.isFinite(settings.min_confidence)) view.minConfidence = settings.min_confidence;
+    operator.cameraWidth = settings.camera_width;
   },
   history: (history) => {
     takePath(history.path);
     takeServo(history.servo);
-    panels.addEvents(history.transitions);
+    takeTransitions(history.transitions);
   },
   state: (state) => (known.state = state),
   servo: takeServo,
   path: takePath,
-  transitions: (list) => panels.addEvents(list),
+  transitions: takeTransitions,
   verdict: (verdict) => (known.verdict = verdict),
   timing: (timing) => (known.timing = timing),
   link: (link) => (known.link = link),
@@ -94,9 +108,6 @@ const TAKE = {
   overtaken: (count) => (known.overtaken = count),
   answers: (answers) => operator.answered(answers),
 };
-
-/** A vehicle that talks, or else any. */
-const liveliest = (list) => list.find((v) => v.age_s < 3) ?? list[0];
 
 function watch(name) {
   watched = name;
@@ -118,65 +129,41 @@ connection.addEventListener("welcome", ({ detail }) => {
 connection.addEventListener("lost", () => (lostSinceMs ??= performance.now()));
 connection.addEventListener("denied", ({ detail }) => operator.denied(detail.reason));
 
-// --- what is old ------------------------------------------------------------------------------
-
-function freshness() {
-  const ageMs = known.state ? now() - known.state.t_ms : NaN;
-  if (!known.state) return { kind: "never", text: waitingFor() };
-  if (connection.isOpen && ageMs < STALE_STATE_MS) return { kind: "live", text: "" };
-  return { kind: "stale", text: `Nothing heard for ${panels.duration(ageMs / 1000)}.` };
-}
-
-function waitingFor() {
-  if (!connection.isOpen) return "Waiting for the dashboard's server.";
-  return known.zenoh?.connected ? "Waiting for a vehicle." : "Waiting for a service or router to connect to.";
-}
-
-function showServer() {
-  const chip = byId("server");
-  const isUp = connection.isOpen;
-  const hasLink = isUp && known.zenoh?.connected > 0;
-  const text = !isUp ? "reconnecting" : hasLink ? "connected" : "no vehicle link";
-  if (chip.textContent !== text) chip.textContent = text;
-  chip.dataset.ok = !isUp ? "no" : hasLink ? "yes" : "";
-  const seconds = lostSinceMs === null ? 0 : (performance.now() - lostSinceMs) / 1000;
-  const alarm = byId("alarm");
-  alarm.hidden = seconds < 1;
-  if (alarm.hidden) return;
-  const message = "Connection to the dashboard's server lost. What you see is old. Reconnecting …";
-  if (alarm.textContent !== message) alarm.textContent = message;
-}
-
-function showViewAge() {
-  const ageMs = view.captureMs === null ? Infinity : now() - view.captureMs;
-  const isOld = ageMs > STALE_VIEW_MS;
-  byId("view").parentElement.classList.toggle("old", isOld);
-  const notice = byId("view-notice");
-  notice.hidden = !isOld;
-  const text = view.captureMs === null ? "No picture yet" : `NO NEW PICTURE FOR ${panels.duration(ageMs / 1000)}`;
-  if (isOld && notice.textContent !== text) notice.textContent = text;
-}
+// --- what is shown -----------------------------------------------------------------------------
 
 function refresh() {
-  const fresh = freshness();
-  const screen = { ...view.stats, overtaken: known.overtaken ?? 0 };
-  panels.showState(known.state ?? null, fresh);
-  panels.showSince(known.state ?? null, now());
-  const resultAgeMs = now() - (known.servo?.t_ms ?? NaN);
-  panels.showVerdict(known.verdict, resultAgeMs, fresh, known.state);
-  panels.showNumbers({ ...known, mountingLimit });
+  const nowMs = now();
+  const server = {
+    isOpen: connection.isOpen && connection.clock.isKnown, lostMs: lostSinceMs === null ? 0 : performance.now() - lostSinceMs,
+  };
+  const truth = assess({ ...known, viewMs: view.shown?.captureMs, flowMs: view.flowMs }, nowMs, server);
+  card.showState(truth, known.state, nowMs);
+  card.showHeader(truth, watched);
+  card.showVehicles(vehicles, watched, truth, nowMs);
+  showNumbers({ ...known, mountingLimit });
+  showInstruments(known.path, known.state);
   if (refreshes++ % TABLES_EVERY === 0) {
-    panels.showLinks(known.link, screen, connection.clock.roundTripMs);
-    panels.showDelays(known.timing, screen);
+    const screen = { ...view.stats, overtaken: known.overtaken ?? 0 };
+    showLinks(known.link, screen, connection.clock.roundTripMs, truth.ages.links / 1000);
+    showDelays(known.timing, screen);
   }
-  panels.describeView(view.frames, now(), view.captureMs, known);
-  operator.show(known.state ?? null, fresh.kind === "live");
-  showServer();
-  showViewAge();
-  byId("path-facts").textContent =
-    `${path.lengthM.toFixed(2)} m flown, ${path.straightM.toFixed(2)} m straight`;
-  const title = known.state ? `${fresh.kind === "stale" ? "STALE " : ""}${known.state.state} ${watched}` : "DFVS";
-  if (document.title !== title) document.title = title;
+  showView(truth);
+  operator.show(known.state ?? null, truth.old);
+  say(byId("path-facts"), `${path.lengthM.toFixed(2)} m flown, ${path.straightM.toFixed(2)} m straight`);
+  path.ageGoal(truth.old.results ? ageText(truth.ages.results) : "");
+  showAges(truth);
+}
+
+function showView({ ages, old }) {
+  const isOld = old.view;
+  const age = duration(ages.view / 1000);
+  byId("view-notice").hidden = !isOld;
+  say(byId("view-notice"), view.shown ? `NO NEW PICTURE FOR ${age}` : "No picture yet");
+  say(byId("view-facts"), `${view.frames} ${view.frames === 1 ? "frame" : "frames"}, newest ${age} old`);
+  const [left, rest] = lengthWithSpread(known.servo?.error_m, known.servo?.error_spread_m);
+  const distance = left === DASH || old.results ? "distance to the goal unknown" : `${left} ${rest} to the goal`;
+  byId("view").setAttribute("aria-label",
+    !view.shown ? "No picture yet" : `Goal and ${isOld ? "old" : "live"} view; ${distance}`);
 }
 
 // --- the user's choices -----------------------------------------------------------------------
@@ -196,6 +183,7 @@ function setMix(share) {
 
 function setOverlay(name, isOn) {
   byId(`show-${name}`).checked = isOn;
+  byId(`${name}-legend`).hidden = !isOn;
   if (name === "flow") view.showsFlow = isOn;
   else view.showsConfidence = isOn;
   view.redraw();
@@ -227,10 +215,7 @@ document.addEventListener("keydown", (event) => {
 document.querySelectorAll('input[name="mode"]').forEach((input) =>
   input.addEventListener("change", () => setMode(input.value)));
 document.querySelectorAll('input[name="span"]').forEach((input) =>
-  input.addEventListener("change", () => {
-    plots.spanS = Number(input.value);
-    plots.redraw();
-  }));
+  input.addEventListener("change", () => plots.show(Number(input.value))));
 byId("mix").addEventListener("input", () => setMix(byId("mix").value / 100));
 byId("view").addEventListener("mix", ({ detail }) => setMix(detail));
 byId("show-flow").addEventListener("change", (e) => setOverlay("flow", e.target.checked));
@@ -243,4 +228,4 @@ setInterval(refresh, REFRESH_MS);
 connection.open();
 
 /** For automated measurements: what this page has shown. */
-globalThis.dfvsScreen = () => ({ ...view.stats, roundTripMs: connection.clock.roundTripMs });
+globalThis.dfvsScreen = () => ({ ...view.stats, watched, refreshes, roundTripMs: connection.clock.roundTripMs });

@@ -1,6 +1,7 @@
 // Signing in and giving orders. The server decides what is allowed; the page only hides the rest.
 
-const byId = (id) => document.getElementById(id);
+import { byId, DEGREES, fixed, timeOfDay } from "./words.js";
+
 const KEPT_TOKEN = "dfvs-token";
 const GOAL_CHANGEABLE = new Set(["READY", "HOLD", "DONE"]);
 const ENGAGEABLE = new Set(["READY", "DONE", "ABORT", "RELEASED"]);
@@ -13,14 +14,24 @@ export class Operator {
   #state = null;
   #isSignedIn = false;
   #onConfirmed = () => {};
+  #currentView;
+  /** Width of the camera's frames, px; null where the settings leave it open. */
+  cameraWidth = null;
 
-  constructor(connection) {
+  /**
+   * @param {Connection} connection
+   * @param currentView `() => {captureMs, data, width, attitude} | null`: picture that is shown, and
+   *   roll and pitch at its capture, null where they are not known
+   */
+  constructor(connection, currentView) {
     this.#connection = connection;
+    this.#currentView = currentView;
     byId("sign").addEventListener("click", () => (this.#isSignedIn ? this.#signOut() : this.ask()));
     byId("hold").addEventListener("click", () => this.order("hold"));
     byId("abort").addEventListener("click", () => this.order("abort"));
     byId("engage").addEventListener("click", () => this.#confirmEngage());
     byId("goal").addEventListener("click", () => byId("goal-files").click());
+    byId("take-view").addEventListener("click", () => this.#confirmView());
     byId("goal-files").addEventListener("change", () => this.#confirmGoal([...byId("goal-files").files]));
     byId("sign-dialog").addEventListener("close", () => this.#signIn());
     // No submit button: that of signing in is the one that the Enter key means.
@@ -56,11 +67,14 @@ export class Operator {
     this.#vehicle = vehicle;
   }
 
-  show(state, isFresh) {
+  /** @param old which sources are old, of `assess` */
+  show(state, old) {
     this.#state = state;
+    const isFresh = !old.state;
     const takesOrders = Boolean(state?.takes_orders) && this.#connection.isOpen;
     byId("engage").disabled = !takesOrders || !isFresh || !ENGAGEABLE.has(state.state);
     byId("goal").disabled = !takesOrders || !isFresh || !GOAL_CHANGEABLE.has(state.state);
+    byId("take-view").disabled = byId("goal").disabled || old.view || old.vehicle;
     // Stopping is offered even where the newest state is old: it can do no harm.
     byId("hold").disabled = byId("abort").disabled = !takesOrders;
     if (state && !state.takes_orders) this.#hint("this vehicle was started without a command key");
@@ -90,10 +104,33 @@ export class Operator {
     const vehicle = this.#vehicle;
     const taken = sidecar ? `taken as ${sidecar.name} says` : "taken level, by the camera that flies";
     this.#confirm("Change the goal?", `${picture.name} for ${vehicle}, ${taken}.`, picture, async () => {
-      this.#answer(null, "goal sent …");
-      const text = sidecar ? await sidecar.text() : "";
-      this.#connection.sendGoal({ vehicle, sidecar: text }, await picture.arrayBuffer());
+      this.#sendGoal(vehicle, sidecar ? await sidecar.text() : "", await picture.arrayBuffer());
     });
+  }
+
+  /** Ask whether the view of this moment shall be the goal; what is asked is what is sent. */
+  #confirmView() {
+    const view = this.#currentView();
+    if (!view?.attitude) {
+      this.#answer(false, "not sent: the attitude at the time of this picture is not known");
+      return;
+    }
+    if (this.cameraWidth && view.width !== this.cameraWidth) {
+      this.#answer(false, `not sent: the page gets ${view.width} of the camera's ${this.cameraWidth} px; use dfvs-camera goal`);
+      return;
+    }
+    const vehicle = this.#vehicle;
+    const degrees = (rad) => `${fixed(rad * DEGREES, 1)}°`;
+    const { roll_rad: roll, pitch_rad: pitch } = view.attitude;
+    this.#confirm("Take this view as the goal?",
+      `${vehicle}, view of ${timeOfDay(view.captureMs)}, at roll ${degrees(roll)} and pitch ${degrees(pitch)}.`,
+      new Blob([view.data], { type: "image/jpeg" }),
+      () => this.#sendGoal(vehicle, JSON.stringify(view.attitude), view.data));
+  }
+
+  #sendGoal(vehicle, sidecar, picture) {
+    this.#answer(null, "goal sent …");
+    this.#connection.sendGoal({ vehicle, sidecar }, picture);
   }
 
   #confirm(title, text, picture, onConfirmed) {

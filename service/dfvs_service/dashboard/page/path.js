@@ -1,6 +1,7 @@
 // The flown path in three dimensions: an orthographic projection that is turned by hand.
 
-const style = (name) => getComputedStyle(document.documentElement).getPropertyValue(name).trim();
+import { style } from "./words.js";
+
 const MAX_POINTS = 6000;
 const NEAREST_M = 0.5;
 const PERIOD_MS = 200;
@@ -11,6 +12,7 @@ export class PathView {
   #points = [];
   #yaw = 0;
   #goal = null;
+  #goalAge = "";
   #camera = { ...HOME };
   #isDue = false;
   #isTurning = false;
@@ -38,6 +40,13 @@ export class PathView {
     this.#goal = [
       here[0] + cos * forward - sin * right, here[1] + sin * forward + cos * right, here[2] + down,
     ];
+  }
+
+  /** Say how old the estimate of the goal is, empty while it is new. */
+  ageGoal(text) {
+    if (text === this.#goalAge) return;
+    this.#goalAge = text;
+    this.redraw();
   }
 
   clear() {
@@ -140,7 +149,7 @@ export class PathView {
     context.strokeStyle = style("--line");
     context.lineWidth = scale;
     line(context, [x, y], project([this.#goal[0], this.#goal[1], floor]));
-    context.strokeStyle = style("--b");
+    context.strokeStyle = style(this.#goalAge ? "--muted" : "--b");
     context.lineWidth = 3 * scale;
     const r = 7 * scale;
     line(context, [x - r, y], [x + r, y]);
@@ -148,7 +157,7 @@ export class PathView {
     const isNearEdge = x > 0.7 * this.#canvas.width;
     context.fillStyle = style("--ink");
     context.textAlign = isNearEdge ? "right" : "left";
-    context.fillText("goal (estimate)", x + (isNearEdge ? -10 : 10) * scale, y - 6 * scale);
+    context.fillText(`goal (estimate${this.#goalAge && `, ${this.#goalAge}`})`, x + (isNearEdge ? -10 : 10) * scale, y - 6 * scale);
   }
 
   #drawVehicle(context, { project, radius, floor }, scale) {

@@ -5,6 +5,8 @@ import { decodeFlow, drawConfidence, drawFlow } from "./flow.js";
 
 const GAP_PX = 6;
 const RECENT = 240;
+/** A flow of another frame than this one would mislead, ms between captures. */
+const FLOW_SLACK_MS = 500;
 
 export class View {
   #canvas;
@@ -12,19 +14,21 @@ export class View {
   #bitmaps = { [PICTURE.VIEW]: null, [PICTURE.GOAL]: null };
   #decoding = new Set();
   #waiting = new Map();
-  #captureMs = null;
+  #shown = null;
   #flow = null;
+  #flowMs = null;
   #sheet = new OffscreenCanvas(1, 1);
   #sheetKey = "";
   #sheetFlow = null;
   #isDrawingDue = false;
   #pendingMs = null;
   #delays = [];
+  #isFirst = true;
   #drawnAt = [];
   #now;
   mode = "side";
   mix = 0.5;
-  showsFlow = false;
+  showsFlow = true;
   showsConfidence = false;
   minConfidence = 0.3;
   frames = 0;
@@ -41,9 +45,15 @@ export class View {
     this.#letDrag();
   }
 
-  /** Time of capture of the picture that is shown, ms by the server's clock; null before one. */
-  get captureMs() {
-    return this.#captureMs;
+  /** Live picture that is shown, `{captureMs, data, width}`: capture by the server's clock in ms, JPEG
+   * bytes, px; null before one. */
+  get shown() {
+    return this.#shown;
+  }
+
+  /** Time of capture of the newest flow's frame, null before one. */
+  get flowMs() {
+    return this.#flowMs;
   }
 
   /** Which pictures and flow are here to be shown, frames a second and delay from capture to screen
@@ -54,16 +64,19 @@ export class View {
     const delays = [...this.#delays].sort((a, b) => a - b);
     const at = (share) => (delays.length ? delays[Math.floor(share * (delays.length - 1))] : null);
     const has = { view: !!this.#bitmaps[PICTURE.VIEW], goal: !!this.#bitmaps[PICTURE.GOAL], flow: !!this.#flow };
-    return { has, frames: this.frames, fps: drawn / 3, p50Ms: at(0.5), p99Ms: at(0.99) };
+    const [p50Ms, p99Ms] = drawn ? [at(0.5), at(0.99)] : [null, null];
+    return { has, frames: this.frames, fps: drawn / 3, p50Ms, p99Ms };
   }
 
   /** Forget everything: another vehicle is watched. */
   clear() {
     this.#bitmaps = { [PICTURE.VIEW]: null, [PICTURE.GOAL]: null };
-    this.#captureMs = null;
+    this.#shown = null;
     this.#flow = null;
+    this.#flowMs = null;
     this.#delays = [];
     this.#drawnAt = [];
+    this.#isFirst = true;
     this.redraw();
   }
 
@@ -71,6 +84,7 @@ export class View {
   async take(picture) {
     if (picture.kind === PICTURE.FLOW) {
       this.#flow = decodeFlow(picture.data);
+      this.#flowMs = this.#flow && picture.captureMs;
       // The next frame shows it; without one it is as old as the picture.
       return;
     }
@@ -95,8 +109,13 @@ export class View {
   #show(picture, bitmap) {
     this.#bitmaps[picture.kind]?.close();
     this.#bitmaps[picture.kind] = bitmap;
-    if (picture.kind === PICTURE.VIEW) this.#captureMs = picture.captureMs;
-    this.redraw(picture.kind === PICTURE.VIEW ? picture.captureMs : null);
+    if (picture.kind === PICTURE.VIEW) {
+      this.#shown = { captureMs: picture.captureMs, data: picture.data, width: bitmap.width };
+    }
+    // The first one may be of long ago: it says nothing of delays.
+    const isTimed = picture.kind === PICTURE.VIEW && !this.#isFirst;
+    if (picture.kind === PICTURE.VIEW) this.#isFirst = false;
+    this.redraw(isTimed ? picture.captureMs : null);
   }
 
   /** Draw at the next animation frame; with a capture time, count it when it is on the screen. */
@@ -190,6 +209,7 @@ export class View {
 
   #overlay(area, live) {
     if (!this.#flow || !live || !(this.showsFlow || this.showsConfidence)) return;
+    if (Math.abs(this.#flowMs - this.#shown.captureMs) > FLOW_SLACK_MS) return;
     const sheet = this.#drawnOverlay(area.w, area.h, area.w / live.width);
     // Under the slider the live part alone has a flow.
     const hidden = this.mode === "slider" ? Math.round(area.w * this.mix) : 0;
