@@ -12,6 +12,7 @@ from pathlib import Path
 
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_service.child import ONE_BLAS_THREAD
+from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
 
 EXIT_OK, EXIT_DIFFERS, EXIT_CANNOT_RUN = 0, 1, 2
@@ -63,6 +64,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _replay(arguments: argparse.Namespace) -> int:
     require_record_extra()
+    if arguments.html is not None:
+        require_page_extra("--html")
     for path in (arguments.json, arguments.html):
         if path is not None and not path.absolute().parent.is_dir():
             raise ConfigError(f"cannot write {path}", "an existing folder")
@@ -85,7 +88,8 @@ def _replay(arguments: argparse.Namespace) -> int:
         document = as_document(comparison, result.reasons)
         write_whole(arguments.json, json.dumps(document, indent=1, allow_nan=False) + "\n")
     if arguments.html is not None:
-        write_whole(arguments.html, html_report(comparison, text, arguments.files[0].name))
+        page = html_report(comparison, result, arguments.files[0].name)
+        write_whole(arguments.html, page)
     must_match = not result.reasons and result.frames
     return EXIT_DIFFERS if must_match and not comparison.is_identical else EXIT_OK
 

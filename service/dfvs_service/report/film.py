@@ -23,7 +23,7 @@ from dfvs_service.report.series import FlightSeries, value_at
 FRAMES_PER_S = 10
 _CODEC = "vp09"
 _VIEW_WIDTH, _SIDE_WIDTH = 480, 240
-_ARROW_STRIDE_PX = 30
+_ARROW_STRIDE_PX = 48
 _OLD_S = 0.3
 """A view that is older is shown with its age."""
 _PAPER, _INK, _SOFT = (22, 27, 34), (230, 237, 243), (145, 152, 161)
@@ -163,8 +163,6 @@ class FilmWriter:
         age_s = now_s - view.t_s
         if age_s > _OLD_S:
             _write(frame, f"view {age_s:.1f} s old", (8, 18), (255, 255, 255), outlined=True)
-        if view.flow is not None:
-            _draw_key(frame, height)
         self._tell(frame, top, now_s)
         return frame
 
@@ -181,6 +179,8 @@ class FilmWriter:
             _write(frame, name, (x, y), _SOFT)
             _write(frame, value, (x + 84, y), _INK)
             y += _LINE_PX
+        if self._view is not None and self._view.flow is not None:
+            _draw_key(frame, (x, y))
 
 
 def _numbers(series: FlightSeries, now_s: float) -> list[tuple[str, str]]:
@@ -201,16 +201,14 @@ def _numbers(series: FlightSeries, now_s: float) -> list[tuple[str, str]]:
     ]
 
 
-def _draw_key(frame: ImageArray, height: int) -> None:
+def _draw_key(frame: ImageArray, at: tuple[int, int]) -> None:
     """Say what the arrows mean."""
-    x, y = 8, height - 10
-    for text, colour in (("where the goal image has it: sure", SURE), ("doubtful", DOUBTFUL)):
-        for ink, thickness in (((0, 0, 0), 3), (colour, 1)):
-            cv2.arrowedLine(
-                frame, (x, y - 4), (x + 22, y - 4), ink, thickness, cv2.LINE_AA, 0, 0.35
-            )
-        _write(frame, text, (x + 28, y), (255, 255, 255), outlined=True)
-        x += 40 + 8 * len(text)
+    x, y = at
+    _write(frame, "flow to the goal", (x, y), _SOFT)
+    for text, colour in (("sure", SURE), ("doubtful", DOUBTFUL)):
+        y += _LINE_PX
+        cv2.arrowedLine(frame, (x + 84, y - 4), (x + 110, y - 4), colour, 1, cv2.LINE_AA, 0, 0.35)
+        _write(frame, text, (x + 120, y), _INK)
 
 
 def _write(
