@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError, DfvsError
-from dfvs_service.child import ONE_BLAS_THREAD
+from dfvs_service.child import use_one_blas_thread
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
 
@@ -32,10 +31,8 @@ exit code: 0 replayed (identical where that must be), 1 differs although nothing
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    if argv is None and not ONE_BLAS_THREAD.items() <= os.environ.items():
-        # As in flight: BLAS adds in another order on more threads, and reads this at its start.
-        words = [sys.executable, "-m", "dfvs_service.replay.cli", *sys.argv[1:]]
-        os.execve(sys.executable, words, os.environ | ONE_BLAS_THREAD)
+    if argv is None:
+        use_one_blas_thread("dfvs_service.replay.cli")
     arguments = _parser().parse_args(argv)
     try:
         return _replay(arguments)

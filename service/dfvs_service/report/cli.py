@@ -13,6 +13,7 @@ from typing import TYPE_CHECKING
 
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_service.atomic_file import write_atomic
+from dfvs_service.child import use_one_blas_thread
 from dfvs_service.flights.store import FlightStore, flights_folder
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
@@ -23,6 +24,7 @@ if TYPE_CHECKING:
 
 EXIT_OK, EXIT_CANNOT_RUN = 0, 2
 _MCAP = ".mcap"
+_NICENESS = 10
 _SHOW_S = 0.5
 
 _EXAMPLE = """\
@@ -40,6 +42,9 @@ exit code: 0 written, 2 cannot run
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
     arguments = _parser().parse_args(argv)
+    if argv is None:
+        use_one_blas_thread("dfvs_service.report.cli")
+        os.nice(_NICENESS)  # it may be made beside a flight
     try:
         return _write(arguments)
     except DfvsError as error:
