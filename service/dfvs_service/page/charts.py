@@ -21,7 +21,7 @@ T = TypeVar("T")
 _WIDTH, _HEIGHT = 520, 220
 _LEFT, _RIGHT, _TOP, _STATES, _BOTTOM = 56, 10, 10, 20, 22
 _MOST_POINTS = 1500
-_PATH_PX = 420
+_PATH_WIDTH, _PATH_HEIGHT = 420, 315
 _LETTER_PX = 7.5
 """A state that is shown narrower than its name has no label, only a tooltip."""
 
@@ -96,7 +96,7 @@ def time_chart(plot: Plot, line: TimeLine) -> str:
             f'<rect class="reached" x="{_LEFT}" y="{top:.1f}" width="{_WIDTH - _LEFT - _RIGHT}" '
             f'height="{max(bottom - top, 0):.1f}"/>'
         )
-    parts += [_y_axis(axis, (bottom, _TOP), plot.unit), _x_axis(line), _state_line(line, bottom)]
+    parts += [_y_axis(axis, bottom), _x_axis(line), _state_line(line, bottom)]
     parts += [
         f'<polygon class="band" points="{_around(run, line, y)}"/>'
         for run in _band_runs(plot.band, line)
@@ -122,31 +122,33 @@ def path_chart(path: Sequence[tuple[float, float]]) -> str:
     if not points:
         return ""
     norths, easts = zip(*points, strict=True)
-    span = max(max(norths) - min(norths), max(easts) - min(easts), 0.5) * 1.3
-    size, centre = _PATH_PX, ((max(norths) + min(norths)) / 2, (max(easts) + min(easts)) / 2)
+    width, height = _PATH_WIDTH, _PATH_HEIGHT
+    wide = max(max(easts) - min(easts), (max(norths) - min(norths)) * width / height, 0.5) * 1.3
+    centre = (max(norths) + min(norths)) / 2, (max(easts) + min(easts)) / 2
+    px_per_m = width / wide
 
     def place(point: tuple[float, float]) -> tuple[float, float]:
         return (
-            size * (0.5 + (point[1] - centre[1]) / span),
-            size * (0.5 - (point[0] - centre[0]) / span),
+            0.5 * width + px_per_m * (point[1] - centre[1]),
+            0.5 * height - px_per_m * (point[0] - centre[0]),
         )
 
-    step = nice_step(span / 4)
+    step = nice_step(wide / 5)
     places = [place(p) for p in _thinned(points)]
     line = " ".join(f"{x:.1f},{y:.1f}" for x, y in places)
     (x0, y0), (x1, y1) = place(points[0]), place(points[-1])
-    scale = size * step / span
+    low = height - 16
     parts = [
-        f'<rect class="frame" x="0" y="0" width="{size}" height="{size}"/>',
+        f'<rect class="frame" x="0" y="0" width="{width}" height="{height}"/>',
         f'<polyline class="flown" points="{line}"/>',
         f'<circle class="start" cx="{x0:.1f}" cy="{y0:.1f}" r="6"/>',
         f'<circle class="end" cx="{x1:.1f}" cy="{y1:.1f}" r="6"/>',
         f'<text x="{x0 + 10:.1f}" y="{y0 + 5:.1f}">start</text>',
         f'<text x="{x1 + 10:.1f}" y="{y1 + 5:.1f}">end</text>',
-        f'<line class="scale" x1="14" x2="{14 + scale:.1f}" y1="{size - 16}" y2="{size - 16}"/>',
-        f'<text x="14" y="{size - 24}">{step:g} m</text><text x="14" y="26">north is up</text>',
+        f'<line class="scale" x1="14" x2="{14 + px_per_m * step:.1f}" y1="{low}" y2="{low}"/>',
+        f'<text x="14" y="{low - 8}">{step:g} m</text><text x="14" y="26">north is up</text>',
     ]
-    return _svg(size, size, parts)
+    return _svg(width, height, parts)
 
 
 def _svg(width: int, height: int, parts: Sequence[str], attributes: str = "") -> str:
@@ -170,16 +172,13 @@ def _readings(axis: Axis, line: TimeLine, bottom: float) -> str:
     return "".join(f' data-{name}="{value:g}"' for name, value in readings.items())
 
 
-def _y_axis(axis: Axis, edges: tuple[float, float], unit: str) -> str:
+def _y_axis(axis: Axis, bottom: float) -> str:
     parts = []
-    bottom, top = edges
     for tick in axis.ticks:
-        y = bottom - axis.share(tick) * (bottom - top)
-        last = tick == axis.ticks[-1]
-        label = f"{tick:.4g}" + (f" {unit}" if last and unit else "")
+        y = bottom - axis.share(tick) * (bottom - _TOP)
         parts.append(
             f'<line class="grid" x1="{_LEFT}" x2="{_WIDTH - _RIGHT}" y1="{y:.1f}" y2="{y:.1f}"/>'
-            f'<text x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{html.escape(label)}</text>'
+            f'<text x="{_LEFT - 6}" y="{y + 4:.1f}" text-anchor="end">{tick:.4g}</text>'
         )
     return "".join(parts)
 

@@ -2,7 +2,7 @@
 // One time for all plots and the film: pointing at a plot reads its curves there and seeks the film.
 const charts = [...document.querySelectorAll("svg[data-from]")].map((svg) => {
   const read = Object.fromEntries(Object.entries(svg.dataset).map(([k, v]) => [k, Number(v)]));
-  const cursor = document.createElementNS("http://www.w3.org/2000/svg", "line");
+  const cursor = svg.querySelector("line").cloneNode();
   cursor.setAttribute("class", "cursor");
   cursor.setAttribute("y1", read.top);
   cursor.setAttribute("y2", read.bottom);

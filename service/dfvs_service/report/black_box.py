@@ -22,7 +22,7 @@ from dfvs_core.gate.replay import Step, read_start, read_steps
 from dfvs_core.wire.picture import decode_picture
 from dfvs_service.flights import layout
 from dfvs_service.flights.records import read_lines, read_summary
-from dfvs_service.report.flight import Flight, FlightView
+from dfvs_service.report.flight import BLACK_BOX, Flight, FlightView
 from dfvs_service.report.series import SeriesBuilder
 
 _FAULTS = BadReport | ForeignSetpoint | WatchEnded
@@ -63,7 +63,7 @@ class BlackBoxFlight:
                 builder.add_servo(document)
         return Flight(
             summary=read_summary(self._folder),
-            source="black box",
+            source=BLACK_BOX,
             start_ns=self._start_ns or 0,
             series=builder.series,
             settings=_text(self._folder / layout.SETTINGS),

@@ -13,6 +13,9 @@ from dfvs_service.flights.records import FlightSummary
 from dfvs_service.page.charts import TimeLine
 from dfvs_service.report.series import FlightSeries
 
+BLACK_BOX, RECORDING = "black box", "recording"
+"""Sources of a flight."""
+
 _LEAD_S = 3.0
 """A report shows so long before the vehicle was engaged, and after it was let go."""
 _ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})

@@ -16,12 +16,13 @@ from dfvs_service.page.charts import Curve, Plot, Samples, path_chart
 from dfvs_service.page.page import Film, Page, Table, View, render
 from dfvs_service.report.album import Album, collect
 from dfvs_service.report.film import FilmWriter
-from dfvs_service.report.flight import Flight, FlightSource, FlightView
-from dfvs_service.report.series import FlightSeries
+from dfvs_service.report.flight import BLACK_BOX, Flight, FlightSource, FlightView
+from dfvs_service.report.series import Fault, FlightSeries
 
 MAX_EMBEDDED_BYTES = 24_000_000
 """A larger film stays a file beside the page."""
 
+_TROUBLE = frozenset({"HOLD", "ABORT"})
 _AXES = ("forward", "right", "down")
 
 
@@ -109,8 +110,10 @@ def _tone(flight: Flight) -> str:
 
 def _facts(flight: Flight) -> tuple[tuple[str, str], ...]:
     summary = flight.summary
-    end = summary.status if summary.exit_code is None else f"exit code {summary.exit_code}"
-    end = f"in {flight.state_at(math.inf)}, {end}"
+    end = f"in {flight.state_at(math.inf) or 'no state'}"
+    if flight.source == BLACK_BOX:
+        code = "" if summary.exit_code is None else f", exit code {summary.exit_code}"
+        end = f"{summary.status} {end}{code}"
     return (
         ("Vehicle", summary.vehicle or "?"),
         ("Start", summary.started.replace("T", " ").replace("+00:00", " UTC") or "?"),
@@ -234,11 +237,16 @@ def _states(flight: Flight) -> Table:
 
 
 def _faults(flight: Flight) -> Table:
-    line = flight.line
+    """What made the gate leave the goal, and why frames were not flown by."""
+    left = [
+        Fault(c.t_s, c.t_s, f"{c.state}: {c.cause} {c.detail}".strip())
+        for c in flight.summary.states
+        if c.state in _TROUBLE
+    ]
+    shown = [f for f in (*left, *flight.series.faults) if flight.line.shows(f.from_s)]
     rows = tuple(
         (f"{f.from_s:.2f}", f"{f.to_s - f.from_s:.2f}", str(f.count), f.text)
-        for f in flight.series.faults
-        if line.shows(f.from_s)
+        for f in sorted(shown, key=lambda fault: fault.from_s)
     )
     head = ("s", "for, s", "times", "fault")
     return Table("Faults", head, rows, head[:3], "None in the time of the plots.")

@@ -18,7 +18,7 @@ from dfvs_core.wire.turn import Opening, Turn
 from dfvs_service.flights.records import FlightSummary, StateChange
 from dfvs_service.replay.flight import FlightReplay, Trial
 from dfvs_service.replay.recording import StateLog, read_recording
-from dfvs_service.report.flight import Flight, FlightView
+from dfvs_service.report.flight import RECORDING, Flight, FlightView
 from dfvs_service.report.series import SeriesBuilder
 
 _REPEATED = "The flow is computed again, by another build, model or other settings than in flight."
@@ -152,7 +152,7 @@ class _Reader:
         )
         return Flight(
             summary=summary,
-            source="recording",
+            source=RECORDING,
             start_ns=first.opened_ns,
             series=self._builder.series,
             settings=json.dumps(last.settings, indent=1),

@@ -194,7 +194,7 @@ def test_other_settings_give_a_report_of_what_differs(recording, tmp_path, capsy
     )
     page = report.read_text()
     assert page.count("<svg") == 8
-    assert "http" not in page  # it needs nothing from elsewhere
+    assert "://" not in page  # it needs nothing from elsewhere
     assert "[servo] are others" in page
 
 
