@@ -159,10 +159,10 @@ class FilmWriter:
             goal_height = round(goal.shape[0] * _SIDE_WIDTH / goal.shape[1])
             top = min(goal_height, height // 2)
             frame[:top, _VIEW_WIDTH:] = _resized(goal, (top, _SIDE_WIDTH))
-            _write(frame, "goal", (_VIEW_WIDTH + 8, top - 8), (255, 255, 255), outlined=True)
+            _write(frame, "goal", (_VIEW_WIDTH + 8, top - 8), (255, 255, 255), shaded=True)
         age_s = now_s - view.t_s
         if age_s > _OLD_S:
-            _write(frame, f"view {age_s:.1f} s old", (8, 18), (255, 255, 255), outlined=True)
+            _write(frame, f"view {age_s:.1f} s old", (8, 18), (255, 255, 255), shaded=True)
         self._tell(frame, top, now_s)
         return frame
 
@@ -216,11 +216,13 @@ def _write(
     text: str,
     at: tuple[int, int],
     colour: tuple[int, int, int],
-    outlined: bool = False,
+    shaded: bool = False,
 ) -> None:
     font, scale = cv2.FONT_HERSHEY_SIMPLEX, 0.42
-    if outlined:
-        cv2.putText(frame, text, at, font, scale, (0, 0, 0), 3, cv2.LINE_AA)
+    if shaded:
+        for right, down in ((1, 1), (1, 0), (0, 1)):
+            below = at[0] + right, at[1] + down
+            cv2.putText(frame, text, below, font, scale, (0, 0, 0), 1, cv2.LINE_AA)
     cv2.putText(frame, text, at, font, scale, colour, 1, cv2.LINE_AA)
 
 

@@ -70,14 +70,14 @@ def test_nothing_is_wider_than_the_screen(page):
 
 
 def test_the_film_plays(page):
-    page.wait_for_function("document.querySelector('video').readyState >= 2")
+    page.wait_for_function("() => document.querySelector('video').readyState >= 2")
     assert page.evaluate("document.querySelector('video').duration") > 0.5
     page.evaluate("document.querySelector('video').play()")
-    page.wait_for_function("document.querySelector('video').currentTime > 0.2")
+    page.wait_for_function("() => document.querySelector('video').currentTime > 0.2")
 
 
 def test_a_pointer_on_a_plot_reads_all_plots_and_seeks_the_film(page):
-    page.wait_for_function("document.querySelector('video').readyState >= 2")
+    page.wait_for_function("() => document.querySelector('video').readyState >= 2")
     plot = page.locator("svg[data-from]").first
     plot.scroll_into_view_if_needed()
     box = plot.bounding_box()
@@ -87,7 +87,7 @@ def test_a_pointer_on_a_plot_reads_all_plots_and_seeks_the_film(page):
     assert float(cursors[0]) == pytest.approx(0.6 * 520, abs=3)
     readings = page.locator("output").all_text_contents()
     assert sum(bool(text) for text in readings) > 8
-    page.wait_for_function("document.querySelector('video').currentTime > 0.1")
+    page.wait_for_function("() => document.querySelector('video').currentTime > 0.1")
 
 
 def test_a_recording_whose_model_is_not_here_has_a_film_without_flow(tmp_path, monkeypatch):
