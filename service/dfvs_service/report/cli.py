@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 import os
+import signal
 import sys
 import time
 from collections.abc import Sequence
@@ -45,6 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         use_one_blas_thread("dfvs_service.report.cli")
         os.nice(_NICENESS)  # it may be made beside a flight
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # leaves no part of a film
     try:
         return _write(arguments)
     except DfvsError as error:

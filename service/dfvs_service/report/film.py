@@ -20,7 +20,6 @@ from dfvs_service.perception.preview import DOUBTFUL, SURE, draw_flow
 from dfvs_service.report.flight import Flight, FlightView
 from dfvs_service.report.series import FlightSeries, value_at
 
-FRAMES_PER_S = 10
 _CODEC = "vp09"
 _VIEW_WIDTH, _SIDE_WIDTH = 480, 240
 _ARROW_STRIDE_PX = 48
@@ -61,13 +60,16 @@ class FilmWriter:
     path : Path
         Ends in ``.mp4``; is there once the film is whole.
     flight : Flight
+    rate_hz : int
+        Frames a second.
     """
 
-    def __init__(self, path: Path, flight: Flight) -> None:
+    def __init__(self, path: Path, flight: Flight, rate_hz: int) -> None:
         self._path = path
         self._partial = path.with_name(f".{path.stem}.part.mp4")
         self._flight = flight
         self._line = flight.line
+        self._rate_hz = rate_hz
         self._tick = 0
         self._view: FlightView | None = None
         self._picture: ImageArray | None = None
@@ -118,7 +120,7 @@ class FilmWriter:
             str(self._partial),
             cv2.CAP_FFMPEG,
             cv2.VideoWriter.fourcc(*_CODEC),
-            FRAMES_PER_S,
+            self._rate_hz,
             self._layout.size,
         )
         if not writer.isOpened():
@@ -131,7 +133,7 @@ class FilmWriter:
     def _show_until(self, t_s: float) -> None:
         """Write frames up to a time, with the newest view."""
         while self._view is not None and self._writer is not None:
-            now_s = self._line.from_s + self._tick / FRAMES_PER_S
+            now_s = self._line.from_s + self._tick / self._rate_hz
             if now_s >= t_s:
                 return
             self._tick += 1

@@ -18,6 +18,7 @@ BLACK_BOX, RECORDING = "black box", "recording"
 
 _LEAD_S = 3.0
 """A report shows so long before the vehicle was engaged, and after it was let go."""
+_NEVER_ENGAGED_S = 60.0
 _ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
 
 
@@ -60,11 +61,11 @@ class Flight:
 
     @property
     def flown(self) -> tuple[float, float]:
-        """When the vehicle was engaged and when it was let go; all of the flight where never."""
+        """When the vehicle was engaged and when it was let go; the last minute where never."""
         states, end_s = self.summary.states, self.summary.duration_s
         engaged = [i for i, change in enumerate(states) if change.state in _ENGAGED]
         if not engaged:
-            return 0.0, end_s
+            return max(end_s - _NEVER_ENGAGED_S, 0.0), end_s
         after = states[engaged[-1] + 1 :]
         return states[engaged[0]].t_s, after[0].t_s if after else end_s
 
@@ -104,6 +105,11 @@ class FlightSource(Protocol):
     @property
     def name(self) -> str:
         """Name of the flight, fit for a file."""
+        ...
+
+    @property
+    def film_rate_hz(self) -> int:
+        """Frames a second that do the views justice."""
         ...
 
     @property

@@ -51,7 +51,7 @@ def make_report(
         If the film cannot be written or the views cannot be read.
     """
     film_path.unlink(missing_ok=True)
-    with _film(film_path, flight) as film:
+    with _film(film_path, flight, source.film_rate_hz) as film:
 
         def take(view: FlightView) -> None:
             film.add(view)
@@ -63,9 +63,9 @@ def make_report(
 
 
 @contextlib.contextmanager
-def _film(path: Path, flight: Flight) -> Iterator[FilmWriter]:
+def _film(path: Path, flight: Flight, rate_hz: int) -> Iterator[FilmWriter]:
     """Film that leaves nothing behind where it was not brought to its end."""
-    film = FilmWriter(path, flight)
+    film = FilmWriter(path, flight, rate_hz)
     try:
         yield film
     finally:

@@ -34,6 +34,8 @@ class RecordedFlight:
         Files of the recording.
     """
 
+    film_rate_hz = 10
+
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths = sorted(paths)
         self.note = ""
