@@ -90,6 +90,18 @@ def test_a_pointer_on_a_plot_reads_all_plots_and_seeks_the_film(page):
     page.wait_for_function("() => document.querySelector('video').currentTime > 0.1")
 
 
+def test_a_film_that_is_too_large_for_the_page_plays_beside_it(browser, tmp_path, monkeypatch):
+    monkeypatch.setattr("dfvs_service.report.flight_page.MAX_EMBEDDED_BYTES", 0)
+    target = tmp_path / "flight.html"
+    assert main([str(recording(tmp_path)), "--out", str(target)]) == 0
+    assert "data:video" not in target.read_text()
+    page = browser.new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(target.as_uri())
+    page.wait_for_function("() => document.querySelector('video').readyState >= 2")
+    page.close()
+
+
 def test_a_recording_whose_model_is_not_here_has_a_film_without_flow(tmp_path, monkeypatch):
     file = recording(tmp_path)
     monkeypatch.setattr("dfvs_service.replay.flight.load_matcher", missing)
