@@ -7,7 +7,6 @@ from __future__ import annotations
 
 import math
 import os
-from dataclasses import dataclass
 from pathlib import Path
 
 import cv2
@@ -41,17 +40,6 @@ class FilmError(ConfigError):
     """A film that cannot be written."""
 
 
-@dataclass(frozen=True, slots=True)
-class _Layout:
-    """Height of the view in the film, and the film's size (width, height), all even."""
-
-    view_height: int
-
-    @property
-    def size(self) -> tuple[int, int]:
-        return _VIEW_WIDTH + _SIDE_WIDTH, self.view_height
-
-
 class FilmWriter:
     """Writes the film of a flight, at an even rate and in its own time.
 
@@ -73,7 +61,7 @@ class FilmWriter:
         self._tick = 0
         self._view: FlightView | None = None
         self._picture: ImageArray | None = None
-        self._layout = _Layout(0)
+        self._height = 0
         self._writer: cv2.VideoWriter | None = None
 
     def add(self, view: FlightView) -> None:
@@ -84,9 +72,10 @@ class FilmWriter:
         FilmError
             If the film cannot be written.
         """
-        self._show_until(view.t_s)
         if self._writer is None:
             self._begin(view)
+            self._view = FlightView(math.nan, np.zeros_like(view.image))
+        self._show_until(view.t_s)
         self._view, self._picture = view, None
 
     def close(self) -> bool:
@@ -101,6 +90,8 @@ class FilmWriter:
         if self._writer is None:
             return False
         self._writer.release()
+        if not cv2.VideoCapture(str(self._partial)).isOpened():
+            raise FilmError(f"{self._path} cannot be written", "room on the disk")
         try:
             os.replace(self._partial, self._path)
         except OSError as error:
@@ -115,13 +106,13 @@ class FilmWriter:
 
     def _begin(self, view: FlightView) -> None:
         height, width = view.image.shape[:2]
-        self._layout = _Layout(2 * round(height * _VIEW_WIDTH / width / 2))
+        self._height = 2 * round(height * _VIEW_WIDTH / width / 2)
         writer = cv2.VideoWriter(
             str(self._partial),
             cv2.CAP_FFMPEG,
             cv2.VideoWriter.fourcc(*_CODEC),
             self._rate_hz,
-            self._layout.size,
+            (_VIEW_WIDTH + _SIDE_WIDTH, self._height),
         )
         if not writer.isOpened():
             raise FilmError(
@@ -142,7 +133,7 @@ class FilmWriter:
             self._writer.write(self._frame(self._picture, self._view, now_s)[:, :, ::-1])
 
     def _drawn(self, view: FlightView) -> ImageArray:
-        size = (self._layout.view_height, _VIEW_WIDTH)
+        size = (self._height, _VIEW_WIDTH)
         image = _resized(view.image, size)
         limits = self._flight.limits
         if view.flow is None or limits is None:
@@ -152,8 +143,8 @@ class FilmWriter:
 
     def _frame(self, picture: ImageArray, view: FlightView, now_s: float) -> ImageArray:
         """Frame (H, W, 3) RGB of a time."""
-        width, height = self._layout.size
-        frame = np.full((height, width, 3), _PAPER, np.uint8)
+        height = self._height
+        frame = np.full((height, _VIEW_WIDTH + _SIDE_WIDTH, 3), _PAPER, np.uint8)
         frame[:, :_VIEW_WIDTH] = picture
         goal = self._flight.goal_at(now_s)
         top = 0
@@ -163,8 +154,9 @@ class FilmWriter:
             frame[:top, _VIEW_WIDTH:] = _resized(goal, (top, _SIDE_WIDTH))
             _write(frame, "goal", (_VIEW_WIDTH + 8, top - 8), (255, 255, 255), shaded=True)
         age_s = now_s - view.t_s
-        if age_s > _OLD_S:
-            _write(frame, f"view {age_s:.1f} s old", (8, 18), (255, 255, 255), shaded=True)
+        if not age_s <= _OLD_S:
+            age = f"view {age_s:.1f} s old" if math.isfinite(age_s) else "no view yet"
+            _write(frame, age, (8, 18), (255, 255, 255), shaded=True)
         self._tell(frame, top, now_s)
         return frame
 

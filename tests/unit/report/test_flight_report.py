@@ -312,3 +312,14 @@ def test_of_a_flight_that_was_never_engaged_the_last_minute_is_shown(flight):
     (flight / "service.jsonl").write_text(json.dumps(end) + "\n")
     line = BlackBoxFlight(flight).read().line
     assert (line.from_s, line.to_s) == pytest.approx((3537, 3600))
+
+
+def test_a_view_is_not_shown_before_its_time(filmed):
+    for t_s in (1, 2, 3):
+        (filmed / "thumbnails" / f"{START_NS + t_s * S}.jpg").unlink()
+    flight_page(filmed)
+    film = cv2.VideoCapture(str(filmed.parent / "film.mp4"))
+    middle = [film.read()[1][100:300, 100:400].mean() for _ in range(8)]
+    # From 1 s to 4 s there is none; the first one has a grey of 80.
+    assert middle[:6] == pytest.approx([0] * 6, abs=6)
+    assert middle[6:] == pytest.approx([80] * 2, abs=6)
