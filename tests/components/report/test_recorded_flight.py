@@ -5,23 +5,10 @@ import math
 
 import numpy as np
 import pytest
-from recorded_flight import fly
+from recorded_flight import fly, write_recording
 
 from dfvs_core.wire.frame import PixelFormat
-from dfvs_core.wire.turn import Opening
-from dfvs_service.record.recorder import Recorder, RecordLimits
 from dfvs_service.report.recording import RecordedFlight
-
-
-def write(folder, flight):
-    recorder = Recorder(folder, "flight", RecordLimits(free_bytes=0), lambda: 0, print)
-    for message, payload in flight.events:
-        if isinstance(message, Opening):
-            recorder.open(message, payload)
-        else:
-            recorder.add(message, payload)
-    recorder.close()
-    return folder / "flight-000.mcap"
 
 
 @pytest.fixture(scope="module")
@@ -31,7 +18,7 @@ def flight():
 
 @pytest.fixture(scope="module")
 def source(flight, tmp_path_factory):
-    return RecordedFlight([write(tmp_path_factory.mktemp("flight"), flight)])
+    return RecordedFlight([write_recording(tmp_path_factory.mktemp("flight"), flight.events)])
 
 
 def test_curves_hold_what_the_gate_and_perception_said(source, flight):
@@ -69,7 +56,7 @@ def test_the_goal_is_the_one_of_the_time(source, flight):
 
 def test_a_recording_that_was_cut_short_is_read_as_far_as_it_goes(tmp_path):
     whole = fly(np.random.default_rng(7), 8, PixelFormat.RGB8)
-    data = write(tmp_path, whole).read_bytes()
+    data = write_recording(tmp_path, whole.events).read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(data[: int(0.6 * len(data))])
     part = RecordedFlight([cut]).read()

@@ -4,10 +4,8 @@ import shutil
 
 import numpy as np
 import pytest
-from recorded_flight import fly
+from recorded_flight import fly, write_recording
 
-from dfvs_core.wire.turn import Opening
-from dfvs_service.record.recorder import Recorder, RecordLimits
 from dfvs_service.report.cli import main
 
 sync_api = pytest.importorskip("playwright.sync_api")
@@ -22,17 +20,9 @@ PATIENCE_MS = 60_000
 FRAMES = 30
 
 
-def recording(folder, **settings):
+def recording(folder):
     """A short flight as a recording; the file."""
-    flight = fly(np.random.default_rng(5), frames=FRAMES, **settings)
-    recorder = Recorder(folder, "flight", RecordLimits(free_bytes=0), lambda: 0, print)
-    for message, payload in flight.events:
-        if isinstance(message, Opening):
-            recorder.open(message, payload)
-        else:
-            recorder.add(message, payload)
-    recorder.close()
-    return folder / "flight-000.mcap"
+    return write_recording(folder, fly(np.random.default_rng(5), frames=FRAMES).events)
 
 
 @pytest.fixture(scope="module")
