@@ -10,13 +10,14 @@ from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.wire.link import GateStatus, VehicleState
 from dfvs_core.wire.picture import encode_png
-from dfvs_core.wire.turn import Turn
+from dfvs_core.wire.turn import Opening, Turn
 from dfvs_service.config import load_config
 from dfvs_service.perception.assembly import Clocks, build_eye, flow_matcher, servo_task
 from dfvs_service.perception.eye import RawSample
 from dfvs_service.perception.messages import servo_document
 from dfvs_service.perception.opening import make_opening
 from dfvs_service.perception.turn_book import TurnBook
+from dfvs_service.record.recorder import Recorder, RecordLimits
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
 CLOCK = b"c" * 16
@@ -110,6 +111,18 @@ def fly(
         if i == preview_of:
             preview = eye.evaluate_next_goal(servo_task(config, following), eye.prepare(following))
     return RecordedFlight(events)
+
+
+def write_recording(folder, events):
+    """Openings and turns as a recording; its file."""
+    recorder = Recorder(folder, "flight", RecordLimits(free_bytes=0), lambda: 0, print)
+    for message, payload in events:
+        if isinstance(message, Opening):
+            recorder.open(message, payload)
+        else:
+            recorder.add(message, payload)
+    recorder.close()
+    return folder / "flight-000.mcap"
 
 
 def status_at(clock, i, k):

@@ -6,6 +6,7 @@ import contextlib
 import os
 import signal
 import subprocess
+import sys
 from collections.abc import Sequence
 from pathlib import Path
 
@@ -25,6 +26,16 @@ to grow in steps. NumPy asks for huge pages where an array has 4 MB: the kernel 
 the heap resident whole, whenever it comes by. There is one heap for all threads, and what it took
 once is kept, see ``dfvs_service.perception.heap``: nothing is asked of the system in flight.
 """
+
+
+def use_one_blas_thread(module: str) -> None:
+    """Run this process anew as ``python -m module`` where BLAS may use more threads.
+
+    BLAS adds in another order on more threads, and reads their number at its start.
+    """
+    if not ONE_BLAS_THREAD.items() <= os.environ.items():
+        words = [sys.executable, "-m", module, *sys.argv[1:]]
+        os.execve(sys.executable, words, os.environ | ONE_BLAS_THREAD)
 
 
 class Child:

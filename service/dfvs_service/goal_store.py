@@ -7,6 +7,7 @@ from pathlib import Path
 
 from dfvs_core.errors import WireError
 from dfvs_core.wire.goal_order import goal_digest
+from dfvs_service.atomic_file import write_atomic
 
 MAX_KEPT_GOALS = 4
 
@@ -32,9 +33,7 @@ class GoalStore:
             If it cannot be written.
         """
         self._folder.mkdir(mode=0o700, exist_ok=True)
-        draft = self._folder / "draft"
-        draft.write_bytes(data)
-        draft.rename(self._folder / digest)
+        write_atomic(self._folder / digest, data)
         kept = sorted(self._folder.iterdir(), key=lambda path: path.stat().st_mtime_ns)
         for old in kept[:-MAX_KEPT_GOALS]:
             old.unlink(missing_ok=True)

@@ -5,6 +5,7 @@ import math
 import subprocess
 import sys
 
+import cv2
 import pytest
 from real_time import flown_in_time
 
@@ -57,12 +58,19 @@ def test_it_flies_to_the_goal_and_says_so(flight):
 
 
 @pytest.mark.slow
-def test_it_leaves_pictures_plots_and_a_summary(flight):
-    _, folder, summary = flight
-    names = ("goal.png", "first.png", "last.png", "difference.png", "filmstrip.png", "plots.png")
-    for name in names:
-        assert (folder / name).stat().st_size > 5_000, name
+def test_it_leaves_a_report_a_film_and_a_summary_and_names_them(flight):
+    done, folder, summary = flight
+    assert "report.html, flight.mp4 and summary.json in" in done.stderr
     assert json.loads((folder / "summary.json").read_text()) == summary
+    page = (folder / "report.html").read_text()
+    assert "The goal was reached." in page
+    assert "true, of the simulation" in page
+    assert "Nothing was recorded." not in page
+    assert "No flow is drawn" not in page
+    assert "The flow is computed again, by another build" not in page
+    film = cv2.VideoCapture(str(folder / "flight.mp4"))
+    seconds = film.get(cv2.CAP_PROP_FRAME_COUNT) / film.get(cv2.CAP_PROP_FPS)
+    assert seconds > summary["duration_s"]
 
 
 @pytest.mark.slow

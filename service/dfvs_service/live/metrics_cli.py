@@ -15,14 +15,26 @@ DEFAULT_PORT = 9464
 LOOPBACK = "127.0.0.1"
 
 _EXAMPLE = """\
-example, beside a running dfvs-service:
+examples, beside a running dfvs-service:
   dfvs-metrics
   curl http://127.0.0.1:9464/metrics
+  dfvs-metrics --port 9500 --config service.toml
+
+exit code: 0 ended by a signal, 2 cannot run
 """
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
+    arguments = _parser().parse_args(argv)
+    try:
+        return _serve(arguments)
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+
+
+def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dfvs-metrics",
         description="Serve a running dfvs-service's latencies, rates, states and drops at "
@@ -35,12 +47,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "--address", default=LOOPBACK, metavar="ADDR", help="to serve on (default: 127.0.0.1)"
     )
     add_settings_options(parser)
-    arguments = parser.parse_args(argv)
-    try:
-        return _serve(arguments)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
+    return parser
 
 
 def _serve(arguments: argparse.Namespace) -> int:

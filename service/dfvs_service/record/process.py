@@ -8,11 +8,13 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
+from types import FrameType
 
 from dfvs_core.wire.flow_grid import FlowGrid
 from dfvs_core.wire.turn import Opening
 from dfvs_service.config import RecordSection, ServiceConfig
 from dfvs_service.record.follow import Follower
+from dfvs_service.record.preparation import prepare_folder
 from dfvs_service.record.recorder import MB, RecordCounts, Recorder, RecordLimits
 
 
@@ -75,6 +77,33 @@ def record(
     if counts.missing or counts.dropped:
         _warn(f"the recording lacks {counts.missing + counts.dropped} turns")
     return RecordSummary(str(folder), name, recorder.size_bytes, counts)
+
+
+class RecorderProcess:
+    """Records the service that started it, in the folder of the settings.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+
+    Raises
+    ------
+    ConfigError
+        If the folder cannot be used.
+    """
+
+    def __init__(self, config: ServiceConfig) -> None:
+        self._config = config
+        self._follower = Follower(config)
+        self._folder = prepare_folder(Path(config.record.folder))
+
+    def stop(self, number: int, frame: FrameType | None) -> None:
+        """Signal handler: take what has come, then end."""
+        self._follower.stop(number, frame)
+
+    def run(self) -> None:
+        """Record until told to stop."""
+        record(self._config, self._folder, self._follower, lambda _: None)
 
 
 def _warn(line: str) -> None:

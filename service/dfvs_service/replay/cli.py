@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import os
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError, DfvsError
-from dfvs_service.child import ONE_BLAS_THREAD
+from dfvs_service.child import use_one_blas_thread
+from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
 
 EXIT_OK, EXIT_DIFFERS, EXIT_CANNOT_RUN = 0, 1, 2
@@ -31,10 +31,8 @@ exit code: 0 replayed (identical where that must be), 1 differs although nothing
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    if argv is None and not ONE_BLAS_THREAD.items() <= os.environ.items():
-        # As in flight: BLAS adds in another order on more threads, and reads this at its start.
-        words = [sys.executable, "-m", "dfvs_service.replay.cli", *sys.argv[1:]]
-        os.execve(sys.executable, words, os.environ | ONE_BLAS_THREAD)
+    if argv is None:
+        use_one_blas_thread("dfvs_service.replay.cli")
     arguments = _parser().parse_args(argv)
     try:
         return _replay(arguments)
@@ -63,6 +61,8 @@ def _parser() -> argparse.ArgumentParser:
 
 def _replay(arguments: argparse.Namespace) -> int:
     require_record_extra()
+    if arguments.html is not None:
+        require_page_extra("--html")
     for path in (arguments.json, arguments.html):
         if path is not None and not path.absolute().parent.is_dir():
             raise ConfigError(f"cannot write {path}", "an existing folder")
@@ -85,7 +85,8 @@ def _replay(arguments: argparse.Namespace) -> int:
         document = as_document(comparison, result.reasons)
         write_whole(arguments.json, json.dumps(document, indent=1, allow_nan=False) + "\n")
     if arguments.html is not None:
-        write_whole(arguments.html, html_report(comparison, text, arguments.files[0].name))
+        page = html_report(comparison, result, arguments.files[0].name)
+        write_whole(arguments.html, page)
     must_match = not result.reasons and result.frames
     return EXIT_DIFFERS if must_match and not comparison.is_identical else EXIT_OK
 

@@ -10,10 +10,12 @@ from dfvs_core.matching.matcher import Matcher
 from dfvs_core.wire.turn import Opening, Turn
 from dfvs_models.catalog import model_files
 from dfvs_service.config import FlowSection, ServiceConfig
+from dfvs_service.flights.records import StateChange
 from dfvs_service.perception.assembly import flow_matcher
 from dfvs_service.perception.build import build_versions
+from dfvs_service.perception.eye import Glance
 from dfvs_service.replay.identity import reasons_to_differ
-from dfvs_service.replay.recording import read_recording
+from dfvs_service.replay.recording import StateLog, read_recording
 from dfvs_service.replay.rerun import Rerun, Rerunner, recorded_settings, with_trial
 
 
@@ -27,10 +29,15 @@ class Trial:
 
 @dataclass(frozen=True, slots=True)
 class Replay:
-    """Frames run again, and why they may differ; without a reason every bit must be the same."""
+    """Frames run again, and why they may differ; without a reason every bit must be the same.
+
+    Times of ``states`` are in s from ``start_ns``.
+    """
 
     frames: tuple[Rerun, ...]
     reasons: tuple[str, ...]
+    states: tuple[StateChange, ...] = ()
+    start_ns: int = 0
 
 
 class FlightReplay:
@@ -48,6 +55,11 @@ class FlightReplay:
         self._build = build_versions()
         self._next_turn = 0
         self.reasons: dict[str, None] = {}
+
+    @property
+    def glance(self) -> Glance | None:
+        """What became of the newest sample, None before the first one."""
+        return None if self._rerunner is None else self._rerunner.glance
 
     def open(self, opening: Opening, picture: bytes) -> None:
         """Build perception for the turns to come.
@@ -92,13 +104,18 @@ def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> 
     """
     flight = FlightReplay(trial)
     frames: list[Rerun] = []
+    states = StateLog(0)
     for entry in read_recording(paths):
         payload = b"" if entry.payload is None else entry.payload
         if isinstance(entry.message, Opening):
+            if not states.start_ns:
+                states = StateLog(entry.message.opened_ns)
             flight.open(entry.message, payload)
             continue
+        for status in entry.message.heard:
+            states.add(status)
         rerun = flight.turn(entry.message, payload)
         if rerun is not None:
             frames.append(rerun)
             show(len(frames))
-    return Replay(tuple(frames), tuple(flight.reasons))
+    return Replay(tuple(frames), tuple(flight.reasons), tuple(states.changes), states.start_ns)

@@ -12,7 +12,10 @@ from google.protobuf.message import DecodeError
 from mcap.records import Channel, Message
 
 from dfvs_core.errors import WireError
+from dfvs_core.gate.config import S
+from dfvs_core.wire.link import GateStatus
 from dfvs_core.wire.turn import Opening, Turn, from_json
+from dfvs_service.flights.records import StateChange
 from dfvs_service.record import channels
 from dfvs_service.record.reading import RecordingError, open_records
 
@@ -104,3 +107,23 @@ def _payload(topic: str, data: bytes) -> bytes | None:
         return picture.FromString(data).data
     except DecodeError:
         return None
+
+
+class StateLog:
+    """Changes of the gate's state, from what the gate said.
+
+    Parameters
+    ----------
+    start_ns : int
+        Time 0 of the changes.
+    """
+
+    def __init__(self, start_ns: int) -> None:
+        self.start_ns = start_ns
+        self.changes: list[StateChange] = []
+
+    def add(self, status: GateStatus) -> None:
+        """Take the gate's next word."""
+        if not self.changes or status.state != self.changes[-1].state:
+            t_s = max(status.since_ns - self.start_ns, 0) / S
+            self.changes.append(StateChange(t_s, status.state, status.cause, ""))

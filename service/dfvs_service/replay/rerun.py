@@ -22,7 +22,7 @@ from dfvs_core.wire.picture import decode_picture
 from dfvs_core.wire.turn import Opening, Sight, Turn
 from dfvs_service.config import ServiceConfig
 from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
-from dfvs_service.perception.eye import RawSample
+from dfvs_service.perception.eye import Glance, RawSample
 from dfvs_service.record.reading import RecordingError
 
 
@@ -137,6 +137,8 @@ class Rerunner:
         clocks = Clocks(bytes.fromhex(opening.clock), self._look, self._servo)
         self._timed = TimedMatcher(matcher, time.monotonic_ns)
         self._eye = build_eye(config, goal, self._timed, clocks)
+        self.glance: Glance | None = None
+        """What became of the newest sample."""
 
     def set_goal(self, opening: Opening, picture: bytes, config: ServiceConfig) -> None:
         """Go on to the goal of an opening that follows in the same flight."""
@@ -158,6 +160,7 @@ class Rerunner:
         glance = self._eye.look(sample)
         look_ns, match_ns = time.monotonic_ns() - start_ns, self._timed.spent_ns
         depth_ns = self._update_depth()
+        self.glance = glance
         return Rerun(turn, glance.report, {"match": match_ns, "look": look_ns, "depth": depth_ns})
 
     def _set_back(self, sight: Sight, payload: bytes) -> RawSample:

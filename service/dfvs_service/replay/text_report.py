@@ -18,7 +18,7 @@ def text_report(comparison: Comparison, reasons: Sequence[str]) -> str:
         Why the replay may differ; none where it must not.
     """
     total = len(comparison.frames)
-    lines = [_verdict(comparison, reasons)]
+    lines = [verdict(comparison, reasons)]
     lines += [f"  other than in flight: {reason}" for reason in reasons]
     if not comparison.is_identical and total:
         lines += [
@@ -38,7 +38,8 @@ def text_report(comparison: Comparison, reasons: Sequence[str]) -> str:
     return "\n".join(lines)
 
 
-def _verdict(comparison: Comparison, reasons: Sequence[str]) -> str:
+def verdict(comparison: Comparison, reasons: Sequence[str]) -> str:
+    """One sentence on whether the replay is the flight."""
     total = len(comparison.frames)
     if not total:
         return "no frames to replay"

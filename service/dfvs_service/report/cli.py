@@ -1,85 +1,179 @@
-"""``dfvs-report``: a flight's page, from the records of the black box."""
+"""``dfvs-report``: a flight's page and film, from its black box or its recording."""
 
 from __future__ import annotations
 
 import argparse
-import importlib.util
+import json
 import os
+import signal
 import sys
+import time
 from collections.abc import Sequence
 from pathlib import Path
+from typing import TYPE_CHECKING
 
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_service.atomic_file import write_atomic
+from dfvs_service.child import use_one_blas_thread
 from dfvs_service.flights.store import FlightStore, flights_folder
+from dfvs_service.page.page import require_page_extra
+from dfvs_service.record.preparation import require_record_extra
 from dfvs_service.settings_options import add_settings_options, settings_from
 
+if TYPE_CHECKING:
+    from dfvs_service.report.flight import FlightSource, FlightView
+
 EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+_MCAP = ".mcap"
+_NICENESS = 10
+_SHOW_S = 0.5
 
 _EXAMPLE = """\
-example:
+examples:
   dfvs-report latest
   dfvs-report 20260102T101112Z-drone1 --out flight.html
   dfvs-report /media/stick/20260102T101112Z-drone1
+  dfvs-report flights/drone1-20260102T101112Z-*.mcap
 
 The names of flights are listed by: dfvs-service flights
+exit code: 0 written, 2 cannot run
 """
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="dfvs-report",
-        description="Make an HTML page about a flight: verdict, views, path, states, distances, "
-        "velocities, timing and settings. The page needs nothing else.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
-    )
-    parser.add_argument("flight", metavar="FLIGHT", help="name, 'latest', or a flight's folder")
-    parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="page, replaced if it exists (default: NAME.html)"
-    )
-    add_settings_options(parser)
-    arguments = parser.parse_args(argv)
+    arguments = _parser().parse_args(argv)
+    if argv is None:
+        use_one_blas_thread("dfvs_service.report.cli")
+        os.nice(_NICENESS)  # it may be made beside a flight
+        signal.signal(signal.SIGTERM, signal.default_int_handler)  # leaves no part of a film
     try:
         return _write(arguments)
     except DfvsError as error:
         print(f"error: {error}", file=sys.stderr)
         return EXIT_CANNOT_RUN
+    except KeyboardInterrupt:
+        return 130
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-report",
+        description="Make an HTML page and a film (MP4) of a flight: verdict, views, path, states, "
+        "distances, velocities, timing, faults and settings. The page needs nothing else.",
+        epilog=_EXAMPLE,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add(
+        "flight",
+        nargs="+",
+        metavar="FLIGHT",
+        help="name, 'latest', a flight's folder, or the files of a recording (MCAP)",
+    )
+    add(
+        "--out",
+        type=Path,
+        metavar="FILE",
+        help="page, replaced if it exists (default: NAME.html)",
+    )
+    add(
+        "--film",
+        type=Path,
+        metavar="FILE",
+        help="film, replaced if it exists (default: the page's name, but .mp4)",
+    )
+    add(
+        "--truth",
+        type=Path,
+        metavar="FILE",
+        help="true errors of a simulated flight: JSON lines with t_ns, error_m and error_rad",
+    )
+    add("--json", action="store_true", help="print the result as JSON")
+    add_settings_options(parser)
+    return parser
 
 
 def _write(arguments: argparse.Namespace) -> int:
-    if importlib.util.find_spec("jinja2") is None:
-        raise ConfigError(
-            "dfvs-report needs the Python package 'jinja2'",
-            "the extra 'report'",
-            "pip install 'dfvs[report]'",
-        )
-    folder = _folder(arguments)
+    require_page_extra("dfvs-report")
+    source = _source(arguments)
+    page = arguments.out or Path(f"{source.name}.html")
+    film = arguments.film or page.with_suffix(".mp4")
+    if film.suffix != ".mp4" or page.absolute() == film.absolute():
+        raise ConfigError(f"the film is to be {film}", "a name that ends in .mp4")
+    for path in (page, film):
+        if not path.absolute().parent.is_dir():
+            raise ConfigError(f"cannot write {path}", "an existing folder")
     # Jinja2 and OpenCV take their time to load.
-    from dfvs_service.report.page import flight_page
+    from dfvs_service.report.flight_page import make_report
+    from dfvs_service.report.truth import add_truth
 
-    target = arguments.out or Path(f"{folder.name}.html")
+    flight = source.read()
+    if arguments.truth is not None:
+        add_truth(flight, arguments.truth)
+    progress = _Progress(flight.line.to_s)
+    text = make_report(source, flight, film, progress.show)
+    progress.close()
     try:
-        write_atomic(target, flight_page(folder).encode())
+        write_atomic(page, text.encode())
     except OSError as error:
         raise ConfigError(
-            f"{target} cannot be written ({error.strerror})", "a folder that exists and is writable"
+            f"{page} cannot be written ({error.strerror})", "a folder that exists and is writable"
         ) from error
-    print(f"wrote {target}")
+    written = [path for path in (page, film) if path.exists()]
+    if arguments.json:
+        files = [str(path) for path in written]
+        print(json.dumps({"name": source.name, "verdict": flight.summary.verdict, "files": files}))
+    else:
+        print(f"{flight.summary.verdict}\nwrote {' and '.join(map(str, written))}")
     return EXIT_OK
 
 
-def _folder(arguments: argparse.Namespace) -> Path:
+def _source(arguments: argparse.Namespace) -> FlightSource:
+    """Records of the flight that was named."""
+    words: list[str] = arguments.flight
+    if words[0].endswith(_MCAP):
+        require_record_extra()
+        # ONNX Runtime, MCAP and protobuf take their time to load.
+        from dfvs_service.report.recording import RecordedFlight
+
+        return RecordedFlight([Path(word) for word in words])
+    if len(words) > 1:
+        raise ConfigError(
+            f"{len(words)} flights: {' '.join(words)}", "one, or files of a recording"
+        )
+    from dfvs_service.report.black_box import BlackBoxFlight
+
+    return BlackBoxFlight(_folder(words[0], arguments))
+
+
+def _folder(word: str, arguments: argparse.Namespace) -> Path:
     """Folder of the flight, which is named by its path or by its name."""
-    path = Path(arguments.flight)
-    if path.name != arguments.flight:
+    path = Path(word)
+    if path.name != word:
         if not path.is_dir():
             raise ConfigError(f"there is no folder {path}", "the folder of a flight")
         return path.resolve()
-    return FlightStore(flights_folder(settings_from(arguments).black_box, os.environ)).folder(
-        arguments.flight
-    )
+    return FlightStore(flights_folder(settings_from(arguments).black_box, os.environ)).folder(word)
+
+
+class _Progress:
+    """Shows on one line of a terminal how far the film is."""
+
+    def __init__(self, to_s: float) -> None:
+        self._shown = sys.stderr.isatty()
+        self._to_s = to_s
+        self._next_s = 0.0
+
+    def show(self, view: FlightView) -> None:
+        if self._shown and time.monotonic() >= self._next_s:
+            self._next_s = time.monotonic() + _SHOW_S
+            line = f"\r\x1b[Kfilm: {view.t_s:.0f} of {self._to_s:.0f} s"
+            print(line, end="", file=sys.stderr, flush=True)
+
+    def close(self) -> None:
+        if self._shown:
+            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

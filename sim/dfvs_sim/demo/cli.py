@@ -32,6 +32,7 @@ from dfvs_sim.demo.pace import (
 )
 from dfvs_sim.demo.plan import FlightPlan, make_plan, parse_camera_pose
 from dfvs_sim.demo.progress import Progress
+from dfvs_sim.demo.report import FlightReport, ReportError
 from dfvs_sim.demo.results import replace_json, write_results
 from dfvs_sim.demo.summary import FlightSummary
 from dfvs_sim.demo.table import flight_table
@@ -238,6 +239,7 @@ def _fly_one(
     progress.say(
         f"seed {plan.seed}: {distance_m:.2f} m and {angle_rad * 57.29578:.1f} degrees from the goal"
     )
+    report = FlightReport(folder, tuple(args.service.split()))
     options = FlightOptions(
         timeout_s=args.timeout,
         ready_s=args.ready,
@@ -247,7 +249,7 @@ def _fly_one(
         conditions=conditions_from(args) if args.autopilot is None else Conditions(),
         autopilot=args.autopilot,
         ground=args.ground,
-        service=tuple(args.service.split()),
+        service=(*report.words, *args.service.split()),
         camera=args.camera,
         dashboard=args.dashboard,
         pause=_pause if args.dashboard and sys.stdin.isatty() else lambda _: None,
@@ -258,8 +260,14 @@ def _fly_one(
     progress.say(
         f"  {verdict}: {summary.final_translation_m * 100:.1f} cm and "
         f"{summary.final_rotation_deg:.2f} degrees after {summary.duration_s:.1f} s, path ratio "
-        f"{summary.path_ratio:.2f}\n  images, plots and summary.json in {folder}"
+        f"{summary.path_ratio:.2f}"
     )
+    progress.say("  making the report")
+    try:
+        made = ", ".join(path.name for path in report.make(log.track))
+    except ReportError as error:
+        made = f"no report ({error})"
+    progress.say(f"  {made} and summary.json in {folder}")
     return summary
 
 

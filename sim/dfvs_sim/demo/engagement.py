@@ -38,13 +38,13 @@ def engagement_of(words: Sequence[str]) -> Engagement:
     ConfigError
         If the service would never engage.
     """
-    options = list(_values(words, "--engage"))
+    options = list(option_values(words, "--engage"))
     settings = [
         text.partition("=")[2].strip("'\"")
-        for text in _values(words, "--set")
+        for text in option_values(words, "--set")
         if text.partition("=")[0] == "gate.engage"
     ]
-    files = [_in_file(Path(text)) for text in _values(words, "--config")]
+    files = [_in_file(Path(text)) for text in option_values(words, "--config")]
     given = [*options[-1:], *settings[-1:], *files[-1:], Engagement.PILOT.value]
     if given[0] == "never":
         raise ConfigError(
@@ -56,7 +56,7 @@ def engagement_of(words: Sequence[str]) -> Engagement:
         return Engagement.PILOT
 
 
-def _values(words: Sequence[str], option: str) -> Iterator[str]:
+def option_values(words: Sequence[str], option: str) -> Iterator[str]:
     """Values of an option, in either spelling."""
     for i, word in enumerate(words):
         if word == option:

@@ -1,4 +1,4 @@
-"""What a flight leaves in its folder: a summary, the servo's documents, images and plots."""
+"""What a flight leaves in its folder: a summary and the servo's documents."""
 
 from __future__ import annotations
 
@@ -8,8 +8,6 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_sim.demo.flight import FlightLog
-from dfvs_sim.demo.images import write_images
-from dfvs_sim.demo.plots import write_plots
 from dfvs_sim.demo.summary import FlightSummary, summarise
 
 
@@ -19,8 +17,6 @@ def write_results(log: FlightLog, folder: Path) -> FlightSummary:
     replace_json(folder / "summary.json", summary.to_json())
     lines = (json.dumps(document) + "\n" for document in log.watch.servo)
     (folder / "servo.jsonl").write_text("".join(lines), encoding="utf-8")
-    write_images(log, folder)
-    write_plots(log, folder / "plots.png")
     return summary
 
 

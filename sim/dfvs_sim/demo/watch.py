@@ -11,11 +11,9 @@ import zenoh
 
 from dfvs_core.topics import Topics
 
-_FLYING = frozenset({"ENGAGE", "SERVO"})
-
 
 class TelemetryWatch:
-    """Keeps every state and servo document and the newest timing and preview of one vehicle."""
+    """Keeps every state and servo document and the newest timing of one vehicle."""
 
     def __init__(self, session: zenoh.Session, topics: Topics) -> None:
         self._changed = threading.Condition()
@@ -24,13 +22,10 @@ class TelemetryWatch:
         """(monotonic ns of arrival, state) whenever the state changed."""
         self.status: dict[str, Any] = {}
         self.timing: dict[str, Any] = {}
-        self.preview: bytes | None = None
-        """JPEG of the first view that was flown by, with its flow."""
         streams = {
             "state": self._on_state,
             "servo": self._on_servo,
             "timing": self._on_timing,
-            "preview": self._on_preview,
         }
         self._subscribers = [
             session.declare_subscriber(topics.telemetry(name), callback)
@@ -77,7 +72,3 @@ class TelemetryWatch:
 
     def _on_timing(self, sample: zenoh.Sample) -> None:
         self.timing = json.loads(sample.payload.to_bytes())
-
-    def _on_preview(self, sample: zenoh.Sample) -> None:
-        if self.preview is None and self.state in _FLYING:
-            self.preview = sample.payload.to_bytes()

@@ -1,5 +1,6 @@
 """The real service is killed in flight: its black box lists, shows, exports and replays."""
 
+import html
 import json
 import os
 import signal
@@ -40,7 +41,7 @@ def rig(tmp_path_factory, flights):
 
 def children(pid):
     """Process ids by name."""
-    names = ("gate", "perception", "flights")
+    names = ("gate", "perception", "operator_link", "flights")
     pids = Path(f"/proc/{pid}/task/{pid}/children").read_text().split()
     words = {int(pid): Path(f"/proc/{pid}/cmdline").read_text() for pid in pids}
     return {n: pid for pid, line in words.items() for n in names if f"dfvs_service.{n}" in line}
@@ -100,10 +101,21 @@ def check_records(exported, goal):
         assert np.ptp(image) > 10
 
 
+def check_report(exported, folder):
+    """The report of a flight has everything; its page."""
+    page = folder / "flight.html"
+    assert report([str(exported), "--out", str(page)]) == 0
+    text = page.read_text()
+    assert "Nothing was recorded" not in text
+    assert "data:video/mp4" in text
+    assert cv2.VideoCapture(str(folder / "flight.mp4")).read()[0]
+    return text
+
+
 def test_a_service_that_is_killed_with_all_its_processes(rig, flights, capsys, tmp_path):
     folder = fly(rig, flights)
     pids = [rig.service.process.pid, *children(rig.service.process.pid).values()]
-    assert len(pids) == 4
+    assert len(pids) == 5
     killed_ns = time.monotonic_ns()
     for pid in pids:
         os.kill(pid, signal.SIGKILL)
@@ -120,11 +132,7 @@ def test_a_service_that_is_killed_with_all_its_processes(rig, flights, capsys, t
     assert replayed["steps"] == kept.count(b"\n") - 1
     last_ns = json.loads(kept.splitlines()[-1])["t"]
     assert killed_ns - last_ns < LATENESS_S * S
-    page_file = tmp_path / "flight.html"
-    assert report([str(exported), "--out", str(page_file)]) == 0
-    text = page_file.read_text()
-    assert "Cut off in SERVO" in text
-    assert "Nothing was recorded" not in text
+    assert "Cut off in SERVO" in check_report(exported, tmp_path)
 
 
 @pytest.mark.parametrize(
@@ -133,6 +141,7 @@ def test_a_service_that_is_killed_with_all_its_processes(rig, flights, capsys, t
         ("parent", "ended in ABORT: "),
         ("gate", "the gate was killed by SIGKILL; the autopilot's failsafe has the vehicle"),
         ("perception", "ended in ABORT: "),
+        ("operator_link", "ended in ABORT: "),
     ],
 )
 def test_a_service_of_which_one_process_is_killed(name, verdict, rig, flights, capsys, tmp_path):
@@ -149,6 +158,8 @@ def test_a_service_of_which_one_process_is_killed(name, verdict, rig, flights, c
         rig.service.runtime / "gate-inputs.jsonl"
     )
     assert replayed["steps"] > 50
+    text = check_report(exported, tmp_path)
+    assert verdict[0].upper() + verdict[1:] in html.unescape(text)
 
 
 def test_a_flight_goes_on_without_its_black_box_and_says_so(rig, flights, capsys, tmp_path):
@@ -160,6 +171,7 @@ def test_a_flight_goes_on_without_its_black_box_and_says_so(rig, flights, capsys
     page, exported, _ = opened(capsys, flights, folder, tmp_path)
     assert page["status"] == "cut off"
     check_records(exported, rig.folder / "goal.png")
+    check_report(exported, tmp_path)
     assert rig.state is GateState.SERVO
 
 

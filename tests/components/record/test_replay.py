@@ -10,26 +10,14 @@ import numpy as np
 import pytest
 from mcap.records import Message
 from mcap.writer import Writer
-from recorded_flight import fly
+from recorded_flight import fly, write_recording
 
 from dfvs_core.wire.frame import PixelFormat
 from dfvs_core.wire.turn import Opening, Turn, from_json, to_json
 from dfvs_service.record.reading import open_records
-from dfvs_service.record.recorder import Recorder, RecordLimits
 from dfvs_service.replay.cli import main
 from dfvs_service.replay.comparison import compare
 from dfvs_service.replay.flight import Trial, replay
-
-
-def write(folder, events):
-    recorder = Recorder(folder, "flight", RecordLimits(free_bytes=0), lambda: 0, print)
-    for message, payload in events:
-        if isinstance(message, Opening):
-            recorder.open(message, payload)
-        else:
-            recorder.add(message, payload)
-    recorder.close()
-    return folder / "flight-000.mcap"
 
 
 def rerun(path):
@@ -43,7 +31,7 @@ def flight():
 
 @pytest.fixture(scope="module")
 def recording(flight, tmp_path_factory):
-    return write(tmp_path_factory.mktemp("recording"), flight.events)
+    return write_recording(tmp_path_factory.mktemp("recording"), flight.events)
 
 
 def test_the_same_build_gives_the_same_commands_bit_for_bit(recording, flight):
@@ -67,7 +55,7 @@ def test_a_flight_at_another_working_size_is_replayed_at_it(tmp_path):
     """Measured before the flight, it is among the settings of the recording."""
     flight = fly(np.random.default_rng(11), 10, flow__working_width_px=160)
     assert flight.opening.settings["flow"]["working_width_px"] == 160
-    result = rerun(write(tmp_path, flight.events))
+    result = rerun(write_recording(tmp_path, flight.events))
     assert result.reasons == ()
     assert compare(result.frames).is_identical
     events = [
@@ -77,7 +65,7 @@ def test_a_flight_at_another_working_size_is_replayed_at_it(tmp_path):
         for m, payload in flight.events
     ]
     (tmp_path / "other").mkdir()
-    assert not compare(rerun(write(tmp_path / "other", events)).frames).is_identical
+    assert not compare(rerun(write_recording(tmp_path / "other", events)).frames).is_identical
 
 
 def another_size(settings):
@@ -86,7 +74,7 @@ def another_size(settings):
 
 def test_a_goal_that_changed_in_flight_changes_in_replay(tmp_path):
     flight = fly(np.random.default_rng(12), 10, next_goal_at=5)
-    result = rerun(write(tmp_path, flight.events))
+    result = rerun(write_recording(tmp_path, flight.events))
     assert result.reasons == ()
     comparison = compare(result.frames)
     assert comparison.is_identical
@@ -98,7 +86,7 @@ def test_a_goal_tracked_from_its_preview_is_replayed_bit_for_bit(tmp_path):
     flight = fly(np.random.default_rng(12), 12, next_goal_at=8, preview_of=5)
     opening = next(m for m, _ in flight.events if isinstance(m, Opening) and m.first_turn)
     assert opening.observed_ns is not None
-    result = rerun(write(tmp_path, flight.events))
+    result = rerun(write_recording(tmp_path, flight.events))
     assert result.reasons == ()
     assert compare(result.frames).is_identical
 
@@ -110,14 +98,14 @@ def test_without_the_preview_the_commands_differ(tmp_path):
         (dataclasses.replace(m, observed_ns=None) if isinstance(m, Opening) else m, payload)
         for m, payload in flight.events
     ]
-    assert not compare(rerun(write(tmp_path, events)).frames).is_identical
+    assert not compare(rerun(write_recording(tmp_path, events)).frames).is_identical
 
 
 def test_a_preview_whose_frame_was_not_recorded_is_named_as_the_reason_to_differ(tmp_path):
     flight = fly(np.random.default_rng(12), 12, next_goal_at=8, preview_of=5)
     frame = next(i for i, (m, _) in enumerate(flight.events) if getattr(m, "number", None) == 5)
     events = flight.events[:frame] + flight.events[frame + 1 :]
-    result = rerun(write(tmp_path, events))
+    result = rerun(write_recording(tmp_path, events))
     assert result.reasons == ("1 turns before turn 6 were not recorded",)
 
 
@@ -181,14 +169,14 @@ def test_the_times_of_judgement_matter_so_they_have_to_be_recorded(recording, tm
 
 
 def test_turns_that_are_missing_are_named_as_the_reason_to_differ(flight, tmp_path):
-    path = write(tmp_path, [*flight.events[:4], *flight.events[9:]])
+    path = write_recording(tmp_path, [*flight.events[:4], *flight.events[9:]])
     result = rerun(path)
     assert result.reasons == ("5 turns before turn 8 were not recorded",)
 
 
 def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_goes(tmp_path):
     flight = fly(np.random.default_rng(11), 8, PixelFormat.RGB8)
-    data = write(tmp_path, flight.events).read_bytes()
+    data = write_recording(tmp_path, flight.events).read_bytes()
     cut = tmp_path / "cut.mcap"
     cut.write_bytes(data[: int(0.7 * len(data))])
     comparison = compare(rerun(cut).frames)
@@ -215,7 +203,7 @@ def test_other_settings_give_a_report_of_what_differs(recording, tmp_path, capsy
     )
     page = report.read_text()
     assert page.count("<svg") == 8
-    assert "http" not in page  # it needs nothing from elsewhere
+    assert "://" not in page  # it needs nothing from elsewhere
     assert "[servo] are others" in page
 
 

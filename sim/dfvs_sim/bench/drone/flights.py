@@ -44,7 +44,7 @@ class End:
 
 
 def fly(task: BenchTask, setting: Setting, folder: Path, progress: Progress) -> FlightRecord:
-    """Fly a levelled task; images, plots and logs go into the folder.
+    """Fly a levelled task; its summary and logs go into the folder.
 
     Raises
     ------

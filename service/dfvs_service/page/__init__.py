@@ -1,0 +1,1 @@
+"""HTML pages about flights, with all their styles, images and plots in them."""

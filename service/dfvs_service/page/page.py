@@ -1,0 +1,141 @@
+"""What a page about a flight holds, and its HTML."""
+
+from __future__ import annotations
+
+import base64
+import hashlib
+import importlib.resources
+import importlib.util
+from dataclasses import dataclass
+
+import cv2
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.errors import ConfigError
+from dfvs_core.wire.picture import encode_jpeg
+from dfvs_service.page.charts import Plot, TimeLine, time_chart
+
+_VIEW_WIDTH = 480
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """An image (H, W, 3) RGB with its caption."""
+
+    caption: str
+    image: ImageArray
+
+
+@dataclass(frozen=True, slots=True)
+class Film:
+    """A film: address for the page's player, name of the file beside the page, start in s."""
+
+    source: str
+    file: str
+    from_s: float
+
+
+@dataclass(frozen=True, slots=True)
+class Table:
+    """Rows of text under their headings; columns named in ``numbers`` are aligned as numbers."""
+
+    title: str
+    head: tuple[str, ...]
+    rows: tuple[tuple[str, ...], ...]
+    numbers: tuple[str, ...] = ()
+    empty: str = "None."
+
+
+@dataclass(frozen=True, slots=True)
+class Page:
+    """A page about a flight.
+
+    Parameters
+    ----------
+    title, verdict : str
+        What it is about, and how it went in one sentence.
+    tone : str
+        ``good``, ``bad`` or nothing.
+    facts, figures : tuple of (str, str)
+        What is known of the flight, and the numbers that matter, each with its name.
+    views, strip : tuple of View
+        Images beside each other: large, and small ones in the order of time.
+    path : str
+        SVG of the path.
+    charts : tuple of (str, Plot)
+        Plots over the same time with their titles.
+    line : TimeLine
+        Time of the plots.
+    tables : tuple of Table
+    texts : tuple of (str, str)
+        Long texts, which open on a click, with their titles.
+    film : Film or None
+    note : str
+        What has to be known of the views.
+    """
+
+    title: str
+    verdict: str
+    tone: str
+    facts: tuple[tuple[str, str], ...]
+    figures: tuple[tuple[str, str], ...]
+    charts: tuple[tuple[str, Plot], ...]
+    line: TimeLine
+    views: tuple[View, ...] = ()
+    strip: tuple[View, ...] = ()
+    path: str = ""
+    tables: tuple[Table, ...] = ()
+    texts: tuple[tuple[str, str], ...] = ()
+    film: Film | None = None
+    note: str = ""
+
+
+def render(page: Page) -> str:
+    """HTML that needs nothing else, but for a film that it names as a file beside it."""
+    # Jinja2 is of an extra of the installation, and takes its time to load.
+    from jinja2 import Environment, PackageLoader, select_autoescape
+
+    environment = Environment(
+        loader=PackageLoader("dfvs_service.page", ""),
+        autoescape=select_autoescape(default=True),
+        trim_blocks=True,
+        lstrip_blocks=True,
+    )
+    environment.filters["image"] = data_url
+    environment.globals["zip"] = zip
+    files = importlib.resources.files("dfvs_service.page")
+    script = files.joinpath("page.js").read_text(encoding="utf-8")
+    digest = base64.b64encode(hashlib.sha256(script.encode()).digest()).decode()
+    charts = [(title, plot, time_chart(plot, page.line)) for title, plot in page.charts]
+    return environment.get_template("page.html.j2").render(
+        page=page,
+        charts=charts,
+        style=files.joinpath("page.css").read_text(encoding="utf-8"),
+        script=script,
+        script_digest=digest,
+    )
+
+
+def require_page_extra(command: str) -> None:
+    """Say what is missing before any work.
+
+    Raises
+    ------
+    ConfigError
+        If Jinja2 is not installed.
+    """
+    if importlib.util.find_spec("jinja2") is None:
+        raise ConfigError(
+            f"{command} needs the Python package 'jinja2'",
+            "the extra 'report'",
+            "pip install 'dfvs[report]'",
+        )
+
+
+def data_url(image: ImageArray) -> str:
+    """An image (H, W, 3) RGB as a data URL of a JPEG, no wider than the page shows it."""
+    height, width = image.shape[:2]
+    if width > _VIEW_WIDTH:
+        size = (_VIEW_WIDTH, max(round(height * _VIEW_WIDTH / width), 1))
+        image = cv2.resize(image, size, interpolation=cv2.INTER_AREA)  # type: ignore[assignment]
+    return "data:image/jpeg;base64," + base64.b64encode(encode_jpeg(image)).decode()

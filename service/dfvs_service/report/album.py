@@ -1,0 +1,70 @@
+"""The views of a flight that its page shows, picked while all of them go by."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dfvs_service.report.flight import Flight, FlightView
+
+_STRIP_VIEWS = 6
+
+
+@dataclass(slots=True)
+class Album:
+    """Views at even steps of the way that was left, the last one among them.
+
+    The last view is the last one before the vehicle was let go.
+    """
+
+    strip: list[FlightView] = field(default_factory=list)
+
+    @property
+    def last(self) -> FlightView | None:
+        """Last view."""
+        return self.strip[-1] if self.strip else None
+
+
+def collect(
+    flight: Flight, views: Iterable[FlightView], take: Callable[[FlightView], None]
+) -> Album:
+    """Go through the views up to the end of what a report shows, and pick some.
+
+    Parameters
+    ----------
+    flight : Flight
+    views : iterable of FlightView
+        Oldest first.
+    take : callable
+        Is given every view.
+    """
+    album, line, (from_s, to_s) = Album(), flight.line, flight.flown
+    wanted = _strip_times(flight)
+    last: FlightView | None = None
+    for view in views:
+        if view.t_s > line.to_s:
+            break
+        take(view)
+        if view.t_s > to_s:
+            continue
+        last = view
+        if wanted and view.t_s >= max(wanted[0], from_s):
+            album.strip.append(view)
+            wanted = [t_s for t_s in wanted if t_s > view.t_s]
+    if last is not None and album.last is not last:
+        album.strip = [*album.strip[: _STRIP_VIEWS - 1], last]
+    return album
+
+
+def _strip_times(flight: Flight) -> list[float]:
+    """When an even share of the distance was left; even times where it is not known."""
+    from_s, to_s = flight.flown
+    samples = [(t, v) for t, v in flight.series.error_m if from_s <= t <= to_s and math.isfinite(v)]
+    if len(samples) < _STRIP_VIEWS:
+        return [float(t) for t in np.linspace(from_s, to_s, _STRIP_VIEWS)]
+    least = np.minimum.accumulate([v for _, v in samples])
+    targets = np.linspace(least[0], least[-1], _STRIP_VIEWS)
+    return [samples[int(np.argmax(least <= target + 1e-9))][0] for target in targets]

@@ -1,0 +1,126 @@
+"""A flight as a report sees it, whatever it was read from."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from dataclasses import dataclass
+from typing import Protocol
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.correspondence import FlowField
+from dfvs_service.flights.records import FlightSummary
+from dfvs_service.page.charts import TimeLine
+from dfvs_service.report.series import FlightSeries
+
+BLACK_BOX, RECORDING = "black box", "recording"
+"""Sources of a flight."""
+
+_LEAD_S = 3.0
+"""A report shows so long before the vehicle was engaged, and after it was let go."""
+_NEVER_ENGAGED_S = 60.0
+_ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
+
+
+@dataclass(frozen=True, slots=True)
+class FlightView:
+    """What the camera saw at a time: an image (H, W, 3) RGB, and the flow on it where it is known.
+
+    ``flow`` leads from the image to the goal, in px of the image.
+    """
+
+    t_s: float
+    image: ImageArray
+    flow: FlowField | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class ServoLimits:
+    """Distance in m and angle in rad that count as reached, and confidence of flow that counts."""
+
+    tolerance_m: float
+    tolerance_rad: float
+    min_confidence: float
+
+
+@dataclass(frozen=True, slots=True)
+class Flight:
+    """A flight with its curves; times in s from ``start_ns`` (monotonic).
+
+    ``settings`` and ``build`` are JSON; ``goals`` are the images (H, W, 3) RGB that were flown to,
+    each with its time.
+    """
+
+    summary: FlightSummary
+    source: str
+    start_ns: int
+    series: FlightSeries
+    settings: str
+    build: str
+    goals: tuple[tuple[float, ImageArray], ...]
+
+    @property
+    def flown(self) -> tuple[float, float]:
+        """When the vehicle was engaged and when it was let go; the last minute where never."""
+        states, end_s = self.summary.states, self.summary.duration_s
+        engaged = [i for i, change in enumerate(states) if change.state in _ENGAGED]
+        if not engaged:
+            return max(end_s - _NEVER_ENGAGED_S, 0.0), end_s
+        after = states[engaged[-1] + 1 :]
+        return states[engaged[0]].t_s, after[0].t_s if after else end_s
+
+    @property
+    def line(self) -> TimeLine:
+        """The time that the report shows."""
+        from_s, to_s = self.flown
+        from_s = max(from_s - _LEAD_S, 0.0)
+        to_s = min(to_s + _LEAD_S, self.summary.duration_s)
+        return TimeLine(from_s, max(to_s, from_s + 1.0), self.summary.states)
+
+    @property
+    def limits(self) -> ServoLimits | None:
+        """Of the settings, None where they are not known."""
+        try:
+            servo = json.loads(self.settings)["servo"]
+            names = ("tolerance_m", "tolerance_rad", "min_confidence")
+            return ServoLimits(*(float(servo[name]) for name in names))
+        except (ValueError, KeyError, TypeError):
+            return None
+
+    def goal_at(self, t_s: float) -> ImageArray | None:
+        """Goal that was flown to at a time."""
+        known = [image for since_s, image in self.goals if since_s <= t_s]
+        known = known or [image for _, image in self.goals[:1]]
+        return known[-1] if known else None
+
+    def state_at(self, t_s: float) -> str:
+        """State of the gate at a time; empty before the first one."""
+        states = reversed(self.summary.states)
+        return next((change.state for change in states if change.t_s <= t_s), "")
+
+
+class FlightSource(Protocol):
+    """Records of a flight."""
+
+    @property
+    def name(self) -> str:
+        """Name of the flight, fit for a file."""
+        ...
+
+    @property
+    def film_rate_hz(self) -> int:
+        """Frames a second that do the views justice."""
+        ...
+
+    @property
+    def note(self) -> str:
+        """What a reader has to know of the views that were given; empty for nothing."""
+        ...
+
+    def read(self) -> Flight:
+        """All but the views."""
+        ...
+
+    def views(self) -> Iterator[FlightView]:
+        """What the camera saw, oldest first."""
+        ...

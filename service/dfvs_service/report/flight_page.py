@@ -1,0 +1,265 @@
+"""The page about a flight."""
+
+from __future__ import annotations
+
+import base64
+import contextlib
+import math
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dfvs_core.arrays import ImageArray
+from dfvs_service.page.charts import Curve, Plot, Samples, path_chart
+from dfvs_service.page.page import Film, Page, Table, View, render
+from dfvs_service.report.album import Album, collect
+from dfvs_service.report.film import FilmWriter
+from dfvs_service.report.flight import BLACK_BOX, Flight, FlightSource, FlightView
+from dfvs_service.report.series import Fault, FlightSeries
+
+MAX_EMBEDDED_BYTES = 24_000_000
+"""A larger film stays a file beside the page."""
+
+_TROUBLE = frozenset({"HOLD", "ABORT"})
+_AXES = ("forward", "right", "down")
+
+
+def make_report(
+    source: FlightSource,
+    flight: Flight,
+    film_path: Path,
+    show: Callable[[FlightView], None] = lambda _: None,
+) -> str:
+    """HTML of a flight with all images in it; its film is written beside it.
+
+    Parameters
+    ----------
+    source : FlightSource
+        Of the flight.
+    flight : Flight
+        What was read of it.
+    film_path : Path
+        Takes the film (MP4), which is replaced; none is there for a flight without a view.
+    show : callable
+        Is given every view once it is in the film.
+
+    Raises
+    ------
+    DfvsError
+        If the film cannot be written or the views cannot be read.
+    """
+    film_path.unlink(missing_ok=True)
+    with _film(film_path, flight, source.film_rate_hz) as film:
+
+        def take(view: FlightView) -> None:
+            film.add(view)
+            show(view)
+
+        album = collect(flight, source.views(), take)
+        is_filmed = film.close()
+    return render(_page(flight, album, film_path if is_filmed else None, source.note))
+
+
+@contextlib.contextmanager
+def _film(path: Path, flight: Flight, rate_hz: int) -> Iterator[FilmWriter]:
+    """Film that leaves nothing behind where it was not brought to its end."""
+    film = FilmWriter(path, flight, rate_hz)
+    try:
+        yield film
+    finally:
+        film.abandon()
+
+
+def _page(flight: Flight, album: Album, film: Path | None, note: str) -> Page:
+    series = flight.series
+    return Page(
+        title=flight.summary.name,
+        verdict=flight.summary.verdict,
+        tone=_tone(flight),
+        facts=_facts(flight),
+        figures=_figures(flight),
+        charts=_charts(flight),
+        line=flight.line,
+        views=_views(flight, album),
+        strip=tuple(View(_caption(flight, view), view.image) for view in album.strip),
+        path=path_chart(_flown_path(flight)),
+        tables=(_states(flight), _faults(flight), _told(flight), _timing(flight, series)),
+        texts=(
+            ("Settings, angles in rad", flight.settings),
+            ("Versions of code, libraries and model", flight.build),
+        ),
+        film=None if film is None else _embedded(film, flight.line.from_s),
+        note=note if album.strip else "",
+    )
+
+
+def _embedded(path: Path, from_s: float) -> Film:
+    source = path.name
+    if path.stat().st_size <= MAX_EMBEDDED_BYTES:
+        source = "data:video/mp4;base64," + base64.b64encode(path.read_bytes()).decode()
+    return Film(source, path.name, from_s)
+
+
+def _tone(flight: Flight) -> str:
+    if flight.summary.exit_code == 0:
+        return "good"
+    return "" if flight.summary.status == "running" else "bad"
+
+
+def _facts(flight: Flight) -> tuple[tuple[str, str], ...]:
+    summary = flight.summary
+    end = f"in {flight.state_at(math.inf) or 'no state'}"
+    if flight.source == BLACK_BOX:
+        code = "" if summary.exit_code is None else f", exit code {summary.exit_code}"
+        end = f"{summary.status} {end}{code}"
+    return (
+        ("Vehicle", summary.vehicle or "?"),
+        ("Start", summary.started.replace("T", " ").replace("+00:00", " UTC") or "?"),
+        ("Duration", f"{summary.duration_s:.1f} s"),
+        ("End", end),
+        ("Source", f"{flight.source}, {summary.size_bytes / 1e6:.1f} MB"),
+        ("Version", f"dfvs {summary.version or '?'}"),
+    )
+
+
+def _figures(flight: Flight) -> tuple[tuple[str, str], ...]:
+    """Numbers of the time in which the vehicle was engaged, as far as they are known."""
+    series, (from_s, to_s) = flight.series, flight.flown
+    figures = [("time under control", f"{to_s - from_s:.1f} s")]
+    if not any(change.state == "ENGAGE" for change in flight.summary.states):
+        figures = [("time under control", "none")]
+    for name, samples, form, unit in (
+        ("distance to the goal, estimated", series.error_m, ".3f", "m"),
+        ("angle to the goal, estimated", series.error_deg, ".1f", "°"),
+        ("distance to the goal, true", series.true_m, ".3f", "m"),
+        ("angle to the goal, true", series.true_deg, ".1f", "°"),
+    ):
+        known = [v for t, v in samples if from_s <= t <= to_s and math.isfinite(v)]
+        if known:
+            figures.append((name, f"{known[0]:{form}} → {known[-1]:{form}} {unit}"))
+    latency = [v for t, v in series.latency_ms if from_s <= t <= to_s and math.isfinite(v)]
+    if latency:
+        p50, p99 = np.percentile(latency, [50, 99])
+        figures.append(("capture to command, median and p99", f"{p50:.0f} / {p99:.0f} ms"))
+    return tuple(figures)
+
+
+def _charts(flight: Flight) -> tuple[tuple[str, Plot], ...]:
+    series, limits = flight.series, flight.limits
+    in_m = None if limits is None else limits.tolerance_m
+    in_deg = None if limits is None else math.degrees(limits.tolerance_rad)
+    pairs = [
+        (f"Velocity {axis}", Plot("m/s", _told_and_flown(series, number)))
+        for number, axis in enumerate(_AXES)
+    ]
+    in_degrees = [
+        Curve(c.style, c.name, [(t, math.degrees(v)) for t, v in c.samples])
+        for c in _told_and_flown(series, 3)
+    ]
+    position = (
+        Curve("flown", "distance from the first position", series.from_start_m),
+        Curve("third", "height above it", series.height_m),
+    )
+    overlap = Curve("third", "overlap", series.overlap)
+    latency = Curve("third", "every frame", series.latency_ms)
+    return (
+        (
+            "Distance to the goal",
+            Plot("m", _errors(series.error_m, series.true_m), series.spread_m, in_m),
+        ),
+        (
+            "Angle to the goal",
+            Plot("°", _errors(series.error_deg, series.true_deg), tolerance=in_deg),
+        ),
+        *pairs,
+        ("Yaw rate", Plot("°/s", tuple(in_degrees))),
+        ("Position by the autopilot's estimate", Plot("m", position)),
+        ("Share of the view that shows the goal", Plot("", (overlap,))),
+        ("Capture to command", Plot("ms", (latency,), is_log=True)),
+    )
+
+
+def _errors(estimated: Samples, true: Samples) -> tuple[Curve, ...]:
+    curves = (Curve("flown", "estimated from the images", estimated),)
+    return (*curves, Curve("third", "true, of the simulation", true)) if true else curves
+
+
+def _told_and_flown(series: FlightSeries, number: int) -> tuple[Curve, ...]:
+    return (
+        Curve("commanded", "commanded", series.commanded[number]),
+        Curve("flown", "flown", series.flown[number]),
+    )
+
+
+def _views(flight: Flight, album: Album) -> tuple[View, ...]:
+    """Goal, last view, and what is left between them."""
+    goal, last = flight.goal_at(math.inf), album.last
+    views = [] if goal is None else [View("Goal", goal)]
+    if last is not None:
+        views.append(View(f"Last view under control, {_caption(flight, last)}", last.image))
+        if goal is not None:
+            views.append(View("Last view − goal: grey is equal", _difference(last.image, goal)))
+    return tuple(views)
+
+
+def _difference(view: ImageArray, goal: ImageArray) -> ImageArray:
+    """Signed difference around middle grey, as in the paper's Fig. 4, at the view's size."""
+    fitting = cv2.resize(goal, view.shape[1::-1], interpolation=cv2.INTER_AREA)
+    signed = (view.astype(np.int16) - fitting.astype(np.int16)) // 2 + 128
+    return np.clip(signed, 0, 255).astype(np.uint8)
+
+
+def _caption(flight: Flight, view: FlightView) -> str:
+    """Time of a view, and what was left then."""
+    caption = f"{view.t_s:.1f} s"
+    known = [
+        next((v for t, v in reversed(samples) if t <= view.t_s + 0.2 and math.isfinite(v)), None)
+        for samples in (flight.series.error_m, flight.series.error_deg)
+    ]
+    if known[0] is not None and known[1] is not None:
+        caption += f": {known[0]:.2f} m, {known[1]:.1f}°"
+    return caption
+
+
+def _flown_path(flight: Flight) -> list[tuple[float, float]]:
+    """Path (north, east) of the time that the page shows."""
+    return [(north, east) for t_s, north, east in flight.series.path if flight.line.shows(t_s)]
+
+
+def _states(flight: Flight) -> Table:
+    rows = tuple(
+        (f"{c.t_s:.2f}", c.state, c.cause + (f" ({c.detail})" if c.detail else ""))
+        for c in flight.summary.states
+    )
+    return Table("States", ("s", "state", "cause"), rows, ("s",))
+
+
+def _faults(flight: Flight) -> Table:
+    """What made the gate leave the goal, and why frames were not flown by."""
+    left = [
+        Fault(c.t_s, c.t_s, f"{c.state}: {c.cause} {c.detail}".strip())
+        for c in flight.summary.states
+        if c.state in _TROUBLE
+    ]
+    shown = [f for f in (*left, *flight.series.faults) if flight.line.shows(f.from_s)]
+    rows = tuple(
+        (f"{f.from_s:.2f}", f"{f.to_s - f.from_s:.2f}", str(f.count), f.text)
+        for f in sorted(shown, key=lambda fault: fault.from_s)
+    )
+    head = ("s", "for, s", "times", "fault")
+    return Table("Faults", head, rows, head[:3], "None in the time of the plots.")
+
+
+def _told(flight: Flight) -> Table:
+    return Table("Errors and warnings", ("text",), tuple((text,) for text in flight.summary.told))
+
+
+def _timing(flight: Flight, series: FlightSeries) -> Table:
+    rows = tuple(
+        (name.replace("_", " "), f"{p50:.1f}", f"{p99:.1f}")
+        for name, (p50, p99) in series.stage_percentiles(*flight.flown).items()
+    )
+    head = ("stage", "p50, ms", "p99, ms")
+    return Table("Time of each stage", head, rows, head[1:], "Nothing was recorded.")

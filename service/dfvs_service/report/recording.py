@@ -1,0 +1,197 @@
+"""A flight read from its recording (MCAP); perception runs again on it to give the flow."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator, Sequence
+from datetime import UTC, datetime
+from pathlib import Path
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.errors import DfvsError
+from dfvs_core.gate.config import S
+from dfvs_core.matching.warping import flow_at_size
+from dfvs_core.wire.frame import decode_frame, decode_header
+from dfvs_core.wire.link import GateStatus
+from dfvs_core.wire.picture import decode_picture
+from dfvs_core.wire.turn import Opening, Turn
+from dfvs_service.flights.records import FlightSummary, StateChange
+from dfvs_service.replay.flight import FlightReplay, Trial
+from dfvs_service.replay.recording import StateLog, read_recording
+from dfvs_service.report.flight import RECORDING, Flight, FlightView
+from dfvs_service.report.series import SeriesBuilder
+
+_REPEATED = "The flow is computed again, by another build, model or other settings than in flight."
+_NO_FLOW = "No flow is drawn: {}."
+
+
+class RecordedFlight:
+    """Flight in the files of one recording.
+
+    Parameters
+    ----------
+    paths : sequence of Path
+        Files of the recording.
+    """
+
+    film_rate_hz = 10
+
+    def __init__(self, paths: Sequence[Path]) -> None:
+        self._paths = sorted(paths)
+        self.note = ""
+
+    @property
+    def name(self) -> str:
+        """Name of the recording."""
+        return self._paths[0].stem.removesuffix("-000")
+
+    def read(self) -> Flight:
+        """Read all but the views.
+
+        Raises
+        ------
+        RecordingError
+            If the files cannot be read, or hold no flight.
+        """
+        reader = _Reader()
+        for entry in read_recording(self._paths):
+            if isinstance(entry.message, Opening):
+                reader.open(entry.message, entry.payload or b"")
+            else:
+                reader.add(entry.message)
+        return reader.flight(self.name, self._paths)
+
+    def views(self) -> Iterator[FlightView]:
+        """Every frame that perception looked at, with its flow where perception can run again.
+
+        Raises
+        ------
+        RecordingError
+            As ``read`` does.
+        """
+        replay: FlightReplay | None = FlightReplay(Trial())
+        start_ns: int | None = None
+        for entry in read_recording(self._paths):
+            message, payload = entry.message, entry.payload or b""
+            if isinstance(message, Opening):
+                start_ns = message.opened_ns if start_ns is None else start_ns
+                replay = self._opened(replay, message, payload)
+                continue
+            image = _image(message, payload)
+            if replay is not None:
+                replay.turn(message, payload)
+            if image is not None and start_ns is not None:
+                yield _view((message.t_ns - start_ns) / S, image, replay)
+
+    def _opened(
+        self, replay: FlightReplay | None, opening: Opening, picture: bytes
+    ) -> FlightReplay | None:
+        """Go on with an opening's goal, model and settings, or without flow where it cannot be."""
+        if replay is None:
+            return None
+        try:
+            replay.open(opening, picture)
+        except DfvsError as error:
+            self.note = _NO_FLOW.format(error.problem)
+            return None
+        self.note = _REPEATED if replay.reasons else ""
+        return replay
+
+
+class _Reader:
+    """Takes openings and turns, oldest first."""
+
+    def __init__(self) -> None:
+        self._openings: list[Opening] = []
+        self._goals: list[tuple[float, ImageArray]] = []
+        self._builder = SeriesBuilder(0)
+        self._states = StateLog(0)
+        self._warnings: dict[str, None] = {}
+        self._end_ns = 0
+
+    def open(self, opening: Opening, picture: bytes) -> None:
+        if not self._openings:
+            self._builder = SeriesBuilder(opening.opened_ns)
+            self._states = StateLog(opening.opened_ns)
+        self._openings.append(opening)
+        self._goals.append((self._s(opening.opened_ns), decode_picture(picture)))
+
+    def add(self, turn: Turn) -> None:
+        self._end_ns = turn.t_ns
+        for status in turn.heard:
+            self._hear(status)
+        self._builder.add_report(turn.t_ns, turn.report)
+        if turn.servo:
+            self._builder.add_servo(turn.servo)
+
+    def _hear(self, status: GateStatus) -> None:
+        self._states.add(status)
+        self._warnings |= dict.fromkeys(f"warning: {text}" for text in status.warnings)
+        if status.t_ns:
+            self._builder.add_setpoint(status.t_ns, status.setpoint)
+        vehicle = status.vehicle
+        if vehicle is not None:
+            self._builder.add_yaw(vehicle.t_ns, vehicle.yaw_rad)
+            self._builder.add_position(vehicle.t_ns, vehicle.position_m, vehicle.velocity_m_s)
+
+    def flight(self, name: str, paths: Sequence[Path]) -> Flight:
+        first, last = self._openings[0], self._openings[-1]
+        states = tuple(self._states.changes)
+        started_s = (first.opened_ns + first.unix_offset_ns) / S
+        summary = FlightSummary(
+            name=name,
+            folder=str(paths[0].parent),
+            vehicle=first.vehicle,
+            started=datetime.fromtimestamp(started_s, UTC).isoformat(timespec="seconds"),
+            duration_s=max(self._s(self._end_ns), 0.0),
+            status="ended",
+            exit_code=0 if _is_reached(states) else None,
+            verdict=_verdict(states),
+            states=states,
+            told=tuple(self._warnings),
+            version=first.build.get("dfvs", ""),
+            size_bytes=sum(path.stat().st_size for path in paths),
+        )
+        return Flight(
+            summary=summary,
+            source=RECORDING,
+            start_ns=first.opened_ns,
+            series=self._builder.series,
+            settings=json.dumps(last.settings, indent=1),
+            build=json.dumps({"versions": first.build, "model": last.model}, indent=1),
+            goals=tuple(self._goals),
+        )
+
+    def _s(self, t_ns: int) -> float:
+        return (t_ns - self._openings[0].opened_ns) / S
+
+
+def _is_reached(states: Sequence[StateChange]) -> bool:
+    return any(change.state == "DONE" for change in states) and states[-1].state != "ABORT"
+
+
+def _verdict(states: Sequence[StateChange]) -> str:
+    """One sentence on how the flight went."""
+    if _is_reached(states):
+        return "the goal was reached"
+    if not states:
+        return "the gate was not heard"
+    return f"the recording ends in {states[-1].state}: {states[-1].cause}"
+
+
+def _image(turn: Turn, payload: bytes) -> ImageArray | None:
+    """What a turn looked at; None for nothing that can be decoded."""
+    if turn.sight is None:
+        return None
+    try:
+        return decode_frame(payload, decode_header(bytes.fromhex(turn.sight.attachment))).image
+    except DfvsError:
+        return None
+
+
+def _view(t_s: float, image: ImageArray, replay: FlightReplay | None) -> FlightView:
+    glance = None if replay is None else replay.glance
+    if glance is None or glance.outcome is None or not glance.report.healthy:
+        return FlightView(t_s, image)
+    height, width = image.shape[:2]
+    return FlightView(t_s, image, flow_at_size(glance.outcome.flow, (height, width)))

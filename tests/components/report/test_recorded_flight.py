@@ -1,0 +1,64 @@
+"""What a report reads of a recording (MCAP), also of one that was cut short."""
+
+import itertools
+import math
+
+import numpy as np
+import pytest
+from recorded_flight import fly, write_recording
+
+from dfvs_core.wire.frame import PixelFormat
+from dfvs_service.report.recording import RecordedFlight
+
+
+@pytest.fixture(scope="module")
+def flight():
+    return fly(np.random.default_rng(7), frames=16, next_goal_at=9)
+
+
+@pytest.fixture(scope="module")
+def source(flight, tmp_path_factory):
+    return RecordedFlight([write_recording(tmp_path_factory.mktemp("flight"), flight.events)])
+
+
+def test_curves_hold_what_the_gate_and_perception_said(source, flight):
+    series = source.read().series
+    heard = [status for turn in flight.turns for status in turn.heard]
+    assert [value for _, value in series.commanded[1]] == [0.25] * len(heard)
+    seen = [turn.report.error_m for turn in flight.turns if turn.report.healthy]
+    assert [v for _, v in series.error_m if not math.isnan(v)] == seen
+    times = [(turn.t_ns - flight.opening.opened_ns) * 1e-9 for turn in flight.turns]
+    assert [t for t, _ in series.error_m] == pytest.approx(times)
+    # It drifts to the east, 2 cm a frame and 4 mm a status.
+    (_, north, east) = series.path[-1]
+    assert (north, east) == pytest.approx((0.0, 0.02 * 15 + 0.008), abs=1e-9)
+
+
+def test_views_have_the_flow_that_was_flown_by(source, flight):
+    views = list(source.views())
+    assert source.note == ""  # the same build: the flow is that of the flight
+    usable = [t for t in flight.turns if t.sight is not None]
+    assert len(views) == len(usable) - 1  # one sample is rubbish
+    assert all(a.t_s < b.t_s for a, b in itertools.pairwise(views))
+    healthy = [turn for turn in usable if turn.report.healthy]
+    assert sum(view.flow is not None for view in views) == len(healthy) > 8
+    assert all(view.flow.flow.shape[:2] == view.image.shape[:2] for view in views if view.flow)
+
+
+def test_the_goal_is_the_one_of_the_time(source, flight):
+    read = source.read()
+    first, second = (image for _, image in read.goals)
+    change_s = read.goals[1][0]
+    assert (read.goal_at(change_s - 0.01) == first).all()
+    assert (read.goal_at(change_s) == second).all()
+    assert not (first == second).all()
+
+
+def test_a_recording_that_was_cut_short_is_read_as_far_as_it_goes(tmp_path):
+    whole = fly(np.random.default_rng(7), 8, PixelFormat.RGB8)
+    data = write_recording(tmp_path, whole.events).read_bytes()
+    cut = tmp_path / "cut.mcap"
+    cut.write_bytes(data[: int(0.6 * len(data))])
+    part = RecordedFlight([cut]).read()
+    assert 2 <= len(part.series.error_m) < len(whole.turns)
+    assert part.summary.verdict == "the recording ends in SERVO: tested"

@@ -1,0 +1,114 @@
+"""The page about a flight in a real browser, on a desk and on a phone."""
+
+import shutil
+
+import numpy as np
+import pytest
+from recorded_flight import fly, write_recording
+
+from dfvs_service.report.cli import main
+
+sync_api = pytest.importorskip("playwright.sync_api")
+
+NAMES = ("chromium", "chromium-browser", "google-chrome")
+CHROMIUM = next((path for name in NAMES if (path := shutil.which(name))), None)
+pytestmark = pytest.mark.skipif(
+    CHROMIUM is None, reason="no Chromium on this machine (Debian: apt-get install chromium)"
+)
+PATIENCE_MS = 60_000
+
+FRAMES = 30
+
+
+def recording(folder):
+    """A short flight as a recording; the file."""
+    return write_recording(folder, fly(np.random.default_rng(5), frames=FRAMES).events)
+
+
+@pytest.fixture(scope="module")
+def report(tmp_path_factory):
+    folder = tmp_path_factory.mktemp("report")
+    assert main([str(recording(folder)), "--out", str(folder / "flight.html")]) == 0
+    return folder / "flight.html"
+
+
+@pytest.fixture(scope="module")
+def browser():
+    with sync_api.sync_playwright() as playwright:
+        browser = playwright.chromium.launch(executable_path=CHROMIUM, args=["--no-sandbox"])
+        yield browser
+        browser.close()
+
+
+@pytest.fixture(params=[(1400, 900), (390, 844)], ids=["desk", "phone"])
+def page(request, browser, report):
+    width, height = request.param
+    context = browser.new_context(viewport={"width": width, "height": height})
+    page = context.new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    complaints = []
+    page.on("console", lambda message: complaints.append(message.text))
+    page.on("pageerror", lambda error: complaints.append(str(error)))
+    page.goto(report.as_uri())
+    yield page
+    assert complaints == []
+    context.close()
+
+
+def test_nothing_is_wider_than_the_screen(page):
+    assert page.evaluate("document.documentElement.scrollWidth") <= page.viewport_size["width"]
+
+
+def test_the_film_plays(page):
+    page.wait_for_function("() => document.querySelector('video').readyState >= 2")
+    assert page.evaluate("document.querySelector('video').duration") > 0.5
+    page.evaluate("document.querySelector('video').play()")
+    page.wait_for_function("() => document.querySelector('video').currentTime > 0.2")
+
+
+def test_a_pointer_on_a_plot_reads_all_plots_and_seeks_the_film(page):
+    page.wait_for_function("() => document.querySelector('video').readyState >= 2")
+    plot = page.locator("svg[data-from]").first
+    plot.scroll_into_view_if_needed()
+    box = plot.bounding_box()
+    page.mouse.move(box["x"] + 0.6 * box["width"], box["y"] + 0.4 * box["height"])
+    cursors = page.locator(".cursor").evaluate_all("all => all.map((c) => c.getAttribute('x1'))")
+    assert len(set(cursors)) == 1
+    assert float(cursors[0]) == pytest.approx(0.6 * 520, abs=3)
+    readings = page.locator("output").all_text_contents()
+    assert sum(bool(text) for text in readings) > 8
+    page.wait_for_function("() => document.querySelector('video').currentTime > 0.1")
+
+
+def test_a_film_that_is_too_large_for_the_page_plays_beside_it(browser, tmp_path, monkeypatch):
+    monkeypatch.setattr("dfvs_service.report.flight_page.MAX_EMBEDDED_BYTES", 0)
+    target = tmp_path / "flight.html"
+    assert main([str(recording(tmp_path)), "--out", str(target)]) == 0
+    assert "data:video" not in target.read_text()
+    page = browser.new_page()
+    page.set_default_timeout(PATIENCE_MS)
+    page.goto(target.as_uri())
+    page.wait_for_function("() => document.querySelector('video').readyState >= 2")
+    page.close()
+
+
+def test_a_recording_whose_model_is_not_here_has_a_film_without_flow(tmp_path, monkeypatch):
+    file = recording(tmp_path)
+    monkeypatch.setattr("dfvs_service.replay.flight.load_matcher", missing)
+    assert main([str(file), "--out", str(tmp_path / "x.html"), "--json"]) == 0
+    text = (tmp_path / "x.html").read_text()
+    assert "No flow is drawn: there is no such model" in text
+    assert "<video" in text
+
+
+def missing(*_):
+    from dfvs_core.errors import ConfigError
+
+    raise ConfigError("there is no such model")
+
+
+def test_the_report_of_a_recording_says_what_the_flight_was_told(report):
+    text = report.read_text()
+    assert "The recording ends in SERVO: tested" in text
+    assert "recording, " in text
+    assert "Nothing was recorded." not in text
