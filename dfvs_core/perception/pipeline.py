@@ -17,7 +17,9 @@ from dfvs_core.arrays import FloatArray, ImageArray
 from dfvs_core.colours import is_swapped
 from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.keyframes import choose_earlier
+from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.depth.prediction import predict_flow
+from dfvs_core.errors import ConfigError
 from dfvs_core.goal import Goal
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.matching.warping import resized
@@ -26,12 +28,14 @@ from dfvs_core.perception.goal_preview import (
     GoalView,
     KeptFrame,
     Preview,
+    make_goal_view,
     observe,
     preview_goal,
 )
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation
 from dfvs_core.perception.goal_verification import GoalVerifier
 from dfvs_core.poses import invert_pose, so3_log
+from dfvs_core.servo.config import BY_NETWORK
 from dfvs_core.servo.exchange import (
     Attitude,
     EarlierMatch,
@@ -53,6 +57,8 @@ DEPTH_PERIOD_NS = 200_000_000
 DEPTH_PATIENCE_NS = 600_000_000
 """So long depth waits for frames to be on time again."""
 
+_LEARNT = ("motion", "fused")
+"""Choices of depth that learn from the camera's motion."""
 _NO_FLOW = FlowField(np.zeros((0, 0, 2), np.float32), np.zeros((0, 0), np.float32))
 """Instead of the flow of a kept frame: a field for each would take tens of megabytes."""
 
@@ -70,14 +76,30 @@ class Pipeline:
         Picture to fly to.
     tick : callable
         Monotonic time in ns, for the age of frames and the stages' durations.
+    depth : DepthEstimator, optional
+        For ``depth = "network"`` and ``"fused"``.
+
+    Raises
+    ------
+    ConfigError
+        If one of these is asked for without a depth network.
     """
 
     def __init__(
-        self, task: ServoTask, matcher: Matcher, goal: Goal, tick: Callable[[], int]
+        self,
+        task: ServoTask,
+        matcher: Matcher,
+        goal: Goal,
+        tick: Callable[[], int],
+        depth: DepthEstimator | None = None,
     ) -> None:
         self._matcher = matcher
+        self._config = task.config
+        self._depth = depth if task.config.depth in BY_NETWORK else None
+        if self._depth is None and task.config.depth in BY_NETWORK:
+            raise ConfigError(f"servo.depth = {task.config.depth!r} without a depth network")
         self._goal = self.prepare(goal)
-        self._task = _at_working_size(task, self._goal)
+        self._task = _aimed(task, self._goal)
         self._tick = tick
         self._T_body_camera = np.eye(4) if task.mount is None else task.mount.T_body_camera()
         self._kept: deque[KeptFrame] = deque(maxlen=KEPT_FRAMES)
@@ -98,8 +120,7 @@ class Pipeline:
 
     def prepare(self, goal: Goal) -> GoalView:
         """Compute once what depends on another goal's picture alone."""
-        prepared = self._matcher.prepare(goal.image)
-        return GoalView(resized(goal.image, prepared.size), prepared)
+        return make_goal_view(self._matcher, self._depth, self._config, goal)
 
     def aim(self, task: ServoTask, goal: GoalView, observation: Observation | None = None) -> None:
         """Go on to another goal; what was learnt of depth, and of the way so far, stays.
@@ -117,7 +138,7 @@ class Pipeline:
         if observation is not None and self._find_kept(observation.t_capture_ns) is None:
             observation = None
         self._observed_ns = None if observation is None else observation.t_capture_ns
-        self._task = _at_working_size(task, goal)
+        self._task = _aimed(task, goal)
         self._goal = goal
         self._state = self._state.without_goal()
         self._tracker = self._make_tracker()
@@ -237,7 +258,7 @@ class Pipeline:
         Where frames come late, as after such a call, nothing is done for a while.
         """
         start_ns = self._tick()
-        if self._task.config.depth != "motion" or not self._kept or self._is_pressed():
+        if self._task.config.depth not in _LEARNT or not self._kept or self._is_pressed():
             return 0
         tried = self._rematch() if self._is_depth_new else self._learn_depth()
         self._is_depth_new = tried and not self._is_depth_new
@@ -335,6 +356,11 @@ class Pipeline:
         )
         if result.depth_m > 0:
             self._depth_m = result.depth_m
+
+
+def _aimed(task: ServoTask, goal: GoalView) -> ServoTask:
+    """The task at the working size, with the depth of its goal."""
+    return replace(_at_working_size(task, goal), goal_depth=goal.depth())
 
 
 def _at_working_size(task: ServoTask, goal: GoalView) -> ServoTask:

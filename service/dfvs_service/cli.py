@@ -321,9 +321,11 @@ def _programs(config: ServiceConfig) -> Programs:
 def _check_model(config: ServiceConfig) -> None:
     """Load the model once, so that what is wrong with it is said before anything starts."""
     # ONNX Runtime is needed here alone, and takes its time to load.
-    from dfvs_models.catalog import load_matcher
+    from dfvs_models.catalog import load_depth, load_matcher
 
-    load_matcher(config.flow.model, config.flow.threads, config.flow.provider)
+    flow = config.flow
+    load_matcher(flow.model, flow.threads, flow.provider)
+    load_depth(config.servo.depth, config.depth.model, flow.threads, flow.provider)
 
 
 @contextmanager

@@ -5,7 +5,15 @@ import json
 import pytest
 
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import FlowOutput, Graph, Manifest, PictureInput, check_files, sha256
+from dfvs_core.manifest import (
+    DepthOutput,
+    FlowOutput,
+    Graph,
+    Manifest,
+    PictureInput,
+    check_files,
+    sha256,
+)
 
 ONNX = b"not really a network"
 
@@ -80,7 +88,8 @@ SPARSE = [("encode-match", ("encode", "match")), ("mono", ("mono",))]
 @pytest.mark.parametrize(("kind", "roles"), SPARSE)
 def test_kinds_without_flow_can_be_read(kind, roles):
     graphs = {role: Graph("net.onnx", ("x",), ("y",)) for role in roles}
-    made = manifest(kind=kind, graphs=graphs, flow=None)
+    depth = DepthOutput("depth", "relative", spread=0.2) if kind == "mono" else None
+    made = manifest(kind=kind, graphs=graphs, flow=None, depth=depth)
     assert Manifest.from_json(made.to_json().encode()) == made
 
 
@@ -89,6 +98,32 @@ def test_flow_is_announced_by_networks_that_give_it_and_no_others(kind, roles):
     graphs = {role: Graph("net.onnx", ("x",), ("y",)) for role in roles}
     with pytest.raises(ModelError, match=f"'{kind}' bundle has 'flow'"):
         manifest(kind=kind, graphs=graphs)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"depth": None}, "lacks 'depth'"),
+        ({"kind": "pair"}, "has the graphs"),
+        ({"depth": {"quantity": "depth"}}, "depth.unit"),
+        ({"depth": {"quantity": "disparity", "unit": "m"}}, "depth.quantity = 'disparity'"),
+        ({"depth": {"quantity": "depth", "unit": "mm"}}, "depth.unit = 'mm'"),
+        ({"depth": {"quantity": "depth", "unit": "1/m"}}, "depth in the unit '1/m'"),
+        ({"depth": {"quantity": "depth", "unit": "affine"}}, "depth in the unit 'affine'"),
+        ({"depth": {"quantity": "depth", "unit": "m"}}, "without 'scale_spread'"),
+        ({"depth": {"quantity": "depth", "unit": "relative", "scale_spread": 0.1}}, "with 'scale"),
+        ({"depth": {"quantity": "depth", "unit": "relative"}}, "no 'spread'"),
+        ({"depth": {"quantity": "depth", "unit": "relative", "spread": 0.0}}, "depth.spread"),
+        ({"depth": {"quantity": "depth", "unit": "relative", "spread": 1, "stride": 5}}, "stride 5"),
+        ({"input": {"width": 63, "height": 48}}, "depth stride 2"),
+    ],
+)
+def test_a_manifest_of_a_depth_network_that_contradicts_itself_is_refused(changes, message):
+    graphs = {"mono": Graph("net.onnx", ("image",), ("z",))}
+    depth = DepthOutput("depth", "relative", stride=2, spread=0.2)
+    made = json.loads(manifest(kind="mono", graphs=graphs, flow=None, depth=depth).to_json())
+    with pytest.raises(ModelError, match=message):
+        Manifest.from_json(json.dumps(made | changes).encode())
 
 
 ENCODED = ("points", "scores")

@@ -32,7 +32,7 @@ from dfvs_service.goal_file import ordered_goal
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.pace import Pace
 from dfvs_service.perception.announced import CameraDoubts, watch_calibration
-from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
+from dfvs_service.perception.assembly import Clocks, build_eye, depth_network, servo_task
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.frame_door import FrameDoor
 from dfvs_service.perception.heap import settle
@@ -93,6 +93,7 @@ class PerceptionProcess:
         self._door = FrameDoor(camera.size, time.monotonic_ns()) if is_ours else None
         flow = config.flow
         self._matcher = load_matcher(flow.model, flow.threads, flow.provider)
+        self._depth = depth_network(config)
         self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look-ahead")
         self._route = RouteFollower(config, goals, self._workers)
         self._goal_digest = self._goal_flaw = ""
@@ -159,7 +160,7 @@ class PerceptionProcess:
 
     def _build_eye(self, goal: Goal) -> Eye:
         clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)
-        return build_eye(self._config, goal, self._matcher, clocks)
+        return build_eye(self._config, goal, self._matcher, clocks, self._depth)
 
     def _tell_goal(self, telemetry: Telemetry, feed: TurnFeed) -> None:
         """Tell recorders with what the turns from here on work, and everybody the goal."""
