@@ -78,18 +78,23 @@ class BoxFlight:
         How the camera sits. The settings say that it looks ahead.
     seed : int
         Of the flow's errors.
+    depth : str
+        Choice of ``servo.depth``.
+    network : DepthEstimator, optional
+        For ``network`` and ``fused``.
     """
 
-    def __init__(self, start_m, mounted=None, seed=0):
+    def __init__(self, start_m, mounted=None, seed=0, depth="motion", network=None):
         self._T_body_camera = (mounted or Mount()).T_body_camera()
         self._matcher = _ExactMatcher(np.random.default_rng(seed))
         self._matcher.T_world_camera = make_pose(np.eye(3), np.zeros(3)) @ self._T_body_camera
         image = np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8)
         sidecar = GoalSidecar(CAMERA)
-        task = ServoTask(ServoConfig(), CAMERA, sidecar, Mount())
+        task = ServoTask(ServoConfig(depth=depth), CAMERA, sidecar, Mount())
         self._now_ns = _START_NS
         self._image = image
-        self._pipeline = Pipeline(task, self._matcher, Goal(image, sidecar), lambda: self._now_ns)
+        goal = Goal(image, sidecar)
+        self._pipeline = Pipeline(task, self._matcher, goal, lambda: self._now_ns, network)
         self._history = VehicleHistory()
         self.position_m = np.array(start_m, np.float64)
         self._estimate_m = self.position_m.copy()

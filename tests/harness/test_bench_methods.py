@@ -37,7 +37,7 @@ def task(distance_m, angle_deg, camera=SMALL):
 
 
 def servo(room, name, task, most_iterations):
-    method = METHODS[name].make(goal_sight(task, room), classical_matcher())
+    method = METHODS[name].make(goal_sight(task, room), classical_matcher(), None)
     return run_trial(task, method, room, most_iterations)
 
 

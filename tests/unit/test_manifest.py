@@ -114,7 +114,10 @@ def test_flow_is_announced_by_networks_that_give_it_and_no_others(kind, roles):
         ({"depth": {"quantity": "depth", "unit": "relative", "scale_spread": 0.1}}, "with 'scale"),
         ({"depth": {"quantity": "depth", "unit": "relative"}}, "no 'spread'"),
         ({"depth": {"quantity": "depth", "unit": "relative", "spread": 0.0}}, "depth.spread"),
-        ({"depth": {"quantity": "depth", "unit": "relative", "spread": 1, "stride": 5}}, "stride 5"),
+        (
+            {"depth": {"quantity": "depth", "unit": "relative", "spread": 1, "stride": 5}},
+            "stride 5",
+        ),
         ({"input": {"width": 63, "height": 48}}, "depth stride 2"),
     ],
 )
