@@ -13,7 +13,7 @@ from dfvs_core.wire.picture import encode_png
 from dfvs_core.wire.turn import Turn
 from dfvs_models.catalog import load_matcher
 from dfvs_service.config import load_config
-from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
+from dfvs_service.perception.assembly import Clocks, build_eye, depth_network, servo_task
 from dfvs_service.perception.eye import RawSample
 from dfvs_service.perception.messages import servo_document
 from dfvs_service.perception.opening import make_opening
@@ -73,6 +73,7 @@ def fly(
         goal,
         load_matcher(config.flow.model, config.flow.threads),
         Clocks(CLOCK, clock, clock),
+        depth_network(config),
     )
     opening = replace(make_opening(config, goal, CLOCK), opened_ns=clock())
     book = TurnBook()
