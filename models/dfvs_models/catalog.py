@@ -95,7 +95,8 @@ def load_depth(
     """
     if choice not in BY_NETWORK:
         return None
-    network = DepthNetwork(read_bundle(_folder(name_or_path)), Execution(threads, provider))
+    folder = _folder(name_or_path, "the folder of a depth bundle")
+    network = DepthNetwork(read_bundle(folder), Execution(threads, provider))
     if choice == "network" and network.unit == "affine":
         raise ModelError(
             f"depth of {name_or_path!r} has an unknown offset, and servo.depth is 'network'",
@@ -151,12 +152,12 @@ def bundle_folder(name_or_path: str) -> Path:
     return packaged_bundles().get(name_or_path, Path(name_or_path))
 
 
-def _folder(name_or_path: str) -> Path:
+def _folder(name_or_path: str, wanted: str = f"{CLASSICAL!r} or the folder of a bundle") -> Path:
     folder = bundle_folder(name_or_path)
     if not folder.exists():
         raise ModelError(
             f"there is no model {name_or_path!r}",
-            f"{CLASSICAL!r} or the folder of a bundle ({MANIFEST_NAME} and its ONNX files)",
+            f"{wanted} ({MANIFEST_NAME} and its ONNX files)",
             f"bundles in this package: {', '.join(packaged_bundles()) or 'none'}",
         )
     return folder

@@ -49,7 +49,8 @@ def goal_depth_bundle(seed, folder):
     renderer = Renderer(load_glb(builtin_room_path()))
     camera = CameraModel.from_horizontal_fov(320, 240, math.radians(75.0))
     task = sample_task(renderer, camera, np.random.default_rng(seed))
-    rho = 1.0 / renderer.depth(camera.scaled(160, 120), task.T_world_goal)
+    depth = renderer.depth(camera.scaled(160, 120), task.T_world_goal)
+    rho = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)  # 0: nothing is seen
     v, u = np.mgrid[0.0:1.0:120j, 0.0:1.0:160j]
     wrong = 1.1 * np.exp(0.15 * np.sin(6.0 * u) * np.cos(5.0 * v))
     return write_bundle(folder, bundle(rho * wrong, np.full(rho.shape, 0.15)))

@@ -38,8 +38,8 @@ def model_check(config: ServiceConfig) -> tuple[Check, Matcher | None]:
     flow = config.flow
     start_ns = time.monotonic_ns()
     try:
-        files = perception_files(config)
         depth = depth_network(config)
+        files = perception_files(config)
         matcher = load_matcher(flow.model, flow.threads, flow.provider)
     except DfvsError as error:
         return error_check("model", error), None
