@@ -93,8 +93,8 @@ class BoxFlight:
         task = ServoTask(ServoConfig(depth=depth), CAMERA, sidecar, Mount())
         self._now_ns = _START_NS
         self._image = image
-        goal = Goal(image, sidecar)
-        self._pipeline = Pipeline(task, self._matcher, goal, lambda: self._now_ns, network)
+        self._task, self._goal = task, Goal(image, sidecar)
+        self._pipeline = Pipeline(task, self._matcher, self._goal, lambda: self._now_ns, network)
         self._history = VehicleHistory()
         self.position_m = np.array(start_m, np.float64)
         self._estimate_m = self.position_m.copy()
@@ -105,6 +105,13 @@ class BoxFlight:
     def state(self):
         """Memory of the servo step."""
         return self._pipeline._state
+
+    def go_on(self):
+        """Go on to another goal at the same place."""
+        here = self._matcher.T_world_camera
+        self._matcher.T_world_camera = Mount().T_body_camera()
+        self._pipeline.aim(self._task, self._pipeline.prepare(self._goal))
+        self._matcher.T_world_camera = here
 
     def step(self, velocity, error, rate_error=None):
         """Fly for 20 ms; the velocity estimate errs by ``error`` (3,) NED, m/s.

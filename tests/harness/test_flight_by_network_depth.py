@@ -5,6 +5,7 @@ import pytest
 from box_flight import ROOM, STATE_S, BoxFlight
 from depth_bundle import bundle
 
+from dfvs_core.depth.network import NetworkDepth
 from dfvs_core.errors import ConfigError
 from dfvs_core.goal import Mount
 from dfvs_models.depth import DepthNetwork
@@ -78,6 +79,32 @@ def test_the_distance_does_not_jump_when_depth_from_motion_comes_in():
     true = np.array([look.distance_m for look in looks])
     unflown = np.abs(np.diff(told) - np.diff(true)) / true[1:]
     assert unflown.max() < 0.06
+
+
+class ScaledDepth:
+    """A relative network whose factor is another one for every image."""
+
+    def __init__(self, *factors):
+        self.factors = iter(factors)
+
+    def estimate(self, image, camera):
+        rho = next(self.factors) / ROOM.depth(Mount().T_body_camera()).astype(np.float32)
+        return NetworkDepth(rho, np.full_like(rho, 0.15), "relative", None)
+
+
+@pytest.mark.parametrize("depth", ["network", "fused"])
+def test_another_goal_goes_on_with_the_scale_of_the_flight(depth):
+    """Its image has a factor of its own, and the median depth that would be assumed is wrong."""
+    flight = BoxFlight(START_M, depth=depth, network=ScaledDepth(1.0, 9.0))
+    for _ in range(round(2.0 / STATE_S)):
+        flight.step((0.3, -0.1, 0.0), error=np.zeros(3))
+    before = flight.looks[-1]
+    flight.go_on()
+    for _ in range(round(0.3 / STATE_S)):
+        flight.step((0.3, -0.1, 0.0), error=np.zeros(3))
+    after = flight.looks[-1]
+    assert before.ratio == pytest.approx(1.0, abs=0.15)  # the scale was learnt
+    assert after.ratio == pytest.approx(before.ratio, rel=0.05)
 
 
 def scatter(flight):

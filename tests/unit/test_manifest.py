@@ -3,6 +3,8 @@
 import json
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dfvs_core.errors import ModelError
 from dfvs_core.manifest import (
@@ -127,6 +129,38 @@ def test_a_manifest_of_a_depth_network_that_contradicts_itself_is_refused(change
     made = json.loads(manifest(kind="mono", graphs=graphs, flow=None, depth=depth).to_json())
     with pytest.raises(ModelError, match=message):
         Manifest.from_json(json.dumps(made | changes).encode())
+
+
+SPREADS = st.one_of(st.none(), st.floats(-1.0, 12.0))
+
+
+@given(
+    quantity=st.sampled_from(["depth", "inverse-depth"]),
+    unit=st.sampled_from(["m", "1/m", "relative", "affine"]),
+    stride=st.integers(-1, 70),
+    spreads=st.tuples(SPREADS, SPREADS),
+    counts=st.tuples(st.integers(0, 3), st.integers(0, 3)),
+)
+def test_a_depth_manifest_is_read_as_it_was_written_or_refused(
+    quantity, unit, stride, spreads, counts
+):
+    """And what is read tells what perception needs: a unit that fits, and how sure the depth is."""
+    names = [tuple("abc"[:count]) for count in counts]
+    spread, scale_spread = spreads
+    output = {"quantity": quantity, "unit": unit, "stride": stride}
+    output |= {"spread": spread, "scale_spread": scale_spread}
+    graph = {"file": "net.onnx", "inputs": names[0], "outputs": names[1]}
+    made = document(kind="mono", flow=None, depth=output, graphs={"mono": graph})
+    try:
+        read = Manifest.from_json(json.dumps(made).encode())
+    except ModelError:
+        return
+    assert Manifest.from_json(read.to_json().encode()) == read
+    assert read.depth is not None
+    assert (unit, quantity) not in {("m", "inverse-depth"), ("1/m", "depth"), ("affine", "depth")}
+    assert (scale_spread is not None) == (unit in ("m", "1/m"))
+    assert (spread is not None) == (counts[1] == 1)
+    assert 64 % stride == 48 % stride == 0
 
 
 ENCODED = ("points", "scores")
