@@ -14,8 +14,8 @@ from torch import Tensor, nn
 from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.depth.network import DepthUnit
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_core.manifest import BUNDLE_FORMAT, DepthOutput, Graph, Manifest, PictureInput
-from dfvs_export.bundles import hashes
+from dfvs_core.manifest import DepthOutput, Manifest, PictureInput
+from dfvs_export.bundles import Source, mono_bundle
 from dfvs_export.foreign import checked_digest, read_state
 from dfvs_export.graphs import trace
 from dfvs_export.networks.densedepth import DenseDepth
@@ -25,7 +25,6 @@ from dfvs_export.running import FOCAL, BundleRunner
 from dfvs_models.bundle import Bundle
 
 OWN, DENSE, ANYTHING, MIDAS = "dfvs-depth", "densedepth", "depth-anything-v2-small", "midas-small"
-GRAPH_FILE = "mono.onnx"
 _INPUTS, _OUTPUTS = ("image", "focal"), ("depth", "spread")
 _SEED = 0
 _LEAST_RANGE = 0.01
@@ -166,22 +165,11 @@ class DepthModel:
             raise ModelError(
                 f"{self.name} cannot be exported: {reason}", "operators that ONNX has"
             ) from error
-        contents = {GRAPH_FILE: onnx}
         picture = PictureInput(width, height, kind.multiple)
         if kind.is_normalised:
             picture = PictureInput(width, height, kind.multiple, mean=_MEAN, std=_STD)
-        manifest = Manifest(
-            format=BUNDLE_FORMAT,
-            name=self.name,
-            kind="mono",
-            input=picture,
-            graphs={"mono": Graph(GRAPH_FILE, inputs, outputs)},
-            files=hashes(contents),
-            licence=kind.licence,
-            origin=f"{self.name}, {self.weights.origin}",
-            depth=self._meaning(kind, spreads),
-        )
-        return Bundle(manifest, contents)
+        source = Source(self.name, f"{self.name}, {self.weights.origin}", kind.licence)
+        return mono_bundle(onnx, picture, (inputs, outputs), self._meaning(kind, spreads), source)
 
     def _meaning(self, kind: _Kind, spreads: Spreads) -> DepthOutput:
         local = None if kind.estimates_spread else spreads.local
