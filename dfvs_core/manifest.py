@@ -14,6 +14,7 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeVar
 
+from dfvs_core.depth.network import DepthUnit
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.schema import dump, parse, setting
 
@@ -95,6 +96,48 @@ class FlowOutput:
 
 
 @dataclass(frozen=True, slots=True)
+class DepthOutput:
+    """What the depth tensor (1, height / stride, width / stride) means.
+
+    Depth is along the optical axis. ``unit`` is ``"m"`` of depth, ``"1/m"`` of inverse depth;
+    ``"relative"`` of either that is known up to a factor, ``"affine"`` of inverse depth that is
+    known up to a factor and an offset. ``spread`` is the standard deviation of the logarithm of
+    depth where the graph does not give it as its second output; ``scale_spread`` that of the whole
+    image's scale, of a metric network.
+    """
+
+    quantity: Literal["depth", "inverse-depth"]
+    unit: DepthUnit
+    stride: int = setting(1, "network's px per value", low=1, high=64)
+    spread: float | None = setting(
+        None, "standard deviation of the logarithm of depth", low=0.001, high=10.0
+    )
+    scale_spread: float | None = setting(
+        None, "standard deviation of the logarithm of the scale", low=0.001, high=10.0
+    )
+
+    def __post_init__(self) -> None:
+        """Refuse a unit that does not go with the quantity, or with what is said of the scale."""
+        units = {"depth": ("m", "relative"), "inverse-depth": ("1/m", "relative", "affine")}
+        if self.unit not in units[self.quantity]:
+            raise ModelError(
+                f"{self.quantity} in the unit {self.unit!r}",
+                f"one of {', '.join(map(repr, units[self.quantity]))}",
+            )
+        if self.is_metric != (self.scale_spread is not None):
+            raise ModelError(
+                f"depth in the unit {self.unit!r} {'without' if self.is_metric else 'with'}"
+                " 'scale_spread'",
+                "it for metric networks, and only for those",
+            )
+
+    @property
+    def is_metric(self) -> bool:
+        """Whether it has a length."""
+        return self.unit in ("m", "1/m")
+
+
+@dataclass(frozen=True, slots=True)
 class Graph:
     """An ONNX file of the bundle and the names of its tensors, in order."""
 
@@ -121,6 +164,7 @@ class Manifest:
     licence: str
     origin: str
     flow: FlowOutput | None = None
+    depth: DepthOutput | None = None
     precision: Literal["fp32", "fp16", "int8"] = "fp32"
     accuracy: dict[str, float] = field(default_factory=dict)
 
@@ -141,13 +185,19 @@ class Manifest:
         for role, graph in self.graphs.items():
             if graph.file not in self.files:
                 raise ModelError(f"graph {role!r} is in {graph.file!r}", "a file listed in 'files'")
-        if (self.kind == "pair") != (self.flow is not None):
-            raise ModelError(
-                f"a {self.kind!r} bundle {'lacks' if self.flow is None else 'has'} 'flow'",
-                "'flow' for networks that give flow, and only for those",
-            )
+        self._check_outputs()
+
+    def _check_outputs(self) -> None:
+        for kind, name, output in (("pair", "flow", self.flow), ("mono", "depth", self.depth)):
+            if (self.kind == kind) != (output is not None):
+                raise ModelError(
+                    f"a {self.kind!r} bundle {'lacks' if output is None else 'has'} {name!r}",
+                    f"{name!r} for networks that give {name}, and only for those",
+                )
         if self.kind == "pair":
             self._check_pair()
+        if self.depth is not None:
+            self._check_mono(self.depth)
 
     def match_feeds(self, first: Sequence[T], second: Sequence[T]) -> dict[str, T]:
         """Name what goes into the graph ``match``: outputs of ``encode`` of both pictures.
@@ -177,9 +227,28 @@ class Manifest:
                 f"graph 'pair' has {len(graph.inputs)} inputs and {len(graph.outputs)} outputs",
                 f"{expected} and 1 for the layout {self.input.layout!r}",
             )
-        if flow and (self.input.width % flow.stride or self.input.height % flow.stride):
+        if flow is not None:
+            self._check_stride("flow", flow.stride)
+
+    def _check_mono(self, depth: DepthOutput) -> None:
+        graph = self.graphs["mono"]
+        if len(graph.inputs) not in (1, 2) or len(graph.outputs) not in (1, 2):
             raise ModelError(
-                f"flow stride {flow.stride}",
+                f"graph 'mono' has {len(graph.inputs)} inputs and {len(graph.outputs)} outputs",
+                "an image and perhaps its focal length; depth and perhaps its spread",
+            )
+        if (len(graph.outputs) == 1) != (depth.spread is not None):
+            raise ModelError(
+                f"graph 'mono' has {len(graph.outputs)} outputs and depth"
+                f" {'no' if depth.spread is None else 'a'} 'spread'",
+                "the spread as a second output, or else in the manifest",
+            )
+        self._check_stride("depth", depth.stride)
+
+    def _check_stride(self, name: str, stride: int) -> None:
+        if self.input.width % stride or self.input.height % stride:
+            raise ModelError(
+                f"{name} stride {stride}",
                 f"a divisor of {self.input.width} and {self.input.height}",
             )
 

@@ -78,18 +78,23 @@ class BoxFlight:
         How the camera sits. The settings say that it looks ahead.
     seed : int
         Of the flow's errors.
+    depth : str
+        Choice of ``servo.depth``.
+    network : DepthEstimator, optional
+        For ``network`` and ``fused``.
     """
 
-    def __init__(self, start_m, mounted=None, seed=0):
+    def __init__(self, start_m, mounted=None, seed=0, depth="motion", network=None):
         self._T_body_camera = (mounted or Mount()).T_body_camera()
         self._matcher = _ExactMatcher(np.random.default_rng(seed))
         self._matcher.T_world_camera = make_pose(np.eye(3), np.zeros(3)) @ self._T_body_camera
         image = np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8)
         sidecar = GoalSidecar(CAMERA)
-        task = ServoTask(ServoConfig(), CAMERA, sidecar, Mount())
+        task = ServoTask(ServoConfig(depth=depth), CAMERA, sidecar, Mount())
         self._now_ns = _START_NS
         self._image = image
-        self._pipeline = Pipeline(task, self._matcher, Goal(image, sidecar), lambda: self._now_ns)
+        self._task, self._goal = task, Goal(image, sidecar)
+        self._pipeline = Pipeline(task, self._matcher, self._goal, lambda: self._now_ns, network)
         self._history = VehicleHistory()
         self.position_m = np.array(start_m, np.float64)
         self._estimate_m = self.position_m.copy()
@@ -100,6 +105,13 @@ class BoxFlight:
     def state(self):
         """Memory of the servo step."""
         return self._pipeline._state
+
+    def go_on(self):
+        """Go on to another goal at the same place."""
+        here = self._matcher.T_world_camera
+        self._matcher.T_world_camera = Mount().T_body_camera()
+        self._pipeline.aim(self._task, self._pipeline.prepare(self._goal))
+        self._matcher.T_world_camera = here
 
     def step(self, velocity, error, rate_error=None):
         """Fly for 20 ms; the velocity estimate errs by ``error`` (3,) NED, m/s.

@@ -12,7 +12,13 @@ from dfvs_core.wire.link import GateStatus, VehicleState
 from dfvs_core.wire.picture import encode_png
 from dfvs_core.wire.turn import Opening, Turn
 from dfvs_service.config import load_config
-from dfvs_service.perception.assembly import Clocks, build_eye, flow_matcher, servo_task
+from dfvs_service.perception.assembly import (
+    Clocks,
+    build_eye,
+    depth_network,
+    flow_matcher,
+    servo_task,
+)
 from dfvs_service.perception.eye import RawSample
 from dfvs_service.perception.messages import servo_document
 from dfvs_service.perception.opening import make_opening
@@ -73,6 +79,7 @@ def fly(
         goal,
         flow_matcher(config.flow),
         Clocks(CLOCK, clock, clock),
+        depth_network(config),
     )
     opening = replace(make_opening(config, goal, CLOCK), opened_ns=clock())
     book = TurnBook()

@@ -13,11 +13,16 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.correspondence import DepthMap
-from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView, GoalLink
+from dfvs_core.depth.source import (
+    UNKNOWN_VARIANCE,
+    DepthInputs,
+    DepthState,
+    EarlierView,
+    GoalLink,
+)
 from dfvs_core.poses import invert_pose
 from dfvs_core.servo.weights import weighted_median
 
-_UNKNOWN_VARIANCE = 1e6
 _NEAREST = 0.02
 """Depth in units below which a point is taken for one at that depth."""
 
@@ -73,7 +78,7 @@ class MotionDepth:
         trust = np.clip(depth.validity.astype(np.float64), 1e-3, 1.0 - 1e-3)
         rho = 1.0 / depth.z_m.astype(np.float64)
         variance = (self.prior_spread * rho) ** 2 * (1.0 - trust) / trust
-        variance = np.where(depth.validity > 0.1, variance, _UNKNOWN_VARIANCE)
+        variance = np.where(depth.validity > 0.1, variance, UNKNOWN_VARIANCE)
         cells, means, variances = _in_goal_view(xy, (rho, variance), link)
         return self._fuse(self._memory(link, None), cells, means, variances)
 
@@ -81,7 +86,7 @@ class MotionDepth:
         shape = link.grid_shape
         if state is not None and state.rho.shape == shape:
             return state
-        return DepthState(np.full(shape, 1.0 / self.prior), np.full(shape, _UNKNOWN_VARIANCE))
+        return DepthState(np.full(shape, 1.0 / self.prior), np.full(shape, UNKNOWN_VARIANCE))
 
     def _in_current_view(
         self, inputs: DepthInputs, state: DepthState | None
@@ -90,7 +95,7 @@ class MotionDepth:
         shape = inputs.xy.shape[:2]
         link = inputs.link
         if link is None or state is None:
-            return np.full(shape, 1.0 / self.prior), np.full(shape, _UNKNOWN_VARIANCE)
+            return np.full(shape, 1.0 / self.prior), np.full(shape, UNKNOWN_VARIANCE)
         seen = link.cell >= 0
         cell = np.where(seen, link.cell, 0)
         rho_goal, variance_goal = state.rho.ravel()[cell], state.variance.ravel()[cell]
@@ -99,8 +104,8 @@ class MotionDepth:
         z = ((rays / rho_goal[..., None]) @ T[2, :3]) + T[2, 3]
         rho = 1.0 / np.maximum(z, _NEAREST)
         variance = variance_goal * (rho / rho_goal) ** 4
-        unknown = ~seen | (variance_goal >= 0.5 * _UNKNOWN_VARIANCE)
-        return rho, np.where(unknown, _UNKNOWN_VARIANCE, variance)
+        unknown = ~seen | (variance_goal >= 0.5 * UNKNOWN_VARIANCE)
+        return rho, np.where(unknown, UNKNOWN_VARIANCE, variance)
 
     def _measure(self, xy: FloatArray, earlier: EarlierView) -> tuple[FloatArray, FloatArray]:
         """Inverse depth (h, w) and its variance from the parallax.
@@ -122,7 +127,7 @@ class MotionDepth:
         variance = (noise_sq + off_line**2) / parallax_sq
         variance = variance / np.maximum(earlier.confidence, 1e-3) ** 2
         good = np.isfinite(rho) & (rho > 0.0) & (earlier.confidence > 0.2)
-        return np.where(good, rho, 0.0), np.where(good, variance, _UNKNOWN_VARIANCE)
+        return np.where(good, rho, 0.0), np.where(good, variance, UNKNOWN_VARIANCE)
 
     def _fuse(
         self, state: DepthState, cells: FloatArray, rho: FloatArray, variance: FloatArray
@@ -144,7 +149,7 @@ class MotionDepth:
     def _fill(self, rho: FloatArray, variance: FloatArray) -> DepthMap:
         """Depth map: estimates drawn towards their median as far as they are uncertain."""
         information = 1.0 / variance
-        known = information > 2.0 / _UNKNOWN_VARIANCE
+        known = information > 2.0 / UNKNOWN_VARIANCE
         median = 1.0 / self.prior
         if known.any():
             median = weighted_median(rho[known], np.sqrt(information[known]))
@@ -163,7 +168,7 @@ def _in_goal_view(
     Of several points in a cell the surest counts.
     """
     rho, variance = measured
-    good = (link.cell >= 0) & (variance < 0.5 * _UNKNOWN_VARIANCE) & (rho > 0.0)
+    good = (link.cell >= 0) & (variance < 0.5 * UNKNOWN_VARIANCE) & (rho > 0.0)
     rays = np.column_stack([xy[good], np.ones(np.count_nonzero(good))])
     T = invert_pose(link.T_current_goal)
     z = (rays / rho[good][:, None]) @ T[2, :3] + T[2, 3]

@@ -11,6 +11,9 @@ from dfvs_core.arrays import Float32Array, FloatArray, IntArray
 from dfvs_core.correspondence import DepthMap
 from dfvs_core.errors import ConfigError
 
+UNKNOWN_VARIANCE = 1e6
+"""Variance of an inverse depth of which nothing is known."""
+
 
 @dataclass(frozen=True, slots=True)
 class EarlierView:

@@ -7,12 +7,17 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
+from functools import cache
 
 from dfvs_core.arrays import FloatArray, ImageArray
 from dfvs_core.correspondence import FlowField
+from dfvs_core.depth.network import DepthEstimator, GoalDepth, goal_depth
+from dfvs_core.goal import Goal
 from dfvs_core.matching.matcher import Matcher, Prepared
+from dfvs_core.matching.warping import resized
 from dfvs_core.perception.goal_tracker import Observation
 from dfvs_core.perception.keyframes import Keyframe
+from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import ServoResult, ServoState, Status
 from dfvs_core.servo.level import real_pose
 from dfvs_core.servo.step import servo_step
@@ -21,10 +26,31 @@ from dfvs_core.servo.task import ServoTask
 
 @dataclass(frozen=True, slots=True)
 class GoalView:
-    """A goal image (H, W, 3) uint8 RGB at the working size, and the same ready to be matched."""
+    """A goal image (H, W, 3) uint8 RGB at the working size, and the same ready to be matched.
+
+    ``depth`` gives its depth by a network, None without one; it is estimated when first asked for.
+    """
 
     image: ImageArray
     prepared: Prepared
+    depth: Callable[[], GoalDepth | None]
+
+
+def make_goal_view(
+    matcher: Matcher, network: DepthEstimator | None, config: ServoConfig, goal: Goal
+) -> GoalView:
+    """Compute what depends on a goal alone; its depth, where there is a network, at first need."""
+    prepared = matcher.prepare(goal.image)
+    image = resized(goal.image, prepared.size)
+
+    def depth() -> GoalDepth | None:
+        if network is None:
+            return None
+        camera = goal.sidecar.camera.scaled(image.shape[1], image.shape[0])
+        found = network.estimate(image, camera)
+        return goal_depth(found, config.stride_px, config.constant_depth_m)
+
+    return GoalView(image, prepared, cache(depth))
 
 
 @dataclass(frozen=True, slots=True)
@@ -41,6 +67,7 @@ Preview = Callable[[], GoalPreview]
 
 def preview_goal(matcher: Matcher, task: ServoTask, goal: GoalView, frame: Keyframe) -> GoalPreview:
     """Match a keyframe with a goal, without a prior; ``task`` is at the working size."""
+    task = replace(task, goal_depth=goal.depth())
     flow = matcher.match(frame.prepared, goal.prepared)
     frame.prepared.slim()
     result, state = servo_step(task, frame.state, replace(frame.inputs, flow=flow))

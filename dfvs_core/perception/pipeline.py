@@ -15,16 +15,25 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.depth.prediction import predict_flow
+from dfvs_core.errors import ConfigError
 from dfvs_core.goal import Goal
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.matching.warping import resized
 from dfvs_core.perception.frame_result import STAGES, FrameResult
-from dfvs_core.perception.goal_preview import GoalView, Preview, observe, preview_goal
+from dfvs_core.perception.goal_preview import (
+    GoalView,
+    Preview,
+    make_goal_view,
+    observe,
+    preview_goal,
+)
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation
 from dfvs_core.perception.goal_verification import GoalVerifier
 from dfvs_core.perception.keyframes import Keyframe, Keyframes
 from dfvs_core.poses import invert_pose, so3_log
+from dfvs_core.servo.config import BY_NETWORK
 from dfvs_core.servo.exchange import (
     Attitude,
     EarlierMatch,
@@ -45,6 +54,8 @@ DEPTH_PERIOD_NS = 200_000_000
 DEPTH_PATIENCE_NS = 600_000_000
 """So long depth waits for frames to be on time again."""
 
+_LEARNT = ("motion", "fused")
+"""Choices of depth that learn from the camera's motion."""
 _NO_FLOW = FlowField(np.zeros((0, 0, 2), np.float32), np.zeros((0, 0), np.float32))
 """Instead of the flow of a keyframe: a field for each would take tens of megabytes."""
 
@@ -62,12 +73,28 @@ class Pipeline:
         Picture to fly to.
     tick : callable
         Monotonic time in ns, for the age of frames and the stages' durations.
+    depth : DepthEstimator, optional
+        For ``depth = "network"`` and ``"fused"``.
+
+    Raises
+    ------
+    ConfigError
+        If one of these is asked for without a depth network.
     """
 
     def __init__(
-        self, task: ServoTask, matcher: Matcher, goal: Goal, tick: Callable[[], int]
+        self,
+        task: ServoTask,
+        matcher: Matcher,
+        goal: Goal,
+        tick: Callable[[], int],
+        depth: DepthEstimator | None = None,
     ) -> None:
         self._matcher, self._tick = matcher, tick
+        self._config = task.config
+        self._depth = depth if task.config.depth in BY_NETWORK else None
+        if self._depth is None and task.config.depth in BY_NETWORK:
+            raise ConfigError(f"servo.depth = {task.config.depth!r} without a depth network")
         self._T_body_camera = np.eye(4) if task.mount is None else task.mount.T_body_camera()
         self._keyframes = Keyframes()
         self._last: Keyframe | None = None
@@ -84,8 +111,7 @@ class Pipeline:
 
     def prepare(self, goal: Goal) -> GoalView:
         """Compute once what depends on another goal's picture alone."""
-        prepared = self._matcher.prepare(goal.image)
-        return GoalView(resized(goal.image, prepared.size), prepared)
+        return make_goal_view(self._matcher, self._depth, self._config, goal)
 
     def set_goal(
         self, task: ServoTask, goal: GoalView, observation: Observation | None = None
@@ -103,7 +129,7 @@ class Pipeline:
         if observation is not None and self._keyframes.find(observation.t_capture_ns) is None:
             observation = None
         self._observed_ns = None if observation is None else observation.t_capture_ns
-        self._task = task = _at_working_size(task, goal)
+        self._task = task = _with_goal(task, goal)
         self._state = self._state.without_goal()
         self._tracker = GoalTracker(self._matcher, goal.prepared, task)
         self._tracker.update(observation)
@@ -195,7 +221,7 @@ class Pipeline:
         little is sure, once more with the goal. Where frames come late nothing is done for a while.
         """
         start_ns, last = self._tick(), self._last
-        if self._task.config.depth != "motion" or last is None or self._is_pressed(last):
+        if self._task.config.depth not in _LEARNT or last is None or self._is_pressed(last):
             return 0
         tried = self._rematch(last) if self._is_depth_new else self._learn_depth(last)
         self._is_depth_new = tried and not self._is_depth_new
@@ -284,6 +310,11 @@ class Pipeline:
         inputs = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False)
         self._last = Keyframe(prepared, T_world_camera, inputs, self._state.without_goal())
         self._keyframes.add(self._last, self._depth_m)
+
+
+def _with_goal(task: ServoTask, goal: GoalView) -> ServoTask:
+    """The task at the working size, with the depth of its goal."""
+    return replace(_at_working_size(task, goal), goal_depth=goal.depth())
 
 
 def _at_working_size(task: ServoTask, goal: GoalView) -> ServoTask:

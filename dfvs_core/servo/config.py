@@ -8,7 +8,9 @@ from typing import Literal
 from dfvs_core.schema import setting
 
 Law = Literal["hybrid", "pose", "mean", "current"]
-DepthChoice = Literal["motion", "flow", "constant", "given"]
+DepthChoice = Literal["motion", "network", "fused", "flow", "constant", "given"]
+BY_NETWORK = ("network", "fused")
+"""Choices that need a depth network."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -36,7 +38,9 @@ class ServoConfig:
     )
     min_confidence: float = setting(0.3, "correspondences below are not used", low=0.0, high=1.0)
     depth: DepthChoice = setting(
-        "motion", "where depth comes from: motion, flow (the paper's), constant or given"
+        "motion",
+        "where depth comes from: motion, network (of the goal image), fused (both), flow (the "
+        "paper's), constant or given",
     )
     constant_depth_m: float = setting(
         3.0, "depth before anything is known, and of depth = 'constant', m", low=0.1, high=1000.0

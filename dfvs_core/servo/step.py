@@ -27,7 +27,7 @@ from dfvs_core.servo.motion_monitor import FrameMotion, MotionMeasures, velocity
 from dfvs_core.servo.mounting import probing_velocity
 from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose
-from dfvs_core.servo.structure import estimate_depth, goal_link, in_metres, scaled
+from dfvs_core.servo.structure import estimate_depth, in_metres, scaled
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import correct_goal, elapsed_s, predict_goal
 from dfvs_core.servo.velocity import AdaptiveGain, saturate, velocity_for
@@ -77,10 +77,7 @@ def servo_step(
 
     # 2. Read the flow on a grid, and give every point a relative depth.
     samples = sample_grid(inputs.flow, task.config.stride_px)
-    link = None
-    if T_guess is not None:
-        link = goal_link(unit_task, inputs.attitude, samples, T_guess)
-    depth, depth_state = estimate_depth(unit_task, state, inputs, samples, link)
+    depth, depth_state = estimate_depth(unit_task, state, inputs, samples, T_guess)
     points = points_from_flow(samples, depth, task.camera, task.goal.camera)
 
     both = (None if state.last is None else state.last.samples, samples)

@@ -28,6 +28,12 @@ from dfvs_core.servo.two_view import earlier_view
 
 _PASSES = 2
 """How often structure and pose of the goal are estimated in turn."""
+_FIRST_PASSES = 5
+"""The same for a first frame, whose pose is not predicted."""
+_LEAST_POINTS = 24
+"""Points by which a pose is estimated, or two structures are compared."""
+_MEASURED = 0.1
+"""Validity from which on a depth is more than a guess."""
 
 
 def scaled(T: FloatArray, factor: float) -> FloatArray:
@@ -70,25 +76,74 @@ def _grid_size(pixels: int, stride: int) -> int:
     return -(-pixels // stride)
 
 
+def _first_link(
+    task: ServoTask,
+    state: ServoState,
+    inputs: ServoInputs,
+    samples: GridSamples,
+    structure: DepthState,
+) -> tuple[GoalLink | None, DepthState | None]:
+    """Link of a first frame to its goal, by the network's structure of the goal view.
+
+    None where hardly any of the goal is seen. Where the frame's depth is known from the flight to
+    another goal, the structure takes its unit, so that the metric scale stays what it is.
+    """
+    source = depth_source(task.config, task.camera)
+    xy = task.camera.normalise(samples.pixels)
+    last = LastFrame(inputs.t_capture_ns, inputs.attitude, samples)
+    T = np.eye(4)
+    link = goal_link(task, inputs.attitude, samples, T)
+    if np.count_nonzero(link.cell >= 0) < _LEAST_POINTS:
+        return None, None
+    for _ in range(_FIRST_PASSES):
+        depth, _ = source.estimate(DepthInputs(xy, link=link), structure)
+        T, _ = _goal_pose(task, last, depth, T)
+        link = goal_link(task, inputs.attitude, samples, T)
+    if state.depth is None and state.depth_map is not None:
+        before = in_metres(state.depth_map, 1.0 / task.unit_m)
+        depth, _ = source.estimate(DepthInputs(xy, link=link), structure)
+        factor = _ratio(depth, before, link)
+        structure = DepthState(structure.rho * factor, structure.variance * factor**2)
+        link = replace(link, T_current_goal=scaled(link.T_current_goal, 1.0 / factor))
+    return link, structure
+
+
+def _ratio(depth: DepthMap, other: DepthMap, link: GoalLink) -> float:
+    """Median ratio of two depths of a grid, where both are known and the goal is seen; or 1."""
+    known = (link.cell >= 0) & (np.minimum(depth.validity, other.validity) > _MEASURED)
+    if np.count_nonzero(known) < _LEAST_POINTS:
+        return 1.0
+    return float(np.median(depth.z_m[known] / other.z_m[known]))
+
+
 def estimate_depth(
     task: ServoTask,
     state: ServoState,
     inputs: ServoInputs,
     samples: GridSamples,
-    link: GoalLink | None,
+    T_guess: FloatArray | None,
 ) -> tuple[DepthMap, DepthState | None]:
-    """Relative depth of the grid points, and the depth source's memory."""
+    """Relative depth of the grid points, and the depth source's memory.
+
+    ``T_guess`` (4, 4) is the predicted pose of the goal in the virtual camera, in units.
+    """
     source = depth_source(task.config, task.camera)
-    is_linked = link is not None and state.depth is not None
+    link, structure = None, state.depth
+    if T_guess is not None:
+        link = goal_link(task, inputs.attitude, samples, T_guess)
+    elif task.goal_depth is not None:
+        structure = structure or task.goal_depth.structure
+        link, structure = _first_link(task, state, inputs, samples, structure)
+    is_linked = link is not None and structure is not None
     if isinstance(source, MotionDepth) and not is_linked and state.depth_map is not None:
-        return in_metres(state.depth_map, 1.0 / task.unit_m), state.depth
+        return in_metres(state.depth_map, 1.0 / task.unit_m), structure
     depth_inputs = DepthInputs(
         xy=task.camera.normalise(samples.pixels),
         earlier=None if inputs.earlier is None else _by_odometry(task, inputs.earlier),
         link=link,
         given=_on_grid(inputs.given_depth, task.config.stride_px),
     )
-    return source.estimate(depth_inputs, state.depth)
+    return source.estimate(depth_inputs, structure)
 
 
 def _by_odometry(task: ServoTask, match: EarlierMatch) -> EarlierView:

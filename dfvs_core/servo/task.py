@@ -8,6 +8,7 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray
 from dfvs_core.camera import CameraModel
+from dfvs_core.depth.network import GoalDepth
 from dfvs_core.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.freedom import MotionBasis, free_camera, level_body
@@ -20,7 +21,7 @@ class ServoTask:
 
     ``mount`` None is a free camera with six degrees of freedom; otherwise a level body with
     four, carrying the camera so. ``unit_m`` is the length of a unit of depth, m: translations of
-    ``basis`` are in that unit.
+    ``basis`` are in that unit. ``goal_depth`` is what a network says of the goal view, if one does.
     """
 
     config: ServoConfig
@@ -28,6 +29,7 @@ class ServoTask:
     goal: GoalSidecar
     mount: Mount | None = None
     unit_m: float = 1.0
+    goal_depth: GoalDepth | None = None
 
     @property
     def basis(self) -> MotionBasis:

@@ -24,6 +24,8 @@ from dfvs_core.servo.weights import weighted_median
 
 def filter_model(task: ServoTask) -> FilterModel:
     """Noise of the filter; a depth that is metric by its source has a known scale."""
+    if task.goal_depth is not None:
+        return FilterModel(scale_spread=task.goal_depth.scale_spread)
     return FilterModel() if task.config.depth == "motion" else FilterModel(scale_spread=0.0)
 
 

@@ -49,7 +49,7 @@ class BenchResult:
         ``"fp32"``, ``"fp16"`` or ``"int8"``, as its manifest says.
     median_ms, p99_ms : float
         One frame: encode it and match it to a goal whose features are kept (``encode-match``),
-        or the whole network (``pair``).
+        or the whole network (``pair``, ``mono``).
     resident_mb : float
         Most memory that the process held, MB.
     """
@@ -107,7 +107,7 @@ def bench(
 
 
 def _precision(folder: Path, size: tuple[int, int]) -> str:
-    """Precision of a bundle; one of two images takes them at ``size``, another resizes them."""
+    """Precision of a bundle; a ``pair`` takes images at ``size``, other kinds resize them."""
     manifest = read_bundle(folder).manifest
     if manifest.kind == "pair" and (manifest.input.width, manifest.input.height) != size:
         raise ModelError(

@@ -11,6 +11,7 @@ from dfvs_core.errors import ModelError
 from dfvs_core.manifest import (
     BUNDLE_FORMAT,
     MANIFEST_NAME,
+    DepthOutput,
     FlowOutput,
     Graph,
     Manifest,
@@ -28,6 +29,7 @@ from dfvs_models.bundle import Bundle
 
 CARD_NAME = "MODEL_CARD.md"
 ENCODE_FILE, MATCH_FILE, PAIR_FILE = "encode.onnx", "match.onnx", "pair.onnx"
+MONO_FILE = "mono.onnx"
 PAIR_INPUTS, PAIR_OUTPUTS = ("first", "second"), ("flow",)
 
 
@@ -73,6 +75,29 @@ def pair_bundle(onnx: bytes, pictures: PictureInput, source: Source) -> Bundle:
         licence=source.licence,
         origin=source.origin,
         flow=FlowOutput(),
+    )
+    return Bundle(manifest, contents)
+
+
+def mono_bundle(
+    onnx: bytes,
+    picture: PictureInput,
+    names: tuple[tuple[str, ...], tuple[str, ...]],
+    meaning: DepthOutput,
+    source: Source,
+) -> Bundle:
+    """Bundle of one graph that gives depth; ``names`` are those of its inputs and outputs."""
+    contents = {MONO_FILE: onnx}
+    manifest = Manifest(
+        format=BUNDLE_FORMAT,
+        name=source.name,
+        kind="mono",
+        input=picture,
+        graphs={"mono": Graph(MONO_FILE, *names)},
+        files=hashes(contents),
+        licence=source.licence,
+        origin=source.origin,
+        depth=meaning,
     )
     return Bundle(manifest, contents)
 

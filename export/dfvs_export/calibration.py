@@ -18,6 +18,8 @@ from dfvs_export.running import BundleRunner
 
 ImagePair = tuple[ImageArray, ImageArray]
 _PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
+_FOCALS = (0.45, 1.0)
+"""Focal lengths over width that depth networks are calibrated on besides: of 96 and 53 degrees."""
 _EXPECTED = "an .npz file with IA and IB, or a folder of pictures"
 
 
@@ -54,7 +56,10 @@ def graph_feeds(runner: BundleRunner, pairs: Sequence[ImagePair]) -> dict[str, l
         if manifest.kind == "encode-match":
             name = manifest.graphs["encode"].inputs[0]
             feeds["encode"] += [{name: runner.tensor(image)} for image in pair]
-        feeds["pair" if manifest.kind == "pair" else "match"].append(dict(runner.feeds(*sides)))
+        feeds[runner.last_role].append(dict(runner.feeds(*sides)))
+        if manifest.kind == "mono":
+            more = [runner.encode(image, focal) for image in pair for focal in _FOCALS]
+            feeds["mono"] += [dict(runner.feeds(side, side)) for side in more]
     return feeds
 
 

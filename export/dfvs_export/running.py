@@ -4,27 +4,29 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
+import numpy as np
+
 from dfvs_core.arrays import Float32Array, ImageArray
-from dfvs_core.errors import ModelError
 from dfvs_models.bundle import Bundle
 from dfvs_models.encode_match import COUNT_AXIS
 from dfvs_models.onnx_session import Execution, OnnxGraph
 from dfvs_models.pair import pair_tensors, picture_tensor
 
+FOCAL = 0.65
+"""Focal length over width that depth networks are run with: a field of view of 75 degrees."""
+
 
 class BundleRunner:
-    """Runs an ``encode-match`` or ``pair`` bundle, and judges nothing.
+    """Runs a bundle, and judges nothing.
 
     Raises
     ------
     ModelError
-        If the bundle gives depth, or its graphs cannot be loaded.
+        If its graphs cannot be loaded.
     """
 
     def __init__(self, bundle: Bundle, threads: int = 2) -> None:
         manifest = bundle.manifest
-        if manifest.kind == "mono":
-            raise ModelError(f"bundle {manifest.name!r} gives depth", "a bundle that matches")
         self.bundle = bundle
         self._graphs = {
             role: OnnxGraph(
@@ -40,19 +42,33 @@ class BundleRunner:
         """Image (H, W, 3) uint8 RGB to (1, C, h, w), as the manifest says."""
         return picture_tensor(image, self.bundle.manifest.input)
 
-    def encode(self, image: ImageArray) -> list[Float32Array]:
-        """Keypoints of an image; for a ``pair`` bundle, the image's tensor."""
-        tensor = self.tensor(image)
-        if self.bundle.manifest.kind == "pair":
+    def encode(self, image: ImageArray, focal: float = FOCAL) -> list[Float32Array]:
+        """Keypoints of an image; for other kinds than ``encode-match``, the inputs for it.
+
+        ``focal`` is its focal length over its width.
+        """
+        tensor, manifest = self.tensor(image), self.bundle.manifest
+        if manifest.kind == "pair":
             return [tensor]
-        outputs = self.bundle.manifest.graphs["encode"].outputs
-        return self._graphs["encode"].run([tensor], outputs)
+        if manifest.kind == "mono":
+            inputs = [tensor, np.full((1, 1), focal, np.float32)]
+            return inputs[: len(manifest.graphs["mono"].inputs)]
+        return self._graphs["encode"].run([tensor], manifest.graphs["encode"].outputs)
 
     def match(self, first: list[Float32Array], second: list[Float32Array]) -> list[Float32Array]:
-        """Outputs of the last graph, from what ``encode`` gave of two images."""
-        role = "pair" if self.bundle.manifest.kind == "pair" else "match"
+        """Outputs of the last graph, from what ``encode`` gave of two images.
+
+        Of a ``mono`` bundle: the first one's depth.
+        """
+        role = self.last_role
         outputs = self.bundle.manifest.graphs[role].outputs
         return self._graphs[role].run(list(self.feeds(first, second).values()), outputs)
+
+    @property
+    def last_role(self) -> str:
+        """Role of the last graph."""
+        kind = self.bundle.manifest.kind
+        return "match" if kind == "encode-match" else kind
 
     def feeds(
         self, first: list[Float32Array], second: list[Float32Array]
@@ -61,5 +77,7 @@ class BundleRunner:
         manifest = self.bundle.manifest
         if manifest.kind == "encode-match":
             return manifest.match_feeds(first, second)
+        if manifest.kind == "mono":
+            return dict(zip(manifest.graphs["mono"].inputs, first, strict=True))
         tensors = pair_tensors(first[0], second[0], manifest.input)
         return dict(zip(manifest.graphs["pair"].inputs, tensors, strict=True))

@@ -7,3 +7,6 @@ os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
 
 DEFAULT_MATCHER = "dfvs-flow"
 """What the service and the benchmark use where nobody names a matcher."""
+
+DEFAULT_DEPTH = "dfvs-depth"
+"""The depth network that they use where nobody names one."""

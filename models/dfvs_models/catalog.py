@@ -12,7 +12,9 @@ from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.matching.staged import StagedMatcher
+from dfvs_core.servo.config import BY_NETWORK, DepthChoice
 from dfvs_models.bundle import Bundle, read_bundle
+from dfvs_models.depth import DepthNetwork
 from dfvs_models.encode_match import EncodeMatchPoints
 from dfvs_models.onnx_session import Execution
 from dfvs_models.pair import FlowPoints, PairMatcher
@@ -78,6 +80,44 @@ def network_matcher(
     return StagedMatcher(FlowPoints(network), config) if is_hybrid else network
 
 
+def load_depth(
+    choice: DepthChoice,
+    name_or_path: str,
+    threads: int = 2,
+    provider: str = "CPUExecutionProvider",
+) -> DepthNetwork | None:
+    """Load the ``mono`` bundle that a choice of depth needs; None where it needs none.
+
+    Raises
+    ------
+    ModelError
+        If there is no such bundle or provider, it cannot be used, or not for this choice.
+    """
+    if choice not in BY_NETWORK:
+        return None
+    folder = _folder(name_or_path, "the folder of a depth bundle")
+    network = DepthNetwork(read_bundle(folder), Execution(threads, provider))
+    if choice == "network" and network.unit == "affine":
+        raise ModelError(
+            f"depth of {name_or_path!r} has an unknown offset, and servo.depth is 'network'",
+            "a network without one, or servo.depth = 'fused', which learns it from motion",
+        )
+    return network
+
+
+def depth_files(choice: DepthChoice, name_or_path: str) -> dict[str, str]:
+    """SHA-256 of every file of the bundle of :func:`load_depth`, by ``depth/`` and its name.
+
+    Raises
+    ------
+    ModelError
+        If there is no such bundle, or it cannot be used.
+    """
+    if choice not in BY_NETWORK:
+        return {}
+    return {f"depth/{name}": digest for name, digest in model_files(name_or_path).items()}
+
+
 def _split(name_or_path: str) -> tuple[bool, str]:
     """Whether a name begins with ``"hybrid:"``, and the rest of it."""
     return name_or_path.startswith(_HYBRID), name_or_path.removeprefix(_HYBRID)
@@ -112,12 +152,12 @@ def bundle_folder(name_or_path: str) -> Path:
     return packaged_bundles().get(name_or_path, Path(name_or_path))
 
 
-def _folder(name_or_path: str) -> Path:
+def _folder(name_or_path: str, wanted: str = f"{CLASSICAL!r} or the folder of a bundle") -> Path:
     folder = bundle_folder(name_or_path)
     if not folder.exists():
         raise ModelError(
             f"there is no model {name_or_path!r}",
-            f"{CLASSICAL!r} or the folder of a bundle ({MANIFEST_NAME} and its ONNX files)",
+            f"{wanted} ({MANIFEST_NAME} and its ONNX files)",
             f"bundles in this package: {', '.join(packaged_bundles()) or 'none'}",
         )
     return folder

@@ -322,9 +322,10 @@ def _programs(config: ServiceConfig) -> Programs:
 def _with_model(config: ServiceConfig, goal: Goal) -> ServiceConfig:
     """Settings with a working size, by a model that can be used: the errors come before a start."""
     # ONNX Runtime is needed here alone, and takes its time to load.
-    from dfvs_service.perception.assembly import flow_matcher
+    from dfvs_service.perception.assembly import depth_network, flow_matcher
     from dfvs_service.perception.working_size import with_working_size
 
+    depth_network(config)
     return with_working_size(config, goal, flow_matcher(config.flow), time.monotonic_ns)
 
 

@@ -21,6 +21,7 @@ from dfvs_service.degrees import degrees_view, to_radians
 from dfvs_service.sections import (
     BlackBoxSection,
     CameraSection,
+    DepthSection,
     FlowSection,
     GateSection,
     LimitsSection,
@@ -34,6 +35,7 @@ from dfvs_service.sections import (
 __all__ = [
     "BlackBoxSection",
     "CameraSection",
+    "DepthSection",
     "FlowSection",
     "GateSection",
     "LimitsSection",
@@ -61,6 +63,7 @@ class ServiceConfig:
     camera: CameraSection = field(default_factory=CameraSection)
     zenoh: ZenohSection = field(default_factory=ZenohSection)
     flow: FlowSection = field(default_factory=FlowSection)
+    depth: DepthSection = field(default_factory=DepthSection)
     servo: ServoConfig = field(default_factory=ServoConfig)
     limits: LimitsSection = field(default_factory=LimitsSection)
     gate: GateSection = field(default_factory=GateSection)
@@ -74,7 +77,7 @@ class ServiceConfig:
         if self.servo.depth == "given":
             raise ConfigError(
                 "servo.depth = 'given' needs depth with every frame, which no camera sends",
-                "'motion', 'flow' or 'constant'",
+                "'motion', 'network', 'fused', 'flow' or 'constant'",
             )
         slowest_hz = S / GateTiming().result_age_ns
         if self.gate.min_frame_hz < slowest_hz:

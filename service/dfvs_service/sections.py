@@ -14,7 +14,7 @@ from dfvs_core.goal import Mount
 from dfvs_core.schema import setting
 from dfvs_core.topics import Topics
 from dfvs_core.wire.zenoh_settings import TlsFiles
-from dfvs_models import DEFAULT_MATCHER
+from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
 from dfvs_service.exposure import is_encrypted, is_private
 
 CameraSource = Literal["dfvs", "ros2-rmw", "ros2-bridge"]
@@ -173,6 +173,15 @@ class FlowSection:
                 f"flow.working_width_px = {self.working_width_px}",
                 f"0, or {_LEAST_WORKING_WIDTH_PX} or more",
             )
+
+
+@dataclass(frozen=True, slots=True)
+class DepthSection:
+    """Where depth by a network comes from; threads and provider are those of the flow network."""
+
+    model: str = setting(
+        DEFAULT_DEPTH, "folder of a depth bundle, for servo.depth = 'network' and 'fused'"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,10 +7,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from depth_bundle import bundle, write_bundle
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.poses import make_pose, so3_exp
 from dfvs_sim.bench import results
+from dfvs_sim.bench.methods import DEFAULT_METHODS, without_network
 from dfvs_sim.bench.results import fits, git_revision, read_records
 from dfvs_sim.bench.task import BenchTask, read_tasks, write_tasks
 from dfvs_sim.bench_cli import main
@@ -45,6 +47,32 @@ def table1(folder, *more):
     files = ["--json", str(folder / "t.json"), "--csv", str(folder / "t.csv")]
     words += ["--runs", str(folder / "runs"), "--iterations", "14", *files, *more]
     return main(["table1", *words])
+
+
+def test_a_row_by_a_depth_network_is_made_with_its_bundle(folder, tmp_path, capsys):
+    depth = write_bundle(tmp_path / "depth", bundle(np.full((60, 80), 0.5)))
+    words = ["--tasks", str(folder / "tasks.json"), "--methods", "fused-depth", "--scenes", "near"]
+    words += ["--runs", str(tmp_path / "runs"), "--iterations", "4"]
+    assert main(["table1", *words, "--depth-bundle", str(depth)]) == 0
+    (record,) = read_records(tmp_path / "runs")
+    task = read_tasks(folder / "tasks.json")[0]
+    made_of = task, record.matcher, record.most_iterations
+    assert fits(record, *made_of, str(depth))
+    other = write_bundle(tmp_path / "other", bundle(np.full((60, 80), 0.4)))
+    assert not fits(record, *made_of, str(other))
+    assert not fits(record, *made_of)
+    capsys.readouterr()
+    assert main(["table1", *words, "--depth-bundle", str(tmp_path / "nowhere")]) == 2
+    assert capsys.readouterr().err.startswith("error: there is no model")
+
+
+def test_rows_by_a_depth_network_are_left_out_where_there_is_none():
+    assert set(DEFAULT_METHODS) - set(without_network(DEFAULT_METHODS)) == {
+        "network-depth",
+        "fused-depth",
+        "fused-depth-late",
+        "fused-depth-late-medium",
+    }
 
 
 def test_the_summary_counts_what_converged(folder):

@@ -5,11 +5,14 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from depth_bundle import bundle
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.poses import make_pose, so3_exp
 from dfvs_core.servo.exchange import Status
+from dfvs_models.depth import DepthNetwork
+from dfvs_models.onnx_session import Execution
 from dfvs_sim.bench.method import Decision
 from dfvs_sim.bench.methods import METHODS
 from dfvs_sim.bench.task import BenchTask
@@ -36,8 +39,8 @@ def task(distance_m, angle_deg, camera=SMALL):
     return BenchTask("room", Path("room.glb"), T_WORLD_GOAL @ away, T_WORLD_GOAL, camera)
 
 
-def servo(room, name, task, most_iterations):
-    method = METHODS[name].make(goal_sight(task, room), classical_matcher())
+def servo(room, name, task, most_iterations, network=None):
+    method = METHODS[name].make(goal_sight(task, room), classical_matcher(), network)
     return run_trial(task, method, room, most_iterations)
 
 
@@ -54,6 +57,20 @@ def test_the_product_s_law_ends_at_the_goal_by_itself(room, name, camera):
     assert trial.end == "done"
     assert trial.converged
     assert trial.iterations_to_criterion <= 45  # a gain of 0.1 alone takes 24
+    assert trial.path_ratio < 1.15
+
+
+@pytest.mark.parametrize("unit", ["1/m", "relative"])
+@pytest.mark.parametrize("name", ["network-depth", "fused-depth"])
+def test_by_a_depth_network_it_ends_at_the_goal_as_soon(room, name, unit):
+    """By one whose depth is the true one, in metres or up to a factor."""
+    there = task(0.4, 12)
+    z_m = goal_sight(there, room).depth.z_m[::2, ::2]
+    known = bundle((1.0 if unit == "1/m" else 0.3) / z_m, unit=unit)
+    trial = servo(room, name, there, 80, DepthNetwork(known, Execution(1)))
+    assert trial.end == "done"
+    assert trial.converged
+    assert trial.iterations_to_criterion <= 45
     assert trial.path_ratio < 1.15
 
 

@@ -1,9 +1,17 @@
 """Whole flights in simulated time: vehicle, perception and gate, judged by the true pose."""
 
-import pytest
+import math
 
+import numpy as np
+import pytest
+from depth_bundle import bundle, write_bundle
+
+from dfvs_core.camera import CameraModel
 from dfvs_sim.lockstep.campaign import SimulatedJob, fly
+from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
+from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.scene.poses import sample_task
 from dfvs_sim.vehicle.estimate_errors import EstimateGrade
 from dfvs_sim.vehicle.flight import VehicleConfig
 
@@ -34,6 +42,28 @@ def test_a_camera_that_is_mounted_another_way_round_ends_the_flight_at_once(moun
     assert "turns another way" in flight.end_cause
     assert flight.end_s < 1.5
     assert flight.moved_m < 0.15
+
+
+def goal_depth_bundle(seed, folder):
+    """Folder of a network that gives the depth of this seed's goal, 10 % too near and uneven."""
+    renderer = Renderer(load_glb(builtin_room_path()))
+    camera = CameraModel.from_horizontal_fov(320, 240, math.radians(75.0))
+    task = sample_task(renderer, camera, np.random.default_rng(seed))
+    depth = renderer.depth(camera.scaled(160, 120), task.T_world_goal)
+    rho = np.divide(1.0, depth, out=np.zeros_like(depth), where=depth > 0)  # 0: nothing is seen
+    v, u = np.mgrid[0.0:1.0:120j, 0.0:1.0:160j]
+    wrong = 1.1 * np.exp(0.15 * np.sin(6.0 * u) * np.cos(5.0 * v))
+    return write_bundle(folder, bundle(rho * wrong, np.full(rho.shape, 0.15)))
+
+
+@pytest.mark.parametrize("depth", ["network", "fused"])
+def test_a_flight_by_a_depth_network_reaches_the_goal(depth, tmp_path):
+    folder = goal_depth_bundle(100, tmp_path / "depth")
+    job = {"depth": depth, "depth_model": str(folder)}
+    flight = flown(100, hold_s=2.0, timeout_s=40.0, **job)
+    assert flight.end_state == "DONE"
+    assert flight.within_s is not None
+    assert flight.within_s < flight.end_s < 20.0
 
 
 def test_the_same_seed_flies_the_same_way_again():

@@ -3,9 +3,19 @@
 import json
 
 import pytest
+from hypothesis import given
+from hypothesis import strategies as st
 
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import FlowOutput, Graph, Manifest, PictureInput, check_files, sha256
+from dfvs_core.manifest import (
+    DepthOutput,
+    FlowOutput,
+    Graph,
+    Manifest,
+    PictureInput,
+    check_files,
+    sha256,
+)
 
 ONNX = b"not really a network"
 
@@ -80,7 +90,8 @@ SPARSE = [("encode-match", ("encode", "match")), ("mono", ("mono",))]
 @pytest.mark.parametrize(("kind", "roles"), SPARSE)
 def test_kinds_without_flow_can_be_read(kind, roles):
     graphs = {role: Graph("net.onnx", ("x",), ("y",)) for role in roles}
-    made = manifest(kind=kind, graphs=graphs, flow=None)
+    depth = DepthOutput("depth", "relative", spread=0.2) if kind == "mono" else None
+    made = manifest(kind=kind, graphs=graphs, flow=None, depth=depth)
     assert Manifest.from_json(made.to_json().encode()) == made
 
 
@@ -89,6 +100,67 @@ def test_flow_is_announced_by_networks_that_give_it_and_no_others(kind, roles):
     graphs = {role: Graph("net.onnx", ("x",), ("y",)) for role in roles}
     with pytest.raises(ModelError, match=f"'{kind}' bundle has 'flow'"):
         manifest(kind=kind, graphs=graphs)
+
+
+@pytest.mark.parametrize(
+    ("changes", "message"),
+    [
+        ({"depth": None}, "lacks 'depth'"),
+        ({"kind": "pair"}, "has the graphs"),
+        ({"depth": {"quantity": "depth"}}, "depth.unit"),
+        ({"depth": {"quantity": "disparity", "unit": "m"}}, "depth.quantity = 'disparity'"),
+        ({"depth": {"quantity": "depth", "unit": "mm"}}, "depth.unit = 'mm'"),
+        ({"depth": {"quantity": "depth", "unit": "1/m"}}, "depth in the unit '1/m'"),
+        ({"depth": {"quantity": "depth", "unit": "affine"}}, "depth in the unit 'affine'"),
+        ({"depth": {"quantity": "depth", "unit": "m"}}, "without 'scale_spread'"),
+        ({"depth": {"quantity": "depth", "unit": "relative", "scale_spread": 0.1}}, "with 'scale"),
+        ({"depth": {"quantity": "depth", "unit": "relative"}}, "no 'spread'"),
+        ({"depth": {"quantity": "depth", "unit": "relative", "spread": 0.0}}, "depth.spread"),
+        (
+            {"depth": {"quantity": "depth", "unit": "relative", "spread": 1, "stride": 5}},
+            "stride 5",
+        ),
+        ({"input": {"width": 63, "height": 48}}, "depth stride 2"),
+    ],
+)
+def test_a_manifest_of_a_depth_network_that_contradicts_itself_is_refused(changes, message):
+    graphs = {"mono": Graph("net.onnx", ("image",), ("z",))}
+    depth = DepthOutput("depth", "relative", stride=2, spread=0.2)
+    made = json.loads(manifest(kind="mono", graphs=graphs, flow=None, depth=depth).to_json())
+    with pytest.raises(ModelError, match=message):
+        Manifest.from_json(json.dumps(made | changes).encode())
+
+
+SPREADS = st.one_of(st.none(), st.floats(-1.0, 12.0))
+
+
+@given(
+    quantity=st.sampled_from(["depth", "inverse-depth"]),
+    unit=st.sampled_from(["m", "1/m", "relative", "affine"]),
+    stride=st.integers(-1, 70),
+    spreads=st.tuples(SPREADS, SPREADS),
+    counts=st.tuples(st.integers(0, 3), st.integers(0, 3)),
+)
+def test_a_depth_manifest_is_read_as_it_was_written_or_refused(
+    quantity, unit, stride, spreads, counts
+):
+    """And what is read tells what perception needs: a unit that fits, and how sure the depth is."""
+    names = [tuple("abc"[:count]) for count in counts]
+    spread, scale_spread = spreads
+    output = {"quantity": quantity, "unit": unit, "stride": stride}
+    output |= {"spread": spread, "scale_spread": scale_spread}
+    graph = {"file": "net.onnx", "inputs": names[0], "outputs": names[1]}
+    made = document(kind="mono", flow=None, depth=output, graphs={"mono": graph})
+    try:
+        read = Manifest.from_json(json.dumps(made).encode())
+    except ModelError:
+        return
+    assert Manifest.from_json(read.to_json().encode()) == read
+    assert read.depth is not None
+    assert (unit, quantity) not in {("m", "inverse-depth"), ("1/m", "depth"), ("affine", "depth")}
+    assert (scale_spread is not None) == (unit in ("m", "1/m"))
+    assert (spread is not None) == (counts[1] == 1)
+    assert 64 % stride == 48 % stride == 0
 
 
 ENCODED = ("points", "scores")

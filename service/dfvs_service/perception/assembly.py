@@ -5,12 +5,14 @@ from __future__ import annotations
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 
+from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.goal import Goal, Mount
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.task import ServoTask
-from dfvs_models.catalog import load_matcher
+from dfvs_models.catalog import depth_files, load_depth, load_matcher, model_files
+from dfvs_models.depth import DepthNetwork
 from dfvs_service.config import FlowSection, ServiceConfig
 from dfvs_service.perception.eye import Eye
 
@@ -48,8 +50,38 @@ def servo_task(config: ServiceConfig, goal: Goal) -> ServoTask:
     return ServoTask(config.servo, camera, goal.sidecar, config.camera.mount or Mount())
 
 
-def build_eye(config: ServiceConfig, goal: Goal, matcher: Matcher, clocks: Clocks) -> Eye:
-    """Perception of a goal, with resolved settings."""
+def depth_network(config: ServiceConfig) -> DepthNetwork | None:
+    """Depth network that the settings ask for; None where they ask for none.
+
+    Raises
+    ------
+    ModelError
+        If there is no such bundle, or it cannot be used.
+    """
+    flow = config.flow
+    return load_depth(config.servo.depth, config.depth.model, flow.threads, flow.provider)
+
+
+def perception_files(config: ServiceConfig) -> dict[str, str]:
+    """SHA-256 of every file of the models that perception works by, by name.
+
+    Raises
+    ------
+    ModelError
+        If they cannot be read.
+    """
+    depth = depth_files(config.servo.depth, config.depth.model)
+    return model_files(config.flow.model) | depth
+
+
+def build_eye(
+    config: ServiceConfig,
+    goal: Goal,
+    matcher: Matcher,
+    clocks: Clocks,
+    depth: DepthEstimator | None = None,
+) -> Eye:
+    """Perception of a goal, with resolved settings; ``depth`` is theirs (:func:`depth_network`)."""
     task = servo_task(config, goal)
-    pipeline = Pipeline(task, matcher, goal, clocks.servo)
+    pipeline = Pipeline(task, matcher, goal, clocks.servo, depth)
     return Eye(task.camera, pipeline, clocks.identity, clocks.look)

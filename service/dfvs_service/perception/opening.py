@@ -8,8 +8,8 @@ from typing import Any
 from dfvs_core.goal import Goal
 from dfvs_core.schema import dump
 from dfvs_core.wire.turn import Opening
-from dfvs_models.catalog import model_files
 from dfvs_service.config import ServiceConfig
+from dfvs_service.perception.assembly import perception_files
 from dfvs_service.perception.build import build_versions
 
 
@@ -39,7 +39,7 @@ def make_opening(
         clock=clock.hex(),
         unix_offset_ns=time.time_ns() - now_ns,
         build=build_versions(),
-        model=model_files(config.flow.model),
+        model=perception_files(config),
         settings=settings,
         sidecar=sidecar,
         observed_ns=observed_ns,

@@ -31,7 +31,13 @@ from dfvs_service.goal_file import ordered_goal
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.pace import Pace
 from dfvs_service.perception.announced import CameraDoubts, watch_calibration
-from dfvs_service.perception.assembly import Clocks, build_eye, flow_matcher, servo_task
+from dfvs_service.perception.assembly import (
+    Clocks,
+    build_eye,
+    depth_network,
+    flow_matcher,
+    servo_task,
+)
 from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
 from dfvs_service.perception.frame_door import FrameDoor
 from dfvs_service.perception.heap import settle
@@ -91,6 +97,7 @@ class PerceptionProcess:
         is_ours = config.camera.source == "dfvs"
         self._door = FrameDoor(camera.size, time.monotonic_ns()) if is_ours else None
         self._matcher = flow_matcher(config.flow)
+        self._depth = depth_network(config)
         self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look-ahead")
         self._route = RouteFollower(config, goals, self._workers)
         self._goal_digest = self._goal_flaw = ""
@@ -159,7 +166,7 @@ class PerceptionProcess:
 
     def _build_eye(self, goal: Goal) -> Eye:
         clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)
-        return build_eye(self._config, goal, self._matcher, clocks)
+        return build_eye(self._config, goal, self._matcher, clocks, self._depth)
 
     def _tell_goal(self, telemetry: Telemetry, feed: TurnFeed) -> None:
         """Tell recorders with what the turns from here on work, and everybody the goal."""

@@ -14,11 +14,10 @@ from dfvs_core.gate.config import MS, Engage, GateTiming
 from dfvs_core.gate.preflight import Check
 from dfvs_core.goal import Goal
 from dfvs_core.matching.matcher import Matcher, follow
-from dfvs_models.catalog import model_files
 from dfvs_service.config import ServiceConfig
 from dfvs_service.exposure import is_private_mavlink
 from dfvs_service.key_file import load_key
-from dfvs_service.perception.assembly import flow_matcher
+from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 
 _FRAMES = 5
 _SHIFT_PX = 4
@@ -34,17 +33,19 @@ def error_check(name: str, error: DfvsError) -> Check:
 
 
 def model_check(config: ServiceConfig) -> tuple[Check, Matcher | None]:
-    """Load the model, whose every file must have the SHA-256 of its manifest."""
+    """Load the models, whose every file must have the SHA-256 of its manifest."""
     flow = config.flow
     start_ns = time.monotonic_ns()
     try:
-        files = model_files(flow.model)
+        depth = depth_network(config)
+        files = perception_files(config)
         matcher = flow_matcher(flow)
     except DfvsError as error:
         return error_check("model", error), None
     took_s = (time.monotonic_ns() - start_ns) * 1e-9
     hashes = f"{len(files)} files with the right SHA-256" if files else "part of this package"
-    return Check("model", True, f"{flow.model}, {hashes}, loaded in {took_s:.1f} s"), matcher
+    names = flow.model if depth is None else f"{flow.model} and {config.depth.model}"
+    return Check("model", True, f"{names}, {hashes}, loaded in {took_s:.1f} s"), matcher
 
 
 def speed_check(

@@ -8,10 +8,9 @@ from pathlib import Path
 
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.wire.turn import Opening, Turn
-from dfvs_models.catalog import model_files
 from dfvs_service.config import FlowSection, ServiceConfig
 from dfvs_service.flights.records import StateChange
-from dfvs_service.perception.assembly import flow_matcher
+from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 from dfvs_service.perception.build import build_versions
 from dfvs_service.perception.eye import Glance
 from dfvs_service.replay.identity import reasons_to_differ
@@ -73,7 +72,7 @@ class FlightReplay:
         if opening.first_turn == 0:
             self._next_turn = 0
         flow = config.flow
-        model = model_files(flow.model)
+        model = perception_files(config)
         for reason in reasons_to_differ(opening, config, model, self._build):
             self.reasons[reason] = None
         if self._rerunner is not None and opening.first_turn > 0:
@@ -81,7 +80,8 @@ class FlightReplay:
             return
         if self._matcher is None or self._matcher[0] != flow:
             self._matcher = (flow, flow_matcher(flow))
-        self._rerunner = Rerunner(opening, picture, config, self._matcher[1])
+        depth = depth_network(config)
+        self._rerunner = Rerunner(opening, picture, config, self._matcher[1], depth)
 
     def turn(self, turn: Turn, payload: bytes) -> Rerun | None:
         """Run one turn again; None for one that saw nothing."""

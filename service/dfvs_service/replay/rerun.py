@@ -13,6 +13,7 @@ from dataclasses import dataclass
 
 from dfvs_core.arrays import ImageArray
 from dfvs_core.correspondence import FlowField
+from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.errors import DfvsError
 from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.matching.matcher import Matcher, Prepared
@@ -127,16 +128,23 @@ class Rerunner:
         The recorded one, or what is to be tried in its place.
     matcher : Matcher
         Likewise.
+    depth : DepthEstimator or None
+        Depth network of these settings, if they ask for one.
     """
 
     def __init__(
-        self, opening: Opening, picture: bytes, config: ServiceConfig, matcher: Matcher
+        self,
+        opening: Opening,
+        picture: bytes,
+        config: ServiceConfig,
+        matcher: Matcher,
+        depth: DepthEstimator | None,
     ) -> None:
         goal = recorded_goal(opening, picture)
         self._look, self._servo = _Clock(), _Clock()
         clocks = Clocks(bytes.fromhex(opening.clock), self._look, self._servo)
         self._timed = TimedMatcher(matcher, time.monotonic_ns)
-        self._eye = build_eye(config, goal, self._timed, clocks)
+        self._eye = build_eye(config, goal, self._timed, clocks, depth)
         self.glance: Glance | None = None
         """What became of the newest sample."""
 
@@ -183,7 +191,7 @@ def with_trial(config: ServiceConfig, trial: ServiceConfig | None, model: str) -
     config : ServiceConfig
         Of the flight; its camera and goal stay.
     trial : ServiceConfig or None
-        Gives ``servo`` and ``flow``.
+        Gives ``servo``, ``flow`` and ``depth``.
     model : str
         Name or folder; empty: as the settings say.
     """
@@ -192,7 +200,7 @@ def with_trial(config: ServiceConfig, trial: ServiceConfig | None, model: str) -
         if flow.working_width_px == 0:  # measured at the start of a flight, and at no replay
             width_px = config.flow.working_width_px
             flow = dataclasses.replace(flow, working_width_px=width_px)
-        config = dataclasses.replace(config, servo=trial.servo, flow=flow)
+        config = dataclasses.replace(config, servo=trial.servo, flow=flow, depth=trial.depth)
     if model:
         config = dataclasses.replace(config, flow=dataclasses.replace(config.flow, model=model))
     return config

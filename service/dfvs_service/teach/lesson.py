@@ -11,6 +11,7 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
 from dfvs_core.goal import Goal, Mount
 from dfvs_core.matching.matcher import Matcher
+from dfvs_core.servo.config import BY_NETWORK
 from dfvs_core.teaching import Lesson, TeachLimits, judge
 from dfvs_core.vehicle_history import VehicleHistory
 from dfvs_core.wire.frame import Frame
@@ -131,11 +132,14 @@ def prepare_route_folder(folder: Path) -> None:
 
 
 def taught_settings(config: ServiceConfig, camera: CameraModel) -> ServiceConfig:
-    """Settings with the camera's intrinsics filled in."""
+    """Settings with the camera's intrinsics filled in; teaching needs no depth by a network."""
     section = dataclasses.replace(
         config.camera,
         calibration_file="",
         horizontal_fov_rad=None,
         **dataclasses.asdict(camera),
     )
-    return dataclasses.replace(config, camera=section)
+    servo = config.servo
+    if servo.depth in BY_NETWORK:
+        servo = dataclasses.replace(servo, depth="motion")
+    return dataclasses.replace(config, camera=section, servo=servo)

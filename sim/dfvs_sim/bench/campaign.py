@@ -11,7 +11,10 @@ from importlib.metadata import version
 from pathlib import Path
 
 from dfvs_core.matching.matcher import Matcher
-from dfvs_models.catalog import load_matcher
+from dfvs_core.servo.config import BY_NETWORK, DepthChoice
+from dfvs_models import DEFAULT_DEPTH
+from dfvs_models.catalog import load_depth, load_matcher
+from dfvs_models.depth import DepthNetwork
 from dfvs_sim.bench.inputs import input_digest
 from dfvs_sim.bench.methods import METHODS
 from dfvs_sim.bench.results import TrialRecord, fits, git_revision, read_record, record_path
@@ -39,6 +42,8 @@ class Job:
         Frames that the method is given.
     revision : str
         Of the program.
+    depth : str, optional
+        Bundle of the depth network, of a method that needs one.
     """
 
     task: BenchTask
@@ -46,6 +51,7 @@ class Job:
     matcher: str
     most_iterations: int
     revision: str
+    depth: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -61,12 +67,15 @@ class Plan:
         Name of the matcher that they share.
     most_iterations : int or None
         Frames for every method; None gives each its authors' number.
+    depth : str
+        Bundle of the depth network of those methods that need one.
     """
 
     tasks: Sequence[BenchTask]
     methods: Sequence[str]
     matcher: str
     most_iterations: int | None = None
+    depth: str = DEFAULT_DEPTH
 
     def jobs(self) -> list[Job]:
         """All trials, scene by scene."""
@@ -78,6 +87,7 @@ class Plan:
                 self.matcher,
                 self.most_iterations or METHODS[name].iterations,
                 revision,
+                self.depth if METHODS[name].depth in BY_NETWORK else None,
             )
             for task in self.tasks
             for name in self.methods
@@ -90,7 +100,9 @@ def unfinished(jobs: Sequence[Job], folder: Path) -> tuple[list[Job], list[Trial
     for job in jobs:
         path = record_path(folder, job.task.name, job.method)
         record = read_record(path) if path.is_file() else None
-        if record is not None and fits(record, job.task, job.matcher, job.most_iterations):
+        if record is not None and fits(
+            record, job.task, job.matcher, job.most_iterations, job.depth
+        ):
             found.append(record)
         else:
             left.append(job)
@@ -119,7 +131,9 @@ def run_job(job: Job) -> TrialRecord:
 def _make_trial(job: Job) -> TrialRecord:
     started = time.monotonic()
     renderer = renderer_of(job.task.scene)
-    method = METHODS[job.method].make(goal_sight(job.task, renderer), _matcher(job.matcher))
+    kind = METHODS[job.method]
+    goal, network = goal_sight(job.task, renderer), _network(kind.depth, job.depth)
+    method = kind.make(goal, _matcher(job.matcher), network)
     trial = run_trial(job.task, method, renderer, job.most_iterations)
     return TrialRecord(
         task=job.task.name,
@@ -134,7 +148,7 @@ def _make_trial(job: Job) -> TrialRecord:
         revision=job.revision,
         seconds=time.monotonic() - started,
         trial=trial,
-        inputs=input_digest(job.task, job.matcher),
+        inputs=input_digest(job.task, job.matcher, depth=job.depth),
         seed=job.task.seed,
     )
 
@@ -143,6 +157,11 @@ def _make_trial(job: Job) -> TrialRecord:
 def renderer_of(scene: Path) -> Renderer:
     """Renderer of the scene at hand; jobs come scene by scene."""
     return Renderer(load_glb(scene))
+
+
+@functools.lru_cache(maxsize=1)
+def _network(choice: DepthChoice, name: str | None) -> DepthNetwork | None:
+    return None if name is None else load_depth(choice, name, threads=1)
 
 
 @functools.lru_cache(maxsize=1)

@@ -13,8 +13,12 @@ from dfvs_models.catalog import model_files
 from dfvs_sim.bench.task import BenchTask
 
 
-def input_digest(task: BenchTask, matcher: str, config: Path | None = None) -> str:
-    """SHA-256 of the scene file, the intrinsics, the matcher's files, and a settings file.
+def input_digest(
+    task: BenchTask, matcher: str, config: Path | None = None, depth: str | None = None
+) -> str:
+    """SHA-256 of the scene file, the intrinsics, the models' files, and a settings file.
+
+    ``matcher`` and ``depth`` name the models.
 
     Raises
     ------
@@ -27,6 +31,8 @@ def input_digest(task: BenchTask, matcher: str, config: Path | None = None) -> s
         "matcher": _matcher_digest(matcher),
         "config": "" if config is None else _file_digest(config),
     }
+    if depth is not None:
+        parts["depth"] = _matcher_digest(depth)
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 

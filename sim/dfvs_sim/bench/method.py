@@ -9,7 +9,9 @@ from typing import Protocol
 from dfvs_core.arrays import FloatArray, ImageArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import DepthMap
+from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.matching.matcher import Matcher
+from dfvs_core.servo.config import DepthChoice
 
 FRAME_PERIOD_S = 0.1
 """Time between two frames of methods that reckon in seconds: gain 1/s is 0.1 a frame."""
@@ -83,13 +85,16 @@ class MethodKind:
     Parameters
     ----------
     make : callable
-        Build the method for one goal.
+        Build the method for one goal; the depth network is None where it needs none.
     summary : str
         What it is, for people.
     iterations : int
         How many frames it is given, by its authors' setting.
+    depth : str
+        Choice of ``servo.depth`` that a depth network is loaded for, if it needs one.
     """
 
-    make: Callable[[GoalSight, Matcher], ServoMethod]
+    make: Callable[[GoalSight, Matcher, DepthEstimator | None], ServoMethod]
     summary: str
     iterations: int
+    depth: DepthChoice = "motion"

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 from collections.abc import Sequence
 
+from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.servo.config import DepthChoice
+from dfvs_core.servo.config import BY_NETWORK, DepthChoice
 from dfvs_sim.bench import photometric, pnp, published, searching, sift
 from dfvs_sim.bench.method import GoalSight, MethodKind
-from dfvs_sim.bench.ours import LateDrive, PipelineMethod, bench_config
+from dfvs_sim.bench.ours import ControlledCamera, LateDrive, PipelineMethod, bench_config
 from dfvs_sim.vehicle.estimate_errors import EstimateGrade
 
 _OURS_ITERATIONS = 300
@@ -18,7 +19,10 @@ _OURS_ITERATIONS = 300
 def _ours(depth: DepthChoice, summary: str) -> MethodKind:
     config = bench_config(depth)
     return MethodKind(
-        lambda goal, matcher: PipelineMethod(config, goal, matcher), summary, _OURS_ITERATIONS
+        lambda goal, matcher, network: PipelineMethod(config, goal, matcher, network),
+        summary,
+        _OURS_ITERATIONS,
+        depth,
     )
 
 
@@ -26,16 +30,21 @@ def _late(depth: DepthChoice, grade: EstimateGrade = EstimateGrade.PERFECT) -> M
     config = bench_config(depth, response_s=LateDrive.RESPONSE_S)
     estimate = "" if grade is EstimateGrade.PERFECT else f", odometry of grade {grade.value}"
     return MethodKind(
-        lambda goal, matcher: PipelineMethod(config, goal, matcher, LateDrive(), grade),
+        lambda goal, matcher, network: PipelineMethod(
+            config, goal, matcher, network, ControlledCamera(LateDrive(), grade)
+        ),
         f"{depth}-depth on a camera that answers as late as a PX4 vehicle{estimate}",
         _OURS_ITERATIONS,
+        depth,
     )
 
 
 def _searching(summary: str) -> MethodKind:
     config = bench_config("motion")
 
-    def make(goal: GoalSight, matcher: Matcher) -> searching.SearchingMethod:
+    def make(
+        goal: GoalSight, matcher: Matcher, _network: DepthEstimator | None
+    ) -> searching.SearchingMethod:
         return searching.SearchingMethod(
             lambda: PipelineMethod(config, goal, matcher), goal, matcher
         )
@@ -49,27 +58,31 @@ METHODS: dict[str, MethodKind] = {
     "motion-depth-late": _late("motion"),
     "motion-depth-late-medium": _late("motion", EstimateGrade.MEDIUM),
     "motion-depth-search": _searching("motion-depth that looks around where it finds no goal"),
+    "network-depth": _ours("network", "the product's law with a network's depth of the goal image"),
+    "fused-depth": _ours("fused", "the same, fused with the depth from its own motion"),
+    "fused-depth-late": _late("fused"),
+    "fused-depth-late-medium": _late("fused", EstimateGrade.MEDIUM),
     "flow-depth": _ours("flow", "the product's law with the paper's depth from flow"),
     "flow-depth-late": _late("flow"),
     "flow-depth-late-medium": _late("flow", EstimateGrade.MEDIUM),
     "constant-depth": _ours("constant", "the product's law with 3 m everywhere"),
     "published": MethodKind(
-        published.PublishedMethod,
+        lambda goal, matcher, _: published.PublishedMethod(goal, matcher),
         "the law of the paper's published code, with its flow-depth",
         published.ITERATIONS,
     ),
     "photometric": MethodKind(
-        lambda goal, _: photometric.PhotometricMethod(goal),
+        lambda goal, *_: photometric.PhotometricMethod(goal),
         "photometric visual servoing with the true depth at the goal",
         photometric.ITERATIONS,
     ),
     "sift": MethodKind(
-        lambda goal, _: sift.SiftMethod(goal),
+        lambda goal, *_: sift.SiftMethod(goal),
         "classical image-based servoing on SIFT points with the true depth",
         sift.ITERATIONS,
     ),
     "pnp": MethodKind(
-        pnp.PnpMethod,
+        lambda goal, matcher, _: pnp.PnpMethod(goal, matcher),
         "position-based servoing: perspective-n-point on flow and the true depth",
         pnp.ITERATIONS,
     ),
@@ -92,3 +105,8 @@ def chosen_methods(names: Sequence[str] | None) -> dict[str, MethodKind]:
         if name not in METHODS:
             raise ConfigError(f"there is no method {name!r}", f"one of {', '.join(METHODS)}")
     return {name: METHODS[name] for name in dict.fromkeys(names or DEFAULT_METHODS)}
+
+
+def without_network(names: Sequence[str]) -> list[str]:
+    """Names of those methods that need no depth network."""
+    return [name for name in names if METHODS[name].depth not in BY_NETWORK]

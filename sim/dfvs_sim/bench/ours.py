@@ -5,10 +5,12 @@ from __future__ import annotations
 import math
 from collections import deque
 from collections.abc import Callable
+from dataclasses import dataclass
 
 import numpy as np
 
 from dfvs_core.arrays import FloatArray
+from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.perception.pipeline import Pipeline
@@ -73,6 +75,25 @@ class LateDrive:
         return mean
 
 
+@dataclass(frozen=True, slots=True)
+class ControlledCamera:
+    """How a camera follows.
+
+    Parameters
+    ----------
+    drive : callable
+        Takes the twist (6,) that was asked for and gives the one that the camera makes of it.
+    grade : EstimateGrade
+        Errors of the odometry, which the camera is controlled by.
+    """
+
+    drive: Callable[[FloatArray], FloatArray] = lambda twist: twist
+    grade: EstimateGrade = EstimateGrade.PERFECT
+
+
+_EXACT = ControlledCamera()
+
+
 class PipelineMethod:
     """Runs the product's perception on the benchmark's frames, as the service does on live ones.
 
@@ -84,10 +105,9 @@ class PipelineMethod:
         Only its picture and intrinsics are used.
     matcher : Matcher
         Source of correspondences.
-    drive : callable
-        Takes the twist (6,) that was asked for and gives the one that the camera makes of it.
-    grade : EstimateGrade
-        Errors of the odometry, which the camera is controlled by.
+    network : DepthEstimator, optional
+        For ``depth = "network"`` and ``"fused"``.
+    camera : ControlledCamera
     """
 
     def __init__(
@@ -95,16 +115,16 @@ class PipelineMethod:
         config: ServoConfig,
         goal: GoalSight,
         matcher: Matcher,
-        drive: Callable[[FloatArray], FloatArray] = lambda twist: twist,
-        grade: EstimateGrade = EstimateGrade.PERFECT,
+        network: DepthEstimator | None = None,
+        camera: ControlledCamera = _EXACT,
     ) -> None:
-        self._drive = drive
-        self._odometry = Odometry(grade, FRAME_PERIOD_S)
+        self._drive = camera.drive
+        self._odometry = Odometry(camera.grade, FRAME_PERIOD_S)
         sidecar = GoalSidecar(goal.camera)
         self._task = ServoTask(config, goal.camera, sidecar)
         self._now_ns = 0
         self._pipeline = Pipeline(
-            self._task, matcher, Goal(goal.image, sidecar), lambda: self._now_ns
+            self._task, matcher, Goal(goal.image, sidecar), lambda: self._now_ns, network
         )
         self._last_position_m: FloatArray | None = None
         self._refused = 0

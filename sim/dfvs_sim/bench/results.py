@@ -99,19 +99,27 @@ def read_records(folder: Path) -> list[TrialRecord]:
     return sorted((read_record(path) for path in paths), key=lambda r: (r.method, r.task))
 
 
-def fits(record: TrialRecord, task: BenchTask, matcher: str, most_iterations: int) -> bool:
+def fits(
+    record: TrialRecord,
+    task: BenchTask,
+    matcher: str,
+    most_iterations: int,
+    depth: str | None = None,
+) -> bool:
     """Tell whether a record is of this very task, with these settings and this program.
+
+    ``depth`` is the bundle of the depth network, of a method that needs one.
 
     Raises
     ------
     DfvsError
-        If the scene or the matcher cannot be read.
+        If the scene or a model cannot be read.
     """
     return (
         same_poses((record.start, record.goal), task.poses)
         and (record.matcher, record.most_iterations) == (matcher, most_iterations)
         and record.version == version("dfvs")
-        and record.inputs == input_digest(task, matcher)
+        and record.inputs == input_digest(task, matcher, depth=depth)
     )
 
 

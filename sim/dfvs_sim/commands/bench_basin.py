@@ -31,7 +31,6 @@ from dfvs_sim.bench.basin.outcomes import BASIN_FILE, Outcome, draw_tasks, read_
 from dfvs_sim.bench.basin.ratios import summarise, summary_lines, tidy_row
 from dfvs_sim.bench.campaign import Job, Plan
 from dfvs_sim.bench.figures import is_figure_name
-from dfvs_sim.bench.methods import chosen_methods
 from dfvs_sim.bench.provenance import run_facts
 from dfvs_sim.bench.tables import write_rows
 from dfvs_sim.bench.task import read_tasks
@@ -41,6 +40,7 @@ from dfvs_sim.commands.bench_options import (
     add_workforce_options,
     check_iterations,
     check_outputs,
+    methods_from,
     named,
     own_scenes,
     run_trials,
@@ -104,7 +104,7 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     began_s = time.monotonic()
     workforce = workforce_from(args)
-    methods = list(chosen_methods((args.methods or ",".join(DEFAULT_METHODS)).split(",")))
+    methods = methods_from(args, DEFAULT_METHODS)
     cells = _cells(args)
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
     environments = _environments(args)
@@ -164,7 +164,7 @@ def _jobs(
     drawn = draw_tasks(orders, args.runs, workforce_from(args), say)
     by_name = {place.name: place for place in environments}
     tasks = [task.task(by_name[task.environment]) for task in drawn.tasks]
-    return Plan(tasks, methods, args.bundle, args.iterations).jobs()
+    return Plan(tasks, methods, args.bundle, args.iterations, args.depth_bundle).jobs()
 
 
 def _finish(args: argparse.Namespace, outcomes: list[Outcome], wall_s: float) -> None:

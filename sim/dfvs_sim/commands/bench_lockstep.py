@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
+from dfvs_models import DEFAULT_DEPTH
+from dfvs_models.catalog import load_depth
 from dfvs_sim.bench.provenance import made_with
 from dfvs_sim.bench.workforce import Workforce
 from dfvs_sim.commands import vehicle
@@ -18,14 +20,17 @@ from dfvs_sim.lockstep.record import SimulatedFlight, summarise
 from dfvs_sim.options import add_scene_option, write_json
 from dfvs_sim.scene import builtin_room_path
 
+_DEPTHS = ("motion", "network", "fused", "flow", "constant")
 _EPILOG = """examples:
   dfvs-bench lockstep --seeds 1000-1199 --workers 2 --json flights.json --plot calibration.png
   dfvs-bench lockstep --seeds 1000-1019 --estimate high --mounted-deg 180
+  dfvs-bench lockstep --seeds 1000-1099 --depth fused
   dfvs-bench lockstep --seeds 1000-1009 --matcher dfvs-flow --hold 120
 
 Vehicle, camera, perception and gate run in one process, in steps of simulated time; the gate and
 perception are those of dfvs-service. The matcher 'exact' takes the correspondences from the
-renderer's depth, with noise; any other one sees rendered images.
+renderer's depth, with noise; any other one sees rendered images. A depth network sees the goal
+image.
 """
 
 
@@ -43,6 +48,8 @@ def add_parser(subparsers: Any) -> None:
     add = parser.add_argument
     add("--seeds", default="0-9", metavar="A-B", help="seeds of start, goal and errors")
     add("--matcher", default=EXACT, metavar="NAME", help="exact, or a matcher of dfvs-service")
+    add("--depth", default="motion", choices=_DEPTHS, help="servo.depth (default: motion)")
+    add("--depth-bundle", default=DEFAULT_DEPTH, metavar="NAME", help="the depth network's bundle")
     add(
         "--mounted-deg",
         type=float,
@@ -96,6 +103,7 @@ def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
     for name in ("hold", "timeout"):
         if not 0 < getattr(args, name) <= 3600:
             raise ConfigError(f"--{name} is {getattr(args, name):g} s", "above 0, to 3600")
+    load_depth(args.depth, args.depth_bundle, 1)  # refuses at once what cannot be used
     conditions = conditions_from(args)
     parser = argparse.ArgumentParser()
     vehicle.add_options(parser)
@@ -110,6 +118,8 @@ def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
             timeout_s=args.timeout,
             hold_s=args.hold,
             mounted_deg=args.mounted_deg,
+            depth=args.depth,
+            depth_model=args.depth_bundle,
         )
         for seed in range(int(first), int(last or first) + 1)
     ]

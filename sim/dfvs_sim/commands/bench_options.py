@@ -11,8 +11,10 @@ from typing import TypeVar
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import LEAST_SIZE_PX
-from dfvs_models import DEFAULT_MATCHER
+from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
+from dfvs_models.catalog import bundle_folder, load_depth
 from dfvs_sim.bench.campaign import Job, run_jobs, unfinished
+from dfvs_sim.bench.methods import chosen_methods, without_network
 from dfvs_sim.bench.results import TrialRecord
 from dfvs_sim.bench.scenes import default_tasks, task_in
 from dfvs_sim.bench.tables import trial_line
@@ -54,6 +56,12 @@ def add_method_options(parser: argparse.ArgumentParser, default: Sequence[str]) 
     add = parser.add_argument
     add("--methods", metavar="A,B", help=f"default: {','.join(default)}")
     add("--iterations", type=int, metavar="N", help="for every method (default: its authors')")
+    add(
+        "--depth-bundle",
+        default=DEFAULT_DEPTH,
+        metavar="NAME",
+        help=f"depth network of network-depth and fused-depth (default: {DEFAULT_DEPTH})",
+    )
 
 
 def add_workforce_options(parser: argparse.ArgumentParser) -> None:
@@ -92,6 +100,22 @@ def check_outputs(args: argparse.Namespace, *more: str) -> None:
             raise ConfigError(f"--{name} {path} is a file", "a folder, or a new name")
         if name != "runs" and path.is_dir():
             raise ConfigError(f"--{name} {path} is a folder", "a file in it")
+
+
+def methods_from(args: argparse.Namespace, default: Sequence[str]) -> list[str]:
+    """Methods of ``--methods``, or the default ones: those with a depth network if there is one.
+
+    Raises
+    ------
+    DfvsError
+        If there is no such method, or the depth network of one that was named cannot be used.
+    """
+    if args.methods is None and not bundle_folder(args.depth_bundle).is_dir():
+        return without_network(default)
+    kinds = chosen_methods(args.methods.split(",") if args.methods else default)
+    for kind in kinds.values():
+        load_depth(kind.depth, args.depth_bundle, threads=1)  # refuses what cannot be used
+    return list(kinds)
 
 
 def check_iterations(args: argparse.Namespace) -> None:

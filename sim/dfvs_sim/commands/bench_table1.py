@@ -9,7 +9,7 @@ from typing import Any
 
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.bench.campaign import Plan
-from dfvs_sim.bench.methods import DEFAULT_METHODS, METHODS, chosen_methods
+from dfvs_sim.bench.methods import DEFAULT_METHODS, METHODS
 from dfvs_sim.bench.provenance import run_facts
 from dfvs_sim.bench.results import TrialRecord
 from dfvs_sim.bench.tables import row, summarise, summary_lines, trial_line, write_rows
@@ -20,6 +20,7 @@ from dfvs_sim.commands.bench_options import (
     add_workforce_options,
     check_iterations,
     check_outputs,
+    methods_from,
     run_trials,
     tasks_from,
     workforce_from,
@@ -28,7 +29,7 @@ from dfvs_sim.options import write_json
 
 _EPILOG = (
     "methods:\n"
-    + "\n".join(f"  {name:<19} {kind.summary}" for name, kind in METHODS.items())
+    + "\n".join(f"  {name:<24} {kind.summary}" for name, kind in METHODS.items())
     + """
 
 examples:
@@ -69,11 +70,11 @@ def run(args: argparse.Namespace) -> int:
     check_outputs(args)
     check_iterations(args)
     workforce = workforce_from(args)
-    methods = list(chosen_methods(args.methods.split(",") if args.methods else None))
+    methods = methods_from(args, DEFAULT_METHODS)
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
     tasks = tasks_from(args)
     began_s = time.monotonic()
-    jobs = Plan(tasks, methods, args.bundle, args.iterations).jobs()
+    jobs = Plan(tasks, methods, args.bundle, args.iterations, args.depth_bundle).jobs()
     args.runs.mkdir(parents=True, exist_ok=True)
     records = run_trials(args, jobs, workforce)
     _finish(args, _in_order(records, tasks, methods), methods, time.monotonic() - began_s)

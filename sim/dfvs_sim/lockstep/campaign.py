@@ -8,10 +8,13 @@ from pathlib import Path
 
 import numpy as np
 
+from dfvs_core.arrays import FloatArray, ImageArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.gate.config import Engage, GateConfig, OnDone, S
 from dfvs_core.goal import Mount
-from dfvs_models.catalog import load_matcher
+from dfvs_core.servo.config import DepthChoice, ServoConfig
+from dfvs_models import DEFAULT_DEPTH
+from dfvs_models.catalog import load_depth, load_matcher
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.lockstep.exact import ExactMatcher
 from dfvs_sim.lockstep.flight import LockstepFlight, LockstepSetup
@@ -36,7 +39,7 @@ class SimulatedJob:
 
     ``matcher`` is ``exact`` or a name that ``dfvs-service`` knows. ``mounted_deg`` is how far about
     the vertical the camera is mounted from what the settings say; ``hold_s`` how long the goal is
-    held after DONE.
+    held after DONE. ``depth`` is ``servo.depth``, ``depth_model`` the bundle that it may need.
     """
 
     seed: int
@@ -48,6 +51,8 @@ class SimulatedJob:
     timeout_s: float = 60.0
     hold_s: float = 5.0
     mounted_deg: float = 0.0
+    depth: DepthChoice = "motion"
+    depth_model: str = DEFAULT_DEPTH
 
 
 def fly(job: SimulatedJob) -> SimulatedFlight:
@@ -56,7 +61,7 @@ def fly(job: SimulatedJob) -> SimulatedFlight:
     Raises
     ------
     DfvsError
-        If the scene or the matcher cannot be used.
+        If the scene or a model cannot be used.
     """
     renderer = Renderer(load_glb(job.scene))
     camera = CameraModel.from_horizontal_fov(*job.size, _FOV_RAD)
@@ -71,6 +76,7 @@ def fly(job: SimulatedJob) -> SimulatedFlight:
         task.T_world_start,
         task.T_world_goal,
         vehicle=job.vehicle,
+        servo=ServoConfig(depth=job.depth),
         gate=gate,
         mounted=Mount(yaw_rad=math.radians(job.mounted_deg)) if job.mounted_deg else None,
         rate_hz=job.rate_hz,
@@ -85,11 +91,20 @@ def fly(job: SimulatedJob) -> SimulatedFlight:
 def _flight(job: SimulatedJob, setup: LockstepSetup, renderer: Renderer) -> LockstepFlight:
     camera, rng = setup.camera, np.random.default_rng([job.seed, 1])
     noise = SensorNoise.make(camera.size, _SENSOR_NOISE, rng)
+    network = load_depth(job.depth, job.depth_model, 1)
     if job.matcher == EXACT:
         exact = ExactMatcher(renderer, camera, _NOISE_PX, rng)
         grey = np.full((camera.height, camera.width, 3), 128, np.uint8)
-        return LockstepFlight(setup, exact, lambda _: noise.apply(grey, rng), exact.look_from)
+
+        def render(T: FloatArray) -> ImageArray:
+            is_seen = network is not None and T is setup.T_scene_goal
+            return noise.apply(renderer.render(camera, T).image if is_seen else grey, rng)
+
+        return LockstepFlight(setup, exact, render, exact.look_from, network)
     matcher = load_matcher(job.matcher, 1)
     return LockstepFlight(
-        setup, matcher, lambda T: noise.apply(renderer.render(camera, T).image, rng)
+        setup,
+        matcher,
+        lambda T: noise.apply(renderer.render(camera, T).image, rng),
+        depth=network,
     )

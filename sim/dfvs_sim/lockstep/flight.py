@@ -10,6 +10,7 @@ import numpy as np
 
 from dfvs_core.arrays import FloatArray, ImageArray
 from dfvs_core.camera import CameraModel
+from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.gate.config import Engage, GateConfig
 from dfvs_core.gate.events import Event, Report
 from dfvs_core.gate.machine import GateMachine
@@ -101,6 +102,8 @@ class LockstepFlight:
     render : callable
     on_pose : callable
         Is told the camera's true pose before each image is encoded.
+    depth : DepthEstimator, optional
+        For ``servo.depth = "network"`` and ``"fused"``.
     """
 
     def __init__(
@@ -109,6 +112,7 @@ class LockstepFlight:
         matcher: Matcher,
         render: Render,
         on_pose: Callable[[FloatArray], None] = lambda _: None,
+        depth: DepthEstimator | None = None,
     ) -> None:
         self._setup, self._render, self._on_pose = setup, render, on_pose
         rng = np.random.default_rng(setup.seed)
@@ -119,7 +123,7 @@ class LockstepFlight:
         task = ServoTask(setup.servo, setup.camera, sidecar, setup.mount)
         goal = Goal(render(setup.T_scene_goal), sidecar)
         self._now_ns = self._vehicle.now_ns
-        self.pipeline = Pipeline(task, matcher, goal, lambda: self._now_ns)
+        self.pipeline = Pipeline(task, matcher, goal, lambda: self._now_ns, depth)
         self._gate = GateMachine(setup.gate, self._now_ns)
         self._history = VehicleHistory()
         self._reports: deque[tuple[int, Report]] = deque()

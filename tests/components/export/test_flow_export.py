@@ -325,16 +325,6 @@ def test_a_folder_that_only_looks_like_a_bundle_is_not_overwritten(tmp_path: Pat
     assert (tmp_path / "index.html").read_text() == "keep me"
 
 
-def test_a_bundle_that_gives_depth_is_not_run(bundle: Path, tmp_path: Path) -> None:
-    folder = tmp_path / "depth"
-    shutil.copytree(bundle, folder)
-    document = json.loads((folder / "manifest.json").read_text())
-    document["kind"], document["graphs"] = "mono", {"mono": document["graphs"]["encode"]}
-    (folder / "manifest.json").write_text(json.dumps(document))
-    with pytest.raises(ModelError, match="gives depth"):
-        BundleRunner(read_bundle(folder))
-
-
 def test_the_service_runs_the_bundle_and_finds_the_same_matches(bundle: Path) -> None:
     read = read_bundle(bundle)
     first, second = drawn_pairs(SIZE, 1, 13)[0]

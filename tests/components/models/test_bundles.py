@@ -288,7 +288,9 @@ def test_a_provider_that_is_not_there_is_refused_where_none_is_needed():
 
 def test_a_network_that_gives_depth_is_no_matcher(tmp_path):
     graph = {"file": "pair.onnx", "inputs": ["x"], "outputs": ["y"]}
-    text = refusal(write_bundle(tmp_path / "b", kind="mono", graphs={"mono": graph}, flow=None))
+    depth = {"quantity": "depth", "unit": "relative", "spread": 0.2}
+    changes = {"kind": "mono", "graphs": {"mono": graph}, "flow": None, "depth": depth}
+    text = refusal(write_bundle(tmp_path / "b", **changes))
     assert "kind 'mono', which gives depth" in text
 
 

@@ -94,7 +94,8 @@ def test_output_that_is_not_finite_gives_no_match(tmp_path, spoilt):
 
 def test_a_bundle_of_another_kind_is_refused(tmp_path):
     graph = {"file": "encode.onnx", "inputs": ["x"], "outputs": ["y"]}
-    folder = grid_network.write_bundle(tmp_path, kind="mono", graphs={"mono": graph})
+    depth = {"quantity": "depth", "unit": "relative", "spread": 0.2}
+    folder = grid_network.write_bundle(tmp_path, kind="mono", graphs={"mono": graph}, depth=depth)
     with pytest.raises(ModelError, match="'encode-match'"):
         load(folder)
 

@@ -6,6 +6,7 @@ import sys
 from pathlib import Path
 
 import cv2
+import depth_bundle
 import numpy as np
 import onnx
 import pytest
@@ -84,6 +85,53 @@ def assert_refused(done: subprocess.CompletedProcess[str], words: str) -> None:
 def test_a_damaged_bundle_is_refused_at_start(damage, words, bundle, tmp_path) -> None:
     damage(bundle)
     assert_refused(start(tmp_path, "--model", str(bundle)), words)
+
+
+@pytest.fixture
+def depth(tmp_path) -> Path:
+    rho = np.full((24, 32), 0.4)
+    return depth_bundle.write_bundle(tmp_path / "depth", depth_bundle.bundle(rho))
+
+
+def depth_settings(folder: Path | str, choice: str = "fused") -> list[str]:
+    return ["--set", f"servo.depth={choice}", "--set", f"depth.model={folder}"]
+
+
+def change_depth(folder: Path, **changes: object) -> None:
+    manifest = json.loads((folder / "manifest.json").read_text())
+    manifest |= changes
+    (folder / "manifest.json").write_text(json.dumps(manifest))
+
+
+@pytest.mark.parametrize(
+    ("changes", "words"),
+    [
+        ({"input": {"width": 320, "height": 240}}, "has the inputs"),
+        (
+            {"depth": {"quantity": "inverse-depth", "unit": "m", "spread": 0.2}},
+            "inverse-depth in the unit 'm'",
+        ),
+        (
+            {"depth": {"quantity": "inverse-depth", "unit": "affine", "stride": 2, "spread": 0.2}},
+            "unknown offset",
+        ),
+    ],
+)
+def test_a_depth_bundle_of_a_wrong_size_or_unit_is_refused(changes, words, depth, tmp_path) -> None:
+    change_depth(depth, **changes)
+    assert_refused(start(tmp_path, *depth_settings(depth, "network")), words)
+
+
+def test_a_bundle_of_another_kind_gives_no_depth(tmp_path) -> None:
+    assert_refused(start(tmp_path, *depth_settings("dfvs-flow")), "gives no depth")
+
+
+def test_a_depth_bundle_that_is_not_there_is_refused(tmp_path) -> None:
+    assert_refused(start(tmp_path, *depth_settings("nowhere")), "there is no model 'nowhere'")
+
+
+def test_depth_that_no_sensor_gives_is_refused(tmp_path) -> None:
+    assert_refused(start(tmp_path, "--set", "servo.depth=given"), "which no camera sends")
 
 
 def test_a_provider_that_is_not_there_is_refused_at_start(tmp_path) -> None:

@@ -6,6 +6,7 @@ import os
 import subprocess
 import sys
 
+import depth_bundle
 import numpy as np
 import pytest
 from mcap.records import Message
@@ -89,6 +90,36 @@ def test_a_goal_tracked_from_its_preview_is_replayed_bit_for_bit(tmp_path):
     result = rerun(write_recording(tmp_path, flight.events))
     assert result.reasons == ()
     assert compare(result.frames).is_identical
+
+
+@pytest.fixture
+def wall_depth(tmp_path):
+    """Folder of a network that sees a wall a little further on the right."""
+    rho = np.tile(np.linspace(0.45, 0.35, 80), (60, 1))
+    return depth_bundle.write_bundle(tmp_path / "depth", depth_bundle.bundle(rho, by_image=0.05))
+
+
+@pytest.mark.parametrize("depth", ["network", "fused"])
+def test_a_flight_by_a_depth_network_is_replayed_bit_for_bit(depth, wall_depth, tmp_path):
+    settings = {"servo__depth": depth, "depth__model": str(wall_depth)}
+    rng = np.random.default_rng(12)
+    flight = fly(rng, 12, next_goal_at=8, preview_of=5, **settings)
+    assert "depth/mono.onnx" in flight.opening.model
+    result = rerun(write_recording(tmp_path, flight.events))
+    assert result.reasons == ()
+    comparison = compare(result.frames)
+    assert comparison.is_identical
+    assert comparison.healthy_both > 4
+
+
+def test_another_depth_network_is_named_as_the_reason_to_differ(wall_depth, tmp_path):
+    settings = {"servo__depth": "fused", "depth__model": str(wall_depth)}
+    flight = fly(np.random.default_rng(12), 6, **settings)
+    other = depth_bundle.bundle(np.full((60, 80), 0.2))
+    depth_bundle.write_bundle(wall_depth, other)
+    result = rerun(write_recording(tmp_path, flight.events))
+    assert result.reasons == ("the model's files are others",)
+    assert not compare(result.frames).is_identical
 
 
 def test_without_the_preview_the_commands_differ(tmp_path):

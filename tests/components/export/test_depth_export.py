@@ -1,0 +1,231 @@
+"""Depth bundles by ``dfvs-export depth``. No published weights can be had here: the weights are
+seeded random ones, and what is tested is the path, the parity with torch and the contract."""
+
+import importlib.util
+import json
+import sys
+import types
+
+import numpy as np
+import pytest
+import torch
+from torch import nn
+
+from dfvs_core.camera import CameraModel
+from dfvs_export.check import drawn_pairs
+from dfvs_export.cli import main
+from dfvs_export.depth import ANYTHING, DENSE, MIDAS, DepthModel, DepthWeights, Spreads
+from dfvs_export.depth_command import PARITY_LIMIT, parity
+from dfvs_export.networks.densedepth import DenseDepth
+from dfvs_models.bundle import Bundle, read_bundle
+from dfvs_models.catalog import load_depth
+from dfvs_models.depth import DepthNetwork
+from dfvs_models.onnx_session import Execution
+
+SMALL = (64, 64)
+
+
+class TinyDepth(nn.Module):
+    """Stands in for dfvs-depth: the same inputs and outputs, at once."""
+
+    def __init__(self) -> None:
+        super().__init__()
+        torch.manual_seed(3)
+        self.first = nn.Conv2d(3, 16, 3, stride=2, padding=1)
+        self.middle = nn.Conv2d(16, 16, 3, padding=1)
+        self.last = nn.Conv2d(16, 2, 3, padding=1)
+
+    def forward(self, image, focal):
+        found = self.last(self.middle(self.first(image).relu()).relu())
+        return found[:, 0].exp() * focal[:, :, None], found[:, 1].sigmoid()
+
+
+@pytest.fixture
+def own(monkeypatch, tmp_path):
+    """Arguments that convert the stand-in."""
+    module = types.ModuleType("dfvs_export.networks.depth")
+    module.load_depth = lambda _: TinyDepth()
+    monkeypatch.setitem(sys.modules, module.__name__, module)
+    (tmp_path / "depth.pt").write_bytes(b"")
+    return ["--model", "dfvs-depth", "--checkpoint", str(tmp_path / "depth.pt")]
+
+
+@pytest.fixture(scope="module")
+def dense() -> tuple[DepthModel, Bundle]:
+    model = DepthModel.load(DENSE, DepthWeights())
+    return model, model.bundle(SMALL, Spreads())
+
+
+def needs(package):
+    found = importlib.util.find_spec(package) is not None
+    return pytest.mark.skipif(not found, reason=f"{package} comes with dfvs[published-depth]")
+
+
+def test_our_network_becomes_a_bundle_that_the_service_loads(own, tmp_path, capsys):
+    out = tmp_path / "bundle"
+    assert main(["depth", *own, "--out", str(out)]) == 0
+    manifest = read_bundle(out).manifest
+    assert manifest.graphs["mono"].inputs == ("image", "focal")
+    assert manifest.depth is not None
+    assert (manifest.depth.unit, manifest.depth.stride) == ("1/m", 2)
+    assert "random" not in capsys.readouterr().out
+    network = load_depth("fused", str(out))
+    camera = CameraModel.from_horizontal_fov(320, 240, 1.2)
+    image = drawn_pairs((320, 240), 1, 5)[0][0]
+    found = network.estimate(image, camera)
+    wanted, _ = TinyDepth()(
+        torch.from_numpy(image.transpose(2, 0, 1)[None].astype(np.float32) / 255.0),
+        torch.tensor([[camera.fx / 320]], dtype=torch.float32),
+    )
+    at = np.s_[1:-1:2, 1:-1:2]
+    corners = wanted[0].detach().numpy()
+    middle = 9 * corners[:-1, :-1] + 3 * corners[1:, :-1] + 3 * corners[:-1, 1:] + corners[1:, 1:]
+    np.testing.assert_allclose(found.rho[at], middle / 16, rtol=2e-3)
+    assert 0.0 < found.spread.min() < found.spread.max() < 1.0
+
+
+def test_the_bundle_in_eight_bits_gives_nearly_the_same(own, tmp_path):
+    folders = [tmp_path / "fp32", tmp_path / "int8"]
+    assert main(["depth", *own, "--out", str(folders[0])]) == 0
+    words = ["--precision", "int8", "--calibration-pairs", "2", "--out", str(folders[1])]
+    assert main(["depth", *own, *words]) == 0
+    assert read_bundle(folders[1]).manifest.precision == "int8"
+    camera, image = CameraModel.from_horizontal_fov(320, 240, 1.2), drawn_pairs((320, 240), 1, 5)[0]
+    full, few = (load_depth("fused", str(f)).estimate(image[0], camera).rho for f in folders)
+    assert not np.array_equal(full, few)
+    np.testing.assert_allclose(few, full, rtol=0.1)
+
+
+def test_check_compares_with_torch(own, tmp_path, capsys):
+    out = tmp_path / "bundle"
+    main(["depth", *own, "--out", str(out)])
+    capsys.readouterr()
+    assert main(["check", str(out), *own, "--count", "1", "--json"]) == 0
+    report = json.loads(capsys.readouterr().out)
+    assert 0.0 < report["greatest_difference"] <= PARITY_LIMIT
+    assert main(["check", str(out), "--json"]) == 0
+    assert "not compared" in json.loads(capsys.readouterr().out)["torch"]
+
+
+def test_check_tells_a_bundle_of_other_weights(own, tmp_path, monkeypatch, capsys):
+    out = tmp_path / "bundle"
+    main(["depth", *own, "--out", str(out)])
+    capsys.readouterr()
+
+    class Other(TinyDepth):
+        def forward(self, image, focal):
+            return tuple(1.01 * each for each in super().forward(image, focal))
+
+    monkeypatch.setattr(sys.modules["dfvs_export.networks.depth"], "load_depth", lambda _: Other())
+    assert main(["check", str(out), *own, "--count", "1", "--json"]) == 1
+    assert json.loads(capsys.readouterr().out)["greatest_difference"] > PARITY_LIMIT
+
+
+def test_bench_times_a_depth_bundle(own, tmp_path, capsys):
+    out = tmp_path / "depth"
+    main(["depth", *own, "--out", str(out)])
+    assert main(["bench", str(out), "--runs", "2", "--threads", "1"]) == 0
+    assert "depth " in capsys.readouterr().out
+
+
+def test_densedepth_has_the_size_of_the_published_one():
+    """42.6 million parameters, by the authors' own count."""
+    count = sum(parameter.numel() for parameter in DenseDepth().parameters())
+    assert round(count / 1e5) in (426, 427)
+
+
+def test_densedepth_with_random_weights_is_as_in_torch(dense):
+    model, bundle = dense
+    assert parity(model, bundle, 1) <= PARITY_LIMIT
+    image = drawn_pairs(SMALL, 1, 5)[0][0]
+    camera = CameraModel.from_horizontal_fov(*SMALL, 1.2)
+    found = DepthNetwork(bundle, Execution(1)).estimate(image, camera)
+    assert found.unit == "1/m"
+    assert float(np.ptp(found.rho)) > 1e-4  # no constant, whose parity would say nothing
+    assert "RANDOM" in bundle.manifest.origin
+
+
+@pytest.mark.parametrize(
+    ("name", "size"),
+    [
+        pytest.param(MIDAS, SMALL, marks=needs("geffnet")),
+        pytest.param(ANYTHING, (70, 70), marks=needs("transformers")),
+    ],
+)
+def test_published_networks_with_random_weights_are_as_in_torch(name, size):
+    model = DepthModel.load(name, DepthWeights())
+    bundle = model.bundle(size, Spreads())
+    assert parity(model, bundle, 1) <= PARITY_LIMIT
+    assert bundle.manifest.depth is not None
+    assert bundle.manifest.depth.unit == "affine"
+    camera = CameraModel.from_horizontal_fov(100, 60, 1.2)
+    image = drawn_pairs((100, 60), 1, 5)[0][0]
+    assert DepthNetwork(bundle, Execution(1)).estimate(image, camera).rho.shape == (60, 100)
+
+
+@needs("transformers")
+@pytest.mark.parametrize(("kind", "unit"), [("relative", "affine"), ("metric", "m")])
+def test_a_folder_of_transformers_is_read(tmp_path, kind, unit):
+    import transformers
+
+    from dfvs_core.manifest import sha256
+    from dfvs_export.networks.depth_anything import _SMALL
+
+    torch.manual_seed(1)
+    config = transformers.DepthAnythingConfig(**_SMALL, depth_estimation_type=kind, max_depth=20)
+    transformers.DepthAnythingForDepthEstimation(config).save_pretrained(tmp_path / "folder")
+    digest = sha256((tmp_path / "folder" / "model.safetensors").read_bytes())
+    model = DepthModel.load(ANYTHING, DepthWeights(folder=tmp_path / "folder", sha256=digest))
+    bundle = model.bundle((70, 70), Spreads())
+    assert bundle.manifest.depth is not None
+    assert bundle.manifest.depth.unit == unit
+    assert "RANDOM" not in bundle.manifest.origin
+    assert parity(model, bundle, 1) <= PARITY_LIMIT
+
+
+@pytest.mark.parametrize(("name", "package"), [(MIDAS, "geffnet"), (ANYTHING, "transformers")])
+def test_a_package_that_is_missing_is_named_in_one_line(
+    name, package, tmp_path, monkeypatch, capsys
+):
+    monkeypatch.setitem(sys.modules, package, None)
+    assert main(["depth", "--model", name, "--out", str(tmp_path / "b")]) == 2
+    error = capsys.readouterr().err
+    assert error.count("error: ") == 1
+    assert package in error
+    assert "dfvs[published-depth]" in error
+    assert not (tmp_path / "b").exists()
+
+
+@pytest.mark.parametrize(
+    ("words", "message"),
+    [
+        (["--model", "dfvs-depth"], "dfvs-depth without weights"),
+        (["--model", "densedepth", "--size", "100x100"], "multiples of 32"),
+        (["--model", "densedepth", "--from", "."], "--from for densedepth"),
+        (["--model", "densedepth", "--checkpoint", "nowhere.pt"], "cannot be read"),
+        (["--model", "densedepth", "--size", "64x64", "--spread", "0"], "spread"),
+        (["--model", "depth-anything-v2-small", "--checkpoint", "x.pt"], "--from FOLDER"),
+        (["--model", "depth-anything-v2-small", "--from", "nowhere"], "cannot be read"),
+        (["--calibration", "x.npz"], "--precision int8"),
+    ],
+)
+def test_what_cannot_be_converted_is_refused_in_one_line(words, message, tmp_path, capsys):
+    assert main(["depth", *words, "--out", str(tmp_path / "b")]) == 2
+    error = capsys.readouterr().err
+    assert message in error.splitlines()[-1]
+    assert not (tmp_path / "b").exists()
+
+
+def test_weights_without_a_hash_are_not_loaded(tmp_path, capsys):
+    path = tmp_path / "weights.pt"
+    torch.save({"encoder.stem.0.weight": torch.zeros(1)}, path)
+    words = ["depth", "--model", "densedepth", "--checkpoint", str(path), "--out"]
+    assert main([*words, str(tmp_path / "b")]) == 2
+    assert "add --sha256" in capsys.readouterr().err
+    assert main([*words, str(tmp_path / "b"), "--sha256", "0" * 64]) == 2
+    assert "has SHA-256" in capsys.readouterr().err
+
+
+def test_the_size_of_our_network_is_fixed(own, tmp_path, capsys):
+    assert main(["depth", *own, "--size", "640x480", "--out", str(tmp_path / "b")]) == 2
+    assert "320x240 for dfvs-depth" in capsys.readouterr().err
