@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import signal
 import threading
 import time
 from collections.abc import Sequence
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import handle_ending_signals
 from dfvs_core.topics import Topics
 from dfvs_service.camera.options import (
     add_calibration_option,
@@ -76,8 +76,7 @@ def run(words: Sequence[str]) -> int:
     arguments = parser().parse_args(words)
     options = _publish_options(arguments)
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    handle_ending_signals(lambda *_: stop.set())
     started_s = time.monotonic()
     with contextlib.closing(feed_of(arguments, options.wanted_size)) as feed:
         section = cameras_zenoh(settings_from(arguments).zenoh, arguments.connect)

@@ -36,7 +36,7 @@ class BlackBoxProcess:
 
     def __init__(self, config: ServiceConfig, runtime: RuntimeFolder) -> None:
         self._parent = os.getppid()
-        self._stopped = False
+        self._end_ns: int | None = None
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.bind(str(runtime.black_box_socket))
@@ -45,19 +45,15 @@ class BlackBoxProcess:
         self._box = BlackBox(config, store, runtime, clock, _warn)
 
     def stop(self, _signal: int, _frame: FrameType | None) -> None:
-        """Signal handler: keep what has come, then end."""
-        self._stopped = True
+        """Signal handler: keep what has come, then end; a while later if the parent is gone."""
+        is_orphan = os.getppid() != self._parent
+        self._end_ns = time.monotonic_ns() + (_AFTERMATH_NS if is_orphan else 0)
 
     def run(self) -> None:
         """Keep the flight."""
         next_update_ns = 0
-        end_ns: int | None = None
-        while not self._stopped:
+        while self._end_ns is None or time.monotonic_ns() < self._end_ns:
             now_ns = time.monotonic_ns()
-            if os.getppid() != self._parent:
-                end_ns = now_ns + _AFTERMATH_NS if end_ns is None else end_ns
-                if now_ns >= end_ns:
-                    break
             if now_ns >= next_update_ns:
                 next_update_ns = now_ns + _UPDATE_NS
                 self._box.update()

@@ -2,39 +2,39 @@
 
 from __future__ import annotations
 
-import argparse
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from types import FrameType
 
-from dfvs_core.errors import DfvsError
-from dfvs_service.config import config_from_json
+from dfvs_service.child_process import run_child
+from dfvs_service.config import ServiceConfig
 from dfvs_service.record.follow import Follower
 from dfvs_service.record.preparation import prepare_folder
 from dfvs_service.record.process import record
 from dfvs_service.runtime import RuntimeFolder
 
-EXIT_CANNOT_RUN = 2
+
+class Recorder:
+    """Recording of one service until it is told to stop."""
+
+    def __init__(self, config: ServiceConfig, _runtime: RuntimeFolder) -> None:
+        self._config = config
+        self._follower = Follower(config)
+
+    def stop(self, number: int, frame: FrameType | None) -> None:
+        """Signal handler: record what has come, then end."""
+        self._follower.stop(number, frame)
+
+    def run(self) -> None:
+        """Record."""
+        folder = prepare_folder(Path(self._config.record.folder))
+        record(self._config, folder, self._follower, lambda _: None)
 
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Record until SIGTERM."""
-    parser = argparse.ArgumentParser(prog="dfvs_service.record", description=__doc__)
-    parser.add_argument("--runtime", type=Path, required=True)
-    runtime = RuntimeFolder(parser.parse_args(argv).runtime)
-    # The terminal's Ctrl-C goes to all processes; the parent passes it on as SIGTERM.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
-    try:
-        config = config_from_json(runtime.config.read_text(encoding="utf-8"))
-        follower = Follower(config)
-        signal.signal(signal.SIGTERM, follower.stop)
-        record(config, prepare_folder(Path(config.record.folder)), follower, lambda _: None)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
-    return 0
+    return run_child("dfvs_service.record", argv, Recorder)
 
 
 if __name__ == "__main__":

@@ -9,12 +9,13 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import run_command
 from dfvs_service.atomic_file import write_atomic
 from dfvs_service.flights.store import FlightStore, flights_folder
 from dfvs_service.settings_options import add_settings_options, settings_from
 
-EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+EXIT_OK = 0
 
 _EXAMPLE = """\
 example:
@@ -41,11 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     )
     add_settings_options(parser)
     arguments = parser.parse_args(argv)
-    try:
-        return _write(arguments)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
+    return run_command(lambda: _write(arguments))
 
 
 def _write(arguments: argparse.Namespace) -> int:
