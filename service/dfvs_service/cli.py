@@ -21,7 +21,7 @@ from dfvs_core.lifecycle import run_command
 from dfvs_service.calibration_file import with_calibration, with_intrinsics
 from dfvs_service.config import ServiceConfig
 from dfvs_service.config_text import toml_text
-from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine
+from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine, shows_colours
 from dfvs_service.exposure import exposure_warnings
 from dfvs_service.flights.cli import flights
 from dfvs_service.flights.store import flights_folder
@@ -234,7 +234,8 @@ def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) 
         _check_ports(config)
         with _runtime(arguments.runtime_dir) as runtime:
             report = check_everything(config, goal, runtime, arguments.check_timeout)
-    print(report.to_json() if arguments.json else report.to_text())
+    colours = shows_colours(sys.stdout, os.environ)
+    print(report.to_json() if arguments.json else report.to_text(colours=colours))
     return EXIT_OK if report.ok else EXIT_ENDED
 
 
