@@ -61,6 +61,14 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--format", choices=sorted(FORMATS), default="jpeg", help="(default: jpeg)")
     made.add_argument("--quality", type=int, default=90, metavar="Q", help="of JPEG, 1 to 100")
     made.add_argument("--frames", type=int, metavar="N", help="end after N frames")
+    made.add_argument(
+        "--require-subscriber",
+        type=float,
+        nargs="?",
+        const=10.0,
+        metavar="S",
+        help="end with exit code 2 when nobody receives for so long (default: 10)",
+    )
     made.add_argument("--json", action="store_true", help="print what was published at the end")
     return made
 
@@ -102,6 +110,9 @@ def _publish_options(arguments: argparse.Namespace) -> PublishOptions:
         raise ConfigError(f"--quality is {arguments.quality}", "1 to 100")
     if arguments.frames is not None and arguments.frames < 1:
         raise ConfigError(f"--frames is {arguments.frames}", "1 or more")
+    required_s = arguments.require_subscriber
+    if required_s is not None and not 0.0 < required_s <= 3600.0:
+        raise ConfigError(f"--require-subscriber is {required_s:g}", "above 0, to 3600 s")
     camera = calibration_of(arguments)
     asked = source_options(arguments, camera.size if camera else None)
     return PublishOptions(
@@ -111,4 +122,5 @@ def _publish_options(arguments: argparse.Namespace) -> PublishOptions:
         camera=camera,
         size=asked.size,
         max_frames=arguments.frames,
+        required_subscriber_s=required_s,
     )
