@@ -15,6 +15,9 @@ EXIT_CANNOT_RUN = 2
 ENDING_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 """Ask a process to end: a supervisor, the terminal's Ctrl-C, the closing of the terminal."""
 
+ORPHANED = signal.SIGUSR1
+"""Tells a process that handles it apart from SIGTERM that its parent is gone."""
+
 _PARENT = "DFVS_PARENT_PID"
 _PR_SET_PDEATHSIG = 1
 
@@ -28,22 +31,24 @@ def child_environment() -> dict[str, str]:
     return {_PARENT: str(os.getpid())}
 
 
-def end_with_parent(parent: int | None = None) -> None:
-    """Have the kernel send SIGTERM to this process once its parent is gone, however it ended.
+def end_with_parent(parent: int | None = None, number: signal.Signals = signal.SIGTERM) -> None:
+    """Have the kernel send a signal to this process once its parent is gone, however it ended.
 
     Parameters
     ----------
     parent : int, optional
         Process id of the parent. By default that of :func:`child_environment`; without it nothing
         happens, so that a process that was started by hand may outlive its shell.
+    number : signal.Signals
+        The signal.
     """
     told = os.environ.pop(_PARENT, "")
     expected = parent if parent is not None else int(told) if told.isdecimal() else None
     if expected is None or sys.platform != "linux":
         return
-    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, int(signal.SIGTERM), 0, 0, 0)
+    ctypes.CDLL(None, use_errno=True).prctl(_PR_SET_PDEATHSIG, int(number), 0, 0, 0)
     if os.getppid() != expected:  # it ended before
-        os.kill(os.getpid(), signal.SIGTERM)
+        os.kill(os.getpid(), number)
 
 
 def handle_ending_signals(handler: Callable[[int, FrameType | None], None]) -> None:

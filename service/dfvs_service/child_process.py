@@ -11,7 +11,7 @@ from types import FrameType
 from typing import Protocol
 
 from dfvs_core.errors import DfvsError
-from dfvs_core.lifecycle import EXIT_CANNOT_RUN, end_with_parent
+from dfvs_core.lifecycle import EXIT_CANNOT_RUN, ORPHANED, end_with_parent
 from dfvs_service.config import ServiceConfig, config_from_json
 from dfvs_service.runtime import RuntimeFolder
 
@@ -20,7 +20,7 @@ class ChildProcess(Protocol):
     """Work of a child process."""
 
     def stop(self, signal: int, frame: FrameType | None, /) -> None:
-        """Signal handler: end."""
+        """Signal handler of SIGTERM and ``ORPHANED``: end."""
         ...
 
     def run(self) -> None:
@@ -39,7 +39,7 @@ def run_child(
     argv: Sequence[str] | None,
     make: Callable[[ServiceConfig, RuntimeFolder], ChildProcess],
 ) -> int:
-    """Run a child process of the service until SIGTERM, which the end of its parent sends too.
+    """Run a child process of the service until SIGTERM, or until its parent is gone.
 
     Returns the exit code.
 
@@ -56,10 +56,11 @@ def run_child(
     parser.add_argument("--runtime", type=Path, required=True)
     runtime = RuntimeFolder(parser.parse_args(argv).runtime)
     leave_terminal_to_parent()
-    end_with_parent()
+    end_with_parent(number=ORPHANED)
     try:
         process = make(config_from_json(runtime.config.read_text(encoding="utf-8")), runtime)
-        signal.signal(signal.SIGTERM, process.stop)
+        for number in (signal.SIGTERM, ORPHANED):
+            signal.signal(number, process.stop)
         process.run()
     except DfvsError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -9,6 +9,7 @@ import sys
 import time
 from types import FrameType
 
+from dfvs_core.lifecycle import ORPHANED
 from dfvs_service.config import ServiceConfig
 from dfvs_service.flight_feed import split_record
 from dfvs_service.flights.black_box import BlackBox, Clock
@@ -35,7 +36,6 @@ class BlackBoxProcess:
     """
 
     def __init__(self, config: ServiceConfig, runtime: RuntimeFolder) -> None:
-        self._parent = os.getppid()
         self._end_ns: int | None = None
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
@@ -44,10 +44,9 @@ class BlackBoxProcess:
         store = FlightStore(flights_folder(config.black_box, os.environ))
         self._box = BlackBox(config, store, runtime, clock, _warn)
 
-    def stop(self, _signal: int, _frame: FrameType | None) -> None:
+    def stop(self, number: int, _frame: FrameType | None) -> None:
         """Signal handler: keep what has come, then end; a while later if the parent is gone."""
-        is_orphan = os.getppid() != self._parent
-        self._end_ns = time.monotonic_ns() + (_AFTERMATH_NS if is_orphan else 0)
+        self._end_ns = time.monotonic_ns() + (_AFTERMATH_NS if number == ORPHANED else 0)
 
     def run(self) -> None:
         """Keep the flight."""

@@ -6,7 +6,6 @@ it says. Nothing in the loop waits for anything else.
 
 from __future__ import annotations
 
-import os
 import secrets
 import selectors
 import signal
@@ -105,7 +104,6 @@ class GateProcess:
         self._post = Post(runtime, self._authority, self.note, self.report)
         self._faults: tuple[str, ...] = ()
         """Threads that failed, one line each."""
-        self._parent = os.getppid()
         self._lifeline = Lifeline(parent, now_ns)
         self._warnings: tuple[str, ...] = ()
         self._fatal: DfvsError | None = None
@@ -140,12 +138,7 @@ class GateProcess:
         self._inbox.put(WatchEnded(time.monotonic_ns(), line))
 
     def stop(self, signal_number: int, _frame: FrameType | None) -> None:
-        """Signal handler: bring the vehicle to Hold, then end.
-
-        The kernel's signal that the parent is gone is left to the lifeline, which ends with it.
-        """
-        if os.getppid() != self._parent:
-            return
+        """Signal handler: bring the vehicle to Hold, then end."""
         name = signal.Signals(signal_number).name
         self._stopping = True
         self._inbox.put(Stop(time.monotonic_ns(), f"by {name}"))
