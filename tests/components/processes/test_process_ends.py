@@ -70,7 +70,7 @@ def bench(_data, _endpoint):
 COMMANDS = {
     "service": lambda d, e: service(d, e, "--record", "recordings", runs="dfvs_service.flights"),
     "service --check": lambda d, e: service(d, e, "--check", "--check-timeout", "60"),
-    "demo": lambda _, e: Command(("dfvs_sim.demo.cli", "--size", "192x144"), "take", "vehicle"),
+    "demo": lambda _, e: Command(("dfvs_sim.demo.cli", "--size", "192x144"), runs="dfvs_sim.cli"),
     "demo --vehicles": lambda _, e: Command(
         ("dfvs_sim.demo.cli", "--vehicles", "2", "--size", "192x144"), runs="dfvs_sim.cli"
     ),
