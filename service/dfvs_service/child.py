@@ -10,6 +10,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_core.lifecycle import child_environment
+
 ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """Our matrices are small; BLAS threads that spin beside them made matching 3 times slower."""
 
@@ -39,7 +41,7 @@ def use_one_blas_thread(module: str) -> None:
 
 
 class Child:
-    """One of the service's processes.
+    """One of the service's processes, which ends with this one.
 
     Its standard input is a pipe: bytes mean that the parent lives, the end that it is gone. Its
     standard error is a file and not a pipe, since a parent that does not read a pipe would in
@@ -55,7 +57,7 @@ class Child:
                 stdin=subprocess.PIPE,
                 stdout=subprocess.DEVNULL,
                 stderr=errors,
-                env=STEADY_HEAP | os.environ | ONE_BLAS_THREAD,
+                env=STEADY_HEAP | os.environ | ONE_BLAS_THREAD | child_environment(),
             )
         if self._process.stdin is None:
             raise RuntimeError("the child has no standard input")

@@ -11,17 +11,16 @@ from types import FrameType
 from typing import Protocol
 
 from dfvs_core.errors import DfvsError
+from dfvs_core.lifecycle import EXIT_CANNOT_RUN, ORPHANED, end_with_parent
 from dfvs_service.config import ServiceConfig, config_from_json
 from dfvs_service.runtime import RuntimeFolder
-
-EXIT_CANNOT_RUN = 2
 
 
 class ChildProcess(Protocol):
     """Work of a child process."""
 
     def stop(self, signal: int, frame: FrameType | None, /) -> None:
-        """Signal handler: end."""
+        """Signal handler of SIGTERM and ``ORPHANED``: end."""
         ...
 
     def run(self) -> None:
@@ -29,12 +28,20 @@ class ChildProcess(Protocol):
         ...
 
 
+def leave_terminal_to_parent() -> None:
+    """Ignore a terminal's Ctrl-C and its closing, which reach all: the parent sends SIGTERM."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+
 def run_child(
     name: str,
     argv: Sequence[str] | None,
     make: Callable[[ServiceConfig, RuntimeFolder], ChildProcess],
 ) -> int:
-    """Run a child process of the service until SIGTERM; returns the exit code.
+    """Run a child process of the service until SIGTERM, or until its parent is gone.
+
+    Returns the exit code.
 
     Parameters
     ----------
@@ -48,12 +55,12 @@ def run_child(
     parser = argparse.ArgumentParser(prog=name)
     parser.add_argument("--runtime", type=Path, required=True)
     runtime = RuntimeFolder(parser.parse_args(argv).runtime)
-    # The terminal's Ctrl-C goes to all processes; the parent passes it on as SIGTERM.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    leave_terminal_to_parent()
+    end_with_parent(number=ORPHANED)
     try:
         process = make(config_from_json(runtime.config.read_text(encoding="utf-8")), runtime)
-        signal.signal(signal.SIGTERM, process.stop)
+        for number in (signal.SIGTERM, ORPHANED):
+            signal.signal(number, process.stop)
         process.run()
     except DfvsError as error:
         print(f"error: {error}", file=sys.stderr)

@@ -18,10 +18,11 @@ from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, OnDone
 from dfvs_core.gate.events import Action
 from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.lifecycle import run_command
 from dfvs_service.calibration_file import with_calibration, with_intrinsics
 from dfvs_service.config import ServiceConfig
 from dfvs_service.config_text import toml_text
-from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine
+from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine, shows_colours
 from dfvs_service.exposure import exposure_warnings
 from dfvs_service.flights.cli import flights
 from dfvs_service.flights.store import flights_folder
@@ -42,7 +43,7 @@ from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.settings_options import add_settings_options, settings_from
 from dfvs_service.teach.cli import run as teach
 
-EXIT_OK, EXIT_ENDED, EXIT_CANNOT_RUN = 0, 1, 2
+EXIT_OK, EXIT_ENDED = 0, 1
 
 _EXAMPLE = """\
 example, beside a running PX4 and a camera that publishes on dfvs/drone1/camera:
@@ -76,11 +77,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         "teach": teach,
     }
     chosen = commands.get(words[0]) if words else None
-    try:
-        return chosen(words[1:]) if chosen is not None else _fly(words)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
+    return run_command(lambda: chosen(words[1:]) if chosen is not None else _fly(words))
 
 
 # --- settings ---------------------------------------------------------------------------------
@@ -238,7 +235,8 @@ def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) 
         _check_ports(config)
         with _runtime(arguments.runtime_dir) as runtime:
             report = check_everything(config, goal, runtime, arguments.check_timeout)
-    print(report.to_json() if arguments.json else report.to_text())
+    colours = shows_colours(sys.stdout, os.environ)
+    print(report.to_json() if arguments.json else report.to_text(colours=colours))
     return EXIT_OK if report.ok else EXIT_ENDED
 
 

@@ -2,12 +2,34 @@
 
 from __future__ import annotations
 
+import enum
 import math
 import sys
+from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol, TextIO
 
 from dfvs_service.beat import Beat
+
+
+class Colour(enum.IntEnum):
+    """Colour of a text, as a code of ANSI terminals (SGR)."""
+
+    DIM = 2
+    RED = 31
+    GREEN = 32
+    YELLOW = 33
+
+
+def painted(text: str, colour: Colour) -> str:
+    """Text that a terminal shows in a colour."""
+    return f"\x1b[{colour:d}m{text}\x1b[0m"
+
+
+def shows_colours(stream: TextIO, environment: Mapping[str, str]) -> bool:
+    """Tell whether colours are wanted: a terminal, unless ``NO_COLOR`` or ``TERM=dumb`` is set."""
+    is_plain = environment.get("NO_COLOR") or environment.get("TERM") == "dumb"
+    return stream.isatty() and not is_plain
 
 
 class Display(Protocol):

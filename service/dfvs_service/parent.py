@@ -10,7 +10,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import socket
 import sys
 import time
@@ -22,6 +21,7 @@ from types import FrameType
 from dfvs_core.errors import WireError
 from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_core.goal import Goal
+from dfvs_core.lifecycle import handle_ending_signals
 from dfvs_core.wire.link import ServiceFault, to_datagram
 from dfvs_core.wire.picture import encode_png
 from dfvs_service.beat import Beat
@@ -284,8 +284,7 @@ def fly(runtime: RuntimeFolder, programs: Programs, display: Display) -> int:
 
 def supervise(parent: Parent) -> int:
     """Run a parent that ends in an orderly way when it is told to; returns its exit code."""
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, parent.stop)
+    handle_ending_signals(parent.stop)
     code = parent.run()
     if not parent.is_heard:
         os._exit(code)  # the interpreter's end would wait for a terminal that takes nothing

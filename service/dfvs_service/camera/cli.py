@@ -5,9 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 
-from dfvs_core.errors import DfvsError
-
-EXIT_CANNOT_RUN, EXIT_INTERRUPTED = 2, 130
+from dfvs_core.lifecycle import run_command
 
 
 def _publish(words: Sequence[str]) -> int:
@@ -48,13 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     quiet_libraries()
     words = list(sys.argv[1:] if argv is None else argv)
     command = _COMMANDS.get(words[0]) if words else None
-    try:
-        return _publish(words) if command is None else command(words[1:])
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
-    except KeyboardInterrupt:
-        return EXIT_INTERRUPTED
+    return run_command(lambda: _publish(words) if command is None else command(words[1:]))
 
 
 if __name__ == "__main__":

@@ -5,12 +5,12 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import signal
 import threading
 import time
 from collections.abc import Sequence
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import handle_ending_signals
 from dfvs_core.topics import Topics
 from dfvs_service.camera.options import (
     add_calibration_option,
@@ -61,6 +61,14 @@ def parser() -> argparse.ArgumentParser:
     made.add_argument("--format", choices=sorted(FORMATS), default="jpeg", help="(default: jpeg)")
     made.add_argument("--quality", type=int, default=90, metavar="Q", help="of JPEG, 1 to 100")
     made.add_argument("--frames", type=int, metavar="N", help="end after N frames")
+    made.add_argument(
+        "--require-subscriber",
+        type=float,
+        nargs="?",
+        const=10.0,
+        metavar="S",
+        help="end with exit code 2 when nobody receives for so long (default: 10)",
+    )
     made.add_argument("--json", action="store_true", help="print what was published at the end")
     return made
 
@@ -76,8 +84,7 @@ def run(words: Sequence[str]) -> int:
     arguments = parser().parse_args(words)
     options = _publish_options(arguments)
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    handle_ending_signals(lambda *_: stop.set())
     started_s = time.monotonic()
     with contextlib.closing(feed_of(arguments, options.wanted_size)) as feed:
         section = cameras_zenoh(settings_from(arguments).zenoh, arguments.connect)
@@ -103,6 +110,9 @@ def _publish_options(arguments: argparse.Namespace) -> PublishOptions:
         raise ConfigError(f"--quality is {arguments.quality}", "1 to 100")
     if arguments.frames is not None and arguments.frames < 1:
         raise ConfigError(f"--frames is {arguments.frames}", "1 or more")
+    required_s = arguments.require_subscriber
+    if required_s is not None and not 0.0 < required_s <= 3600.0:
+        raise ConfigError(f"--require-subscriber is {required_s:g}", "above 0, to 3600 s")
     camera = calibration_of(arguments)
     asked = source_options(arguments, camera.size if camera else None)
     return PublishOptions(
@@ -112,4 +122,5 @@ def _publish_options(arguments: argparse.Namespace) -> PublishOptions:
         camera=camera,
         size=asked.size,
         max_frames=arguments.frames,
+        required_subscriber_s=required_s,
     )

@@ -17,6 +17,7 @@ from dfvs_core.schema import dump
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
 from dfvs_service.camera.feed import Feed, Say
+from dfvs_service.camera.reception import ReceptionReport
 from dfvs_service.camera.source import Shot, check_size
 
 FORMATS = {
@@ -42,6 +43,8 @@ class PublishOptions:
     camera: CameraModel | None = None
     size: tuple[int, int] | None = None
     max_frames: int | None = None
+    required_subscriber_s: float | None = None
+    """Without a subscriber for so long publishing ends."""
 
     @property
     def wanted_size(self) -> tuple[int, int] | None:
@@ -77,6 +80,12 @@ class FramePublisher:
             self._calibration.put(document, encoding="application/json")
         self.count = 0
         self.bytes = 0
+
+    @property
+    def is_received(self) -> bool:
+        """Whether Zenoh knows a subscriber of the frames."""
+        status: object = self._frames.matching_status  # its stub says bool
+        return isinstance(status, zenoh.MatchingStatus) and status.matching
 
     def publish(self, shot: Shot) -> None:
         """Publish one shot.
@@ -140,10 +149,12 @@ def publish_feed(
     Raises
     ------
     DfvsError
-        If the source cannot be used.
+        If the source cannot be used, or nobody receives where somebody must.
     """
     now_s = time.monotonic()
     report = RateReport(say, now_s + _REPORT_S, now_s)
+    key = Topics(options.vehicle).camera
+    reception = ReceptionReport(say, key, now_s, options.required_subscriber_s)
     while not stop.is_set() and not feed.ended:
         shot = feed.take(_TAKE_S)
         if shot is not None:
@@ -152,4 +163,6 @@ def publish_feed(
             report.frame(time.monotonic(), publisher.bytes - before)
             if options.max_frames is not None and publisher.count >= options.max_frames:
                 return
-        report.look(time.monotonic())
+        now_s = time.monotonic()
+        report.look(now_s)
+        reception.look(now_s, is_received=publisher.is_received)

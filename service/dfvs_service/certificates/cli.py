@@ -8,9 +8,10 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import run_command
 
-EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+EXIT_OK = 0
 
 _EPILOG = """\
 example:
@@ -25,19 +26,24 @@ and adds what is missing. Exit code: 0 made, 2 cannot run.
 def main(argv: Sequence[str] | None = None) -> int:
     """Make the files; one line on standard error where that cannot be."""
     arguments = _parser().parse_args(argv)
-    try:
-        if importlib.util.find_spec("cryptography") is None:
-            raise ConfigError(
-                "dfvs-certs needs the Python package 'cryptography'",
-                "the extra 'deploy'",
-                "pip install 'dfvs[deploy]'",
-            )
-        from dfvs_service.certificates.roles import make_everything
+    return run_command(lambda: _make(arguments))
 
+
+def _make(arguments: argparse.Namespace) -> int:
+    if importlib.util.find_spec("cryptography") is None:
+        raise ConfigError(
+            "dfvs-certs needs the Python package 'cryptography'",
+            "the extra 'deploy'",
+            "pip install 'dfvs[deploy]'",
+        )
+    from dfvs_service.certificates.roles import make_everything
+
+    try:
         make_everything(arguments)
-    except (DfvsError, OSError) as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
+    except OSError as error:
+        raise ConfigError(
+            f"{arguments.out} cannot be written ({error.strerror})", "a writable folder"
+        ) from error
     return EXIT_OK
 
 

@@ -4,18 +4,19 @@ from __future__ import annotations
 
 import argparse
 import logging
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
+from types import FrameType
 
-from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import handle_ending_signals, run_command
 from dfvs_core.wire.goal_order import MAX_SIDECAR_BYTES
 from dfvs_core.wire.zenoh_settings import MAX_MESSAGE_BYTES
 from dfvs_service.dashboard.settings import dashboard_settings
 from dfvs_service.key_file import create_key
 
-EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+EXIT_OK = 0
 DEFAULT_PORT = 8470
 MAX_CONNECTIONS = 128
 
@@ -35,11 +36,8 @@ exit code: 0 ended by a signal, 2 cannot run
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    try:
-        return _new_token(words[1:]) if words[:1] == ["new-token"] else _serve(words)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
+    is_new_token = words[:1] == ["new-token"]
+    return run_command(lambda: _new_token(words[1:]) if is_new_token else _serve(words))
 
 
 def _new_token(words: Sequence[str]) -> int:
@@ -109,10 +107,13 @@ def _serve(words: Sequence[str]) -> int:
     )
     name = arguments.name[0] if arguments.name else arguments.host
     print(f"dashboard at {settings.address.scheme}://{name}:{arguments.port}/", flush=True)
-    for number in (signal.SIGINT, signal.SIGTERM):
-        # The server ends by itself first, and passes the signal on.
-        signal.signal(number, lambda *_: sys.exit(EXIT_OK))
-    uvicorn.Server(config).run()
+    server = uvicorn.Server(config)
+
+    def stop(_signal: int, _frame: FrameType | None) -> None:
+        server.should_exit = True
+
+    handle_ending_signals(stop)  # SIGHUP: the others are the server's own while it runs
+    server.run()
     return EXIT_OK
 
 

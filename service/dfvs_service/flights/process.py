@@ -9,6 +9,7 @@ import sys
 import time
 from types import FrameType
 
+from dfvs_core.lifecycle import ORPHANED
 from dfvs_service.config import ServiceConfig
 from dfvs_service.flight_feed import split_record
 from dfvs_service.flights.black_box import BlackBox, Clock
@@ -35,8 +36,7 @@ class BlackBoxProcess:
     """
 
     def __init__(self, config: ServiceConfig, runtime: RuntimeFolder) -> None:
-        self._parent = os.getppid()
-        self._stopped = False
+        self._end_ns: int | None = None
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.setblocking(False)
         self._socket.bind(str(runtime.black_box_socket))
@@ -44,20 +44,15 @@ class BlackBoxProcess:
         store = FlightStore(flights_folder(config.black_box, os.environ))
         self._box = BlackBox(config, store, runtime, clock, _warn)
 
-    def stop(self, _signal: int, _frame: FrameType | None) -> None:
-        """Signal handler: keep what has come, then end."""
-        self._stopped = True
+    def stop(self, number: int, _frame: FrameType | None) -> None:
+        """Signal handler: keep what has come, then end; a while later if the parent is gone."""
+        self._end_ns = time.monotonic_ns() + (_AFTERMATH_NS if number == ORPHANED else 0)
 
     def run(self) -> None:
         """Keep the flight."""
         next_update_ns = 0
-        end_ns: int | None = None
-        while not self._stopped:
+        while self._end_ns is None or time.monotonic_ns() < self._end_ns:
             now_ns = time.monotonic_ns()
-            if os.getppid() != self._parent:
-                end_ns = now_ns + _AFTERMATH_NS if end_ns is None else end_ns
-                if now_ns >= end_ns:
-                    break
             if now_ns >= next_update_ns:
                 next_update_ns = now_ns + _UPDATE_NS
                 self._box.update()

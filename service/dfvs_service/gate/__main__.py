@@ -12,6 +12,8 @@ from pathlib import Path
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import Engage
+from dfvs_core.lifecycle import ORPHANED, end_with_parent
+from dfvs_service.child_process import leave_terminal_to_parent
 from dfvs_service.config import config_from_json
 from dfvs_service.gate.autopilot import Autopilot
 from dfvs_service.gate.process import (
@@ -31,15 +33,15 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser = argparse.ArgumentParser(prog="dfvs_service.gate", description=__doc__)
     parser.add_argument("--runtime", type=Path, required=True)
     runtime = RuntimeFolder(parser.parse_args(argv).runtime)
+    leave_terminal_to_parent()
+    end_with_parent(number=ORPHANED)
     config = config_from_json(runtime.config.read_text(encoding="utf-8"))
     key_file = config.gate.command_key_file
     key = load_key(Path(key_file)) if key_file else None
     prefer_this_process()
     gate = GateProcess(config, runtime, key, sys.stdin.fileno())
     signal.signal(signal.SIGTERM, gate.stop)
-    # A terminal's Ctrl-C and its closing reach all processes; the parent passes on SIGTERM.
-    signal.signal(signal.SIGINT, signal.SIG_IGN)
-    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+    signal.signal(ORPHANED, signal.SIG_IGN)  # the lifeline ends too, and tells it apart
     autopilot = Autopilot(gate.emit, gate.note, allow_return=config.gate.allow_return)
     vehicle = config.vehicle
     start_autopilot(

@@ -8,14 +8,15 @@ import sys
 import time
 from collections.abc import Sequence
 
-from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import handle_ending_signals, run_command
 from dfvs_core.wire.flow_grid import FlowGrid
 from dfvs_core.wire.turn import Opening
 from dfvs_service.config import ServiceConfig
 from dfvs_service.record.preparation import require_record_extra
 from dfvs_service.settings_options import add_settings_options, settings_from
 
-EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+EXIT_OK = 0
 DEFAULT_PORT = 8765
 _REPEAT_S = 1.0
 
@@ -39,12 +40,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="(default: 8765)")
     add_settings_options(parser)
     arguments = parser.parse_args(argv)
-    try:
-        _check(arguments.port)
-        return _serve(settings_from(arguments), arguments.port)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
+    return run_command(lambda: _run(arguments))
+
+
+def _run(arguments: argparse.Namespace) -> int:
+    _check(arguments.port)
+    return _serve(settings_from(arguments), arguments.port)
 
 
 def _check(port: int) -> None:
@@ -62,13 +63,13 @@ def _check(port: int) -> None:
 def _serve(config: ServiceConfig, port: int) -> int:
     # Foxglove and Zenoh take their time to load.
     from dfvs_service.live.foxglove_server import LOOPBACK, FoxgloveServer
-    from dfvs_service.record.follow import Follower, stop_on_signals
+    from dfvs_service.record.follow import Follower
     from dfvs_service.record.translation import Translation
 
     server = FoxgloveServer(f"dfvs {config.vehicle.name}", port)
     print(f"serving ws://{LOOPBACK}:{server.port}", file=sys.stderr, flush=True)
     follower = Follower(config)
-    stop_on_signals(follower)
+    handle_ending_signals(follower.stop)
     translation: Translation | None = None
     picture, repeat_s = b"", 0.0
     for events in follower.events():

@@ -7,10 +7,11 @@ import importlib.util
 import sys
 from collections.abc import Sequence
 
-from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import run_command
 from dfvs_service.settings_options import add_settings_options, settings_from
 
-EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+EXIT_OK = 0
 DEFAULT_PORT = 9464
 LOOPBACK = "127.0.0.1"
 
@@ -27,11 +28,7 @@ exit code: 0 ended by a signal, 2 cannot run
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
     arguments = _parser().parse_args(argv)
-    try:
-        return _serve(arguments)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
+    return run_command(lambda: _serve(arguments))
 
 
 def _parser() -> argparse.ArgumentParser:

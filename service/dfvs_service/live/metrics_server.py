@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import signal
 import sys
 import threading
 import time
@@ -14,6 +13,7 @@ import zenoh
 from prometheus_client import CollectorRegistry, start_http_server
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import handle_ending_signals
 from dfvs_core.topics import Topics
 from dfvs_service.config import ServiceConfig
 from dfvs_service.live.metrics import FlightMetrics
@@ -35,8 +35,7 @@ def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
     """
     os.nice(_NICENESS)
     stopped = threading.Event()
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, lambda *_: stopped.set())
+    handle_ending_signals(lambda *_: stopped.set())
     registry = CollectorRegistry()
     metrics = FlightMetrics(config.vehicle.name, registry, time.monotonic_ns)
     try:

@@ -10,7 +10,6 @@ from __future__ import annotations
 import contextlib
 import json
 import logging
-import os
 import queue
 import time
 from types import FrameType
@@ -60,11 +59,10 @@ class OperatorLink:
         self._state = ""
         self._gate = GateLink(runtime.gate_socket, runtime.link_socket, self._on_gate)
         self._flight_feed = FlightFeed(runtime.black_box_socket)
-        self._parent = os.getppid()
         self._stopped = False
 
     def run(self) -> None:
-        """Work until told to stop, or until the service that started this is gone.
+        """Work until told to stop.
 
         Raises
         ------
@@ -86,7 +84,7 @@ class OperatorLink:
             goals = session.declare_subscriber(self._topics.new_goal, self._on_goal)
             watches = self._config.gate.engage is Engage.NEVER
             lease = Lease(session, self._topics, self._gate.send, watches=watches)
-            while os.getppid() == self._parent and not self._stopped:
+            while not self._stopped:
                 self._publish_answer(answers)
                 lease.show(self._state)
                 lease.tell()

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import gc
 import logging
-import os
 import time
 from collections import deque
 from collections.abc import Sequence
@@ -112,11 +111,10 @@ class PerceptionProcess:
         self._collection_pace = Pace(_COLLECTION_PERIOD_NS)
         self._frames = 0
         self._book = TurnBook()
-        self._parent = os.getppid()
         self._stopped = False
 
     def run(self) -> None:
-        """Work until told to stop, or until the service that started this is gone."""
+        """Work until told to stop."""
         session = self._open_session()
         if session is None:
             return
@@ -132,7 +130,7 @@ class PerceptionProcess:
             size = self._matcher.prepare(self._goal.image).size
             log.info("frames are matched at %d x %d px", *reversed(size))
             settle()
-            while not self._stopped and os.getppid() == self._parent:
+            while not self._stopped:
                 self._turn(telemetry, feed)
             del frames, camera
             feed.close()
@@ -155,7 +153,7 @@ class PerceptionProcess:
         """
         section = inner_zenoh(self._config.zenoh, self._runtime)
         deadline = time.monotonic() + _LINK_PATIENCE_S
-        while not self._stopped and os.getppid() == self._parent:
+        while not self._stopped:
             try:
                 return open_session(section)
             except ConfigError:

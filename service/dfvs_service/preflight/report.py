@@ -1,14 +1,38 @@
-"""What a check found: a table of ticks and crosses, or JSON."""
+"""What a check found: a table of marks, or JSON."""
 
 from __future__ import annotations
 
+import enum
 import json
 from dataclasses import dataclass
 
 from dfvs_core.gate.preflight import Check
 from dfvs_core.schema import dump
+from dfvs_service.console import Colour, painted
 
-TICK, CROSS = "✓", "✗"
+_PREREQUISITE = {
+    **dict.fromkeys(("estimator", "health", "battery", "parameters"), "link"),
+    **dict.fromkeys(("advised parameters", "watch", "sole commander"), "link"),
+    **dict.fromkeys(("goal", "mounting"), "frames"),
+}
+"""Check without which another one has nothing to judge by."""
+
+
+class Status(enum.StrEnum):
+    """What a check comes to."""
+
+    PASS = "pass"
+    WARNING = "warning"
+    FAILURE = "failure"
+    WAITING = "waiting"
+
+
+_MARKS = {
+    Status.PASS: ("✓", Colour.GREEN),
+    Status.WARNING: ("!", Colour.YELLOW),
+    Status.FAILURE: ("✗", Colour.RED),
+    Status.WAITING: ("…", Colour.DIM),
+}
 
 
 @dataclass(frozen=True, slots=True)
@@ -20,23 +44,52 @@ class CheckReport:
 
     @property
     def ok(self) -> bool:
-        """Tell whether there is no cross at all, advice included."""
-        return all(check.ok for check in self.checks)
+        """Tell whether nothing fails or waits; warnings are no failures."""
+        statuses = {self.status(check) for check in self.checks}
+        return statuses <= {Status.PASS, Status.WARNING}
 
-    def to_text(self) -> str:
-        """Table with what to do for each cross."""
+    def status(self, check: Check) -> Status:
+        """Status of one of the checks; it waits where the check that it needs has failed."""
+        if self._awaited(check):
+            return Status.WAITING
+        if check.ok:
+            return Status.PASS
+        return Status.FAILURE if check.binding else Status.WARNING
+
+    def _awaited(self, check: Check) -> str:
+        """Name of the failed check that this one needs, empty where there is none."""
+        needed = _PREREQUISITE.get(check.name)
+        return next((c.name for c in self.checks if c.name == needed and not c.ok), "")
+
+    def to_text(self, *, colours: bool = False) -> str:
+        """Table with what to do for each failure and warning."""
         width = max(len(check.name) for check in self.checks)
         lines = []
         for check in self.checks:
-            mark = TICK if check.ok else CROSS
-            lines.append(f"{mark} {check.name:<{width}}  {check.detail}".rstrip())
-            if not check.ok and check.remedy:
+            mark, colour = _MARKS[self.status(check)]
+            awaited = self._awaited(check)
+            detail = f"waiting for {awaited}" if awaited else check.detail
+            line = f"{mark} {check.name:<{width}}  {detail}".rstrip()
+            lines.append(painted(line[0], colour) + line[1:] if colours else line)
+            if not check.ok and not awaited and check.remedy:
                 lines.append(f"  {'':<{width}}  → {check.remedy}")
-        crosses = sum(not check.ok for check in self.checks)
-        told = "all checks pass" if self.ok else f"{crosses} of {len(self.checks)} checks fail"
-        return "\n".join([*lines, f"{self.vehicle}: {told}"])
+        return "\n".join([*lines, f"{self.vehicle}: {self._summary()}"])
+
+    def _summary(self) -> str:
+        counts = dict.fromkeys(Status, 0)
+        for check in self.checks:
+            counts[self.status(check)] += 1
+        told = []
+        if counts[Status.FAILURE]:
+            told.append(f"{counts[Status.FAILURE]} of {len(self.checks)} checks fail")
+        if counts[Status.WAITING]:
+            told.append(f"{counts[Status.WAITING]} waiting")
+        if counts[Status.WARNING]:
+            plural = "s" if counts[Status.WARNING] > 1 else ""
+            told.append(f"{counts[Status.WARNING]} warning{plural}")
+        return ", ".join(told if not self.ok else ["all checks pass", *told])
 
     def to_json(self) -> str:
         """Document for machines."""
-        checks = [dump(check) for check in self.checks]
+        checks = [{**dump(check), "status": self.status(check)} for check in self.checks]
         return json.dumps({"vehicle": self.vehicle, "ok": self.ok, "checks": checks}, indent=2)

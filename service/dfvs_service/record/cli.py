@@ -9,11 +9,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_core.errors import DfvsError
+from dfvs_core.lifecycle import handle_ending_signals, run_command
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.settings_options import add_settings_options, settings_from
 
-EXIT_OK, EXIT_NOTHING, EXIT_CANNOT_RUN = 0, 1, 2
+EXIT_OK, EXIT_NOTHING = 0, 1
 
 _EXAMPLE = """\
 example, beside a running dfvs-service:
@@ -31,11 +31,8 @@ exit code: 0 recorded, 1 nothing came, 2 cannot run
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
     words = list(sys.argv[1:] if argv is None else argv)
-    try:
-        return _recover(words[1:]) if words[:1] == ["recover"] else _record(words)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
+    is_recovery = words[:1] == ["recover"]
+    return run_command(lambda: _recover(words[1:]) if is_recovery else _record(words))
 
 
 def _record(words: Sequence[str]) -> int:
@@ -53,13 +50,14 @@ def _record(words: Sequence[str]) -> int:
     config = settings_from(arguments)
     # Zenoh, MCAP and protobuf are needed from here on, and take their time to load.
     require_record_extra()
-    from dfvs_service.record.follow import Follower, stop_on_signals
+    from dfvs_service.record.follow import Follower
     from dfvs_service.record.process import record
     from dfvs_service.record.progress import ProgressLine
 
     folder = prepare_folder(arguments.out)
     follower = Follower(config)
-    stop_on_signals(follower)
+    handle_ending_signals(follower.stop)
+    print(f"recording {config.vehicle.name} in {folder}", file=sys.stderr, flush=True)
     progress = ProgressLine(sys.stderr)
     summary = record(config, folder, follower, progress.show)
     progress.close()

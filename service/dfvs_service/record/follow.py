@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import os
-import signal
 import time
 from collections.abc import Iterator
 from types import FrameType
@@ -25,11 +24,10 @@ _NICENESS = 5
 
 
 class Follower:
-    """Follows a service, which may come and go, until told to stop or until its parent is gone."""
+    """Follows a service, which may come and go, until told to stop."""
 
     def __init__(self, config: ServiceConfig) -> None:
         self._config = config
-        self._parent = os.getppid()
         self._stopped = False
         self.dropped = 0
 
@@ -46,21 +44,17 @@ class Follower:
             return
         with session:
             listener = TurnListener(session, Topics(self._config.vehicle.name))
-            while self._goes_on:
+            while not self._stopped:
                 yield listener.take(_WAIT_S)
                 self.dropped = listener.dropped
             yield from _rest(listener)
             listener.close()
             self.dropped = listener.dropped
 
-    @property
-    def _goes_on(self) -> bool:
-        return not self._stopped and os.getppid() == self._parent
-
     def _connect(self) -> zenoh.Session | None:
         """Wait for the service, or its router, to be there; None if told to stop before."""
         section = operators_zenoh(self._config.zenoh)
-        while self._goes_on:
+        while not self._stopped:
             with contextlib.suppress(ConfigError):
                 return open_session(section)
             time.sleep(_CONNECT_PAUSE_S)
@@ -72,9 +66,3 @@ def _rest(listener: TurnListener) -> Iterator[list[Event]]:
     deadline = time.monotonic() + _DRAIN_S
     while time.monotonic() < deadline and (events := listener.take(_WAIT_S)):
         yield events
-
-
-def stop_on_signals(follower: Follower) -> None:
-    """End in an orderly way on Ctrl-C, SIGTERM and a closed terminal."""
-    for number in (signal.SIGTERM, signal.SIGINT, signal.SIGHUP):
-        signal.signal(number, follower.stop)

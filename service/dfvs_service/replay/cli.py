@@ -9,12 +9,13 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import run_command
 from dfvs_service.child import use_one_blas_thread
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
 
-EXIT_OK, EXIT_DIFFERS, EXIT_CANNOT_RUN = 0, 1, 2
+EXIT_OK, EXIT_DIFFERS = 0, 1
 _SHOW_S = 0.5
 
 _EXAMPLE = """\
@@ -34,13 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         use_one_blas_thread("dfvs_service.replay.cli")
     arguments = _parser().parse_args(argv)
-    try:
-        return _replay(arguments)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
-    except KeyboardInterrupt:
-        return 130
+    return run_command(lambda: _replay(arguments))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -5,14 +5,14 @@ from __future__ import annotations
 import argparse
 import json
 import os
-import signal
 import sys
 import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import run_command
 from dfvs_service.atomic_file import write_atomic
 from dfvs_service.child import use_one_blas_thread
 from dfvs_service.flights.store import FlightStore, flights_folder
@@ -23,7 +23,7 @@ from dfvs_service.settings_options import add_settings_options, settings_from
 if TYPE_CHECKING:
     from dfvs_service.report.flight import FlightSource, FlightView
 
-EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+EXIT_OK = 0
 _MCAP = ".mcap"
 _NICENESS = 10
 _SHOW_S = 0.5
@@ -46,14 +46,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     if argv is None:
         use_one_blas_thread("dfvs_service.report.cli")
         os.nice(_NICENESS)  # it may be made beside a flight
-        signal.signal(signal.SIGTERM, signal.default_int_handler)  # leaves no part of a film
-    try:
-        return _write(arguments)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
-    except KeyboardInterrupt:
-        return 130
+    return run_command(lambda: _write(arguments))
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -6,17 +6,17 @@ import argparse
 import contextlib
 import dataclasses
 import logging
-import signal
 import sys
 import threading
 from collections.abc import Sequence
 
-from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import handle_ending_signals, run_command
 from dfvs_core.wire.ros2 import Ros2Link
 from dfvs_service.config import ServiceConfig
 from dfvs_service.settings_options import add_settings_options, settings_from
 
-EXIT_OK, EXIT_CANNOT_RUN = 0, 2
+EXIT_OK = 0
 _EPILOG = """\
 examples:
   dfvs-ros2 --link rmw --config service.toml      ros2 topic echo /drone1/dfvs/setpoint
@@ -30,15 +30,13 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Relay until interrupted; returns the exit code."""
     arguments = _parser().parse_args(argv)
     logging.basicConfig(level=logging.WARNING, format="%(name)s: %(message)s")
+    return run_command(lambda: _run(arguments))
+
+
+def _run(arguments: argparse.Namespace) -> int:
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
-    try:
-        config = settings_from(arguments)
-        _relay(config, arguments, stop)
-    except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
+    handle_ending_signals(lambda *_: stop.set())
+    _relay(settings_from(arguments), arguments, stop)
     return EXIT_OK
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 import threading
 import time
@@ -11,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import handle_ending_signals
 from dfvs_core.teaching import TeachLimits
 from dfvs_core.wire.frame import Frame, decode_frame, decode_header
 from dfvs_service.config import ServiceConfig
@@ -61,8 +61,7 @@ def run(words: Sequence[str]) -> int:
         raise ConfigError(f"--overlap is {arguments.overlap:g}", "0.2 to 0.95")
     prepare_route_folder(arguments.out)
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    handle_ending_signals(lambda *_: stop.set())
     limits = TeachLimits(overlap=arguments.overlap)
     count = _teach(config, arguments.out, limits, stop)
     print(f"{count} goals in {arguments.out}")

@@ -4,9 +4,7 @@ from __future__ import annotations
 
 import importlib
 import multiprocessing
-import os
 import signal
-import threading
 from collections.abc import Callable, Iterator, Sequence
 from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
 from contextlib import AbstractContextManager, contextmanager
@@ -14,6 +12,7 @@ from dataclasses import dataclass
 from typing import Any, TypeVar
 
 from dfvs_core.errors import ConfigError
+from dfvs_sim.child import end_worker_with_parent
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
@@ -79,27 +78,32 @@ class Workforce:
                 for future in as_completed(futures):
                     yield _result(future)
             finally:
-                for future in futures:
-                    future.cancel()
+                if self.dask is not None:  # a pool of this machine ends its workers by itself
+                    for future in futures:
+                        future.cancel()
 
     def _executor(self) -> AbstractContextManager[Executor]:
         if self.dask is not None:
             return _dask_executor(self.dask)
-        context = multiprocessing.get_context("spawn")
-        return ProcessPoolExecutor(self.workers, context, initializer=_prepare_worker)
+        return _local_executor(self.workers)
+
+
+@contextmanager
+def _local_executor(workers: int) -> Iterator[Executor]:
+    context = multiprocessing.get_context("spawn")
+    with ProcessPoolExecutor(workers, context, initializer=_prepare_worker) as executor:
+        try:
+            yield executor
+        except BaseException:  # such as a signal to end: nobody waits for the jobs that run
+            for worker in multiprocessing.active_children():
+                worker.terminate()
+            raise
 
 
 def _prepare_worker() -> None:
     """End this worker at Ctrl-C, and when its parent ends: it would wait for ever otherwise."""
     signal.signal(signal.SIGINT, signal.SIG_DFL)
-    threading.Thread(target=_exit_after_parent, daemon=True).start()
-
-
-def _exit_after_parent() -> None:
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        parent.join()
-        os._exit(1)
+    end_worker_with_parent()
 
 
 def _result(future: Future[_Result]) -> _Result:

@@ -230,7 +230,7 @@ def run_trials(
         for record in run_jobs(left, args.runs, workforce):
             records.append(record)
             say(f"{trial_line(record)} {countdown.step()}")
-    except KeyboardInterrupt:
+    except (KeyboardInterrupt, SystemExit):
         say(f"interrupted: {len(records)} trials are in {args.runs}; --resume goes on")
         raise
     return records

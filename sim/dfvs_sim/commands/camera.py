@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import signal
 import sys
 import threading
 from typing import Any
@@ -15,6 +14,7 @@ import zenoh
 from dfvs_core.arrays import FloatArray
 from dfvs_core.errors import ConfigError
 from dfvs_core.goal import Mount
+from dfvs_core.lifecycle import handle_ending_signals
 from dfvs_core.poses import make_pose, rotation_from_euler
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import PixelFormat
@@ -80,8 +80,7 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Publish until interrupted; exit code 0."""
     stop = threading.Event()
-    for number in (signal.SIGINT, signal.SIGTERM):
-        signal.signal(number, lambda *_: stop.set())
+    handle_ending_signals(lambda *_: stop.set())
     if not 0.1 <= args.rate <= 240:
         raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
     mount = Mount(pitch_rad=math.radians(args.mount_pitch))

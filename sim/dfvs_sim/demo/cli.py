@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import signal
 import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import run_command
 from dfvs_sim.demo.cameras import CAMERAS
 from dfvs_sim.demo.conditions import (
     Conditions,
@@ -45,7 +45,7 @@ DOORWAY_ROUTE = ("0,-2,-1.3,90", "0,-1,-1.3,77", "0.1,-0.15,-1.3,47", "0.2,0.7,-
 """Start and goals in the two rooms: eastwards through the doorway, then round to the north."""
 
 
-EXIT_OK, EXIT_NOT_REACHED, EXIT_CANNOT_RUN = 0, 1, 2
+EXIT_OK, EXIT_NOT_REACHED = 0, 1
 _EPILOG = """examples:
   dfvs-demo                                     one flight in the built-in room
   dfvs-demo --runs 10 --json seeds.json         ten flights, seeds 0 to 9
@@ -62,19 +62,18 @@ def main(argv: Sequence[str] | None = None) -> int:
     """Fly; 0 if every flight converged, 1 if one did not, 2 if it cannot run."""
     words = tuple(sys.argv[1:] if argv is None else argv)
     args = _parser().parse_args(words)
+    return run_command(lambda: _run(args, words))
+
+
+def _run(args: argparse.Namespace, words: tuple[str, ...]) -> int:
     progress = Progress()
-    signal.signal(signal.SIGTERM, signal.default_int_handler)  # ends the flight as Ctrl-C does
     try:
         _check(args)
         if args.vehicles > 1:
             return _fly_fleet(args, words, progress)
         return _fly_all(args, progress)
-    except DfvsError as error:
-        progress.say(f"error: {error}")
-        return EXIT_CANNOT_RUN
-    except KeyboardInterrupt:
-        progress.say("interrupted")
-        return 130
+    finally:
+        progress.close()
 
 
 def _parser() -> argparse.ArgumentParser:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import json
-import signal
+import os
 import subprocess
 import sys
 import threading
@@ -13,6 +13,8 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.lifecycle import child_environment
+from dfvs_sim.child import end_all
 
 MOST_VEHICLES = 4
 NO_FLIGHT = "no flight"
@@ -111,7 +113,7 @@ def fly_together(members: Sequence[Member], say: Callable[[str], None]) -> list[
             thread.start()
         return [process.wait() for process in processes]
     finally:
-        _end(processes)
+        end_all(processes, _GRACE_S)
         for thread in relays:
             thread.join(_GRACE_S)
 
@@ -125,18 +127,6 @@ def _start(member: Member) -> subprocess.Popen[str]:
         stdout=subprocess.DEVNULL,
         stderr=subprocess.PIPE,
         text=True,
+        env=os.environ | child_environment(),
         start_new_session=True,
     )
-
-
-def _end(processes: Sequence[subprocess.Popen[str]]) -> None:
-    """Interrupt what still runs, and kill it where that does not help."""
-    for process in processes:
-        if process.poll() is None:
-            process.send_signal(signal.SIGINT)
-    for process in processes:
-        try:
-            process.wait(_GRACE_S)
-        except subprocess.TimeoutExpired:
-            process.kill()
-            process.wait()

@@ -13,9 +13,9 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.topics import Topics
 from dfvs_core.wire.picture import encode_png
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
+from dfvs_sim.child import Child
 from dfvs_sim.demo.anchor import FlightError, anchored_poses
 from dfvs_sim.demo.cameras import CameraLink, camera_link
-from dfvs_sim.demo.children import Child
 from dfvs_sim.demo.engagement import ENDED, READY, UNDER_WAY, Engagement, engagement_of
 from dfvs_sim.demo.floor import TakeOff
 from dfvs_sim.demo.identity import flown_system_id

@@ -6,8 +6,8 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
+from dfvs_sim.child import Child
 from dfvs_sim.demo.cameras import CameraLink
-from dfvs_sim.demo.children import Child
 from dfvs_sim.demo.options import FIRST_SYSTEM_ID, FlightOptions
 from dfvs_sim.demo.pace import service_threads
 from dfvs_sim.demo.ports import LOOPBACK, FlightPorts

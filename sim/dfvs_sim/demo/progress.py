@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import contextlib
 import math
 import sys
 from typing import TextIO
@@ -25,6 +26,14 @@ class Progress:
             self._stream.write("\n")
             self._open_line = False
         print(text, file=self._stream, flush=True)
+
+    def close(self) -> None:
+        """End the line that is rewritten, where the terminal is still there."""
+        if self._open_line:
+            with contextlib.suppress(OSError):
+                self._stream.write("\n")
+                self._stream.flush()
+        self._open_line = False
 
     def show(self, watch: TelemetryWatch, track: Track) -> None:
         """Show state, estimated and true error."""

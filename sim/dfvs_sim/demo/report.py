@@ -6,7 +6,7 @@ import json
 from pathlib import Path
 
 from dfvs_core.errors import DfvsError
-from dfvs_sim.demo.children import Child
+from dfvs_sim.child import Child
 from dfvs_sim.demo.engagement import option_values
 from dfvs_sim.demo.track import Track
 

@@ -19,6 +19,8 @@ from typing import TypeAlias
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.states import GateState
+from dfvs_core.lifecycle import exit_on_signals
+from dfvs_sim.child import end_worker_with_parent
 from dfvs_sim.faults import invariants
 from dfvs_sim.faults.case import run_case
 from dfvs_sim.faults.fault import NO_VERDICT, Fault, Outcome
@@ -35,6 +37,9 @@ Done: TypeAlias = "Queue[Result | None]"
 
 _ATTEMPTS = 3
 """A state that is not reached, on a busy machine say, is tried for again: it is no verdict."""
+
+_GRACE_S = 10.0
+"""For a worker to end its service and to remove its folder."""
 
 _LIFE = 30
 """Seeds of one setup share a rig, and what they survive a service, up to so many cases or more."""
@@ -125,15 +130,26 @@ def _run_groups(
         processes.append(context.Process(target=_work, args=arguments, daemon=False))
     for process in processes:
         process.start()
-    running = len(processes)
+    try:
+        _pass_on(done, len(processes), on_result)
+    except BaseException:  # such as a signal to end
+        for process in processes:
+            process.terminate()
+        raise
+    finally:
+        for process in processes:
+            process.join(_GRACE_S)
+            process.kill()
+
+
+def _pass_on(done: Done, running: int, on_result: Callable[[Result], None]) -> None:
+    """Pass on results until all workers have said that they are through."""
     while running:
         result = done.get()
         if result is None:
             running -= 1
         else:
             on_result(result)
-    for process in processes:
-        process.join()
 
 
 def lives(cases: Sequence[Case]) -> list[list[Case]]:
@@ -159,6 +175,8 @@ def lives(cases: Sequence[Case]) -> list[list[Case]]:
 
 def _work(number: int, todo: Todo, done: Done, until: float) -> None:
     """One worker process: rigs one after the other."""
+    exit_on_signals()
+    end_worker_with_parent()
     with contextlib.suppress(PermissionError):
         # What measures must not be late itself; the service's own processes start at 0 again.
         os.setpriority(os.PRIO_PROCESS, 0, -5)

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import contextlib
 import math
+import os
 import shutil
 import socket
 import subprocess
@@ -19,6 +20,7 @@ import numpy as np
 from dfvs_core.camera import CameraModel
 from dfvs_core.gate.states import GateState
 from dfvs_core.goal import GoalSidecar, Mount
+from dfvs_core.lifecycle import child_environment
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import PixelFormat
 from dfvs_core.wire.picture import encode_png
@@ -162,7 +164,8 @@ class Rig:
     def start_router(self) -> None:
         """Start a Zenoh router in a process of its own."""
         command = [sys.executable, "-m", "dfvs_sim.faults.router", self.endpoint]
-        self._router = subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE)
+        environment = os.environ | child_environment()
+        self._router = subprocess.Popen(command, stdout=subprocess.PIPE, env=environment)
         if self._router.stdout is None or self._router.stdout.readline() != b"ready\n":
             raise HarnessError("the Zenoh router does not start")
 

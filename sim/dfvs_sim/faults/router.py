@@ -3,22 +3,25 @@
 from __future__ import annotations
 
 import json
+import signal
 import sys
 
 import zenoh
 
+from dfvs_core.lifecycle import end_with_parent
 from dfvs_core.wire.zenoh_settings import zenoh_settings
 
 
 def main() -> None:
-    """Route until the standard input ends."""
+    """Route until killed, or until the process that started this is gone."""
+    end_with_parent()
     settings = zenoh.Config()
     for key, value in zenoh_settings("peer", (), (sys.argv[1],)):
         settings.insert_json5(key, value)
     settings.insert_json5("mode", json.dumps("router"))
     with zenoh.open(settings):
         print("ready", flush=True)
-        sys.stdin.read()
+        signal.pause()
 
 
 if __name__ == "__main__":

@@ -20,9 +20,10 @@ import zenoh
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.events import Action
+from dfvs_core.lifecycle import child_environment
 from dfvs_core.topics import Topics
 from dfvs_core.wire.command import Command, encode_command
-from dfvs_sim.demo.children import ONE_BLAS_THREAD
+from dfvs_sim.child import ONE_BLAS_THREAD
 
 KEY = b"the harness signs its orders so."
 """Secret of the signed commands of the harness."""
@@ -88,7 +89,7 @@ class ServiceProcess:
                 stdin=subprocess.DEVNULL,
                 stdout=subprocess.DEVNULL,
                 stderr=errors,
-                env=os.environ | ONE_BLAS_THREAD,
+                env=os.environ | ONE_BLAS_THREAD | child_environment(),
             )
         self._children: dict[str, int] = {}
 

@@ -9,6 +9,7 @@ from contextlib import contextmanager
 from dataclasses import dataclass, field
 from multiprocessing.pool import Pool
 
+from dfvs_sim.child import end_worker_with_parent
 from dfvs_sim.fuzz.gate_fuzz import Finding, Tally, live
 from dfvs_sim.fuzz.shrink import shrink
 
@@ -84,7 +85,7 @@ def _outcomes(workers: int, seed: int) -> Iterator[Iterator[Outcome]]:
         yield map(do, _jobs(seed))
         return
     pool: Pool
-    with multiprocessing.get_context("spawn").Pool(workers) as pool:
+    with multiprocessing.get_context("spawn").Pool(workers, end_worker_with_parent) as pool:
         yield _pooled(pool, _jobs(seed), workers)
 
 

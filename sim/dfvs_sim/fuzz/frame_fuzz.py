@@ -15,6 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from dfvs_core.frame_guard import Admission, Expected, GuardState, admit
+from dfvs_sim.child import end_worker_with_parent
 from dfvs_sim.fuzz.dice import Dice
 from dfvs_sim.fuzz.hostile_frames import CAMERA, CLOCK, NOW_NS, Corpus, HostileFrame
 
@@ -106,6 +107,11 @@ def corpus_of(seed: int) -> Corpus:
     return Corpus(np.random.default_rng(seed))
 
 
+def _prepare_worker() -> None:
+    end_worker_with_parent()
+    quiet_decoder()
+
+
 def quiet_decoder() -> None:
     """Send what libjpeg and libpng print about each broken picture to nowhere."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
@@ -158,7 +164,7 @@ def feed_all(
     """Feed so many frames to decoders in processes of their own, which a broken one may end."""
     total, first = FrameOutcome(), 0
     context = multiprocessing.get_context("spawn")
-    with ProcessPoolExecutor(workers, context, initializer=quiet_decoder) as pool:
+    with ProcessPoolExecutor(workers, context, initializer=_prepare_worker) as pool:
         while first < count and len(total.flaws) < MOST_FLAWS:
             jobs: list[FrameJob] = []
             while len(jobs) < 2 * workers and first < count:

@@ -13,7 +13,7 @@ import numpy as np
 from dfvs_core.arrays import FloatArray
 from dfvs_core.poses import pose_error
 from dfvs_core.wire.picture import encode_png
-from dfvs_sim.demo.children import Child
+from dfvs_sim.child import Child
 from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
 from dfvs_sim.demo.flight import (
     VEHICLE_NAME,

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import signal
 import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
@@ -11,6 +10,7 @@ from types import FrameType
 
 import numpy as np
 
+from dfvs_core.lifecycle import handle_ending_signals
 from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts, wait_for_data
 from dfvs_sim.vehicle.px4 import STEP_NS, Journal, Px4
@@ -103,13 +103,12 @@ def true_pose(px4: Px4, start_m: tuple[float, float, float]) -> dict[str, object
 
 
 def stop_on_signals() -> Callable[[], bool]:
-    """Arrange that SIGINT and SIGTERM end the loop; returns the question to ask."""
+    """Arrange that the signals to end a process end the loop; returns the question to ask."""
     asked = False
 
     def ask(signum: int, frame: FrameType | None) -> None:
         nonlocal asked
         asked = True
 
-    signal.signal(signal.SIGINT, ask)
-    signal.signal(signal.SIGTERM, ask)
+    handle_ending_signals(ask)
     return lambda: asked

@@ -9,7 +9,7 @@ from pathlib import Path
 import numpy as np
 import pytest
 import zenoh
-from loopback import free_endpoint
+from loopback import free_endpoint, listening_peer
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.schema import parse
@@ -135,3 +135,19 @@ def test_a_camera_that_is_unplugged_is_waited_for(listener):
     process.terminate()
     assert ended(process)[0] == 0
     assert "trying again" in "".join(lines)
+
+
+def test_a_camera_that_nobody_receives_ends_where_somebody_must(folder):
+    with listening_peer() as (_, endpoint):
+        words = ("--source", folder, "--loop", "--require-subscriber", "1", "--connect", endpoint)
+        code, _, err = ended(camera(*words, "--vehicle", TOPICS.vehicle))
+    assert code == 2
+    assert "nobody receives dfvs/filmed/camera" in err.splitlines()[-1]
+
+
+def test_a_camera_that_is_received_goes_on(listener, folder):
+    words = ("--source", folder, "--loop", "--rate", 50, "--frames", 100)
+    where = ("--vehicle", TOPICS.vehicle, "--connect", listener.endpoint)
+    code, _, err = ended(camera(*words, *where, "--require-subscriber", "1"))
+    assert code == 0, err
+    assert "nobody receives" not in err

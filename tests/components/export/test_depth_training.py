@@ -12,7 +12,7 @@ import torch
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_export.depth_loss import Truth, depth_loss
 from dfvs_export.depth_views import DepthViewReader, normals_of
-from dfvs_export.depth_weights import DepthWeights, load_depth_weights, save_depth_weights
+from dfvs_export.depth_weights import TrainedDepth, load_depth_weights, save_depth_weights
 from dfvs_export.networks.depth import DepthNet, Prediction
 from dfvs_export.pairs import RoomFolder
 from dfvs_export.train_depth import DepthTrainSettings, train_depth
@@ -37,7 +37,7 @@ def folder(tmp_path_factory):
 def checkpoint(tmp_path_factory):
     torch.manual_seed(0)
     path = tmp_path_factory.mktemp("weights") / "drawn.pt"
-    save_depth_weights(path, DepthWeights(DepthNet().state_dict(), "drawn", "None."))
+    save_depth_weights(path, TrainedDepth(DepthNet().state_dict(), "drawn", "None."))
     return path
 
 

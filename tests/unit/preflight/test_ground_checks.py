@@ -1,7 +1,9 @@
 """Each check that needs nothing but this machine, with what makes it fail."""
 
 import dataclasses
+import io
 import json
+import re
 
 import numpy as np
 import pytest
@@ -13,6 +15,7 @@ from dfvs_core.gate.config import MS
 from dfvs_core.gate.preflight import Check
 from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_service.config import load_config
+from dfvs_service.console import shows_colours
 from dfvs_service.key_file import create_key
 from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.check import check_camera_and_model
@@ -168,10 +171,53 @@ def test_the_table_says_what_to_do_for_each_cross():
     assert CheckReport("swift", (GOOD,)).to_text().endswith("swift: all checks pass")
 
 
-@pytest.mark.parametrize(("checks", "ok"), [((GOOD,), True), ((BAD,), False), ((ADVICE,), False)])
-def test_any_cross_counts_advice_included(checks, ok):
+@pytest.mark.parametrize(
+    ("checks", "ok", "status"),
+    [((GOOD,), True, "pass"), ((BAD,), False, "failure"), ((ADVICE,), True, "warning")],
+)
+def test_a_warning_is_no_failure(checks, ok, status):
     report = CheckReport("swift", checks)
     assert report.ok is ok
     document = json.loads(report.to_json())
     assert document["ok"] is ok
     assert document["checks"][0]["name"] == checks[0].name
+    assert document["checks"][0]["status"] == status
+
+
+def test_what_depends_on_a_failed_check_waits_for_it_and_is_not_ticked():
+    lost = Check("link", False, "no heartbeat", "check the cable")
+    checks = (lost, Check("battery", False, "unknown"), Check("watch", True), Check("frames", True))
+    report = CheckReport("swift", (*checks, Check("goal", True, "overlap 40%")))
+    assert report.to_text().splitlines() == [
+        "✗ link     no heartbeat",
+        "           → check the cable",
+        "… battery  waiting for link",
+        "… watch    waiting for link",
+        "✓ frames",
+        "✓ goal     overlap 40%",
+        "swift: 1 of 5 checks fail, 2 waiting",
+    ]
+    assert not report.ok
+
+
+@pytest.mark.parametrize(
+    ("is_terminal", "environment", "shown"),
+    [
+        (True, {}, True),
+        (False, {}, False),
+        (True, {"NO_COLOR": "1"}, False),
+        (True, {"NO_COLOR": ""}, True),
+        (True, {"TERM": "dumb"}, False),
+    ],
+)
+def test_colours_are_for_terminals_that_want_them(is_terminal, environment, shown):
+    stream = io.StringIO()
+    stream.isatty = lambda: is_terminal
+    assert shows_colours(stream, environment) is shown
+
+
+def test_a_coloured_table_has_the_same_words():
+    report = CheckReport("swift", (GOOD, BAD, ADVICE))
+    coloured = report.to_text(colours=True)
+    assert "\x1b[31m✗\x1b[0m battery" in coloured
+    assert re.sub(r"\x1b\[\d+m", "", coloured) == report.to_text()

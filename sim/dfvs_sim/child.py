@@ -1,20 +1,46 @@
-"""Child processes of a flight: started with their output in a file, ended for certain."""
+"""Child processes: they end with this one, and for certain when their context is left."""
 
 from __future__ import annotations
 
+import contextlib
+import multiprocessing
 import os
-import signal
 import subprocess
 import sys
+import time
+from collections.abc import Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Self
+from typing import Any, Self
+
+from dfvs_core.lifecycle import child_environment, end_with_parent
 
 ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """The simulator's matrices are small: BLAS threads would only spin beside the real work."""
 
 _GRACE_S = 4.0
 _TAIL_LINES = 6
+
+
+def end_worker_with_parent() -> None:
+    """Have a worker process of ``multiprocessing`` end when its parent is gone."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        end_with_parent(parent.pid)
+
+
+def end_all(processes: Sequence[subprocess.Popen[Any]], grace_s: float) -> None:
+    """End what still runs: SIGTERM to all, and SIGKILL to those that run on after the grace."""
+    for process in processes:
+        if process.poll() is None:
+            process.terminate()
+    deadline = time.monotonic() + grace_s
+    for process in processes:
+        try:
+            process.wait(max(deadline - time.monotonic(), 0.0))
+        except subprocess.TimeoutExpired:
+            process.kill()
+            process.wait()
 
 
 class Child:
@@ -26,11 +52,11 @@ class Child:
         For messages and the log file.
     arguments : list of str
         After ``python -m``: module and its arguments.
-    log : Path
-        Takes what the process prints.
+    log : Path, optional
+        Takes what the process prints, which otherwise goes where this one prints.
     """
 
-    def __init__(self, name: str, arguments: list[str], log: Path) -> None:
+    def __init__(self, name: str, arguments: list[str], log: Path | None = None) -> None:
         self.name = name
         self.log = log
         self._arguments = [sys.executable, "-m", *arguments]
@@ -38,13 +64,14 @@ class Child:
 
     def __enter__(self) -> Self:
         """Start it."""
-        with self.log.open("wb") as output:
+        with contextlib.ExitStack() as stack:
+            output = None if self.log is None else stack.enter_context(self.log.open("wb"))
             self._process = subprocess.Popen(
                 self._arguments,
                 stdin=subprocess.DEVNULL,
                 stdout=output,
                 stderr=output,
-                env=os.environ | ONE_BLAS_THREAD,
+                env=os.environ | ONE_BLAS_THREAD | child_environment(),
             )
         return self
 
@@ -55,14 +82,8 @@ class Child:
         trace: TracebackType | None,
     ) -> None:
         """End it: SIGTERM, and SIGKILL where that does not help."""
-        if self._process is None or self._process.poll() is not None:
-            return
-        self._process.send_signal(signal.SIGTERM)
-        try:
-            self._process.wait(_GRACE_S)
-        except subprocess.TimeoutExpired:
-            self._process.kill()
-            self._process.wait()
+        if self._process is not None:
+            end_all([self._process], _GRACE_S)
 
     @property
     def pid(self) -> int:
@@ -85,5 +106,7 @@ class Child:
 
     def last_lines(self) -> str:
         """End of what it printed."""
+        if self.log is None:
+            return ""
         lines = self.log.read_text(encoding="utf-8", errors="replace").strip().splitlines()
         return "\n".join(lines[-_TAIL_LINES:])

@@ -1,0 +1,118 @@
+"""Every command, however it is ended, takes along all that it started.
+
+``DFVS_ENDINGS=100`` ends every command so many times, in one way after the other.
+"""
+
+import itertools
+import os
+import socket
+
+import numpy as np
+import pytest
+from loopback import free_endpoint, free_tcp_port, listening_peer
+from recorded_flight import fly
+from started_commands import Command, Started, zenoh_words
+from textured_wall import texture
+
+from dfvs_core.wire.picture import encode_png
+from dfvs_core.wire.turn import Opening
+from dfvs_service.record.recorder import Recorder, RecordLimits
+
+ENDINGS = ("SIGTERM", "SIGINT", "SIGHUP", "SIGKILL", "parent")
+COUNT = int(os.environ.get("DFVS_ENDINGS", len(ENDINGS)))
+
+
+def free_udp():
+    with socket.socket(socket.AF_INET, socket.SOCK_DGRAM) as probe:
+        probe.bind(("127.0.0.1", 0))
+        return f"udpin://127.0.0.1:{probe.getsockname()[1]}"
+
+
+@pytest.fixture(scope="module")
+def data(tmp_path_factory):
+    """Goal picture and recording."""
+    folder = tmp_path_factory.mktemp("data")
+    rng = np.random.default_rng(3)
+    (folder / "goal.png").write_bytes(encode_png(texture(rng)[:240, :320].astype(np.uint8)))
+    flight = fly(rng, frames=24)
+    recorder = Recorder(folder, "flight", RecordLimits(free_bytes=0), lambda: 0, print)
+    for message, payload in flight.events:
+        add = recorder.open if isinstance(message, Opening) else recorder.add
+        add(message, payload)
+    recorder.close()
+    return folder
+
+
+@pytest.fixture(scope="module")
+def endpoint():
+    """Where a service would listen."""
+    with listening_peer() as (_, endpoint):
+        yield endpoint
+
+
+def service(data, _endpoint, *words, runs="dfvs_service.gate"):
+    own = ("--camera-fov", "60", "--model", "classical", "--mavlink", free_udp())
+    goal = ("--goal", str(data / "goal.png"))
+    words = (*goal, *own, *zenoh_words(free_endpoint()), *words)
+    return Command(("dfvs_service.cli", *words), runs=runs)
+
+
+def beside(module, says="", *words):
+    """Make a command that needs nothing but the service's Zenoh endpoint."""
+    return lambda _, endpoint: Command((module, *words, *zenoh_words(endpoint)), says)
+
+
+def bench(_data, _endpoint):
+    words = ("lockstep", "--seeds", "1-100", "--workers", "2")
+    return Command(("dfvs_sim.bench_cli", *words), runs="spawn_main")
+
+
+COMMANDS = {
+    "service": lambda d, e: service(d, e, "--record", "recordings", runs="dfvs_service.flights"),
+    "service --check": lambda d, e: service(d, e, "--check", "--check-timeout", "60"),
+    "demo": lambda _, e: Command(("dfvs_sim.demo.cli", "--size", "192x144"), runs="dfvs_sim.cli"),
+    "demo --vehicles": lambda _, e: Command(
+        ("dfvs_sim.demo.cli", "--vehicles", "2", "--size", "192x144"), runs="dfvs_sim.cli"
+    ),
+    "sim": lambda _, e: Command(("dfvs_sim.cli",), "waiting for a vehicle", "camera"),
+    "sim fuzz": lambda _, e: Command(
+        ("dfvs_sim.cli", "fuzz", "gate", "--events", "9999999", "--workers", "2"), runs="spawn_main"
+    ),
+    "camera": lambda d, e: Command(
+        ("dfvs_service.camera.cli", "--source", str(d / "goal.png"), "--loop", "--connect", e),
+        "publishing on",
+    ),
+    "dashboard": lambda _, e: Command(
+        ("dfvs_service.dashboard.cli", "--connect", e, "--port", str(free_tcp_port())),
+        "dashboard at",
+    ),
+    "record": beside("dfvs_service.record.cli", "recording", "--out", "recordings"),
+    "foxglove": beside("dfvs_service.live.foxglove_cli", "serving", "--port", "0"),
+    "metrics": beside("dfvs_service.live.metrics_cli", "serving", "--port", "0"),
+    "ros2": beside("dfvs_service.ros2.cli", "publishing"),
+    "replay": lambda d, e: Command(
+        ("dfvs_service.replay.cli", str(d / "flight-000.mcap"), "--bundle", "dfvs-flow"),
+        loads="onnxruntime",
+    ),
+    "bench": bench,
+    "export": lambda _, e: Command(
+        ("dfvs_export.cli", "bench", "dfvs-flow", "--runs", "9999"), runs="spawn_main"
+    ),
+}
+
+
+@pytest.mark.slow
+@pytest.mark.parametrize("name", COMMANDS)
+def test_nothing_is_left_of_a_command_that_was_ended(name, data, endpoint, tmp_path):
+    for number, how in enumerate(itertools.islice(itertools.cycle(ENDINGS), COUNT)):
+        started = Started(COMMANDS[name](data, endpoint), tmp_path / str(number))
+        try:
+            started.await_work()
+            started.end(how)
+            assert not started.left_ports(), how
+            assert how == "SIGKILL" or not started.left_files(), how
+            # A worker that is ended in the middle of its start may complain.
+            is_plain = "spawn_main" not in started.command.runs
+            assert not (is_plain and "Traceback" in started.output), (how, started.output)
+        finally:
+            started.close()
