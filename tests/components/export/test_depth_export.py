@@ -4,19 +4,19 @@ seeded random ones, and what is tested is the path, the parity with torch and th
 import importlib.util
 import json
 import sys
-import types
 
 import numpy as np
 import pytest
 import torch
-from torch import nn
 
 from dfvs_core.camera import CameraModel
 from dfvs_export.check import drawn_pairs
 from dfvs_export.cli import main
 from dfvs_export.depth import ANYTHING, DENSE, MIDAS, DepthModel, DepthWeights, Spreads
 from dfvs_export.depth_command import PARITY_LIMIT, parity
+from dfvs_export.depth_weights import TrainedDepth, load_depth_weights, save_depth_weights
 from dfvs_export.networks.densedepth import DenseDepth
+from dfvs_export.networks.depth import DepthNet
 from dfvs_models.bundle import Bundle, read_bundle
 from dfvs_models.catalog import load_depth
 from dfvs_models.depth import DepthNetwork
@@ -25,29 +25,20 @@ from dfvs_models.onnx_session import Execution
 SMALL = (64, 64)
 
 
-class TinyDepth(nn.Module):
-    """Stands in for dfvs-depth: the same inputs and outputs, at once."""
-
-    def __init__(self) -> None:
-        super().__init__()
-        torch.manual_seed(3)
-        self.first = nn.Conv2d(3, 16, 3, stride=2, padding=1)
-        self.middle = nn.Conv2d(16, 16, 3, padding=1)
-        self.last = nn.Conv2d(16, 2, 3, padding=1)
-
-    def forward(self, image, focal):
-        found = self.last(self.middle(self.first(image).relu()).relu())
-        return found[:, 0].exp() * focal[:, :, None], found[:, 1].sigmoid()
+def checkpoint(path, bias=0.0):
+    """Weights of dfvs-depth as they are drawn, with something added to its output."""
+    torch.manual_seed(3)
+    network = DepthNet()
+    with torch.no_grad():
+        network.head.bias += bias
+    save_depth_weights(path, TrainedDepth(network.state_dict(), "drawn", "None."))
+    return ["--model", "dfvs-depth", "--checkpoint", str(path)]
 
 
 @pytest.fixture
-def own(monkeypatch, tmp_path):
-    """Arguments that convert the stand-in."""
-    module = types.ModuleType("dfvs_export.networks.depth")
-    module.load_depth = lambda _: TinyDepth()
-    monkeypatch.setitem(sys.modules, module.__name__, module)
-    (tmp_path / "depth.pt").write_bytes(b"")
-    return ["--model", "dfvs-depth", "--checkpoint", str(tmp_path / "depth.pt")]
+def own(tmp_path):
+    """Arguments that convert dfvs-depth."""
+    return checkpoint(tmp_path / "depth.pt")
 
 
 @pytest.fixture(scope="module")
@@ -73,7 +64,7 @@ def test_our_network_becomes_a_bundle_that_the_service_loads(own, tmp_path, caps
     camera = CameraModel.from_horizontal_fov(320, 240, 1.2)
     image = drawn_pairs((320, 240), 1, 5)[0][0]
     found = network.estimate(image, camera)
-    wanted, _ = TinyDepth()(
+    wanted, _ = load_depth_weights(tmp_path / "depth.pt").network()(
         torch.from_numpy(image.transpose(2, 0, 1)[None].astype(np.float32) / 255.0),
         torch.tensor([[camera.fx / 320]], dtype=torch.float32),
     )
@@ -107,17 +98,13 @@ def test_check_compares_with_torch(own, tmp_path, capsys):
     assert "not compared" in json.loads(capsys.readouterr().out)["torch"]
 
 
-def test_check_tells_a_bundle_of_other_weights(own, tmp_path, monkeypatch, capsys):
+def test_check_tells_a_bundle_of_other_weights(own, tmp_path, capsys):
     out = tmp_path / "bundle"
     main(["depth", *own, "--out", str(out)])
     capsys.readouterr()
 
-    class Other(TinyDepth):
-        def forward(self, image, focal):
-            return tuple(1.01 * each for each in super().forward(image, focal))
-
-    monkeypatch.setattr(sys.modules["dfvs_export.networks.depth"], "load_depth", lambda _: Other())
-    assert main(["check", str(out), *own, "--count", "1", "--json"]) == 1
+    other = checkpoint(tmp_path / "other.pt", bias=0.01)
+    assert main(["check", str(out), *other, "--count", "1", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["greatest_difference"] > PARITY_LIMIT
 
 
