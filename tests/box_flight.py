@@ -110,7 +110,7 @@ class BoxFlight:
         """Go on to another goal at the same place."""
         here = self._matcher.T_world_camera
         self._matcher.T_world_camera = Mount().T_body_camera()
-        self._pipeline.aim(self._task, self._pipeline.prepare(self._goal))
+        self._pipeline.set_goal(self._task, self._pipeline.prepare(self._goal))
         self._matcher.T_world_camera = here
 
     def step(self, velocity, error, rate_error=None):
