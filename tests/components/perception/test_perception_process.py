@@ -294,7 +294,10 @@ def test_sigterm_ends_it_at_once(rig):
 
 
 def test_it_does_not_outlive_the_service_that_started_it(tmp_path, rng):
-    code = "import subprocess, sys; subprocess.call(sys.argv[1:])"
+    code = (
+        "import os, subprocess, sys; from dfvs_core.lifecycle import child_environment; "
+        "subprocess.call(sys.argv[1:], env=os.environ | child_environment())"
+    )
     rig = Rig(tmp_path, Wall(texture(rng)).picture(), launcher=(sys.executable, "-c", code))
     try:
         rig.report()  # it is up
