@@ -127,7 +127,8 @@ def _size(image: ImageArray) -> str:
 
 def _height(image: ImageArray) -> int:
     height, width = image.shape[:2]
-    return round(height * _WIDTH / width)
+    scaled: int = round(height * _WIDTH / width)
+    return scaled
 
 
 def _scaled(image: ImageArray) -> ImageArray:
