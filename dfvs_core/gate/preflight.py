@@ -15,6 +15,7 @@ from dfvs_core.gate.vehicle import (
     link_fault,
     watch_fault,
 )
+from dfvs_core.wire.link import MOUNTING_SCORE
 
 
 @dataclass(frozen=True, slots=True)
@@ -22,7 +23,8 @@ class Check:
     """One line of the preflight list.
 
     ``detail`` says what is wrong, or what was found where all is well; ``remedy`` what to do about
-    it. What is not ``binding`` is advice: it is shown, and refuses nothing.
+    it. What is not ``binding`` is advice: it is shown, and refuses nothing. Of what is ``pending``
+    nothing is known yet: it refuses nothing either, and does not count as passed.
     """
 
     name: str
@@ -30,6 +32,7 @@ class Check:
     detail: str = ""
     remedy: str = ""
     binding: bool = True
+    pending: bool = False
 
     @property
     def refuses(self) -> bool:
@@ -153,6 +156,9 @@ def _overlap(sight: Sight, config: GateConfig) -> Check:
 
 def _mounting(sight: Sight) -> Check:
     """Refuse a camera whose images turn about another axis than the vehicle does."""
-    if (fault := sight.mounting_fault()) is None:
-        return Check("mounting", True)
-    return Check("mounting", False, f"{fault[0]}: {fault[1]}", _MOUNTING)
+    if (fault := sight.mounting_fault()) is not None:
+        return Check("mounting", False, f"{fault[0]}: {fault[1]}", _MOUNTING)
+    score = None if sight.good is None else sight.good.mounting_score
+    if score is None or score < MOUNTING_SCORE:
+        return Check("mounting", True, "not known before the vehicle tilts", pending=True)
+    return Check("mounting", True, f"right by {score:.0f} standard deviations")

@@ -14,11 +14,14 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, OnDone
 from dfvs_core.gate.events import Action
 from dfvs_core.goal import Goal, GoalSidecar, Mount
 from dfvs_core.lifecycle import run_command
+from dfvs_core.wire.picture import encode_png
+from dfvs_service.atomic_file import write_atomic
 from dfvs_service.calibration_file import with_calibration, with_intrinsics
 from dfvs_service.config import ServiceConfig
 from dfvs_service.config_text import toml_text
@@ -181,6 +184,12 @@ def _flight_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--json", action="store_true", help="print the result of --check as JSON")
     parser.add_argument(
+        "--picture",
+        type=Path,
+        metavar="FILE.png",
+        help="with --check: draw goal, frame, flow and the command that would follow",
+    )
+    parser.add_argument(
         "--runtime-dir", type=Path, metavar="DIR", help="keep sockets and logs here"
     )
     parser.add_argument(
@@ -203,6 +212,7 @@ def _fly(words: Sequence[str]) -> int:
             "record.folder": None if arguments.record is None else str(arguments.record.absolute()),
         },
     )
+    _check_picture(arguments)
     first, *others = route_pictures(arguments.goal)
     if arguments.check:
         return _check(config, first, arguments)
@@ -227,6 +237,7 @@ def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) 
     from dfvs_service.preflight.check import check_camera_and_model, check_everything
 
     read_picture(picture)  # a goal that cannot be read is no cross, but nothing to check by
+    drawn: list[ImageArray] = []
     try:
         config, goal = _resolve(config, picture)
     except DfvsError as error:
@@ -234,10 +245,26 @@ def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) 
     else:
         _check_ports(config)
         with _runtime(arguments.runtime_dir) as runtime:
-            report = check_everything(config, goal, runtime, arguments.check_timeout)
+            show = None if arguments.picture is None else drawn.append
+            report = check_everything(config, goal, runtime, arguments.check_timeout, show=show)
+    if drawn:
+        write_atomic(arguments.picture, encode_png(drawn[0]))
+    elif arguments.picture is not None:
+        print("warning: no picture, since nothing was seen: mend what fails", file=sys.stderr)
     colours = shows_colours(sys.stdout, os.environ)
     print(report.to_json() if arguments.json else report.to_text(colours=colours))
     return EXIT_OK if report.ok else EXIT_ENDED
+
+
+def _check_picture(arguments: argparse.Namespace) -> None:
+    """Refuse a picture that could not be written, before the check takes its time."""
+    path = arguments.picture
+    if path is None:
+        return
+    if not arguments.check:
+        raise ConfigError("--picture without --check", "both, or neither")
+    if path.suffix.lower() != ".png" or not os.access(path.parent, os.W_OK):
+        raise ConfigError(f"--picture is {str(path)!r}", "a .png in a folder that can be written")
 
 
 def _resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]:

@@ -15,6 +15,7 @@ from dfvs_sim.commands import (
     fuzz,
     goal,
     pairs,
+    pilot,
     room,
     soak,
     vehicle,
@@ -26,6 +27,7 @@ _EPILOG = """examples:
   dfvs-sim goal --pose 0.5,-1,-1.3,40 --out goal.png  a goal picture with its sidecar
   dfvs-sim vehicle --record flight.jsonl              the vehicle alone
   dfvs-sim camera --mavlink udpin://127.0.0.1:14550   the camera alone, beside any PX4
+  dfvs-sim pilot                                      fly it by words: arm, takeoff, offboard ...
 """
 
 
@@ -39,7 +41,8 @@ def main(argv: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     subparsers = parser.add_subparsers(metavar="COMMAND")
-    commands = (vehicle, camera, goal, room, pairs, faults, answers, fuzz, soak, bench_renderer)
+    flying = (vehicle, camera, pilot, goal)
+    commands = (*flying, room, pairs, faults, answers, fuzz, soak, bench_renderer)
     for command in commands:
         command.add_parser(subparsers)
     world.add_options(parser)

@@ -71,8 +71,27 @@ def watch_calibration(
     )
 
 
-def await_camera(config: ServiceConfig) -> CameraModel | None:
+def open_as_service(config: ServiceConfig) -> zenoh.Session:
+    """Session of the service itself, which listens where its settings say.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be opened, such as where another service runs.
+    """
+    return open_session(config.zenoh, (config.vehicle.name,))
+
+
+def await_camera(
+    config: ServiceConfig, open_link: Callable[[ServiceConfig], zenoh.Session] = open_as_service
+) -> CameraModel | None:
     """Camera that announces itself within ``camera.announced_s``, None if none does.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+    open_link : callable
+        Opens the session to listen on.
 
     Raises
     ------
@@ -83,7 +102,7 @@ def await_camera(config: ServiceConfig) -> CameraModel | None:
         return None
     intake = make_intake(config, clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii")))
     heard: queue.Queue[CameraModel | DfvsError] = queue.Queue()
-    with open_session(config.zenoh, (config.vehicle.name,)) as session:
+    with open_link(config) as session:
         # Closing the session ends the subscription; the reference keeps it until then.
         _subscriber = watch_calibration(session, intake, heard.put)
         try:

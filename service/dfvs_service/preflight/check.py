@@ -4,10 +4,13 @@ from __future__ import annotations
 
 import signal
 import time
+from collections.abc import Callable
 
+from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.preflight import Check
 from dfvs_core.goal import Goal
+from dfvs_core.topics import Topics
 from dfvs_service.config import ServiceConfig
 from dfvs_service.parent import Parent, Programs, prepare_runtime, supervise
 from dfvs_service.perception.assembly import flow_matcher
@@ -20,9 +23,12 @@ from dfvs_service.preflight.ground import (
     model_check,
     speed_check,
 )
+from dfvs_service.preflight.live_view import LiveView
+from dfvs_service.preflight.picture import draw_picture
 from dfvs_service.preflight.report import CheckReport
 from dfvs_service.preflight.watch_only import Observer, watching
 from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.zenoh_session import inner_zenoh
 
 _ERROR = "error: "
 
@@ -40,9 +46,11 @@ def check_everything(
     goal: Goal,
     runtime: RuntimeFolder,
     timeout_s: float,
-    programs: Programs | None = None,
+    show: Callable[[ImageArray], None] | None = None,
 ) -> CheckReport:
     """Check camera, model and settings, then watch camera and vehicle for a while.
+
+    ``show`` takes a picture (H, W, 3) of what was seen; there is none where no model works.
 
     Raises
     ------
@@ -58,7 +66,14 @@ def check_everything(
     if settled != config:
         config, matcher = settled, flow_matcher(settled.flow)
     speed = speed_check(config, matcher, goal, time.monotonic_ns)
-    found = _watch(config, goal, runtime, timeout_s, programs or Programs())
+    topics = Topics(config.vehicle.name)
+    live = None if show is None else LiveView(inner_zenoh(config.zenoh, runtime), topics)
+    try:
+        found = _watch(config, goal, runtime, timeout_s)
+    finally:
+        view = None if live is None else live.close()
+    if show is not None and view is not None:
+        show(draw_picture(goal.image, view, config.servo.min_confidence))
     checks = (*first, speed, *_settings_checks(config), *found)
     return CheckReport(config.vehicle.name, checks)
 
@@ -72,12 +87,11 @@ def _watch(
     goal: Goal,
     runtime: RuntimeFolder,
     timeout_s: float,
-    programs: Programs,
 ) -> tuple[Check, ...]:
     """Checks of the gate itself, once they pass or the time is up."""
     prepare_runtime(runtime, watching(config), goal)
     observer = Observer(timeout_s)
-    parent = Parent(runtime, programs, observer)
+    parent = Parent(runtime, Programs(), observer)
     observer.end = lambda: parent.stop(signal.SIGTERM, None)
     supervise(parent)
     if not observer.is_done or not observer.checks:

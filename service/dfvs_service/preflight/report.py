@@ -44,13 +44,13 @@ class CheckReport:
 
     @property
     def ok(self) -> bool:
-        """Tell whether nothing fails or waits; warnings are no failures."""
-        statuses = {self.status(check) for check in self.checks}
+        """Tell whether nothing fails, or waits for what fails; warnings are no failures."""
+        statuses = {self.status(check) for check in self.checks if not check.pending}
         return statuses <= {Status.PASS, Status.WARNING}
 
     def status(self, check: Check) -> Status:
-        """Status of one of the checks; it waits where the check that it needs has failed."""
-        if self._awaited(check):
+        """Status of one of the checks; it waits where nothing is known to judge it by."""
+        if check.pending or self._awaited(check):
             return Status.WAITING
         if check.ok:
             return Status.PASS

@@ -15,7 +15,17 @@ import numpy as np
 from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.warping import flow_at_size
-from dfvs_service.perception.preview import DOUBTFUL, SURE, draw_flow
+from dfvs_service.perception.preview import draw_flow
+from dfvs_service.picture_drawing import (
+    INK,
+    LINE_PX,
+    PAPER,
+    SOFT,
+    WHITE,
+    draw_flow_key,
+    resized,
+    write_text,
+)
 from dfvs_service.report.flight import Flight, FlightView
 from dfvs_service.report.series import FlightSeries, value_at
 
@@ -24,7 +34,6 @@ _VIEW_WIDTH, _SIDE_WIDTH = 480, 240
 _ARROW_STRIDE_PX = 48
 _OLD_S = 0.3
 """A view that is older is shown with its age."""
-_PAPER, _INK, _SOFT = (22, 27, 34), (230, 237, 243), (145, 152, 161)
 _COLOURS = {
     "SERVO": (9, 105, 218),
     "HOLD": (191, 135, 0),
@@ -33,7 +42,6 @@ _COLOURS = {
     "ENGAGE": (130, 80, 223),
 }
 _GREY = (110, 119, 129)
-_LINE_PX = 19
 
 
 class FilmError(ConfigError):
@@ -134,7 +142,7 @@ class FilmWriter:
 
     def _drawn(self, view: FlightView) -> ImageArray:
         size = (self._height, _VIEW_WIDTH)
-        image = _resized(view.image, size)
+        image = resized(view.image, size)
         limits = self._flight.limits
         if view.flow is None or limits is None:
             return image
@@ -144,19 +152,19 @@ class FilmWriter:
     def _frame(self, picture: ImageArray, view: FlightView, now_s: float) -> ImageArray:
         """Frame (H, W, 3) RGB of a time."""
         height = self._height
-        frame = np.full((height, _VIEW_WIDTH + _SIDE_WIDTH, 3), _PAPER, np.uint8)
+        frame = np.full((height, _VIEW_WIDTH + _SIDE_WIDTH, 3), PAPER, np.uint8)
         frame[:, :_VIEW_WIDTH] = picture
         goal = self._flight.goal_at(now_s)
         top = 0
         if goal is not None:
             goal_height = round(goal.shape[0] * _SIDE_WIDTH / goal.shape[1])
             top = min(goal_height, height // 2)
-            frame[:top, _VIEW_WIDTH:] = _resized(goal, (top, _SIDE_WIDTH))
-            _write(frame, "goal", (_VIEW_WIDTH + 8, top - 8), (255, 255, 255), shaded=True)
+            frame[:top, _VIEW_WIDTH:] = resized(goal, (top, _SIDE_WIDTH))
+            write_text(frame, "goal", (_VIEW_WIDTH + 8, top - 8), WHITE, shaded=True)
         age_s = now_s - view.t_s
         if not age_s <= _OLD_S:
             age = f"view {age_s:.1f} s old" if math.isfinite(age_s) else "no view yet"
-            _write(frame, age, (8, 18), (255, 255, 255), shaded=True)
+            write_text(frame, age, (8, 18), WHITE, shaded=True)
         self._tell(frame, top, now_s)
         return frame
 
@@ -166,15 +174,15 @@ class FilmWriter:
         x, y = _VIEW_WIDTH + 10, top + 10
         colour = _COLOURS.get(state, _GREY)
         cv2.rectangle(frame, (x, y), (x + 98, y + 24), colour, -1)
-        _write(frame, state or "IDLE", (x + 8, y + 17), (255, 255, 255))
-        _write(frame, f"{now_s:.1f} s", (x + 112, y + 17), _INK)
-        y += 24 + _LINE_PX + 3
+        write_text(frame, state or "IDLE", (x + 8, y + 17), WHITE)
+        write_text(frame, f"{now_s:.1f} s", (x + 112, y + 17), INK)
+        y += 24 + LINE_PX + 3
         for name, value in _numbers(self._flight.series, now_s):
-            _write(frame, name, (x, y), _SOFT)
-            _write(frame, value, (x + 84, y), _INK)
-            y += _LINE_PX
+            write_text(frame, name, (x, y), SOFT)
+            write_text(frame, value, (x + 84, y), INK)
+            y += LINE_PX
         if self._view is not None and self._view.flow is not None:
-            _draw_key(frame, (x, y))
+            draw_flow_key(frame, (x, y))
 
 
 def _numbers(series: FlightSeries, now_s: float) -> list[tuple[str, str]]:
@@ -193,35 +201,3 @@ def _numbers(series: FlightSeries, now_s: float) -> list[tuple[str, str]]:
         ("told, m/s", vector(series.commanded)),
         ("flown, m/s", vector(series.flown)),
     ]
-
-
-def _draw_key(frame: ImageArray, at: tuple[int, int]) -> None:
-    """Say what the arrows mean."""
-    x, y = at
-    _write(frame, "flow to the goal", (x, y), _SOFT)
-    for text, colour in (("sure", SURE), ("doubtful", DOUBTFUL)):
-        y += _LINE_PX
-        cv2.arrowedLine(frame, (x + 84, y - 4), (x + 110, y - 4), colour, 1, cv2.LINE_AA, 0, 0.35)
-        _write(frame, text, (x + 120, y), _INK)
-
-
-def _write(
-    frame: ImageArray,
-    text: str,
-    at: tuple[int, int],
-    colour: tuple[int, int, int],
-    shaded: bool = False,
-) -> None:
-    font, scale = cv2.FONT_HERSHEY_SIMPLEX, 0.42
-    if shaded:
-        for right, down in ((1, 1), (1, 0), (0, 1)):
-            below = at[0] + right, at[1] + down
-            cv2.putText(frame, text, below, font, scale, (0, 0, 0), 1, cv2.LINE_AA)
-    cv2.putText(frame, text, at, font, scale, colour, 1, cv2.LINE_AA)
-
-
-def _resized(image: ImageArray, size: tuple[int, int]) -> ImageArray:
-    """Image at a size (height, width)."""
-    is_smaller = size[0] < image.shape[0]
-    way = cv2.INTER_AREA if is_smaller else cv2.INTER_CUBIC
-    return np.asarray(cv2.resize(image, size[::-1], interpolation=way), np.uint8)

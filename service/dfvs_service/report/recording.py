@@ -11,7 +11,6 @@ from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import S
 from dfvs_core.matching.warping import flow_at_size
-from dfvs_core.wire.frame import decode_frame, decode_header
 from dfvs_core.wire.link import GateStatus
 from dfvs_core.wire.picture import decode_picture
 from dfvs_core.wire.turn import Opening, Turn
@@ -20,6 +19,7 @@ from dfvs_service.replay.flight import FlightReplay, Trial
 from dfvs_service.replay.recording import StateLog, read_recording
 from dfvs_service.report.flight import RECORDING, Flight, FlightView
 from dfvs_service.report.series import SeriesBuilder
+from dfvs_service.turn_image import turn_image
 
 _REPEATED = "The flow is computed again, by another build, model or other settings than in flight."
 _NO_FLOW = "No flow is drawn: {}."
@@ -77,7 +77,7 @@ class RecordedFlight:
                 start_ns = message.opened_ns if start_ns is None else start_ns
                 replay = self._opened(replay, message, payload)
                 continue
-            image = _image(message, payload)
+            image = turn_image(message, payload)
             if replay is not None:
                 replay.turn(message, payload)
             if image is not None and start_ns is not None:
@@ -177,16 +177,6 @@ def _verdict(states: Sequence[StateChange]) -> str:
     if not states:
         return "the gate was not heard"
     return f"the recording ends in {states[-1].state}: {states[-1].cause}"
-
-
-def _image(turn: Turn, payload: bytes) -> ImageArray | None:
-    """What a turn looked at; None for nothing that can be decoded."""
-    if turn.sight is None:
-        return None
-    try:
-        return decode_frame(payload, decode_header(bytes.fromhex(turn.sight.attachment))).image
-    except DfvsError:
-        return None
 
 
 def _view(t_s: float, image: ImageArray, replay: FlightReplay | None) -> FlightView:

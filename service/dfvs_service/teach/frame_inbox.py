@@ -46,7 +46,7 @@ def known_camera(config: ServiceConfig) -> CameraModel:
     ConfigError
         If neither tells it.
     """
-    camera = with_calibration(config).camera.model() or await_camera(config)
+    camera = with_calibration(config).camera.model() or await_camera(config, open_beside)
     if camera is None:
         raise ConfigError(
             "nothing is known of the camera's lens",

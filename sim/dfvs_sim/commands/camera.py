@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import contextlib
 import math
 import sys
 import threading
@@ -22,6 +23,7 @@ from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, Publish, zenoh_pu
 from dfvs_sim.camera.ros2 import Ros2CameraConfig, Ros2Publisher
 from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
 from dfvs_sim.ground.pose import PoseTracker
+from dfvs_sim.ground.sharing import DEFAULT_PORT, LinkSharing
 from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
@@ -35,7 +37,7 @@ _FORMATS = {
     "mono": PixelFormat.MONO8,
 }
 _EPILOG = """examples:
-  dfvs-sim camera --mavlink udpin://127.0.0.1:14550 --origin 0,-1,0,40 --size 640x480
+  dfvs-sim camera --mavlink udpin://127.0.0.1:14550 --origin 0,-1,-0.2,40 --share 14551
   dfvs-sim camera --ros2 rmw --format raw
 """
 
@@ -56,10 +58,18 @@ def add_parser(subparsers: Any) -> None:
     add("--mavlink", default=DEFAULT_URL, metavar="URL", help="ground-station link")
     add(
         "--origin",
-        default="0,0,0,0",
+        default="0,-1,-0.2,40",
         metavar="X,Y,Z,YAW",
         help="where the autopilot's local origin lies in the scene (NED, m) and how it is turned "
-        "(degrees)",
+        "(degrees); by default the simulated vehicle stands on the built-in room's floor, with "
+        "its camera 12 cm above it (%(default)s)",
+    )
+    add(
+        "--share",
+        type=int,
+        metavar="PORT",
+        help="share the ground-station link with further ground stations, such as dfvs-sim pilot, "
+        f"on this UDP port (usually {DEFAULT_PORT})",
     )
     add("--rate", type=float, default=20.0, metavar="HZ", help="frames a second")
     add("--format", choices=sorted(_FORMATS), default="jpeg", help="pixels on the wire")
@@ -89,7 +99,11 @@ def run(args: argparse.Namespace) -> int:
         camera_from(args), args.rate, _FORMATS[args.format], noise=args.noise, seed=args.seed
     )
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
-    with GroundLink(args.mavlink) as link, open_peer(args.connect) as session:
+    with contextlib.ExitStack() as stack:
+        link = stack.enter_context(GroundLink(args.mavlink))
+        if args.share is not None:
+            stack.enter_context(LinkSharing(link, args.share))
+        session = stack.enter_context(open_peer(args.connect))
         tracker = PoseTracker(link)
 
         def T_scene_camera(t_ns: int) -> FloatArray | None:

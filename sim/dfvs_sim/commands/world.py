@@ -7,6 +7,7 @@ import contextlib
 import time
 
 from dfvs_sim.child import Child
+from dfvs_sim.ground.sharing import DEFAULT_PORT
 
 _POLL_S = 0.2
 
@@ -17,8 +18,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 
 
 def run(_args: argparse.Namespace) -> int:
-    """Run the vehicle and the camera with their defaults until told to stop or one ends."""
-    children = [Child(name, ["dfvs_sim.cli", name]) for name in ("vehicle", "camera")]
+    """Run the vehicle and the camera with their defaults until told to stop or one ends.
+
+    The camera shares its ground-station link with ``dfvs-sim pilot``.
+    """
+    words = (["vehicle"], ["camera", "--share", str(DEFAULT_PORT)])
+    children = [Child(name, ["dfvs_sim.cli", name, *more]) for name, *more in words]
     with contextlib.ExitStack() as stack:
         for child in children:
             stack.enter_context(child)

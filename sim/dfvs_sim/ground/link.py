@@ -191,9 +191,14 @@ class GroundLink:
     def send(self, message: Message) -> None:
         """Send one message; lost where no vehicle has been heard yet, as on a radio."""
         with self._changed:
+            self.send_bytes(message.pack(self._packer))
+
+    def send_bytes(self, data: bytes) -> None:
+        """Send messages that are packed already, such as another ground station's."""
+        with self._changed:
             if self._remote is not None:
                 with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
-                    self._socket.sendto(message.pack(self._packer), self._remote)
+                    self._socket.sendto(data, self._remote)
 
     def command(self, command: int, *params: float, timeout_s: float = 1.0) -> int:
         """Send COMMAND_LONG, again if unanswered, and give the final ack's MAV_RESULT.

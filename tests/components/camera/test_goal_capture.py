@@ -1,5 +1,6 @@
 """``dfvs-camera goal``: pictures from a folder and from Zenoh, attitudes from all sides."""
 
+import contextlib
 import threading
 import time
 
@@ -7,6 +8,7 @@ import cv2
 import numpy as np
 import pytest
 import zenoh
+from loopback import free_endpoint
 from test_camera_process import CAMERA, SIZE, TOPICS
 
 from dfvs_core.gate.events import Attitude, LocalPosition
@@ -83,14 +85,20 @@ def test_without_a_calibration_nothing_is_taken(pictures, capsys):
     assert "nothing is known of the camera's lens" in capsys.readouterr().err
 
 
-def test_the_camera_that_publishes_for_the_service_can_be_asked(pictures, tmp_path, rng):
-    endpoint = f"unixsock-stream/{tmp_path}/z"
+@contextlib.contextmanager
+def peer(connect=(), listen=()):
     settings = zenoh.Config()
-    for key, value in zenoh_settings("peer", (endpoint,), ()):
+    for key, value in zenoh_settings("peer", connect, listen):
         settings.insert_json5(key, value)
-    image = rng.integers(0, 255, (SIZE[1], SIZE[0], 3)).astype(np.uint8)
-    stop = threading.Event()
     with zenoh.open(settings) as session:
+        yield session
+
+
+@contextlib.contextmanager
+def camera_publishing(endpoint, image):
+    """A calibrated camera that sends to a service's endpoint."""
+    stop = threading.Event()
+    with peer(connect=(endpoint,)) as session:
         options = PublishOptions(TOPICS.vehicle, PixelFormat.PNG, camera=CAMERA)
         publisher = FramePublisher(session, options)
 
@@ -100,12 +108,23 @@ def test_the_camera_that_publishes_for_the_service_can_be_asked(pictures, tmp_pa
 
         thread = threading.Thread(target=work)
         thread.start()
-        where = ["--vehicle", TOPICS.vehicle, "--set", f"zenoh.listen=['{endpoint}']"]
-        where += ["--set", "camera.announced_s=10", "--source", "zenoh"]
-        out = tmp_path / "taken.png"
+        try:
+            yield
+        finally:
+            stop.set()
+            thread.join()
+
+
+@pytest.mark.parametrize("is_service_running", [False, True])
+def test_the_camera_that_publishes_for_the_service_can_be_asked(tmp_path, rng, is_service_running):
+    endpoint = free_endpoint()
+    image = rng.integers(0, 255, (SIZE[1], SIZE[0], 3)).astype(np.uint8)
+    where = ["--vehicle", TOPICS.vehicle, "--set", f"zenoh.listen=['{endpoint}']"]
+    where += ["--set", "camera.announced_s=10", "--source", "zenoh"]
+    out = tmp_path / "taken.png"
+    service = peer(listen=(endpoint,)) if is_service_running else contextlib.nullcontext()
+    with service, camera_publishing(endpoint, image):
         code = cli.main(["goal", *where, "--attitude", "0,0", "--out", str(out)])
-        stop.set()
-        thread.join()
     assert code == 0
     goal = load_goal(out)
     assert goal.sidecar.camera == CAMERA  # as the camera announced it

@@ -194,7 +194,9 @@ def run_check(goal, mavlink_port, endpoint, *words):
 def test_a_good_vehicle_gets_ticks_only_and_nothing_is_sent_to_it(goal, views, tmp_path):
     endpoint = free_endpoint()
     with hovering_vehicle(tmp_path) as vehicle, camera_running(endpoint, views[0]):
-        done = run_check(goal, vehicle.port, endpoint, "--check-timeout", "40", "--json")
+        picture = tmp_path / "check.png"
+        words = ("--check-timeout", "40", "--json", "--picture", str(picture))
+        done = run_check(goal, vehicle.port, endpoint, *words)
         assert (done.returncode, done.stderr) == (0, "")
         document = json.loads(done.stdout)
         assert document["ok"] is True
@@ -202,6 +204,11 @@ def test_a_good_vehicle_gets_ticks_only_and_nothing_is_sent_to_it(goal, views, t
         assert names[:3] == ["camera", "model", "speed"]
         assert {"link", "estimator", "battery", "parameters", "frames", "goal"} <= set(names)
         assert "sole commander" in names
+        (mounting,) = [c for c in document["checks"] if c["name"] == "mounting"]
+        assert mounting["status"] == "waiting"
+        goal_and_frame = cv2.imread(str(picture))[100:340].astype(int)
+        left, right = goal_and_frame[:, :480], goal_and_frame[:, -480:]
+        assert 0.0 < np.abs(left - right).mean() < 40.0  # the same view, with noise and flow
         assert not [kind for kind in NEVER_SENT if vehicle.events(kind)]
 
 

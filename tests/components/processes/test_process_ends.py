@@ -75,6 +75,7 @@ COMMANDS = {
         ("dfvs_sim.demo.cli", "--vehicles", "2", "--size", "192x144"), runs="dfvs_sim.cli"
     ),
     "sim": lambda _, e: Command(("dfvs_sim.cli",), "waiting for a vehicle", "camera"),
+    "sim pilot": lambda _, e: Command(("dfvs_sim.cli", "pilot"), "waiting for a vehicle"),
     "sim fuzz": lambda _, e: Command(
         ("dfvs_sim.cli", "fuzz", "gate", "--events", "9999999", "--workers", "2"), runs="spawn_main"
     ),

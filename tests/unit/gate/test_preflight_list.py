@@ -38,6 +38,9 @@ GOAL = "move to where the goal is in view, or take another goal image"
 MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"
 COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
 LOST = "goal lost, perception unhealthy: wrong goal"
+UNKNOWN_MOUNTING = Check(
+    "mounting", True, "not known before the vehicle tilts", "", binding=True, pending=True
+)
 ADVISED = Check("advised parameters", True, "", "", False)
 
 
@@ -60,7 +63,7 @@ def test_before_anything_is_heard():
         Check("watch", False, "watch lost, other services, none heard yet", WATCH),
         Check("frames", False, "no good data, no report yet", FRAMES),
         Check("goal", False, "overlap 0%, 9% needed", GOAL),
-        Check("mounting", True, "", ""),
+        UNKNOWN_MOUNTING,
         Check("sole commander", True, "", ""),
     )
 
@@ -78,7 +81,7 @@ def test_where_all_is_well():
         Check("watch", True, "", ""),
         Check("frames", True, "50.0 a second, results 40 ms after capture", ""),
         Check("goal", True, "overlap 80%", ""),
-        Check("mounting", True, "", ""),
+        UNKNOWN_MOUNTING,
         Check("sole commander", True, "", ""),
     )
 
@@ -151,12 +154,20 @@ def test_a_view_that_does_not_fit(changes, name, detail, remedy):
     assert listed(gate)[name] == Check(name, False, detail, remedy)
 
 
-@pytest.mark.parametrize("score", [None, 99.0, 0.0, math.nextafter(-5.0, 0.0)])
-def test_a_mounting_that_is_not_clearly_wrong(score):
+@pytest.mark.parametrize("score", [None, 0.0, math.nextafter(5.0, 0.0), math.nextafter(-5.0, 0.0)])
+def test_a_mounting_that_nothing_tells_of_yet(score):
     gate = ready()
     gate.changes = {"mounting_score": score}
     gate.tick()
-    assert listed(gate)["mounting"] == Check("mounting", True, "", "")
+    assert listed(gate)["mounting"] == UNKNOWN_MOUNTING
+    assert gate.machine.state is GateState.READY
+
+
+def test_a_mounting_that_is_clearly_right():
+    gate = ready()
+    gate.changes = {"mounting_score": 5.0}
+    gate.tick()
+    assert listed(gate)["mounting"] == Check("mounting", True, "right by 5 standard deviations")
 
 
 def test_a_mounting_that_is_clearly_wrong():

@@ -200,6 +200,17 @@ def test_what_depends_on_a_failed_check_waits_for_it_and_is_not_ticked():
     assert not report.ok
 
 
+def test_what_is_not_known_yet_waits_and_is_no_failure():
+    report = CheckReport("swift", (GOOD, Check("mounting", True, "not known", pending=True)))
+    assert report.to_text().splitlines() == [
+        "✓ link",
+        "… mounting  not known",
+        "swift: all checks pass, 1 waiting",
+    ]
+    assert report.ok
+    assert json.loads(report.to_json())["checks"][1]["status"] == "waiting"
+
+
 @pytest.mark.parametrize(
     ("is_terminal", "environment", "shown"),
     [

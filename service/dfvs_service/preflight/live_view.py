@@ -1,0 +1,130 @@
+"""Newest frame of perception with its flow and result, from a service that runs."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from typing import Any
+
+import zenoh
+
+from dfvs_core.arrays import ImageArray
+from dfvs_core.errors import ConfigError, WireError
+from dfvs_core.topics import Topics
+from dfvs_core.wire.flow_grid import FlowGrid, decode_flow_grid
+from dfvs_core.wire.turn import Turn, unpack
+from dfvs_service.config import ZenohSection
+from dfvs_service.turn_image import turn_image
+from dfvs_service.zenoh_session import open_session
+
+_TURNS = 16
+"""Turns that are kept until the flow of one of them arrives: flow comes at 10 Hz, frames faster."""
+_PAUSE_S = 0.1
+
+
+@dataclass(frozen=True, slots=True)
+class View:
+    """Newest frame, and the flow and the servo document of the very same frame where known.
+
+    ``image`` is (H, W, 3) RGB, ``flow`` leads to the goal in px of the image.
+    """
+
+    image: ImageArray | None = None
+    flow: FlowGrid | None = None
+    servo: dict[str, Any] = field(default_factory=dict)
+
+
+class ViewCollector:
+    """Takes turns and flow grids as they come, from any thread.
+
+    A frame with its flow counts more than a newer one without.
+    """
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._turns: deque[tuple[Turn, bytes]] = deque(maxlen=_TURNS)
+        self._matched: tuple[Turn, bytes, FlowGrid] | None = None
+
+    def add_turn(self, data: bytes) -> None:
+        """Take a message of the ``turn`` stream."""
+        turn, payload = unpack(Turn, data)
+        if turn.sight is not None:
+            with self._lock:
+                self._turns.append((turn, payload))
+
+    def add_flow(self, data: bytes) -> None:
+        """Take a message of the ``flow`` stream."""
+        grid = decode_flow_grid(data)
+        with self._lock:
+            for turn, payload in self._turns:
+                if turn.servo.get("t_capture_ns") == grid.t_capture_ns:
+                    self._matched = turn, payload, grid
+
+    def view(self) -> View:
+        """Best view so far."""
+        with self._lock:
+            matched = self._matched
+            newest = self._turns[-1] if self._turns else None
+        if matched is not None:
+            turn, payload, grid = matched
+            return View(turn_image(turn, payload), grid, turn.servo)
+        return View() if newest is None else View(turn_image(*newest), None, newest[0].servo)
+
+
+class LiveView:
+    """Subscribes to a service's turns and flow, from a thread that waits for its operator link.
+
+    Parameters
+    ----------
+    section : ZenohSection
+        Where the service's own processes meet.
+    topics : Topics
+    """
+
+    def __init__(self, section: ZenohSection, topics: Topics) -> None:
+        self._section = section
+        self._topics = topics
+        self._views = ViewCollector()
+        self._closed = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="live-view", daemon=True)
+        self._thread.start()
+
+    def close(self) -> View:
+        """End, and give the best view."""
+        self._closed.set()
+        self._thread.join()
+        return self._views.view()
+
+    def _run(self) -> None:
+        session = self._session()
+        if session is None:
+            return
+        with session:
+            takers = {"turn": self._views.add_turn, "flow": self._views.add_flow}
+            subscribers = [
+                session.declare_subscriber(self._topics.telemetry(name), _taker(take))
+                for name, take in takers.items()
+            ]
+            self._closed.wait()
+            del subscribers
+
+    def _session(self) -> zenoh.Session | None:
+        """Session, once the operator link takes it; None if closed before."""
+        while not self._closed.wait(_PAUSE_S):
+            try:
+                return open_session(self._section)
+            except ConfigError:
+                continue
+        return None
+
+
+def _taker(take: Callable[[bytes], None]) -> Callable[[zenoh.Sample], None]:
+    def take_sample(sample: zenoh.Sample) -> None:
+        try:
+            take(sample.payload.to_bytes())
+        except WireError:  # of another service's version
+            return
+
+    return take_sample
