@@ -26,6 +26,7 @@ from dfvs_service.preflight.ground import (
 from dfvs_service.preflight.live_view import LiveView
 from dfvs_service.preflight.picture import draw_picture
 from dfvs_service.preflight.report import CheckReport
+from dfvs_service.preflight.stream import stream_check
 from dfvs_service.preflight.watch_only import Observer, watching
 from dfvs_service.runtime import RuntimeFolder
 from dfvs_service.zenoh_session import inner_zenoh
@@ -48,7 +49,7 @@ def check_everything(
     timeout_s: float,
     show: Callable[[ImageArray], None] | None = None,
 ) -> CheckReport:
-    """Check camera, model and settings, then watch camera and vehicle for a while.
+    """Check the live camera, model and settings, then watch camera and vehicle for a while.
 
     ``show`` takes a picture (H, W, 3) of what was seen; there is none where no model works.
 
@@ -57,8 +58,9 @@ def check_everything(
     DfvsError
         If the processes cannot run, such as when a port is taken.
     """
+    camera = (camera_check(config, goal), stream_check(config, goal))
     model, matcher = model_check(config)
-    first = (camera_check(config, goal), model)
+    first = (*camera, model)
     if matcher is None:
         missing = Check("vehicle", False, "not checked", "mend the model first")
         return CheckReport(config.vehicle.name, (*first, *_settings_checks(config), missing))

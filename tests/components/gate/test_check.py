@@ -201,7 +201,8 @@ def test_a_good_vehicle_gets_ticks_only_and_nothing_is_sent_to_it(goal, views, t
         document = json.loads(done.stdout)
         assert document["ok"] is True
         names = [check["name"] for check in document["checks"]]
-        assert names[:3] == ["camera", "model", "speed"]
+        assert names[:4] == ["camera", "stream", "model", "speed"]
+        assert document["checks"][1]["detail"].startswith("160 x 120 px, ")
         assert {"link", "estimator", "battery", "parameters", "frames", "goal"} <= set(names)
         assert "sole commander" in names
         (mounting,) = [c for c in document["checks"] if c["name"] == "mounting"]

@@ -216,3 +216,15 @@ def test_a_flight_without_any_folder_for_its_records_goes_on(started, monkeypatc
     assert programs.black_box == ()
     (line,) = capsys.readouterr().err.splitlines()
     assert line.startswith("warning: no black box: ")
+
+
+@pytest.mark.parametrize(
+    ("words", "problem"),
+    [
+        (["--picture", "check.png"], "--picture without --check"),
+        (["--check", "--picture", "check.jpg"], "a .png in a folder that can be written"),
+        (["--check", "--picture", "nowhere/check.png"], "a .png in a folder that can be written"),
+    ],
+)
+def test_a_picture_of_the_check_that_could_not_be_written(words, problem, goal, capsys):
+    assert problem in refused(capsys, "--goal", str(goal), *words)

@@ -1,0 +1,99 @@
+"""Rate and size of the live camera, before anything is started that needs its frames."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dfvs_core.errors import DfvsError
+from dfvs_core.gate.config import S
+from dfvs_core.gate.preflight import Check
+from dfvs_core.goal import Goal
+from dfvs_core.wire.frame import decode_header
+from dfvs_service.config import ServiceConfig
+from dfvs_service.perception.announced import open_as_service
+from dfvs_service.perception.eye import RawSample
+from dfvs_service.teach.frame_inbox import FrameInbox
+
+_PATIENCE_NS = 4 * S
+"""For the first frame: a camera that lost its service connects again within seconds."""
+_LISTEN_NS = S
+_TAKE_S = 0.05
+_NAME = "stream"
+
+
+@dataclass(frozen=True, slots=True)
+class Stream:
+    """What came from a camera: size (width, height) px of the newest frame, and frames a second."""
+
+    size: tuple[int, int]
+    rate_hz: float
+
+
+def stream_check(config: ServiceConfig, goal: Goal) -> Check:
+    """Listen to the camera for a second, in the service's place.
+
+    Raises
+    ------
+    ConfigError
+        If Zenoh cannot be opened.
+    """
+    refusals: list[str] = []
+    with open_as_service(config) as session:
+        inbox = FrameInbox(session, config, refusals.append)
+        stream = listen(lambda: inbox.take_sample(_TAKE_S), time.monotonic_ns)
+        inbox.close()
+    if stream is None and refusals:
+        return Check(_NAME, False, refusals[0], f"see what publishes on {inbox.key}")
+    camera = config.camera.model() or goal.sidecar.camera
+    return judge(stream, camera.size, config.gate.min_frame_hz)
+
+
+def listen(take: Callable[[], RawSample | None], tick: Callable[[], int]) -> Stream | None:
+    """Take frames for a second from the first one on; None where none comes.
+
+    Parameters
+    ----------
+    take : callable
+        Newest sample in our own wire format, None after a moment without.
+    tick : callable
+        Monotonic time, ns.
+    """
+    end_ns = tick() + _PATIENCE_NS
+    arrivals: list[int] = []
+    size = (0, 0)
+    while tick() < end_ns:
+        sample = take()
+        if sample is None:
+            continue
+        try:
+            header = decode_header(sample.attachment)
+        except DfvsError:  # perception refuses it as well, and says why
+            continue
+        if not arrivals:
+            end_ns = sample.t_arrival_ns + _LISTEN_NS
+        arrivals.append(sample.t_arrival_ns)
+        size = (header.width, header.height)
+    if not arrivals:
+        return None
+    took_ns = arrivals[-1] - arrivals[0]
+    return Stream(size, (len(arrivals) - 1) * S / took_ns if took_ns else 0.0)
+
+
+def judge(stream: Stream | None, size: tuple[int, int], min_frame_hz: float) -> Check:
+    """Check that a stream has the size that is expected, and frames as often as are needed.
+
+    Silence is not judged: the check ``frames`` waits longer for a camera.
+    """
+    if stream is None:
+        return Check(_NAME, True, f"no frame within {_PATIENCE_NS // S} s", pending=True)
+    found = "{} x {} px".format(*stream.size) + f", {stream.rate_hz:.1f} frames a second"
+    if stream.size != size:
+        expected = "{} x {} px".format(*size)
+        remedy = f"have the camera send {expected}, or take goal and calibration with this size"
+        return Check(_NAME, False, f"{found}; {expected} expected", remedy)
+    if stream.rate_hz < min_frame_hz:
+        remedy = "give it more light, a smaller size, or a link that carries its frames"
+        return Check(_NAME, False, f"{found}; {min_frame_hz:g} needed", remedy)
+    return Check(_NAME, True, f"{found}, {min_frame_hz:g} needed")
