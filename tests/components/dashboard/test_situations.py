@@ -143,12 +143,13 @@ def assert_agreement(look, name):
 
 
 def test_before_any_vehicle_nothing_is_green(page):
-    page.wait("() => document.getElementById('cause').textContent.includes('Waiting for')")
+    page.wait("() => dfvsScreen().refreshes > 2")
     page.keep("no-vehicle")
     look = page.look()
     assert look["green"] == []
     assert look["state"] == "no data"
-    assert all(all(greys) for greys in look["grey"].values())
+    assert all(all(greys) for greys in look["grey"].values()), look["grey"]
+    assert "Waiting for" in page.text("cause")
     assert look["server"] == "no vehicle"
 
 
