@@ -17,8 +17,10 @@ START_S, END_S = 60.0, 15.0
 _POLL_S = 0.02
 _MARK = "DFVS_TEST_START"
 _LAUNCH = """
-import os, subprocess, sys
+import os, signal, subprocess, sys
 from dfvs_core.lifecycle import child_environment
+for number in (signal.SIGHUP, signal.SIGINT):  # nohup and shells have them ignored
+    signal.signal(number, signal.SIG_DFL)
 environment = os.environ | child_environment()
 command = subprocess.Popen(sys.argv[1:], stdout=sys.stderr, env=environment)
 print(command.pid, flush=True)
