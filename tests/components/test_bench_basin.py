@@ -13,7 +13,7 @@ from dfvs_sim.bench_cli import main
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.poses import camera_pose
 
-CAMERA = CameraModel(96, 72, 60, 60, 48, 36)
+CAMERA = CameraModel(160, 120, 100, 100, 80, 60)
 POSE = camera_pose((0.5, -1.0, -1.3), 0.7)
 AT_HOME = {"host": "127.0.0.1", "protocol": "tcp://", "dashboard_address": None}
 

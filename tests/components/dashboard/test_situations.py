@@ -243,6 +243,8 @@ def test_after_the_servers_loss_everything_is_old_until_it_is_back(page, screen)
     page.wait("() => document.getElementById('server').textContent === 'reconnecting'")
     page.let_time_pass(8.0)
     page.page.wait_for_selector("#alarm", state="visible")
+    count = page.page.evaluate("dfvsScreen().refreshes")
+    page.wait("n => dfvsScreen().refreshes > n + 8", count)  # tables are renewed less often
     for size, theme in ((DESKTOP, "light"), (DESKTOP, "dark"), (PHONE, "light"), (PHONE, "dark")):
         page.dress(size, theme)
         page.page.wait_for_timeout(500)

@@ -94,7 +94,7 @@ def test_a_film_that_is_too_large_for_the_page_plays_beside_it(browser, tmp_path
 
 def test_a_recording_whose_model_is_not_here_has_a_film_without_flow(tmp_path, monkeypatch):
     file = recording(tmp_path)
-    monkeypatch.setattr("dfvs_service.replay.flight.load_matcher", missing)
+    monkeypatch.setattr("dfvs_service.replay.flight.flow_matcher", missing)
     assert main([str(file), "--out", str(tmp_path / "x.html"), "--json"]) == 0
     text = (tmp_path / "x.html").read_text()
     assert "No flow is drawn: there is no such model" in text
