@@ -19,7 +19,7 @@ from dfvs_export.running import BundleRunner
 ImagePair = tuple[ImageArray, ImageArray]
 _PICTURES = frozenset({".png", ".jpg", ".jpeg", ".bmp", ".webp"})
 _FOCALS = (0.45, 1.0)
-"""Focal lengths over width that depth networks are calibrated on besides: of 96 and 53 degrees."""
+"""Focal lengths over width for which depth networks are calibrated, 96 and 53 degrees."""
 _EXPECTED = "an .npz file with IA and IB, or a folder of pictures"
 
 

@@ -250,7 +250,7 @@ def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) 
     if drawn:
         write_atomic(arguments.picture, encode_png(drawn[0]))
     elif arguments.picture is not None:
-        print("warning: no picture, since nothing was seen: mend what fails", file=sys.stderr)
+        print("warning: no picture, since nothing was seen: correct what fails", file=sys.stderr)
     colours = shows_colours(sys.stdout, os.environ)
     print(report.to_json() if arguments.json else report.to_text(colours=colours))
     return EXIT_OK if report.ok else EXIT_ENDED

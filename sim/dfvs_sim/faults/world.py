@@ -176,7 +176,7 @@ class World:
         return self.do(self._replace_if_fallen)
 
     def silence(self) -> None:
-        """End the vehicle's link to the companion, until it is mended."""
+        """End the vehicle's link to the companion, until it is restored."""
         self.inject(MAVLINK_SIGNAL, mavlink.FAILURE_TYPE_OFF, 1)
 
     def stream(self, name: str, interval_us: float) -> None:
