@@ -59,7 +59,7 @@ def train_depth(settings: DepthTrainSettings, say: Callable[[str], None]) -> Non
     """
     torch.set_num_threads(settings.threads)
     start = load_depth_weights(settings.start)
-    network = start.network()
+    network = start.network().to(memory_format=torch.channels_last)
     network.train()
     network.encoder.eval()
     network.encoder.freeze(settings.frozen_blocks)

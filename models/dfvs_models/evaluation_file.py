@@ -1,4 +1,4 @@
-"""Reading evaluation files: image pairs with exact flow.
+"""Reading evaluation files: image pairs with exact flow, and images with exact depth.
 
 One ``.npz``; pixel centres lie at +0.5, images are RGB:
 
@@ -6,8 +6,9 @@ One ``.npz``; pixel centres lie at +0.5, images are RGB:
 - ``flow`` (N, H, W, 2) float16 px, from A to B on A's grid;
 - ``vis`` (N, H, W) bool, seen in both;
 - ``level`` (N,) int64, index into ``dfvs_models.evaluation.LEVELS``;
-- and, not needed to measure, ``depth`` (N, H, W) float16 m of A (0: nothing) and ``TA``, ``TB``
-  (N, 4, 4) float64, world from camera in the scene file's axes (y up).
+- ``depth`` (N, H, W) float16 m along the optical axis of A (0: nothing), for depth alone;
+- and, not needed to measure, ``TA``, ``TB`` (N, 4, 4) float64, world from camera in the scene
+  file's axes (y up).
 """
 
 from __future__ import annotations
@@ -28,8 +29,8 @@ from dfvs_models.evaluation import LEVELS
 
 _Arrays = dict[str, NDArray[Any]]
 _ARRAYS = ("IA", "IB", "flow", "vis", "level")
-"""Arrays that a measurement needs."""
-_EXPECTED = f"an .npz with {', '.join(_ARRAYS)}"
+"""Arrays that a measurement of flow needs."""
+_DEPTH_ARRAYS = ("IA", "depth")
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -70,7 +71,7 @@ def read_flow_pairs(path: Path) -> FlowPairs:
     ImageError
         If it cannot be read, lacks an array, or its arrays do not fit each other.
     """
-    arrays = _read(path)
+    arrays = _read(path, _ARRAYS)
     _check_shapes(path, arrays)
     pairs = FlowPairs(
         arrays["IA"],
@@ -83,12 +84,38 @@ def read_flow_pairs(path: Path) -> FlowPairs:
     return pairs
 
 
-def _read(path: Path) -> _Arrays:
+def read_depth_views(path: Path) -> tuple[ImageArray, Float32Array]:
+    """Images (N, H, W, 3) uint8 RGB of an evaluation file, and their depth (N, H, W) m.
+
+    Raises
+    ------
+    ImageError
+        If it cannot be read, lacks an array, or an image has no depth anywhere.
+    """
+    arrays = _read(path, _DEPTH_ARRAYS)
+    images, depth_m = arrays["IA"], arrays["depth"].astype(np.float32)
+    if images.ndim != 4 or images.dtype != np.uint8 or images.shape != (*depth_m.shape, 3):
+        raise ImageError(
+            f"IA in {str(path)!r} is {images.dtype} of {images.shape}, depth of {depth_m.shape}",
+            "uint8 of (N, H, W, 3) and (N, H, W)",
+        )
+    if not np.isfinite(depth_m).all() or not (depth_m > 0).any(axis=(1, 2)).all():
+        raise ImageError(f"depth in {str(path)!r} is not finite, or nowhere known", "depth in m")
+    return images, depth_m
+
+
+def _read(path: Path, names: tuple[str, ...]) -> _Arrays:
     try:
         with zipfile.ZipFile(path), np.load(path, allow_pickle=False) as data:
-            return {name: data[name] for name in _ARRAYS}
+            return {name: data[name] for name in names}
     except (OSError, ValueError, KeyError, EOFError, zlib.error, zipfile.BadZipFile) as error:
-        raise ImageError(f"pairs file {str(path)!r} cannot be read ({error})", _EXPECTED) from error
+        raise ImageError(
+            f"pairs file {str(path)!r} cannot be read ({error})", _expected(names)
+        ) from error
+
+
+def _expected(names: tuple[str, ...]) -> str:
+    return f"an .npz with {', '.join(names)}"
 
 
 def _check_shapes(path: Path, arrays: _Arrays) -> None:
@@ -107,7 +134,7 @@ def _check_shapes(path: Path, arrays: _Arrays) -> None:
         if array.shape != shape:
             raise ImageError(f"{name} in {str(path)!r} has the shape {array.shape}", str(shape))
         if array.dtype.kind not in kinds or (name in ("IA", "IB") and array.dtype != np.uint8):
-            raise ImageError(f"{name} in {str(path)!r} is {array.dtype}", _EXPECTED)
+            raise ImageError(f"{name} in {str(path)!r} is {array.dtype}", _expected(_ARRAYS))
 
 
 def _check_values(path: Path, pairs: FlowPairs) -> None:

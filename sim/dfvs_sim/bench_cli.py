@@ -10,6 +10,7 @@ from dfvs_sim.command_line import run_command
 from dfvs_sim.commands import (
     bench_basin,
     bench_controller,
+    bench_depth,
     bench_drone,
     bench_flow,
     bench_lockstep,
@@ -38,6 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in (
         bench_flow,
+        bench_depth,
         bench_scenes,
         bench_table1,
         bench_controller,

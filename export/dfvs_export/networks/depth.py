@@ -22,7 +22,7 @@ STRIDE = 2
 """Of the output's grid, px of the image."""
 NORMALS_STRIDE = 4
 
-_WIDTHS = (128, 64, 48, 24)
+_WIDTHS = (96, 48, 32, 16)
 """Channels of the decoder at 1/16, 1/8, 1/4 and 1/2."""
 _LUMA = (0.299, 0.587, 0.114)
 _ROWS = 256

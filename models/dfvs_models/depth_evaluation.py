@@ -1,0 +1,120 @@
+"""How good the depth of a network is, and how honest its uncertainty, where the truth is known."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
+
+import numpy as np
+
+from dfvs_core.arrays import Float32Array, FloatArray
+from dfvs_core.depth.network import NetworkDepth
+from dfvs_core.errors import ImageError
+
+_CLOSE = 1.25
+_LEAST_RHO = 1e-3
+"""Inverse depth that is taken for less, 1/m: nothing indoors is a kilometre away."""
+_METRIC = ("m", "1/m")
+
+
+@dataclass(frozen=True, slots=True)
+class DepthError:
+    """Errors of depth over pixels (Eigen et al., NIPS 2014).
+
+    Parameters
+    ----------
+    abs_rel : float
+        Mean of |found - true| / true.
+    rmse_m : float
+        Root of the mean square of found - true, m.
+    close : float
+        Share of pixels with max(found / true, true / found) under 1.25.
+    """
+
+    abs_rel: float
+    rmse_m: float
+    close: float
+
+
+@dataclass(frozen=True, slots=True)
+class DepthScore:
+    """What the depth of one image, or the mean of several, came to.
+
+    Parameters
+    ----------
+    metric : DepthError or None
+        Of depth as it is; None unless it is metric.
+    aligned : DepthError
+        With the scale (of an affine network: scale and offset) that fits the truth best.
+    scale_log : float
+        ln of the scale of the found depth in that of the truth.
+    within_spread : float
+        Share of pixels whose aligned logarithm is off by less than its standard deviation: 0.68
+        where errors are normal and the uncertainty is honest.
+    """
+
+    metric: DepthError | None
+    aligned: DepthError
+    scale_log: float
+    within_spread: float
+
+
+def score_depth(found: NetworkDepth, depth_m: Float32Array) -> DepthScore:
+    """Score the depth of an image against the true one (H, W) m, over pixels where that is over 0.
+
+    Raises
+    ------
+    ImageError
+        If the shapes differ, or nothing is known.
+    """
+    known = depth_m > 0
+    if found.rho.shape != depth_m.shape or not known.any():
+        raise ImageError(
+            f"depth of shape {found.rho.shape} against {depth_m.shape}, {known.sum()} known",
+            "equal shapes and one known pixel or more",
+        )
+    true_rho = 1.0 / depth_m[known].astype(np.float64)
+    rho, scale_log = _aligned(found.rho[known].astype(np.float64), true_rho, found.unit)
+    off = np.abs(np.log(rho / true_rho))
+    metric = None
+    if found.unit in _METRIC:
+        metric = _error(np.maximum(found.rho[known], _LEAST_RHO).astype(np.float64), true_rho)
+    return DepthScore(
+        metric, _error(rho, true_rho), scale_log, float(np.mean(off < found.spread[known]))
+    )
+
+
+def mean_score(scores: Sequence[DepthScore]) -> DepthScore:
+    """Mean over one image or more; ``scale_log`` is the standard deviation around 0."""
+    metric = [s.metric for s in scores if s.metric is not None]
+    return DepthScore(
+        _mean(metric) if metric else None,
+        _mean([s.aligned for s in scores]),
+        float(np.sqrt(np.mean([s.scale_log**2 for s in scores]))),
+        float(np.mean([s.within_spread for s in scores])),
+    )
+
+
+def _aligned(rho: FloatArray, true_rho: FloatArray, unit: str) -> tuple[FloatArray, float]:
+    """Inverse depth in the truth's units, and ln of the scale that depth had."""
+    if unit == "affine":
+        terms = np.column_stack([rho, np.ones_like(rho)])
+        (gain, offset), *_ = np.linalg.lstsq(terms, true_rho, rcond=None)
+        return np.maximum(gain * rho + offset, _LEAST_RHO), 0.0
+    positive = np.maximum(rho, _LEAST_RHO)
+    scale_log = float(np.median(np.log(true_rho / positive)))
+    return positive * np.exp(scale_log), scale_log
+
+
+def _error(rho: FloatArray, true_rho: FloatArray) -> DepthError:
+    ratio = true_rho / rho
+    return DepthError(
+        abs_rel=float(np.mean(np.abs(ratio - 1.0))),
+        rmse_m=float(np.sqrt(np.mean((1.0 / rho - 1.0 / true_rho) ** 2))),
+        close=float(np.mean(np.maximum(ratio, 1.0 / ratio) < _CLOSE)),
+    )
+
+
+def _mean(errors: Sequence[DepthError]) -> DepthError:
+    columns = [[getattr(e, f.name) for e in errors] for f in fields(DepthError)]
+    return DepthError(*(float(np.mean(column)) for column in columns))

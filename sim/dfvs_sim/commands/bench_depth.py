@@ -1,0 +1,119 @@
+"""``dfvs-bench depth``: how good a depth network is, and whether its uncertainty is honest."""
+
+from __future__ import annotations
+
+import argparse
+import json
+import time
+from dataclasses import asdict
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dfvs_core.errors import ConfigError
+from dfvs_models import DEFAULT_DEPTH
+from dfvs_models.catalog import load_depth
+from dfvs_models.depth import DepthNetwork
+from dfvs_models.depth_evaluation import DepthScore, mean_score, score_depth
+from dfvs_models.evaluation_file import read_depth_views
+from dfvs_sim.pairs.drawing import EVALUATION_CAMERA
+
+_EPILOG = """examples:
+  dfvs-bench depth pairs.npz --json depth.json
+  dfvs-bench depth pairs.npz --depth-bundle dfvs-depth ./my-depth
+
+A pairs file holds IA (N,H,W,3) uint8 RGB, its depth (N,H,W) m (0: unknown), seen by a camera of
+75 degrees (dfvs-sim pairs makes such files). Aligned: with the scale that fits an image best.
+
+The JSON is [{bundle, unit, ms_median, files: {NAME: {images, metric: {abs_rel, rmse_m, close},
+aligned: {...}, scale_log, within_spread}}}].
+"""
+_WARM_UP = 2
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add ``depth`` to the subcommands of ``dfvs-bench``."""
+    parser = subparsers.add_parser(
+        "depth",
+        help="accuracy and honesty of a depth network",
+        description="Estimate the depth of images whose depth is known; print relative error, "
+        "RMSE and the share within 25 %%, metric and aligned, and the time of an image.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("pairs", type=Path, nargs="+", metavar="PAIRS.npz")
+    add("--depth-bundle", nargs="+", default=[DEFAULT_DEPTH], metavar="NAME")
+    add("--threads", type=int, default=2, help="threads for the network (default: 2)")
+    add("--json", type=Path, metavar="FILE", help="write the figures as JSON, too")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Measure, print, and write; exit code 0.
+
+    Raises
+    ------
+    DfvsError
+        If a bundle or a pairs file cannot be used, or the JSON file not be written.
+    """
+    if not 1 <= args.threads <= 64:
+        raise ConfigError(f"--threads is {args.threads}", "1 to 64")
+    if args.json is not None and not args.json.absolute().parent.is_dir():
+        raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
+    reports = []
+    for name in dict.fromkeys(args.depth_bundle):
+        network = load_depth("fused", name, args.threads)
+        assert network is not None
+        files, times = {}, list[float]()
+        for path in dict.fromkeys(args.pairs):
+            scores = _scores(network, path, times)
+            files[path.name] = {"images": len(scores), **asdict(mean_score(scores))}
+        reports.append(
+            {
+                "bundle": name,
+                "unit": network.unit,
+                "ms_median": float(np.median(times)),
+                "files": files,
+            }
+        )
+        _print(reports[-1])
+    if args.json is not None:
+        try:
+            args.json.write_text(json.dumps(reports, indent=2) + "\n", encoding="utf-8")
+        except OSError as error:
+            raise ConfigError(f"{args.json} cannot be written ({error})", "a file") from error
+    return 0
+
+
+def _scores(network: DepthNetwork, path: Path, times: list[float]) -> list[DepthScore]:
+    """Scores of the images of a file; the times of their estimates in ms are added."""
+    images, depth_m = read_depth_views(path)
+    camera = EVALUATION_CAMERA.scaled(images.shape[2], images.shape[1])
+    for image in images[:_WARM_UP]:
+        network.estimate(image, camera)
+    scores = []
+    for image, truth in zip(images, depth_m, strict=True):
+        began = time.perf_counter()
+        found = network.estimate(image, camera)
+        times.append(1e3 * (time.perf_counter() - began))
+        scores.append(score_depth(found, truth))
+    return scores
+
+
+def _print(report: dict[str, Any]) -> None:
+    print(f"\n{report['bundle']}, {report['unit']}: {report['ms_median']:.1f} ms an image")
+    print("          abs-rel   RMSE m  within 25 %")
+    for name, score in report["files"].items():
+        print(f"{name}: {score['images']} images")
+        for kind in ("metric", "aligned"):
+            if (error := score[kind]) is not None:
+                print(
+                    f"{kind:<8}  {error['abs_rel']:>7.3f}  {error['rmse_m']:>7.3f}  "
+                    f"{error['close']:>10.1%}"
+                )
+        print(
+            f"ln scale off by {score['scale_log']:.3f} (rms); "
+            f"{score['within_spread']:.0%} of pixels within the stated uncertainty"
+        )

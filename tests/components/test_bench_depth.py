@@ -1,0 +1,48 @@
+"""``dfvs-bench depth`` on a pairs file made here."""
+
+import json
+
+import depth_bundle
+import numpy as np
+import pytest
+
+from dfvs_sim.bench_cli import main
+
+SIZE = (24, 32)
+
+
+@pytest.fixture
+def pairs(tmp_path):
+    depth = np.full((2, *SIZE), 2.0, np.float16)
+    depth[:, :, :16] = 4.0
+    np.savez(tmp_path / "room.npz", IA=np.full((2, *SIZE, 3), 90, np.uint8), depth=depth)
+    return tmp_path / "room.npz"
+
+
+def bundle_folder(path, values):
+    made = depth_bundle.bundle(np.asarray(values, np.float32))
+    return depth_bundle.write_bundle(path, made)
+
+
+def test_the_table_and_the_json_tell_metric_and_aligned_errors(pairs, tmp_path, capsys):
+    rho = np.full((12, 16), 0.25)
+    rho[:, 8:] = 0.5
+    folder = bundle_folder(tmp_path / "twice", 2.0 * rho)
+    out = tmp_path / "depth.json"
+    assert main(["depth", str(pairs), "--depth-bundle", str(folder), "--json", str(out)]) == 0
+    (report,) = json.loads(out.read_text())
+    score = report["files"]["room.npz"]
+    assert score["images"] == 2
+    assert score["metric"]["abs_rel"] == pytest.approx(0.5, abs=0.02)
+    assert score["aligned"]["abs_rel"] < 0.02
+    assert report["ms_median"] > 0.0
+    assert "aligned" in capsys.readouterr().out
+
+
+def test_a_file_without_depth_is_refused_and_nothing_is_written(pairs, tmp_path, capsys):
+    folder = bundle_folder(tmp_path / "b", np.full((12, 16), 0.5))
+    np.savez(tmp_path / "flow.npz", IA=np.zeros((2, *SIZE, 3), np.uint8))
+    words = ["depth", str(tmp_path / "flow.npz"), "--depth-bundle", str(folder)]
+    assert main([*words, "--json", str(tmp_path / "out.json")]) == 2
+    assert "depth" in capsys.readouterr().err
+    assert not (tmp_path / "out.json").exists()
