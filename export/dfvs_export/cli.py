@@ -209,6 +209,14 @@ def _add_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="the same of the whole scale, of a metric network",
     )
     _add_calibration(depth)
+    add(
+        "--pairs",
+        type=Path,
+        nargs="+",
+        default=[],
+        metavar="PAIRS.npz",
+        help="images with depth to measure accuracy on, for the model card",
+    )
     add("--out", type=Path, required=True, metavar="FOLDER")
     depth.set_defaults(run=_run_depth)
 

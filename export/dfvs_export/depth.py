@@ -23,6 +23,7 @@ from dfvs_export.networks.depth_anything import WEIGHTS_NAME, DepthAnything
 from dfvs_export.networks.midas_small import MidasSmall
 from dfvs_export.running import FOCAL, BundleRunner
 from dfvs_models.bundle import Bundle
+from dfvs_models.depth_evaluation import MeasuredDepth
 
 OWN, DENSE, ANYTHING, MIDAS = "dfvs-depth", "densedepth", "depth-anything-v2-small", "midas-small"
 _INPUTS, _OUTPUTS = ("image", "focal"), ("depth", "spread")
@@ -40,8 +41,14 @@ Depth of one image along the optical axis. Origin: {origin}.
 - Output: {quantity}, unit {unit}, every {stride} px, with {spread}.
 - Licence: {licence}.
 
-## Accuracy
-Not measured for this bundle.
+{training}## Accuracy
+{accuracy}
+{limits}"""
+_LIMITS = """
+## What it is bad at
+- Rooms and light unlike those that it was trained on; views from close to a wall.
+- The size of things: its scale is a guess from what rooms are like, which motion corrects.
+- Mirrors, glass and the open sky.
 """
 
 
@@ -116,11 +123,15 @@ MODELS = tuple(_KINDS)
 
 @dataclass(frozen=True, slots=True)
 class DepthModel:
-    """A depth network in torch; the module takes what the graph ``mono`` takes."""
+    """A depth network in torch; the module takes what the graph ``mono`` takes.
+
+    ``origin`` is one line; ``training`` a paragraph, empty where it is not ours.
+    """
 
     name: str
     module: nn.Module
-    weights: DepthWeights
+    origin: str
+    training: str = ""
 
     @classmethod
     def load(cls, name: str, weights: DepthWeights) -> DepthModel:
@@ -136,7 +147,13 @@ class DepthModel:
         if weights.checkpoint is not None and name == ANYTHING:
             raise ConfigError(f"--checkpoint for {name}", "--from FOLDER")
         torch.manual_seed(_SEED)
-        return cls(name, _LOADERS[name](weights).eval(), weights)
+        if name == OWN:
+            if weights.checkpoint is None:
+                raise ConfigError(f"{OWN} without weights", "--checkpoint FILE")
+            own = load_depth_weights(weights.checkpoint)
+            origin = f"{own.origin}, trained on by this project, weights {own.digest}"
+            return cls(name, own.network(), origin, own.training)
+        return cls(name, _LOADERS[name](weights).eval(), f"{name}, {weights.origin}")
 
     def bundle(self, size: tuple[int, int] | None, spreads: Spreads) -> Bundle:
         """Bundle in fp32 for images of ``size`` (width, height) px, or of the network's own.
@@ -168,7 +185,7 @@ class DepthModel:
         picture = PictureInput(width, height, kind.multiple)
         if kind.is_normalised:
             picture = PictureInput(width, height, kind.multiple, mean=_MEAN, std=_STD)
-        source = Source(self.name, f"{self.name}, {self.weights.origin}", kind.licence)
+        source = Source(self.name, self.origin, kind.licence)
         return mono_bundle(onnx, picture, (inputs, outputs), self._meaning(kind, spreads), source)
 
     def _meaning(self, kind: _Kind, spreads: Spreads) -> DepthOutput:
@@ -191,8 +208,8 @@ class DepthModel:
         ]
         return np.concatenate(apart).astype(np.float32)
 
-    def card(self, manifest: Manifest) -> str:
-        """Text of the model card."""
+    def card(self, manifest: Manifest, measured: Mapping[str, MeasuredDepth]) -> str:
+        """Text of the model card; ``measured`` by the file's name may be empty."""
         meaning, graph = manifest.depth, manifest.graphs["mono"]
         assert meaning is not None
         stated = f"a standard deviation of its logarithm of {meaning.spread} (assumed)"
@@ -208,13 +225,31 @@ class DepthModel:
             stride=meaning.stride,
             spread="the standard deviation of its logarithm" if meaning.spread is None else stated,
             licence=manifest.licence,
+            training=f"## Training\n{self.training}\n\n" if self.training else "",
+            accuracy=_accuracy(measured),
+            limits=_LIMITS if self.name == OWN else "",
         )
 
 
-def _own(weights: DepthWeights) -> nn.Module:
-    if weights.checkpoint is None:
-        raise ConfigError(f"{OWN} without weights", "--checkpoint FILE")
-    return load_depth_weights(weights.checkpoint).network()
+def _accuracy(measured: Mapping[str, MeasuredDepth]) -> str:
+    """Table of errors by file, or that nothing was measured."""
+    if not measured:
+        return "Not measured for this bundle."
+    lines = ["| images | depth | abs-rel | RMSE | within 25 % |", "|---|---|---|---|---|"]
+    for name, result in measured.items():
+        errors = {"metric": result.score.metric, "scale aligned": result.score.aligned}
+        lines += [
+            f"| {result.images} of `{name}` | {kind} | {e.abs_rel:.3f} | {e.rmse_m:.2f} m "
+            f"| {100 * e.close:.1f} % |"
+            for kind, e in errors.items()
+            if e is not None
+        ]
+    lines += [""] + [
+        f"On `{name}` ln of the scale is off by {r.score.scale_log:.2f} (rms), and "
+        f"{100 * r.score.within_spread:.0f} % of pixels lie within the stated uncertainty."
+        for name, r in measured.items()
+    ]
+    return "\n".join(lines)
 
 
 def _dense(weights: DepthWeights) -> nn.Module:
@@ -239,7 +274,6 @@ def _anything(weights: DepthWeights) -> nn.Module:
 
 
 _LOADERS: Mapping[str, Callable[[DepthWeights], nn.Module]] = {
-    OWN: _own,
     DENSE: _dense,
     ANYTHING: _anything,
     MIDAS: _midas,

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import json
+from collections.abc import Mapping
 
 import numpy as np
 
@@ -17,6 +18,7 @@ from dfvs_export.progress import say
 from dfvs_export.running import BundleRunner
 from dfvs_models.bundle import Bundle
 from dfvs_models.depth import DepthNetwork
+from dfvs_models.depth_evaluation import MeasuredDepth, mean_score, measure_depth
 from dfvs_models.onnx_session import Execution
 
 PARITY_LIMIT = 1e-3
@@ -51,9 +53,11 @@ def run_depth(arguments: argparse.Namespace, size: tuple[int, int] | None) -> in
         say("converting to int8")
         bundle = in_precision(bundle, "int8", _frames(arguments, bundle))
         say(f"greatest difference from torch: {parity(model, bundle, _PARITY_PAIRS):.1e}")
-    DepthNetwork(bundle, Execution())  # as the service loads it: shapes, numbers
-    write_bundle(arguments.out, described(bundle, model.card(bundle.manifest), {}))
-    if model.weights.is_random:
+    network = DepthNetwork(bundle, Execution())  # as the service loads it: shapes, numbers
+    measured = {path.name: measure_depth(network, path) for path in arguments.pairs}
+    card = model.card(bundle.manifest, measured)
+    write_bundle(arguments.out, described(bundle, card, _figures(measured)))
+    if arguments.checkpoint is None and arguments.folder is None:
         print("warning: these weights are random; name --checkpoint or --from to use the network")
     print(f"wrote {arguments.out}")
     return 0
@@ -104,6 +108,17 @@ def check_depth(arguments: argparse.Namespace, bundle: Bundle) -> int:
         report["torch"] = f"not compared: name the network (--model {'|'.join(MODELS)})"
     print(json.dumps(report, indent=None if arguments.json else 2))
     return 0 if holds else 1
+
+
+def _figures(measured: Mapping[str, MeasuredDepth]) -> dict[str, float]:
+    """What the manifest says of accuracy: means over the files."""
+    if not measured:
+        return {}
+    scores = mean_score([result.score for result in measured.values()])
+    figures = {"aligned_abs_rel": scores.aligned.abs_rel, "scale_log": scores.scale_log}
+    if scores.metric is not None:
+        figures["metric_abs_rel"] = scores.metric.abs_rel
+    return figures
 
 
 def _model(arguments: argparse.Namespace) -> DepthModel:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import math
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 
@@ -59,7 +60,8 @@ def train_depth(settings: DepthTrainSettings, say: Callable[[str], None]) -> Non
     """
     torch.set_num_threads(settings.threads)
     start = load_depth_weights(settings.start)
-    network = start.network().to(memory_format=torch.channels_last)
+    network = start.network()
+    network.to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     network.train()
     network.encoder.eval()
     network.encoder.freeze(settings.frozen_blocks)
@@ -70,8 +72,9 @@ def train_depth(settings: DepthTrainSettings, say: Callable[[str], None]) -> Non
     optimiser = torch.optim.AdamW(_groups(rates), weight_decay=1e-4)
     reader = DepthViewReader(RoomFolder(settings.pairs), settings.seed)
     began, steps, done, losses = time.monotonic(), 0, 0.0, list[float]()
+    batches = _batches(reader)
     while done < 1.0:
-        image, focal, truth = _batch(reader)
+        image, focal, truth = next(batches)
         with torch.autocast("cpu", torch.bfloat16):
             found = network.logs(image, focal)
         loss = depth_loss(found, truth)
@@ -108,6 +111,16 @@ def _groups(rates: dict[nn.Module, float]) -> list[dict[str, object]]:
         if new:
             groups.append({"params": new, "lr": rate, "rate": rate})
     return groups
+
+
+def _batches(reader: DepthViewReader) -> Iterator[tuple[Tensor, Tensor, Truth]]:
+    """Batches without end; the next one is drawn while one is in use."""
+    with ThreadPoolExecutor(1) as drawing:
+        following = drawing.submit(_batch, reader)
+        while True:
+            batch = following.result()
+            following = drawing.submit(_batch, reader)
+            yield batch
 
 
 def _batch(reader: DepthViewReader) -> tuple[Tensor, Tensor, Truth]:

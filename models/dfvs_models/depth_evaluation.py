@@ -2,19 +2,23 @@
 
 from __future__ import annotations
 
+import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
+from pathlib import Path
 
 import numpy as np
 
 from dfvs_core.arrays import Float32Array, FloatArray
-from dfvs_core.depth.network import NetworkDepth
+from dfvs_core.depth.network import DepthEstimator, NetworkDepth
 from dfvs_core.errors import ImageError
+from dfvs_models.evaluation_file import EVALUATION_CAMERA, read_depth_views
 
 _CLOSE = 1.25
 _LEAST_RHO = 1e-3
 """Inverse depth that is taken for less, 1/m: nothing indoors is a kilometre away."""
 _METRIC = ("m", "1/m")
+_WARM_UP = 2
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,6 +61,36 @@ class DepthScore:
     aligned: DepthError
     scale_log: float
     within_spread: float
+
+
+@dataclass(frozen=True, slots=True)
+class MeasuredDepth:
+    """Mean score over the ``images`` of a file, and the median time of an estimate, ms."""
+
+    images: int
+    score: DepthScore
+    median_ms: float
+
+
+def measure_depth(network: DepthEstimator, path: Path) -> MeasuredDepth:
+    """Score a network on an evaluation file.
+
+    Raises
+    ------
+    ImageError
+        If the file cannot be used.
+    """
+    images, depth_m = read_depth_views(path)
+    camera = EVALUATION_CAMERA.scaled(images.shape[2], images.shape[1])
+    for image in images[:_WARM_UP]:
+        network.estimate(image, camera)
+    scores, times = [], []
+    for image, truth in zip(images, depth_m, strict=True):
+        began = time.perf_counter()
+        found = network.estimate(image, camera)
+        times.append(1e3 * (time.perf_counter() - began))
+        scores.append(score_depth(found, truth))
+    return MeasuredDepth(len(scores), mean_score(scores), float(np.median(times)))
 
 
 def score_depth(found: NetworkDepth, depth_m: Float32Array) -> DepthScore:

@@ -4,20 +4,14 @@ from __future__ import annotations
 
 import argparse
 import json
-import time
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dfvs_core.errors import ConfigError
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth
-from dfvs_models.depth import DepthNetwork
-from dfvs_models.depth_evaluation import DepthScore, mean_score, score_depth
-from dfvs_models.evaluation_file import read_depth_views
-from dfvs_sim.pairs.drawing import EVALUATION_CAMERA
+from dfvs_models.depth_evaluation import measure_depth
 
 _EPILOG = """examples:
   dfvs-bench depth pairs.npz --json depth.json
@@ -26,10 +20,9 @@ _EPILOG = """examples:
 A pairs file holds IA (N,H,W,3) uint8 RGB, its depth (N,H,W) m (0: unknown), seen by a camera of
 75 degrees (dfvs-sim pairs makes such files). Aligned: with the scale that fits an image best.
 
-The JSON is [{bundle, unit, ms_median, files: {NAME: {images, metric: {abs_rel, rmse_m, close},
-aligned: {...}, scale_log, within_spread}}}].
+The JSON is [{bundle, unit, files: {NAME: {images, median_ms, score: {metric: {abs_rel, rmse_m,
+close}, aligned: {...}, scale_log, within_spread}}}}].
 """
-_WARM_UP = 2
 
 
 def add_parser(subparsers: Any) -> None:
@@ -66,18 +59,8 @@ def run(args: argparse.Namespace) -> int:
     for name in dict.fromkeys(args.depth_bundle):
         network = load_depth("fused", name, args.threads)
         assert network is not None
-        files, times = {}, list[float]()
-        for path in dict.fromkeys(args.pairs):
-            scores = _scores(network, path, times)
-            files[path.name] = {"images": len(scores), **asdict(mean_score(scores))}
-        reports.append(
-            {
-                "bundle": name,
-                "unit": network.unit,
-                "ms_median": float(np.median(times)),
-                "files": files,
-            }
-        )
+        files = {p.name: asdict(measure_depth(network, p)) for p in dict.fromkeys(args.pairs)}
+        reports.append({"bundle": name, "unit": network.unit, "files": files})
         _print(reports[-1])
     if args.json is not None:
         try:
@@ -87,26 +70,11 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def _scores(network: DepthNetwork, path: Path, times: list[float]) -> list[DepthScore]:
-    """Scores of the images of a file; the times of their estimates in ms are added."""
-    images, depth_m = read_depth_views(path)
-    camera = EVALUATION_CAMERA.scaled(images.shape[2], images.shape[1])
-    for image in images[:_WARM_UP]:
-        network.estimate(image, camera)
-    scores = []
-    for image, truth in zip(images, depth_m, strict=True):
-        began = time.perf_counter()
-        found = network.estimate(image, camera)
-        times.append(1e3 * (time.perf_counter() - began))
-        scores.append(score_depth(found, truth))
-    return scores
-
-
 def _print(report: dict[str, Any]) -> None:
-    print(f"\n{report['bundle']}, {report['unit']}: {report['ms_median']:.1f} ms an image")
-    print("          abs-rel   RMSE m  within 25 %")
-    for name, score in report["files"].items():
-        print(f"{name}: {score['images']} images")
+    print(f"\n{report['bundle']}, {report['unit']}\n          abs-rel   RMSE m  within 25 %")
+    for name, measured in report["files"].items():
+        score = measured["score"]
+        print(f"{name}: {measured['images']} images, {measured['median_ms']:.1f} ms each")
         for kind in ("metric", "aligned"):
             if (error := score[kind]) is not None:
                 print(

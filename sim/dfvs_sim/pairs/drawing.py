@@ -11,15 +11,13 @@ import numpy as np
 from dfvs_core.arrays import BoolArray, Float32Array, FloatArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.poses import make_pose, so3_exp
+from dfvs_models.evaluation_file import EVALUATION_CAMERA
 from dfvs_sim.pairs.motion import Motion, evaluation_motion
 from dfvs_sim.render.renderer import Renderer, View
 from dfvs_sim.render.truth import exact_flow, visibility
 from dfvs_sim.scene.free_space import FreeSpace
 from dfvs_sim.scene.mesh import SceneError
 from dfvs_sim.scene.poses import camera_pose, floor_of
-
-EVALUATION_CAMERA = CameraModel(320, 240, 208.5, 208.5, 160.0, 120.0)
-"""The camera of an evaluation file: 75 degrees wide."""
 
 _PLACES_TRIED, _MOVES_TRIED = 400, 8
 _HIGHEST_M = 4.5

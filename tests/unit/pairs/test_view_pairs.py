@@ -7,8 +7,8 @@ from tiny_scenes import scene_of, wall
 from dfvs_core.errors import ImageError
 from dfvs_core.poses import invert_pose, so3_log
 from dfvs_models.evaluation import LEVELS
-from dfvs_models.evaluation_file import read_flow_pairs
-from dfvs_sim.pairs.drawing import EVALUATION_CAMERA, PairArtist
+from dfvs_models.evaluation_file import EVALUATION_CAMERA, read_flow_pairs
+from dfvs_sim.pairs.drawing import PairArtist
 from dfvs_sim.pairs.files import evaluation_arrays, write_arrays
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import warp_to_a
