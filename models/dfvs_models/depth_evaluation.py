@@ -53,8 +53,8 @@ class DepthScore:
     scale_log : float
         ln of the scale of the found depth in that of the truth.
     within_spread : float
-        Share of pixels whose aligned logarithm is off by less than its standard deviation: 0.68
-        where errors are normal and the uncertainty is honest.
+        Share of pixels whose logarithm (aligned, unless depth is metric) is off by less than its
+        standard deviation: 0.68 where errors are normal and the uncertainty is honest.
     """
 
     metric: DepthError | None
@@ -109,13 +109,12 @@ def score_depth(found: NetworkDepth, depth_m: Float32Array) -> DepthScore:
         )
     true_rho = 1.0 / depth_m[known].astype(np.float64)
     rho, scale_log = _aligned(found.rho[known].astype(np.float64), true_rho, found.unit)
-    off = np.abs(np.log(rho / true_rho))
-    metric = None
+    aligned, metric = _error(rho, true_rho), None
     if found.unit in _METRIC:
-        metric = _error(np.maximum(found.rho[known], _LEAST_RHO).astype(np.float64), true_rho)
-    return DepthScore(
-        metric, _error(rho, true_rho), scale_log, float(np.mean(off < found.spread[known]))
-    )
+        rho = np.maximum(found.rho[known], _LEAST_RHO).astype(np.float64)
+        metric = _error(rho, true_rho)
+    within = np.abs(np.log(rho / true_rho)) < found.spread[known]
+    return DepthScore(metric, aligned, scale_log, float(within.mean()))
 
 
 def mean_score(scores: Sequence[DepthScore]) -> DepthScore:

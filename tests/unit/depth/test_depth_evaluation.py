@@ -41,10 +41,13 @@ def test_an_affine_network_has_no_metric_error_and_is_aligned_by_scale_and_offse
     assert score.aligned.rmse_m == pytest.approx(0.0, abs=1e-4)
 
 
-def test_within_the_spread_counts_pixels_and_the_scale_does_not_enter():
+@pytest.mark.parametrize(
+    ("unit", "scale", "share"), [("1/m", 1.0, 0.75), ("1/m", 2.0, 0.0), ("relative", 2.0, 0.75)]
+)
+def test_the_spread_holds_the_scale_of_metric_depth_and_no_other(unit, scale, share):
     noise = np.where(np.arange(48).reshape(6, 8) % 4 == 1, 0.3, 0.0)
-    score = score_depth(found(2.0 * RHO * np.exp(noise)), DEPTH_M)
-    assert score.within_spread == pytest.approx(0.75, abs=0.02)
+    score = score_depth(found(scale * RHO * np.exp(noise), unit), DEPTH_M)
+    assert score.within_spread == pytest.approx(share, abs=0.02)
 
 
 def test_the_mean_holds_the_spread_of_the_scale():
