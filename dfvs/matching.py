@@ -90,8 +90,8 @@ def match_images(
     >>> match.flow.flow.shape, match.flow.confidence.shape
     ((240, 320, 2), (240, 320))
     >>> at_first, at_second = match.points()
-    >>> np.median(at_second - at_first, axis=0).round(1).tolist()
-    [12.0, 0.0]
+    >>> round(float(np.median(at_second[:, 0] - at_first[:, 0])), 1)
+    12.0
     """
     flow = matcher.match(matcher.prepare(first), matcher.prepare(second))
     pose = None

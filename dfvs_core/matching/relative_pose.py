@@ -66,8 +66,8 @@ def relative_pose(
     if len(matches) < config.least_matches:
         return None
     camera = camera.scaled(width, height)
-    current = camera.normalise(matches.current + 0.5)
-    other = other_camera.scaled(width, height).normalise(matches.other + 0.5)
+    current = camera.normalise(matches.current + np.float64(0.5))
+    other = other_camera.scaled(width, height).normalise(matches.other + np.float64(0.5))
     noise = config.noise_px / camera.fx
     try:
         E, inliers = cv2.findEssentialMat(

@@ -7,6 +7,7 @@ from typing import TYPE_CHECKING
 
 from dfvs_core.errors import ConfigError
 from dfvs_service.flights import layout
+from dfvs_service.flights.store import parts_of
 from dfvs_service.record.preparation import require_record_extra
 
 if TYPE_CHECKING:
@@ -16,7 +17,7 @@ MCAP = ".mcap"
 """Suffix of a recording's files."""
 
 _LOGS = (layout.HEADER, layout.GATE_INPUTS, layout.GATE_LOG, layout.SERVICE_LOG)
-"""Files of a black box of which there is at least one."""
+"""Files by which the folder of a flight is known where its name was changed."""
 
 
 def open_flight(*paths: str | Path) -> FlightSource:
@@ -44,7 +45,7 @@ def open_flight(*paths: str | Path) -> FlightSource:
     >>> open_flight("no-such-flight")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ...
-    dfvs_core.errors.ConfigError: there is no flight in no-such-flight; expected the folder ...
+    dfvs_core.errors.ConfigError: there is no folder no-such-flight; expected the folder ...
     """
     files = [Path(path) for path in paths]
     if files and all(path.suffix == MCAP for path in files):
@@ -57,10 +58,11 @@ def open_flight(*paths: str | Path) -> FlightSource:
         named = " ".join(str(path) for path in files)
         raise ConfigError(f"{len(files)} flights: {named}", "one, or files of a recording")
     folder = files[0].resolve()
-    if not any((folder / name).is_file() for name in _LOGS):
-        raise ConfigError(
-            f"there is no flight in {paths[0]}", "the folder of a black box, or MCAP files"
-        )
+    if not folder.is_dir():
+        raise ConfigError(f"there is no folder {paths[0]}", "the folder of a flight")
+    is_named, _ = parts_of(folder.name)
+    if not is_named and not any((folder / name).is_file() for name in _LOGS):
+        raise ConfigError(f"{paths[0]} holds no flight", "the folder of a flight, or MCAP files")
     from dfvs_service.report.black_box import BlackBoxFlight
 
     return BlackBoxFlight(folder)
