@@ -31,6 +31,19 @@ class CameraModel:
         Focal lengths and principal point in px; the first pixel's centre is (0.5, 0.5).
     distortion : tuple of float
         OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or empty for a pinhole.
+
+    Raises
+    ------
+    GeometryError
+        If no camera can have such intrinsics.
+
+    Examples
+    --------
+    >>> camera = CameraModel(640, 480, fx=500.0, fy=500.0, cx=320.0, cy=240.0)
+    >>> camera.project(np.array([0.5, 0.0, 2.0])).tolist()
+    [445.0, 240.0]
+    >>> camera.scaled(320, 240).fx
+    250.0
     """
 
     width: int

@@ -23,6 +23,11 @@ def read_image(path: str | Path) -> ImageArray:
 
     Examples
     --------
+    >>> import cv2, numpy as np
+    >>> _ = cv2.imwrite("red.png", np.full((48, 64, 3), (0, 0, 255), np.uint8))  # OpenCV has BGR
+    >>> image = read_image("red.png")
+    >>> image.shape, image[0, 0].tolist()
+    ((48, 64, 3), [255, 0, 0])
     >>> read_image("no-such-image.png")  # doctest: +ELLIPSIS
     Traceback (most recent call last):
     ...
@@ -62,7 +67,7 @@ def read_sidecar(picture: Path) -> GoalSidecar | None:
         raise ConfigError(f"the goal's sidecar {path} cannot be used: {error}") from error
 
 
-def load_goal(picture: Path) -> Goal:
+def load_goal(picture: str | Path) -> Goal:
     """Goal from a picture with a sidecar beside it, of the same size.
 
     Raises
@@ -71,7 +76,18 @@ def load_goal(picture: Path) -> Goal:
         If the picture cannot be read or has another size than its sidecar says.
     ConfigError
         If there is no sidecar or it cannot be used.
+
+    Examples
+    --------
+    >>> import cv2, numpy as np
+    >>> _ = cv2.imwrite("goal.png", np.zeros((48, 64, 3), np.uint8))
+    >>> from dfvs_core.camera import CameraModel
+    >>> sidecar = GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 1.2), pitch_rad=-0.1)
+    >>> _ = Path("goal.json").write_text(sidecar.to_json())
+    >>> load_goal("goal.png").sidecar.pitch_rad
+    -0.1
     """
+    picture = Path(picture)
     sidecar = read_sidecar(picture)
     if sidecar is None:
         raise ConfigError(f"{picture} has no sidecar", f"{picture.with_suffix('.json')}")
