@@ -12,8 +12,8 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.errors import GeometryError
+from dfvs_core.arrays import FloatArray, ImageArray, check_image
+from dfvs_core.errors import GeometryError, ImageError
 
 _DISTORTION_LENGTHS = (0, 4, 5, 8)
 _UNDISTORT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-10)
@@ -31,6 +31,19 @@ class CameraModel:
         Focal lengths and principal point in px; the first pixel's centre is (0.5, 0.5).
     distortion : tuple of float
         OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or empty for a pinhole.
+
+    Raises
+    ------
+    GeometryError
+        If no camera can have such intrinsics.
+
+    Examples
+    --------
+    >>> camera = CameraModel(640, 480, fx=500.0, fy=500.0, cx=320.0, cy=240.0)
+    >>> camera.project(np.array([0.5, 0.0, 2.0])).tolist()
+    [445.0, 240.0]
+    >>> camera.scaled(320, 240).fx
+    250.0
     """
 
     width: int
@@ -79,6 +92,20 @@ class CameraModel:
     def size(self) -> tuple[int, int]:
         """(width, height) in px."""
         return self.width, self.height
+
+    def check_size(self, image: ImageArray, name: str, remedy: str = "") -> None:
+        """Find that an image (H, W, 3), which ``name`` stands for, has the camera's size.
+
+        Raises
+        ------
+        ImageError
+            If it has not, or is not (H, W, 3) uint8.
+        """
+        check_image(image)
+        height, width = image.shape[:2]
+        if (width, height) != self.size:
+            expected = f"{self.width} x {self.height} px, the size of its camera"
+            raise ImageError(f"{name} has {width} x {height} px", expected, remedy)
 
     def scaled(self, width: int, height: int) -> CameraModel:
         """Return the same camera with its image resized to width x height px."""

@@ -27,6 +27,13 @@ class Mount:
 
     ``roll_rad, pitch_rad, yaw_rad`` turn a camera that looks straight ahead (aerospace angles
     in the body frame: positive pitch looks up); x, y, z are the lens position in FRD, in m.
+
+    Examples
+    --------
+    >>> downwards = Mount(x_m=0.1, pitch_rad=-np.pi / 2)
+    >>> T_body_camera = downwards.T_body_camera()
+    >>> (T_body_camera[:3, :3] @ [0.0, 0.0, 1.0]).round(6).tolist()  # its view direction, FRD
+    [0.0, 0.0, 1.0]
     """
 
     x_m: float = 0.0

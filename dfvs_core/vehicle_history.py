@@ -13,7 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_core.arrays import FloatArray
-from dfvs_core.poses import make_pose, rotation_from_euler, wrap_angle
+from dfvs_core.poses import euler_from_rotation, make_pose, rotation_from_euler, wrap_angle
 from dfvs_core.wire.link import VehicleState
 
 _NS = 1e-9
@@ -52,6 +52,26 @@ class Motion:
     def at_rest(cls, roll_rad: float, pitch_rad: float) -> Motion:
         """Motion of a vehicle that stands still at the origin, heading north."""
         return cls(0, roll_rad, pitch_rad, 0.0, np.zeros(3), np.zeros(3))
+
+    @classmethod
+    def from_pose(
+        cls,
+        T_world_body: FloatArray,
+        velocity_m_s: FloatArray,
+        yaw_rate_rad_s: float = 0.0,
+        t_ns: int = 0,
+    ) -> Motion:
+        """Motion of a body from its pose (4, 4) and velocity (3,) m/s, both in the world.
+
+        Examples
+        --------
+        >>> import numpy as np
+        >>> motion = Motion.from_pose(np.eye(4), np.array([0.1, 0.0, 0.0]))
+        >>> motion.yaw_rad, motion.level_velocity().tolist()
+        (0.0, [0.1, 0.0, 0.0, 0.0])
+        """
+        attitude = euler_from_rotation(T_world_body[:3, :3])
+        return cls(t_ns, *attitude, velocity_m_s, T_world_body[:3, 3], yaw_rate_rad_s)
 
     def T_world_body(self) -> FloatArray:
         """Pose (4, 4) of the body, its origin where the history began."""

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
-from dfvs_core.arrays import ImageArray
+from dfvs_core.arrays import ImageArray, check_image
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
 
@@ -83,10 +83,7 @@ def working_size(image: ImageArray, most_width_px: int | None = None) -> tuple[i
     ImageError
         If the image is not (H, W, 3) uint8, or height or width are under ``LEAST_SIZE_PX``.
     """
-    if image.ndim != 3 or image.shape[2] != 3 or image.dtype.name != "uint8":
-        raise ImageError(
-            f"image is {image.dtype} of shape {image.shape}", "uint8 of (H, W, 3), RGB"
-        )
+    check_image(image)
     height, width = image.shape[:2]
     scale = 1.0 if most_width_px is None else min(1.0, most_width_px / width)
     size = round(height * scale), round(width * scale)

@@ -13,6 +13,7 @@ from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.matching.staged import StagedMatcher
 from dfvs_core.servo.config import BY_NETWORK, DepthChoice
+from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.bundle import Bundle, read_bundle
 from dfvs_models.depth import DepthNetwork
 from dfvs_models.encode_match import EncodeMatchPoints
@@ -25,22 +26,38 @@ _PACKAGED = Path(__file__).parent / "assets"
 
 
 def load_matcher(
-    name_or_path: str,
+    name_or_path: str = DEFAULT_MATCHER,
     threads: int = 2,
     provider: str = "CPUExecutionProvider",
     config: MatchingConfig | None = None,
 ) -> Matcher:
-    """Load the matcher ``"classical"``, or a model bundle by its folder.
+    """Load a matcher, the source of dense correspondences.
 
-    The flow of a ``pair`` bundle is used as it is, or after ``"hybrid:"`` made precise by the dense
-    search. Bundles that come with this package go by their names alone, such as ``"dfvs-flow"``.
-
-    ``threads`` goes to ONNX Runtime and to OpenCV, where it holds for the whole process.
+    Parameters
+    ----------
+    name_or_path : str
+        Name of a bundle in this package, folder of any other bundle, or ``"classical"``, which
+        needs no network. The flow of a ``pair`` bundle is used as it is, or after ``"hybrid:"``
+        made precise by the dense search.
+    threads : int
+        Of ONNX Runtime and OpenCV; for OpenCV it holds in the whole process.
+    provider : str
+        Execution provider of ONNX Runtime.
+    config : MatchingConfig, optional
+        Numbers of relocalisation and tracking.
 
     Raises
     ------
     ModelError
         If there is no such matcher or provider, or its bundle cannot be used.
+
+    Examples
+    --------
+    >>> matcher = load_matcher()
+    >>> load_matcher("no-such-model")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    dfvs_core.errors.ModelError: there is no model 'no-such-model'; expected 'classical' or ...
     """
     execution = Execution(threads, provider)
     cv2.setNumThreads(threads)

@@ -32,7 +32,7 @@ from dfvs_service.flights.store import flights_folder
 from dfvs_service.goal_file import (
     checked_goal,
     goal_order,
-    read_picture,
+    read_image,
     read_sidecar,
     route_pictures,
 )
@@ -236,7 +236,7 @@ def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) 
     # ONNX Runtime is needed here, and takes its time to load.
     from dfvs_service.preflight.check import check_camera_and_model, check_everything
 
-    read_picture(picture)  # a goal that cannot be read is no cross, but nothing to check by
+    read_image(picture)  # a goal that cannot be read is no cross, but nothing to check by
     drawn: list[ImageArray] = []
     try:
         config, goal = _resolve(config, picture)
@@ -269,7 +269,7 @@ def _check_picture(arguments: argparse.Namespace) -> None:
 
 def _resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]:
     """Settings with all that is known of the camera, and the goal, checked against it."""
-    image, sidecar = read_picture(picture), read_sidecar(picture)
+    image, sidecar = read_image(picture), read_sidecar(picture)
     height, width = image.shape[:2]
     config = _with_announced(with_calibration(config), sidecar)
     config, camera = config.with_camera((width, height), sidecar)

@@ -13,25 +13,37 @@ from dfvs_core.wire.picture import MAX_PICTURE_BYTES, decode_picture
 from dfvs_service.runtime import RuntimeFolder
 
 
-def read_picture(path: Path) -> ImageArray:
+def read_image(path: str | Path) -> ImageArray:
     """Read a PNG or JPEG file to (H, W, 3) uint8 RGB.
 
     Raises
     ------
     ImageError
-        If the file is missing, too large, or not a picture.
+        If the file is missing, too large, or not an image.
+
+    Examples
+    --------
+    >>> import cv2, numpy as np
+    >>> _ = cv2.imwrite("red.png", np.full((48, 64, 3), (0, 0, 255), np.uint8))  # OpenCV has BGR
+    >>> image = read_image("red.png")
+    >>> image.shape, image[0, 0].tolist()
+    ((48, 64, 3), [255, 0, 0])
+    >>> read_image("no-such-image.png")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    dfvs_core.errors.ImageError: cannot read the image no-such-image.png ...
     """
     try:
-        with path.open("rb") as file:
+        with open(path, "rb") as file:
             data = file.read(MAX_PICTURE_BYTES + 1)
     except OSError as error:
         raise ImageError(
-            f"cannot read the goal picture {path} ({error.strerror})", "a PNG or JPEG file"
+            f"cannot read the image {path} ({error.strerror})", "a PNG or JPEG file"
         ) from error
     try:
         return decode_picture(data)
     except ImageError as error:
-        raise ImageError(f"the goal picture {path} cannot be used: {error}") from error
+        raise ImageError(f"the image {path} cannot be used: {error}") from error
 
 
 def read_sidecar(picture: Path) -> GoalSidecar | None:
@@ -55,7 +67,7 @@ def read_sidecar(picture: Path) -> GoalSidecar | None:
         raise ConfigError(f"the goal's sidecar {path} cannot be used: {error}") from error
 
 
-def load_goal(picture: Path) -> Goal:
+def load_goal(picture: str | Path) -> Goal:
     """Goal from a picture with a sidecar beside it, of the same size.
 
     Raises
@@ -64,11 +76,22 @@ def load_goal(picture: Path) -> Goal:
         If the picture cannot be read or has another size than its sidecar says.
     ConfigError
         If there is no sidecar or it cannot be used.
+
+    Examples
+    --------
+    >>> import cv2, numpy as np
+    >>> _ = cv2.imwrite("goal.png", np.zeros((48, 64, 3), np.uint8))
+    >>> from dfvs_core.camera import CameraModel
+    >>> sidecar = GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 1.2), pitch_rad=-0.1)
+    >>> _ = Path("goal.json").write_text(sidecar.to_json())
+    >>> load_goal("goal.png").sidecar.pitch_rad
+    -0.1
     """
+    picture = Path(picture)
     sidecar = read_sidecar(picture)
     if sidecar is None:
         raise ConfigError(f"{picture} has no sidecar", f"{picture.with_suffix('.json')}")
-    return checked_goal(picture, read_picture(picture), sidecar)
+    return checked_goal(picture, read_image(picture), sidecar)
 
 
 def load_goals(runtime: RuntimeFolder) -> list[Goal]:
@@ -111,14 +134,8 @@ def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
     ImageError
         If it has not.
     """
-    height, width = image.shape[:2]
-    camera = sidecar.camera
-    if (width, height) != camera.size:
-        raise ImageError(
-            f"the goal picture {path} has {width} x {height} px",
-            f"{camera.width} x {camera.height} px, the size of its camera",
-            "take the goal with the camera that flies, or correct the camera's settings",
-        )
+    remedy = "take the goal with the camera that flies, or correct the camera's settings"
+    sidecar.camera.check_size(image, f"the goal picture {path}", remedy)
     return Goal(image, sidecar)
 
 
@@ -132,7 +149,7 @@ def goal_order(picture: Path) -> GoalOrder:
     ConfigError
         If the sidecar cannot be used.
     """
-    image, sidecar = read_picture(picture), read_sidecar(picture)
+    image, sidecar = read_image(picture), read_sidecar(picture)
     if sidecar is not None:
         checked_goal(picture, image, sidecar)
     return GoalOrder(picture.read_bytes(), "" if sidecar is None else sidecar.to_json())

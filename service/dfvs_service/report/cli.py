@@ -17,14 +17,13 @@ from dfvs_service.atomic_file import write_atomic
 from dfvs_service.child import use_one_blas_thread
 from dfvs_service.flights.store import FlightStore, flights_folder
 from dfvs_service.page.page import require_page_extra
-from dfvs_service.record.preparation import require_record_extra
+from dfvs_service.report.source import MCAP, open_flight
 from dfvs_service.settings_options import add_settings_options, settings_from
 
 if TYPE_CHECKING:
     from dfvs_service.report.flight import FlightSource, FlightView
 
 EXIT_OK = 0
-_MCAP = ".mcap"
 _NICENESS = 10
 _SHOW_S = 0.5
 
@@ -124,30 +123,11 @@ def _write(arguments: argparse.Namespace) -> int:
 
 def _source(arguments: argparse.Namespace) -> FlightSource:
     """Records of the flight that was named."""
-    words: list[str] = arguments.flight
-    if words[0].endswith(_MCAP):
-        require_record_extra()
-        # ONNX Runtime, MCAP and protobuf take their time to load.
-        from dfvs_service.report.recording import RecordedFlight
-
-        return RecordedFlight([Path(word) for word in words])
-    if len(words) > 1:
-        raise ConfigError(
-            f"{len(words)} flights: {' '.join(words)}", "one, or files of a recording"
-        )
-    from dfvs_service.report.black_box import BlackBoxFlight
-
-    return BlackBoxFlight(_folder(words[0], arguments))
-
-
-def _folder(word: str, arguments: argparse.Namespace) -> Path:
-    """Folder of the flight, which is named by its path or by its name."""
-    path = Path(word)
-    if path.name != word:
-        if not path.is_dir():
-            raise ConfigError(f"there is no folder {path}", "the folder of a flight")
-        return path.resolve()
-    return FlightStore(flights_folder(settings_from(arguments).black_box, os.environ)).folder(word)
+    paths = [Path(word) for word in arguments.flight]
+    if len(paths) == 1 and paths[0].suffix != MCAP and paths[0].name == arguments.flight[0]:
+        flights = flights_folder(settings_from(arguments).black_box, os.environ)
+        paths = [FlightStore(flights).folder(paths[0].name)]
+    return open_flight(*paths)
 
 
 class _Progress:

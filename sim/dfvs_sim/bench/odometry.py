@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_core.arrays import FloatArray
-from dfvs_core.poses import euler_from_rotation, make_pose, so3_exp
+from dfvs_core.poses import make_pose, so3_exp
 from dfvs_core.vehicle_history import Motion
 from dfvs_sim.vehicle.estimate_errors import ERRORS, ErrorProcess, EstimateGrade
 
@@ -53,7 +53,7 @@ class Odometry:
         for _ in range(self._steps):
             self._errors.step(self._step_s)
         turn = so3_exp(np.array(self._errors.attitude_rad))
-        T = make_pose(turn @ motion.T_world_camera[:3, :3], motion.T_world_camera[:3, 3])
-        position = T[:3, 3] + np.array(self._errors.position_m)
+        position = motion.T_world_camera[:3, 3] + np.array(self._errors.position_m)
+        T = make_pose(turn @ motion.T_world_camera[:3, :3], position)
         velocity = motion.velocity_m_s + self.velocity_error_m_s
-        return Motion(t_ns, *euler_from_rotation(T[:3, :3]), velocity, position)
+        return Motion.from_pose(T, velocity, t_ns=t_ns)

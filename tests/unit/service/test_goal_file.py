@@ -5,7 +5,7 @@ import pytest
 from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError, ImageError
 from dfvs_core.goal import GoalSidecar
-from dfvs_service.goal_file import load_goal, read_picture, read_sidecar
+from dfvs_service.goal_file import load_goal, read_image, read_sidecar
 
 CAMERA = CameraModel.from_horizontal_fov(64, 48, 1.2)
 
@@ -36,20 +36,20 @@ def test_what_is_no_picture_is_refused(tmp_path, content):
     path = tmp_path / "goal.png"
     path.write_bytes(content)
     with pytest.raises(ImageError, match=r"goal\.png"):
-        read_picture(path)
+        read_image(path)
 
 
 def test_a_cut_picture_is_refused(picture):
     data = picture.read_bytes()
     picture.write_bytes(data[: len(data) // 2])
     with pytest.raises(ImageError):
-        read_picture(picture)
+        read_image(picture)
 
 
 @pytest.mark.parametrize("name", ["none.png", "."])
 def test_a_picture_that_cannot_be_read_is_an_error(tmp_path, name):
     with pytest.raises(ImageError, match="cannot read"):
-        read_picture(tmp_path / name)
+        read_image(tmp_path / name)
 
 
 @pytest.mark.parametrize("text", ["", "{}", '{"camera": 3}', "[1]"])
