@@ -87,7 +87,7 @@ def section_of(hint: Any) -> type[Any] | None:
 
 def choices_of(hint: Any) -> tuple[Any, ...]:
     """Values of a Literal or an enumeration; of any other type none."""
-    if isinstance(hint, enum.EnumType):
+    if isinstance(hint, type) and issubclass(hint, enum.Enum):
         return tuple(member.value for member in hint)
     return typing.get_args(hint) if typing.get_origin(hint) is typing.Literal else ()
 
@@ -113,9 +113,10 @@ def parse(cls: type[T], data: object, where: str = "", *, file: bool = False) ->
                 f"one of {', '.join(sorted(fields))}",
                 f"did you mean {near[0]!r}?" if near else "",
             )
+    hints = hints_of(cls)  # type: ignore[arg-type]
     values: dict[str, Any] = {}
     for key, field in fields.items():
-        place, hint = _join(where, key), hints_of(cls)[field.name]
+        place, hint = _join(where, key), hints[field.name]
         if key in data:
             value = _convert(hint, data[key], place, file)
             _check_range(value, *limits(field, file=file), place)
