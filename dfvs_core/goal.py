@@ -16,7 +16,7 @@ from dfvs_core.arrays import FloatArray, ImageArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
 from dfvs_core.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_from_euler
-from dfvs_core.schema import dump, parse
+from dfvs_core.schema import dump, parse, setting, to_text
 
 GOAL_FORMAT = "dfvs-goal/1"
 
@@ -25,8 +25,8 @@ GOAL_FORMAT = "dfvs-goal/1"
 class Mount:
     """How the camera sits on the vehicle.
 
-    ``roll_rad, pitch_rad, yaw_rad`` turn a camera that looks straight ahead (aerospace angles
-    in the body frame: positive pitch looks up); x, y, z are the lens position in FRD, in m.
+    The angles turn a camera that looks straight ahead (aerospace angles in the body frame). The
+    position is in FRD, in m.
 
     Examples
     --------
@@ -36,12 +36,12 @@ class Mount:
     [0.0, 0.0, 1.0]
     """
 
-    x_m: float = 0.0
-    y_m: float = 0.0
-    z_m: float = 0.0
-    roll_rad: float = 0.0
-    pitch_rad: float = 0.0
-    yaw_rad: float = 0.0
+    x_m: float = setting(0.0, "position of the lens: forward of the vehicle's centre, m")
+    y_m: float = setting(0.0, "the same: to the right, m")
+    z_m: float = setting(0.0, "the same: down, m")
+    roll_rad: float = setting(0.0, "the camera's roll about its line of sight; positive: clockwise")
+    pitch_rad: float = setting(0.0, "its pitch; positive: looks up")
+    yaw_rad: float = setting(0.0, "its yaw; positive: looks to the right")
 
     def T_body_camera(self) -> FloatArray:
         """Pose (4, 4) of the optical frame in the body frame."""
@@ -76,7 +76,7 @@ class GoalSidecar:
 
     def to_json(self) -> str:
         """Text of the sidecar file."""
-        return json.dumps(dump(self), indent=2) + "\n"
+        return to_text(self)
 
     @classmethod
     def from_json(cls, text: str, flown: GoalSidecar | None = None) -> GoalSidecar:

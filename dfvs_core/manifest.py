@@ -16,7 +16,7 @@ from typing import Literal, TypeVar
 
 from dfvs_core.depth.network import DepthUnit
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_core.schema import dump, parse, setting
+from dfvs_core.schema import parse, setting, to_text
 
 BUNDLE_FORMAT = "dfvs-bundle/2"
 MANIFEST_NAME = "manifest.json"
@@ -254,7 +254,7 @@ class Manifest:
 
     def to_json(self) -> str:
         """Text of ``manifest.json``."""
-        return json.dumps(dump(self), indent=2) + "\n"
+        return to_text(self)
 
     @classmethod
     def from_json(cls, data: bytes) -> Manifest:

@@ -2,6 +2,9 @@
 
 An unknown key, a missing key, a wrong type, a number that is not finite or out of the field's
 range is an error that names the place and, for an unknown key, the nearest known one.
+
+A name tells its unit. A settings file has ``_deg``, ``_deg_s`` and ``_deg_s2`` where a dataclass
+has ``_rad``, ``_rad_s`` and ``_rad_s2``: value, range and error messages are in degrees there.
 """
 
 from __future__ import annotations
@@ -10,15 +13,19 @@ import dataclasses
 import difflib
 import enum
 import functools
+import json
 import math
+import re
 import types
 import typing
 from collections.abc import Mapping
 from typing import Any, TypeVar
 
-from dfvs_core.errors import ConfigError
+from dfvs_core.errors import ConfigError, WireError
 
 T = TypeVar("T")
+
+_RAD = re.compile(r"_rad(?=$|_s$|_s2$)")
 
 
 def setting(
@@ -37,8 +44,56 @@ def setting(
     return dataclasses.field(default=default, metadata=metadata)
 
 
-def parse(cls: type[T], data: object, where: str = "") -> T:
-    """Build the dataclass ``cls`` from a mapping.
+def spelled(name: str) -> str:
+    """Name of a field in a settings file."""
+    return _RAD.sub("_deg", name)
+
+
+def _degrees(value: Any) -> Any:
+    # Twelve digits: 20 degrees must read 20, not 20.000000000000004.
+    return value if value is None else float(f"{math.degrees(value):.12g}")
+
+
+def in_degrees(data: Mapping[str, Any]) -> dict[str, Any]:
+    """Dumped settings as a settings file has them."""
+    return {
+        spelled(name): in_degrees(value)
+        if isinstance(value, Mapping)
+        else (_degrees(value) if _RAD.search(name) else value)
+        for name, value in data.items()
+    }
+
+
+def limits(field: dataclasses.Field[Any], *, file: bool) -> tuple[float | None, float | None]:
+    """Smallest and largest value of a field, None where there is no limit."""
+    low, high = field.metadata.get("low"), field.metadata.get("high")
+    return (_degrees(low), _degrees(high)) if file and _RAD.search(field.name) else (low, high)
+
+
+def range_text(low: float | None, high: float | None) -> str:
+    """Range in words."""
+    if low is None or high is None:
+        return f"{high:g} or less" if low is None else f"{low:g} or more"
+    return f"{low:g} to {high:g}"
+
+
+def section_of(hint: Any) -> type[Any] | None:
+    """Dataclass in a type hint ``X`` or ``X | None``, None where there is none."""
+    for option in typing.get_args(hint) or (hint,):
+        if dataclasses.is_dataclass(option) and isinstance(option, type):
+            return option
+    return None
+
+
+def choices_of(hint: Any) -> tuple[Any, ...]:
+    """Values of a Literal or an enumeration; of any other type none."""
+    if isinstance(hint, type) and issubclass(hint, enum.Enum):
+        return tuple(member.value for member in hint)
+    return typing.get_args(hint) if typing.get_origin(hint) is typing.Literal else ()
+
+
+def parse(cls: type[T], data: object, where: str = "", *, file: bool = False) -> T:
+    """Build the dataclass ``cls`` from a mapping, with ``file`` from that of a settings file.
 
     Raises
     ------
@@ -47,8 +102,8 @@ def parse(cls: type[T], data: object, where: str = "") -> T:
     """
     if not isinstance(data, Mapping):
         raise ConfigError(f"{where or 'the document'} is {data!r}", "a table of keys and values")
-    fields = {f.name: f for f in dataclasses.fields(cls) if f.init}  # type: ignore[arg-type]
-    hints = _hints(cls)  # type: ignore[arg-type]
+    spell = spelled if file else str
+    fields = {spell(f.name): f for f in dataclasses.fields(cls)}  # type: ignore[arg-type]
     for key in data:
         if key not in fields:
             near = [n for n, f in fields.items() if f.metadata.get("formerly") == key]
@@ -58,21 +113,54 @@ def parse(cls: type[T], data: object, where: str = "") -> T:
                 f"one of {', '.join(sorted(fields))}",
                 f"did you mean {near[0]!r}?" if near else "",
             )
+    hints = hints_of(cls)  # type: ignore[arg-type]
     values: dict[str, Any] = {}
-    for name, field in fields.items():
-        place = _join(where, name)
-        if name in data:
-            values[name] = _convert(hints[name], data[name], place)
-            _check_range(values[name], field.metadata, place)
-        elif _is_required(field):
-            raise ConfigError(f"{place!r} is missing", f"a value for it ({_title(hints[name])})")
+    for key, field in fields.items():
+        place, hint = _join(where, key), hints[field.name]
+        if key in data:
+            value = _convert(hint, data[key], place, file)
+            _check_range(value, *limits(field, file=file), place)
+            is_angle = key != field.name and value is not None
+            values[field.name] = math.radians(value) if is_angle else value
+        elif field.default is field.default_factory is dataclasses.MISSING:
+            raise ConfigError(f"{place!r} is missing", f"a value for it ({_title(hint)})")
     return cls(**values)
+
+
+def from_json(cls: type[T], data: bytes) -> T:
+    """Message of the given class from its JSON.
+
+    Raises
+    ------
+    WireError
+        If it is not JSON or does not follow the schema (NaN included).
+    """
+    try:
+        return parse(cls, json.loads(data))
+    except (ValueError, RecursionError, ConfigError) as error:
+        raise WireError(f"not a {cls.__name__}: {error}") from error
+
+
+def rebuild(hint: Any, value: Any) -> Any:
+    """Value of a type from what :func:`dump` made of it, unchecked: NaN and infinity pass.
+
+    Raises
+    ------
+    ValueError, TypeError, KeyError
+        If it does not follow the type.
+    """
+    if typing.get_origin(hint) is tuple:
+        return tuple(rebuild(typing.get_args(hint)[0], v) for v in value)
+    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
+        hints = hints_of(hint)
+        return hint(**{name: rebuild(h, value[name]) for name, h in hints.items() if name in value})
+    return hint(value) if isinstance(hint, enum.EnumType) else value
 
 
 def dump(value: object) -> Any:
     """Take a dataclass (or anything inside one) to what JSON and TOML can hold."""
     if dataclasses.is_dataclass(value) and not isinstance(value, type):
-        return {f.name: dump(getattr(value, f.name)) for f in dataclasses.fields(value) if f.init}
+        return {f.name: dump(getattr(value, f.name)) for f in dataclasses.fields(value)}
     if isinstance(value, enum.Enum):
         return value.value
     if isinstance(value, Mapping):
@@ -82,8 +170,18 @@ def dump(value: object) -> Any:
     return value
 
 
+def to_json(value: object) -> bytes:
+    """JSON of a message, from which :func:`from_json` makes an equal one."""
+    return json.dumps(dump(value), separators=(",", ":")).encode()
+
+
+def to_text(value: object) -> str:
+    """JSON of a dataclass in indented lines, for files."""
+    return json.dumps(dump(value), indent=2) + "\n"
+
+
 @functools.cache
-def _hints(cls: type) -> dict[str, Any]:
+def hints_of(cls: type) -> dict[str, Any]:
     """Types of a dataclass' fields: working them out takes longer than all the rest."""
     return typing.get_type_hints(cls)
 
@@ -96,71 +194,53 @@ def _title(hint: Any) -> str:
     return getattr(hint, "__name__", str(hint))
 
 
-def _is_required(field: dataclasses.Field[Any]) -> bool:
-    missing = dataclasses.MISSING
-    return field.default is missing and field.default_factory is missing
+def _check_range(value: object, low: float | None, high: float | None, where: str) -> None:
+    if isinstance(value, int | float) and not (
+        (low is None or low <= value) and (high is None or value <= high)
+    ):
+        raise ConfigError(f"{where} = {value!r} is out of range", range_text(low, high))
 
 
-def _check_range(value: object, metadata: Mapping[str, Any], where: str) -> None:
-    low, high = metadata.get("low"), metadata.get("high")
-    numbers = value if isinstance(value, tuple) else (value,)
-    for number in numbers:
-        if not isinstance(number, int | float) or isinstance(number, bool):
-            continue
-        if (low is not None and number < low) or (high is not None and number > high):
-            least = "-inf" if low is None else f"{low:g}"
-            most = "inf" if high is None else f"{high:g}"
-            raise ConfigError(f"{where} = {number!r} is out of range", f"{least} to {most}")
-
-
-def _convert(hint: Any, value: object, where: str) -> Any:
-    origin = typing.get_origin(hint)
+def _convert(hint: Any, value: object, where: str, file: bool) -> Any:
+    origin, arguments = typing.get_origin(hint), typing.get_args(hint)
     if origin in (types.UnionType, typing.Union):
-        return _convert_union(typing.get_args(hint), value, where)
+        (option,) = [o for o in arguments if o is not type(None)]
+        return None if value is None else _convert(option, value, where, file)
     if origin is tuple:
-        return _convert_tuple(typing.get_args(hint), value, where)
+        return _convert_tuple(arguments, value, where, file)
     if origin is dict:
-        return _convert_dict(typing.get_args(hint), value, where)
-    if origin is typing.Literal:
-        return _convert_choice(typing.get_args(hint), value, where)
-    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-        return parse(hint, value, where)
-    if isinstance(hint, type) and issubclass(hint, enum.Enum):
-        return hint(_convert_choice(tuple(m.value for m in hint), value, where))
+        if not isinstance(value, Mapping):
+            raise ConfigError(f"{where} = {value!r}", "a table")
+        return {
+            str(k): _convert(arguments[1], v, _join(where, str(k)), file) for k, v in value.items()
+        }
+    if choices := choices_of(hint):
+        _check_choice(choices, value, where)
+        return value if origin is typing.Literal else hint(value)
+    if section := section_of(hint):
+        return parse(section, value, where, file=file)
     return _convert_scalar(hint, value, where)
 
 
-def _convert_union(options: tuple[Any, ...], value: object, where: str) -> Any:
-    if value is None and type(None) in options:
-        return None
-    (hint,) = [o for o in options if o is not type(None)]
-    return _convert(hint, value, where)
-
-
-def _convert_tuple(items: tuple[Any, ...], value: object, where: str) -> tuple[Any, ...]:
+def _convert_tuple(
+    items: tuple[Any, ...], value: object, where: str, file: bool
+) -> tuple[Any, ...]:
     if not isinstance(value, list | tuple):
         raise ConfigError(f"{where} = {value!r}", "a list")
-    if len(items) == 2 and items[1] is Ellipsis:
-        return tuple(_convert(items[0], v, f"{where}[{i}]") for i, v in enumerate(value))
+    if items[-1] is Ellipsis:
+        items = items[:1] * len(value)
     if len(value) != len(items):
         raise ConfigError(f"{where} has {len(value)} values", f"{len(items)}")
-    pairs = zip(items, value, strict=True)
-    return tuple(_convert(h, v, f"{where}[{i}]") for i, (h, v) in enumerate(pairs))
+    pairs = enumerate(zip(items, value, strict=True))
+    return tuple(_convert(hint, v, f"{where}[{i}]", file) for i, (hint, v) in pairs)
 
 
-def _convert_dict(items: tuple[Any, ...], value: object, where: str) -> dict[str, Any]:
-    if not isinstance(value, Mapping):
-        raise ConfigError(f"{where} = {value!r}", "a table")
-    return {str(k): _convert(items[1], v, _join(where, str(k))) for k, v in value.items()}
-
-
-def _convert_choice(choices: tuple[Any, ...], value: object, where: str) -> Any:
+def _check_choice(choices: tuple[Any, ...], value: object, where: str) -> None:
     if value not in choices:
         listed = ", ".join(repr(c) for c in choices)
         near = difflib.get_close_matches(str(value), [str(c) for c in choices], n=1, cutoff=0.5)
         hint = f"did you mean {near[0]!r}?" if near else ""
         raise ConfigError(f"{where} = {value!r}", f"one of {listed}", hint)
-    return value
 
 
 def _convert_scalar(hint: Any, value: object, where: str) -> Any:

@@ -8,7 +8,6 @@ same inputs must give the very same commands; ``replay`` shows that they do, or 
 from __future__ import annotations
 
 import dataclasses
-import enum
 import json
 import typing
 from collections.abc import Iterable, Iterator, Sequence
@@ -20,7 +19,7 @@ from dfvs_core.gate.config import GateConfig
 from dfvs_core.gate.events import Event, GateOutput
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import Transition
-from dfvs_core.schema import dump, parse
+from dfvs_core.schema import dump, parse, rebuild
 
 JOURNAL_FORMAT = "dfvs-gate-journal/1"
 
@@ -154,18 +153,6 @@ def _said(output: GateOutput) -> dict[str, Any]:
 
 def _event(entry: list[Any]) -> Event:
     kind, *values = entry
-    cls = _KINDS[kind]
-    event: Event = _build(cls, values)
+    names = (field.name for field in dataclasses.fields(_KINDS[kind]))
+    event: Event = rebuild(_KINDS[kind], dict(zip(names, values, strict=True)))
     return event
-
-
-def _build(hint: Any, value: Any) -> Any:
-    """Value of JSON as the type of a field; unlike ``schema.parse`` it lets NaN pass."""
-    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-        fields, hints = dataclasses.fields(hint), typing.get_type_hints(hint)
-        values = [value[f.name] for f in fields] if isinstance(value, dict) else value
-        pairs = zip(fields, values, strict=True)
-        return hint(*(_build(hints[f.name], v) for f, v in pairs))
-    if isinstance(hint, type) and issubclass(hint, enum.Enum):
-        return hint(value)
-    return tuple(value) if isinstance(value, list) else value

@@ -52,7 +52,7 @@ class ServoConfig:
     max_vertical_m_s: float = setting(0.3, "speed limit of the law", low=0.01, high=10.0)
     max_turn_rad_s: float = setting(0.349, "turn rate limit of the law", low=0.01, high=3.0)
     tolerance_m: float = setting(0.02, "goal reached below this distance, m", low=1e-4, high=10.0)
-    tolerance_rad: float = setting(0.0087, "goal reached below this angle, rad", low=1e-4, high=3.0)
+    tolerance_rad: float = setting(0.0087, "goal reached below this angle", low=1e-4, high=3.0)
     tolerance_px: float = setting(
         2.0, "goal reached only if the median residual is below this, px", low=0.05, high=100.0
     )

@@ -13,9 +13,9 @@ import json
 import re
 from dataclasses import dataclass
 
-from dfvs_core.errors import ConfigError, WireError
+from dfvs_core.errors import WireError
 from dfvs_core.gate.events import Action
-from dfvs_core.schema import dump, parse
+from dfvs_core.schema import from_json, to_json
 
 COMMAND_FORMAT = "dfvs-command/3"
 MAX_COMMAND_BYTES = 1024
@@ -59,7 +59,7 @@ def command_mac(key: bytes, command: Command) -> str:
 
 def encode_command(key: bytes, command: Command) -> bytes:
     """Bytes of a signed command."""
-    return json.dumps(dump(SignedCommand(command, command_mac(key, command)))).encode()
+    return to_json(SignedCommand(command, command_mac(key, command)))
 
 
 def request_id(data: bytes) -> str:
@@ -80,10 +80,7 @@ def decode_command(data: bytes) -> SignedCommand:
     """
     if len(data) > MAX_COMMAND_BYTES:
         raise WireError(f"command of {len(data)} bytes", f"at most {MAX_COMMAND_BYTES}")
-    try:
-        signed = parse(SignedCommand, json.loads(data))
-    except (ValueError, RecursionError, ConfigError) as error:
-        raise WireError(f"command cannot be read: {error}") from error
+    signed = from_json(SignedCommand, data)
     if signed.format != COMMAND_FORMAT:
         raise WireError(f"command has format {signed.format!r}", repr(COMMAND_FORMAT))
     command = signed.command

@@ -7,12 +7,11 @@ that does not follow the schema is dropped, never half-read.
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 from typing import TypeVar
 
-from dfvs_core.errors import ConfigError, WireError
-from dfvs_core.schema import dump, parse
+from dfvs_core.errors import WireError
+from dfvs_core.schema import from_json, to_json
 
 T = TypeVar("T")
 
@@ -142,7 +141,7 @@ FromGate = GateStatus | CommandAnswer
 
 def to_datagram(message: ToGate | FromGate) -> bytes:
     """Bytes of a message."""
-    return json.dumps(dump(message), separators=(",", ":")).encode()
+    return to_json(message)
 
 
 def from_datagram(cls: type[T], data: bytes) -> T:
@@ -155,10 +154,7 @@ def from_datagram(cls: type[T], data: bytes) -> T:
     """
     if len(data) > MAX_DATAGRAM_BYTES:
         raise WireError(f"datagram of {len(data)} bytes", f"at most {MAX_DATAGRAM_BYTES}")
-    try:
-        return parse(cls, json.loads(data))
-    except (ValueError, RecursionError, ConfigError) as error:
-        raise WireError(f"datagram is not a {cls.__name__}: {error}") from error
+    return from_json(cls, data)
 
 
 def to_gate(data: bytes) -> ToGate:

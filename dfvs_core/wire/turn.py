@@ -8,13 +8,12 @@ reports, bit for bit.
 
 from __future__ import annotations
 
-import json
 import struct
 from dataclasses import dataclass, field
 from typing import Any, TypeVar
 
 from dfvs_core.errors import ConfigError, WireError
-from dfvs_core.schema import dump, parse
+from dfvs_core.schema import from_json, to_json
 from dfvs_core.wire.link import GateStatus, PerceptionReport
 
 RECORD_FORMAT = "dfvs-record/1"
@@ -110,22 +109,3 @@ def unpack(cls: type[T], data: bytes) -> tuple[T, bytes]:
     if magic != _MAGIC or end > len(data):
         raise WireError(f"record {magic!r} with {length} of {len(data)} bytes", f"{_MAGIC!r}")
     return from_json(cls, data[_HEAD.size : end]), data[end:]
-
-
-def from_json(cls: type[T], text: bytes) -> T:
-    """Message of the given class from its JSON.
-
-    Raises
-    ------
-    WireError
-        If it is not JSON or does not follow the schema.
-    """
-    try:
-        return parse(cls, json.loads(text))
-    except (ValueError, RecursionError, ConfigError) as error:
-        raise WireError(f"not a {cls.__name__}: {error}") from error
-
-
-def to_json(message: Opening | Turn) -> bytes:
-    """JSON of a message, from which :func:`from_json` makes an equal one."""
-    return json.dumps(dump(message), separators=(",", ":")).encode()

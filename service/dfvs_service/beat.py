@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from dataclasses import dataclass
 
-from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.gate.preflight import Check
-from dfvs_core.schema import dump, parse
+from dfvs_core.schema import from_json, to_json
 
 
 @dataclass(frozen=True, slots=True)
@@ -26,7 +24,7 @@ class Beat:
 
     def to_bytes(self) -> bytes:
         """Datagram of this beat."""
-        return json.dumps(dump(self), separators=(",", ":")).encode()
+        return to_json(self)
 
     @classmethod
     def from_bytes(cls, data: bytes) -> Beat:
@@ -37,7 +35,4 @@ class Beat:
         WireError
             If it is not a beat.
         """
-        try:
-            return parse(cls, json.loads(data))
-        except (ValueError, ConfigError) as error:
-            raise WireError(f"datagram is not a beat: {error}") from error
+        return from_json(cls, data)

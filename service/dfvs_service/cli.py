@@ -24,7 +24,7 @@ from dfvs_core.wire.picture import encode_png
 from dfvs_service.atomic_file import write_atomic
 from dfvs_service.calibration_file import with_calibration, with_intrinsics
 from dfvs_service.config import ServiceConfig
-from dfvs_service.config_text import toml_text
+from dfvs_service.config_text import markdown_table, toml_text
 from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine, shows_colours
 from dfvs_service.exposure import exposure_warnings
 from dfvs_service.flights.cli import flights
@@ -93,7 +93,10 @@ def _print_config(words: Sequence[str]) -> int:
         epilog="example: dfvs-service config --set gate.engage=auto > service.toml",
     )
     add_settings_options(parser)
-    print(toml_text(settings_from(parser.parse_args(words))), end="")
+    parser.add_argument("--markdown", action="store_true", help="print a table for documentation")
+    arguments = parser.parse_args(words)
+    as_text = markdown_table if arguments.markdown else toml_text
+    print(as_text(settings_from(arguments)), end="")
     return EXIT_OK
 
 

@@ -15,9 +15,8 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.gate.config import GateConfig, GateTiming, OnDone, S
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.goal import GoalSidecar, Mount
-from dfvs_core.schema import dump, parse
+from dfvs_core.schema import dump, in_degrees, parse, to_text
 from dfvs_core.servo.config import ServoConfig
-from dfvs_service.degrees import degrees_view, to_radians
 from dfvs_service.sections import (
     BlackBoxSection,
     CameraSection,
@@ -168,7 +167,7 @@ class ServiceConfig:
 
     def to_json(self) -> str:
         """Resolved settings as JSON, angles in rad, for the child processes."""
-        return json.dumps(dump(self), indent=2) + "\n"
+        return to_text(self)
 
 
 def config_from_json(text: str) -> ServiceConfig:
@@ -193,8 +192,17 @@ def load_config(path: Path | None, overrides: Mapping[str, Any]) -> ServiceConfi
     data: dict[str, Any] = {} if path is None else _read_toml(path)
     for dotted, value in overrides.items():
         _put(data, dotted, value)
-    view = degrees_view(ServiceConfig)
-    return to_radians(ServiceConfig, parse(view, data))
+    # Defaults take the way through a file too, so that the printed settings read back the same.
+    return parse(ServiceConfig, _merged(in_degrees(dump(ServiceConfig())), data), file=True)
+
+
+def _merged(defaults: dict[str, Any], data: Mapping[str, Any]) -> dict[str, Any]:
+    result = dict(defaults)
+    for key, value in data.items():
+        default = defaults.get(key)
+        both = isinstance(default, dict) and isinstance(value, dict)
+        result[key] = _merged(default or {}, value) if both else value
+    return result
 
 
 def _read_toml(path: Path) -> dict[str, Any]:

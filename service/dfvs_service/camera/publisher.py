@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import threading
 import time
 from collections.abc import Callable
@@ -13,7 +12,7 @@ import zenoh
 import zenoh.ext
 
 from dfvs_core.camera import CameraModel
-from dfvs_core.schema import dump
+from dfvs_core.schema import to_json
 from dfvs_core.topics import Topics
 from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
 from dfvs_service.camera.feed import Feed, Say
@@ -76,8 +75,7 @@ class FramePublisher:
                 cache=zenoh.ext.CacheConfig(max_samples=1),
                 publisher_detection=True,
             )
-            document = json.dumps(dump(options.camera)).encode()
-            self._calibration.put(document, encoding="application/json")
+            self._calibration.put(to_json(options.camera), encoding="application/json")
         self.count = 0
         self.bytes = 0
 

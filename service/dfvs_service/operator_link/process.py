@@ -8,7 +8,6 @@ perception connects to it over a Unix socket.
 from __future__ import annotations
 
 import contextlib
-import json
 import logging
 import queue
 import time
@@ -17,7 +16,7 @@ from types import FrameType
 import zenoh
 
 from dfvs_core.gate.config import Engage
-from dfvs_core.schema import dump
+from dfvs_core.schema import dump, to_json
 from dfvs_core.topics import Topics
 from dfvs_core.wire.link import CommandAnswer, ForwardedCommand, FromGate
 from dfvs_service.config import ServiceConfig
@@ -113,7 +112,7 @@ class OperatorLink:
         with contextlib.suppress(queue.Empty):
             answer = self._answers.get(timeout=_TURN_S)
             try:
-                publisher.put(json.dumps(dump(answer)), encoding="application/json")
+                publisher.put(to_json(answer), encoding="application/json")
             except zenoh.ZError as error:
                 log.warning("answer not published: %s", error)
 

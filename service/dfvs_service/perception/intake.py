@@ -2,12 +2,10 @@
 
 from __future__ import annotations
 
-import json
 from typing import Protocol
 
 from dfvs_core.camera import CameraModel
-from dfvs_core.errors import WireError
-from dfvs_core.schema import parse
+from dfvs_core.schema import from_json
 from dfvs_core.topics import Topics
 from dfvs_service.config import ServiceConfig
 from dfvs_service.perception.eye import RawSample
@@ -53,10 +51,7 @@ class OwnIntake:
 
     def camera(self, payload: bytes) -> CameraModel | None:
         """Camera as JSON."""
-        try:
-            return parse(CameraModel, json.loads(payload))
-        except (ValueError, RecursionError) as error:
-            raise WireError(f"the camera's calibration is not JSON ({error})") from error
+        return from_json(CameraModel, payload)
 
 
 def make_intake(config: ServiceConfig, clock: bytes) -> Intake:

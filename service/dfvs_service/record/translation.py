@@ -12,11 +12,11 @@ from typing import Any
 
 from dfvs_core.errors import WireError
 from dfvs_core.goal import GoalSidecar, Mount
-from dfvs_core.schema import dump, parse
+from dfvs_core.schema import dump, parse, to_json
 from dfvs_core.wire.flow_grid import FlowGrid
 from dfvs_core.wire.frame import FrameHeader, PixelFormat, decode_header
 from dfvs_core.wire.link import GateStatus, PerceptionReport, VehicleState
-from dfvs_core.wire.turn import Opening, Sight, Turn, to_json
+from dfvs_core.wire.turn import Opening, Sight, Turn
 from dfvs_service.config import CameraSection
 from dfvs_service.pace import Pace
 from dfvs_service.record import channels, foxglove_messages

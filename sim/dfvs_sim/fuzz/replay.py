@@ -2,10 +2,7 @@
 
 from __future__ import annotations
 
-import dataclasses
-import enum
 import json
-import typing
 from pathlib import Path
 from typing import Any
 
@@ -13,7 +10,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.gate import events as gate_events
 from dfvs_core.gate.config import GateConfig
 from dfvs_core.gate.events import Event
-from dfvs_core.schema import dump
+from dfvs_core.schema import dump, rebuild
 from dfvs_sim.fuzz.gate_fuzz import Finding
 from dfvs_sim.fuzz.gate_life import Life
 
@@ -57,7 +54,7 @@ def read_life(path: Path) -> Life:
         if document["format"] != REPLAY_FORMAT:
             raise ConfigError(f"{path} has format {document['format']!r}", repr(REPLAY_FORMAT))
         steps = [(int(t_ns), tuple(map(_load_event, some))) for t_ns, some in document["steps"]]
-        return Life(_build(GateConfig, document["config"]), int(document["born_ns"]), steps)
+        return Life(rebuild(GateConfig, document["config"]), int(document["born_ns"]), steps)
     except OSError as error:
         raise ConfigError(f"cannot read {path} ({error.strerror})", "a replay file") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:
@@ -70,18 +67,5 @@ def _dump_event(event: Event) -> dict[str, Any]:
 
 def _load_event(data: dict[str, Any]) -> Event:
     fields = dict(data)
-    event: Event = _build(getattr(gate_events, fields.pop("event")), fields)
+    event: Event = rebuild(getattr(gate_events, fields.pop("event")), fields)
     return event
-
-
-def _build(hint: Any, value: Any) -> Any:
-    """Build what a type hint says from JSON, numbers that are none included."""
-    if typing.get_origin(hint) is tuple:
-        items = typing.get_args(hint)
-        return tuple(_build(items[0], v) for v in value)
-    if dataclasses.is_dataclass(hint) and isinstance(hint, type):
-        hints = typing.get_type_hints(hint)
-        return hint(**{name: _build(hints[name], v) for name, v in value.items()})
-    if isinstance(hint, type) and issubclass(hint, enum.Enum):
-        return hint(value)
-    return value

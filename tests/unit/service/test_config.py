@@ -1,4 +1,5 @@
 import math
+import re
 from pathlib import Path
 
 import pytest
@@ -8,7 +9,7 @@ from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, GateConfig, OnDone, S
 from dfvs_core.goal import GoalSidecar, Mount
 from dfvs_service.config import ServiceConfig, config_from_json, load_config, parse_assignment
-from dfvs_service.config_text import toml_text
+from dfvs_service.config_text import markdown_table, toml_text
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.2)
 
@@ -133,6 +134,14 @@ def test_the_deployed_example_is_the_printed_default():
     path = Path(__file__).parents[3] / "deploy" / "service.toml"
     renew = f"dfvs-service config > {path}"
     assert path.read_text() == toml_text(ServiceConfig()), f"renew it with: {renew}"
+
+
+def test_the_table_has_a_row_with_a_meaning_for_every_setting():
+    rows = [row.split(" | ") for row in markdown_table(ServiceConfig()).splitlines()[2:]]
+    assert len(rows) == len(re.findall(r"^(?:# )?\w+ =", toml_text(ServiceConfig()), re.MULTILINE))
+    assert all(meaning.removesuffix(" |") for *_, meaning in rows)
+    assert ["| `limits.yaw_deg_s`", "`20.0`", "1 to 120"] in [row[:3] for row in rows]
+    assert ["| `zenoh.mode`", '`"peer"`', "`peer`, `client`"] in [row[:3] for row in rows]
 
 
 def test_children_read_what_the_parent_wrote():
