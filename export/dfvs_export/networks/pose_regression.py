@@ -1,0 +1,129 @@
+"""Networks that regress the pose between two images, after two publications.
+
+``StackedNet`` is after Saxena et al. (ICRA 2017): FlowNet's encoder (FlowNetSimple, Dosovitskiy et
+al., 2015) on both images stacked, then translation and quaternion. ``SiameseNet`` is after Bateux
+et al. (ICRA 2018): an encoder of ImageNet that both images go through, here EfficientNet-Lite0,
+then translation and rotation vector from the features of both. Two things are added to both: the
+focal length goes in beside the features, for cameras of any, and a head of training alone predicts
+flow, which stands for FlowNet's pretraining.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Mapping
+from typing import Literal, NamedTuple
+
+import torch
+from torch import Tensor, nn
+
+from dfvs_export.networks.efficientnet import CHANNELS, EfficientNetLite0
+
+SIZE = (192, 144)
+"""Of both images, px (width, height)."""
+STRIDE = 16
+"""Of the grid that flow is predicted on, px."""
+
+_SLOPE = 0.1
+
+
+class PosePrediction(NamedTuple):
+    """Translation (B, 3), and rotation: quaternion (B, 4) of any length or vector (B, 3) rad."""
+
+    translation: Tensor
+    rotation: Tensor
+
+
+class StackedNet(nn.Module):
+    """FlowNet's encoder with half of its channels, and batch normalisation, on stacked images."""
+
+    rotation: Literal["quaternion", "vector"] = "quaternion"
+    unit: Literal["m", "depth"] = "m"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.begin = nn.Sequential(
+            _conv(2, 32, 7, 2),
+            _conv(32, 64, 5, 2),
+            _conv(64, 128, 5, 2),
+            _conv(128, 128),
+            _conv(128, 256, 3, 2),
+            _conv(256, 256),
+        )
+        self.flow_head = nn.Conv2d(256, 2, 1)
+        self.end = nn.Sequential(
+            _conv(256, 256, 3, 2), _conv(256, 256), _conv(256, 512, 3, 2), nn.Flatten()
+        )
+        self.head = _head(512 * 3 * 3 + 1, 4)
+
+    def encode(self, first: Tensor, second: Tensor) -> tuple[Tensor, Tensor]:
+        """Features (B, N) and flow (B, 2, 9, 12) of images (B, 1, 144, 192) in -1..1."""
+        x = self.begin(torch.cat([first, second], dim=1))
+        return self.end(x), self.flow_head(x)
+
+    def regress(self, features: Tensor, focal: Tensor) -> PosePrediction:
+        """Pose of the second camera in the first, in m."""
+        out = self.head(torch.cat([features, focal], dim=1))
+        # a quaternion near that of no rotation, so that training starts from a valid one
+        return PosePrediction(out[:, :3], out[:, 3:] + out.new_tensor([1.0, 0.0, 0.0, 0.0]))
+
+    def forward(self, first: Tensor, second: Tensor, focal: Tensor) -> PosePrediction:
+        """Pose of the second camera in the first.
+
+        Images (B, 1, 144, 192) are in -1..1; ``focal`` (B, 1) is the focal length over the width.
+        """
+        return self.regress(self.encode(first, second)[0], focal)
+
+
+class SiameseNet(nn.Module):
+    """EfficientNet-Lite0 to 1/16 on either image, convolutions on the features of both."""
+
+    rotation: Literal["quaternion", "vector"] = "vector"
+    unit: Literal["m", "depth"] = "depth"
+
+    def __init__(self) -> None:
+        super().__init__()
+        self.encoder = EfficientNetLite0(levels=4)
+        self.begin = nn.Sequential(
+            _conv(2 * CHANNELS[3], 192), _conv(192, 192), _conv(192, 192), _conv(192, 192)
+        )
+        self.flow_head = nn.Conv2d(192, 2, 1)
+        self.end = nn.Sequential(_conv(192, 192, 3, 2), _conv(192, 64, 1), nn.Flatten())
+        self.head = _head(64 * 5 * 6 + 1, 3)
+
+    def encode(self, first: Tensor, second: Tensor) -> tuple[Tensor, Tensor]:
+        """Features (B, N) and flow (B, 2, 9, 12) of images (B, 1, 144, 192) in -1..1."""
+        both = torch.cat([first, second]).expand(-1, 3, -1, -1)
+        x = self.begin(torch.cat(self.encoder(both)[3].chunk(2), dim=1))
+        return self.end(x), self.flow_head(x)
+
+    def regress(self, features: Tensor, focal: Tensor) -> PosePrediction:
+        """Pose of the second camera in the first, in depths at the second image's middle."""
+        out = self.head(torch.cat([features, focal], dim=1))
+        return PosePrediction(out[:, :3], out[:, 3:])
+
+    def forward(self, first: Tensor, second: Tensor, focal: Tensor) -> PosePrediction:
+        """Pose of the second camera in the first.
+
+        Images (B, 1, 144, 192) are in -1..1; ``focal`` (B, 1) is the focal length over the width.
+        """
+        return self.regress(self.encode(first, second)[0], focal)
+
+
+PoseNet = StackedNet | SiameseNet
+NETWORKS: Mapping[str, Callable[[], PoseNet]] = {"saxena": StackedNet, "bateux": SiameseNet}
+"""By the names of their first authors."""
+
+
+def _conv(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Sequential:
+    return nn.Sequential(
+        nn.Conv2d(inputs, outputs, kernel, stride, kernel // 2, bias=False),
+        nn.BatchNorm2d(outputs),
+        nn.LeakyReLU(_SLOPE),
+    )
+
+
+def _head(inputs: int, rotation: int) -> nn.Sequential:
+    last = nn.Linear(512, 3 + rotation)
+    nn.init.normal_(last.weight, std=0.01)
+    nn.init.zeros_(last.bias)
+    return nn.Sequential(nn.Linear(inputs, 512), nn.LeakyReLU(_SLOPE), last)
