@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import functools
 import math
 from typing import NamedTuple, Protocol, cast
 
@@ -126,6 +127,7 @@ class RoomPoseReader:
         return make_pose(so3_exp(turn), length * way / max(float(np.linalg.norm(way)), 1e-9))
 
 
+@functools.lru_cache(maxsize=8)
 def rays(camera: CameraModel) -> FloatArray:
     """Points (H, W, 3) at depth 1 that the pixels of a camera look at, in its optical frame."""
     xy = camera.normalise(camera.grid())

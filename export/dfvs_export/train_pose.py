@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable, Mapping
+from collections.abc import Callable, Iterator, Mapping
+from concurrent.futures import ThreadPoolExecutor
 from dataclasses import dataclass
 from pathlib import Path
 from typing import NamedTuple
@@ -80,13 +81,13 @@ def train_pose(settings: PoseTrainSettings, say: Callable[[str], None]) -> None:
     start = starting_weights(settings.network, settings.start)
     network = start.network().to(memory_format=torch.channels_last)  # type: ignore[call-overload]
     make_reader, what = _READERS[settings.network]
-    reader = make_reader(RoomFolder(settings.pairs), settings.seed)
+    batches = _batches(make_reader(RoomFolder(settings.pairs), settings.seed), network)
     descent = Descent(_rates(network, settings.learning_rate))
     _to_training(network)
     began, steps, done = time.monotonic(), 0, 0.0
     errors = list[tuple[float, float, float]]()
     while done < 1.0:
-        errors.append(_learn(network, _batch(reader, network)))
+        errors.append(_learn(network, next(batches)))
         steps += 1
         descent.step(done)
         done = (time.monotonic() - began) / (60.0 * settings.minutes)
@@ -147,6 +148,16 @@ def _rotation_error(found: PosePrediction, batch: _Batch, rotation: str) -> Tens
         unit = functional.normalize(found.rotation, dim=1)
         return (unit - batch.rotation).norm(dim=1).mean()
     return (found.rotation - batch.rotation).norm(dim=1).mean()
+
+
+def _batches(reader: PosePairReader, network: PoseNet) -> Iterator[_Batch]:
+    """Batches without end; the next one is drawn while the last one is learnt from."""
+    with ThreadPoolExecutor(1) as pool:
+        drawn = pool.submit(_batch, reader, network)
+        while True:
+            batch = drawn.result()
+            drawn = pool.submit(_batch, reader, network)
+            yield batch
 
 
 def _batch(reader: PosePairReader, network: PoseNet) -> _Batch:
