@@ -11,7 +11,7 @@ import numpy as np
 
 from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 from dfvs_core.camera import CameraModel
-from dfvs_core.poses import make_pose, so3_exp
+from dfvs_core.poses import invert_pose, make_pose, so3_exp
 from dfvs_export.networks.pose_regression import SIZE, STRIDE
 from dfvs_export.pairs import RoomFolder, augmented
 
@@ -91,23 +91,23 @@ class RoomPoseReader:
             T = self._near_motion(seen)
             pair = seen, _moved(seen, T)
         else:
-            sides = [self._seen(room, k, side) for side in "ab"]
-            (first, T_a), (second, T_b) = sides
-            pair, T = (first, second), np.linalg.inv(T_a) @ room["T"][k] @ T_b
+            (first, T_a), (second, T_b) = (self._seen(room, k, side) for side in "ab")
+            pair, T = (first, second), invert_pose(T_a) @ room["T"][k] @ T_b
         if rng.uniform() < 0.5:
-            pair, T = pair[::-1], np.linalg.inv(T)
+            pair, T = pair[::-1], invert_pose(T)
         area = _common_area(pair[0].inside & pair[1].inside, rng)
-        first, second = (_augmented_within(seen.grey, area, rng) for seen in pair)
+        images = [_augmented_within(seen.grey, area, rng) for seen in pair]
         camera = pair[0].camera
         flow = _flow(camera, pair[0].depth_m, T)
-        return PosePair(first, second, camera.fx / camera.width, T, flow)
+        return PosePair(images[0], images[1], camera.fx / camera.width, T, flow)
 
     def _seen(self, room: dict[str, ImageArray], k: int, side: str) -> tuple[_Seen, FloatArray]:
         """A view of a pair, perhaps turned, and its attitude (4, 4) in the rendered camera."""
         rng = self._rng
         image = cast(ImageArray, cv2.imdecode(room[f"{side}{k}"], 0))
         depth_m = room["D"][k]["ab".index(side)].astype(np.float64)
-        camera = CameraModel(*SIZE, *(float(v) for v in room["K"][k] * SIZE[0] / image.shape[1]))
+        fx, fy, cx, cy = (float(v) for v in room["K"][k] * SIZE[0] / image.shape[1])
+        camera = CameraModel(*SIZE, fx, fy, cx, cy)
         small = cast(ImageArray, cv2.resize(image, SIZE, interpolation=cv2.INTER_AREA))
         R = so3_exp(rng.uniform(-_TURN_RAD, _TURN_RAD, 3) * (rng.uniform() < _TURNED))
         directions = rays(camera) @ R.T
@@ -136,15 +136,15 @@ def rays(camera: CameraModel) -> FloatArray:
 
 def _sampled(grey: ImageArray, pixels: FloatArray) -> ImageArray:
     """Grey levels at pixels (h, w, 2)."""
-    at = (pixels - 0.5).astype(np.float32)
-    return cast(ImageArray, cv2.remap(grey, at, None, cv2.INTER_LINEAR))
+    u, v = np.moveaxis((pixels - 0.5).astype(np.float32), 2, 0)
+    return cast(ImageArray, cv2.remap(grey, u, v, cv2.INTER_LINEAR))
 
 
 def _looked_up(
     depth_m: FloatArray, pixels: FloatArray, camera: CameraModel
 ) -> tuple[FloatArray, BoolArray]:
     """Depth (h, w) at pixels (h, w, 2) of a camera, 0 outside, and whether they are inside."""
-    inside = ((pixels >= 0) & (pixels < camera.size)).all(axis=2)
+    inside: BoolArray = np.all((pixels >= 0) & (pixels < camera.size), axis=2)
     steps = np.array(depth_m.shape[::-1]) / camera.size
     u, v = np.moveaxis(np.where(inside[..., None], pixels * steps, 0).astype(np.intp), 2, 0)
     return np.where(inside, depth_m[v, u], 0.0), inside

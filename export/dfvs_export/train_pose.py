@@ -14,7 +14,7 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.poses import quaternion_from_rotation, so3_log
 from dfvs_export.networks.pose_regression import PoseNet, PosePrediction, SiameseNet
 from dfvs_export.pairs import RoomFolder
@@ -128,7 +128,7 @@ def _learn(network: PoseNet, batch: _Batch) -> tuple[float, float, float]:
     with torch.autocast("cpu", torch.bfloat16):
         features, flow = network.encode(batch.first, batch.second)
     found = network.regress(features.float(), batch.focal)
-    t_error = (found.translation - batch.translation).norm(dim=1).mean()
+    t_error = _distance(found.translation, batch.translation)
     r_error = _rotation_error(found, batch, network.rotation)
     known = ~batch.flow.isnan()
     apart = functional.smooth_l1_loss(
@@ -144,10 +144,15 @@ def _learn(network: PoseNet, batch: _Batch) -> tuple[float, float, float]:
 
 def _rotation_error(found: PosePrediction, batch: _Batch, rotation: str) -> Tensor:
     """Mean distance of quaternions (that of Saxena et al.) or of rotation vectors."""
+    given = found.rotation
     if rotation == "quaternion":
-        unit = functional.normalize(found.rotation, dim=1)
-        return (unit - batch.rotation).norm(dim=1).mean()
-    return (found.rotation - batch.rotation).norm(dim=1).mean()
+        given = functional.normalize(given, dim=1)
+    return _distance(given, batch.rotation)
+
+
+def _distance(a: Tensor, b: Tensor) -> Tensor:
+    mean: Tensor = torch.linalg.vector_norm(a - b, dim=1).mean()
+    return mean
 
 
 def _batches(reader: PosePairReader, network: PoseNet) -> Iterator[_Batch]:
@@ -165,17 +170,18 @@ def _batch(reader: PosePairReader, network: PoseNet) -> _Batch:
     rotation_of = quaternion_from_rotation if network.rotation == "quaternion" else so3_log
     poses = [pair.T_first_second for pair in pairs]
     return _Batch(
-        *(
-            torch.from_numpy(np.stack(images))[:, None].contiguous(
-                memory_format=torch.channels_last
-            )
-            for images in ([p.first for p in pairs], [p.second for p in pairs])
-        ),
+        _images([pair.first for pair in pairs]),
+        _images([pair.second for pair in pairs]),
         _tensor([np.array([pair.focal]) for pair in pairs]),
         _tensor([T[:3, 3] for T in poses]),
         _tensor([rotation_of(T[:3, :3]) for T in poses]),
         torch.from_numpy(np.stack([pair.flow for pair in pairs])).permute(0, 3, 1, 2),
     )
+
+
+def _images(images: list[Float32Array]) -> Tensor:
+    tensor = torch.from_numpy(np.stack(images))[:, None]
+    return tensor.contiguous(memory_format=torch.channels_last)
 
 
 def _tensor(rows: list[FloatArray]) -> Tensor:

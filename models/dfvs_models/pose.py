@@ -76,10 +76,10 @@ class PoseNetwork:
         ModelError
             If the network gives values that are not finite, or no rotation.
         """
-        pictures = (picture_tensor(side.image, self._input) for side in (first, second))
+        pictures = [picture_tensor(side.image, self._input) for side in (first, second)]
         focal = np.full(_FOCAL_SHAPE, first.focal, np.float32)
-        tensors = (*pair_tensors(*pictures, self._input), focal)
-        raw = self._graph.run(tensors, self._said.outputs)
+        tensors = pair_tensors(pictures[0], pictures[1], self._input)
+        raw = self._graph.run((*tensors, focal), self._said.outputs)
         for name, values, shape in zip(self._said.outputs, raw, self._meaning.shapes, strict=True):
             self._check(name, values, shape)
         translation, rotation = (values[0].astype(np.float64) for values in raw)
