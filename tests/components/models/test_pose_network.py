@@ -45,7 +45,7 @@ GRAPH = {"file": "pose.onnx", "inputs": ["first", "second", "focal"]}
             {"pose": {"unit": "m", "rotation": "quaternion"}},
             "float32 of",
         ),
-        (bundle((np.nan, 0, 0), (0, 0, 0)), {}, "not finite"),
+        (bundle((np.inf, 0, 0), (0, 0, 0)), {}, "not finite"),
         (
             bundle((0, 0, 0), (0, 0, 0)),
             {"graphs": {"pose": GRAPH | {"outputs": ["translation", "turn"]}}},
