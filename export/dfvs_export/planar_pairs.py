@@ -17,7 +17,7 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.poses import invert_pose, make_pose, so3_exp
 from dfvs_export.networks.pose_regression import SIZE, STRIDE
 from dfvs_export.pairs import RoomFolder, augmented
-from dfvs_export.pose_pairs import PosePair, normalised, rays
+from dfvs_export.pose_pairs import PosePair, flow_to, normalised, rays
 
 _MOST_TRANSLATION = (0.22, 0.22, 0.16)
 _MOST_ROTATION_RAD = tuple(np.radians((18.0, 18.0, 45.0)))
@@ -149,5 +149,4 @@ def _flow(
     """Flow (9, 12, 2) from the first view to the second, in widths."""
     grid = slice(STRIDE // 2, None, STRIDE)
     H = _view_from_plane(T_plane_second) @ np.linalg.inv(_view_from_plane(T_plane_first))
-    there = camera.project(rays(camera)[grid, grid] @ H.T)
-    return np.asarray((there - camera.grid(STRIDE)) / camera.width, np.float32)
+    return flow_to(camera, camera.project(rays(camera)[grid, grid] @ H.T))

@@ -27,7 +27,6 @@ _TURNED, _TURN_RAD = 0.5, math.radians(8.0)
 _FILLED_PX = 5
 _WINDOWED, _WINDOW = 0.5, 0.12
 """Share of pairs that lose their borders, and how much of either side at most."""
-_MOST_FLOW = 2.0
 _OUTSIDE = 127.5
 """Grey level outside of a view."""
 _NEAREST_M = 0.05
@@ -38,7 +37,8 @@ class PosePair(NamedTuple):
 
     ``first`` and ``second`` (144, 192) are grey, -1 to 1; ``focal`` is their focal length over the
     width. ``T_first_second`` (4, 4) is in m or in depths at the second view's middle; ``flow``
-    (9, 12, 2) leads from the first view to the second, in widths, not a number where it is unknown.
+    (9, 12, 2) leads from the first view to the second, in widths, not a number where it is unknown
+    or leads out of it.
     """
 
     first: Float32Array
@@ -176,13 +176,18 @@ def _moved(seen: _Seen, T_seen_new: FloatArray) -> _Seen:
 def _flow(camera: CameraModel, depth_m: FloatArray, T_first_second: FloatArray) -> Float32Array:
     """Flow (9, 12, 2) from a view with this depth (144, 192) to another one, in widths."""
     grid = slice(STRIDE // 2, None, STRIDE)
-    pixels, z = camera.grid(STRIDE), depth_m[grid, grid]
+    z = depth_m[grid, grid]
     P = rays(camera)[grid, grid] * z[..., None]
     Q = (P - T_first_second[:3, 3]) @ T_first_second[:3, :3]
-    seen = (z > 0) & (Q[..., 2] > _NEAREST_M)
-    there = camera.project(np.where(seen[..., None], Q, 1.0))
-    flow = np.where(seen[..., None], (there - pixels) / camera.width, np.nan)
-    return np.clip(flow, -_MOST_FLOW, _MOST_FLOW).astype(np.float32)
+    Q[(z <= 0) | (Q[..., 2] < _NEAREST_M)] = np.nan
+    return flow_to(camera, camera.project(Q))
+
+
+def flow_to(camera: CameraModel, there: FloatArray) -> Float32Array:
+    """Flow (9, 12, 2) in widths to pixels of another view; not a number to outside of it."""
+    inside = ((there >= 0) & (there < camera.size)).all(axis=2, keepdims=True)
+    flow = (there - camera.grid(STRIDE)) / camera.width
+    return np.where(inside, flow, np.nan).astype(np.float32)
 
 
 def _common_area(inside: BoolArray, rng: np.random.Generator) -> BoolArray:

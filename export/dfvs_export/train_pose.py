@@ -24,7 +24,7 @@ from dfvs_export.pose_weights import TrainedPose, save_pose_weights, starting_we
 from dfvs_export.training import Descent, check_training
 
 _PAIRS_PER_STEP = 16
-_FROZEN_BLOCKS = 3
+_FROZEN_BLOCKS = 5
 _ENCODER_RATE = 0.3
 """Learning rate of the encoder in that of the rest."""
 _STEPS_PER_REPORT, _STEPS_PER_CHECKPOINT = 25, 200
@@ -127,7 +127,7 @@ def _learn(network: PoseNet, batch: _Batch) -> tuple[float, float, float]:
     """Add the gradient of a batch; mean errors of translation, of rotation in rad, of flow."""
     with torch.autocast("cpu", torch.bfloat16):
         features, flow = network.encode(batch.first, batch.second)
-    found = network.regress(features.float(), batch.focal)
+    found = network.regress(features.float(), flow.float(), batch.focal)
     t_error = _distance(found.translation, batch.translation)
     r_error = _rotation_error(found, batch, network.rotation)
     known = ~batch.flow.isnan()
