@@ -52,7 +52,7 @@ class StackedNet(nn.Module):
             _conv(128, 256, 3, 2),
             _conv(256, 256),
         )
-        self.flow_head = nn.Conv2d(256, 2, 1)
+        self.flow_head = _flow_head(256)
         self.end = nn.Sequential(
             _conv(256, 256, 3, 2), _conv(256, 256), _conv(256, 512, 3, 2), nn.Flatten()
         )
@@ -90,7 +90,7 @@ class SiameseNet(nn.Module):
             _conv(2 * CHANNELS[3] + 3, 192), _conv(192, 192), _conv(192, 192), _conv(192, 192)
         )
         self.sharpness = nn.Parameter(torch.tensor(3.0))
-        self.flow_head = nn.Conv2d(192, 2, 1)
+        self.flow_head = _flow_head(192)
         self.end = nn.Sequential(_conv(192, 192, 3, 2), _conv(192, 64, 1), nn.Flatten())
         self.head = _head(64 * 5 * 6, 3)
 
@@ -141,6 +141,13 @@ def _conv(inputs: int, outputs: int, kernel: int = 3, stride: int = 1) -> nn.Seq
         nn.BatchNorm2d(outputs),
         nn.LeakyReLU(_SLOPE),
     )
+
+
+def _flow_head(features: int) -> nn.Conv2d:
+    head = nn.Conv2d(features, 2, 1)
+    nn.init.zeros_(head.weight)
+    nn.init.zeros_(head.bias)  # type: ignore[arg-type]
+    return head
 
 
 def _head(features: int, rotation: int) -> nn.Sequential:
