@@ -30,6 +30,7 @@ GRAPHS_OF_KIND: Mapping[str, tuple[str, ...]] = {
     "pair": ("pair",),
     "encode-match": ("encode", "match"),
     "mono": ("mono",),
+    "pose": ("pose",),
 }
 """Roles of the graphs that a bundle of each kind holds."""
 
@@ -38,8 +39,8 @@ GRAPHS_OF_KIND: Mapping[str, tuple[str, ...]] = {
 class PictureInput:
     """How a picture becomes a tensor: resized, ``(pixel * scale - mean) / std``, channels first.
 
-    ``layout`` says how two pictures enter a ``pair`` graph: as two inputs of (1, C, H, W), as
-    one input of (1, 2C, H, W), or as one of (1, 2, C, H, W). One picture is (1, C, H, W).
+    ``layout`` says how two pictures enter a ``pair`` or ``pose`` graph: as two inputs of (1, C, H,
+    W), as one input of (1, 2C, H, W), or as one of (1, 2, C, H, W). One picture is (1, C, H, W).
     """
 
     width: int = setting(320, "width of the network's pictures, px", low=16, high=4096)
@@ -69,7 +70,7 @@ class PictureInput:
         return 1 if self.channels == "grey" else 3
 
     def pair_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes of the inputs of a ``pair`` graph."""
+        """Shapes of the inputs of a ``pair`` or ``pose`` graph."""
         c, h, w = self.channel_count, self.height, self.width
         if self.layout == "separate":
             return (1, c, h, w), (1, c, h, w)
@@ -138,6 +139,25 @@ class DepthOutput:
 
 
 @dataclass(frozen=True, slots=True)
+class PoseOutput:
+    """What the outputs of a ``pose`` graph mean: pose of the second camera in the first.
+
+    The first output is the translation (1, 3), in m or, with the unit ``"depth"``, in depths at the
+    middle of the second picture. The second one is the rotation: a quaternion (1, 4) as (w, x, y,
+    z) of any length, or a rotation vector (1, 3) rad. The graph's last input is the pictures' focal
+    length over their width (1, 1).
+    """
+
+    unit: Literal["m", "depth"]
+    rotation: Literal["quaternion", "vector"]
+
+    @property
+    def shapes(self) -> tuple[tuple[int, ...], ...]:
+        """Shapes of the two outputs."""
+        return (1, 3), (1, 4 if self.rotation == "quaternion" else 3)
+
+
+@dataclass(frozen=True, slots=True)
 class Graph:
     """An ONNX file of the bundle and the names of its tensors, in order."""
 
@@ -157,7 +177,7 @@ class Manifest:
 
     format: str
     name: str
-    kind: Literal["pair", "encode-match", "mono"]
+    kind: Literal["pair", "encode-match", "mono", "pose"]
     input: PictureInput
     graphs: dict[str, Graph]
     files: dict[str, str]
@@ -165,6 +185,7 @@ class Manifest:
     origin: str
     flow: FlowOutput | None = None
     depth: DepthOutput | None = None
+    pose: PoseOutput | None = None
     precision: Literal["fp32", "fp16", "int8"] = "fp32"
     accuracy: dict[str, float] = field(default_factory=dict)
 
@@ -188,14 +209,20 @@ class Manifest:
         self._check_outputs()
 
     def _check_outputs(self) -> None:
-        for kind, name, output in (("pair", "flow", self.flow), ("mono", "depth", self.depth)):
+        for kind, name, output in (
+            ("pair", "flow", self.flow),
+            ("mono", "depth", self.depth),
+            ("pose", "pose", self.pose),
+        ):
             if (self.kind == kind) != (output is not None):
                 raise ModelError(
                     f"a {self.kind!r} bundle {'lacks' if output is None else 'has'} {name!r}",
                     f"{name!r} for networks that give {name}, and only for those",
                 )
         if self.kind == "pair":
-            self._check_pair()
+            self._check_pair(len(self.input.pair_shapes()), outputs=1)
+        if self.kind == "pose":
+            self._check_pair(len(self.input.pair_shapes()) + 1, outputs=2)
         if self.depth is not None:
             self._check_mono(self.depth)
 
@@ -219,16 +246,16 @@ class Manifest:
             raise ModelError(f"graph 'match' takes {unknown}", f"some of {sorted(made)}")
         return {name: made[name] for name in wanted}
 
-    def _check_pair(self) -> None:
-        graph, flow = self.graphs["pair"], self.flow
-        expected = len(self.input.pair_shapes())
-        if len(graph.inputs) != expected or len(graph.outputs) != 1:
+    def _check_pair(self, inputs: int, outputs: int) -> None:
+        graph = self.graphs[self.kind]
+        if len(graph.inputs) != inputs or len(graph.outputs) != outputs:
             raise ModelError(
-                f"graph 'pair' has {len(graph.inputs)} inputs and {len(graph.outputs)} outputs",
-                f"{expected} and 1 for the layout {self.input.layout!r}",
+                f"graph {self.kind!r} has {len(graph.inputs)} inputs and {len(graph.outputs)}"
+                " outputs",
+                f"{inputs} and {outputs} for the layout {self.input.layout!r}",
             )
-        if flow is not None:
-            self._check_stride("flow", flow.stride)
+        if self.flow is not None:
+            self._check_stride("flow", self.flow.stride)
 
     def _check_mono(self, depth: DepthOutput) -> None:
         graph = self.graphs["mono"]

@@ -16,6 +16,7 @@ from dfvs_core.manifest import (
     Graph,
     Manifest,
     PictureInput,
+    PoseOutput,
     sha256,
 )
 from dfvs_export.graphs import (
@@ -29,8 +30,9 @@ from dfvs_models.bundle import Bundle
 
 CARD_NAME = "MODEL_CARD.md"
 ENCODE_FILE, MATCH_FILE, PAIR_FILE = "encode.onnx", "match.onnx", "pair.onnx"
-MONO_FILE = "mono.onnx"
+MONO_FILE, POSE_FILE = "mono.onnx", "pose.onnx"
 PAIR_INPUTS, PAIR_OUTPUTS = ("first", "second"), ("flow",)
+POSE_INPUTS, POSE_OUTPUTS = ("first", "second", "focal"), ("translation", "rotation")
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,6 +100,23 @@ def mono_bundle(
         licence=source.licence,
         origin=source.origin,
         depth=meaning,
+    )
+    return Bundle(manifest, contents)
+
+
+def pose_bundle(onnx: bytes, pictures: PictureInput, meaning: PoseOutput, source: Source) -> Bundle:
+    """Bundle of one graph that takes two pictures and their focal length and gives their pose."""
+    contents = {POSE_FILE: onnx}
+    manifest = Manifest(
+        format=BUNDLE_FORMAT,
+        name=source.name,
+        kind="pose",
+        input=pictures,
+        graphs={"pose": Graph(POSE_FILE, POSE_INPUTS, POSE_OUTPUTS)},
+        files=hashes(contents),
+        licence=source.licence,
+        origin=source.origin,
+        pose=meaning,
     )
     return Bundle(manifest, contents)
 

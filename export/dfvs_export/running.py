@@ -13,7 +13,7 @@ from dfvs_models.onnx_session import Execution, OnnxGraph
 from dfvs_models.pair import pair_tensors, picture_tensor
 
 FOCAL = 0.65
-"""Focal length over width that depth networks are run with: a field of view of 75 degrees."""
+"""Focal length over width for networks that ask for it: a field of view of 75 degrees."""
 
 
 class BundleRunner:
@@ -48,10 +48,12 @@ class BundleRunner:
         ``focal`` is its focal length over its width.
         """
         tensor, manifest = self.tensor(image), self.bundle.manifest
+        inputs = [tensor, np.full((1, 1), focal, np.float32)]
         if manifest.kind == "pair":
-            return [tensor]
+            return inputs[:1]
+        if manifest.kind == "pose":
+            return inputs
         if manifest.kind == "mono":
-            inputs = [tensor, np.full((1, 1), focal, np.float32)]
             return inputs[: len(manifest.graphs["mono"].inputs)]
         return self._graphs["encode"].run([tensor], manifest.graphs["encode"].outputs)
 
@@ -80,4 +82,4 @@ class BundleRunner:
         if manifest.kind == "mono":
             return dict(zip(manifest.graphs["mono"].inputs, first, strict=True))
         tensors = pair_tensors(first[0], second[0], manifest.input)
-        return dict(zip(manifest.graphs["pair"].inputs, tensors, strict=True))
+        return dict(zip(manifest.graphs[manifest.kind].inputs, (*tensors, *first[1:]), strict=True))

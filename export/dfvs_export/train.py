@@ -20,9 +20,9 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from dfvs_core.errors import ConfigError
 from dfvs_export.networks.xfeat import Keypoints, XFeat
 from dfvs_export.pairs import SIZE, PairReader, RoomFolder, TrueMatches, true_matches
+from dfvs_export.training import check_training
 from dfvs_export.weights import Weights, load_weights, save_weights
 
 _PAIRS_PER_STEP = 8
@@ -62,11 +62,7 @@ class TrainSettings:
 
     def __post_init__(self) -> None:
         """Refuse what trains nothing."""
-        for name in ("minutes", "learning_rate", "keypoints", "threads"):
-            if not getattr(self, name) > 0:
-                raise ConfigError(f"{name} is {getattr(self, name)}", "more than 0")
-        if not self.out.absolute().parent.is_dir():
-            raise ConfigError(f"{self.out} lies in no folder", "an existing folder")
+        check_training(self, self.out, ("minutes", "learning_rate", "keypoints", "threads"))
 
 
 def train(settings: TrainSettings, say: Callable[[str], None]) -> None:

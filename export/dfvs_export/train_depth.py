@@ -2,25 +2,22 @@
 
 from __future__ import annotations
 
-import math
 import time
-from collections.abc import Callable, Iterator
-from concurrent.futures import ThreadPoolExecutor
+from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
 import numpy as np
 import torch
-from torch import Tensor, nn
+from torch import Tensor
 
-from dfvs_core.errors import ConfigError
 from dfvs_export.depth_loss import Truth, depth_loss
 from dfvs_export.depth_views import DepthViewReader
 from dfvs_export.depth_weights import TrainedDepth, load_depth_weights, save_depth_weights
 from dfvs_export.pairs import RoomFolder
+from dfvs_export.training import Descent, check_training, drawn_ahead
 
 _VIEWS_PER_STEP = 8
-_WARM_UP_STEPS = 50
 _ENCODER_RATE = 0.3
 """Learning rate of the encoder in that of the decoder."""
 _STEPS_PER_REPORT = 50
@@ -41,11 +38,7 @@ class DepthTrainSettings:
 
     def __post_init__(self) -> None:
         """Refuse what trains nothing."""
-        for name in ("minutes", "learning_rate", "threads"):
-            if not getattr(self, name) > 0:
-                raise ConfigError(f"{name} is {getattr(self, name)}", "more than 0")
-        if not self.out.absolute().parent.is_dir():
-            raise ConfigError(f"{self.out} lies in no folder", "an existing folder")
+        check_training(self, self.out, ("minutes", "learning_rate", "threads"))
 
 
 def train_depth(settings: DepthTrainSettings, say: Callable[[str], None]) -> None:
@@ -69,10 +62,10 @@ def train_depth(settings: DepthTrainSettings, say: Callable[[str], None]) -> Non
         network.encoder: settings.learning_rate * _ENCODER_RATE,
         network: settings.learning_rate,
     }
-    optimiser = torch.optim.AdamW(_groups(rates), weight_decay=1e-4)
+    descent = Descent(rates)
     reader = DepthViewReader(RoomFolder(settings.pairs), settings.seed)
     began, steps, done, losses = time.monotonic(), 0, 0.0, list[float]()
-    batches = _batches(reader)
+    batches = drawn_ahead(lambda: _batch(reader))
     while done < 1.0:
         image, focal, truth = next(batches)
         with torch.autocast("cpu", torch.bfloat16):
@@ -80,12 +73,7 @@ def train_depth(settings: DepthTrainSettings, say: Callable[[str], None]) -> Non
         loss = depth_loss(found, truth)
         loss.backward()  # type: ignore[no-untyped-call]
         steps += 1
-        factor = min(1.0, steps / _WARM_UP_STEPS) * 0.5 * (1.0 + math.cos(math.pi * done))
-        for group in optimiser.param_groups:
-            group["lr"] = factor * group["rate"]
-        nn.utils.clip_grad_norm_(network.parameters(), 1.0)
-        optimiser.step()
-        optimiser.zero_grad()
+        descent.step(done)
         done = (time.monotonic() - began) / (60.0 * settings.minutes)
         losses.append(loss.item())
         if steps % _STEPS_PER_REPORT == 0 or done >= 1.0:
@@ -100,27 +88,6 @@ def train_depth(settings: DepthTrainSettings, say: Callable[[str], None]) -> Non
             save_depth_weights(
                 settings.out, TrainedDepth(state, start.origin, f"{start.training} Then: {line}")
             )
-
-
-def _groups(rates: dict[nn.Module, float]) -> list[dict[str, object]]:
-    """Parameters by learning rate; what an earlier module owns is not the later one's."""
-    groups, taken = [], set[int]()
-    for module, rate in rates.items():
-        new = [p for p in module.parameters() if p.requires_grad and id(p) not in taken]
-        taken |= {id(p) for p in module.parameters()}
-        if new:
-            groups.append({"params": new, "lr": rate, "rate": rate})
-    return groups
-
-
-def _batches(reader: DepthViewReader) -> Iterator[tuple[Tensor, Tensor, Truth]]:
-    """Batches without end; the next one is drawn while one is in use."""
-    with ThreadPoolExecutor(1) as drawing:
-        following = drawing.submit(_batch, reader)
-        while True:
-            batch = following.result()
-            following = drawing.submit(_batch, reader)
-            yield batch
 
 
 def _batch(reader: DepthViewReader) -> tuple[Tensor, Tensor, Truth]:

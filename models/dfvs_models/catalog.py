@@ -19,10 +19,13 @@ from dfvs_models.depth import DepthNetwork
 from dfvs_models.encode_match import EncodeMatchPoints
 from dfvs_models.onnx_session import Execution
 from dfvs_models.pair import FlowPoints, PairMatcher
+from dfvs_models.pose import PoseNetwork
 
 CLASSICAL = "classical"
 _HYBRID = "hybrid:"
 _PACKAGED = Path(__file__).parent / "assets"
+_NO_MATCHERS = {"mono": "depth", "pose": "a pose"}
+"""What bundles give that give no matches, by kind."""
 
 
 def load_matcher(
@@ -83,9 +86,10 @@ def network_matcher(
         cannot be used.
     """
     kind = bundle.manifest.kind
-    if kind == "mono":
+    if kind in _NO_MATCHERS:
         raise ModelError(
-            f"bundle {bundle.manifest.name!r} is of the kind {kind!r}, which gives depth",
+            f"bundle {bundle.manifest.name!r} is of the kind {kind!r}, which gives"
+            f" {_NO_MATCHERS[kind]}",
             f"the kinds 'pair' or 'encode-match', or {CLASSICAL!r}",
         )
     if kind == "encode-match":
@@ -120,6 +124,18 @@ def load_depth(
             "a network without one, or servo.depth = 'fused', which learns it from motion",
         )
     return network
+
+
+def load_pose(name_or_path: str, threads: int = 2) -> PoseNetwork:
+    """Load a ``pose`` bundle.
+
+    Raises
+    ------
+    ModelError
+        If there is no such bundle, or it cannot be used.
+    """
+    folder = _folder(name_or_path, "the folder of a pose bundle")
+    return PoseNetwork(read_bundle(folder), Execution(threads))
 
 
 def depth_files(choice: DepthChoice, name_or_path: str) -> dict[str, str]:

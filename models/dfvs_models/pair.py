@@ -11,7 +11,7 @@ import numpy as np
 from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import FlowOutput, PictureInput
+from dfvs_core.manifest import FlowOutput, Graph, PictureInput
 from dfvs_core.matching.confidence import empty_flow, exclude
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.dense_search import (
@@ -60,7 +60,7 @@ class PairMatcher:
         self._name = graph.file
         self._output = graph.outputs[0]
         self._graph = OnnxGraph(bundle.graph(_ROLE), graph.file, execution)
-        self._check_tensors(graph.inputs)
+        check_inputs(self._graph, graph, self._input.pair_shapes())
         self._try_out()
 
     @property
@@ -105,25 +105,13 @@ class PairMatcher:
         )
         return picture_flow(raw, self._input, self._flow, current.size)
 
-    def _check_tensors(self, names: tuple[str, ...]) -> None:
-        actual = {spec.name: spec for spec in self._graph.inputs}
-        if list(actual) != list(names):
-            raise ModelError(f"{self._name!r} has the inputs {list(actual)}", f"{list(names)}")
-        for name, shape in zip(names, self._input.pair_shapes(), strict=True):
-            spec = actual[name]
-            if spec.shape != shape or spec.element != "tensor(float)":
-                raise ModelError(
-                    f"input {name!r} of {self._name!r} is {spec.element} of {spec.shape}",
-                    f"tensor(float) of {shape}",
-                )
+    def _try_out(self) -> None:
+        """Run the network once: shapes that lie and weights that are not finite show up."""
         if self._output not in self._graph.output_names:
             raise ModelError(
                 f"{self._name!r} has the outputs {list(self._graph.output_names)}",
                 f"one named {self._output!r}",
             )
-
-    def _try_out(self) -> None:
-        """Run the network once: shapes that lie and weights that are not finite show up."""
         size = (self._input.height, self._input.width)
         ramp = np.add.outer(np.arange(size[0]), np.arange(size[1])) % 256
         picture = PairPicture(np.repeat(ramp[..., None], 3, axis=2).astype(np.uint8), self._input)
@@ -164,6 +152,26 @@ class FlowPoints:
     ) -> Iterator[PointMatches]:
         """See ``dfvs_core.matching.points``."""
         yield confident_matches(self._network.match(current, other))
+
+
+def check_inputs(graph: OnnxGraph, said: Graph, shapes: Sequence[tuple[int, ...]]) -> None:
+    """Refuse a graph whose inputs have not the names that its manifest says, or other shapes.
+
+    Raises
+    ------
+    ModelError
+        Naming the input.
+    """
+    actual = {found.name: found for found in graph.inputs}
+    if list(actual) != list(said.inputs):
+        raise ModelError(f"{said.file!r} has the inputs {list(actual)}", f"{list(said.inputs)}")
+    for name, shape in zip(said.inputs, shapes, strict=True):
+        found = actual[name]
+        if found.shape != shape or found.element != "tensor(float)":
+            raise ModelError(
+                f"input {name!r} of {said.file!r} is {found.element} of {found.shape}",
+                f"tensor(float) of {shape}",
+            )
 
 
 def picture_tensor(image: ImageArray, spec: PictureInput) -> Float32Array:

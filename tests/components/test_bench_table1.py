@@ -5,17 +5,22 @@ import json
 import subprocess
 from dataclasses import replace
 
+import cv2
 import numpy as np
+import pose_bundle
 import pytest
 from depth_bundle import bundle, write_bundle
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.poses import make_pose, so3_exp
 from dfvs_sim.bench import results
-from dfvs_sim.bench.methods import DEFAULT_METHODS, without_network
+from dfvs_sim.bench.methods import DEFAULT_METHODS, POSE_NETWORKS, with_bundles
 from dfvs_sim.bench.results import fits, git_revision, read_records
+from dfvs_sim.bench.scenes import default_tasks
+from dfvs_sim.bench.settings import wall
 from dfvs_sim.bench.task import BenchTask, read_tasks, write_tasks
 from dfvs_sim.bench_cli import main
+from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.frames import gltf_pose_from_ned
 from dfvs_sim.scene.poses import camera_pose
@@ -66,13 +71,50 @@ def test_a_row_by_a_depth_network_is_made_with_its_bundle(folder, tmp_path, caps
     assert capsys.readouterr().err.startswith("error: there is no model")
 
 
-def test_rows_by_a_depth_network_are_left_out_where_there_is_none():
-    assert set(DEFAULT_METHODS) - set(without_network(DEFAULT_METHODS)) == {
+def test_rows_by_a_network_are_left_out_where_there_is_none():
+    bundles = dict.fromkeys(("depth", *POSE_NETWORKS), "nowhere")
+    assert set(DEFAULT_METHODS) - set(with_bundles(DEFAULT_METHODS, bundles)) == {
         "network-depth",
         "fused-depth",
         "fused-depth-late",
         "fused-depth-late-medium",
+        "saxena",
+        "bateux",
     }
+
+
+def test_a_row_by_a_regressed_pose_is_made_with_its_bundle(folder, tmp_path, capsys):
+    made = write_bundle(tmp_path / "pose", pose_bundle.bundle((0, 0, 0), (0, 0, 0), "depth"))
+    words = ["--tasks", str(folder / "tasks.json"), "--methods", "bateux", "--scenes", "near"]
+    words += ["--runs", str(tmp_path / "runs"), "--iterations", "2"]
+    assert main(["table1", *words, "--bateux-bundle", str(made)]) == 0
+    (record,) = read_records(tmp_path / "runs")
+    assert record.trial.iterations == 2
+    capsys.readouterr()
+    assert main(["table1", *words]) == 2
+    assert capsys.readouterr().err.startswith("error: there is no model 'bateux'")
+
+
+def test_settings_of_pose_regression_are_written_as_tasks(tmp_path, capsys):
+    words = ["scenes", "--setting", "near", "--out", str(tmp_path / "near")]
+    assert main([*words, "--share", "0.1"]) == 0
+    near = read_tasks(tmp_path / "near" / "tasks.json")
+    for task, whole in zip(near, default_tasks(), strict=True):
+        np.testing.assert_allclose(task.T_world_goal, whole.T_world_goal, atol=1e-9)
+        assert task.initial_error[1] == pytest.approx(0.1 * whole.initial_error[1], rel=1e-3)
+    capsys.readouterr()
+    assert main([*words, "--share", "1.5"]) == 2
+    assert "--share is 1.5" in capsys.readouterr().err
+
+
+def test_a_wall_shows_its_photograph_to_who_looks_straight_at_it():
+    photograph = np.random.default_rng(0).integers(0, 255, (12, 16, 3), dtype=np.uint8)
+    large = cv2.resize(photograph, (320, 240), interpolation=cv2.INTER_CUBIC)
+    view = Renderer(wall(large)).render(
+        CameraModel.from_horizontal_fov(320, 240, np.pi / 2), camera_pose((0.0, 0.0, 0.0), 0.0)
+    )
+    assert np.abs(view.image.astype(int) - large)[4:-4, 4:-4].mean() < 4.0
+    np.testing.assert_allclose(view.depth_m, 2.0, atol=1e-4)
 
 
 def test_the_summary_counts_what_converged(folder):

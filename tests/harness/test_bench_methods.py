@@ -8,13 +8,15 @@ import pytest
 from depth_bundle import bundle
 
 from dfvs_core.camera import CameraModel
+from dfvs_core.manifest import PictureInput
 from dfvs_core.matching.classical import classical_matcher
-from dfvs_core.poses import make_pose, so3_exp
+from dfvs_core.poses import invert_pose, make_pose, so3_exp
 from dfvs_core.servo.exchange import Status
-from dfvs_models.depth import DepthNetwork
+from dfvs_models.depth import DepthNetwork, fit_image
 from dfvs_models.onnx_session import Execution
-from dfvs_sim.bench.method import Decision
+from dfvs_sim.bench.method import NO_NETWORKS, Decision, Networks
 from dfvs_sim.bench.methods import METHODS
+from dfvs_sim.bench.pose_regression import PoseRegressionMethod
 from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.bench.trial import goal_sight, run_trial
 from dfvs_sim.render.renderer import Renderer
@@ -39,8 +41,8 @@ def task(distance_m, angle_deg, camera=SMALL):
     return BenchTask("room", Path("room.glb"), T_WORLD_GOAL @ away, T_WORLD_GOAL, camera)
 
 
-def servo(room, name, task, most_iterations, network=None):
-    method = METHODS[name].make(goal_sight(task, room), classical_matcher(), network)
+def servo(room, name, task, most_iterations, networks=NO_NETWORKS):
+    method = METHODS[name].make(goal_sight(task, room), classical_matcher(), networks)
     return run_trial(task, method, room, most_iterations)
 
 
@@ -67,7 +69,7 @@ def test_by_a_depth_network_it_ends_at_the_goal_as_soon(room, name, unit):
     there = task(0.4, 12)
     z_m = goal_sight(there, room).depth.z_m[::2, ::2]
     known = bundle((1.0 if unit == "1/m" else 0.3) / z_m, unit=unit)
-    trial = servo(room, name, there, 80, DepthNetwork(known, Execution(1)))
+    trial = servo(room, name, there, 80, Networks(depth=DepthNetwork(known, Execution(1))))
     assert trial.end == "done"
     assert trial.converged
     assert trial.iterations_to_criterion <= 45
@@ -99,6 +101,40 @@ def test_position_based_servoing_goes_straight(room):
     trial = servo(room, "pnp", task(0.4, 12), 80)
     assert trial.end == "done"
     assert trial.converged
+    assert trial.path_ratio < 1.1
+
+
+class KnownPose:
+    """A network that knows the pose up to a bias, and the method that is told it."""
+
+    def __init__(self, goal, unit, scale):
+        self.unit, self._scale = unit, scale
+        self._bias = make_pose(so3_exp(np.array([0.01, -0.02, 0.03])), np.array([0.03, 0.0, -0.02]))
+        self._method = PoseRegressionMethod(goal, self)
+
+    def fit(self, image, camera):
+        self._last = fit_image(image, camera, PictureInput(32, 24))
+        return self._last
+
+    def relative_pose(self, first, second):
+        T = self._T_current_goal if first is self._last else invert_pose(self._T_current_goal)
+        T = T @ self._bias
+        return make_pose(T[:3, :3], T[:3, 3] / self._scale)
+
+    def decide(self, sight):
+        self._T_current_goal = invert_pose(sight.T_world_camera) @ T_WORLD_GOAL
+        return self._method.decide(sight)
+
+
+@pytest.mark.parametrize("unit", ["m", "depth"])
+def test_servoing_by_a_regressed_pose_ends_at_the_goal_whatever_the_bias(room, unit):
+    there = task(0.4, 12)
+    goal = goal_sight(there, room)
+    scale = 1.0 if unit == "m" else float(np.median(goal.depth.z_m))
+    trial = run_trial(there, KnownPose(goal, unit, scale), room, 120)
+    assert trial.end == "done"
+    assert trial.final.distance_m < 0.004
+    assert trial.final.angle_rad < np.radians(0.2)
     assert trial.path_ratio < 1.1
 
 

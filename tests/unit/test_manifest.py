@@ -13,6 +13,7 @@ from dfvs_core.manifest import (
     Graph,
     Manifest,
     PictureInput,
+    PoseOutput,
     check_files,
     sha256,
 )
@@ -84,14 +85,16 @@ def test_what_is_no_json_object_is_refused(data):
         Manifest.from_json(data)
 
 
-SPARSE = [("encode-match", ("encode", "match")), ("mono", ("mono",))]
+SPARSE = [("encode-match", ("encode", "match")), ("mono", ("mono",)), ("pose", ("pose",))]
 
 
 @pytest.mark.parametrize(("kind", "roles"), SPARSE)
 def test_kinds_without_flow_can_be_read(kind, roles):
-    graphs = {role: Graph("net.onnx", ("x",), ("y",)) for role in roles}
+    names = (("a", "b", "f"), ("t", "r")) if kind == "pose" else (("x",), ("y",))
+    graphs = {role: Graph("net.onnx", *names) for role in roles}
     depth = DepthOutput("depth", "relative", spread=0.2) if kind == "mono" else None
-    made = manifest(kind=kind, graphs=graphs, flow=None, depth=depth)
+    pose = PoseOutput("m", "vector") if kind == "pose" else None
+    made = manifest(kind=kind, graphs=graphs, flow=None, depth=depth, pose=pose)
     assert Manifest.from_json(made.to_json().encode()) == made
 
 

@@ -29,9 +29,12 @@ _BN_EPS = 1e-3
 
 
 class EfficientNetLite0(nn.Module):
-    """Images (B, 3, H, W) in -1..1, H and W multiples of 32, to features of five sizes."""
+    """Images (B, 3, H, W) in -1..1 to features of some of five sizes.
 
-    def __init__(self) -> None:
+    ``levels`` counts them; H and W are multiples of the last one's stride.
+    """
+
+    def __init__(self, levels: int = len(CHANNELS)) -> None:
         super().__init__()
         self._conv_stem = nn.Conv2d(3, 32, 3, 2, 1, bias=False)
         self._bn0 = nn.BatchNorm2d(32, eps=_BN_EPS)
@@ -40,7 +43,7 @@ class EfficientNetLite0(nn.Module):
             for k in range(repeats):
                 blocks.append(_Block(inputs, outputs, kernel, 1 if k else stride, expansion))
                 inputs = outputs
-        self._blocks = nn.ModuleList(blocks)
+        self._blocks = nn.ModuleList(blocks[: _TAPS[levels - 1] + 1])
 
     def freeze(self, blocks: int) -> None:
         """Keep the stem and the first ``blocks`` of 16 blocks as they are; 0 keeps nothing."""
@@ -49,7 +52,7 @@ class EfficientNetLite0(nn.Module):
                 part.requires_grad_(False)
 
     def forward(self, image: Tensor) -> list[Tensor]:
-        """Features (B, C, H / s, W / s) for s of 2, 4, 8, 16 and 32; C as in ``CHANNELS``."""
+        """Features (B, C, H / s, W / s) for s of 2, 4, 8, 16, 32; C as in ``CHANNELS``."""
         x = functional.relu6(self._bn0(self._conv_stem(image)))
         features = []
         for k, block in enumerate(self._blocks):

@@ -5,17 +5,15 @@ from __future__ import annotations
 import functools
 import threading
 import time
-from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from collections.abc import Iterator, Mapping, Sequence
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.servo.config import BY_NETWORK, DepthChoice
-from dfvs_models import DEFAULT_DEPTH
-from dfvs_models.catalog import load_depth, load_matcher
-from dfvs_models.depth import DepthNetwork
+from dfvs_models.catalog import load_matcher
 from dfvs_sim.bench.inputs import input_digest
+from dfvs_sim.bench.method import Networks
 from dfvs_sim.bench.methods import METHODS
 from dfvs_sim.bench.results import TrialRecord, fits, git_revision, read_record, record_path
 from dfvs_sim.bench.results import write_record as keep_record
@@ -42,8 +40,8 @@ class Job:
         Frames that the method is given.
     revision : str
         Of the program.
-    depth : str, optional
-        Bundle of the depth network, of a method that needs one.
+    network : str, optional
+        Bundle of the network that the method needs beside the matcher, if any.
     """
 
     task: BenchTask
@@ -51,7 +49,7 @@ class Job:
     matcher: str
     most_iterations: int
     revision: str
-    depth: str | None = None
+    network: str | None = None
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,15 +65,15 @@ class Plan:
         Name of the matcher that they share.
     most_iterations : int or None
         Frames for every method; None gives each its authors' number.
-    depth : str
-        Bundle of the depth network of those methods that need one.
+    networks : mapping
+        Bundles of the networks that methods need, by ``MethodKind.network``.
     """
 
     tasks: Sequence[BenchTask]
     methods: Sequence[str]
     matcher: str
     most_iterations: int | None = None
-    depth: str = DEFAULT_DEPTH
+    networks: Mapping[str, str] = field(default_factory=dict)
 
     def jobs(self) -> list[Job]:
         """All trials, scene by scene."""
@@ -87,7 +85,7 @@ class Plan:
                 self.matcher,
                 self.most_iterations or METHODS[name].iterations,
                 revision,
-                self.depth if METHODS[name].depth in BY_NETWORK else None,
+                self.networks[METHODS[name].network] if METHODS[name].network else None,
             )
             for task in self.tasks
             for name in self.methods
@@ -101,7 +99,7 @@ def unfinished(jobs: Sequence[Job], folder: Path) -> tuple[list[Job], list[Trial
         path = record_path(folder, job.task.name, job.method)
         record = read_record(path) if path.is_file() else None
         if record is not None and fits(
-            record, job.task, job.matcher, job.most_iterations, job.depth
+            record, job.task, job.matcher, job.most_iterations, job.network
         ):
             found.append(record)
         else:
@@ -131,9 +129,8 @@ def run_job(job: Job) -> TrialRecord:
 def _make_trial(job: Job) -> TrialRecord:
     started = time.monotonic()
     renderer = renderer_of(job.task.scene)
-    kind = METHODS[job.method]
-    goal, network = goal_sight(job.task, renderer), _network(kind.depth, job.depth)
-    method = kind.make(goal, _matcher(job.matcher), network)
+    goal, networks = goal_sight(job.task, renderer), _networks(job.method, job.network)
+    method = METHODS[job.method].make(goal, _matcher(job.matcher), networks)
     trial = run_trial(job.task, method, renderer, job.most_iterations)
     return TrialRecord(
         task=job.task.name,
@@ -148,7 +145,7 @@ def _make_trial(job: Job) -> TrialRecord:
         revision=job.revision,
         seconds=time.monotonic() - started,
         trial=trial,
-        inputs=input_digest(job.task, job.matcher, depth=job.depth),
+        inputs=input_digest(job.task, job.matcher, network=job.network),
         seed=job.task.seed,
     )
 
@@ -159,9 +156,9 @@ def renderer_of(scene: Path) -> Renderer:
     return Renderer(load_glb(scene))
 
 
-@functools.lru_cache(maxsize=1)
-def _network(choice: DepthChoice, name: str | None) -> DepthNetwork | None:
-    return None if name is None else load_depth(choice, name, threads=1)
+@functools.lru_cache(maxsize=4)
+def _networks(method: str, bundle: str | None) -> Networks:
+    return METHODS[method].load(bundle)
 
 
 @functools.lru_cache(maxsize=1)

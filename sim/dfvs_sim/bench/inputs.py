@@ -14,11 +14,11 @@ from dfvs_sim.bench.task import BenchTask
 
 
 def input_digest(
-    task: BenchTask, matcher: str, config: Path | None = None, depth: str | None = None
+    task: BenchTask, matcher: str, config: Path | None = None, network: str | None = None
 ) -> str:
     """SHA-256 of the scene file, the intrinsics, the models' files, and a settings file.
 
-    ``matcher`` and ``depth`` name the models.
+    ``matcher`` and ``network`` name the models.
 
     Raises
     ------
@@ -31,8 +31,8 @@ def input_digest(
         "matcher": _matcher_digest(matcher),
         "config": "" if config is None else _file_digest(config),
     }
-    if depth is not None:
-        parts["depth"] = _matcher_digest(depth)
+    if network is not None:
+        parts["network"] = _matcher_digest(network)
     return hashlib.sha256(json.dumps(parts, sort_keys=True).encode()).hexdigest()
 
 

@@ -11,7 +11,9 @@ from dfvs_core.camera import CameraModel
 from dfvs_core.correspondence import DepthMap
 from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.servo.config import DepthChoice
+from dfvs_core.servo.config import BY_NETWORK, DepthChoice
+from dfvs_models.catalog import load_depth, load_pose
+from dfvs_models.pose import PoseRegressor
 
 FRAME_PERIOD_S = 0.1
 """Time between two frames of methods that reckon in seconds: gain 1/s is 0.1 a frame."""
@@ -79,22 +81,55 @@ class ServoMethod(Protocol):
 
 
 @dataclass(frozen=True, slots=True)
+class Networks:
+    """Networks beside the matcher, of those methods that need one."""
+
+    depth: DepthEstimator | None = None
+    pose: PoseRegressor | None = None
+
+
+NO_NETWORKS = Networks()
+
+
+@dataclass(frozen=True, slots=True)
 class MethodKind:
     """A method that the benchmark knows by name.
 
     Parameters
     ----------
     make : callable
-        Build the method for one goal; the depth network is None where it needs none.
+        Build the method for one goal.
     summary : str
         What it is, for people.
     iterations : int
         How many frames it is given, by its authors' setting.
     depth : str
         Choice of ``servo.depth`` that a depth network is loaded for, if it needs one.
+    pose : str
+        Name of the network that regresses poses which it needs, if any.
     """
 
-    make: Callable[[GoalSight, Matcher, DepthEstimator | None], ServoMethod]
+    make: Callable[[GoalSight, Matcher, Networks], ServoMethod]
     summary: str
     iterations: int
     depth: DepthChoice = "motion"
+    pose: str = ""
+
+    @property
+    def network(self) -> str:
+        """Bundle that it needs beside the matcher: ``"depth"``, ``pose``, or none."""
+        return self.pose or ("depth" if self.depth in BY_NETWORK else "")
+
+    def load(self, bundle: str | None) -> Networks:
+        """Load the network that it needs from a bundle.
+
+        Raises
+        ------
+        ModelError
+            If there is no such bundle, or it cannot be used.
+        """
+        if bundle is None:
+            return NO_NETWORKS
+        if self.pose:
+            return Networks(pose=load_pose(bundle, threads=1))
+        return Networks(depth=load_depth(self.depth, bundle, threads=1))

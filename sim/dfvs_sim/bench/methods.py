@@ -2,14 +2,14 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 
-from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.servo.config import BY_NETWORK, DepthChoice
-from dfvs_sim.bench import photometric, pnp, published, searching, sift
-from dfvs_sim.bench.method import GoalSight, MethodKind
+from dfvs_core.servo.config import DepthChoice
+from dfvs_models.catalog import bundle_folder
+from dfvs_sim.bench import photometric, pnp, pose_regression, published, searching, sift
+from dfvs_sim.bench.method import GoalSight, MethodKind, Networks
 from dfvs_sim.bench.ours import ControlledCamera, LateDrive, PipelineMethod, bench_config
 from dfvs_sim.vehicle.estimate_errors import EstimateGrade
 
@@ -19,7 +19,7 @@ _OURS_ITERATIONS = 300
 def _ours(depth: DepthChoice, summary: str) -> MethodKind:
     config = bench_config(depth)
     return MethodKind(
-        lambda goal, matcher, network: PipelineMethod(config, goal, matcher, network),
+        lambda goal, matcher, networks: PipelineMethod(config, goal, matcher, networks.depth),
         summary,
         _OURS_ITERATIONS,
         depth,
@@ -30,8 +30,8 @@ def _late(depth: DepthChoice, grade: EstimateGrade = EstimateGrade.PERFECT) -> M
     config = bench_config(depth, response_s=LateDrive.RESPONSE_S)
     estimate = "" if grade is EstimateGrade.PERFECT else f", odometry of grade {grade.value}"
     return MethodKind(
-        lambda goal, matcher, network: PipelineMethod(
-            config, goal, matcher, network, ControlledCamera(LateDrive(), grade)
+        lambda goal, matcher, networks: PipelineMethod(
+            config, goal, matcher, networks.depth, ControlledCamera(LateDrive(), grade)
         ),
         f"{depth}-depth on a camera that answers as late as a PX4 vehicle{estimate}",
         _OURS_ITERATIONS,
@@ -42,14 +42,21 @@ def _late(depth: DepthChoice, grade: EstimateGrade = EstimateGrade.PERFECT) -> M
 def _searching(summary: str) -> MethodKind:
     config = bench_config("motion")
 
-    def make(
-        goal: GoalSight, matcher: Matcher, _network: DepthEstimator | None
-    ) -> searching.SearchingMethod:
+    def make(goal: GoalSight, matcher: Matcher, _networks: Networks) -> searching.SearchingMethod:
         return searching.SearchingMethod(
             lambda: PipelineMethod(config, goal, matcher), goal, matcher
         )
 
     return MethodKind(make, summary, searching.ITERATIONS)
+
+
+def _regression(name: str, summary: str) -> MethodKind:
+    return MethodKind(
+        lambda goal, _matcher, networks: pose_regression.PoseRegressionMethod(goal, networks.pose),
+        summary,
+        pose_regression.ITERATIONS,
+        pose=name,
+    )
 
 
 METHODS: dict[str, MethodKind] = {
@@ -86,11 +93,20 @@ METHODS: dict[str, MethodKind] = {
         "position-based servoing: perspective-n-point on flow and the true depth",
         pnp.ITERATIONS,
     ),
+    "saxena": _regression(
+        "saxena", "position-based servoing on a pose that a network regresses, after Saxena et al."
+    ),
+    "bateux": _regression(
+        "bateux", "the same after Bateux et al., scaled by the true depth at the goal"
+    ),
 }
 """Methods by name, ours first."""
 
 DEFAULT_METHODS = tuple(METHODS)
 """All: ours, ours under a vehicle's delay, the published law (slow) and the others' methods."""
+
+POSE_NETWORKS = tuple(dict.fromkeys(kind.pose for kind in METHODS.values() if kind.pose))
+"""Names of the networks that regress poses."""
 
 
 def chosen_methods(names: Sequence[str] | None) -> dict[str, MethodKind]:
@@ -107,6 +123,7 @@ def chosen_methods(names: Sequence[str] | None) -> dict[str, MethodKind]:
     return {name: METHODS[name] for name in dict.fromkeys(names or DEFAULT_METHODS)}
 
 
-def without_network(names: Sequence[str]) -> list[str]:
-    """Names of those methods that need no depth network."""
-    return [name for name in names if METHODS[name].depth not in BY_NETWORK]
+def with_bundles(names: Sequence[str], bundles: Mapping[str, str]) -> list[str]:
+    """Names of those methods whose network has a bundle; ``bundles`` by ``MethodKind.network``."""
+    needed = {name: METHODS[name].network for name in names}
+    return [n for n, need in needed.items() if not need or bundle_folder(bundles[need]).is_dir()]

@@ -104,11 +104,11 @@ def fits(
     task: BenchTask,
     matcher: str,
     most_iterations: int,
-    depth: str | None = None,
+    network: str | None = None,
 ) -> bool:
     """Tell whether a record is of this very task, with these settings and this program.
 
-    ``depth`` is the bundle of the depth network, of a method that needs one.
+    ``network`` is the bundle of the network that the method needs beside the matcher, if any.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def fits(
         same_poses((record.start, record.goal), task.poses)
         and (record.matcher, record.most_iterations) == (matcher, most_iterations)
         and record.version == version("dfvs")
-        and record.inputs == input_digest(task, matcher, depth=depth)
+        and record.inputs == input_digest(task, matcher, network=network)
     )
 
 

@@ -42,6 +42,7 @@ from dfvs_sim.commands.bench_options import (
     check_outputs,
     methods_from,
     named,
+    networks_from,
     own_scenes,
     run_trials,
     say,
@@ -164,7 +165,7 @@ def _jobs(
     drawn = draw_tasks(orders, args.runs, workforce_from(args), say)
     by_name = {place.name: place for place in environments}
     tasks = [task.task(by_name[task.environment]) for task in drawn.tasks]
-    return Plan(tasks, methods, args.bundle, args.iterations, args.depth_bundle).jobs()
+    return Plan(tasks, methods, args.bundle, args.iterations, networks_from(args)).jobs()
 
 
 def _finish(args: argparse.Namespace, outcomes: list[Outcome], wall_s: float) -> None:

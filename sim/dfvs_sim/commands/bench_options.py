@@ -12,9 +12,8 @@ from typing import TypeVar
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import LEAST_SIZE_PX
 from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
-from dfvs_models.catalog import bundle_folder, load_depth
 from dfvs_sim.bench.campaign import Job, run_jobs, unfinished
-from dfvs_sim.bench.methods import chosen_methods, without_network
+from dfvs_sim.bench.methods import POSE_NETWORKS, chosen_methods, with_bundles
 from dfvs_sim.bench.results import TrialRecord
 from dfvs_sim.bench.scenes import default_tasks, task_in
 from dfvs_sim.bench.tables import trial_line
@@ -62,6 +61,13 @@ def add_method_options(parser: argparse.ArgumentParser, default: Sequence[str]) 
         metavar="NAME",
         help=f"depth network of network-depth and fused-depth (default: {DEFAULT_DEPTH})",
     )
+    for name in POSE_NETWORKS:
+        add(f"--{name}-bundle", default=name, metavar="NAME", help=f"network of {name}")
+
+
+def networks_from(args: argparse.Namespace) -> dict[str, str]:
+    """Bundles that are named, by ``MethodKind.network``."""
+    return {name: getattr(args, f"{name}_bundle") for name in ("depth", *POSE_NETWORKS)}
 
 
 def add_workforce_options(parser: argparse.ArgumentParser) -> None:
@@ -103,18 +109,19 @@ def check_outputs(args: argparse.Namespace, *more: str) -> None:
 
 
 def methods_from(args: argparse.Namespace, default: Sequence[str]) -> list[str]:
-    """Methods of ``--methods``, or the default ones: those with a depth network if there is one.
+    """Methods of ``--methods``, or the default ones whose networks there are.
 
     Raises
     ------
     DfvsError
-        If there is no such method, or the depth network of one that was named cannot be used.
+        If there is no such method, or the network of one cannot be used.
     """
-    if args.methods is None and not bundle_folder(args.depth_bundle).is_dir():
-        return without_network(default)
-    kinds = chosen_methods(args.methods.split(",") if args.methods else default)
+    networks = networks_from(args)
+    kinds = chosen_methods(
+        args.methods.split(",") if args.methods else with_bundles(default, networks)
+    )
     for kind in kinds.values():
-        load_depth(kind.depth, args.depth_bundle, threads=1)  # refuses what cannot be used
+        kind.load(networks[kind.network] if kind.network else None)  # refuses what cannot be used
     return list(kinds)
 
 

@@ -13,13 +13,17 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.wire.picture import encode_png
 from dfvs_sim.bench.contact_sheet import contact_sheet
 from dfvs_sim.bench.scenes import SCENES, TASKS_FILE, default_tasks, make_scenes
+from dfvs_sim.bench.settings import SETTINGS, setting_tasks
 from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.scene.light import BakeSettings, load_mitsuba
 
 _EPILOG = """examples:
   dfvs-bench scenes --sheet scenes.png
   dfvs-bench scenes --out anew --light traced --sheet anew.png
-"""
+  dfvs-bench scenes --setting planar --share 0.5 --out planar
+
+settings, of learned pose regression:
+""" + "\n".join(f"  {name:<7} {setting.summary}" for name, setting in SETTINGS.items())
 
 
 def add_parser(subparsers: Any) -> None:
@@ -39,6 +43,8 @@ def add_parser(subparsers: Any) -> None:
     add("--out", type=Path, metavar="DIR", help="make the scenes anew, into this folder")
     add("--light", choices=("quick", "traced"), default="quick", help="of --out (default: quick)")
     add("--samples", type=int, default=512, metavar="N", help="traced light paths a vertex")
+    add("--setting", choices=tuple(SETTINGS), help="tasks of this setting into --out instead")
+    add("--share", type=float, metavar="S", help="of the setting's displacement, 0 to 1")
     add("--sheet", type=Path, metavar="FILE.png", help="start and goal of each as one picture")
     parser.set_defaults(run=run)
 
@@ -55,13 +61,23 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--sheet {args.sheet} lies in no folder", "an existing folder")
     if args.sheet is not None and args.sheet.suffix.lower() != ".png":
         raise ConfigError(f"--sheet is {str(args.sheet)!r}", "a name that ends in .png")
-    traced = _traced(args)
-    tasks = default_tasks() if args.out is None else _made(args.out, traced)
+    tasks = _tasks(args)
     print("\n".join(_line(task) for task in tasks))
     if args.sheet is not None:
         args.sheet.write_bytes(encode_png(contact_sheet(tasks)))
         print(f"wrote {args.sheet}")
     return 0
+
+
+def _tasks(args: argparse.Namespace) -> list[BenchTask]:
+    traced = _traced(args)
+    if args.setting is None and args.share is not None:
+        raise ConfigError("--share without a setting", "--setting")
+    if args.setting is not None:
+        if args.out is None or traced is not None:
+            raise ConfigError("--setting without --out, or with --light traced", "--out DIR alone")
+        return setting_tasks(args.setting, args.share, args.out)
+    return default_tasks() if args.out is None else _made(args.out, traced)
 
 
 def _made(folder: Path, traced: BakeSettings | None) -> list[BenchTask]:

@@ -21,6 +21,7 @@ from dfvs_sim.commands.bench_options import (
     check_iterations,
     check_outputs,
     methods_from,
+    networks_from,
     run_trials,
     tasks_from,
     workforce_from,
@@ -74,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
     tasks = tasks_from(args)
     began_s = time.monotonic()
-    jobs = Plan(tasks, methods, args.bundle, args.iterations, args.depth_bundle).jobs()
+    jobs = Plan(tasks, methods, args.bundle, args.iterations, networks_from(args)).jobs()
     args.runs.mkdir(parents=True, exist_ok=True)
     records = run_trials(args, jobs, workforce)
     _finish(args, _in_order(records, tasks, methods), methods, time.monotonic() - began_s)

@@ -1,0 +1,111 @@
+"""A network that gives the pose between two images: runs a ``pose`` bundle."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+import numpy as np
+
+from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.camera import CameraModel
+from dfvs_core.errors import ModelError
+from dfvs_core.poses import make_pose, rotation_from_quaternion, so3_exp
+from dfvs_models.bundle import Bundle
+from dfvs_models.depth import FittedImage, fit_image
+from dfvs_models.onnx_session import Execution, OnnxGraph
+from dfvs_models.pair import check_inputs, pair_tensors, picture_tensor
+
+_ROLE = "pose"
+_FOCAL_SHAPE = (1, 1)
+_TRIAL_FOV_RAD = 1.3
+
+
+class PoseRegressor(Protocol):
+    """Gives the pose between two images of one camera."""
+
+    @property
+    def unit(self) -> str:
+        """Of the translation: ``"m"``, or ``"depth"``: depths at the second image's middle."""
+        ...
+
+    def fit(self, image: ImageArray, camera: CameraModel) -> FittedImage:
+        """Image for :meth:`relative_pose`, of one (H, W, 3) uint8 RGB of a camera."""
+        ...
+
+    def relative_pose(self, first: FittedImage, second: FittedImage) -> FloatArray:
+        """``T_first_second`` (4, 4)."""
+        ...
+
+
+class PoseNetwork:
+    """Runs a ``pose`` bundle; a ``PoseRegressor``. Distortion is not taken out of images.
+
+    Raises
+    ------
+    ModelError
+        If the graph's tensors are not what the manifest says, or its output is not finite.
+    """
+
+    def __init__(self, bundle: Bundle, execution: Execution) -> None:
+        manifest = bundle.manifest
+        if manifest.pose is None:
+            raise ModelError(
+                f"bundle {manifest.name!r} is of the kind {manifest.kind!r}, which gives no pose",
+                "a bundle of the kind 'pose'",
+            )
+        self._input, self._meaning = manifest.input, manifest.pose
+        self._said = manifest.graphs[_ROLE]
+        self._graph = OnnxGraph(bundle.graph(_ROLE), self._said.file, execution)
+        check_inputs(self._graph, self._said, (*self._input.pair_shapes(), _FOCAL_SHAPE))
+        self._try_out()
+
+    @property
+    def unit(self) -> str:
+        """Of the translation; see ``dfvs_core.manifest.PoseOutput``."""
+        return self._meaning.unit
+
+    def fit(self, image: ImageArray, camera: CameraModel) -> FittedImage:
+        """Image in the network's size, its pixels square, of one (H, W, 3) uint8 RGB."""
+        return fit_image(image, camera, self._input)
+
+    def relative_pose(self, first: FittedImage, second: FittedImage) -> FloatArray:
+        """``T_first_second`` (4, 4) of two images that :meth:`fit` gave of the same camera.
+
+        Raises
+        ------
+        ModelError
+            If the network gives values that are not finite, or no rotation.
+        """
+        pictures = [picture_tensor(side.image, self._input) for side in (first, second)]
+        focal = np.full(_FOCAL_SHAPE, first.focal, np.float32)
+        tensors = pair_tensors(pictures[0], pictures[1], self._input)
+        raw = self._graph.run((*tensors, focal), self._said.outputs)
+        for name, values, shape in zip(self._said.outputs, raw, self._meaning.shapes, strict=True):
+            self._check(name, values, shape)
+        translation, rotation = (values[0].astype(np.float64) for values in raw)
+        is_vector = self._meaning.rotation == "vector"
+        R = so3_exp(rotation) if is_vector else rotation_from_quaternion(rotation)
+        return make_pose(R, translation)
+
+    def _check(self, name: str, values: Float32Array, shape: tuple[int, ...]) -> None:
+        where = f"output {name!r} of {self._said.file!r}"
+        if values.shape != shape or values.dtype != np.float32:
+            raise ModelError(f"{where} is {values.dtype} of {values.shape}", f"float32 of {shape}")
+        if not np.isfinite(values).all():
+            raise ModelError(
+                f"{where} has values that are not finite",
+                "a finite pose",
+                "its weights are damaged",
+            )
+        if shape == (1, 4) and not values.any():
+            raise ModelError(f"{where} is a quaternion of zeros", "a rotation")
+
+    def _try_out(self) -> None:
+        """Run the network once: shapes that lie and weights that are not finite show up."""
+        if missing := sorted(set(self._said.outputs) - set(self._graph.output_names)):
+            raise ModelError(f"{self._said.file!r} lacks the outputs {missing}")
+        width, height = self._input.width, self._input.height
+        ramp = np.add.outer(np.arange(height), np.arange(width)) % 256
+        image = np.repeat(ramp[..., None], 3, axis=2).astype(np.uint8)
+        camera = CameraModel.from_horizontal_fov(width, height, _TRIAL_FOV_RAD)
+        self.relative_pose(*(self.fit(image, camera) for _ in range(2)))
