@@ -1,7 +1,7 @@
 """Plain mappings (from JSON or TOML) to frozen dataclasses and back, strictly.
 
-An unknown key, a missing key, a wrong type, a number that is not finite or out of the field's
-range is an error that names the place and, for an unknown key, the nearest known one.
+An error names the place: of an unknown or missing key, a wrong type, a number that is not finite or
+out of the field's range. For an unknown key it also names the nearest known one.
 """
 
 from __future__ import annotations

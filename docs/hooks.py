@@ -33,6 +33,7 @@ it, and give it by `--config`. `--set SECTION.KEY=VALUE` overrides one setting. 
 degrees in files and on command lines. An unknown key is an error that names the nearest known one.
 A range stands in brackets after the meaning.
 """
+_HEAD = ("", "| key | default | meaning |", "|---|---|---|")
 _COMMANDS = """\
 # Command lines
 
@@ -75,7 +76,7 @@ def settings() -> str:
         if section := re.fullmatch(r"(?:# )?\[([\w.]+)\]", line):
             name = section[1]
             about = (getattr(hints.get(name), "__doc__", "") or "").partition("\n")[0]
-            lines += ["", f"## {name}", "", about, "", "| key | default | meaning |", "|---|---|---|"]
+            lines += ["", f"## {name}", "", about, *_HEAD]
         elif key := re.fullmatch(r"(?:# )?(\w+) =(?: (.*))?", line):
             default = f"`{key[2]}`" if key[2] else "not set"
             lines.append(f"| `{key[1]}` | {default} | {_cell(' '.join(meaning))} |")

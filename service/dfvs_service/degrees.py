@@ -1,8 +1,8 @@
 """Settings files speak degrees, the program speaks radians.
 
-``degrees_view`` derives from a settings dataclass the one that its TOML follows: every field
-whose name ends in ``_rad``, ``_rad_s`` or ``_rad_s2`` is spelled ``_deg...`` there, with default
-and range in degrees, so that error messages and the printed defaults speak degrees too.
+``degrees_view`` derives from a settings dataclass the one that its TOML follows. A field whose name
+ends in ``_rad``, ``_rad_s`` or ``_rad_s2`` is spelled ``_deg...`` there, with default and range in
+degrees. So error messages and the printed defaults are in degrees too.
 """
 
 from __future__ import annotations
