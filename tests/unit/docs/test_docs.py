@@ -1,0 +1,83 @@
+"""The documentation: its prose, its links, its figures, and what it says of the code."""
+
+import ast
+import dataclasses
+import re
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from prose import sentences, too_long
+
+from dfvs_core.gate.states import TRANSITIONS
+from dfvs_core.servo.exchange import Status
+from dfvs_core.topics import Topics
+from dfvs_core.wire.link import GateStatus
+
+ROOT = Path(__file__).parents[3]
+DOCS = ROOT / "docs"
+ROOMS = ("dfvs_core", "models", "service", "export", "sim")
+FRONT = [*sorted(ROOT.glob("[A-Z]*.md")), ROOT / "deploy" / "README.md"]
+PAGES = [page for page in sorted(DOCS.rglob("*.md")) if "experiments" not in page.parts]
+
+
+def named(path):
+    return str(path.relative_to(ROOT))
+
+
+@pytest.mark.parametrize(
+    "page", [p for p in (*FRONT, *PAGES) if p.name != "CHANGELOG.md"], ids=named
+)
+def test_no_sentence_of_a_page_is_too_long(page):
+    assert too_long(page.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_no_sentence_of_a_module_s_docstring_is_too_long(room):
+    trees = {p: ast.parse(p.read_text(encoding="utf-8")) for p in (ROOT / room).rglob("*.py")}
+    found = {named(p): too_long(ast.get_docstring(tree) or "") for p, tree in trees.items()}
+    assert {name: long for name, long in found.items() if long} == {}
+
+
+def test_a_sentence_ends_with_its_item_cell_or_stop_and_not_in_code():
+    text = "One. Two `a. b` more\ngoes on:\n- an item\n| a cell | ends. Here |\n```\nno. text\n```"
+    told = ["One.", "Two code more goes on:", "an item", "a cell", "ends.", "Here"]
+    assert list(sentences(text)) == told
+    assert too_long("word " * 36) == [f"36: {'word ' * 35}word"]
+
+
+def test_the_readme_has_at_most_100_lines():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 100
+
+
+@pytest.mark.parametrize("page", FRONT, ids=named)
+def test_links_outside_of_the_site_lead_to_files(page):
+    text = page.read_text(encoding="utf-8")
+    targets = re.findall(r"\]\((?!https?:|#)([^)#\s]+)", text)
+    assert [t for t in targets if not (page.parent / t).exists()] == []
+
+
+def test_every_answer_to_where_do_i_find_names_files_that_exist():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| [^|]*\? \| (.*) \|$", text, re.MULTILINE)
+    answers = [re.findall(r"`([^`]+)`", row) for row in rows]
+    assert len(answers) >= 20
+    assert all(answers)
+    assert [path for paths in answers for path in paths if not (ROOT / path).exists()] == []
+
+
+def test_the_figure_of_the_states_shows_the_gate_s_transitions():
+    figure = ET.parse(DOCS / "images" / "states.svg")
+    edges = [e for e in figure.iter() if "data-from" in e.attrib]
+    shown = {(a, e.attrib["data-to"]) for e in edges for a in e.attrib["data-from"].split()}
+    assert shown == {(a, b) for a, following in TRANSITIONS.items() for b in following}
+
+
+def test_the_page_of_messages_names_every_key_of_the_messages():
+    text = (DOCS / "reference" / "messages.md").read_text(encoding="utf-8")
+    cells = set(re.findall(r"`([\w/]+)`", text))
+    topics = re.findall(r"^(?:    )?(\w+) +(?:camera|service|operator) ", Topics.__doc__, re.M)
+    assert len(topics) > 10
+    assert set(topics) - {cell.partition("/")[0] for cell in cells} == set()
+    assert {field.name for field in dataclasses.fields(GateStatus)} - cells == set()
+    assert {status.name for status in Status} - cells == set()
