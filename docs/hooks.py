@@ -24,7 +24,7 @@ if TYPE_CHECKING:
 Main = Callable[[Sequence[str]], object]
 
 ROOT = Path(__file__).parents[1]
-_WIDTH = "88"
+_WIDTH = "80"
 _SETTINGS = """\
 # Settings
 
