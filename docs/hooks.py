@@ -20,11 +20,16 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from mkdocs.config.defaults import MkDocsConfig
     from mkdocs.structure.files import Files
+    from mkdocs.structure.pages import Page
 
 Main = Callable[[Sequence[str]], object]
 
 ROOT = Path(__file__).parents[1]
 _WIDTH = "80"
+_EXTERNAL = re.compile(
+    r'<(?:script|img|source|iframe|link rel="?(?:stylesheet|icon)"?)\b'
+    r'[^>]*?["\'= ]((?:https?:)?//[^"\'> ]+)'
+)
 _SETTINGS = """\
 # Settings
 
@@ -59,6 +64,15 @@ def on_files(files: Files, config: MkDocsConfig) -> Files:
         path = f"reference/{name}.md"
         files.append(File.generated(config, path, content=make()))
     return files
+
+
+def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
+    """Refuse a page that would load a file from elsewhere."""
+    from mkdocs.exceptions import PluginError
+
+    if loaded := _EXTERNAL.search(output):
+        raise PluginError(f"{page.file.src_uri} loads {loaded[1]}, expected a file of the site")
+    return output
 
 
 # --- settings ---------------------------------------------------------------------------------
