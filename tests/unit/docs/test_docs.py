@@ -2,6 +2,7 @@
 
 import ast
 import dataclasses
+import importlib.util
 import re
 import xml.etree.ElementTree as ET
 from pathlib import Path
@@ -19,6 +20,11 @@ DOCS = ROOT / "docs"
 ROOMS = ("dfvs_core", "models", "service", "export", "sim")
 FRONT = [*sorted(ROOT.glob("[A-Z]*.md")), ROOT / "deploy" / "README.md"]
 PAGES = [page for page in sorted(DOCS.rglob("*.md")) if "experiments" not in page.parts]
+
+
+_SPEC = importlib.util.spec_from_file_location("docs_hooks", DOCS / "hooks.py")
+hooks = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(hooks)
 
 
 def named(path):
@@ -81,3 +87,37 @@ def test_the_page_of_messages_names_every_key_of_the_messages():
     assert set(topics) - {cell.partition("/")[0] for cell in cells} == set()
     assert {field.name for field in dataclasses.fields(GateStatus)} - cells == set()
     assert {status.name for status in Status} - cells == set()
+
+
+def command_lines(text):
+    """Words of every command of ours in the blocks of code, without quoted ones and comments."""
+    for block in re.findall(r"^ *```\w*\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL):
+        lines = block.replace("\\\n", " ").replace('make demo ARGS="', "dfvs-demo ").splitlines()
+        for line in lines:
+            plain = re.sub(r"'[^']*'|\"[^\"]*\"|\s#.*", "", line)
+            if found := re.search(r"(?:^|[ /$])(dfvs-[a-z0-9]+(?: .*)?)$", plain):
+                yield found[1].replace('"', "").split()
+
+
+@pytest.fixture(scope="module")
+def helps():
+    """Help of every command, by its words."""
+    parts = re.split(r"^##+ (dfvs.*)$", hooks.commands(), flags=re.MULTILINE)[1:]
+    return dict(zip(parts[::2], parts[1::2], strict=True))
+
+
+def test_every_option_in_the_blocks_of_code_is_known_to_its_command(helps):
+    unknown, count = [], 0
+    for page in (*FRONT, *PAGES):
+        for words in command_lines(page.read_text(encoding="utf-8")):
+            leading = [" ".join(words[:k]) for k in range(len(words), 0, -1)]
+            command = next((name for name in leading if name in helps), None)
+            if command is None:
+                unknown.append((named(page), words))
+                continue
+            options = {w.partition("=")[0] for w in words if re.match("--[a-z]", w)}
+            count += len(options)
+            told = set(re.findall(r"--[a-z][a-z0-9-]*", helps[command]))
+            unknown += [(named(page), command, o) for o in sorted(options - told)]
+    assert unknown == []
+    assert count > 100
