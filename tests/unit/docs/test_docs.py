@@ -4,6 +4,7 @@ import ast
 import dataclasses
 import importlib.util
 import re
+import tomllib
 import xml.etree.ElementTree as ET
 from pathlib import Path
 
@@ -121,3 +122,31 @@ def test_every_option_in_the_blocks_of_code_is_known_to_its_command(helps):
             unknown += [(named(page), command, o) for o in sorted(options - told)]
     assert unknown == []
     assert count > 100
+
+
+@pytest.fixture(scope="module")
+def settings():
+    """Every setting and section, as ``section.key``."""
+    parts = re.split(r"^## ([\w.]+)$", hooks.settings(), flags=re.MULTILINE)[1:]
+    tables = dict(zip(parts[::2], parts[1::2], strict=True))
+    keys = {s: re.findall(r"^\| `(\w+)` \|", t, re.MULTILINE) for s, t in tables.items()}
+    return {f"{section}.{key}" for section in keys for key in keys[section]} | set(keys)
+
+
+def flat(table, where=""):
+    for key, value in table.items():
+        yield from flat(value, f"{where}{key}.") if isinstance(value, dict) else (where + key,)
+
+
+def test_every_setting_that_the_pages_name_exists(settings):
+    sections = "|".join(name for name in settings if "." not in name)
+    files = "toml|json|jsonl|png|err|py|sock|drone1"  # gate.jsonl is none, nor a role's name
+    pattern = re.compile(rf"`((?:{sections})\.(?!(?:{files})\b)[\w.]+)")
+    found = []
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        found += [(named(page), key) for key in pattern.findall(text)]
+        for block in re.findall(r"^ *```toml\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL):
+            found += [(named(page), key) for key in flat(tomllib.loads(block))]
+    assert len(found) > 80
+    assert [(name, key) for name, key in found if key not in settings] == []
