@@ -18,7 +18,8 @@ from dfvs_core.wire.link import GateStatus
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
-ROOMS = ("dfvs_core", "models", "service", "export", "sim")
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+ROOMS = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
 FRONT = [*sorted(ROOT.glob("[A-Z]*.md")), ROOT / "deploy" / "README.md"]
 PAGES = [page for page in sorted(DOCS.rglob("*.md")) if "experiments" not in page.parts]
 
