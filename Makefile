@@ -1,5 +1,6 @@
 # make demo   fly a simulated drone to a picture, on this machine, with nothing else installed
 # make test   run every check and test
+# make docs   build the documentation site in build/site; dead links are errors
 # make published   convert seven published networks and run them in perception (700 MB, minutes)
 # make audit  ask a public database for known faults in what is installed (needs the internet)
 # Both set up a virtual environment in .venv first; extra words: make demo ARGS="--seed 3"
@@ -9,7 +10,7 @@ CONSTRAINTS ?= constraints.txt
 ARGS ?=
 BIN := .venv/bin
 
-.PHONY: demo test seeds lint types imports pytest setup coverage mutation published audit clean
+.PHONY: demo test seeds docs lint types imports pytest setup coverage mutation published audit clean
 
 demo: .venv/.stamp-sim
 	$(BIN)/dfvs-demo $(ARGS)
@@ -17,7 +18,7 @@ demo: .venv/.stamp-sim
 seeds: .venv/.stamp-sim
 	$(BIN)/dfvs-demo --runs 10 $(ARGS)
 
-test: lint types imports coverage pytest
+test: lint types imports docs coverage pytest
 
 setup: .venv/.stamp-dev
 
@@ -30,6 +31,10 @@ types: .venv/.stamp-test
 
 imports: .venv/.stamp-test
 	$(BIN)/lint-imports
+
+# Settings, command lines and faults are generated from the code. Nothing is downloaded.
+docs: .venv/.stamp-test
+	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 # Tests that start processes and measure time run one after the other.
 pytest: .venv/.stamp-test
@@ -75,4 +80,4 @@ audit: .venv/.stamp-test
 	$(BIN)/pip-audit --skip-editable
 
 clean:
-	rm -rf .venv .venv-published .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache
+	rm -rf .venv .venv-published .mypy_cache .ruff_cache .pytest_cache .hypothesis .import_linter_cache build/site

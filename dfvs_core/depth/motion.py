@@ -1,8 +1,8 @@
 """Depth from motion: the relative structure of the goal view, from two-view triangulation.
 
-The scene is static, and so is its depth in the goal view: it is kept there, one inverse depth for
-every cell of the goal image, and measurements of the whole flight add up without drift. The unit is
-arbitrary; what it is in metres is not known here.
+The scene is static, and so is its depth in the goal view. One inverse depth is kept for every cell
+of the goal image, and measurements of the whole flight add up without drift. The unit is arbitrary;
+its length in metres is not known here.
 """
 
 from __future__ import annotations

@@ -1,8 +1,8 @@
 """Velocity limits: saturation that keeps the direction, and slew.
 
-A setpoint that is too fast is scaled as a whole: forward, right, down and yaw rate by one common
-factor, so that the path the servo law chose stays the same and only takes longer. Slew works in
-the same way on the change since the last setpoint.
+A setpoint above a limit is scaled as a whole: forward, right, down and yaw rate by one common
+factor. So the path of the servo law stays the same and only takes longer. Slew works in the same
+way on the change since the last setpoint.
 """
 
 from __future__ import annotations

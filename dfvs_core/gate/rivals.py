@@ -1,10 +1,10 @@
-"""Who else commands the vehicle, or stands by to (invariant I6).
+"""Other commanders of the vehicle, and those that stand by (invariant I6).
 
-Three signs: another service's lease on the vehicle's name, a setpoint that somebody else sends
-over the same MAVLink link, and a velocity that the autopilot says it flies and that was never
-asked for here. The last one is what the first second of a pilot's takeover looks like as well,
-before a heartbeat tells, so it counts only once a later heartbeat still shows OFFBOARD: to ask
-for Hold at that moment would take the vehicle out of the pilot's hands.
+There are three signs: another service's lease on the vehicle's name, a foreign setpoint on the same
+MAVLink link, and an unexplained velocity. The latter is one that the autopilot reports and that was
+never sent here. The first second of a pilot's takeover looks the same. A request for Hold would
+then take the vehicle from the pilot. So the sign counts only once a later heartbeat still shows
+OFFBOARD.
 """
 
 from __future__ import annotations

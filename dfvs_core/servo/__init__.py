@@ -1,6 +1,6 @@
 """Image-based visual servoing: from dense correspondences and depth to a velocity.
 
-Read in this order: ``points`` (which pixels count), ``interaction`` (how they move),
-``freedom`` (which motions the vehicle has), ``pose`` (where the goal is), ``law`` (the
-velocity), ``stop`` (when it is enough), ``step`` (all of it for one frame).
+Read in this order: ``points`` (pixels used), ``interaction`` (their motion), ``freedom`` (motions
+of the vehicle), ``pose`` (goal pose), ``law`` (velocity), ``stop`` (stop rule), ``step`` (one frame
+as a whole).
 """

@@ -4,11 +4,11 @@ The images tell where the goal is in units of the relative depth; the odometry t
 the vehicle moves, with an error that lasts for seconds. Together they give the scale, weighed over
 the whole flight, and the error.
 
-State ``x = (p, e, s)``: ``p`` (3,) goal position in the camera's axes in units of depth; ``e`` (3,)
-true velocity minus the rate of the odometry's position, m/s, in the same axes; ``s`` logarithm of
-the metres a unit. ``dp/dt = -exp(-s) (r + e)`` with the rate ``r``, ``e`` a first-order
-Gauss-Markov process, ``s`` constant. A free camera's axes are its own, a vehicle's those of the
-gravity-aligned virtual camera.
+State ``x = (p, e, s)``: ``p`` (3,) is the goal position in the camera's axes in units of depth.
+``e`` (3,) is the true velocity minus the rate of the odometry's position, m/s, in the same axes.
+``s`` is the logarithm of the metres a unit. ``dp/dt = -exp(-s) (r + e)`` with the rate ``r``, ``e``
+a first-order Gauss-Markov process, ``s`` constant. A free camera's axes are its own, a vehicle's
+those of the gravity-aligned virtual camera.
 
 An autopilot's velocity estimate differs from the rate of its position estimate, and is the worse of
 the two; but it is what the autopilot controls. So the difference, low-passed, is kept beside the

@@ -2,9 +2,9 @@
 
 A vehicle tilts whenever it accelerates. A camera that is mounted another way round than the
 settings say sees that tilt about another axis. So the tilt increments of the images are regressed
-on those of the attitude, as complex numbers ``roll + i pitch``: the slope is 1 for a camera that is
-mounted as said, -1 for one that looks backwards, i or -i for one that looks aside. Neither
-position nor velocity estimate is needed.
+on those of the attitude, as complex numbers ``roll + i pitch``. The slope is 1 for a camera that is
+mounted as set, -1 for one that looks backwards, i or -i for one that looks aside. Neither position
+nor velocity estimate is needed.
 
 Motion past the scene looks like a turn as well: nodding like rising, for one. So the images' turn
 is found together with their translation, and every increment counts by its own covariance. Both

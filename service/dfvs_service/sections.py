@@ -301,7 +301,7 @@ class TelemetrySection:
 
 @dataclass(frozen=True, slots=True)
 class RecordSection:
-    """Recordings of flights; see docs/recording.md."""
+    """Recordings of flights; see docs/how-to/recording.md."""
 
     folder: str = setting("", "where recordings go; empty: none are made")
     max_file_mb: float = setting(
@@ -320,7 +320,7 @@ class RecordSection:
 
 @dataclass(frozen=True, slots=True)
 class BlackBoxSection:
-    """Records of every flight, always on; see docs/recording.md."""
+    """Records of every flight, always on; see docs/how-to/recording.md."""
 
     enabled: bool = setting(True, "false: flights leave no records")
     folder: str = setting(

@@ -15,7 +15,7 @@ from recorded_flight import fly, write_recording
 from textured_wall import Wall, texture, turned
 
 ROOT = Path(__file__).parents[2]
-PAGE = (ROOT / "docs" / "python_api.md").read_text()
+PAGE = (ROOT / "docs" / "how-to" / "python.md").read_text()
 NOTEBOOK = json.loads((ROOT / "examples" / "first_steps.ipynb").read_text())
 CODE = ["".join(cell["source"]) for cell in NOTEBOOK["cells"] if cell["cell_type"] == "code"]
 

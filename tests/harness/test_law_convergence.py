@@ -1,4 +1,4 @@
-"""The law closed over noise-free flow of random 3-D points, as tabulated in docs/servoing.md."""
+"""The law closed over noise-free flow, as tabulated in docs/experiments/benchmark.md."""
 
 from dataclasses import dataclass
 

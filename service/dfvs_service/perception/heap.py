@@ -1,15 +1,10 @@
-"""All the memory that a flight needs, taken before it, as real-time programs do.
+"""Heap preallocation, so that the heap does not grow in flight.
 
-Arrays of a picture's size come and go on several threads, between objects that stay. Now and then
-more of them coincide than ever before, the heap's end moves up, and something small stays behind at
-its top: in half an hour of flights that were steps of 1 MB, with nothing more in use. Giving free
-pages back did not help, since all of them were in use again within seconds (and cost 10 ms of page
-faults in the next frame); nor did a mapping of its own for each array (60 % more time per tracked
-frame).
+Arrays of an image's size come and go on several threads. When more of them coincide than before,
+the end of the heap moves up and stays there. Figures are in ``docs/experiments/fuzzing.md``.
 
-Python itself keeps up to 2000 tuples of every length for later; only a full collection lets them
-go, and a process that leaves no garbage sees the first one after a quarter of an hour. Perception
-asks for one every few seconds, which is quick: what was there from the start is not looked at.
+Python keeps up to 2000 tuples of every length for reuse; only a full collection frees them.
+Perception asks for one every few seconds. It is quick, since objects of the start are frozen.
 """
 
 from __future__ import annotations

@@ -1,7 +1,7 @@
 """Ports that the service binds on this machine: whether another program has one of them.
 
 MAVSDK and Zenoh bind for themselves. MAVSDK shares a UDP port with whoever shares it too, and the
-program that bound it last gets the autopilot's messages: without this check a second service would
+program that bound it last gets the autopilot's messages. Without this check a second service would
 take the link away from one that flies.
 """
 

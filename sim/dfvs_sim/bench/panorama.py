@@ -1,8 +1,8 @@
-"""What is seen of a goal from one place in several directions, and where it speaks for it.
+"""Matches of a goal image with views in several directions from one place.
 
-All looks are taken from the same place, so that two of them differ by a rotation alone: whether
-they saw the goal in the same spot of the world can be told without any depth. Right matches
-support each other that way, and chance seldom does twice.
+Two of the views differ by a rotation alone. So no depth is needed to tell whether they saw the goal
+in the same spot of the world. Right matches support each other that way, and chance seldom does so
+twice.
 """
 
 from __future__ import annotations

@@ -1,9 +1,9 @@
 """Photometric visual servoing: the grey levels themselves are the features.
 
 Collewet and Marchand, "Photometric visual servoing", IEEE Transactions on Robotics 27(4), 2011.
-Setting of the authors' own example in ViSP (``photometricVisualServoing.cpp``): interaction
-matrix at the desired view, gain 30 at 0.04 s a frame, damping 0.01 for 90 frames and 0.0001
-afterwards, no more than 400 frames, stop where the squared error is small.
+Settings of the authors' own example in ViSP (``photometricVisualServoing.cpp``): interaction
+matrix at the desired view, gain 30 at 0.04 s a frame. Damping is 0.01 for 90 frames and 0.0001
+afterwards. It stops where the squared error is small, and after 400 frames.
 """
 
 from __future__ import annotations

@@ -1,10 +1,14 @@
 """The law of the DFVS paper as its published code has it, as a baseline.
 
-It differs from the paper and from ``dfvs_core``, and every difference is kept: cx and cy are
-exchanged and fy is computed from the height; the error is in pixels, not divided by the focal
-length; the diagonal of the damping is added as a row to every row, so that it damps nothing;
-translation is applied in the camera's frame but rotation in the world's; and the two-view depth is
-``1 / Z = |flow(t, t-1)| + 1`` in px, with the true depth taken for its inverse in the first frame.
+It differs from the paper and from ``dfvs_core``, and every difference is kept:
+
+- cx and cy are exchanged, and fy is computed from the height;
+- the error is in pixels, not divided by the focal length;
+- the diagonal of the damping is added as a row to every row, so that it damps nothing;
+- translation is applied in the camera's frame but rotation in the world's;
+- the two-view depth is ``1 / Z = |flow(t, t-1)| + 1`` in px, with the true depth taken for its
+  inverse in the first frame.
+
 Gain 0.01, mu 0.03, 0.01 s a step, and an end by photometric error: squared differences of all three
 colours are added up and divided by the number of pixels.
 

@@ -1,7 +1,7 @@
 """The vehicle's clock on this machine's: offset and rate from the messages that came soonest.
 
 A message can only arrive later than it was made. Arrival minus stamp is therefore the difference
-of the clocks plus a delay, and its lower envelope over some seconds is a line: its slope is the
+of the clocks plus a delay. Its lower envelope over some seconds is a line. The slope is the
 difference of the rates, which a simulation that is slower than real time has.
 """
 

@@ -1,8 +1,8 @@
 """True position and velocity from HIL_STATE_QUATERNION, without the steps of its resolution.
 
 The message has latitude and longitude in 1e-7 degree (11 mm to the north), the altitude in mm and
-the velocity in cm/s, all cut off towards zero: numbers tell intervals. The velocity is foretold by
-the tilt of a multirotor, its drag and a slow disturbance (wind), and kept within its interval; the
+the velocity in cm/s, all cut off towards zero: numbers tell intervals. The velocity is predicted by
+the tilt of a multirotor, its drag and a slow disturbance (wind), and kept within its interval. The
 position integrates it and is led back smoothly into the interval of the newest sample.
 """
 

@@ -2,7 +2,7 @@
 
 A vertex is kept as (X, Y, W) = K (R p + t), so that its pixel is (X / W, Y / W). For a triangle
 with rows v0, v1, v2 the edge functions are e0 = v1 x v2, e1 = v2 x v0, e2 = v0 x v1. At the pixel
-p = (x, y, 1) the value e_i . p / det is the barycentric coordinate over depth, b_i / W: all three
+p = (x, y, 1) the value e_i . p / det is the barycentric coordinate over depth, b_i / W. All three
 are positive inside the visible part, behind the camera none is, and no clipping is needed
 (Olano and Greer, "Triangle scan conversion using 2D homogeneous coordinates", 1997). Their sum is
 1 / W, affine in the pixel, which is what the z-buffer holds.

@@ -1,9 +1,9 @@
-"""How much light falls on a room's vertices, by path tracing (Mitsuba 3, extra ``[bake]``).
+"""Irradiance at a room's vertices, by path tracing (Mitsuba 3, extra ``[bake]``).
 
 A white plate of a few millimetres lies on each vertex, and an equal, tiny triangle hovers over it
 and looks down. An irradiance meter on the mesh of these triangles maps row k of a one-pixel-wide
-film to vertex k, so one ordinary render job measures the light of thousands of vertices, with
-lamps sampled directly at the plates.
+film to vertex k. So one ordinary render job measures the light of thousands of vertices. Lamps are
+sampled directly at the plates.
 """
 
 from __future__ import annotations

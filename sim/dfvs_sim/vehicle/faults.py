@@ -1,9 +1,9 @@
 """MAV_CMD_INJECT_FAILURE: faults on demand, as PX4's simulation offers them.
 
-``SYS_FAILURE_EN`` must be 1. Of PX4's units three are known here: the battery (OFF empties it),
-GPS (OFF ends the position estimate, WRONG shifts it by 2 m to the north) and the MAVLink signal
-(OFF silences a link in both directions: instance 1 companion, 2 ground station, 0 both). OK mends
-each, but takes back no shift.
+``SYS_FAILURE_EN`` must be 1. Three of PX4's units are known here. OFF empties the battery. GPS OFF
+ends the position estimate, and WRONG shifts it by 2 m to the north. OFF of the MAVLink signal
+silences a link in both directions (instance 1 companion, 2 ground station, 0 both). OK mends each,
+but takes back no shift.
 """
 
 from __future__ import annotations

@@ -104,7 +104,7 @@ def test_a_session_on_a_taken_port_is_refused_with_one_that_opens():
 
 
 def test_a_client_of_a_router_on_the_default_port_opens():
-    """As docs/ros2.md says: a client listens on nothing, whatever zenoh.listen says."""
+    """As docs/how-to/ros2.md says: a client listens on nothing, whatever zenoh.listen says."""
     with listening_peer() as (_, endpoint):
         open_session(ZenohSection("client", (endpoint,), (endpoint,))).close()
 

@@ -98,7 +98,7 @@ def test_what_it_starts_is_what_the_command_line_knows(name):
 
 
 def test_the_install_steps_name_files_that_exist():
-    text = (DEPLOY / "README.md").read_text(encoding="utf-8")
+    text = (DEPLOY.parent / "docs" / "how-to" / "install.md").read_text(encoding="utf-8")
     named = set(re.findall(r"deploy/[\w.-]+", text))
     assert {f"deploy/dfvs-{name}.service" for name in NAMES} <= named
     assert all((DEPLOY.parent / path).exists() for path in named)

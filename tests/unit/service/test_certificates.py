@@ -14,7 +14,7 @@ from dfvs_core.wire.zenoh_access import Role, certificate_name
 from dfvs_service.certificates.cli import main
 
 ROOT = Path(__file__).parents[3]
-SECURITY = (ROOT / "docs" / "security.md").read_text(encoding="utf-8")
+SECURITY = (ROOT / "docs" / "how-to" / "security.md").read_text(encoding="utf-8")
 WITHOUT_ZENOH = {"dfvs-report", "dfvs-replay", "dfvs-certs"}
 
 

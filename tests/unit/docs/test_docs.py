@@ -1,0 +1,153 @@
+"""The documentation: its prose, its links, its figures, and what it says of the code."""
+
+import ast
+import dataclasses
+import importlib.util
+import re
+import tomllib
+import xml.etree.ElementTree as ET
+from pathlib import Path
+
+import pytest
+from prose import sentences, too_long
+
+from dfvs_core.gate.states import TRANSITIONS
+from dfvs_core.servo.exchange import Status
+from dfvs_core.topics import Topics
+from dfvs_core.wire.link import GateStatus
+
+ROOT = Path(__file__).parents[3]
+DOCS = ROOT / "docs"
+PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
+ROOMS = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+FRONT = [*sorted(ROOT.glob("[A-Z]*.md")), ROOT / "deploy" / "README.md"]
+PAGES = [page for page in sorted(DOCS.rglob("*.md")) if "experiments" not in page.parts]
+
+
+_SPEC = importlib.util.spec_from_file_location("docs_hooks", DOCS / "hooks.py")
+hooks = importlib.util.module_from_spec(_SPEC)
+_SPEC.loader.exec_module(hooks)
+
+
+def named(path):
+    return str(path.relative_to(ROOT))
+
+
+@pytest.mark.parametrize(
+    "page", [p for p in (*FRONT, *PAGES) if p.name != "CHANGELOG.md"], ids=named
+)
+def test_no_sentence_of_a_page_is_too_long(page):
+    assert too_long(page.read_text(encoding="utf-8")) == []
+
+
+@pytest.mark.parametrize("room", ROOMS)
+def test_no_sentence_of_a_module_s_docstring_is_too_long(room):
+    trees = {p: ast.parse(p.read_text(encoding="utf-8")) for p in (ROOT / room).rglob("*.py")}
+    found = {named(p): too_long(ast.get_docstring(tree) or "") for p, tree in trees.items()}
+    assert {name: long for name, long in found.items() if long} == {}
+
+
+def test_a_sentence_ends_with_its_item_cell_or_stop_and_not_in_code():
+    text = "One. Two `a. b` more\ngoes on:\n- an item\n| a cell | ends. Here |\n```\nno. text\n```"
+    told = ["One.", "Two code more goes on:", "an item", "a cell", "ends.", "Here"]
+    assert list(sentences(text)) == told
+    assert too_long("word " * 36) == [f"36: {'word ' * 35}word"]
+
+
+def test_the_readme_has_at_most_100_lines():
+    assert len((ROOT / "README.md").read_text(encoding="utf-8").splitlines()) <= 100
+
+
+@pytest.mark.parametrize("page", FRONT, ids=named)
+def test_links_outside_of_the_site_lead_to_files(page):
+    text = page.read_text(encoding="utf-8")
+    targets = re.findall(r"\]\((?!https?:|#)([^)#\s]+)", text)
+    assert [t for t in targets if not (page.parent / t).exists()] == []
+
+
+def test_every_answer_to_where_do_i_find_names_files_that_exist():
+    text = (ROOT / "CONTRIBUTING.md").read_text(encoding="utf-8")
+    rows = re.findall(r"^\| [^|]*\? \| (.*) \|$", text, re.MULTILINE)
+    answers = [re.findall(r"`([^`]+)`", row) for row in rows]
+    assert len(answers) >= 20
+    assert all(answers)
+    assert [path for paths in answers for path in paths if not (ROOT / path).exists()] == []
+
+
+def test_the_figure_of_the_states_shows_the_gate_s_transitions():
+    figure = ET.parse(DOCS / "images" / "states.svg")
+    edges = [e for e in figure.iter() if "data-from" in e.attrib]
+    shown = {(a, e.attrib["data-to"]) for e in edges for a in e.attrib["data-from"].split()}
+    assert shown == {(a, b) for a, following in TRANSITIONS.items() for b in following}
+
+
+def test_the_page_of_messages_names_every_key_of_the_messages():
+    text = (DOCS / "reference" / "messages.md").read_text(encoding="utf-8")
+    cells = set(re.findall(r"`([\w/]+)`", text))
+    topics = re.findall(r"^(?:    )?(\w+) +(?:camera|service|operator) ", Topics.__doc__, re.M)
+    assert len(topics) > 10
+    assert set(topics) - {cell.partition("/")[0] for cell in cells} == set()
+    assert {field.name for field in dataclasses.fields(GateStatus)} - cells == set()
+    assert {status.name for status in Status} - cells == set()
+
+
+def command_lines(text):
+    """Words of every command of ours in the blocks of code, without quoted ones and comments."""
+    for block in re.findall(r"^ *```\w*\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL):
+        lines = block.replace("\\\n", " ").replace('make demo ARGS="', "dfvs-demo ").splitlines()
+        for line in lines:
+            plain = re.sub(r"'[^']*'|\"[^\"]*\"|\s#.*", "", line)
+            if found := re.search(r"(?:^|[ /$])(dfvs-[a-z0-9]+(?: .*)?)$", plain):
+                yield found[1].replace('"', "").split()
+
+
+@pytest.fixture(scope="module")
+def helps():
+    """Help of every command, by its words."""
+    parts = re.split(r"^##+ (dfvs.*)$", hooks.commands(), flags=re.MULTILINE)[1:]
+    return dict(zip(parts[::2], parts[1::2], strict=True))
+
+
+def test_every_option_in_the_blocks_of_code_is_known_to_its_command(helps):
+    unknown, count = [], 0
+    for page in (*FRONT, *PAGES):
+        for words in command_lines(page.read_text(encoding="utf-8")):
+            leading = [" ".join(words[:k]) for k in range(len(words), 0, -1)]
+            command = next((name for name in leading if name in helps), None)
+            if command is None:
+                unknown.append((named(page), words))
+                continue
+            options = {w.partition("=")[0] for w in words if re.match("--[a-z]", w)}
+            count += len(options)
+            told = set(re.findall(r"--[a-z][a-z0-9-]*", helps[command]))
+            unknown += [(named(page), command, o) for o in sorted(options - told)]
+    assert unknown == []
+    assert count > 100
+
+
+@pytest.fixture(scope="module")
+def settings():
+    """Every setting and section, as ``section.key``."""
+    parts = re.split(r"^## ([\w.]+)$", hooks.settings(), flags=re.MULTILINE)[1:]
+    tables = dict(zip(parts[::2], parts[1::2], strict=True))
+    keys = {s: re.findall(r"^\| `(\w+)` \|", t, re.MULTILINE) for s, t in tables.items()}
+    return {f"{section}.{key}" for section in keys for key in keys[section]} | set(keys)
+
+
+def flat(table, where=""):
+    for key, value in table.items():
+        yield from flat(value, f"{where}{key}.") if isinstance(value, dict) else (where + key,)
+
+
+def test_every_setting_that_the_pages_name_exists(settings):
+    sections = "|".join(name for name in settings if "." not in name)
+    files = "toml|json|jsonl|png|err|py|sock|drone1"  # gate.jsonl is none, nor a role's name
+    pattern = re.compile(rf"`((?:{sections})\.(?!(?:{files})\b)[\w.]+)")
+    found = []
+    for page in PAGES:
+        text = page.read_text(encoding="utf-8")
+        found += [(named(page), key) for key in pattern.findall(text)]
+        for block in re.findall(r"^ *```toml\n(.*?)^ *```", text, re.MULTILINE | re.DOTALL):
+            found += [(named(page), key) for key in flat(tomllib.loads(block))]
+    assert len(found) > 80
+    assert [(name, key) for name, key in found if key not in settings] == []
