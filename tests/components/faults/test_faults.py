@@ -9,6 +9,8 @@ from dfvs_sim.cli import main
 from dfvs_sim.faults.answers import run_answers
 from dfvs_sim.faults.matrix import Case, run_matrix
 
+pytestmark = pytest.mark.serial
+
 CASES = (
     ("black", "SERVO"),
     ("camera-stops", "SERVO"),

@@ -22,6 +22,8 @@ from dfvs_service.report.cli import main as report
 from dfvs_sim.faults.rig import Rig, Setup
 from dfvs_sim.faults.service import wait_until
 
+pytestmark = pytest.mark.serial
+
 LATENESS_S = 2.0
 """Logs are copied five times a second; the rest is for a busy machine."""
 

@@ -22,6 +22,8 @@ from dfvs_service.config import ZenohSection
 from dfvs_service.gate.autopilot import Autopilot
 from dfvs_service.zenoh_session import open_session
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.fixture
 def goal(tmp_path):

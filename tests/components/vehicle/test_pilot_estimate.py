@@ -10,6 +10,8 @@ from vehicle_process import vehicle_running
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot, PilotError
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.mark.slow
 def test_a_vehicle_whose_estimate_never_rests_takes_off_and_lands(tmp_path: Path) -> None:

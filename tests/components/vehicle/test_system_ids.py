@@ -14,6 +14,8 @@ from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.ground.systems import listen_for_systems
 from dfvs_sim.ground.udp import Endpoint
 
+pytestmark = pytest.mark.serial
+
 
 def test_the_pilot_flies_the_vehicle_with_its_system_id(tmp_path: Path) -> None:
     port, companion_port = free_port(), free_port()
@@ -54,6 +56,6 @@ def test_nobody_is_heard_on_a_silent_port() -> None:
 
 def test_a_system_id_that_is_none_is_refused() -> None:
     command = [sys.executable, str(RUNNER), "vehicle", "--system-id", "300"]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
+    result = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
     assert result.returncode != 0
     assert "--system-id is 300" in result.stderr
