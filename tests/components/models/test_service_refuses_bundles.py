@@ -1,8 +1,6 @@
 """A model that cannot be trusted, at the door of the real command: exit code 2 and one line."""
 
 import json
-import subprocess
-import sys
 from pathlib import Path
 
 import cv2
@@ -14,8 +12,7 @@ from lucas_kanade_network import network, write_bundle
 from onnx import numpy_helper
 
 from dfvs_core.manifest import sha256
-
-COMMAND = str(Path(sys.executable).parent / "dfvs-service")
+from dfvs_service.cli import main
 
 
 @pytest.fixture
@@ -57,20 +54,21 @@ def spoil_a_weight(bundle: Path) -> None:
     (bundle / "manifest.json").write_text(json.dumps(manifest))
 
 
-def start(folder: Path, *more: str) -> subprocess.CompletedProcess[str]:
-    goal = folder / "goal.png"
-    picture = np.random.default_rng(3).integers(0, 255, (240, 320, 3), dtype=np.uint8)
-    cv2.imwrite(str(goal), picture)
-    words = [COMMAND, "--goal", str(goal), "--camera-fov", "75", *more]
-    return subprocess.run(words, capture_output=True, text=True, timeout=120, check=False)
+@pytest.fixture
+def assert_refused(tmp_path, capfd):
+    def assert_refused(words: str, *more: str) -> None:
+        """The service ends with one line of words, whoever writes to its error stream."""
+        picture = np.random.default_rng(3).integers(0, 255, (240, 320, 3), dtype=np.uint8)
+        cv2.imwrite(str(tmp_path / "goal.png"), picture)
+        capfd.readouterr()
+        assert main(["--goal", str(tmp_path / "goal.png"), "--camera-fov", "75", *more]) == 2
+        out, error = capfd.readouterr()
+        assert out == ""
+        assert error.startswith("error: ")
+        assert error.count("\n") == 1
+        assert words in error
 
-
-def assert_refused(done: subprocess.CompletedProcess[str], words: str) -> None:
-    assert done.returncode == 2
-    assert done.stdout == ""
-    assert done.stderr.startswith("error: ")
-    assert done.stderr.count("\n") == 1
-    assert words in done.stderr
+    return assert_refused
 
 
 @pytest.mark.parametrize(
@@ -82,9 +80,9 @@ def assert_refused(done: subprocess.CompletedProcess[str], words: str) -> None:
         (spoil_a_weight, "not numbers"),
     ],
 )
-def test_a_damaged_bundle_is_refused_at_start(damage, words, bundle, tmp_path) -> None:
+def test_a_damaged_bundle_is_refused_at_start(damage, words, bundle, assert_refused) -> None:
     damage(bundle)
-    assert_refused(start(tmp_path, "--model", str(bundle)), words)
+    assert_refused(words, "--model", str(bundle))
 
 
 @pytest.fixture
@@ -117,23 +115,24 @@ def change_depth(folder: Path, **changes: object) -> None:
         ),
     ],
 )
-def test_a_depth_bundle_of_a_wrong_size_or_unit_is_refused(changes, words, depth, tmp_path) -> None:
+def test_a_depth_bundle_of_a_wrong_size_or_unit_is_refused(
+    changes, words, depth, assert_refused
+) -> None:
     change_depth(depth, **changes)
-    assert_refused(start(tmp_path, *depth_settings(depth, "network")), words)
+    assert_refused(words, *depth_settings(depth, "network"))
 
 
-def test_a_bundle_of_another_kind_gives_no_depth(tmp_path) -> None:
-    assert_refused(start(tmp_path, *depth_settings("dfvs-flow")), "gives no depth")
-
-
-def test_a_depth_bundle_that_is_not_there_is_refused(tmp_path) -> None:
-    assert_refused(start(tmp_path, *depth_settings("nowhere")), "there is no model 'nowhere'")
-
-
-def test_depth_that_no_sensor_gives_is_refused(tmp_path) -> None:
-    assert_refused(start(tmp_path, "--set", "servo.depth=given"), "which no camera sends")
-
-
-def test_a_provider_that_is_not_there_is_refused_at_start(tmp_path) -> None:
-    done = start(tmp_path, "--set", "flow.provider=CUDAExecutionProvider")
-    assert_refused(done, "no provider 'CUDAExecutionProvider' here; expected one of ")
+@pytest.mark.parametrize(
+    ("more", "words"),
+    [
+        (depth_settings("dfvs-flow"), "gives no depth"),
+        (depth_settings("nowhere"), "there is no model 'nowhere'"),
+        (["--set", "servo.depth=given"], "which no camera sends"),
+        (
+            ["--set", "flow.provider=CUDAExecutionProvider"],
+            "no provider 'CUDAExecutionProvider' here; expected one of ",
+        ),
+    ],
+)
+def test_a_model_that_gives_nothing_to_fly_by_is_refused(more, words, assert_refused) -> None:
+    assert_refused(words, *more)
