@@ -126,8 +126,7 @@ def test_a_short_training_changes_the_decoder_and_leaves_what_is_frozen(
 
 
 @pytest.mark.parametrize(
-    ("change", "match"),
-    [({"minutes": 0.0}, "minutes is 0.0"), ({"threads": -1}, "threads is -1")],
+    ("change", "match"), [({"minutes": 0.0}, "minutes is 0.0"), ({"threads": -1}, "threads is -1")]
 )
 def test_settings_that_train_nothing_are_refused(tmp_path, change, match):
     settings = DepthTrainSettings(tmp_path, tmp_path / "d.pt", None, 1.0, 1e-3, 3, 0, 2)

@@ -97,10 +97,7 @@ def test_an_interval_that_is_refused_is_noted_once():
         autopilot._take_ack(1, {"command": 511, "result": result})
     autopilot._take_ack(1, {"command": 176, "result": 1})
     autopilot._take_ack(1, {"command": 176, "result": 1})
-    assert [text for _, text in notes] == [
-        "command 511 result 4",
-        *("command 176 result 1",) * 2,
-    ]
+    assert [text for _, text in notes] == ["command 511 result 4", *("command 176 result 1",) * 2]
 
 
 def test_a_text_of_the_autopilot_is_noted_on_one_line_without_control_characters():

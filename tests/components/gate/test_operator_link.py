@@ -68,11 +68,9 @@ def test_a_stopped_perception_holds_up_neither_the_state_nor_a_command(
 ):
     endpoint = free_endpoint()
     settings = {"zenoh__listen": [endpoint], "gate__command_key_file": str(key_file)}
-    with (
-        service_running(
-            vehicle, tmp_path / "runtime", gate__exit_when_done=False, **settings
-        ) as flight,
-    ):
+    with service_running(
+        vehicle, tmp_path / "runtime", gate__exit_when_done=False, **settings
+    ) as flight:
         flight.until("SERVO")
         with states_of(endpoint) as heard:
             heard.get(timeout=30.0)

@@ -51,11 +51,7 @@ def second_service(goal, endpoint, mavlink_port, *words):
     command += ["--model", "classical", "--mavlink", f"udpin://127.0.0.1:{mavlink_port}"]
     command += ["--set", f"zenoh.listen=['{endpoint}']", *words]
     service = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     out, err = service.communicate(timeout=60.0)
     assert (service.returncode, out) == (2, ""), err

@@ -108,10 +108,7 @@ def lead_out(bundle):
             lambda b: edited(b, "dfvs-bundle/2", "dfvs-bundle/1"),
             "format 'dfvs-bundle/1'; expected 'dfvs-bundle/2'",
         ),
-        (
-            lambda b: edited(b, '"pair.onnx"', '"../pair.onnx"'),
-            "a plain name without folders",
-        ),
+        (lambda b: edited(b, '"pair.onnx"', '"../pair.onnx"'), "a plain name without folders"),
         (lambda b: edited(b, '"other"', '"second"'), "has the inputs ['current', 'other']"),
         (lambda b: edited(b, '["flow"]', '["motion"]'), "one named 'motion'"),
         (lambda b: (b / "manifest.json").unlink(), "lacks the file 'manifest.json'"),
@@ -300,11 +297,7 @@ def with_graph(role, **changes):
             "inputs": ["image"],
             "outputs": list(grid_network.ENCODED),
         },
-        "match": {
-            "file": "match.onnx",
-            "inputs": inputs,
-            "outputs": list(grid_network.MATCHED),
-        },
+        "match": {"file": "match.onnx", "inputs": inputs, "outputs": list(grid_network.MATCHED)},
     }
     graphs[role] |= changes
     return graphs

@@ -107,9 +107,7 @@ def test_the_offboard_plugin_starts_flies_and_stops(hovering: Hovering) -> None:
     offboard.destroy()
 
 
-def test_offboard_is_refused_to_the_pilot_while_nobody_sends_setpoints(
-    hovering: Hovering,
-) -> None:
+def test_offboard_is_refused_to_the_pilot_while_nobody_sends_setpoints(hovering: Hovering) -> None:
     time.sleep(0.6)  # longer than COM_OF_LOSS_T since any setpoint
     with pytest.raises(PilotError, match=r"OFFBOARD was temporarily rejected.*no offboard signal"):
         hovering.pilot.engage_offboard()

@@ -84,10 +84,7 @@ def test_a_system_id_tells_two_vehicles_apart() -> None:
 
 
 def test_a_vehicle_with_another_system_id_is_named_in_the_error() -> None:
-    with (
-        GroundLink("udpin://127.0.0.1:0", system_id=3) as link,
-        Autopilot(7, link.port) as other,
-    ):
+    with GroundLink("udpin://127.0.0.1:0", system_id=3) as link, Autopilot(7, link.port) as other:
         other.beat()
         with pytest.raises(LinkError, match=r"system 3 .* within 0\.5 s, only system 7"):
             link.wait_for_vehicle(0.5)
