@@ -51,8 +51,8 @@ def test_refused_arming_names_the_reason_and_the_parameters_that_may_help(tmp_pa
         vehicle_running(tmp_path, "--ready-after", "60") as vehicle,
         GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
     ):
-        link.wait_for_vehicle(5.0)
-        link.wait_for("HEARTBEAT", 2.0)
+        link.wait_for_vehicle(30.0)
+        link.wait_for("HEARTBEAT", 30.0)
         with pytest.raises(PilotError) as refused:
             Pilot(link).arm()
     message = str(refused.value)
