@@ -10,14 +10,13 @@ import pytest
 from real_time import demo_command, flown_in_time, ran
 
 from dfvs_core.camera import CameraModel
-from dfvs_sim.demo.cli import main
 from dfvs_sim.demo.plan import make_plan
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.vehicle.record import read_record
 
-pytestmark = [pytest.mark.serial, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.serial, pytest.mark.slow, pytest.mark.timeout(600)]
 
 
 @pytest.fixture(scope="module")
@@ -36,7 +35,6 @@ def events(folder, kind):
     return [e for e in read_record(folder / "vehicle.jsonl") if e["kind"] == kind]
 
 
-@pytest.mark.slow
 def test_it_flies_to_the_goal_and_says_so(flight):
     done, _, summary = flight
     final_m, final_deg = summary["final_translation_m"], summary["final_rotation_deg"]
@@ -49,7 +47,6 @@ def test_it_flies_to_the_goal_and_says_so(flight):
     assert (summary["estimate"], summary["wind"]) == ("low", "calm")
 
 
-@pytest.mark.slow
 def test_it_leaves_a_report_a_film_and_a_summary_and_names_them(flight):
     done, folder, summary = flight
     assert "report.html, flight.mp4 and summary.json in" in done.stderr
@@ -65,7 +62,6 @@ def test_it_leaves_a_report_a_film_and_a_summary_and_names_them(flight):
     assert seconds > summary["duration_s"]
 
 
-@pytest.mark.slow
 def test_the_vehicle_took_off_from_the_scene_s_floor(flight):
     """Its ground is the built-in room's floor, 0 m in the scene; it starts where it was drawn."""
     _, folder, _ = flight
@@ -80,7 +76,6 @@ def test_the_vehicle_took_off_from_the_scene_s_floor(flight):
     assert climb_m == pytest.approx(start_m, abs=0.1)  # 0.05 m/s of rest, 1 s and more before
 
 
-@pytest.mark.slow
 def test_its_recording_gives_the_same_commands_bit_for_bit(flight):
     _, folder, summary = flight
     files = sorted((folder.parent / "record").glob("*.mcap"))
@@ -93,7 +88,6 @@ def test_its_recording_gives_the_same_commands_bit_for_bit(flight):
     assert len(replay["frames"]) >= summary["frames"] > 50
 
 
-@pytest.mark.slow
 def test_the_vehicle_s_own_record_shows_setpoints_within_the_limits_and_without_pauses(flight):
     """Invariants I1 and, but for what a busy machine takes away at times, I3."""
     _, folder, summary = flight
@@ -111,7 +105,6 @@ def test_the_vehicle_s_own_record_shows_setpoints_within_the_limits_and_without_
     assert 0 < summary["latency_ms"]["p50"] <= summary["latency_ms"]["p99"]
 
 
-@pytest.mark.slow
 def test_a_goal_that_is_nowhere_in_sight_is_never_flown_to(tmp_path):
     """The goal looks the other way: the service stays in PREFLIGHT and says why."""
     words = ("--start=0,0,-1.3,0", "--goal=0,0,-1.3,180", "--estimate", "low", "--ready", "12")
@@ -120,28 +113,3 @@ def test_a_goal_that_is_nowhere_in_sight_is_never_flown_to(tmp_path):
     assert "PREFLIGHT" in done.stderr
     assert "goal" in done.stderr
     assert not [e for e in events(tmp_path, "setpoint") if any(e["velocity"])]
-
-
-@pytest.mark.parametrize(
-    ("words", "message"),
-    [
-        (("--start", "1,2,3"), "--start is '1,2,3'"),
-        (("--goal", "0,0,-1.3,0"), "--start is missing"),
-        (("--scene", "nowhere.glb"), "nowhere.glb"),
-        (("--size", "big"), "--size is 'big'"),
-        (("--fov", "200"), "field of view"),
-        (("--runs", "0"), "--runs is 0"),
-        (("--json", "/nowhere/at/all.json"), "--json"),
-        (("--rate", "0"), "--rate is 0"),
-        (("--vehicles", "5"), "--vehicles is 5"),
-        (("--vehicles", "2", "--runs", "2"), "--runs beside --vehicles"),
-        (("--vehicles", "2", "--autopilot", "udpin://127.0.0.1:1"), "--autopilot beside"),
-        (("--system-id", "251"), "--system-id is 251"),
-        (("--ground", "udpin://127.0.0.1:1"), "--ground without --autopilot"),
-        (("--estimate", "exact"), "--estimate is 'exact'"),
-        (("--estimate", "low", "--autopilot", "udpin://127.0.0.1:1"), "--estimate beside"),
-        (("--service", "--engage never"), "engage never"),
-    ],
-)
-def test_bad_words_are_one_clear_line(tmp_path, refused, words, message):
-    assert message in refused(main, "--out", tmp_path / "out", *words)
