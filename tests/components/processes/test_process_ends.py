@@ -8,6 +8,8 @@ import contextlib
 import itertools
 import os
 import socket
+import tempfile
+from pathlib import Path
 
 import numpy as np
 import pytest
@@ -43,6 +45,13 @@ def data(tmp_path_factory):
         add(message, payload)
     recorder.close()
     return folder
+
+
+@pytest.fixture
+def short_path():
+    """A folder for Unix sockets, whose names have to be short."""
+    with tempfile.TemporaryDirectory(prefix="dfvs-") as folder:
+        yield Path(folder)
 
 
 @pytest.fixture(scope="module")
@@ -112,7 +121,7 @@ FIXED_PORTS = ("sim",)
 
 @pytest.mark.slow
 @pytest.mark.parametrize("name", COMMANDS)
-def test_nothing_is_left_of_a_command_that_was_ended(name, data, endpoint, tmp_path):
+def test_nothing_is_left_of_a_command_that_was_ended(name, data, endpoint, short_path):
     first = list(COMMANDS).index(name) * COUNT
     ways = list(itertools.islice(itertools.cycle(ENDINGS), first, first + COUNT))
     at_once = 1 if name in FIXED_PORTS else 2
@@ -120,7 +129,7 @@ def test_nothing_is_left_of_a_command_that_was_ended(name, data, endpoint, tmp_p
         with contextlib.ExitStack() as stack:
             batch = []
             for how in ways[k : k + at_once]:
-                started = Started(COMMANDS[name](data, endpoint), tmp_path / f"{k}-{how}")
+                started = Started(COMMANDS[name](data, endpoint), short_path / f"{k}-{how}")
                 stack.callback(started.close)
                 batch.append((how, started))
             for _, started in batch:

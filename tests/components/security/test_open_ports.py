@@ -26,7 +26,7 @@ CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
 @pytest.fixture
 def service(tmp_path, rng):
     """Real gate and perception beside a vehicle; its processes and its declared ports."""
-    zenoh_port, folder = free_tcp_port(), tmp_path / "runtime"
+    zenoh_port, folder = free_tcp_port(), tmp_path / "r"
     folder.mkdir()
     with hovering_vehicle(tmp_path) as vehicle:
         overrides = {
