@@ -36,11 +36,11 @@ imports: .venv/.stamp-test
 docs: .venv/.stamp-test
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
-# Tests that start processes and measure time run one after the other.
+# Tests that measure time (marker serial) run with nothing beside them, after all others.
 pytest: .venv/.stamp-test
 ifeq ($(strip $(ARGS)),)
-	$(BIN)/python -m pytest -n 2 tests/unit tests/property
-	$(BIN)/python -m pytest tests/harness tests/components
+	$(BIN)/python -m pytest -n 2 --dist loadscope -m "not serial"
+	$(BIN)/python -m pytest -m serial
 else
 	$(BIN)/python -m pytest $(ARGS)
 endif

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Callable, Iterator
 
 import numpy as np
 import pytest
@@ -23,3 +23,19 @@ def _state_home(tmp_path_factory: pytest.TempPathFactory) -> Iterator[None]:
 @pytest.fixture
 def rng() -> np.random.Generator:
     return np.random.default_rng(20)
+
+
+@pytest.fixture
+def refused(capfd: pytest.CaptureFixture[str]) -> Callable[..., str]:
+    """Run a command that cannot: exit code 2 and, of both streams, one line, which it returns."""
+
+    def refused(main: Callable[[list[str]], int], *words: object) -> str:
+        capfd.readouterr()
+        assert main([str(word) for word in words]) == 2
+        out, error = capfd.readouterr()
+        assert out == ""
+        assert error.startswith("error: ")
+        assert error.count("\n") == 1
+        return error
+
+    return refused

@@ -83,11 +83,11 @@ class Flight:
     def states(self) -> list[str]:
         return [record["target"] for record in self.transitions()]
 
-    def until(self, state: str, timeout_s: float = 20.0) -> Flight:
+    def until(self, state: str, timeout_s: float = 60.0) -> Flight:
         self.wait(lambda: state in self.states(), timeout_s)
         return self
 
-    def wait(self, condition: Callable[[], bool], timeout_s: float = 20.0) -> None:
+    def wait(self, condition: Callable[[], bool], timeout_s: float = 60.0) -> None:
         deadline = time.monotonic() + timeout_s
         while not condition():
             assert time.monotonic() < deadline, self.log()[-5:]
@@ -109,7 +109,7 @@ class Flight:
         os.kill(pid, number)
         return now_ns
 
-    def end(self, timeout_s: float = 10.0) -> int:
+    def end(self, timeout_s: float = 30.0) -> int:
         """Wait for the service's own end; returns its exit code."""
         return self.parent.wait(timeout_s)
 
@@ -172,7 +172,7 @@ def service_running(
             os.kill(parent.pid, signal.SIGCONT)
         parent.terminate()
         try:
-            parent.wait(6.0)
+            parent.wait(20.0)
         except subprocess.TimeoutExpired:
             parent.kill()
             parent.wait()

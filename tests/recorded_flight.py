@@ -75,11 +75,7 @@ def fly(
     preview = None
     clock = RunningClock(rng)
     eye = build_eye(
-        config,
-        goal,
-        flow_matcher(config.flow),
-        Clocks(CLOCK, clock, clock),
-        depth_network(config),
+        config, goal, flow_matcher(config.flow), Clocks(CLOCK, clock, clock), depth_network(config)
     )
     opening = replace(make_opening(config, goal, CLOCK), opened_ns=clock())
     book = TurnBook()

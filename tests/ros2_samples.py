@@ -32,8 +32,7 @@ def image_message(pixels, encoding, *, step=None, is_bigendian=0, stamp_ns=STAMP
 def compressed_message(data, kind="jpeg", stamp_ns=STAMP_NS):
     CompressedImage = typestore().types[COMPRESSED_IMAGE]
     return encode(
-        COMPRESSED_IMAGE,
-        CompressedImage(header(stamp_ns), kind, np.frombuffer(data, np.uint8)),
+        COMPRESSED_IMAGE, CompressedImage(header(stamp_ns), kind, np.frombuffer(data, np.uint8))
     )
 
 

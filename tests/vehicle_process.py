@@ -62,7 +62,7 @@ def vehicle_running(folder: Path, *options: str) -> Iterator[RunningVehicle]:
         yield RunningVehicle(process, companion, ground, record)
     finally:
         process.send_signal(signal.SIGTERM)
-        process.wait(5.0)
+        process.wait(20.0)
 
 
 @contextlib.contextmanager
@@ -71,7 +71,7 @@ def companion_connected(port: int) -> Iterator[System]:
     mavsdk = Mavsdk(configuration)
     try:
         mavsdk.add_any_connection(f"udpin://127.0.0.1:{port}")
-        system = mavsdk.first_autopilot(10.0)
+        system = mavsdk.first_autopilot(30.0)
         assert system is not None
         yield system
     finally:

@@ -280,15 +280,11 @@ def test_trials_of_other_inputs_are_not_taken_for_these(folder):
         ({"start": [*np.eye(4)[:3].tolist(), [0.5, 1, 2, 1]]}, "transposed"),
     ],
 )
-def test_a_wrong_task_is_one_line_and_exit_code_2(folder, tmp_path, capsys, change, words):
+def test_a_wrong_task_is_one_line_and_exit_code_2(folder, tmp_path, refused, change, words):
     document = json.loads((folder / "tasks.json").read_text())
     document["tasks"][0].update(change)
     (tmp_path / "tasks.json").write_text(json.dumps(document))
-    assert main(["table1", "--tasks", str(tmp_path / "tasks.json")]) == 2
-    error = capsys.readouterr().err
-    assert error.startswith("error: ")
-    assert words in error
-    assert error.count("\n") == 1
+    assert words in refused(main, "table1", "--tasks", tmp_path / "tasks.json")
 
 
 def test_an_unknown_method_or_scene_is_refused(folder, capsys):

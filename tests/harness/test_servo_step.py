@@ -11,13 +11,7 @@ from dfvs_core.correspondence import FlowField
 from dfvs_core.goal import GoalSidecar, Mount
 from dfvs_core.poses import make_pose, pose_error, rotation_from_euler, se3_exp
 from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.exchange import (
-    Attitude,
-    EarlierMatch,
-    ServoInputs,
-    ServoState,
-    Status,
-)
+from dfvs_core.servo.exchange import Attitude, EarlierMatch, ServoInputs, ServoState, Status
 from dfvs_core.servo.step import servo_step
 from dfvs_core.servo.structure import observe_depth
 from dfvs_core.servo.task import ServoTask

@@ -98,22 +98,14 @@ def test_pictures_arrive_as_perception_reads_them(listener, folder, pixels):
     assert parse(CameraModel, listener.calibrations[-1]) == CAMERA
 
 
-def test_what_cannot_be_mended_by_waiting_ends_with_one_line(folder, tmp_path, capsys):
-    def refused(*words):
-        assert cli.main([str(word) for word in words]) == 2
-        out, err = capsys.readouterr()
-        assert out == ""
-        assert err.startswith("error: ")
-        assert len(err.splitlines()) == 1
-        return err
-
+def test_what_cannot_be_mended_by_waiting_ends_with_one_line(folder, tmp_path, refused):
     wrong = CameraModel(640, 480, 500.0, 500.0, 320.0, 240.0)
     write_calibration(tmp_path / "other.toml", wrong, [])
-    assert "no source 'nothing'" in refused("--source", "nothing")
-    assert "--rate is 0" in refused("--source", folder, "--rate", "0")
-    assert "--size is 'big'" in refused("--source", folder, "--size", "big")
+    assert "no source 'nothing'" in refused(cli.main, "--source", "nothing")
+    assert "--rate is 0" in refused(cli.main, "--source", folder, "--rate", "0")
+    assert "--size is 'big'" in refused(cli.main, "--source", folder, "--size", "big")
     words = ("--source", folder, "--calibration", tmp_path / "other.toml", "--size", "64x48")
-    assert "640x480, the calibration's size" in refused(*words)
+    assert "640x480, the calibration's size" in refused(cli.main, *words)
 
 
 def test_pictures_of_another_size_than_the_calibration_end_it(listener, folder):

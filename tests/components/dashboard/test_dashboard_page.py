@@ -13,7 +13,7 @@ from dfvs_core.wire.picture import encode_jpeg
 
 sync_api = pytest.importorskip("playwright.sync_api")
 
-pytestmark = needs_chromium
+pytestmark = [needs_chromium, pytest.mark.serial]
 
 FRAMES = "dfvsScreen().frames"
 PIXELS = """() => {

@@ -16,21 +16,8 @@ from dfvs_export.depth_weights import TrainedDepth, load_depth_weights, save_dep
 from dfvs_export.networks.depth import DepthNet, Prediction
 from dfvs_export.pairs import RoomFolder
 from dfvs_export.train_depth import DepthTrainSettings, train_depth
-from dfvs_sim.pairs.files import write_arrays
-from dfvs_sim.pairs.wide import WidePairSampler
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 
 FOCAL = 0.6
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    out = tmp_path_factory.mktemp("pairs")
-    artist = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
-    write_arrays(out / "room.npz", artist.arrays(3))
-    return out
 
 
 @pytest.fixture(scope="module")
@@ -139,8 +126,7 @@ def test_a_short_training_changes_the_decoder_and_leaves_what_is_frozen(
 
 
 @pytest.mark.parametrize(
-    ("change", "match"),
-    [({"minutes": 0.0}, "minutes is 0.0"), ({"threads": -1}, "threads is -1")],
+    ("change", "match"), [({"minutes": 0.0}, "minutes is 0.0"), ({"threads": -1}, "threads is -1")]
 )
 def test_settings_that_train_nothing_are_refused(tmp_path, change, match):
     settings = DepthTrainSettings(tmp_path, tmp_path / "d.pt", None, 1.0, 1e-3, 3, 0, 2)

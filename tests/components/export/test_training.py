@@ -12,21 +12,8 @@ from dfvs_core.poses import make_pose, so3_exp
 from dfvs_export.pairs import SIZE, PairReader, RoomFolder, TrainingPair, View, true_matches
 from dfvs_export.train import TrainSettings, train
 from dfvs_export.weights import load_weights
-from dfvs_sim.pairs.files import write_arrays
-from dfvs_sim.pairs.wide import WidePairSampler
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 
 STILL = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    out = tmp_path_factory.mktemp("pairs")
-    artist = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
-    write_arrays(out / "room.npz", artist.arrays(3))
-    return out
 
 
 def test_true_matches_are_found_by_depth_and_pose():

@@ -22,6 +22,8 @@ from dfvs_service.report.cli import main as report
 from dfvs_sim.faults.rig import Rig, Setup
 from dfvs_sim.faults.service import wait_until
 
+pytestmark = pytest.mark.serial
+
 LATENESS_S = 2.0
 """Logs are copied five times a second; the rest is for a busy machine."""
 
@@ -59,10 +61,10 @@ def fly(rig, flights):
     def streams():
         return {record["stream"] for record in read_lines(folder / "telemetry-000.jsonl")}
 
-    assert wait_until(lambda: streams() == {"state", "servo", "timing", "route"}, 10.0)
-    assert wait_until(lambda: "SERVO" in (folder / "gate.jsonl").read_text(), 10.0)
+    assert wait_until(lambda: streams() == {"state", "servo", "timing", "route"}, 60.0)
+    assert wait_until(lambda: "SERVO" in (folder / "gate.jsonl").read_text(), 60.0)
     thumbnails = folder / "thumbnails"
-    assert wait_until(lambda: thumbnails.exists() and len(list(thumbnails.iterdir())) >= 2, 10.0)
+    assert wait_until(lambda: thumbnails.exists() and len(list(thumbnails.iterdir())) >= 2, 60.0)
     return folder
 
 
@@ -74,7 +76,7 @@ def command(capsys, *words):
 
 def opened(capsys, flights, folder, tmp_path):
     """The flight's page, its exported files, and what a replay of its gate says."""
-    assert wait_until(lambda: not is_running(folder), 10.0)
+    assert wait_until(lambda: not is_running(folder), 60.0)
     listed = json.loads(command(capsys, "flights", "--folder", str(flights), "--json"))
     assert folder.name in [flight["name"] for flight in listed]
     target = tmp_path / "flight.zip"
@@ -148,7 +150,7 @@ def test_a_service_of_which_one_process_is_killed(name, verdict, rig, flights, c
     folder = fly(rig, flights)
     pids = children(rig.service.process.pid) | {"parent": rig.service.process.pid}
     os.kill(pids[name], signal.SIGKILL)
-    rig.service.process.wait(20.0)
+    rig.service.process.wait(60.0)
     page, exported, replayed = opened(capsys, flights, folder, tmp_path)
     assert (page["status"], page["exit_code"]) == ("ended", 1)
     assert page["verdict"].startswith(verdict)
@@ -158,20 +160,20 @@ def test_a_service_of_which_one_process_is_killed(name, verdict, rig, flights, c
         rig.service.runtime / "gate-inputs.jsonl"
     )
     assert replayed["steps"] > 50
-    text = check_report(exported, tmp_path)
-    assert verdict[0].upper() + verdict[1:] in html.unescape(text)
+    if name in ("parent", "gate"):  # one report of each verdict
+        text = check_report(exported, tmp_path)
+        assert verdict[0].upper() + verdict[1:] in html.unescape(text)
 
 
 def test_a_flight_goes_on_without_its_black_box_and_says_so(rig, flights, capsys, tmp_path):
     folder = fly(rig, flights)
     os.kill(children(rig.service.process.pid)["flights"], signal.SIGKILL)
     told = "warning: the black box was killed by SIGKILL; no more of this flight is kept"
-    assert wait_until(lambda: told in rig.service.errors(), 10.0)
+    assert wait_until(lambda: told in rig.service.errors(), 60.0)
     assert rig.state is GateState.SERVO
     page, exported, _ = opened(capsys, flights, folder, tmp_path)
     assert page["status"] == "cut off"
     check_records(exported, rig.folder / "goal.png")
-    check_report(exported, tmp_path)
     assert rig.state is GateState.SERVO
 
 

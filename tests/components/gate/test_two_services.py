@@ -22,6 +22,8 @@ from dfvs_service.config import ZenohSection
 from dfvs_service.gate.autopilot import Autopilot
 from dfvs_service.zenoh_session import open_session
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.fixture
 def goal(tmp_path):
@@ -49,11 +51,7 @@ def second_service(goal, endpoint, mavlink_port, *words):
     command += ["--model", "classical", "--mavlink", f"udpin://127.0.0.1:{mavlink_port}"]
     command += ["--set", f"zenoh.listen=['{endpoint}']", *words]
     service = subprocess.Popen(
-        command,
-        stdout=subprocess.PIPE,
-        stderr=subprocess.PIPE,
-        text=True,
-        start_new_session=True,
+        command, stdout=subprocess.PIPE, stderr=subprocess.PIPE, text=True, start_new_session=True
     )
     out, err = service.communicate(timeout=60.0)
     assert (service.returncode, out) == (2, ""), err

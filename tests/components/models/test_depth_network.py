@@ -85,55 +85,23 @@ def test_the_same_image_gives_the_same_bits():
     assert first.rho.tobytes() == second.rho.tobytes()
 
 
+def quantity(name, **more):
+    return {"depth": {"quantity": name, "unit": "1/m", "spread": 0.2, "scale_spread": 0.1, **more}}
+
+
+def graph(inputs, output):
+    return {"graphs": {"mono": {"file": "mono.onnx", "inputs": inputs, "outputs": [output]}}}
+
+
 @pytest.mark.parametrize(
     ("made", "changes", "words"),
     [
         (bundle(RAMP), {"input": {"width": 128, "height": 48}}, "has the inputs"),
-        (
-            bundle(RAMP[:, ::2]),
-            {
-                "depth": {
-                    "quantity": "inverse-depth",
-                    "unit": "1/m",
-                    "stride": 4,
-                    "spread": 0.2,
-                    "scale_spread": 0.1,
-                }
-            },
-            "is float32 of",
-        ),
+        (bundle(RAMP[:, ::2]), quantity("inverse-depth", stride=4), "is float32 of"),
         (bundle(np.full_like(RAMP, np.inf)), {}, "not finite"),
-        (
-            bundle(RAMP),
-            {"depth": {"quantity": "depth", "unit": "1/m", "spread": 0.2, "scale_spread": 0.1}},
-            "depth in the unit '1/m'",
-        ),
-        (
-            bundle(RAMP),
-            {
-                "graphs": {
-                    "mono": {
-                        "file": "mono.onnx",
-                        "inputs": ["focal", "image"],
-                        "outputs": ["inverse_depth"],
-                    }
-                }
-            },
-            "has the inputs",
-        ),
-        (
-            bundle(RAMP),
-            {
-                "graphs": {
-                    "mono": {
-                        "file": "mono.onnx",
-                        "inputs": ["image", "focal"],
-                        "outputs": ["depth"],
-                    }
-                }
-            },
-            "lacks the outputs",
-        ),
+        (bundle(RAMP), quantity("depth"), "depth in the unit '1/m'"),
+        (bundle(RAMP), graph(["focal", "image"], "inverse_depth"), "has the inputs"),
+        (bundle(RAMP), graph(["image", "focal"], "depth"), "lacks the outputs"),
     ],
 )
 def test_a_bundle_that_is_not_as_its_manifest_says_is_refused(tmp_path, made, changes, words):

@@ -11,6 +11,8 @@ from dfvs_core.wire.picture import encode_jpeg
 from dfvs_core.wire.ros2 import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, Ros2Attachment, Ros2Topic
 from dfvs_service.ros2.messages import type_hash
 
+pytestmark = pytest.mark.serial
+
 LINKS = {
     "ros2-rmw": Ros2Topic("nose/image_raw", IMAGE),
     "ros2-bridge": Ros2Topic("nose/image_raw/compressed", COMPRESSED_IMAGE),

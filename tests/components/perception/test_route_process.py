@@ -3,12 +3,15 @@
 import json
 import queue
 
+import pytest
 import zenoh.ext
 from test_perception_process import CAMERA, TOPICS, Rig
 from textured_wall import Wall, texture, turned
 
 from dfvs_core.goal import GoalSidecar
 from dfvs_core.wire.picture import encode_png
+
+pytestmark = pytest.mark.serial
 
 
 def test_the_next_goal_takes_over_in_sight_and_only_it_is_ever_reached(tmp_path, rng):
@@ -34,7 +37,7 @@ def test_the_next_goal_takes_over_in_sight_and_only_it_is_ever_reached(tmp_path,
         assert not gone_on.reached
         rig.picture = second
         assert rig.shoot_until(rng, lambda r: r.reached).error_m < 0.05
-        seen = [places.get(timeout=5.0) for _ in range(2)]
+        seen = [places.get(timeout=30.0) for _ in range(2)]
         assert [(place["goal"], place["of"]) for place in seen] == [(1, 2), (2, 2)]
         listener.undeclare()
     finally:

@@ -10,6 +10,8 @@ import pytest
 from dfvs_service.parent import Parent, Programs
 from dfvs_service.runtime import RuntimeFolder
 
+pytestmark = pytest.mark.serial
+
 BEATING = """
 import json, pathlib, signal, socket, sys, time
 stopped = []

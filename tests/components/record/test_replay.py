@@ -255,12 +255,9 @@ def test_another_model_is_tried_on_the_same_frames(recording):
         ([__file__], "is not a recording"),
     ],
 )
-def test_bad_words_are_one_clear_line(recording, words, message, capsys):
-    assert main([str(recording) if word == "RECORDING" else word for word in words]) == 2
-    errors = capsys.readouterr().err
-    assert errors.startswith("error: ")
-    assert message in errors
-    assert errors.count("\n") == 1
+def test_bad_words_are_one_clear_line(recording, words, message, refused):
+    words = [recording if word == "RECORDING" else word for word in words]
+    assert message in refused(main, *words)
 
 
 def test_as_a_command_of_its_own_it_finds_the_same(recording):

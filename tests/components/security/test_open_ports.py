@@ -26,7 +26,7 @@ CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
 @pytest.fixture
 def service(tmp_path, rng):
     """Real gate and perception beside a vehicle; its processes and its declared ports."""
-    zenoh_port, folder = free_tcp_port(), tmp_path / "runtime"
+    zenoh_port, folder = free_tcp_port(), tmp_path / "r"
     folder.mkdir()
     with hovering_vehicle(tmp_path) as vehicle:
         overrides = {
@@ -51,7 +51,7 @@ def service(tmp_path, rng):
             yield family, zenoh_port, vehicle.port
         finally:
             parent.terminate()
-            parent.wait(10.0)
+            parent.wait(30.0)
 
 
 def await_service(runtime, zenoh_port):

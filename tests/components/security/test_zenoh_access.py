@@ -3,8 +3,6 @@
 import contextlib
 import shutil
 import stat
-import subprocess
-import sys
 import time
 
 import pytest
@@ -21,6 +19,7 @@ from dfvs_service.certificates.authority import (
     read_authority,
     write_credentials,
 )
+from dfvs_service.certificates.cli import main
 from dfvs_service.config import load_config
 from dfvs_service.operator_link.lease import Lease
 from dfvs_service.zenoh_session import open_session
@@ -65,8 +64,7 @@ MAY_HEAR = {
 
 
 def make_certificates(folder, *words):
-    command = [sys.executable, "-m", "dfvs_service.certificates.cli", "--out", str(folder), *words]
-    return subprocess.run(command, capture_output=True, text=True, check=False)
+    return main(["--out", str(folder), *words])
 
 
 def tls(folder):
@@ -101,7 +99,7 @@ def folder(tmp_path_factory):
     made = make_certificates(
         folder, "--vehicle", "drone1", "--vehicle", "drone2", "--listen", endpoint
     )
-    assert made.returncode == 0, made.stderr
+    assert made == 0
     return folder
 
 
@@ -140,7 +138,7 @@ def nobody(folder):
     return place
 
 
-def wait_until(condition, seconds=5.0):
+def wait_until(condition, seconds=30.0):
     deadline = time.monotonic() + seconds
     while not condition():
         if time.monotonic() > deadline:
@@ -185,7 +183,7 @@ def test_every_name_may_do_its_roles_work_and_nothing_else(hub, folder, nobody):
         return said and heard
 
     # What is allowed arrives; by then everything else has been said as often.
-    assert wait_until(complete, 10.0)
+    assert wait_until(complete)
     say_everything()
     time.sleep(0.5)
     for name in names:
@@ -247,7 +245,7 @@ def test_two_services_of_a_vehicle_see_each_others_lease(hub, folder):
 
 def test_who_has_no_certificate_of_our_authority_gets_no_link(hub, folder, tmp_path):
     made = make_certificates(tmp_path / "foreign", "--vehicle", "drone1")
-    assert made.returncode == 0
+    assert made == 0
     foreign = tmp_path / "foreign" / "camera.drone1"
     # It trusts our authority and has the right name, but a certificate of its own authority.
     shutil.copy(folder / "camera.drone1" / "ca.pem", foreign / "ca.pem")
@@ -256,7 +254,7 @@ def test_who_has_no_certificate_of_our_authority_gets_no_link(hub, folder, tmp_p
     # The other way round: somebody else's server is not believed.
     shutil.copytree(folder / "camera.drone1", tmp_path / "mine")
     other = make_certificates(tmp_path / "third", "--vehicle", "drone1")
-    assert other.returncode == 0
+    assert other == 0
     shutil.copy(tmp_path / "third" / "authority" / "certificate.pem", tmp_path / "mine" / "ca.pem")
     with pytest.raises(ConfigError, match="Zenoh cannot be opened"):
         client(hub.endpoint, tmp_path / "mine")
@@ -290,7 +288,7 @@ def test_a_second_run_keeps_what_is_there_and_adds_what_is_missing(folder):
     shutil.rmtree(folder / "recorder.drone2")
     endpoint = (folder.parent / "endpoint").read_text()
     words = ("--vehicle", "drone1", "--vehicle", "drone2", "--listen", endpoint)
-    assert make_certificates(folder, *words).returncode == 0
+    assert make_certificates(folder, *words) == 0
     assert (folder / "camera.drone1" / "key.pem").read_bytes() == before
     assert (folder / "recorder.drone2" / "key.pem").exists()
 
@@ -299,10 +297,6 @@ def test_a_second_run_keeps_what_is_there_and_adds_what_is_missing(folder):
     ("words", "problem"),
     [(["--vehicle", "Bad Name"], "vehicle name"), (["--days", "0"], "--days 0")],
 )
-def test_what_cannot_be_made_is_said_in_one_line(tmp_path, words, problem):
-    made = make_certificates(tmp_path / "none", *words)
-    assert made.returncode == 2
-    assert made.stderr.startswith("error: ")
-    assert problem in made.stderr
-    assert len(made.stderr.splitlines()) == 1
+def test_what_cannot_be_made_is_said_in_one_line(tmp_path, refused, words, problem):
+    assert problem in refused(main, "--out", tmp_path / "none", *words)
     assert not (tmp_path / "none").exists()

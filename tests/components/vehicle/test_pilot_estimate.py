@@ -10,6 +10,8 @@ from vehicle_process import vehicle_running
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot, PilotError
 
+pytestmark = pytest.mark.serial
+
 
 @pytest.mark.slow
 def test_a_vehicle_whose_estimate_never_rests_takes_off_and_lands(tmp_path: Path) -> None:
@@ -49,8 +51,8 @@ def test_refused_arming_names_the_reason_and_the_parameters_that_may_help(tmp_pa
         vehicle_running(tmp_path, "--ready-after", "60") as vehicle,
         GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
     ):
-        link.wait_for_vehicle(5.0)
-        link.wait_for("HEARTBEAT", 2.0)
+        link.wait_for_vehicle(30.0)
+        link.wait_for("HEARTBEAT", 30.0)
         with pytest.raises(PilotError) as refused:
             Pilot(link).arm()
     message = str(refused.value)

@@ -2,17 +2,19 @@
 
 from __future__ import annotations
 
-import subprocess
-import sys
+from collections.abc import Callable
 from pathlib import Path
 
 import pytest
-from vehicle_process import RUNNER, free_port, vehicle_running
+from vehicle_process import free_port, vehicle_running
 
+from dfvs_sim.cli import main
 from dfvs_sim.ground.link import GroundLink, LinkError
 from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.ground.systems import listen_for_systems
 from dfvs_sim.ground.udp import Endpoint
+
+pytestmark = pytest.mark.serial
 
 
 def test_the_pilot_flies_the_vehicle_with_its_system_id(tmp_path: Path) -> None:
@@ -36,7 +38,7 @@ def test_the_pilot_flies_the_vehicle_with_its_system_id(tmp_path: Path) -> None:
             GroundLink(f"udpin://127.0.0.1:{port}") as link,
             pytest.raises(LinkError, match="systems 1 and 2"),
         ):
-            link.wait_for_vehicle(5.0)
+            link.wait_for_vehicle(30.0)
         with GroundLink(f"udpin://127.0.0.1:{port}", system_id=2) as link:
             pilot = Pilot(link)
             pilot.prepare()
@@ -52,8 +54,5 @@ def test_nobody_is_heard_on_a_silent_port() -> None:
     assert listen_for_systems(endpoint, 0.1) == set()
 
 
-def test_a_system_id_that_is_none_is_refused() -> None:
-    command = [sys.executable, str(RUNNER), "vehicle", "--system-id", "300"]
-    result = subprocess.run(command, capture_output=True, text=True, timeout=20, check=False)
-    assert result.returncode != 0
-    assert "--system-id is 300" in result.stderr
+def test_a_system_id_that_is_none_is_refused(refused: Callable[..., str]) -> None:
+    assert "--system-id is 300" in refused(main, "vehicle", "--system-id", "300")

@@ -8,14 +8,7 @@ from dfvs_core.poses import pose_error
 from dfvs_sim.bench import scenes
 from dfvs_sim.bench.paper import PAPER_SCENES
 from dfvs_sim.bench.placing import Placing, draw_task
-from dfvs_sim.bench.scenes import (
-    CAMERA,
-    SCENES,
-    SceneSpec,
-    default_tasks,
-    make_scenes,
-    task_in,
-)
+from dfvs_sim.bench.scenes import CAMERA, SCENES, SceneSpec, default_tasks, make_scenes, task_in
 from dfvs_sim.bench.task import read_tasks
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import visibility

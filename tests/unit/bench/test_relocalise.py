@@ -13,14 +13,7 @@ from dfvs_core.poses import invert_pose, make_pose, so3_exp
 from dfvs_sim.bench.basin.cells import Cell
 from dfvs_sim.bench.basin.drawing import DrawnTask
 from dfvs_sim.bench.near_goal import Approach
-from dfvs_sim.bench.relocalise import (
-    STAGES,
-    Relocalisation,
-    Verdict,
-    judge,
-    summarise,
-    without,
-)
+from dfvs_sim.bench.relocalise import STAGES, Relocalisation, Verdict, judge, summarise, without
 from dfvs_sim.bench_cli import main
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import exact_flow

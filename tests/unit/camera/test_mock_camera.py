@@ -5,11 +5,13 @@ import time
 from types import SimpleNamespace
 
 import numpy as np
+import pytest
 
 from dfvs_core.camera import CameraModel
 from dfvs_core.wire.frame import PixelFormat, decode_header
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
 
+pytestmark = pytest.mark.serial
 CAMERA = CameraModel.from_horizontal_fov(32, 24, 1.3)
 RENDER_S = 0.04
 FRAMES = 40

@@ -38,13 +38,10 @@ def certificate(tmp_path_factory):
     return ("--cert", cert, "--key", key)
 
 
-def refusal(capsys, *words):
+@pytest.fixture
+def refusal(refused):
     """The one line that a refused command prints."""
-    assert cli.main(["--port", str(free_tcp_port()), *words]) == 2
-    err = capsys.readouterr().err
-    assert err.startswith("error: ")
-    assert len(err.splitlines()) == 1
-    return err
+    return lambda *words: refused(cli.main, "--port", free_tcp_port(), *words)
 
 
 def test_by_default_this_machine_alone_may_look_and_nobody_may_order():
@@ -65,14 +62,14 @@ def test_every_endpoint_is_a_link_of_its_own():
 
 
 @pytest.mark.parametrize("host", ["0.0.0.0", "::"])
-def test_beyond_this_machine_everything_is_asked_for_at_once(host, capsys):
-    line = refusal(capsys, "--host", host)
+def test_beyond_this_machine_everything_is_asked_for_at_once(host, refusal):
+    line = refusal("--host", host)
     for needed in ("--cert and --key", "--viewer-token or --operator-token", "--name"):
         assert needed in line
 
 
-def test_beyond_this_machine_encryption_alone_is_not_enough(certificate, capsys):
-    line = refusal(capsys, "--host", "0.0.0.0", "--name", "drone1.local", *certificate)
+def test_beyond_this_machine_encryption_alone_is_not_enough(certificate, refusal):
+    line = refusal("--host", "0.0.0.0", "--name", "drone1.local", *certificate)
     assert "--viewer-token or --operator-token" in line
     assert "--cert" not in line.split("expected")[1]
 
@@ -90,17 +87,17 @@ def test_a_viewer_token_closes_the_page_on_this_machine_as_well(token):
     assert not settings("--viewer-token", token).tokens.is_open
 
 
-def test_a_key_for_orders_needs_an_operator(token, capsys):
-    assert "--operator-token" in refusal(capsys, "--command-key", token)
+def test_a_key_for_orders_needs_an_operator(token, refusal):
+    assert "--operator-token" in refusal("--command-key", token)
 
 
-def test_files_that_cannot_be_used_are_named(tmp_path, certificate, capsys):
+def test_files_that_cannot_be_used_are_named(tmp_path, certificate, refusal):
     (tmp_path / "open").write_text("x" * 40)
     (tmp_path / "open").chmod(0o644)
-    assert "0600" in refusal(capsys, "--operator-token", str(tmp_path / "open"))
-    assert "--cert" in refusal(capsys, "--cert", str(tmp_path / "none"), "--key", str(tmp_path))
-    assert "only one of" in refusal(capsys, *certificate[:2])
-    assert "TOML" in refusal(capsys, "--config", str(tmp_path / "none.toml"))
+    assert "0600" in refusal("--operator-token", str(tmp_path / "open"))
+    assert "--cert" in refusal("--cert", str(tmp_path / "none"), "--key", str(tmp_path))
+    assert "only one of" in refusal(*certificate[:2])
+    assert "TOML" in refusal("--config", str(tmp_path / "none.toml"))
 
 
 def test_a_port_that_is_taken_is_said_before_anything_starts(capsys):
@@ -119,6 +116,6 @@ def test_a_new_token_is_a_private_file(tmp_path, capsys):
     assert path.read_text().strip() not in capsys.readouterr().out
 
 
-def test_without_the_extra_it_says_what_to_install(monkeypatch, capsys):
+def test_without_the_extra_it_says_what_to_install(monkeypatch, refusal):
     monkeypatch.setitem(sys.modules, "uvicorn", None)
-    assert "pip install 'dfvs[dashboard]'" in refusal(capsys)
+    assert "pip install 'dfvs[dashboard]'" in refusal()

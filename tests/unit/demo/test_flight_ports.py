@@ -29,7 +29,7 @@ def test_a_flight_of_another_process_shares_no_port_long_before_anything_listens
     with subprocess.Popen(command, stdin=subprocess.PIPE, stdout=subprocess.PIPE) as other:
         taken = {int(word) for word in other.stdout.readline().split()}
         ports = FlightPorts.choose()
-        other.communicate(b"\n", timeout=10)
+        other.communicate(b"\n", timeout=60)
     assert len(taken) == 4
     assert not taken & numbers(ports)
     ports.close()

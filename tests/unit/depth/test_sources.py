@@ -6,13 +6,7 @@ import pytest
 from dfvs_core.correspondence import DepthMap
 from dfvs_core.depth.flow_depth import FlowDepth
 from dfvs_core.depth.motion import MotionDepth
-from dfvs_core.depth.source import (
-    ConstantDepth,
-    DepthInputs,
-    EarlierView,
-    GivenDepth,
-    GoalLink,
-)
+from dfvs_core.depth.source import ConstantDepth, DepthInputs, EarlierView, GivenDepth, GoalLink
 from dfvs_core.errors import ConfigError
 from dfvs_core.poses import make_pose, so3_exp
 

@@ -16,10 +16,7 @@ PRIOR = 3.0
 def network_depth(rho, spread=0.2, unit="1/m", scale_spread=0.1):
     rho = np.broadcast_to(np.asarray(rho, np.float32), SIZE).copy()
     return NetworkDepth(
-        rho,
-        np.full(SIZE, spread, np.float32),
-        unit,
-        scale_spread if unit in ("m", "1/m") else None,
+        rho, np.full(SIZE, spread, np.float32), unit, scale_spread if unit in ("m", "1/m") else None
     )
 
 
@@ -38,10 +35,7 @@ def test_the_error_of_the_whole_scale_is_none_of_the_structure():
     np.testing.assert_allclose(np.sqrt(found.structure.variance) / found.structure.rho, 0.4)
 
 
-@given(
-    factor=st.floats(1e-3, 1e3),
-    stride=st.integers(2, 16),
-)
+@given(factor=st.floats(1e-3, 1e3), stride=st.integers(2, 16))
 def test_a_relative_structure_is_the_same_whatever_the_factor(factor, stride):
     one, other = (
         goal_depth(network_depth(f * ramp(), unit="relative"), stride, PRIOR) for f in (1.0, factor)
@@ -51,10 +45,7 @@ def test_a_relative_structure_is_the_same_whatever_the_factor(factor, stride):
     assert one.scale_spread > 0.5
 
 
-@given(
-    factor=st.floats(1e-2, 1e2),
-    offset=st.floats(-10.0, 10.0),
-)
+@given(factor=st.floats(1e-2, 1e2), offset=st.floats(-10.0, 10.0))
 def test_an_affine_structure_is_the_same_whatever_the_offset(factor, offset):
     one, other = (
         goal_depth(network_depth(f * ramp() + o, unit="affine"), 8, PRIOR)

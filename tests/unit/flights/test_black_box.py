@@ -20,8 +20,7 @@ from dfvs_service.runtime import RuntimeFolder
 
 S = 1_000_000_000
 GOAL = Goal(
-    np.full((48, 64, 3), 90, np.uint8),
-    GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 1.2)),
+    np.full((48, 64, 3), 90, np.uint8), GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 1.2))
 )
 
 

@@ -97,8 +97,7 @@ def limits_each_axis_alone(old):
         vertical = min(limits.vertical_m_s, most_m_s)
         horizontal = min(limits.horizontal_m_s, most_m_s)
         return old(
-            velocity,
-            dataclasses.replace(limits, horizontal_m_s=horizontal, vertical_m_s=vertical),
+            velocity, dataclasses.replace(limits, horizontal_m_s=horizontal, vertical_m_s=vertical)
         )
 
     return saturate

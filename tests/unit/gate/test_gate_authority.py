@@ -162,8 +162,7 @@ def test_what_is_not_for_us_is_rejected_with_its_reason(changes, reason):
 
 
 @pytest.mark.parametrize(
-    ("field", "value"),
-    [("action", "abort"), ("mac", "00"), ("mac", "\ud800"), ("mac", "")],
+    ("field", "value"), [("action", "abort"), ("mac", "00"), ("mac", "\ud800"), ("mac", "")]
 )
 def test_a_changed_order_is_rejected_and_uses_nothing_up(field, value):
     gate = authority()

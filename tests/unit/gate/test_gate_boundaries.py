@@ -127,10 +127,7 @@ def test_parameters_read_too_long_ago():
 
 
 def test_an_estimator_that_was_never_heard_is_not_valid():
-    assert estimate_fault(VehiclePicture(), CONFIG) == (
-        Cause.ESTIMATOR_INVALID,
-        "none heard yet",
-    )
+    assert estimate_fault(VehiclePicture(), CONFIG) == (Cause.ESTIMATOR_INVALID, "none heard yet")
 
 
 def test_the_battery():

@@ -288,10 +288,7 @@ def test_a_gate_that_was_told_to_stop_takes_no_order_to_engage():
     gate.run(3.0)
     assert gate.machine.is_finished
     output = gate.tick(Order(gate.now_ns, Action.ENGAGE))
-    assert (gate.state, output.refusal) == (
-        GateState.ABORT,
-        "rejected: the service is being ended",
-    )
+    assert (gate.state, output.refusal) == (GateState.ABORT, "rejected: the service is being ended")
 
 
 def test_a_stop_after_a_takeover_is_not_overruled():

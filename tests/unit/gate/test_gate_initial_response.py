@@ -69,8 +69,7 @@ def errors(distance=(1.0, 1.0), angle=(0.3, 0.3), feature=None):
 
 
 @pytest.mark.parametrize(
-    ("score", "shown"),
-    [(5.0, Response.CONFIRMED), (math.nextafter(5.0, 0.0), Response.OPEN)],
+    ("score", "shown"), [(5.0, Response.CONFIRMED), (math.nextafter(5.0, 0.0), Response.OPEN)]
 )
 def test_a_right_mounting_confirms_although_no_error_has_fallen(score, shown):
     motion = Motion().see(score=score)

@@ -99,10 +99,7 @@ def test_where_all_is_well():
                 ARMING,
             ),
         ),
-        (
-            {"battery": 0.1},
-            Check("battery", False, "battery low, 10% left, 20% needed", BATTERY),
-        ),
+        ({"battery": 0.1}, Check("battery", False, "battery low, 10% left, 20% needed", BATTERY)),
     ],
 )
 def test_an_unfit_vehicle(changes, expected):
@@ -133,12 +130,7 @@ def test_parameters_with_refusals_and_with_advice():
     ("changes", "name", "detail", "remedy"),
     [
         ({"overlap": 0.08}, "goal", "overlap 8%, 9% needed", GOAL),
-        (
-            {"healthy": False, "lost": True, "reason": "wrong goal"},
-            "goal",
-            LOST,
-            GOAL,
-        ),
+        ({"healthy": False, "lost": True, "reason": "wrong goal"}, "goal", LOST, GOAL),
         (
             {"healthy": False, "reason": "too dark"},
             "frames",

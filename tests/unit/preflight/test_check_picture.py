@@ -30,8 +30,7 @@ def colours(picture):
 
 
 @pytest.mark.parametrize(
-    ("confidence", "arrows"),
-    [(1.0, (True, False)), (0.55, (False, True)), (0.1, (False, False))],
+    ("confidence", "arrows"), [(1.0, (True, False)), (0.55, (False, True)), (0.1, (False, False))]
 )
 def test_arrows_say_how_sure_the_flow_is(confidence, arrows):
     assert colours(draw_picture(GOAL, View(GOAL, grid(confidence)), 0.5)) == arrows

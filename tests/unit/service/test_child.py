@@ -22,5 +22,5 @@ def test_a_child_has_a_steady_heap_unless_the_user_says_otherwise(
     if arenas is not None:
         monkeypatch.setenv("MALLOC_ARENA_MAX", arenas)
     child = Child((sys.executable, "-c", TELL), tmp_path / "stderr")
-    assert child.wait(20.0)
+    assert child.wait(60.0)
     assert child.new_errors() == [f"{told} {256 << 20} 0 1"]

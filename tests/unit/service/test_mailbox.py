@@ -17,7 +17,7 @@ def test_whoever_waits_is_woken():
     thread = threading.Thread(target=lambda: taken.append(box.take(5.0)))
     thread.start()
     box.put("frame")
-    thread.join(5.0)
+    thread.join(30.0)
     assert taken == ["frame"]
 
 

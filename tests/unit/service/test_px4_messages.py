@@ -130,8 +130,7 @@ def test_the_checks_before_arming_pass_where_health_says_so_and_nowhere_else(ena
 
 
 @pytest.mark.parametrize(
-    ("fit", "armed", "passes"),
-    [(True, False, True), (False, False, False), (False, True, True)],
+    ("fit", "armed", "passes"), [(True, False, True), (False, False, False), (False, True, True)]
 )
 def test_the_health_check_asks_a_disarmed_vehicle_alone_whether_it_can_be_armed(fit, armed, passes):
     vehicle = VehiclePicture()

@@ -51,14 +51,11 @@ def test_a_journal_that_was_changed_is_told_from_the_real_one(journal, capsys):
 
 
 @pytest.mark.parametrize("content", [None, b"", b"hello\n", b"\xff\xfe\n"])
-def test_what_is_no_journal_is_said_in_one_line(content, tmp_path, capsys):
+def test_what_is_no_journal_is_said_in_one_line(content, tmp_path, refused):
     path = tmp_path / "journal"
     if content is not None:
         path.write_bytes(content)
-    assert main(["replay-gate", str(path)]) == 2
-    err = capsys.readouterr().err
-    assert err.startswith("error: ")
-    assert len(err.splitlines()) == 1
+    refused(main, "replay-gate", path)
 
 
 def test_a_full_disk_ends_the_journal_and_stops_nobody():

@@ -12,10 +12,7 @@ from dfvs_core.goal import Goal, GoalSidecar
 from dfvs_core.matching.matcher import Prepared
 from dfvs_service.config import config_from_json, load_config
 from dfvs_service.perception.assembly import flow_matcher
-from dfvs_service.perception.working_size import (
-    choose_working_width,
-    with_working_size,
-)
+from dfvs_service.perception.working_size import choose_working_width, with_working_size
 from dfvs_service.replay.rerun import with_trial
 
 CAMERA = CameraModel.from_horizontal_fov(640, 480, 1.2)

@@ -46,5 +46,5 @@ def test_a_failure_is_logged_with_its_origin(caplog):
 
 def test_a_thread_runs_its_work_under_the_watch():
     lines = []
-    start_watched("watcher", failing(1, []), lines.append).join(5.0)
+    start_watched("watcher", failing(1, []), lines.append).join(30.0)
     assert len(lines) == 1

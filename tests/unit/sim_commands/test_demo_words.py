@@ -1,4 +1,4 @@
-"""Routes and cameras of the demo, as far as they are words."""
+"""What the demo refuses, and its cameras, as far as they are words."""
 
 import pytest
 
@@ -13,11 +13,31 @@ CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
 
 
 @pytest.mark.parametrize(
-    "words", [["--goal", "0,0,-1,0"], ["--start", "0,0,-1,0"], ["--scene", "room.glb"]]
+    ("words", "message"),
+    [
+        (("--start", "1,2,3"), "--start is '1,2,3'"),
+        (("--goal", "0,0,-1.3,0"), "--start is missing"),
+        (("--scene", "nowhere.glb"), "nowhere.glb"),
+        (("--size", "big"), "--size is 'big'"),
+        (("--fov", "200"), "field of view"),
+        (("--runs", "0"), "--runs is 0"),
+        (("--json", "/nowhere/at/all.json"), "--json"),
+        (("--rate", "0"), "--rate is 0"),
+        (("--vehicles", "5"), "--vehicles is 5"),
+        (("--vehicles", "2", "--runs", "2"), "--runs beside --vehicles"),
+        (("--vehicles", "2", "--autopilot", "udpin://127.0.0.1:1"), "--autopilot beside"),
+        (("--system-id", "251"), "--system-id is 251"),
+        (("--ground", "udpin://127.0.0.1:1"), "--ground without --autopilot"),
+        (("--estimate", "exact"), "--estimate is 'exact'"),
+        (("--estimate", "low", "--autopilot", "udpin://127.0.0.1:1"), "--estimate beside"),
+        (("--service", "--engage never"), "engage never"),
+        (("--route", "--goal", "0,0,-1,0"), "--route beside"),
+        (("--route", "--start", "0,0,-1,0"), "--route beside"),
+        (("--route", "--scene", "room.glb"), "--route beside"),
+    ],
 )
-def test_the_route_brings_its_own_rooms_start_and_goals(words, capsys, tmp_path):
-    assert main(["--route", *words, "--out", str(tmp_path / "out")]) == 2
-    assert "--route beside" in capsys.readouterr().err
+def test_bad_words_are_one_clear_line(tmp_path, refused, words, message):
+    assert message in refused(main, "--out", tmp_path / "out", *words)
     assert not (tmp_path / "out").exists()
 
 

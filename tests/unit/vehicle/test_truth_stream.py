@@ -67,8 +67,4 @@ def test_the_origin_of_the_local_frame_is_told_on_request() -> None:
     vehicle = VehicleInHand()
     assert vehicle.command(REQUEST, ORIGIN) == [0]
     (message,) = [m for _, _, m in vehicle.sent if m.get_type() == "GPS_GLOBAL_ORIGIN"]
-    assert (message.latitude, message.longitude, message.altitude) == (
-        473977420,
-        85455940,
-        488000,
-    )
+    assert (message.latitude, message.longitude, message.altitude) == (473977420, 85455940, 488000)

@@ -22,8 +22,7 @@ def test_the_digest_covers_picture_and_sidecar():
 
 
 @pytest.mark.parametrize(
-    "order",
-    [GoalOrder(b" " * MAX_MESSAGE_BYTES), GoalOrder(b"", " " * (MAX_SIDECAR_BYTES + 1))],
+    "order", [GoalOrder(b" " * MAX_MESSAGE_BYTES), GoalOrder(b"", " " * (MAX_SIDECAR_BYTES + 1))]
 )
 def test_what_is_too_large_is_not_made(order):
     with pytest.raises(WireError, match="at most"):
@@ -40,8 +39,7 @@ def test_garbage_is_refused_or_read_whole(data):
 
 
 @pytest.mark.parametrize(
-    "data",
-    [b"", b"DFVG", b"DFVX\0\0\0\0", b"DFVG\xff\xff\xff\xff", b"DFVG\2\0\0\0\xff\xfe"],
+    "data", [b"", b"DFVG", b"DFVX\0\0\0\0", b"DFVG\xff\xff\xff\xff", b"DFVG\2\0\0\0\xff\xfe"]
 )
 def test_what_is_no_goal_is_refused(data):
     with pytest.raises(WireError):
