@@ -10,6 +10,7 @@ import cv2
 import matplotlib as mpl
 import numpy as np
 from matplotlib.figure import Figure
+from matplotlib.layout_engine import ConstrainedLayoutEngine
 
 from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
 from dfvs_core.depth.flow_depth import FlowDepth
@@ -97,8 +98,8 @@ def depth_figure(rows: Sequence[DepthViews], file_format: str = "svg") -> bytes:
     panel_in = (COLUMN_IN - _BAR_IN) / (1 + len(names))
     size = COLUMN_IN, _HEAD_IN + len(rows) * panel_in * height / width * 1.06
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=size, layout="constrained")
-        figure.get_layout_engine().set(w_pad=0.01, h_pad=0.01, wspace=0.01, hspace=0.01)
+        layout = ConstrainedLayoutEngine(w_pad=0.01, h_pad=0.01, wspace=0.01, hspace=0.01)
+        figure = Figure(figsize=size, layout=layout)
         panels = figure.subplots(len(rows), 1 + len(names), squeeze=False)
         for axes, row in zip(panels, rows, strict=True):
             _draw_row(figure, axes, row)

@@ -135,16 +135,15 @@ def _paths(above: Any, aside: Any, records: Sequence[TrialRecord]) -> None:
     goal = np.array(records[0].goal).reshape(4, 4)[:3, 3]
     way = (goal - records[0].trial.steps[0].position_m)[:2]
     along = way / max(float(np.linalg.norm(way)), 1e-9)
-    views = (
-        (above, "(d) Path from above (m)", lambda path: (path[:, 1], path[:, 0])),
-        (aside, "Path from the side (m)", lambda path: (path[:, :2] @ along, -path[:, 2])),
-    )
-    for axes, title, seen in views:
-        for record in records:
-            path = np.array([step.position_m for step in record.trial.steps]) - goal
-            axes.plot(*seen(path), label=record.method, **method_style(record.method))
+    for record in records:
+        path = np.array([step.position_m for step in record.trial.steps]) - goal
+        style = method_style(record.method)
+        above.plot(path[:, 1], path[:, 0], label=record.method, **style)
+        aside.plot(path[:, :2] @ along, -path[:, 2], **style)
+    above.set_title("(d) Path from above (m)")
+    aside.set_title("Path from the side (m)")
+    for axes in (above, aside):
         axes.plot(0, 0, "*", color="black", markersize=7, label="goal")
-        axes.set_title(title)
         axes.set_aspect("equal", adjustable="datalim")
         axes.xaxis.set_major_locator(MaxNLocator(4))
         axes.yaxis.set_major_locator(MaxNLocator(4))

@@ -70,7 +70,8 @@ def report_page(contents: Contents, progress: Callable[[str], None]) -> str:
     """
     parts = [
         "<!doctype html><html lang='en'><meta charset='utf-8'>"
-        "<meta name='viewport' content='width=device-width, initial-scale=1'><title>DFVS benchmark</title>",
+        "<meta name='viewport' content='width=device-width, initial-scale=1'>"
+        "<title>DFVS benchmark</title>",
         f"<style>{STYLE}</style><h1>DFVS benchmark</h1>",
         f"<p>{_provenance(contents)}</p><p>{_differences(contents)}</p>",
     ]

@@ -30,10 +30,10 @@ _SUMMARY_NOTE = """<p>Means are over the trials that converged; "÷ depth" is th
 over the median depth of the goal view. The paper's rows, for scale, are of its own ten scenes:
 converged by the same criterion, under 4 cm and 1°, counted from its Table I; its iterations and
 paths over the trials that it gives them for; its errors over all ten.</p>"""
-_PERTURBED_NOTE = """<p>Trials that converged, without and with a perturbation between the goal image
-and the flight; "all of these" adds up those with one.</p>"""
-_DEPTH_NOTE = """<p>The view after {step:.0%} of the way from start to goal, its true depth, {network}
-and α ÷ |flow| to the view at the start, rotation taken out, α by the true median.</p>"""
+_PERTURBED_NOTE = """<p>Trials that converged, without and with a perturbation between goal and
+flight; "all of these" adds up those with one.</p>"""
+_DEPTH_NOTE = """<p>The view after {step:.0%} of the way from start to goal, its true depth,
+{network} and α ÷ |flow| to the view at the start, rotation taken out, α by the true median.</p>"""
 _NETWORK = "the depth by the network <code>{}</code>"
 _NO_NETWORK = "no depth by a network (no depth bundle was given)"
 _SCENES_NOTE = "<p>Final error; path; iterations. NC: not within 4 cm and 1°.</p>"

@@ -47,7 +47,7 @@ def add_parser(subparsers: Any) -> None:
     add(
         "--depth-bundle",
         metavar="NAME",
-        help=f"depth network to show beside the true depth (default: {DEFAULT_DEPTH} if it is there)",
+        help=f"depth network to show beside the true depth (default: {DEFAULT_DEPTH}, if there)",
     )
     add("--out", type=Path, required=True, metavar="FILE", help="page to write (.html)")
     parser.set_defaults(run=run)

@@ -119,7 +119,7 @@ def _finish(
     summary = summarise(records, methods)
     for record in records:
         print(trial_line(record))
-    tables = ["", *summary_lines(summary), "", *perturbed_lines(summary)]
+    tables = ["", *summary_lines(summary), "", *perturbed_lines(summary), ""]
     print("\n".join([*tables, f"this run took {wall_s / 60:.1f} min"]))
     if args.json is not None:
         write_json(args.json, summary | run_facts(records, wall_s))

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from itertools import batched
 
 from dfvs_sim.bench.basin.drawing import LEAST_OVERLAP
 from dfvs_sim.bench.basin.figure import basin_figure
@@ -36,7 +35,8 @@ def basin_section(outcomes: Sequence[Outcome]) -> str:
 def _figures(outcomes: Sequence[Outcome]) -> Iterator[str]:
     """Figures that fit on a page each."""
     methods = list(dict.fromkeys(o.record.method for o in outcomes))
-    for part in batched(methods, _METHODS_A_FIGURE):
+    for k in range(0, len(methods), _METHODS_A_FIGURE):
+        part = methods[k : k + _METHODS_A_FIGURE]
         shown = [o for o in outcomes if o.record.method in part]
         yield f"<figure>{embedded(basin_figure(shown, 'svg'), 'svg+xml')}</figure>"
 
