@@ -181,8 +181,9 @@ def perturbed_lines(summary: dict[str, Any]) -> list[str]:
         return []
     head, rows = perturbed_table(summary)
     widths = [max(len(line[k]) for line in (head, *rows)) + 2 for k in range(len(head))]
-    return [
+    lines = [
         line[0].ljust(widths[0])
         + "".join(cell.rjust(width) for cell, width in zip(line[1:], widths[1:], strict=True))
         for line in (head, *rows)
     ]
+    return [*lines, ""]

@@ -26,7 +26,6 @@ from dfvs_sim.bench.tables import (
     trial_line,
     write_rows,
 )
-from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.commands.bench_options import (
     add_method_options,
     add_task_options,
@@ -100,17 +99,22 @@ def run(args: argparse.Namespace) -> int:
     jobs = Plan(tasks, methods, *settings).jobs()
     args.runs.mkdir(parents=True, exist_ok=True)
     records = run_trials(args, jobs, workforce)
-    _finish(args, _in_order(records, tasks, methods), methods, time.monotonic() - began_s)
+    order = ["", *(p.name for p in perturbations)], methods, [task.name for task in tasks]
+    _finish(args, _in_order(records, *order), methods, time.monotonic() - began_s)
     return 0
 
 
 def _in_order(
-    records: Sequence[TrialRecord], tasks: Sequence[BenchTask], methods: Sequence[str]
+    records: Sequence[TrialRecord],
+    perturbations: Sequence[str],
+    methods: Sequence[str],
+    tasks: Sequence[str],
 ) -> list[TrialRecord]:
-    names = [task.name for task in tasks]
-    return sorted(
-        records, key=lambda r: (r.perturbation, methods.index(r.method), names.index(r.task))
-    )
+    def place(record: TrialRecord) -> tuple[int, int, int]:
+        perturbation = perturbations.index(record.perturbation)
+        return perturbation, methods.index(record.method), tasks.index(record.task)
+
+    return sorted(records, key=place)
 
 
 def _finish(
@@ -119,7 +123,7 @@ def _finish(
     summary = summarise(records, methods)
     for record in records:
         print(trial_line(record))
-    tables = ["", *summary_lines(summary), "", *perturbed_lines(summary), ""]
+    tables = ["", *summary_lines(summary), "", *perturbed_lines(summary)]
     print("\n".join([*tables, f"this run took {wall_s / 60:.1f} min"]))
     if args.json is not None:
         write_json(args.json, summary | run_facts(records, wall_s))
