@@ -27,8 +27,9 @@ FIRST_STEP = 0.05
 
 _PANEL_PX = 200
 _BOUNDS_PERCENT = (2.0, 98.0)
+_GAP = 0.05
 _NO_DEPTH = "#dddddd"
-_BAR_IN, _HEAD_IN = 0.35, 0.2
+_SIDES_IN, _HEAD_IN = 0.5, 0.2
 
 
 @dataclass(frozen=True, slots=True, eq=False)
@@ -95,8 +96,8 @@ def depth_figure(rows: Sequence[DepthViews], file_format: str = "svg") -> bytes:
     """
     names = list(rows[0].depths)
     height, width = rows[0].image.shape[:2]
-    panel_in = (COLUMN_IN - _BAR_IN) / (1 + len(names))
-    size = COLUMN_IN, _HEAD_IN + len(rows) * panel_in * height / width * 1.06
+    panel_in = (COLUMN_IN - _SIDES_IN) / (1 + len(names))
+    size = COLUMN_IN, _HEAD_IN + len(rows) * panel_in * (height / width + _GAP)
     with mpl.rc_context(STYLE):
         layout = ConstrainedLayoutEngine(w_pad=0.01, h_pad=0.01, wspace=0.01, hspace=0.01)
         figure = Figure(figsize=size, layout=layout)
@@ -118,7 +119,6 @@ def _draw_row(figure: Figure, panels: Any, row: DepthViews) -> None:
     bar = figure.colorbar(shown, ax=list(panels), pad=0.01, aspect=12, extend="both")
     bar.ax.tick_params(labelsize=5.5, length=1.5, pad=1)
     bar.outline.set_linewidth(0.4)
-    bar.ax.set_title("m", fontsize=5.5, loc="center", pad=2)
     for axes in panels:
         axes.set(xticks=[], yticks=[])
         axes.spines[:].set_visible(False)

@@ -11,6 +11,7 @@ import numpy as np
 from matplotlib.figure import Figure
 from matplotlib.ticker import MaxNLocator, NullLocator
 
+from dfvs_core.arrays import FloatArray
 from dfvs_sim.bench.methods import METHODS
 from dfvs_sim.bench.results import TrialRecord
 
@@ -46,8 +47,11 @@ _LINES = ("-", "--", ":", "-.")
 _FORMATS = ("png", "svg", "pdf")
 _NAMES_A_ROW = 2
 _LINEAR_ITERATIONS = 100
-_ITERATION_TICKS = (0, 50, 100, 200, 500, 1000, 2000, 4000, 10_000)
-_PANEL_IN, _PATH_IN, _NAMES_IN = 1.25, 1.6, 0.135
+_ITERATION_TICKS = (0, 50, 100, 300, 1000, 3000, 10_000)
+_HEIGHTS_IN = (1.25, 1.2, 1.35)
+_NAMES_IN = 0.12
+_SURROUNDINGS = 0.5
+"""Shown around start and goal, as a share of the distance between them."""
 
 
 def method_style(name: str) -> dict[str, Any]:
@@ -81,17 +85,15 @@ def controller_figure(records: Sequence[TrialRecord], file_format: str = "png") 
         The file.
     """
     rows = -(-(len(records) + 1) // _NAMES_A_ROW)
-    height_in = 3 * _PANEL_IN + _PATH_IN + _NAMES_IN * rows
+    height_in = sum(_HEIGHTS_IN) + _NAMES_IN * rows
     with mpl.rc_context(STYLE):
         figure = Figure(figsize=(COLUMN_IN, height_in), layout="constrained")
         panels = figure.subplot_mosaic(
-            [["error"] * 2, ["linear"] * 2, ["angular"] * 2, ["above", "aside"]],
-            height_ratios=[_PANEL_IN, _PANEL_IN, _PANEL_IN, _PATH_IN],
+            [["error"] * 2, ["linear", "angular"], ["above", "aside"]], height_ratios=_HEIGHTS_IN
         )
         _errors(panels["error"], records)
-        _speeds(panels["linear"], records, slice(0, 3), "(b) Translational velocity (m/s)")
-        _speeds(panels["angular"], records, slice(3, 6), "(c) Rotational velocity (rad/s)")
-        panels["angular"].set_xlabel("iteration")
+        _speeds(panels["linear"], records, slice(0, 3), "(b) Translation (m/s)")
+        _speeds(panels["angular"], records, slice(3, 6), "(c) Rotation (rad/s)")
         _paths(panels["above"], panels["aside"], records)
         lines, names = panels["above"].get_legend_handles_labels()
         figure.legend(lines, names, loc="outside lower center", ncols=_NAMES_A_ROW)
@@ -128,25 +130,34 @@ def _iterations(axes: Any) -> None:
     ticks = [tick for tick in _ITERATION_TICKS if low <= tick <= high]
     axes.set_xticks(ticks, [str(tick) for tick in ticks])
     axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xlabel("iteration", labelpad=1)
 
 
 def _paths(above: Any, aside: Any, records: Sequence[TrialRecord]) -> None:
     """Paths seen from above, and from the side of the straight line from start to goal."""
     goal = np.array(records[0].goal).reshape(4, 4)[:3, 3]
-    way = (goal - records[0].trial.steps[0].position_m)[:2]
-    along = way / max(float(np.linalg.norm(way)), 1e-9)
-    for record in records:
-        path = np.array([step.position_m for step in record.trial.steps]) - goal
-        style = method_style(record.method)
-        above.plot(path[:, 1], path[:, 0], label=record.method, **style)
-        aside.plot(path[:, :2] @ along, -path[:, 2], **style)
-    above.set_title("(d) Path from above (m)")
-    aside.set_title("Path from the side (m)")
-    for axes in (above, aside):
-        axes.plot(0, 0, "*", color="black", markersize=7, label="goal")
+    start = records[0].trial.steps[0].position_m - goal
+    along = start[:2] / min(-float(np.linalg.norm(start[:2])), -1e-9)
+
+    def seen(path: FloatArray) -> tuple[FloatArray, FloatArray]:
+        flat = np.stack([path[..., 1], path[..., 0]], axis=-1)
+        return flat, np.stack([path[..., :2] @ along, -path[..., 2]], axis=-1)
+
+    for axes, ends in zip((above, aside), seen(np.stack([start, np.zeros(3)])), strict=True):
+        around = _SURROUNDINGS * float(np.linalg.norm(start))
+        axes.set_xlim(ends[:, 0].min() - around, ends[:, 0].max() + around)
+        axes.set_ylim(ends[:, 1].min() - around, ends[:, 1].max() + around)
         axes.set_aspect("equal", adjustable="datalim")
         axes.xaxis.set_major_locator(MaxNLocator(4))
         axes.yaxis.set_major_locator(MaxNLocator(4))
+    for record in records:
+        path = np.array([step.position_m for step in record.trial.steps]) - goal
+        for axes, line in zip((above, aside), seen(path), strict=True):
+            axes.plot(*line.T, label=record.method, **method_style(record.method))
+    for axes in (above, aside):
+        axes.plot(0, 0, "*", color="black", markersize=7, label="goal")
+    above.set_title("(d) Path from above (m)")
+    aside.set_title("(e) Path from the side (m)")
     above.set_xlabel("east")
     above.set_ylabel("north")
     aside.set_xlabel("towards the goal")

@@ -18,8 +18,8 @@ body { font: var(--text)/1.45 "DejaVu Sans", Verdana, sans-serif; color: #222;
        margin: 2rem auto; max-width: 88rem; padding: 0 1rem; }
 h1 { font-size: 1.5em; } h2 { font-size: 1.2em; margin-top: 2em; }
 p { max-width: 56rem; }
-table { border-collapse: collapse; margin: 1em 0; font-size: .8em;
-        font-variant-numeric: tabular-nums; }
+table { display: block; overflow-x: auto; border-collapse: collapse; margin: 1em 0;
+        font-size: .8em; font-variant-numeric: tabular-nums; }
 th, td { padding: .2em .6em; text-align: right; vertical-align: top;
          border-bottom: 1px solid #ddd; }
 th { vertical-align: bottom; } td { white-space: nowrap; }
@@ -27,7 +27,7 @@ th:first-child, td:first-child { text-align: left; white-space: normal; min-widt
 tr.paper td { color: #666; } td.nc { color: #b3362f; }
 table.scenes { font-size: .68em; } table.scenes th, table.scenes td { padding: .2em .4em; }
 figure { display: inline-block; vertical-align: top; width: var(--column);
-         margin: .5em 1.2em 1em 0; break-inside: avoid; }
+         max-width: 100%; margin: .5em 1.2em 1em 0; break-inside: avoid; }
 figcaption { font-weight: bold; font-size: .85em; margin-bottom: .3em; }
 figure img { display: block; width: 100%; }
 .panels { display: grid; grid-template-columns: repeat(4, 1fr); gap: .5em .4em;
@@ -40,8 +40,8 @@ figure img { display: block; width: 100%; }
   :root { --column: 88mm; --text: 9pt; --small: 6pt; }
   body { margin: 0; padding: 0; max-width: none; }
   figure { margin: 0 2mm 3mm 0; }
-  h2 { break-after: avoid; } tr { break-inside: avoid; }
-  table { font-size: 7pt; } table.scenes { font-size: 5.2pt; }
+  h2, h2 + p { break-after: avoid; }
+  table { display: table; break-inside: avoid; font-size: 7pt; } table.scenes { font-size: 5.2pt; }
   table.scenes th, table.scenes td { padding: .2em .25em; }
   td { white-space: normal; }
 }

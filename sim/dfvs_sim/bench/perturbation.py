@@ -78,6 +78,10 @@ class Perturbation:
         return np.random.default_rng([task.seed or 0, KINDS.index(self.kind)])
 
 
+PERTURBATIONS = {p.name: p for p in (Perturbation(k, s) for k in KINDS for s in STRENGTHS)}
+"""All by their names, in the order of tables."""
+
+
 def parse_perturbations(names: str) -> list[Perturbation]:
     """Perturbations of a list such as ``light,noise-strong``; a kind alone is of medium strength.
 
@@ -86,8 +90,7 @@ def parse_perturbations(names: str) -> list[Perturbation]:
     ConfigError
         If there is no such perturbation.
     """
-    known = {p.name: p for kind in KINDS for p in (Perturbation(kind, s) for s in STRENGTHS)}
-    known |= {kind: Perturbation(kind) for kind in KINDS}
+    known = PERTURBATIONS | {kind: Perturbation(kind) for kind in KINDS}
     for name in names.split(","):
         if name not in known:
             raise ConfigError(

@@ -15,7 +15,7 @@ from dfvs_sim.bench.figures import controller_figure
 from dfvs_sim.bench.methods import METHODS
 from dfvs_sim.bench.page import embedded, figure, panel, panels, table
 from dfvs_sim.bench.paper import PAPER_COLUMNS, PAPER_SCENES
-from dfvs_sim.bench.perturbation import disturbance, parse_perturbations, perturbed_renderer
+from dfvs_sim.bench.perturbation import PERTURBATIONS, disturbance, perturbed_renderer
 from dfvs_sim.bench.results import TrialRecord
 from dfvs_sim.bench.tables import perturbed_table, share_text, summarise
 from dfvs_sim.bench.task import BenchTask
@@ -140,7 +140,7 @@ def _perturbed(task: BenchTask, records: Sequence[TrialRecord], methods: Sequenc
         return ""
     renderer = Renderer(load_glb(task.scene))
     shown = [panel(_view(renderer, task, task.T_world_goal), "goal")]
-    for perturbation in parse_perturbations(",".join(summary["perturbed"])):
+    for perturbation in (PERTURBATIONS[name] for name in summary["perturbed"]):
         scene = perturbed_renderer(perturbation, task, renderer)
         view = scene.render(task.camera, task.T_world_goal, antialias=True)
         seen = disturbance(perturbation, task)(_SHOWN_FRAME, view).image

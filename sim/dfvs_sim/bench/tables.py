@@ -11,6 +11,7 @@ from typing import Any
 import numpy as np
 
 from dfvs_core.errors import ConfigError
+from dfvs_sim.bench.perturbation import PERTURBATIONS
 from dfvs_sim.bench.results import TrialRecord
 
 HEADER = (
@@ -58,7 +59,8 @@ def summarise(records: Iterable[TrialRecord], methods: Sequence[str]) -> dict[st
     errors over those and over all (``_all``), since a method that fails is far off.
     """
     rows = [row(record) for record in records]
-    names = list(dict.fromkeys(r["perturbation"] for r in rows if r["perturbation"]))
+    found = {r["perturbation"] for r in rows}
+    names = [name for name in PERTURBATIONS if name in found]
     summary = {"methods": _by_method(rows, methods, "")}
     perturbed = {name: {"methods": _by_method(rows, methods, name)} for name in names}
     return summary | ({"perturbed": perturbed} if perturbed else {})

@@ -12,6 +12,7 @@ from dfvs_sim.bench.campaign import Plan
 from dfvs_sim.bench.methods import DEFAULT_METHODS, METHODS
 from dfvs_sim.bench.perturbation import (
     KINDS,
+    PERTURBATIONS,
     STRENGTHS,
     check_perturbations,
     parse_perturbations,
@@ -26,6 +27,7 @@ from dfvs_sim.bench.tables import (
     trial_line,
     write_rows,
 )
+from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.commands.bench_options import (
     add_method_options,
     add_task_options,
@@ -99,20 +101,18 @@ def run(args: argparse.Namespace) -> int:
     jobs = Plan(tasks, methods, *settings).jobs()
     args.runs.mkdir(parents=True, exist_ok=True)
     records = run_trials(args, jobs, workforce)
-    order = ["", *(p.name for p in perturbations)], methods, [task.name for task in tasks]
-    _finish(args, _in_order(records, *order), methods, time.monotonic() - began_s)
+    _finish(args, _in_order(records, tasks, methods), methods, time.monotonic() - began_s)
     return 0
 
 
 def _in_order(
-    records: Sequence[TrialRecord],
-    perturbations: Sequence[str],
-    methods: Sequence[str],
-    tasks: Sequence[str],
+    records: Sequence[TrialRecord], tasks: Sequence[BenchTask], methods: Sequence[str]
 ) -> list[TrialRecord]:
+    perturbations, names = ["", *PERTURBATIONS], [task.name for task in tasks]
+
     def place(record: TrialRecord) -> tuple[int, int, int]:
         perturbation = perturbations.index(record.perturbation)
-        return perturbation, methods.index(record.method), tasks.index(record.task)
+        return perturbation, methods.index(record.method), names.index(record.task)
 
     return sorted(records, key=place)
 
