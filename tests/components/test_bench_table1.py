@@ -155,7 +155,7 @@ def test_trials_become_plots_and_a_page(folder):
     assert "Flights" not in text
     assert text.count("data:image/jpeg") == 3 * (2 + 2)
     assert text.count("data:image/svg") == 1 + 3  # depth, and a controller for every task
-    assert "no depth by a network" in text
+    assert "by a network is left out" in text
 
 
 def test_a_task_file_keeps_its_poses(folder):

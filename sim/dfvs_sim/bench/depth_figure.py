@@ -116,7 +116,7 @@ def _draw_row(figure: Figure, panels: Any, row: DepthViews) -> None:
     panels[0].set_ylabel(row.task, fontsize=6)
     for axes, depth_m in zip(panels[1:], row.depths.values(), strict=True):
         shown = axes.imshow(_small(depth_m.astype(np.float32)), colours, vmin=low, vmax=high)
-    bar = figure.colorbar(shown, ax=list(panels), pad=0.01, aspect=12, extend="both")
+    bar = figure.colorbar(shown, ax=list(panels), pad=0.01, shrink=0.9, aspect=12, extend="both")
     bar.ax.tick_params(labelsize=5.5, length=1.5, pad=1)
     bar.outline.set_linewidth(0.4)
     for axes in panels:

@@ -48,9 +48,10 @@ _FORMATS = ("png", "svg", "pdf")
 _NAMES_A_ROW = 2
 _LINEAR_ITERATIONS = 100
 _ITERATION_TICKS = (0, 50, 100, 300, 1000, 3000, 10_000)
-_HEIGHTS_IN = (1.25, 1.2, 1.35)
+_HEIGHTS_IN = (1.15, 1.15, 1.5)
+_PATH_ASPECT = 1.25
 _NAMES_IN = 0.12
-_SURROUNDINGS = 0.5
+_SURROUNDINGS = 0.15
 """Shown around start and goal, as a share of the distance between them."""
 
 
@@ -92,8 +93,8 @@ def controller_figure(records: Sequence[TrialRecord], file_format: str = "png") 
             [["error"] * 2, ["linear", "angular"], ["above", "aside"]], height_ratios=_HEIGHTS_IN
         )
         _errors(panels["error"], records)
-        _speeds(panels["linear"], records, slice(0, 3), "(b) Translation (m/s)")
-        _speeds(panels["angular"], records, slice(3, 6), "(c) Rotation (rad/s)")
+        _speeds(panels["linear"], records, slice(0, 3), "(b) Linear velocity (m/s)")
+        _speeds(panels["angular"], records, slice(3, 6), "(c) Angular velocity (rad/s)")
         _paths(panels["above"], panels["aside"], records)
         lines, names = panels["above"].get_legend_handles_labels()
         figure.legend(lines, names, loc="outside lower center", ncols=_NAMES_A_ROW)
@@ -144,20 +145,21 @@ def _paths(above: Any, aside: Any, records: Sequence[TrialRecord]) -> None:
         return flat, np.stack([path[..., :2] @ along, -path[..., 2]], axis=-1)
 
     for axes, ends in zip((above, aside), seen(np.stack([start, np.zeros(3)])), strict=True):
-        around = _SURROUNDINGS * float(np.linalg.norm(start))
-        axes.set_xlim(ends[:, 0].min() - around, ends[:, 0].max() + around)
-        axes.set_ylim(ends[:, 1].min() - around, ends[:, 1].max() + around)
-        axes.set_aspect("equal", adjustable="datalim")
-        axes.xaxis.set_major_locator(MaxNLocator(4))
-        axes.yaxis.set_major_locator(MaxNLocator(4))
+        x, y = ends.mean(axis=0)
+        reach = (0.5 + _SURROUNDINGS) * max(float(np.linalg.norm(start)), 1e-3)
+        axes.set_xlim(x - _PATH_ASPECT * reach, x + _PATH_ASPECT * reach)
+        axes.set_ylim(y - reach, y + reach)
+        axes.set_aspect("equal")
+        axes.xaxis.set_major_locator(MaxNLocator(3))
+        axes.yaxis.set_major_locator(MaxNLocator(3))
     for record in records:
         path = np.array([step.position_m for step in record.trial.steps]) - goal
         for axes, line in zip((above, aside), seen(path), strict=True):
             axes.plot(*line.T, label=record.method, **method_style(record.method))
     for axes in (above, aside):
         axes.plot(0, 0, "*", color="black", markersize=7, label="goal")
-    above.set_title("(d) Path from above (m)")
-    aside.set_title("(e) Path from the side (m)")
+    above.set_title("(d) From above (m)")
+    aside.set_title("(e) From the side (m)")
     above.set_xlabel("east")
     above.set_ylabel("north")
     aside.set_xlabel("towards the goal")

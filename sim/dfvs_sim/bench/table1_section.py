@@ -25,6 +25,7 @@ from dfvs_sim.scene.glb import load_glb
 
 _GREY = 128
 _SHOWN_FRAME = 10
+_FAR_OFF_M = 0.5
 _HEAD = ("method", "converged", "iterations", "path ÷ line", "translation", "÷ depth", "rotation")
 _SUMMARY_NOTE = """<p>Means are over the trials that converged; "÷ depth" is the final translation
 over the median depth of the goal view. The paper's rows, for scale, are of its own ten scenes:
@@ -32,10 +33,11 @@ converged by the same criterion, under 4 cm and 1°, counted from its Table I; i
 paths over the trials that it gives them for; its errors over all ten.</p>"""
 _PERTURBED_NOTE = """<p>Trials that converged, without and with a perturbation between goal and
 flight; "all of these" adds up those with one.</p>"""
-_DEPTH_NOTE = """<p>The view after {step:.0%} of the way from start to goal, its true depth,
-{network} and α ÷ |flow| to the view at the start, rotation taken out, α by the true median.</p>"""
-_NETWORK = "the depth by the network <code>{}</code>"
-_NO_NETWORK = "no depth by a network (no depth bundle was given)"
+_DEPTH_NOTE = """<p>Depth in m of the view after {step:.0%} of the way from start to goal: the true
+one{network}, and α ÷ |flow| to the view at the start, rotation taken out, α by the true median.
+{missing}</p>"""
+_NETWORK = ", that by the network <code>{}</code>"
+_NO_NETWORK = "That by a network is left out: no depth bundle was given."
 _SCENES_NOTE = "<p>Final error; path; iterations. NC: not within 4 cm and 1°.</p>"
 _PICTURES_NOTE = """<p>Start, goal, and what is left between goal and end for every method: grey is
 none. Below each its final error.</p>"""
@@ -72,14 +74,18 @@ def table1_section(
         if of_task:
             plot = embedded(controller_figure(of_task, "svg"), "svg+xml")
             controllers.append(figure(task.name, plot))
-    source = _NETWORK.format(html.escape(depth_bundle)) if depth_bundle else _NO_NETWORK
+    depth_note = _DEPTH_NOTE.format(
+        step=FIRST_STEP,
+        network=_NETWORK.format(html.escape(depth_bundle)) if depth_bundle else "",
+        missing="" if depth_bundle else _NO_NETWORK,
+    )
     parts = [
         "<h2>Summary</h2>",
         _summary_table(records, methods),
         _perturbed(tasks[0], records, methods),
         f"<h2>Every scene</h2>{_SCENES_NOTE}",
         _scene_table(tasks, methods, by_key),
-        "<h2>Depth (Fig. 2)</h2>" + _DEPTH_NOTE.format(step=FIRST_STEP, network=source),
+        f"<h2>Depth (Fig. 2)</h2>{depth_note}",
         f"<figure>{embedded(depth_figure(views), 'svg+xml')}</figure>",
         f"<h2>Pictures (Fig. 4)</h2>{_PICTURES_NOTE}",
         *pictures,
@@ -168,14 +174,16 @@ def _cell(record: TrialRecord | None) -> str:
         return "<td>–"
     trial = record.trial
     if not trial.converged:
-        return f"<td class='nc' title='{html.escape(trial.end)}'>{error_text(record)}<br>NC"
-    return f"<td>{error_text(record)}<br>{trial.path_m:.2f} m; {trial.iterations}"
+        return f"<td class='nc' title='{html.escape(trial.end)}'>{_error_text(record)}<br>NC"
+    return f"<td>{_error_text(record)}<br>{trial.path_m:.2f} m; {trial.iterations}"
 
 
-def error_text(record: TrialRecord) -> str:
-    """Final error of a trial for people."""
-    final = record.trial.final
-    return f"{1e3 * final.distance_m:.0f} mm {math.degrees(final.angle_rad):.2f}°"
+def _error_text(record: TrialRecord) -> str:
+    """Final error of a trial for people; what is far off, with fewer digits."""
+    final, degrees = record.trial.final, math.degrees(record.trial.final.angle_rad)
+    if final.distance_m < _FAR_OFF_M:
+        return f"{1e3 * final.distance_m:.0f} mm {degrees:.2f}°"
+    return f"{final.distance_m:.2f} m {degrees:.0f}°"
 
 
 def _pictures(task: BenchTask, renderer: Renderer, methods: Sequence[str], by_key: _Records) -> str:
@@ -188,7 +196,7 @@ def _pictures(task: BenchTask, renderer: Renderer, methods: Sequence[str], by_ke
             T_end = np.array(record.trial.T_world_end).reshape(4, 4)
             left = _difference(_view(renderer, task, T_end), goal)
             is_good = record.trial.converged
-            note = error_text(record) if is_good else f"NC: {error_text(record)}"
+            note = _error_text(record) if is_good else f"NC: {_error_text(record)}"
             parts.append(panel(left, name, note, "" if is_good else "nc"))
     return figure(task.name, panels(parts))
 

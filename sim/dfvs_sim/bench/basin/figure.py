@@ -50,7 +50,8 @@ def basin_figure(outcomes: Sequence[Outcome], file_format: str = "png") -> bytes
             panels[j][0].set_title(method, fontweight="bold")
         panels[0][1].set_title(f"start sees ≥ {LEAST_OVERLAP:.0%} of the goal")
         panels[0][0].set_title("all tasks", loc="right")
-        figure.supxlabel("initial translation (m per axis)", fontsize=7)
+        for axes in panels[-1]:
+            axes.set_xlabel("initial translation (m per axis)")
         figure.supylabel("convergence ratio", fontsize=7)
         figure.legend(
             *panels[0][0].get_legend_handles_labels(),
