@@ -89,7 +89,7 @@ def test_the_report_shows_it_beside_the_paper_s(folder):
     assert main(["report", *words]) == 0
     text = page.read_text()
     assert "<td>true-depth<td>4°, 4°, 8°<td>overlap ≥ 20%<td>" in text
-    assert text.count("data:image/png") == 1
+    assert text.count("data:image/svg") == 1
     assert "Flights" not in text
 
 

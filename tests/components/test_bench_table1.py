@@ -161,6 +161,28 @@ def test_a_run_is_taken_up_where_it_broke_off(folder, capsys):
     assert all(path.stat().st_mtime_ns == then for path, then in others.items())
 
 
+def test_perturbed_trials_stand_beside_those_without(folder, tmp_path, capsys):
+    words = ["--tasks", str(folder / "tasks.json"), "--methods", "photometric", "--scenes", "near"]
+    words += ["--runs", str(tmp_path / "runs"), "--json", str(tmp_path / "t.json")]
+    words += ["--iterations", "14", "--perturb", "noise-mild,occlusion-strong"]
+    assert main(["table1", *words]) == 0
+    table = capsys.readouterr().out
+    summary = json.loads((tmp_path / "t.json").read_text())
+    without = summary["methods"]["photometric"]
+    perturbed = {name: s["methods"]["photometric"] for name, s in summary["perturbed"].items()}
+    assert without["converged"] == 1
+    converged = [(name, s["converged"]) for name, s in perturbed.items()]
+    assert converged == [("occlusion-strong", 0), ("noise-mild", 1)]
+    assert "photometric 1 of 1 0 of 1 1 of 1 1 of 2" in " ".join(table.split())
+    near = without["per_scene"]["near"]
+    share = near["translation_m"] / near["median_depth_m"]
+    assert near["translation_over_depth"] == pytest.approx(share, rel=0.1)
+    assert main(["table1", *words, "--resume"]) == 0
+    assert "3 trials are in" in capsys.readouterr().err
+    assert main(["table1", *words, "--perturb", "fog"]) == 2
+    assert capsys.readouterr().err.startswith("error: there is no perturbation 'fog'")
+
+
 def test_trials_become_plots_and_a_page(folder):
     runs = ["--runs", str(folder / "runs")]
     plot, page = folder / "far.png", folder / "report.html"
@@ -175,6 +197,8 @@ def test_trials_become_plots_and_a_page(folder):
     assert "Basin" not in text
     assert "Flights" not in text
     assert text.count("data:image/jpeg") == 3 * (2 + 2)
+    assert text.count("data:image/svg") == 1 + 3  # depth, and a controller for every task
+    assert "by a network is left out" in text
 
 
 def test_a_task_file_keeps_its_poses(folder):

@@ -15,10 +15,17 @@ from dfvs_models.catalog import load_matcher
 from dfvs_sim.bench.inputs import input_digest
 from dfvs_sim.bench.method import Networks
 from dfvs_sim.bench.methods import METHODS
+from dfvs_sim.bench.perturbation import (
+    Disturbance,
+    Perturbation,
+    disturbance,
+    perturbed_renderer,
+    undisturbed,
+)
 from dfvs_sim.bench.results import TrialRecord, fits, git_revision, read_record, record_path
 from dfvs_sim.bench.results import write_record as keep_record
 from dfvs_sim.bench.task import BenchTask
-from dfvs_sim.bench.trial import goal_sight, run_trial
+from dfvs_sim.bench.trial import goal_sight, median_depth_m, run_trial
 from dfvs_sim.bench.workforce import Workforce
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.glb import load_glb
@@ -42,6 +49,8 @@ class Job:
         Of the program.
     network : str, optional
         Bundle of the network that the method needs beside the matcher, if any.
+    perturbation : Perturbation, optional
+        Between the goal image and the flight.
     """
 
     task: BenchTask
@@ -50,6 +59,12 @@ class Job:
     most_iterations: int
     revision: str
     network: str | None = None
+    perturbation: Perturbation | None = None
+
+    @property
+    def condition(self) -> str:
+        """Name of the perturbation; empty where there is none."""
+        return self.perturbation.name if self.perturbation else ""
 
 
 @dataclass(frozen=True, slots=True)
@@ -67,6 +82,8 @@ class Plan:
         Frames for every method; None gives each its authors' number.
     networks : mapping
         Bundles of the networks that methods need, by ``MethodKind.network``.
+    perturbations : sequence of Perturbation
+        Each is tried as well as none.
     """
 
     tasks: Sequence[BenchTask]
@@ -74,6 +91,7 @@ class Plan:
     matcher: str
     most_iterations: int | None = None
     networks: Mapping[str, str] = field(default_factory=dict)
+    perturbations: Sequence[Perturbation] = ()
 
     def jobs(self) -> list[Job]:
         """All trials, scene by scene."""
@@ -86,8 +104,10 @@ class Plan:
                 self.most_iterations or METHODS[name].iterations,
                 revision,
                 self.networks[METHODS[name].network] if METHODS[name].network else None,
+                perturbation,
             )
             for task in self.tasks
+            for perturbation in (None, *self.perturbations)
             for name in self.methods
         ]
 
@@ -96,10 +116,12 @@ def unfinished(jobs: Sequence[Job], folder: Path) -> tuple[list[Job], list[Trial
     """Jobs without a record that fits, and the records that the others have."""
     left, found = [], []
     for job in jobs:
-        path = record_path(folder, job.task.name, job.method)
+        path = record_path(folder, job.task.name, job.method, job.condition)
         record = read_record(path) if path.is_file() else None
-        if record is not None and fits(
-            record, job.task, job.matcher, job.most_iterations, job.network
+        if (
+            record is not None
+            and record.perturbation == job.condition
+            and fits(record, job.task, job.matcher, job.most_iterations, job.network)
         ):
             found.append(record)
         else:
@@ -131,7 +153,11 @@ def _make_trial(job: Job) -> TrialRecord:
     renderer = renderer_of(job.task.scene)
     goal, networks = goal_sight(job.task, renderer), _networks(job.method, job.network)
     method = METHODS[job.method].make(goal, _matcher(job.matcher), networks)
-    trial = run_trial(job.task, method, renderer, job.most_iterations)
+    disturb: Disturbance = undisturbed
+    if job.perturbation is not None:
+        renderer = perturbed_renderer(job.perturbation, job.task, renderer)
+        disturb = disturbance(job.perturbation, job.task)
+    trial = run_trial(job.task, method, renderer, job.most_iterations, disturb)
     return TrialRecord(
         task=job.task.name,
         difficulty=job.task.difficulty,
@@ -147,6 +173,8 @@ def _make_trial(job: Job) -> TrialRecord:
         trial=trial,
         inputs=input_digest(job.task, job.matcher, network=job.network),
         seed=job.task.seed,
+        perturbation=job.condition,
+        median_depth_m=median_depth_m(goal.depth),
     )
 
 

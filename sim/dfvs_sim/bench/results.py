@@ -40,6 +40,10 @@ class TrialRecord:
         How long it took on the machine.
     trial : Trial
         What came of it.
+    perturbation : str
+        Name of the perturbation between goal image and flight; empty where there is none.
+    median_depth_m : float or None
+        Of the goal view, unperturbed.
     """
 
     task: str
@@ -56,6 +60,8 @@ class TrialRecord:
     trial: Trial
     inputs: str = ""
     seed: int | None = None
+    perturbation: str = ""
+    median_depth_m: float | None = None
 
     @property
     def initial_error(self) -> tuple[float, float]:
@@ -63,15 +69,21 @@ class TrialRecord:
         first = self.trial.steps[0]
         return first.distance_m, first.angle_rad
 
+    @property
+    def final_share(self) -> float | None:
+        """Final distance over the median depth of the goal view."""
+        return self.trial.final.distance_m / self.median_depth_m if self.median_depth_m else None
 
-def record_path(folder: Path, task: str, method: str) -> Path:
-    """Where the record of a task and a method lies."""
-    return folder / f"{task}--{method}.json"
+
+def record_path(folder: Path, task: str, method: str, perturbation: str = "") -> Path:
+    """Where the record of a task, a method and a perturbation lies."""
+    return folder / f"{'--'.join(filter(None, (task, method, perturbation)))}.json"
 
 
 def write_record(folder: Path, record: TrialRecord) -> None:
     """Write a record, whole or not at all."""
-    write_document(record_path(folder, record.task, record.method), record)
+    path = record_path(folder, record.task, record.method, record.perturbation)
+    write_document(path, record)
 
 
 def read_record(path: Path) -> TrialRecord:

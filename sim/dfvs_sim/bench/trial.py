@@ -17,6 +17,7 @@ from dfvs_core.poses import (
     se3_log,
 )
 from dfvs_sim.bench.method import FRAME_PERIOD_S, Decision, GoalSight, ServoMethod, Sight
+from dfvs_sim.bench.perturbation import Disturbance, undisturbed
 from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.render.renderer import Renderer, View
 
@@ -110,15 +111,22 @@ def goal_sight(task: BenchTask, renderer: Renderer) -> GoalSight:
 
 
 def run_trial(
-    task: BenchTask, method: ServoMethod, renderer: Renderer, most_iterations: int
+    task: BenchTask,
+    method: ServoMethod,
+    renderer: Renderer,
+    most_iterations: int,
+    disturb: Disturbance = undisturbed,
 ) -> Trial:
-    """Lead the camera until the method is done, gives up or goes astray, or time is over."""
+    """Lead the camera until the method is done, gives up or goes astray, or time is over.
+
+    The method is given what ``disturb`` makes of each rendered view.
+    """
     T = task.T_world_start
     steps: list[Step] = []
     end = "iterations"
     reach_m = _DIVERGED_FACTOR * task.initial_error[0] + _DIVERGED_MARGIN_M
     for k in range(most_iterations + 1):
-        view = renderer.render(task.camera, T, antialias=True)
+        view = disturb(k, renderer.render(task.camera, T, antialias=True))
         decision = method.decide(Sight(k, view.image, true_depth(view), T))
         steps.append(_step(task, T, decision))
         if decision.done or decision.lost:
@@ -138,6 +146,12 @@ def true_depth(view: View) -> DepthMap:
     seen = view.depth_m > 0
     z = np.where(seen, view.depth_m, np.float32(SKY_DEPTH_M))
     return DepthMap(z, seen.astype(np.float32))
+
+
+def median_depth_m(depth: DepthMap) -> float | None:
+    """Median of a depth (H, W) over its valid pixels, m; None where none is."""
+    known = depth.z_m[depth.validity > 0]
+    return float(np.median(known)) if known.size else None
 
 
 def _rigid(T: FloatArray) -> FloatArray:

@@ -46,7 +46,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .png, .svg or .pdf")
     if not args.out.absolute().parent.is_dir():
         raise ConfigError(f"--out {args.out} lies in no folder", "an existing folder")
-    records = [r for r in read_records(args.runs) if r.task == args.scene]
+    records = [r for r in read_records(args.runs) if (r.task, r.perturbation) == (args.scene, "")]
     if args.methods:
         names = chosen_methods(args.methods.split(","))
         records = [r for r in records if r.method in names]

@@ -7,6 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
+from dfvs_models import DEFAULT_DEPTH
+from dfvs_models.catalog import bundle_folder, load_depth
 from dfvs_sim.bench.basin.outcomes import BASIN_FILE, read_outcomes
 from dfvs_sim.bench.drone.records import read_records as read_flights
 from dfvs_sim.bench.report import Contents, report_page
@@ -26,8 +28,8 @@ def add_parser(subparsers: Any) -> None:
         "report",
         help="one HTML page of tables, pictures and plots",
         description="Gather what table1, basin and drone kept into one self-contained HTML page: "
-        "tables, pictures (DFVS Fig. 4), plots (Fig. 5 and 6), and the paper's figures beside "
-        "ours. What was not measured is left out.",
+        "tables, depth (DFVS Fig. 2), pictures (Fig. 4), plots (Fig. 5 and 6), and the paper's "
+        "figures beside ours, made to be printed. What was not measured is left out.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -42,6 +44,11 @@ def add_parser(subparsers: Any) -> None:
     add("--basin", type=Path, default=Path("basin-runs"), metavar="DIR", help="default: basin-runs")
     add("--drone", type=Path, default=Path("drone-runs"), metavar="DIR", help="default: drone-runs")
     add_own_scenes(parser, "tasks.json (default: the ten scenes)")
+    add(
+        "--depth-bundle",
+        metavar="NAME",
+        help=f"depth network to show beside the true depth (default: {DEFAULT_DEPTH}, if there)",
+    )
     add("--out", type=Path, required=True, metavar="FILE", help="page to write (.html)")
     parser.set_defaults(run=run)
 
@@ -73,7 +80,15 @@ def _contents(args: argparse.Namespace) -> Contents:
         raise ConfigError(
             f"{folders} hold no trials of these tasks", "what table1, basin or drone has run"
         )
-    return Contents(tasks, records, outcomes, flights)
+    return Contents(tasks, records, outcomes, flights, _depth_bundle(args))
+
+
+def _depth_bundle(args: argparse.Namespace) -> str | None:
+    """The depth bundle that is named, checked, or the default one where there is one."""
+    if args.depth_bundle is not None:
+        load_depth("fused", args.depth_bundle, threads=1)  # refuses at once what cannot be used
+        return str(args.depth_bundle)
+    return DEFAULT_DEPTH if bundle_folder(DEFAULT_DEPTH).is_dir() else None
 
 
 def _table1(args: argparse.Namespace) -> tuple[list[BenchTask], list[TrialRecord]]:

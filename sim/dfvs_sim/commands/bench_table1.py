@@ -10,9 +10,23 @@ from typing import Any
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.bench.campaign import Plan
 from dfvs_sim.bench.methods import DEFAULT_METHODS, METHODS
+from dfvs_sim.bench.perturbation import (
+    KINDS,
+    PERTURBATIONS,
+    STRENGTHS,
+    check_perturbations,
+    parse_perturbations,
+)
 from dfvs_sim.bench.provenance import run_facts
 from dfvs_sim.bench.results import TrialRecord
-from dfvs_sim.bench.tables import row, summarise, summary_lines, trial_line, write_rows
+from dfvs_sim.bench.tables import (
+    perturbed_lines,
+    row,
+    summarise,
+    summary_lines,
+    trial_line,
+    write_rows,
+)
 from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.commands.bench_options import (
     add_method_options,
@@ -36,6 +50,7 @@ _EPILOG = (
 examples:
   dfvs-bench table1 --json table1.json --csv table1.csv --workers 2
   dfvs-bench table1 --tasks my_tasks.json --methods true-depth,sift --resume
+  dfvs-bench table1 --perturb light,blur,occlusion,moved,noise-strong
   dfvs-bench table1 --dask tcp://127.0.0.1:8786
 
 Every trial is kept in --runs; --resume runs those that are missing or were made with other
@@ -57,6 +72,12 @@ def add_parser(subparsers: Any) -> None:
     add_task_options(parser, "tasks.json (default: the ten scenes)", "bench-runs")
     add_workforce_options(parser)
     add_method_options(parser, DEFAULT_METHODS)
+    parser.add_argument(
+        "--perturb",
+        metavar="A,B",
+        help="also with each of these between goal image and flight: "
+        f"{', '.join(KINDS)}; medium, or with {' or '.join('-' + s for s in STRENGTHS)}",
+    )
     parser.set_defaults(run=run)
 
 
@@ -74,8 +95,11 @@ def run(args: argparse.Namespace) -> int:
     methods = methods_from(args, DEFAULT_METHODS)
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
     tasks = tasks_from(args)
+    perturbations = parse_perturbations(args.perturb) if args.perturb is not None else []
+    check_perturbations(perturbations, tasks)
     began_s = time.monotonic()
-    jobs = Plan(tasks, methods, args.bundle, args.iterations, networks_from(args)).jobs()
+    settings = (args.bundle, args.iterations, networks_from(args), perturbations)
+    jobs = Plan(tasks, methods, *settings).jobs()
     args.runs.mkdir(parents=True, exist_ok=True)
     records = run_trials(args, jobs, workforce)
     _finish(args, _in_order(records, tasks, methods), methods, time.monotonic() - began_s)
@@ -85,8 +109,13 @@ def run(args: argparse.Namespace) -> int:
 def _in_order(
     records: Sequence[TrialRecord], tasks: Sequence[BenchTask], methods: Sequence[str]
 ) -> list[TrialRecord]:
-    names = [task.name for task in tasks]
-    return sorted(records, key=lambda r: (methods.index(r.method), names.index(r.task)))
+    perturbations, names = ["", *PERTURBATIONS], [task.name for task in tasks]
+
+    def place(record: TrialRecord) -> tuple[int, int, int]:
+        perturbation = perturbations.index(record.perturbation)
+        return perturbation, methods.index(record.method), names.index(record.task)
+
+    return sorted(records, key=place)
 
 
 def _finish(
@@ -95,7 +124,8 @@ def _finish(
     summary = summarise(records, methods)
     for record in records:
         print(trial_line(record))
-    print("\n".join(["", *summary_lines(summary), "", f"this run took {wall_s / 60:.1f} min"]))
+    tables = ["", *summary_lines(summary), "", *perturbed_lines(summary)]
+    print("\n".join([*tables, f"this run took {wall_s / 60:.1f} min"]))
     if args.json is not None:
         write_json(args.json, summary | run_facts(records, wall_s))
     if args.csv is not None:

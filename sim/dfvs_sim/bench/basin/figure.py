@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import io
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,11 +12,11 @@ from matplotlib.ticker import PercentFormatter
 from dfvs_sim.bench.basin.drawing import LEAST_OVERLAP
 from dfvs_sim.bench.basin.outcomes import Outcome
 from dfvs_sim.bench.basin.ratios import Curve, Rotation, curves, share
-from dfvs_sim.bench.figures import STYLE
+from dfvs_sim.bench.figures import COLOURS, COLUMN_IN, STYLE, file_of
 from dfvs_sim.bench.paper import PAPER_BASIN
 
-_COLOURS = ("#1b7837", "#2166ac", "#b2182b", "#762a83", "#e08214", "#4d4d4d")
 _MARKERS = "osD^vX"
+_PANEL_IN, _NAMES_IN = 1.25, 0.5
 
 
 def basin_figure(outcomes: Sequence[Outcome], file_format: str = "png") -> bytes:
@@ -41,33 +40,32 @@ def basin_figure(outcomes: Sequence[Outcome], file_format: str = "png") -> bytes
     methods = list(dict.fromkeys(curve.method for curve in found))
     rotations = sorted({curve.rotation_deg for curve in found})
     with mpl.rc_context(STYLE):
-        figure = Figure(figsize=(10.5, 3.7 * len(methods)), layout="constrained")
+        size = COLUMN_IN, _PANEL_IN * len(methods) + _NAMES_IN
+        figure = Figure(figsize=size, layout="constrained")
         panels = figure.subplots(len(methods), 2, squeeze=False, sharex=True, sharey=True)
         for j, method in enumerate(methods):
             for i, overlapping in enumerate((False, True)):
                 drawn = [c for c in found if (c.method, c.overlapping) == (method, overlapping)]
                 _panel(panels[j][i], drawn, rotations)
-                kind = f"start sees ≥ {LEAST_OVERLAP:.0%} of the goal" if i else "all tasks"
-                panels[j][i].set_title(f"{method}: {kind}", loc="left")
+            panels[j][0].set_title(method, fontweight="bold")
+        panels[0][1].set_title(f"start sees ≥ {LEAST_OVERLAP:.0%} of the goal")
+        panels[0][0].set_title("all tasks", loc="right")
         for axes in panels[-1]:
             axes.set_xlabel("initial translation (m per axis)")
-        for axes in panels[:, 0]:
-            axes.set_ylabel("convergence ratio")
+        figure.supylabel("convergence ratio", fontsize=7)
         figure.legend(
             *panels[0][0].get_legend_handles_labels(),
             title="rotation about x, y, z (dotted: the paper's text)",
             loc="outside lower center",
             ncols=len(rotations),
         )
-        buffer = io.BytesIO()
-        figure.savefig(buffer, format=file_format, dpi=110)
-    return buffer.getvalue()
+        return file_of(figure, file_format)
 
 
 def _panel(axes: Any, drawn: Sequence[Curve], rotations: Sequence[Rotation]) -> None:
     for curve in drawn:
         k = rotations.index(curve.rotation_deg)
-        colour = _COLOURS[k % len(_COLOURS)]
+        colour = COLOURS[k % len(COLOURS)]
         shares = {d: share(group) for d, group in curve.points.items()}
         bars = [
             [s.ratio - s.interval[0] for s in shares.values()],
@@ -81,10 +79,9 @@ def _panel(axes: Any, drawn: Sequence[Curve], rotations: Sequence[Rotation]) -> 
             yerr=[[max(0.0, v) for v in bar] for bar in bars],
             color=colour,
             marker=_MARKERS[k % len(_MARKERS)],
-            markersize=4,
-            linewidth=1.4,
-            elinewidth=0.8,
-            capsize=2,
+            markersize=2.5,
+            elinewidth=0.6,
+            capsize=1.5,
             label=", ".join(f"{a:g}°" for a in curve.rotation_deg),
         )
         paper = PAPER_BASIN.get(curve.rotation_deg)

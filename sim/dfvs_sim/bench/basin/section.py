@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Sequence
+from collections.abc import Iterator, Sequence
 
 from dfvs_sim.bench.basin.drawing import LEAST_OVERLAP
 from dfvs_sim.bench.basin.figure import basin_figure
@@ -12,7 +12,7 @@ from dfvs_sim.bench.page import embedded, table
 from dfvs_sim.bench.paper import PAPER_BASIN
 
 _HEAD = ("method", "rotation x, y, z", "tasks", "converged", "ratio", "95 %", "out to", "the paper")
-_WIDTH_PX = 1000
+_METHODS_A_FIGURE = 6
 _TEXT = """<p>How often a trial ends within 4 cm and 1° of the goal, by how far from it it starts;
 bars and the column "95 %" are Wilson's intervals. The paper's ratios are what its text says of
 flow-depth (dotted lines). It displaces all three axes alike, in scans and with no word about walls
@@ -29,8 +29,16 @@ def basin_section(outcomes: Sequence[Outcome]) -> str:
         environments=len({o.drawn.environment for o in outcomes}),
     )
     rows = [_row(curve) for curve in curves(outcomes) if curve.outcomes]
-    figure = embedded(basin_figure(outcomes), "png", _WIDTH_PX)
-    return f"<h2>Basin (Fig. 6)</h2>{text}{table(_HEAD, rows)}<figure>{figure}</figure>"
+    return f"<h2>Basin (Fig. 6)</h2>{text}{table(_HEAD, rows)}{''.join(_figures(outcomes))}"
+
+
+def _figures(outcomes: Sequence[Outcome]) -> Iterator[str]:
+    """Figures that fit on a page each."""
+    methods = list(dict.fromkeys(o.record.method for o in outcomes))
+    for k in range(0, len(methods), _METHODS_A_FIGURE):
+        part = methods[k : k + _METHODS_A_FIGURE]
+        shown = [o for o in outcomes if o.record.method in part]
+        yield f"<figure>{embedded(basin_figure(shown, 'svg'), 'svg+xml')}</figure>"
 
 
 def _row(curve: Curve) -> tuple[str, ...]:
