@@ -148,8 +148,6 @@ class DepthModel:
             raise ConfigError(f"--checkpoint for {name}", "--from FOLDER")
         torch.manual_seed(_SEED)
         if name == OWN:
-            if weights.checkpoint is None:
-                raise ConfigError(f"{OWN} without weights", "--checkpoint FILE")
             own = load_depth_weights(weights.checkpoint)
             origin = f"{own.origin}, trained on by this project, weights {own.digest}"
             return cls(name, own.network(), origin, own.training)

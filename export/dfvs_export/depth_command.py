@@ -12,7 +12,7 @@ from dfvs_core.errors import ConfigError, ModelError
 from dfvs_export.bundles import check_free, described, write_bundle
 from dfvs_export.calibration import ImagePair, read_frames
 from dfvs_export.check import drawn_pairs, operators
-from dfvs_export.depth import MODELS, DepthModel, DepthWeights, Spreads
+from dfvs_export.depth import MODELS, OWN, DepthModel, DepthWeights, Spreads
 from dfvs_export.precision import in_precision
 from dfvs_export.progress import say
 from dfvs_export.running import BundleRunner
@@ -57,7 +57,7 @@ def run_depth(arguments: argparse.Namespace, size: tuple[int, int] | None) -> in
     measured = {path.name: measure_depth(network, path) for path in arguments.pairs}
     card = model.card(bundle.manifest, measured)
     write_bundle(arguments.out, described(bundle, card, _figures(measured)))
-    if arguments.checkpoint is None and arguments.folder is None:
+    if arguments.model != OWN and arguments.checkpoint is None and arguments.folder is None:
         print("warning: these weights are random; name --checkpoint or --from to use the network")
     print(f"wrote {arguments.out}")
     return 0

