@@ -44,6 +44,18 @@ def camera_from(args: argparse.Namespace, option: str = "--size") -> CameraModel
     return CameraModel.from_horizontal_fov(int(width), int(height), math.radians(args.fov))
 
 
+def require_folder(option: str, path: Path | None) -> None:
+    """Refuse a file that an option names in a folder that does not exist; None is no file.
+
+    Raises
+    ------
+    ConfigError
+        If it does not.
+    """
+    if path is not None and not path.absolute().parent.is_dir():
+        raise ConfigError(f"{option} {path} lies in no folder", "an existing folder")
+
+
 def write_json(path: Path, document: Any) -> None:
     """Write what ``--json`` asks for.
 

@@ -16,6 +16,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.gate.states import GateState
 from dfvs_sim.faults.answers import Try, run_answers
 from dfvs_sim.faults.answers_report import markdown_lines
+from dfvs_sim.options import require_folder
 
 EXIT_OK, EXIT_FAILED = 0, 1
 
@@ -53,8 +54,7 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"--tries is {args.tries}", "1 or more")
     if args.seconds < 1.0:
         raise ConfigError(f"--seconds is {args.seconds:g}", "1 or more")
-    if args.json is not None and not args.json.absolute().parent.is_dir():
-        raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
+    require_folder("--json", args.json)
     with contextlib.suppress(PermissionError):
         # What measures must not be late itself; the service's own processes start at 0 again.
         os.setpriority(os.PRIO_PROCESS, 0, -5)

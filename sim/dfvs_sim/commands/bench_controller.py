@@ -10,6 +10,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_sim.bench.figures import controller_figure, is_figure_name
 from dfvs_sim.bench.methods import chosen_methods
 from dfvs_sim.bench.results import read_records
+from dfvs_sim.options import require_folder
 
 _EPILOG = """example:
   dfvs-bench controller --runs bench-runs --scene hall --out controller.png
@@ -44,8 +45,7 @@ def run(args: argparse.Namespace) -> int:
     """
     if not is_figure_name(args.out.suffix):
         raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .png, .svg or .pdf")
-    if not args.out.absolute().parent.is_dir():
-        raise ConfigError(f"--out {args.out} lies in no folder", "an existing folder")
+    require_folder("--out", args.out)
     records = [r for r in read_records(args.runs) if (r.task, r.perturbation) == (args.scene, "")]
     if args.methods:
         names = chosen_methods(args.methods.split(","))

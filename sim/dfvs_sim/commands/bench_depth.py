@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 from dataclasses import asdict
 from pathlib import Path
 from typing import Any
@@ -12,6 +11,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth
 from dfvs_models.depth_evaluation import measure_depth
+from dfvs_sim.options import require_folder, write_json
 
 _EPILOG = """examples:
   dfvs-bench depth pairs.npz --json depth.json
@@ -53,8 +53,7 @@ def run(args: argparse.Namespace) -> int:
     """
     if not 1 <= args.threads <= 64:
         raise ConfigError(f"--threads is {args.threads}", "1 to 64")
-    if args.json is not None and not args.json.absolute().parent.is_dir():
-        raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
+    require_folder("--json", args.json)
     reports = []
     for name in dict.fromkeys(args.depth_bundle):
         network = load_depth("fused", name, args.threads)
@@ -63,10 +62,7 @@ def run(args: argparse.Namespace) -> int:
         reports.append({"bundle": name, "unit": network.unit, "files": files})
         _print(reports[-1])
     if args.json is not None:
-        try:
-            args.json.write_text(json.dumps(reports, indent=2) + "\n", encoding="utf-8")
-        except OSError as error:
-            raise ConfigError(f"{args.json} cannot be written ({error})", "a file") from error
+        write_json(args.json, reports)
     return 0
 
 

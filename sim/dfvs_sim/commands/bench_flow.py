@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import json
 import sys
 import time
 from collections.abc import Iterable
@@ -20,6 +19,7 @@ from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
 from dfvs_models.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
 from dfvs_models.evaluation_file import FlowPairs, read_flow_pairs
+from dfvs_sim.options import require_folder, write_json
 
 _EPILOG = """examples:
   dfvs-bench flow pairs.npz --json flow.json
@@ -102,8 +102,7 @@ def run(args: argparse.Namespace) -> int:
     """
     if not 1 <= args.threads <= 64:
         raise ConfigError(f"--threads is {args.threads}", "1 to 64")
-    if args.json is not None and not args.json.absolute().parent.is_dir():
-        raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
+    require_folder("--json", args.json)
     bundles = list(dict.fromkeys(args.bundle or [DEFAULT_MATCHER]))
     matchers = {name: load_matcher(name, args.threads) for name in bundles}
     measured = {name: Measured() for name in bundles}
@@ -117,7 +116,7 @@ def run(args: argparse.Namespace) -> int:
         _print_tables(name, result)
     if args.json is not None:
         reports = [result.report(name) for name, result in measured.items()]
-        _write(args.json, reports[0] if len(reports) == 1 else reports)
+        write_json(args.json, reports[0] if len(reports) == 1 else reports)
     return 0
 
 
@@ -148,13 +147,6 @@ def measure(matcher: Matcher, pairs: FlowPairs, label: str, result: Measured) ->
         level = LEVELS[int(pairs.level[k])]
         scores.setdefault(level, []).append(score_pair(found, pairs.flow[k], pairs.visible[k]))
     result.files[label] = {level: summarise(scores[level]) for level in LEVELS if level in scores}
-
-
-def _write(path: Path, report: Any) -> None:
-    try:
-        path.write_text(json.dumps(report, indent=2) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"{path} cannot be written ({error})", "a writable file") from error
 
 
 def _progress(text: str) -> None:

@@ -19,6 +19,7 @@ from dfvs_sim.bench.scenes import default_tasks, task_in
 from dfvs_sim.bench.tables import trial_line
 from dfvs_sim.bench.task import BenchTask, read_tasks
 from dfvs_sim.bench.workforce import Workforce
+from dfvs_sim.options import require_folder
 from dfvs_sim.scene.glb import load_glb
 
 _T = TypeVar("_T")
@@ -98,10 +99,7 @@ def check_outputs(args: argparse.Namespace, *more: str) -> None:
     """
     for name in ("json", "csv", "runs", *more):
         path = getattr(args, name)
-        if path is None:
-            continue
-        if not path.absolute().parent.is_dir():
-            raise ConfigError(f"--{name} {path} lies in no folder", "an existing folder")
+        require_folder(f"--{name}", path)
         if name == "runs" and path.exists() and not path.is_dir():
             raise ConfigError(f"--{name} {path} is a file", "a folder, or a new name")
         if name != "runs" and path.is_dir():

@@ -28,7 +28,7 @@ from dfvs_sim.bench.relocalise import (
 from dfvs_sim.bench.workforce import Workforce
 from dfvs_sim.commands.bench_options import own_scenes
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.options import camera_from, write_json
+from dfvs_sim.options import camera_from, require_folder, write_json
 
 TRANSLATIONS_M = (1.2, 2.0, 2.8, 4.0)
 """Of the starts, the largest displacement of three axes."""
@@ -133,8 +133,7 @@ def _check(args: argparse.Namespace) -> None:
             raise ConfigError(f"--{option} is {getattr(args, name)}", f"{least} to {most}")
     if args.seed < 0:
         raise ConfigError(f"--seed is {args.seed}", "0 or more")
-    if args.json is not None and not args.json.absolute().parent.is_dir():
-        raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
+    require_folder("--json", args.json)
 
 
 def _draw(

@@ -15,6 +15,7 @@ from dfvs_sim.bench.contact_sheet import contact_sheet
 from dfvs_sim.bench.scenes import SCENES, TASKS_FILE, default_tasks, make_scenes
 from dfvs_sim.bench.settings import SETTINGS, setting_tasks
 from dfvs_sim.bench.task import BenchTask
+from dfvs_sim.options import require_folder
 from dfvs_sim.scene.light import BakeSettings, load_mitsuba
 
 _EPILOG = """examples:
@@ -57,8 +58,7 @@ def run(args: argparse.Namespace) -> int:
     DfvsError
         If an output cannot be written or no task fits into a room.
     """
-    if args.sheet is not None and not args.sheet.absolute().parent.is_dir():
-        raise ConfigError(f"--sheet {args.sheet} lies in no folder", "an existing folder")
+    require_folder("--sheet", args.sheet)
     if args.sheet is not None and args.sheet.suffix.lower() != ".png":
         raise ConfigError(f"--sheet is {str(args.sheet)!r}", "a name that ends in .png")
     tasks = _tasks(args)

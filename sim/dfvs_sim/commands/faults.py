@@ -21,6 +21,7 @@ from dfvs_sim.faults.matrix import (
     run_matrix,
 )
 from dfvs_sim.faults.report import Source, make_rows, verdict, write_json, write_reports
+from dfvs_sim.options import require_folder
 
 EXIT_OK, EXIT_FAILED = 0, 1
 
@@ -101,9 +102,7 @@ def _check(args: argparse.Namespace) -> None:
         if getattr(args, name) < 1:
             raise ConfigError(f"--{name} is {getattr(args, name)}", "1 or more")
     for name in ("keep", "json", "html"):
-        path = getattr(args, name)
-        if path is not None and not path.absolute().parent.is_dir():
-            raise ConfigError(f"--{name} {path} lies in no folder", "an existing folder")
+        require_folder(f"--{name}", getattr(args, name))
 
 
 def _source(args: argparse.Namespace) -> Source:

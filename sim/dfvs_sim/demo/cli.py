@@ -36,7 +36,7 @@ from dfvs_sim.demo.report import FlightReport, ReportError
 from dfvs_sim.demo.results import replace_json, write_results
 from dfvs_sim.demo.summary import FlightSummary
 from dfvs_sim.demo.table import flight_table
-from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
+from dfvs_sim.options import add_camera_options, add_scene_option, camera_from, require_folder
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path, two_rooms_path
 from dfvs_sim.scene.glb import load_glb
@@ -150,8 +150,7 @@ def _check(args: argparse.Namespace) -> None:
         raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
     if args.ground is not None and args.autopilot is None:
         raise ConfigError("--ground without --autopilot", "the links of a running autopilot")
-    if args.json is not None and not args.json.absolute().parent.is_dir():
-        raise ConfigError(f"--json {args.json} lies in no folder", "an existing folder")
+    require_folder("--json", args.json)
     if args.autopilot is not None:
         refuse_conditions(args, "--autopilot")
     conditions_from(args)
