@@ -80,8 +80,8 @@ def train(settings: TrainSettings, say: Callable[[str], None]) -> None:
     while done < 1.0:
         for _ in range(_PAIRS_PER_STEP):
             run.learn_from(run.draw())
-        done = (time.monotonic() - began) / (60.0 * settings.minutes)
         run.step(done)
+        done = (time.monotonic() - began) / (60.0 * settings.minutes)
         if run.pairs % _PAIRS_PER_REPORT == 0:
             say(run.report())
             run.save()
