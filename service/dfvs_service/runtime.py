@@ -94,6 +94,11 @@ class RuntimeFolder:
         """Where the black box listens for telemetry."""
         return self.path / "black-box.sock"
 
+    @property
+    def gate_scratch(self) -> Path:
+        """Folder of the temporary files of the gate's libraries, emptied at each start."""
+        return self.path / "gate-scratch"
+
     def stderr(self, child: str) -> Path:
         """What a child process writes to its standard error."""
         return self.path / f"{child}.err"

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import argparse
 import os
+import shutil
 import signal
 import sys
 import traceback
@@ -39,6 +40,9 @@ def main(argv: Sequence[str] | None = None) -> int:
     key_file = config.gate.command_key_file
     key = load_key(Path(key_file)) if key_file else None
     prefer_this_process()
+    shutil.rmtree(runtime.gate_scratch, ignore_errors=True)
+    runtime.gate_scratch.mkdir()
+    os.environ["TMPDIR"] = str(runtime.gate_scratch)  # MAVSDK leaves folders behind
     gate = GateProcess(config, runtime, key, sys.stdin.fileno())
     signal.signal(signal.SIGTERM, gate.stop)
     signal.signal(ORPHANED, signal.SIG_IGN)  # the lifeline ends too, and tells it apart

@@ -129,6 +129,7 @@ def test_the_service_ends_with_a_takeover_if_it_is_to_end_with_the_flight(vehicl
         "OFFBOARD confirmed",
         "mode left OFFBOARD",
     ]
+    assert list((tmp_path / "gate-scratch").iterdir())  # MAVSDK's, and no longer in /tmp
 
 
 def test_a_gate_that_dies_or_hangs_is_silent_at_once_and_not_restarted(tmp_path):
