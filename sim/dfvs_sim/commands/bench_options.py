@@ -100,6 +100,8 @@ def check_outputs(args: argparse.Namespace, *more: str) -> None:
     for name in ("json", "csv", "runs", *more):
         path = getattr(args, name)
         require_folder(f"--{name}", path)
+        if path is None:
+            continue
         if name == "runs" and path.exists() and not path.is_dir():
             raise ConfigError(f"--{name} {path} is a file", "a folder, or a new name")
         if name != "runs" and path.is_dir():
