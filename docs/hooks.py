@@ -44,7 +44,7 @@ _COMMANDS = """\
 # Command lines
 
 Every command prints this text with `--help`. Exit codes: 0 done, 1 ran and did not reach its aim, 2
-cannot run (one line says why, what was expected, and how to mend it).
+cannot run (one line says why, what was expected, and how to repair it).
 """
 _FAULTS = """\
 # Faults

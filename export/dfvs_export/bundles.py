@@ -6,6 +6,7 @@ import shutil
 from collections.abc import Mapping
 from dataclasses import dataclass, replace
 from pathlib import Path
+from typing import Any, Literal
 
 from dfvs_core.errors import ModelError
 from dfvs_core.manifest import (
@@ -66,19 +67,8 @@ def encode_match_bundle(onnx: OnnxPair, size: tuple[int, int], source: Source) -
 
 def pair_bundle(onnx: bytes, pictures: PictureInput, source: Source) -> Bundle:
     """Bundle of one graph that takes two pictures and gives their flow."""
-    contents = {PAIR_FILE: onnx}
-    manifest = Manifest(
-        format=BUNDLE_FORMAT,
-        name=source.name,
-        kind="pair",
-        input=pictures,
-        graphs={"pair": Graph(PAIR_FILE, PAIR_INPUTS, PAIR_OUTPUTS)},
-        files=hashes(contents),
-        licence=source.licence,
-        origin=source.origin,
-        flow=FlowOutput(),
-    )
-    return Bundle(manifest, contents)
+    graph = Graph(PAIR_FILE, PAIR_INPUTS, PAIR_OUTPUTS)
+    return _of_one_graph("pair", onnx, graph, pictures, source, flow=FlowOutput())
 
 
 def mono_bundle(
@@ -89,34 +79,35 @@ def mono_bundle(
     source: Source,
 ) -> Bundle:
     """Bundle of one graph that gives depth; ``names`` are those of its inputs and outputs."""
-    contents = {MONO_FILE: onnx}
-    manifest = Manifest(
-        format=BUNDLE_FORMAT,
-        name=source.name,
-        kind="mono",
-        input=picture,
-        graphs={"mono": Graph(MONO_FILE, *names)},
-        files=hashes(contents),
-        licence=source.licence,
-        origin=source.origin,
-        depth=meaning,
-    )
-    return Bundle(manifest, contents)
+    return _of_one_graph("mono", onnx, Graph(MONO_FILE, *names), picture, source, depth=meaning)
 
 
 def pose_bundle(onnx: bytes, pictures: PictureInput, meaning: PoseOutput, source: Source) -> Bundle:
     """Bundle of one graph that takes two pictures and their focal length and gives their pose."""
-    contents = {POSE_FILE: onnx}
+    graph = Graph(POSE_FILE, POSE_INPUTS, POSE_OUTPUTS)
+    return _of_one_graph("pose", onnx, graph, pictures, source, pose=meaning)
+
+
+def _of_one_graph(
+    kind: Literal["pair", "mono", "pose"],
+    onnx: bytes,
+    graph: Graph,
+    images: PictureInput,
+    source: Source,
+    **outputs: Any,
+) -> Bundle:
+    """Bundle of a kind with a graph of its name; ``outputs`` are the manifest's of the kind."""
+    contents = {graph.file: onnx}
     manifest = Manifest(
         format=BUNDLE_FORMAT,
         name=source.name,
-        kind="pose",
-        input=pictures,
-        graphs={"pose": Graph(POSE_FILE, POSE_INPUTS, POSE_OUTPUTS)},
+        kind=kind,
+        input=images,
+        graphs={kind: graph},
         files=hashes(contents),
         licence=source.licence,
         origin=source.origin,
-        pose=meaning,
+        **outputs,
     )
     return Bundle(manifest, contents)
 

@@ -10,7 +10,7 @@ from pathlib import Path
 from dfvs_core.errors import ConfigError
 from dfvs_core.lifecycle import run_command
 from dfvs_export.pose_cli import add_pose, add_train_pose
-from dfvs_export.training_options import add_training
+from dfvs_export.training_options import add_training, say_line, settings_from
 
 _EXAMPLES = """examples:
   dfvs-export train --pairs runs/pairs --minutes 60 --out runs/matcher.pt
@@ -104,18 +104,7 @@ def _add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 def _run_train(arguments: argparse.Namespace) -> int:
     from dfvs_export.train import TrainSettings, train
 
-    settings = TrainSettings(
-        arguments.pairs,
-        arguments.out,
-        arguments.start,
-        arguments.minutes,
-        arguments.learning_rate,
-        arguments.encoder_blocks,
-        arguments.keypoints,
-        arguments.seed,
-        arguments.threads,
-    )
-    train(settings, lambda line: print(line, flush=True))
+    train(settings_from(TrainSettings, arguments), say_line)
     print(f"wrote {arguments.out}")
     return 0
 
@@ -144,17 +133,7 @@ def _add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParse
 def _run_train_depth(arguments: argparse.Namespace) -> int:
     from dfvs_export.train_depth import DepthTrainSettings, train_depth
 
-    settings = DepthTrainSettings(
-        arguments.pairs,
-        arguments.out,
-        arguments.start,
-        arguments.minutes,
-        arguments.learning_rate,
-        arguments.frozen_blocks,
-        arguments.seed,
-        arguments.threads,
-    )
-    train_depth(settings, lambda line: print(line, flush=True))
+    train_depth(settings_from(DepthTrainSettings, arguments), say_line)
     print(f"wrote {arguments.out}")
     return 0
 

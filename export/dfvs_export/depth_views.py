@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import cast
 
 import cv2
 import numpy as np
 
 from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_export.networks.depth import NORMALS_STRIDE, SIZE, STRIDE
-from dfvs_export.pairs import RoomFolder, augmented
+from dfvs_export.pairs import RoomFolder, augmented, view_of
 
 _ZOOM = 1.8
 """The longest focal length in that of the rendered view."""
@@ -54,7 +53,7 @@ class DepthViewReader:
         rng = self._rng
         room = self._rooms.draw(rng)
         k, side = rng.integers(len(room["T"])), rng.integers(2)
-        image = cast(Float32Array, cv2.imdecode(room[f"{'ab'[side]}{k}"], 0))
+        image = view_of(room, int(k), "ab"[side])
         depth_m = room["D"][k][side].astype(np.float32)
         height, width = image.shape
         zoom = _ZOOM ** rng.uniform()

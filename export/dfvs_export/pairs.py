@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 import zipfile
+from collections.abc import Mapping
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any, cast
@@ -12,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.arrays import BoolArray, Float32Array, FloatArray
+from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.poses import invert_pose
@@ -92,6 +93,11 @@ class RoomFolder:
         return self._kept[path]
 
 
+def view_of(room: Mapping[str, NDArray[Any]], pair: int, side: str) -> ImageArray:
+    """Grey view (H, W) uint8 of a pair of a room; ``side`` is "a" or "b"."""
+    return cast(ImageArray, cv2.imdecode(room[f"{side}{pair}"], 0))
+
+
 class PairReader:
     """Draws augmented pairs from rooms."""
 
@@ -104,7 +110,7 @@ class PairReader:
         rng = self._rng
         room = self._rooms.draw(rng)
         k = rng.integers(len(room["T"]))
-        images = [cast(Float32Array, cv2.imdecode(room[f"{side}{k}"], 0)) for side in "ab"]
+        images = [view_of(room, int(k), side) for side in "ab"]
         depths, T = list(room["D"][k]), room["T"][k]
         if rng.uniform() < 0.5:
             images.reverse()
@@ -120,9 +126,7 @@ class PairReader:
         first = self._view(images[0], depths[0], tilt, zoom)
         return TrainingPair(first, self._view(images[1], depths[1], turn, scale), T, room["K"][k])
 
-    def _view(
-        self, image: Float32Array, depth_m: Float32Array, turn_rad: float, zoom: float
-    ) -> View:
+    def _view(self, image: ImageArray, depth_m: Float32Array, turn_rad: float, zoom: float) -> View:
         warp = cv2.getRotationMatrix2D(
             ((SIZE[0] - 1) / 2, (SIZE[1] - 1) / 2), math.degrees(turn_rad), zoom
         )
@@ -134,7 +138,7 @@ class PairReader:
         return View(grey, np.asarray(warp, np.float64), depth_m.astype(np.float32))
 
 
-def augmented(image: Float32Array, rng: np.random.Generator) -> Float32Array:
+def augmented(image: ImageArray | Float32Array, rng: np.random.Generator) -> Float32Array:
     """Grey view (H, W), 0 to 255, with another exposure, light, blur, resolution and noise."""
     height, width = image.shape
     grey: Any = (image.astype(np.float32) / 255.0) ** rng.uniform(0.6, 1.6)

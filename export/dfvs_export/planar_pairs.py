@@ -16,7 +16,7 @@ from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.poses import invert_pose, make_pose, so3_exp
 from dfvs_export.networks.pose_regression import SIZE, STRIDE
-from dfvs_export.pairs import RoomFolder, augmented
+from dfvs_export.pairs import RoomFolder, augmented, view_of
 from dfvs_export.pose_pairs import PosePair, flow_to, normalised, rays
 
 _MOST_TRANSLATION = (0.22, 0.22, 0.16)
@@ -70,7 +70,7 @@ class PlanarPoseReader:
     def _photograph(self) -> ImageArray:
         room = self._rooms.draw(self._rng)
         k, side = self._rng.integers(len(room["T"])), "ab"[self._rng.integers(2)]
-        image = cast(ImageArray, cv2.imdecode(room[f"{side}{k}"], 0))
+        image = view_of(room, int(k), side)
         return cast(ImageArray, cv2.resize(image, _TEXTURE_PX, interpolation=cv2.INTER_AREA))
 
     def _perturbed(self, view: ImageArray) -> Float32Array:

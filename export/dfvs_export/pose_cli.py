@@ -5,7 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
-from dfvs_export.training_options import add_training
+from dfvs_export.training_options import add_training, say_line, settings_from
 
 
 def add_train_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -33,17 +33,7 @@ def add_train_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]
 def _run_train_pose(arguments: argparse.Namespace) -> int:
     from dfvs_export.train_pose import PoseTrainSettings, train_pose
 
-    settings = PoseTrainSettings(
-        arguments.network,
-        arguments.pairs,
-        arguments.out,
-        arguments.start,
-        arguments.minutes,
-        arguments.learning_rate,
-        arguments.seed,
-        arguments.threads,
-    )
-    train_pose(settings, lambda line: print(line, flush=True))
+    train_pose(settings_from(PoseTrainSettings, arguments), say_line)
     print(f"wrote {arguments.out}")
     return 0
 

@@ -13,7 +13,7 @@ from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 from dfvs_core.camera import CameraModel
 from dfvs_core.poses import invert_pose, make_pose, so3_exp
 from dfvs_export.networks.pose_regression import SIZE, STRIDE
-from dfvs_export.pairs import RoomFolder, augmented
+from dfvs_export.pairs import RoomFolder, augmented, view_of
 
 _NEAR = 0.5
 """Share of pairs whose one view is made from the other one by its depth."""
@@ -104,7 +104,7 @@ class RoomPoseReader:
     def _seen(self, room: dict[str, ImageArray], k: int, side: str) -> tuple[_Seen, FloatArray]:
         """A view of a pair, perhaps turned, and its attitude (4, 4) in the rendered camera."""
         rng = self._rng
-        image = cast(ImageArray, cv2.imdecode(room[f"{side}{k}"], 0))
+        image = view_of(room, k, side)
         depth_m = room["D"][k]["ab".index(side)].astype(np.float64)
         fx, fy, cx, cy = (float(v) for v in room["K"][k] * SIZE[0] / image.shape[1])
         camera = CameraModel(*SIZE, fx, fy, cx, cy)

@@ -116,14 +116,27 @@ def load_depth(
     """
     if choice not in BY_NETWORK:
         return None
-    folder = _folder(name_or_path, "the folder of a depth bundle")
-    network = DepthNetwork(read_bundle(folder), Execution(threads, provider))
+    network = load_depth_network(name_or_path, threads, provider)
     if choice == "network" and network.unit == "affine":
         raise ModelError(
             f"depth of {name_or_path!r} has an unknown offset, and servo.depth is 'network'",
             "a network without one, or servo.depth = 'fused', which learns it from motion",
         )
     return network
+
+
+def load_depth_network(
+    name_or_path: str, threads: int = 2, provider: str = "CPUExecutionProvider"
+) -> DepthNetwork:
+    """Load a ``mono`` bundle.
+
+    Raises
+    ------
+    ModelError
+        If there is no such bundle or provider, or it cannot be used.
+    """
+    folder = _folder(name_or_path, "the folder of a depth bundle")
+    return DepthNetwork(read_bundle(folder), Execution(threads, provider))
 
 
 def load_pose(name_or_path: str, threads: int = 2) -> PoseNetwork:

@@ -14,7 +14,13 @@ from dfvs_core.depth.network import NetworkDepth
 from dfvs_core.errors import ImageError, ModelError
 from dfvs_core.manifest import PictureInput
 from dfvs_models.bundle import Bundle
-from dfvs_models.onnx_session import Execution, OnnxGraph
+from dfvs_models.onnx_session import (
+    Execution,
+    OnnxGraph,
+    check_output,
+    require_outputs,
+    trial_image,
+)
 from dfvs_models.pair import picture_tensor
 
 _ROLE = "mono"
@@ -136,27 +142,15 @@ class DepthNetwork:
         found = [(spec.name, spec.element, spec.shape) for spec in self._graph.inputs]
         if found != wanted:
             raise ModelError(f"{said.file!r} has the inputs {found}", f"{wanted}")
-        if missing := sorted(set(said.outputs) - set(self._graph.output_names)):
-            raise ModelError(f"{said.file!r} lacks the outputs {missing}")
+        require_outputs(self._graph, said)
 
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
         width, height = self._input.width, self._input.height
-        ramp = np.add.outer(np.arange(height), np.arange(width)) % 256
-        image = np.repeat(ramp[..., None], 3, axis=2).astype(np.uint8)
+        image = np.repeat(trial_image(width, height)[..., None], 3, axis=2)
         camera = CameraModel.from_horizontal_fov(width, height, _TRIAL_FOV_RAD)
         expected = (1, height // self._meaning.stride, width // self._meaning.stride)
         fitted = fit_image(image, camera, self._input)
         outputs = self.run(picture_tensor(fitted.image, self._input), fitted.focal)
         for name, raw in zip(self._roles.outputs, outputs, strict=True):
-            if raw.shape != expected or raw.dtype != np.float32:
-                raise ModelError(
-                    f"output {name!r} of {self._roles.file!r} is {raw.dtype} of {raw.shape}",
-                    f"float32 of {expected}",
-                )
-            if not np.isfinite(raw).all():
-                raise ModelError(
-                    f"output {name!r} of {self._roles.file!r} has values that are not finite",
-                    "finite depth",
-                    "its weights are damaged",
-                )
+            check_output(f"output {name!r} of {self._roles.file!r}", raw, expected, "finite depth")

@@ -15,7 +15,7 @@ from dfvs_core.errors import ModelError
 from dfvs_core.manifest import PictureInput
 from dfvs_core.matching.points import PointMatches, Unwanted
 from dfvs_models.bundle import Bundle
-from dfvs_models.onnx_session import Execution, OnnxGraph
+from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 
 _ENCODE, _MATCH = "encode", "match"
 COUNT_AXIS = 1
@@ -201,8 +201,7 @@ class EncodeMatchPoints:
     def _try_out(self) -> None:
         """Run both once: shapes that lie and weights that are not finite show up."""
         height, width = self._input.height, self._input.width
-        ramp = (np.add.outer(np.arange(height), np.arange(width)) % 256).astype(np.uint8)
-        found = self.keypoints(ramp, 0.0, 1.0)
+        found = self.keypoints(trial_image(width, height), 0.0, 1.0)
         expected = [spec.shape for spec in self._match.inputs]
         feeds = self._manifest.match_feeds(found.tensors, found.tensors)
         given = [tensor.shape for tensor in feeds.values()]

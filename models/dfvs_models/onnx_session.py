@@ -9,8 +9,9 @@ import numpy as np
 import onnxruntime
 from onnxruntime.capi import onnxruntime_pybind11_state as runtime_errors
 
-from dfvs_core.arrays import Float32Array
+from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.errors import ModelError
+from dfvs_core.manifest import Graph
 
 _FATAL_ONLY = 4
 _REMOTE = "AzureExecutionProvider"
@@ -120,6 +121,39 @@ class OnnxGraph:
                 f"ONNX Runtime cannot run {self._name!r}: {_one_line(error)}"
             ) from error
         return [np.asarray(result) for result in results]
+
+
+def trial_image(width: int, height: int) -> ImageArray:
+    """Grey ramp (height, width) that a network is tried out on."""
+    return (np.add.outer(np.arange(height), np.arange(width)) % 256).astype(np.uint8)
+
+
+def require_outputs(graph: OnnxGraph, said: Graph) -> None:
+    """Refuse a graph that lacks an output that its manifest names.
+
+    Raises
+    ------
+    ModelError
+        Naming the outputs.
+    """
+    if missing := sorted(set(said.outputs) - set(graph.output_names)):
+        raise ModelError(f"{said.file!r} lacks the outputs {missing}")
+
+
+def check_output(where: str, values: Float32Array, shape: tuple[int, ...], expected: str) -> None:
+    """Refuse values of another type or shape, or that are not finite, as is ``expected``.
+
+    Raises
+    ------
+    ModelError
+        Saying ``where`` they come from.
+    """
+    if values.shape != shape or values.dtype != np.float32:
+        raise ModelError(f"{where} is {values.dtype} of {values.shape}", f"float32 of {shape}")
+    if not np.isfinite(values).all():
+        raise ModelError(
+            f"{where} has values that are not finite", expected, "its weights are damaged"
+        )
 
 
 def _spec(name: str, tensor: onnxruntime.NodeArg, free_axis: int | None) -> TensorSpec:

@@ -23,7 +23,7 @@ from dfvs_core.matching.points import PointMatches, Unwanted
 from dfvs_core.matching.smooth_flow import confident_matches
 from dfvs_core.matching.warping import lands_inside, pixel_grid, sample
 from dfvs_models.bundle import Bundle
-from dfvs_models.onnx_session import Execution, OnnxGraph
+from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 
 _ROLE = "pair"
 
@@ -113,8 +113,8 @@ class PairMatcher:
                 f"one named {self._output!r}",
             )
         size = (self._input.height, self._input.width)
-        ramp = np.add.outer(np.arange(size[0]), np.arange(size[1])) % 256
-        picture = PairPicture(np.repeat(ramp[..., None], 3, axis=2).astype(np.uint8), self._input)
+        image = np.repeat(trial_image(size[1], size[0])[..., None], 3, axis=2)
+        picture = PairPicture(image, self._input)
         (raw,) = self._graph.run(
             pair_tensors(picture.tensor, picture.tensor, self._input), [self._output]
         )

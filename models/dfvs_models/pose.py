@@ -12,7 +12,13 @@ from dfvs_core.errors import ModelError
 from dfvs_core.poses import make_pose, rotation_from_quaternion, so3_exp
 from dfvs_models.bundle import Bundle
 from dfvs_models.depth import FittedImage, fit_image
-from dfvs_models.onnx_session import Execution, OnnxGraph
+from dfvs_models.onnx_session import (
+    Execution,
+    OnnxGraph,
+    check_output,
+    require_outputs,
+    trial_image,
+)
 from dfvs_models.pair import check_inputs, pair_tensors, picture_tensor
 
 _ROLE = "pose"
@@ -89,23 +95,14 @@ class PoseNetwork:
 
     def _check(self, name: str, values: Float32Array, shape: tuple[int, ...]) -> None:
         where = f"output {name!r} of {self._said.file!r}"
-        if values.shape != shape or values.dtype != np.float32:
-            raise ModelError(f"{where} is {values.dtype} of {values.shape}", f"float32 of {shape}")
-        if not np.isfinite(values).all():
-            raise ModelError(
-                f"{where} has values that are not finite",
-                "a finite pose",
-                "its weights are damaged",
-            )
+        check_output(where, values, shape, "a finite pose")
         if shape == (1, 4) and not values.any():
             raise ModelError(f"{where} is a quaternion of zeros", "a rotation")
 
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
-        if missing := sorted(set(self._said.outputs) - set(self._graph.output_names)):
-            raise ModelError(f"{self._said.file!r} lacks the outputs {missing}")
+        require_outputs(self._graph, self._said)
         width, height = self._input.width, self._input.height
-        ramp = np.add.outer(np.arange(height), np.arange(width)) % 256
-        image = np.repeat(ramp[..., None], 3, axis=2).astype(np.uint8)
+        image = np.repeat(trial_image(width, height)[..., None], 3, axis=2)
         camera = CameraModel.from_horizontal_fov(width, height, _TRIAL_FOV_RAD)
         self.relative_pose(*(self.fit(image, camera) for _ in range(2)))

@@ -41,7 +41,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     key = load_key(Path(key_file)) if key_file else None
     prefer_this_process()
     shutil.rmtree(runtime.gate_scratch, ignore_errors=True)
-    runtime.gate_scratch.mkdir()
+    runtime.gate_scratch.mkdir(exist_ok=True)
     os.environ["TMPDIR"] = str(runtime.gate_scratch)  # MAVSDK leaves folders behind
     gate = GateProcess(config, runtime, key, sys.stdin.fileno())
     signal.signal(signal.SIGTERM, gate.stop)

@@ -9,7 +9,7 @@ from collections.abc import Callable, Sequence
 import numpy as np
 
 from dfvs_core.arrays import FloatArray, ImageArray
-from dfvs_models.catalog import load_depth, load_matcher
+from dfvs_models.catalog import load_depth_network, load_matcher
 from dfvs_sim.bench.depth_figure import FIRST_STEP, DepthViews, depth_figure, depth_views
 from dfvs_sim.bench.figures import controller_figure
 from dfvs_sim.bench.methods import METHODS
@@ -59,7 +59,7 @@ def table1_section(
         If a scene, the depth bundle, or the matcher of the records cannot be used.
     """
     matcher = load_matcher(records[0].matcher, threads=1)
-    network = None if depth_bundle is None else load_depth("fused", depth_bundle, threads=1)
+    network = None if depth_bundle is None else load_depth_network(depth_bundle, threads=1)
     methods = [name for name in METHODS if any(r.method == name for r in records)]
     by_key = {(r.task, r.method): r for r in records if not r.perturbation}
     tasks = [task for task in tasks if any(r.task == task.name for r in records)]

@@ -9,7 +9,7 @@ from typing import Any
 
 from dfvs_core.errors import ConfigError
 from dfvs_models import DEFAULT_DEPTH
-from dfvs_models.catalog import load_depth
+from dfvs_models.catalog import load_depth_network
 from dfvs_models.depth_evaluation import measure_depth
 from dfvs_sim.options import require_folder, write_json
 
@@ -56,8 +56,7 @@ def run(args: argparse.Namespace) -> int:
     require_folder("--json", args.json)
     reports = []
     for name in dict.fromkeys(args.depth_bundle):
-        network = load_depth("fused", name, args.threads)
-        assert network is not None
+        network = load_depth_network(name, args.threads)
         files = {p.name: asdict(measure_depth(network, p)) for p in dict.fromkeys(args.pairs)}
         reports.append({"bundle": name, "unit": network.unit, "files": files})
         _print(reports[-1])

@@ -8,7 +8,7 @@ from typing import Any
 
 from dfvs_core.errors import ConfigError
 from dfvs_models import DEFAULT_DEPTH
-from dfvs_models.catalog import bundle_folder, load_depth
+from dfvs_models.catalog import bundle_folder, load_depth_network
 from dfvs_sim.bench.basin.outcomes import BASIN_FILE, read_outcomes
 from dfvs_sim.bench.drone.records import read_records as read_flights
 from dfvs_sim.bench.report import Contents, report_page
@@ -86,7 +86,7 @@ def _contents(args: argparse.Namespace) -> Contents:
 def _depth_bundle(args: argparse.Namespace) -> str | None:
     """The depth bundle that is named, checked, or the default one where there is one."""
     if args.depth_bundle is not None:
-        load_depth("fused", args.depth_bundle, threads=1)  # refuses at once what cannot be used
+        load_depth_network(args.depth_bundle, threads=1)  # refuses at once what cannot be used
         return str(args.depth_bundle)
     return DEFAULT_DEPTH if bundle_folder(DEFAULT_DEPTH).is_dir() else None
 

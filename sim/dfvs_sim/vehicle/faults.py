@@ -2,8 +2,8 @@
 
 ``SYS_FAILURE_EN`` must be 1. Three of PX4's units are known here. OFF empties the battery. GPS OFF
 ends the position estimate, and WRONG shifts it by 2 m to the north. OFF of the MAVLink signal
-silences a link in both directions (instance 1 companion, 2 ground station, 0 both). OK mends each,
-but takes back no shift.
+silences a link in both directions (instance 1 companion, 2 ground station, 0 both). OK repairs
+each, but takes back no shift.
 """
 
 from __future__ import annotations
