@@ -198,7 +198,7 @@ def test_trials_become_plots_and_a_page(folder):
     assert "Flights" not in text
     assert text.count("data:image/jpeg") == 3 * (2 + 2)
     assert text.count("data:image/svg") == 1 + 3  # depth, and a controller for every task
-    assert "by a network is left out" not in text
+    assert "that by the network <code>dfvs-depth</code>" in text
 
 
 def test_a_task_file_keeps_its_poses(folder):
