@@ -11,19 +11,19 @@ from typing import TYPE_CHECKING
 if TYPE_CHECKING:
     from dfvs.matching import ImageMatch, match_images
     from dfvs.servoing import Servo
-    from dfvs_core.camera import CameraModel
-    from dfvs_core.correspondence import FlowField
     from dfvs_core.errors import DfvsError
-    from dfvs_core.goal import Goal, GoalSidecar, Mount
+    from dfvs_core.geometry.camera import CameraModel
+    from dfvs_core.matching.correspondence import FlowField
     from dfvs_core.matching.matcher import Matcher
     from dfvs_core.matching.relative_pose import RelativePose
+    from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
+    from dfvs_core.perception.vehicle_history import Motion
     from dfvs_core.servo.config import ServoConfig
     from dfvs_core.servo.exchange import ServoResult, Status
-    from dfvs_core.vehicle_history import Motion
     from dfvs_models.catalog import load_matcher
-    from dfvs_service.goal_file import load_goal, read_image
     from dfvs_service.report.flight import Flight, FlightSource, FlightView
     from dfvs_service.report.source import open_flight
+    from dfvs_service.settings.goal_file import load_goal, read_image
 
 __all__ = [
     "CameraModel",
@@ -53,17 +53,17 @@ __all__ = [
 _MODULES = {
     "dfvs.matching": ("ImageMatch", "match_images"),
     "dfvs.servoing": ("Servo",),
-    "dfvs_core.camera": ("CameraModel",),
-    "dfvs_core.correspondence": ("FlowField",),
+    "dfvs_core.geometry.camera": ("CameraModel",),
+    "dfvs_core.matching.correspondence": ("FlowField",),
     "dfvs_core.errors": ("DfvsError",),
-    "dfvs_core.goal": ("Goal", "GoalSidecar", "Mount"),
+    "dfvs_core.messages.goal": ("Goal", "GoalSidecar", "Mount"),
     "dfvs_core.matching.matcher": ("Matcher",),
     "dfvs_core.matching.relative_pose": ("RelativePose",),
     "dfvs_core.servo.config": ("ServoConfig",),
     "dfvs_core.servo.exchange": ("ServoResult", "Status"),
-    "dfvs_core.vehicle_history": ("Motion",),
+    "dfvs_core.perception.vehicle_history": ("Motion",),
     "dfvs_models.catalog": ("load_matcher",),
-    "dfvs_service.goal_file": ("load_goal", "read_image"),
+    "dfvs_service.settings.goal_file": ("load_goal", "read_image"),
     "dfvs_service.report.flight": ("Flight", "FlightSource", "FlightView"),
     "dfvs_service.report.source": ("open_flight",),
 }

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray, ImageArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import FlowField
+from dfvs_core.geometry.arrays import FloatArray, ImageArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.matching.relative_pose import RelativePose, relative_pose
 from dfvs_core.matching.warping import flow_at_size, pixel_grid

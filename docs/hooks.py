@@ -49,8 +49,8 @@ cannot run (one line says why, what was expected, and how to repair it).
 _FAULTS = """\
 # Faults
 
-Every fault that `dfvs-sim faults` causes, the states in which it is caused, what detects it, and
-what must follow. The limit is the longest time allowed from the fault to the reaction. For faults
+Every fault that `dfvs-robustness faults` causes, the states in which it is caused, what detects it,
+and what must follow. The limit is the longest time allowed from fault to reaction. For faults
 of the camera, the network and perception it counts from the capture of the last good frame. The
 measured times are in [the fault matrix](../experiments/faults.md). [The
 gate](../explanation/gate.md) explains the reactions.
@@ -81,8 +81,8 @@ def on_post_page(output: str, page: Page, config: MkDocsConfig) -> str:
 
 def settings() -> str:
     """Page of all settings: a table for every section."""
-    from dfvs_service.config import ServiceConfig
-    from dfvs_service.config_text import markdown_table
+    from dfvs_service.settings.config import ServiceConfig
+    from dfvs_service.settings.config_text import markdown_table
 
     hints = typing.get_type_hints(ServiceConfig)
     lines = [_SETTINGS]
@@ -147,7 +147,7 @@ def _help(main: Main, words: tuple[str, ...]) -> str:
 
 def faults() -> str:
     """Page of all faults: what detects each, and the reaction with its limit."""
-    from dfvs_sim.faults.matrix import all_faults
+    from dfvs_robustness.faults.matrix import all_faults
 
     lines = [_FAULTS, "| fault | in state | seen by | reaction | limit |", "|---|---|---|---|---|"]
     for fault in all_faults().values():

@@ -11,11 +11,11 @@ import cv2
 import numpy as np
 
 import dfvs
-from dfvs_core.poses import pose_error, se3_exp
+from dfvs_core.geometry.poses import pose_error, se3_exp
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.scene.poses import sample_task
+from dfvs_sim.viewpoints.sampling import sample_task
 
 PERIOD_S = 0.1
 MOST_FRAMES = 200

@@ -5,7 +5,7 @@ import functools
 import cv2
 import numpy as np
 
-from dfvs_core.poses import make_pose, rotation_from_euler
+from dfvs_core.geometry.poses import make_pose, rotation_from_euler
 
 SQUARE_PX = 48
 MARGIN_PX = 48

@@ -7,18 +7,18 @@ import cv2
 import numpy as np
 from box_room import BoxRoom
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import FlowField
-from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose, rotation_from_euler
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Prepared
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
+from dfvs_core.messages.link import VehicleState
 from dfvs_core.perception.frame_result import FrameResult
 from dfvs_core.perception.pipeline import Pipeline
-from dfvs_core.poses import make_pose, rotation_from_euler
+from dfvs_core.perception.vehicle_history import VehicleHistory
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.vehicle_history import VehicleHistory
-from dfvs_core.wire.frame import Frame
-from dfvs_core.wire.link import VehicleState
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 ROOM = BoxRoom(CAMERA)

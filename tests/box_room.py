@@ -4,9 +4,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import DepthMap, FlowField
-from dfvs_core.poses import invert_pose
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose
+from dfvs_core.matching.correspondence import DepthMap, FlowField
 
 HALF_SIZE_M = np.array([4.0, 3.0, 1.5])
 """The box reaches so far to the north, east and down of its centre, and as far back."""

@@ -3,9 +3,9 @@
 import numpy as np
 from box_room import BoxRoom
 
-from dfvs_core.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_from_euler
 from dfvs_core.matching.matcher import Prepared
-from dfvs_core.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_from_euler
 
 CAMERA = CameraModel.from_horizontal_fov(96, 72, 1.4)
 ROOM = BoxRoom(CAMERA)

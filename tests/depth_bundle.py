@@ -11,7 +11,14 @@ import onnx
 from lucas_kanade_network import NetworkBuilder
 from onnx import TensorProto, helper
 
-from dfvs_core.manifest import BUNDLE_FORMAT, DepthOutput, Graph, Manifest, PictureInput, sha256
+from dfvs_core.messages.manifest import (
+    BUNDLE_FORMAT,
+    DepthOutput,
+    Graph,
+    Manifest,
+    PictureInput,
+    sha256,
+)
 from dfvs_models.bundle import Bundle
 
 STRIDE = 2

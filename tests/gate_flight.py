@@ -18,7 +18,7 @@ from typing import Any
 
 from vehicle_process import free_port
 
-from dfvs_service.config import load_config
+from dfvs_service.settings.config import load_config
 
 HERE = Path(__file__).parent / "components" / "gate"
 

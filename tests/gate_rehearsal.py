@@ -28,7 +28,7 @@ from dfvs_core.gate.events import (
 from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import GateState, Transition
-from dfvs_core.wire.link import PerceptionReport
+from dfvs_core.messages.link import PerceptionReport
 
 TICK_NS = 20 * MS
 START_NS = 1_000 * S

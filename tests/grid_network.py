@@ -11,7 +11,7 @@ import onnx
 from lucas_kanade_network import NetworkBuilder
 from onnx import TensorProto, helper
 
-from dfvs_core.manifest import Graph, Manifest, PictureInput, sha256
+from dfvs_core.messages.manifest import Graph, Manifest, PictureInput, sha256
 
 WIDTH, HEIGHT, CELL = 96, 64, 16
 COUNT = WIDTH * HEIGHT // CELL**2

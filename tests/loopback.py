@@ -8,7 +8,7 @@ from contextlib import contextmanager
 
 import zenoh
 
-from dfvs_core.wire.zenoh_settings import zenoh_settings
+from dfvs_core.messages.zenoh_settings import zenoh_settings
 
 
 def free_tcp_port() -> int:

@@ -10,7 +10,7 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from dfvs_core.manifest import FlowOutput, Graph, Manifest, PictureInput, sha256
+from dfvs_core.messages.manifest import FlowOutput, Graph, Manifest, PictureInput, sha256
 
 WIDTH, HEIGHT = 160, 120
 _WINDOW = 15

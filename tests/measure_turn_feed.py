@@ -21,10 +21,10 @@ import psutil
 import zenoh
 from recorded_flight import fly
 
-from dfvs_core.topics import Topics
-from dfvs_core.wire.picture import encode_jpeg
-from dfvs_core.wire.zenoh_settings import zenoh_settings
-from dfvs_service.perception.turn_feed import TurnFeed
+from dfvs_core.messages.image import encode_jpeg
+from dfvs_core.messages.topics import Topics
+from dfvs_core.messages.zenoh_settings import zenoh_settings
+from dfvs_service.perception.record_publisher import TurnFeed
 
 TURNS, PERIOD_S = 500, 0.02
 

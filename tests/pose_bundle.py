@@ -9,7 +9,14 @@ import onnx
 from lucas_kanade_network import NetworkBuilder
 from onnx import TensorProto, helper
 
-from dfvs_core.manifest import BUNDLE_FORMAT, Graph, Manifest, PictureInput, PoseOutput, sha256
+from dfvs_core.messages.manifest import (
+    BUNDLE_FORMAT,
+    Graph,
+    Manifest,
+    PictureInput,
+    PoseOutput,
+    sha256,
+)
 from dfvs_models.bundle import Bundle
 
 SIZE = (32, 24)

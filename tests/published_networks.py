@@ -17,14 +17,14 @@ from pathlib import Path
 
 import numpy as np
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.goal import Goal, GoalSidecar
-from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.wire.link import GateStatus, PerceptionReport, VehicleState
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_core.messages.link import GateStatus, PerceptionReport, VehicleState
 from dfvs_models.catalog import load_matcher
-from dfvs_service.config import load_config
 from dfvs_service.perception.assembly import Clocks, build_eye
-from dfvs_service.perception.eye import Eye, RawSample
+from dfvs_service.perception.frame_processor import Eye, RawSample
+from dfvs_service.settings.config import load_config
 
 NETWORKS = (
     "rapidflow_it3",

@@ -5,13 +5,12 @@ from dataclasses import dataclass, replace
 import numpy as np
 from textured_wall import Wall, texture, turned
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.goal import Goal, GoalSidecar
-from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.wire.link import GateStatus, VehicleState
-from dfvs_core.wire.picture import encode_png
-from dfvs_core.wire.turn import Opening, Turn
-from dfvs_service.config import load_config
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_core.messages.image import encode_png
+from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_service.perception.assembly import (
     Clocks,
     build_eye,
@@ -19,11 +18,12 @@ from dfvs_service.perception.assembly import (
     flow_matcher,
     servo_task,
 )
-from dfvs_service.perception.eye import RawSample
+from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.perception.messages import servo_document
-from dfvs_service.perception.opening import make_opening
-from dfvs_service.perception.turn_book import TurnBook
+from dfvs_service.perception.recorder import TurnBook
+from dfvs_service.perception.session_header import make_opening
 from dfvs_service.record.recorder import Recorder, RecordLimits
+from dfvs_service.settings.config import load_config
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
 CLOCK = b"c" * 16

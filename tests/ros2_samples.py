@@ -2,7 +2,7 @@
 
 import numpy as np
 
-from dfvs_core.wire.ros2 import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
+from dfvs_core.messages.ros2 import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE
 from dfvs_service.ros2.messages import encode, typestore
 
 STAMP_NS = 1_700_000_000_123_456_789

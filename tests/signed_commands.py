@@ -4,8 +4,8 @@ from __future__ import annotations
 
 import secrets
 
+from dfvs_core.gate.command import Command, encode_command
 from dfvs_core.gate.events import Action
-from dfvs_core.wire.command import Command, encode_command
 
 
 def signed(key: bytes, vehicle: str, action: Action, challenge: str, argument: str = "") -> bytes:

@@ -15,20 +15,20 @@ from pathlib import Path
 import numpy as np
 from textured_wall import Wall, exact_flow, texture, turned
 
-from dfvs_core.correspondence import FlowField
 from dfvs_core.gate.authority import Authority
+from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.messages.goal_command import GoalOrder, goal_digest
+from dfvs_core.messages.link import GateStatus, VehicleState
+from dfvs_core.messages.schema import dump
+from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.frame_result import FrameResult
 from dfvs_core.perception.goal_tracker import TrackingState
-from dfvs_core.schema import dump
 from dfvs_core.servo.exchange import ServoResult, Status, Uncertainty
-from dfvs_core.topics import Topics
-from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
-from dfvs_core.wire.goal_order import GoalOrder, goal_digest
-from dfvs_core.wire.link import GateStatus, VehicleState
-from dfvs_service.config import load_config
-from dfvs_service.key_file import load_key
+from dfvs_service.perception.images import Pictures
 from dfvs_service.perception.messages import servo_document, timing_document
-from dfvs_service.perception.pictures import Pictures
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.key_file import load_key
 from dfvs_service.telemetry import Telemetry
 from dfvs_service.zenoh_session import open_session
 

@@ -11,10 +11,10 @@ from typing import Literal, Protocol
 
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
-from dfvs_core.camera import CameraModel
 from dfvs_core.depth.source import UNKNOWN_VARIANCE, DepthState
 from dfvs_core.errors import ImageError
+from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.camera import CameraModel
 
 DepthUnit = Literal["m", "1/m", "relative", "affine"]
 """Of a network's output: metric depth or inverse depth; either up to a factor; or inverse depth up

@@ -7,7 +7,7 @@ from dataclasses import dataclass
 
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.states import Transition
-from dfvs_core.wire.link import PerceptionReport
+from dfvs_core.messages.link import PerceptionReport
 
 
 class VehicleMode(enum.StrEnum):

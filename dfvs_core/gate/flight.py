@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.engagement import Engagement, cap
 from dfvs_core.gate.initial_response import Response
-from dfvs_core.gate.sight import Sight
+from dfvs_core.gate.perception_monitor import Sight
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import (
     Fault,

@@ -28,7 +28,7 @@ from dataclasses import dataclass, field
 from dfvs_core.gate.config import GateTiming, S
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.vehicle import OwnMotion
-from dfvs_core.wire.link import MOUNTING_SCORE, PerceptionReport
+from dfvs_core.messages.link import MOUNTING_SCORE, PerceptionReport
 
 MIN_PATH_M = 0.03
 MIN_TURN_RAD = 0.05

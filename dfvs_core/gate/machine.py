@@ -39,8 +39,8 @@ from dfvs_core.gate.events import (
 from dfvs_core.gate.flight import Moment, decide, holds_visually
 from dfvs_core.gate.initial_response import InitialResponse
 from dfvs_core.gate.limits import BodyVelocity
+from dfvs_core.gate.perception_monitor import Sight
 from dfvs_core.gate.preflight import Check, failures, preflight, sole_commander
-from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import ENDED, ENGAGED, FLYING, Cause, GateState, Transition
 from dfvs_core.gate.stream import SetpointStream
 from dfvs_core.gate.vehicle import Fault, VehiclePicture

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dfvs_core.gate.config import MS, GateConfig, S
-from dfvs_core.gate.sight import Sight
+from dfvs_core.gate.perception_monitor import Sight
 from dfvs_core.gate.vehicle import (
     NEVER,
     Fault,
@@ -15,7 +15,7 @@ from dfvs_core.gate.vehicle import (
     link_fault,
     watch_fault,
 )
-from dfvs_core.wire.link import MOUNTING_SCORE
+from dfvs_core.messages.link import MOUNTING_SCORE
 
 
 @dataclass(frozen=True, slots=True)

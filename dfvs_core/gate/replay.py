@@ -19,7 +19,7 @@ from dfvs_core.gate.config import GateConfig
 from dfvs_core.gate.events import Event, GateOutput
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import Transition
-from dfvs_core.schema import dump, parse, rebuild
+from dfvs_core.messages.schema import dump, parse, rebuild
 
 JOURNAL_FORMAT = "dfvs-gate-journal/1"
 

@@ -19,7 +19,7 @@ from dfvs_core.gate.events import (
     VehicleEvent,
     VehicleMode,
 )
-from dfvs_core.gate.rivals import Rivals
+from dfvs_core.gate.other_commanders import Rivals
 from dfvs_core.gate.states import Cause
 
 Fault = tuple[Cause, str]

@@ -14,7 +14,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.arrays import Float32Array, ImageArray
+from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.points import PointMatches, Unwanted
 from dfvs_core.matching.staged import StagedMatcher

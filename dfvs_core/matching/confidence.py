@@ -6,9 +6,9 @@ from collections.abc import Sequence
 
 import numpy as np
 
-from dfvs_core.arrays import BoolArray
-from dfvs_core.correspondence import FlowField
+from dfvs_core.geometry.arrays import BoolArray
 from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.points import PointMatches
 
 CONFIDENT = 0.5

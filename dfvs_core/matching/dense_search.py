@@ -14,9 +14,9 @@ from typing import cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
-from dfvs_core.correspondence import FlowField
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.matching.config import PATCH_PX, MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.warping import backward_warp, compose, lands_inside, pixel_grid, sample
 
 _ROUNDING_GREY2 = 1.0 / 12.0

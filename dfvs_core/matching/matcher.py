@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 
-from dfvs_core.arrays import ImageArray, check_image
-from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
+from dfvs_core.geometry.arrays import ImageArray, check_image
+from dfvs_core.matching.correspondence import FlowField
 
 LEAST_SIZE_PX = 32
 """Width and height of the smallest images that can be matched."""

@@ -8,7 +8,7 @@ from typing import Protocol, TypeVar
 
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array, ImageArray, IntArray
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray, IntArray
 
 Features = TypeVar("Features")
 

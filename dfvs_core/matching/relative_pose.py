@@ -10,10 +10,10 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import FlowField
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.smooth_flow import confident_matches
 
 _CERTAINTY = 0.999

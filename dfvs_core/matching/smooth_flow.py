@@ -13,10 +13,10 @@ from typing import cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, FloatArray
-from dfvs_core.correspondence import FlowField
+from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.matching.confidence import CONFIDENT
 from dfvs_core.matching.config import PATCH_PX, MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.warping import pixel_grid, sample
 

@@ -9,10 +9,10 @@ from typing import Generic, cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
-from dfvs_core.correspondence import FlowField
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.matching.confidence import empty_flow, exclude, is_excluded
 from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Prepared, check_pair, working_size
 from dfvs_core.matching.points import Features, PointMatcher, PointMatches
 from dfvs_core.matching.relocalise import relocalise

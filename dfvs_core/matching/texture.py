@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, ImageArray
+from dfvs_core.geometry.arrays import BoolArray, ImageArray
 from dfvs_core.matching.config import PATCH_PX, MatchingConfig
 
 

@@ -10,10 +10,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
-from dfvs_core.correspondence import FlowField
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.matching.confidence import CONFIDENT
 from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.texture import has_texture
 from dfvs_core.matching.warping import lands_inside

@@ -13,9 +13,9 @@ from typing import TypeVar, cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
-from dfvs_core.correspondence import FlowField
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.matching.config import PATCH_PX
+from dfvs_core.matching.correspondence import FlowField
 
 Values = TypeVar("Values", ImageArray, Float32Array)
 

@@ -5,11 +5,11 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.perception.goal_tracker import TrackingState
 from dfvs_core.servo.exchange import ServoResult, Status
-from dfvs_core.wire.frame import Frame
-from dfvs_core.wire.link import PerceptionReport
 
 STAGES = ("prepare", "match", "servo")
 

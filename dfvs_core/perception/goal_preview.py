@@ -9,12 +9,12 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache
 
-from dfvs_core.arrays import FloatArray, ImageArray
-from dfvs_core.correspondence import FlowField
 from dfvs_core.depth.network import DepthEstimator, GoalDepth, goal_depth
-from dfvs_core.goal import Goal
+from dfvs_core.geometry.arrays import FloatArray, ImageArray
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.matching.warping import resized
+from dfvs_core.messages.goal import Goal
 from dfvs_core.perception.goal_tracker import Observation
 from dfvs_core.perception.keyframes import Keyframe
 from dfvs_core.servo.config import ServoConfig

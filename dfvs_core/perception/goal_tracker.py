@@ -12,13 +12,13 @@ from __future__ import annotations
 from dataclasses import dataclass, replace
 from enum import StrEnum
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.prediction import predict_flow
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.matching.confidence import confident_ratio, empty_flow
+from dfvs_core.matching.correspondence import DepthMap, FlowField
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.perception.rejected_goals import RejectedGoals
-from dfvs_core.poses import invert_pose
 from dfvs_core.servo.task import ServoTask
 
 COAST_NS = 60_000_000

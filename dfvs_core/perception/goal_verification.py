@@ -12,11 +12,11 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
-from dfvs_core.colours import is_swapped
-from dfvs_core.correspondence import FlowField
+from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.confidence import CONFIDENT
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.texture import has_texture
+from dfvs_core.perception.channel_order import is_swapped
 from dfvs_core.servo.exchange import ServoResult, Status
 
 NEAR_RAD = 0.05

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.matching.matcher import Prepared
 from dfvs_core.servo.exchange import ServoInputs, ServoState
 

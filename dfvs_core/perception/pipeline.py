@@ -13,14 +13,16 @@ from functools import partial
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.errors import ConfigError
-from dfvs_core.goal import Goal
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import invert_pose, so3_log
+from dfvs_core.matching.correspondence import DepthMap, FlowField
 from dfvs_core.matching.matcher import Matcher, Prepared
 from dfvs_core.matching.warping import resized
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.goal import Goal
 from dfvs_core.perception.frame_result import STAGES, FrameResult
 from dfvs_core.perception.goal_preview import (
     GoalView,
@@ -32,7 +34,7 @@ from dfvs_core.perception.goal_preview import (
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation
 from dfvs_core.perception.goal_verification import GoalVerifier
 from dfvs_core.perception.keyframes import Keyframe, Keyframes
-from dfvs_core.poses import invert_pose, so3_log
+from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import BY_NETWORK
 from dfvs_core.servo.exchange import (
     Attitude,
@@ -46,8 +48,6 @@ from dfvs_core.servo.points import without_cells
 from dfvs_core.servo.step import servo_step
 from dfvs_core.servo.structure import observe_depth
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.vehicle_history import Motion
-from dfvs_core.wire.frame import Frame
 
 DEPTH_PERIOD_NS = 200_000_000
 """Depth changes slowly: it is measured five times a second at most."""

@@ -8,8 +8,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass, field
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.poses import pose_error
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import pose_error
 
 _SAME_M, _SAME_RAD = 0.3, 0.2
 """Distance within which two false goals count as one."""

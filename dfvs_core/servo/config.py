@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Literal
 
-from dfvs_core.schema import setting
+from dfvs_core.messages.schema import setting
 
 Law = Literal["hybrid", "pose", "mean", "current"]
 DepthChoice = Literal["motion", "network", "fused", "flow", "constant", "given"]

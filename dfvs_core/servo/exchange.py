@@ -5,9 +5,9 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 
-from dfvs_core.arrays import BoolArray, FloatArray
-from dfvs_core.correspondence import DepthMap, FlowField
 from dfvs_core.depth.source import DepthState
+from dfvs_core.geometry.arrays import BoolArray, FloatArray
+from dfvs_core.matching.correspondence import DepthMap, FlowField
 from dfvs_core.servo.goal_filter import GoalEstimate
 from dfvs_core.servo.motion_monitor import MotionMonitor
 from dfvs_core.servo.points import GridSamples

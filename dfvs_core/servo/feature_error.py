@@ -13,9 +13,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray, IntArray
+from dfvs_core.geometry.arrays import FloatArray, IntArray
+from dfvs_core.geometry.robust_weights import weighted_median, weighted_slope
 from dfvs_core.servo.points import ServoPoints
-from dfvs_core.servo.weights import weighted_median, weighted_slope
 
 _RENEWED_BELOW, _LEAST_COMMON = 0.5, 0.2
 """Shares of the reference's features, by weight, that are in view: below the one this frame

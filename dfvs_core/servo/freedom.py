@@ -12,8 +12,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, FloatArray
-from dfvs_core.poses import rotation_from_euler, se3_exp, se3_log
+from dfvs_core.geometry.arrays import BoolArray, FloatArray
+from dfvs_core.geometry.poses import rotation_from_euler, se3_exp, se3_log
 
 MIN_RAY_FORWARD = 0.15
 """Rays that leave the virtual camera more than 81 degrees off its axis are not used."""

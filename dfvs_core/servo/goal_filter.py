@@ -22,7 +22,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.geometry.arrays import FloatArray
 
 _MOST_STRETCH = 2.0
 """Logarithm of a change of the distance that is none: near the goal it has no size."""

@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, FloatArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.servo.interaction import interaction_matrix
+from dfvs_core.geometry.arrays import BoolArray, FloatArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.interaction import interaction_matrix
+from dfvs_core.geometry.robust_weights import NoiseScale, tukey_weights
 from dfvs_core.servo.points import GridSamples
-from dfvs_core.servo.weights import NoiseScale, tukey_weights
 
 _LEAST_POINTS = 50
 _ROUNDS = 3

@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.interaction import interaction_matrix
 from dfvs_core.servo.freedom import MotionBasis
-from dfvs_core.servo.interaction import interaction_matrix
 from dfvs_core.servo.points import ServoPoints
 
 

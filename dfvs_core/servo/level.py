@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.poses import invert_pose, make_pose
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.interaction import interaction_matrix
+from dfvs_core.geometry.poses import invert_pose, make_pose
 from dfvs_core.servo.exchange import Attitude
 from dfvs_core.servo.freedom import rotate_rays, virtual_rotation
-from dfvs_core.servo.interaction import interaction_matrix
 from dfvs_core.servo.law import NormalEquations, normal_equations
 from dfvs_core.servo.points import ServoPoints
 from dfvs_core.servo.pose import GoalPose, Reprojection

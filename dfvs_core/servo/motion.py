@@ -6,12 +6,12 @@ from collections.abc import Iterator
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.robust_weights import NoiseScale, weighted_median
 from dfvs_core.servo.law import NormalEquations, servo_motion
 from dfvs_core.servo.points import ServoPoints
 from dfvs_core.servo.pose import GoalPose, estimate_goal_pose
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.weights import NoiseScale, weighted_median
 
 FAR_ANGLE_RAD = 0.15
 """Angle to the goal from which on the hybrid law goes by pose alone."""

@@ -9,8 +9,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.correspondence import DepthMap
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.robust_weights import weighted_median
+from dfvs_core.matching.correspondence import DepthMap
 from dfvs_core.servo.feature_error import Reference, feature_error
 from dfvs_core.servo.goal_filter import GoalEstimate
 from dfvs_core.servo.image_turn import image_turn, point_tracks
@@ -30,7 +31,6 @@ from dfvs_core.servo.stop import (
     window_error,
 )
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.weights import weighted_median
 
 _APPROACH_M_S = 0.02
 """Speed towards the goal, m/s or rad/s, below which no progress is expected."""

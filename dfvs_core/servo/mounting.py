@@ -18,9 +18,9 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.messages.link import MOUNTING_SCORE
 from dfvs_core.servo.image_turn import ImageTurn
-from dfvs_core.wire.link import MOUNTING_SCORE
 
 _MEMORY_S = 5.0
 """Time constant of the regression's forgetting."""

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, FloatArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_core.geometry.arrays import BoolArray, FloatArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.correspondence import DepthMap, FlowField
 
 GUESSED_SPREAD = 0.5
 """Relative standard deviation of inverse depth around a guess: a scene's own spread."""

@@ -13,13 +13,13 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.poses import invert_pose
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.interaction import interaction_matrix
+from dfvs_core.geometry.poses import invert_pose
+from dfvs_core.geometry.robust_weights import NoiseScale, tukey_weights, weighted_median
 from dfvs_core.servo.freedom import MotionBasis
-from dfvs_core.servo.interaction import interaction_matrix
 from dfvs_core.servo.law import normal_equations
 from dfvs_core.servo.points import ServoPoints
-from dfvs_core.servo.weights import NoiseScale, tukey_weights, weighted_median
 
 _MIN_DEPTH_M = 0.05
 _DAMPING = 1e-3

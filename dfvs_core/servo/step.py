@@ -9,8 +9,9 @@ from dataclasses import replace
 
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, FloatArray
-from dfvs_core.poses import make_pose, rotation_from_euler
+from dfvs_core.geometry.arrays import BoolArray, FloatArray
+from dfvs_core.geometry.poses import make_pose, rotation_from_euler
+from dfvs_core.geometry.robust_weights import weighted_median
 from dfvs_core.servo.exchange import (
     LastFrame,
     ServoInputs,
@@ -31,7 +32,6 @@ from dfvs_core.servo.structure import estimate_depth, in_metres, scaled
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import correct_goal, elapsed_s, predict_goal
 from dfvs_core.servo.velocity import AdaptiveGain, saturate, velocity_for
-from dfvs_core.servo.weights import weighted_median
 
 _MIN_POINTS = 24
 _NOISE_FACTOR = 10.0

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.servo.config import ServoConfig
 
 _SHORT_NS, _LONG_NS = 1_000_000_000, 3_000_000_000

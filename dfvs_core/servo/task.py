@@ -6,10 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.camera import CameraModel
 from dfvs_core.depth.network import GoalDepth
-from dfvs_core.goal import GoalSidecar, Mount
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.freedom import MotionBasis, free_camera, level_body
 from dfvs_core.servo.velocity import SpeedLimit

@@ -4,8 +4,9 @@ from __future__ import annotations
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.poses import make_pose, so3_exp
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import make_pose, so3_exp
+from dfvs_core.geometry.robust_weights import weighted_median
 from dfvs_core.servo.exchange import ServoInputs, ServoState
 from dfvs_core.servo.goal_filter import (
     FilterModel,
@@ -19,7 +20,6 @@ from dfvs_core.servo.goal_filter import (
 from dfvs_core.servo.level import level_rotation
 from dfvs_core.servo.points import ServoPoints
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.weights import weighted_median
 
 
 def filter_model(task: ServoTask) -> FilterModel:

@@ -12,14 +12,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, FloatArray
-from dfvs_core.correspondence import DepthMap
 from dfvs_core.depth.source import EarlierView
-from dfvs_core.poses import make_pose, skew, so3_exp, so3_log
+from dfvs_core.geometry.arrays import BoolArray, FloatArray
+from dfvs_core.geometry.poses import make_pose, skew, so3_exp, so3_log
+from dfvs_core.geometry.robust_weights import NoiseScale, tukey_weights, weighted_median
+from dfvs_core.matching.correspondence import DepthMap
 from dfvs_core.servo.exchange import EarlierMatch
 from dfvs_core.servo.points import sample_grid
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.weights import NoiseScale, tukey_weights, weighted_median
 
 _ROTATION_SPREAD_RAD = 0.005
 """Standard deviation of the rotation between two frames by the gyroscopes."""

@@ -13,8 +13,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from dfvs_common.lifecycle import end_with_parent
 from dfvs_core.errors import ConfigError, DfvsError, ModelError
-from dfvs_core.lifecycle import end_with_parent
 from dfvs_export.running import BundleRunner
 from dfvs_models.bundle import read_bundle
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any, Literal
 
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import (
+from dfvs_core.messages.manifest import (
     BUNDLE_FORMAT,
     MANIFEST_NAME,
     DepthOutput,

@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.arrays import ImageArray
 from dfvs_export.quantise import Feeds
 from dfvs_export.running import BundleRunner
 

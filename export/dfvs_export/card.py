@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from collections.abc import Mapping
 
-from dfvs_core.manifest import Manifest
+from dfvs_core.messages.manifest import Manifest
 from dfvs_export.weights import Weights
 from dfvs_models.evaluation import LevelScore
 

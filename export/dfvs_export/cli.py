@@ -7,8 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
-from dfvs_core.lifecycle import run_command
 from dfvs_export.pose_cli import add_pose, add_train_pose
 from dfvs_export.training_options import add_training, say_line, settings_from
 
@@ -90,7 +90,7 @@ def _add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         "train",
         help="train dfvs-flow on pairs of dfvs-sim",
         description="Train the matcher of dfvs-flow, and with --encoder-blocks the last blocks of"
-        " its encoder, on wide-baseline pairs (dfvs-sim pairs --format wide). Writes a checkpoint"
+        " its encoder, on wide-baseline pairs (dfvs-rooms pairs --format wide). Writes a checkpoint"
         " every few minutes.",
     )
     add_training(train, learning_rate=2e-4)
@@ -113,8 +113,8 @@ def _add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParse
     train = commands.add_parser(
         "train-depth",
         help="train dfvs-depth on views of dfvs-sim",
-        description="Train dfvs-depth on the views of wide-baseline pairs (dfvs-sim pairs --format"
-        " wide). Writes a checkpoint every few minutes.",
+        description="Train dfvs-depth on the views of wide-baseline pairs "
+        "(dfvs-rooms pairs --format wide). Writes a checkpoint every few minutes.",
     )
     add_training(train, learning_rate=5e-4)
     add = train.add_argument

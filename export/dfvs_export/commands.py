@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_core.manifest import Manifest
 from dfvs_core.matching.matcher import Matcher
+from dfvs_core.messages.manifest import Manifest
 from dfvs_export.bundles import check_free, described, write_bundle
 from dfvs_export.calibration import ImagePair, read_frames
 from dfvs_export.check import (

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, FloatArray
+from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_export.networks.depth import NORMALS_STRIDE, SIZE, STRIDE
 from dfvs_export.pairs import RoomFolder, augmented, view_of
 

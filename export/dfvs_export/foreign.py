@@ -19,9 +19,9 @@ import safetensors.torch
 import torch
 from torch import Tensor, nn
 
-from dfvs_core.arrays import Float32Array
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_core.manifest import Manifest, PictureInput, sha256
+from dfvs_core.geometry.arrays import Float32Array
+from dfvs_core.messages.manifest import Manifest, PictureInput, sha256
 from dfvs_export.bundles import PAIR_INPUTS, PAIR_OUTPUTS, Source, pair_bundle
 from dfvs_export.calibration import ImagePair
 from dfvs_export.card import accuracy_table

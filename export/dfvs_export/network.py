@@ -5,8 +5,8 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Protocol
 
-from dfvs_core.arrays import Float32Array
-from dfvs_core.manifest import Manifest
+from dfvs_core.geometry.arrays import Float32Array
+from dfvs_core.messages.manifest import Manifest
 from dfvs_export.calibration import ImagePair
 from dfvs_export.running import BundleRunner
 from dfvs_models.bundle import Bundle

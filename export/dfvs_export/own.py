@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import torch
 
-from dfvs_core.arrays import Float32Array
-from dfvs_core.manifest import Manifest
+from dfvs_core.geometry.arrays import Float32Array
+from dfvs_core.messages.manifest import Manifest
 from dfvs_export.bundles import Source, encode_match_bundle
 from dfvs_export.calibration import ImagePair
 from dfvs_export.card import model_card

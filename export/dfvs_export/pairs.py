@@ -13,10 +13,10 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.poses import invert_pose
 
 SIZE = (640, 480)
 """Of the views, px (width, height)."""
@@ -65,7 +65,7 @@ class TrueMatches:
 
 
 class RoomFolder:
-    """The rooms of a folder that ``dfvs-sim pairs --format wide`` wrote, a file each.
+    """The rooms of a folder that ``dfvs-rooms pairs --format wide`` wrote, a file each.
 
     Raises
     ------
@@ -76,7 +76,7 @@ class RoomFolder:
     def __init__(self, folder: Path) -> None:
         self._files = sorted(folder.glob("*.npz"))
         if not self._files:
-            raise ConfigError(f"no pairs in {folder}", "files of dfvs-sim pairs --format wide")
+            raise ConfigError(f"no pairs in {folder}", "files of dfvs-rooms pairs --format wide")
         self._kept: dict[Path, dict[str, Any]] = {}
 
     def draw(self, rng: np.random.Generator) -> dict[str, Any]:

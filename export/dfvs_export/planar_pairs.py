@@ -12,9 +12,9 @@ from typing import cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.poses import invert_pose, make_pose, so3_exp
+from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_export.networks.pose_regression import SIZE, STRIDE
 from dfvs_export.pairs import RoomFolder, augmented, view_of
 from dfvs_export.pose_pairs import PosePair, flow_to, normalised, rays

@@ -9,7 +9,7 @@ import numpy as np
 import torch
 
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_core.manifest import Manifest, PictureInput, PoseOutput
+from dfvs_core.messages.manifest import Manifest, PictureInput, PoseOutput
 from dfvs_export.bundles import (
     POSE_INPUTS,
     POSE_OUTPUTS,

@@ -14,7 +14,7 @@ def add_train_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]
         "train-pose",
         help="train a network that regresses the pose between two images",
         description="Train a baseline of the benchmark: after Saxena et al. on wide-baseline pairs"
-        " (dfvs-sim pairs --format wide) and near ones made of them by depth, or after Bateux et"
+        " (dfvs-rooms pairs --format wide) and near ones made of them by depth, or after Bateux et"
         " al. on homographies of their views. Writes a checkpoint every few minutes.",
     )
     add = train.add_argument

@@ -9,9 +9,9 @@ from typing import NamedTuple, Protocol, cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.poses import invert_pose, make_pose, so3_exp
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_export.networks.pose_regression import SIZE, STRIDE
 from dfvs_export.pairs import RoomFolder, augmented, view_of
 

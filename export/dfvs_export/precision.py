@@ -7,7 +7,7 @@ from dataclasses import replace
 from functools import partial
 from typing import Literal, get_args
 
-from dfvs_core.manifest import sha256
+from dfvs_core.messages.manifest import sha256
 from dfvs_export.calibration import ImagePair, graph_feeds
 from dfvs_export.half import to_half
 from dfvs_export.heavy_nodes import heavy_nodes

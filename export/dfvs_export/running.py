@@ -6,7 +6,7 @@ from collections.abc import Mapping
 
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, ImageArray
+from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_models.bundle import Bundle
 from dfvs_models.encode_match import COUNT_AXIS
 from dfvs_models.onnx_session import Execution, OnnxGraph

@@ -13,8 +13,8 @@ import torch
 from torch import Tensor
 from torch.nn import functional
 
-from dfvs_core.arrays import Float32Array, FloatArray
-from dfvs_core.poses import quaternion_from_rotation, so3_log
+from dfvs_core.geometry.arrays import Float32Array, FloatArray
+from dfvs_core.geometry.poses import quaternion_from_rotation, so3_log
 from dfvs_export.networks.pose_regression import PoseNet, PosePrediction, SiameseNet
 from dfvs_export.pairs import RoomFolder
 from dfvs_export.planar_pairs import PlanarPoseReader

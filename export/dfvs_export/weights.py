@@ -14,7 +14,7 @@ import torch
 from torch import Tensor, nn
 
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import sha256
+from dfvs_core.messages.manifest import sha256
 from dfvs_export.networks.lighterglue import LighterGlue
 from dfvs_export.networks.xfeat import XFeat
 

@@ -6,7 +6,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import MANIFEST_NAME, Manifest, check_files
+from dfvs_core.messages.manifest import MANIFEST_NAME, Manifest, check_files
 from dfvs_models.onnx_file import check_onnx
 
 MAX_MANIFEST_BYTES = 1024 * 1024

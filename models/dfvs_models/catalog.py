@@ -7,11 +7,11 @@ from pathlib import Path
 import cv2
 
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import MANIFEST_NAME, sha256
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.matching.staged import StagedMatcher
+from dfvs_core.messages.manifest import MANIFEST_NAME, sha256
 from dfvs_core.servo.config import BY_NETWORK, DepthChoice
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.bundle import Bundle, read_bundle

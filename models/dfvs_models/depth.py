@@ -8,11 +8,11 @@ from typing import cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, ImageArray
-from dfvs_core.camera import CameraModel
 from dfvs_core.depth.network import NetworkDepth
 from dfvs_core.errors import ImageError, ModelError
-from dfvs_core.manifest import PictureInput
+from dfvs_core.geometry.arrays import Float32Array, ImageArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.manifest import PictureInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import (
     Execution,

@@ -9,9 +9,9 @@ from pathlib import Path
 
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.depth.network import DepthEstimator, NetworkDepth
 from dfvs_core.errors import ImageError
+from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_models.evaluation_file import EVALUATION_CAMERA, read_depth_views
 
 _CLOSE = 1.25

@@ -10,10 +10,10 @@ from typing import cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import PictureInput
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 from dfvs_core.matching.points import PointMatches, Unwanted
+from dfvs_core.messages.manifest import PictureInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 

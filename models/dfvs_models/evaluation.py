@@ -7,9 +7,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array
-from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
+from dfvs_core.geometry.arrays import BoolArray, Float32Array
+from dfvs_core.matching.correspondence import FlowField
 
 LEVELS = ("small", "medium", "large")
 """Levels of motion: to 0.15 m and 6 degrees; 0.5 m and 15 degrees; 1.2 m and 30 degrees."""

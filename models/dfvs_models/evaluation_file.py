@@ -23,9 +23,9 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.arrays import BoolArray, Float32Array, ImageArray
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ImageError
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_models.evaluation import LEVELS
 
 EVALUATION_CAMERA = CameraModel(320, 240, 208.5, 208.5, 160.0, 120.0)

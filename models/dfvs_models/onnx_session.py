@@ -9,9 +9,9 @@ import numpy as np
 import onnxruntime
 from onnxruntime.capi import onnxruntime_pybind11_state as runtime_errors
 
-from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import Graph
+from dfvs_core.geometry.arrays import Float32Array, ImageArray
+from dfvs_core.messages.manifest import Graph
 
 _FATAL_ONLY = 4
 _REMOTE = "AzureExecutionProvider"

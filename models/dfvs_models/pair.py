@@ -8,12 +8,11 @@ from typing import cast
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, ImageArray
-from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import FlowOutput, Graph, PictureInput
+from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.matching.confidence import empty_flow, exclude
 from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.dense_search import (
     forward_backward_consistency,
     normalised_cross_correlation,
@@ -22,6 +21,7 @@ from dfvs_core.matching.matcher import Prepared, check_pair, working_size
 from dfvs_core.matching.points import PointMatches, Unwanted
 from dfvs_core.matching.smooth_flow import confident_matches
 from dfvs_core.matching.warping import lands_inside, pixel_grid, sample
+from dfvs_core.messages.manifest import FlowOutput, Graph, PictureInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 

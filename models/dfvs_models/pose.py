@@ -6,10 +6,10 @@ from typing import Protocol
 
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ModelError
-from dfvs_core.poses import make_pose, rotation_from_quaternion, so3_exp
+from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose, rotation_from_quaternion, so3_exp
 from dfvs_models.bundle import Bundle
 from dfvs_models.depth import FittedImage, fit_image
 from dfvs_models.onnx_session import (
@@ -67,7 +67,7 @@ class PoseNetwork:
 
     @property
     def unit(self) -> str:
-        """Of the translation; see ``dfvs_core.manifest.PoseOutput``."""
+        """Of the translation; see ``dfvs_core.messages.manifest.PoseOutput``."""
         return self._meaning.unit
 
     def fit(self, image: ImageArray, camera: CameraModel) -> FittedImage:

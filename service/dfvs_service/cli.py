@@ -14,37 +14,37 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
-from dfvs_core.arrays import ImageArray
+from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, OnDone
 from dfvs_core.gate.events import Action
-from dfvs_core.goal import Goal, GoalSidecar, Mount
-from dfvs_core.lifecycle import run_command
-from dfvs_core.wire.picture import encode_png
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
+from dfvs_core.messages.image import encode_png
 from dfvs_service.atomic_file import write_atomic
-from dfvs_service.calibration_file import with_calibration, with_intrinsics
-from dfvs_service.config import ServiceConfig
-from dfvs_service.config_text import markdown_table, toml_text
-from dfvs_service.console import ChangeLines, Display, JsonLines, LiveLine, shows_colours
-from dfvs_service.exposure import exposure_warnings
 from dfvs_service.flights.cli import flights
 from dfvs_service.flights.store import flights_folder
-from dfvs_service.goal_file import (
+from dfvs_service.preflight.calibration import camera_check
+from dfvs_service.preflight.ports import refuse_taken_mavlink, refuse_taken_zenoh
+from dfvs_service.record.preparation import prepare_folder, require_record_extra
+from dfvs_service.replay_gate import replay_gate
+from dfvs_service.route.cli import run as teach
+from dfvs_service.settings.calibration_file import with_calibration, with_intrinsics
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.config_text import markdown_table, toml_text
+from dfvs_service.settings.exposure import exposure_warnings
+from dfvs_service.settings.goal_file import (
     checked_goal,
     goal_order,
     read_image,
     read_sidecar,
     route_pictures,
 )
-from dfvs_service.key_file import create_key, load_key
-from dfvs_service.parent import Programs, fly, prepare_runtime
-from dfvs_service.preflight.calibration import camera_check
-from dfvs_service.preflight.ports import refuse_taken_mavlink, refuse_taken_zenoh
-from dfvs_service.record.preparation import prepare_folder, require_record_extra
-from dfvs_service.replay_gate import replay_gate
-from dfvs_service.runtime import RuntimeFolder
-from dfvs_service.settings_options import add_settings_options, settings_from
-from dfvs_service.teach.cli import run as teach
+from dfvs_service.settings.key_file import create_key, load_key
+from dfvs_service.settings.options import add_settings_options, settings_from
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.console import ChangeLines, Display, JsonLines, LiveLine, shows_colours
+from dfvs_service.supervisor.parent import Programs, fly, prepare_runtime
 
 EXIT_OK, EXIT_ENDED = 0, 1
 
@@ -120,7 +120,7 @@ def _command(words: Sequence[str]) -> int:
         print(f"wrote {arguments.key_file}; give it to the service as gate.command_key_file")
         return EXIT_OK
     # Zenoh is needed here alone, and takes its time to load.
-    from dfvs_service.orders import give_order
+    from dfvs_service.command import give_order
 
     config = settings_from(arguments)
     action, picture = Action(arguments.order), arguments.goal

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from pathlib import Path
 
 from dfvs_core.errors import WireError
-from dfvs_core.wire.link import FromGate, ServiceFault, ToGate, from_gate, to_datagram
-from dfvs_service.watched_thread import start_watched
+from dfvs_core.messages.link import FromGate, ServiceFault, ToGate, from_gate, to_datagram
+from dfvs_service.supervisor.watched_thread import start_watched
 
 _POLL_S = 0.2
 

@@ -6,7 +6,7 @@ import contextlib
 from pathlib import Path
 
 from dfvs_core.errors import WireError
-from dfvs_core.wire.goal_order import goal_digest
+from dfvs_core.messages.goal_command import goal_digest
 from dfvs_service.atomic_file import write_atomic
 
 MAX_KEPT_GOALS = 4

@@ -12,8 +12,8 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
-from dfvs_core.topics import Topics
-from dfvs_service.watched_thread import start_watched
+from dfvs_core.messages.topics import Topics
+from dfvs_service.supervisor.watched_thread import start_watched
 
 log = logging.getLogger("dfvs.telemetry")
 

@@ -8,11 +8,11 @@ from pathlib import Path
 import zenoh
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.wire.zenoh_settings import Encryption, TlsFiles, zenoh_settings
-from dfvs_service.config import ZenohSection
-from dfvs_service.key_file import check_private
+from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles, zenoh_settings
 from dfvs_service.preflight.ports import refuse_taken_zenoh
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.config import ZenohSection
+from dfvs_service.settings.key_file import check_private
+from dfvs_service.settings.runtime import RuntimeFolder
 
 _PEM = b"-----BEGIN "
 

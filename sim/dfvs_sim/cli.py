@@ -7,20 +7,7 @@ import sys
 from collections.abc import Sequence
 
 from dfvs_sim.command_line import run_command
-from dfvs_sim.commands import (
-    answers,
-    bench_renderer,
-    camera,
-    faults,
-    fuzz,
-    goal,
-    pairs,
-    pilot,
-    room,
-    soak,
-    vehicle,
-    world,
-)
+from dfvs_sim.commands import camera, goal, pilot, vehicle, world
 
 _EPILOG = """examples:
   dfvs-sim                                            vehicle and camera together
@@ -30,9 +17,20 @@ _EPILOG = """examples:
   dfvs-sim pilot                                      fly it by words: arm, takeoff, offboard ...
 """
 
+_MOVED = {
+    **dict.fromkeys(("room", "pairs"), "dfvs-rooms"),
+    **dict.fromkeys(("faults", "answers", "fuzz", "soak"), "dfvs-robustness"),
+}
+
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; 0 when it worked, 2 when it cannot run, with one line that says why."""
+    words = list(sys.argv[1:] if argv is None else argv)
+    if words and words[0] in _MOVED:
+        program = _MOVED[words[0]]
+        error = f"error: dfvs-sim has no command {words[0]!r}; use {program} {words[0]}"
+        print(error, file=sys.stderr)
+        return 2
     parser = argparse.ArgumentParser(
         prog="dfvs-sim",
         description="A simulated drone with PX4's MAVLink face, a camera that renders what it "
@@ -41,12 +39,10 @@ def main(argv: Sequence[str] | None = None) -> int:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     subparsers = parser.add_subparsers(metavar="COMMAND")
-    flying = (vehicle, camera, pilot, goal)
-    commands = (*flying, room, pairs, faults, answers, fuzz, soak, bench_renderer)
-    for command in commands:
+    for command in (vehicle, camera, pilot, goal):
         command.add_parser(subparsers)
     world.add_options(parser)
-    return run_command(parser, argv)
+    return run_command(parser, words)
 
 
 if __name__ == "__main__":

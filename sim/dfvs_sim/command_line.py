@@ -6,7 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from dfvs_core import lifecycle
+from dfvs_common import lifecycle
 
 
 def run_command(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:

@@ -8,8 +8,8 @@ import math
 from pathlib import Path
 from typing import Any
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.camera import CameraModel
 
 
 def add_scene_option(parser: argparse.ArgumentParser) -> None:

@@ -5,7 +5,7 @@ from __future__ import annotations
 import zenoh
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.wire.zenoh_settings import ZenohMode, zenoh_settings
+from dfvs_core.messages.zenoh_settings import ZenohMode, zenoh_settings
 
 
 def open_peer(endpoint: str) -> zenoh.Session:

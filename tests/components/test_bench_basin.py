@@ -6,12 +6,12 @@ import json
 import pytest
 from distributed import LocalCluster
 
-from dfvs_core.camera import CameraModel
-from dfvs_sim.bench.basin.outcomes import read_outcomes
-from dfvs_sim.bench.task import BenchTask, write_tasks
-from dfvs_sim.bench_cli import main
+from dfvs_bench.basin.outcomes import read_outcomes
+from dfvs_bench.cli import main
+from dfvs_bench.trials.task import BenchTask, write_tasks
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import camera_pose
 
 CAMERA = CameraModel(160, 120, 100, 100, 80, 60)
 POSE = camera_pose((0.5, -1.0, -1.3), 0.7)

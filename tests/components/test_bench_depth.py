@@ -6,7 +6,7 @@ import depth_bundle
 import numpy as np
 import pytest
 
-from dfvs_sim.bench_cli import main
+from dfvs_bench.cli import main
 
 SIZE = (24, 32)
 

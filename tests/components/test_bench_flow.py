@@ -8,8 +8,8 @@ import pytest
 from lucas_kanade_network import write_bundle
 from textured_wall import Wall, exact_flow, inside, texture, turned
 
+from dfvs_bench.commands import flow
 from dfvs_core.errors import DfvsError
-from dfvs_sim.commands import bench_flow
 
 MOTIONS = [turned(shift=(4.0, 2.0)), turned(roll_deg=12.0), turned(roll_deg=30.0, zoom=1.2)]
 
@@ -32,7 +32,7 @@ def pairs(tmp_path_factory):
 
 def bench(*words):
     parser = argparse.ArgumentParser()
-    bench_flow.add_parser(parser.add_subparsers())
+    flow.add_parser(parser.add_subparsers())
     args = parser.parse_args(["flow", *map(str, words)])
     return args.run(args)
 

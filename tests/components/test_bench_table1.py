@@ -11,19 +11,19 @@ import pose_bundle
 import pytest
 from depth_bundle import bundle, write_bundle
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.poses import make_pose, so3_exp
-from dfvs_sim.bench import results
-from dfvs_sim.bench.methods import DEFAULT_METHODS, POSE_NETWORKS, with_bundles
-from dfvs_sim.bench.results import fits, git_revision, read_records
-from dfvs_sim.bench.scenes import default_tasks
-from dfvs_sim.bench.settings import wall
-from dfvs_sim.bench.task import BenchTask, read_tasks, write_tasks
-from dfvs_sim.bench_cli import main
+from dfvs_bench.cli import main
+from dfvs_bench.methods.registry import DEFAULT_METHODS, POSE_NETWORKS, with_bundles
+from dfvs_bench.trials import results
+from dfvs_bench.trials.results import fits, git_revision, read_records
+from dfvs_bench.trials.scenes import default_tasks
+from dfvs_bench.trials.settings import wall
+from dfvs_bench.trials.task import BenchTask, read_tasks, write_tasks
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.frames import gltf_pose_from_ned
-from dfvs_sim.scene.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import camera_pose
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 GOAL = camera_pose((0.5, -1.0, -1.3), np.radians(40))

@@ -11,14 +11,14 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from dfvs_bench.drone.bound import trapezoid_s
 from dfvs_core.gate.limits import ZERO, BodyVelocity, VelocityLimits, saturate, slew
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.velocity import AdaptiveGain, velocity_for
-from dfvs_sim.bench.drone.bound import trapezoid_s
-from dfvs_sim.vehicle.control import Controller, Demand, Gains
-from dfvs_sim.vehicle.dynamics import Quadrotor
-from dfvs_sim.vehicle.estimate_errors import EstimateErrors
-from dfvs_sim.vehicle.estimator import Estimator
+from dfvs_sim.dynamics.control import Controller, Demand, Gains
+from dfvs_sim.dynamics.estimate_errors import EstimateErrors
+from dfvs_sim.dynamics.estimator import Estimator
+from dfvs_sim.dynamics.rigid_body import Quadrotor
 
 STEP_S, FRAME_S, SETPOINT_S = 0.004, 0.05, 0.02
 AGE_S = 0.11

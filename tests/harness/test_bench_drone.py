@@ -6,11 +6,11 @@ import json
 import pytest
 from real_time import flown_in_time
 
-from dfvs_core.camera import CameraModel
-from dfvs_sim.bench.task import BenchTask, write_tasks
-from dfvs_sim.bench_cli import main
+from dfvs_bench.cli import main
+from dfvs_bench.trials.task import BenchTask, write_tasks
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import camera_pose
 
 pytestmark = [pytest.mark.serial, pytest.mark.timeout(600)]
 CAMERA = CameraModel.from_horizontal_fov(192, 144, 1.3)  # what slow machines compare in time, too

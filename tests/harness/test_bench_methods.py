@@ -7,22 +7,22 @@ import numpy as np
 import pytest
 from depth_bundle import bundle
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.manifest import PictureInput
+from dfvs_bench.methods.method import NO_NETWORKS, Decision, Networks
+from dfvs_bench.methods.pose_regression import PoseRegressionMethod
+from dfvs_bench.methods.registry import METHODS
+from dfvs_bench.trials.task import BenchTask
+from dfvs_bench.trials.trial import goal_sight, run_trial
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_core.matching.classical import classical_matcher
-from dfvs_core.poses import invert_pose, make_pose, so3_exp
+from dfvs_core.messages.manifest import PictureInput
 from dfvs_core.servo.exchange import Status
 from dfvs_models.depth import DepthNetwork, fit_image
 from dfvs_models.onnx_session import Execution
-from dfvs_sim.bench.method import NO_NETWORKS, Decision, Networks
-from dfvs_sim.bench.methods import METHODS
-from dfvs_sim.bench.pose_regression import PoseRegressionMethod
-from dfvs_sim.bench.task import BenchTask
-from dfvs_sim.bench.trial import goal_sight, run_trial
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.scene.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import camera_pose
 
 SMALL = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 LARGE = SMALL.scaled(320, 240)

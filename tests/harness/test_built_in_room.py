@@ -8,14 +8,14 @@ import cv2
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.poses import invert_pose, pose_error
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose, pose_error
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import exact_flow, visibility, warp_to_a
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.mesh import SceneError
-from dfvs_sim.scene.poses import TaskLimits, camera_pose, look_at, sample_task
+from dfvs_sim.viewpoints.sampling import TaskLimits, camera_pose, look_at, sample_task
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, np.radians(75.0))
 SEEDS = range(6)

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from real_time import demo_command, flown_in_time, ran
 
-from dfvs_core.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.demo.plan import make_plan
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path

@@ -16,7 +16,7 @@ import pytest
 from numpy.typing import NDArray
 from vehicle_in_hand import VehicleInHand, setpoint
 
-from dfvs_sim.vehicle.estimate_errors import EstimateGrade
+from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.px4 import Px4

@@ -7,7 +7,7 @@ from depth_bundle import bundle
 
 from dfvs_core.depth.network import NetworkDepth
 from dfvs_core.errors import ConfigError
-from dfvs_core.goal import Mount
+from dfvs_core.messages.goal import Mount
 from dfvs_models.depth import DepthNetwork
 from dfvs_models.onnx_session import Execution
 

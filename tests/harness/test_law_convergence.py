@@ -5,9 +5,9 @@ from dataclasses import dataclass
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.goal import GoalSidecar, Mount
-from dfvs_core.poses import invert_pose, make_pose, so3_exp, so3_log
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp, so3_log
+from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.motion import find_goal, wanted_motion
 from dfvs_core.servo.points import ServoPoints

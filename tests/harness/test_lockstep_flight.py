@@ -6,14 +6,14 @@ import numpy as np
 import pytest
 from depth_bundle import bundle, write_bundle
 
-from dfvs_core.camera import CameraModel
-from dfvs_sim.lockstep.campaign import SimulatedJob, fly
+from dfvs_bench.lockstep.run import SimulatedJob, fly
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.scene.poses import sample_task
-from dfvs_sim.vehicle.estimate_errors import EstimateGrade
 from dfvs_sim.vehicle.flight import VehicleConfig
+from dfvs_sim.viewpoints.sampling import sample_task
 
 
 def flown(seed, **changes):

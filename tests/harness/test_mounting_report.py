@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from box_flight import STATE_S, BoxFlight
 
-from dfvs_core.goal import Mount
+from dfvs_core.messages.goal import Mount
 
 START_M = (-0.8, 0.2, 0.1)
 RIGHT_SCORE = 5.0

@@ -6,19 +6,19 @@ import numpy as np
 import pytest
 from at_once import AtOnce
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose, pose_error, rotation_from_euler
 from dfvs_core.matching.classical import classical_matcher
-from dfvs_core.poses import make_pose, pose_error, rotation_from_euler
-from dfvs_core.teaching import TeachLimits
-from dfvs_core.wire.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
-from dfvs_core.wire.link import GateStatus, VehicleState
-from dfvs_service.config import load_config
-from dfvs_service.goal_file import load_goal, route_pictures
+from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
+from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_core.messages.link import GateStatus, VehicleState
+from dfvs_core.perception.route_recording import TeachLimits
 from dfvs_service.perception.assembly import Clocks, build_eye
-from dfvs_service.perception.eye import RawSample
+from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.perception.route_follower import RouteFollower
-from dfvs_service.teach.lesson import Event, RouteTeacher, taught_settings
+from dfvs_service.route.recording import Event, RouteTeacher, taught_settings
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.goal_file import load_goal, route_pictures
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.demo.cli import DOORWAY_ROUTE
 from dfvs_sim.demo.plan import parse_camera_pose
@@ -26,7 +26,7 @@ from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene import two_rooms_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.scene.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import camera_pose
 
 CAMERA = CameraModel.from_horizontal_fov(256, 192, np.radians(75.0))
 CLOCK = b"c" * 16

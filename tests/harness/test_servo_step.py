@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 from box_room import BoxRoom
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import FlowField
-from dfvs_core.goal import GoalSidecar, Mount
-from dfvs_core.poses import make_pose, pose_error, rotation_from_euler, se3_exp
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose, pose_error, rotation_from_euler, se3_exp
+from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import Attitude, EarlierMatch, ServoInputs, ServoState, Status
 from dfvs_core.servo.step import servo_step

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from box_flight import ROOM, STATE_S, BoxFlight
 
-from dfvs_core.goal import Mount
+from dfvs_core.messages.goal import Mount
 from dfvs_core.servo.config import ServoConfig
 
 START_M = (-1.0, 0.3, 0.1)

@@ -4,7 +4,7 @@ import json
 
 import pytest
 
-from dfvs_sim.bench_cli import main
+from dfvs_bench.cli import main
 
 SCENES = "living-room,corridor,staircase"
 

@@ -9,9 +9,9 @@ from hypothesis import strategies as st
 from signed_commands import signed
 
 from dfvs_core.gate.authority import ROTATION_NS, Authority
+from dfvs_core.gate.command import decode_command, request_id
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
-from dfvs_core.wire.command import decode_command, request_id
 
 OURS, THEIRS = b"o" * 32, b"t" * 32
 DIGESTS = ("ab" * 32, "cd" * 32)

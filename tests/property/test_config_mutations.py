@@ -13,13 +13,13 @@ import pytest
 from hypothesis import given, settings
 from hypothesis import strategies as st
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import DfvsError
-from dfvs_core.goal import GoalSidecar, Mount
-from dfvs_core.schema import dump
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import GoalSidecar, Mount
+from dfvs_core.messages.schema import dump
 from dfvs_service import cli
-from dfvs_service.config import ServiceConfig, config_from_json, load_config
-from dfvs_service.config_text import toml_text
+from dfvs_service.settings.config import ServiceConfig, config_from_json, load_config
+from dfvs_service.settings.config_text import toml_text
 
 CAMERA = CameraModel.from_horizontal_fov(64, 48, 1.2)
 FULL = load_config(

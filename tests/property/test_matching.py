@@ -6,9 +6,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, texture, turned
 
-from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.dense_search import forward_backward_consistency
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.smooth_flow import smooth_flow

@@ -6,7 +6,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dfvs_core.errors import GeometryError
-from dfvs_core.poses import (
+from dfvs_core.geometry.poses import (
     check_pose,
     euler_from_rotation,
     invert_pose,

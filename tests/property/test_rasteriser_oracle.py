@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 from tiny_scenes import random_triangles, scene_of
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.poses import make_pose, rotation_from_euler
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose, rotation_from_euler
 from dfvs_sim.render.renderer import NEAR_M, Renderer
 
 CAMERA = CameraModel(40, 30, 26.0, 27.0, 19.3, 15.8)

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import GeometryError
+from dfvs_core.geometry.camera import CameraModel
 
 PINHOLE = CameraModel(320, 240, 208.5, 208.5, 160.0, 120.0)
 LENS = CameraModel(320, 240, 200.0, 201.0, 158.0, 122.0, (0.1, -0.05, 0.001, 0.002, 0.01))

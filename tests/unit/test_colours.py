@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from textured_wall import Wall, exact_flow, inside, texture, turned
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.colours import is_swapped
-from dfvs_core.correspondence import FlowField
-from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.classical import classical_matcher
+from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
+from dfvs_core.perception.channel_order import is_swapped
 from dfvs_core.perception.pipeline import Pipeline
+from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.vehicle_history import Motion
-from dfvs_core.wire.frame import Frame
 
 H = turned(roll_deg=8.0, zoom=1.1, shift=(20.0, -12.0))
 

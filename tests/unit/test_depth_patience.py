@@ -3,15 +3,15 @@
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import FlowField
-from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Prepared
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, Pipeline
+from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.vehicle_history import Motion
-from dfvs_core.wire.frame import Frame
 
 MS = 1_000_000
 PERIOD_NS = 50 * MS

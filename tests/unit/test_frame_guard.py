@@ -1,8 +1,9 @@
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.frame_guard import (
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import Frame, FrameHeader, PixelFormat, encode_frame
+from dfvs_core.perception.frame_validator import (
     Expected,
     FrameFault,
     GuardState,
@@ -10,7 +11,6 @@ from dfvs_core.frame_guard import (
     check_header,
     check_picture,
 )
-from dfvs_core.wire.frame import Frame, FrameHeader, PixelFormat, encode_frame
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
 MS = 1_000_000

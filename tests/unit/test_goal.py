@@ -3,9 +3,9 @@ import json
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import DfvsError
-from dfvs_core.goal import GoalSidecar, Mount
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import GoalSidecar, Mount
 
 CAMERA = CameraModel(320, 240, 208.5, 208.5, 160.0, 120.0, (0.1, 0.0, 0.0, 0.0))
 

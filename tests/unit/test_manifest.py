@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dfvs_core.errors import ModelError
-from dfvs_core.manifest import (
+from dfvs_core.messages.manifest import (
     DepthOutput,
     FlowOutput,
     Graph,

@@ -1,7 +1,7 @@
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dfvs_core.rate_limit import Rate, RateLimit
+from dfvs_core.messages.rate_limit import Rate, RateLimit
 
 S = 1_000_000_000
 

@@ -5,7 +5,7 @@ import dataclasses
 import numpy as np
 import pytest
 
-from dfvs_core.route import (
+from dfvs_core.perception.route import (
     LOOK_PERIOD_NS,
     RESPONSE_NS,
     RouteLimits,

@@ -5,7 +5,7 @@ from typing import Literal
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.schema import dump, parse, setting
+from dfvs_core.messages.schema import dump, parse, setting
 
 
 class Colour(Enum):

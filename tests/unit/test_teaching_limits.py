@@ -5,8 +5,8 @@ import dataclasses
 import numpy as np
 import pytest
 
+from dfvs_core.perception.route_recording import Lesson, TeachLimits, judge
 from dfvs_core.servo.exchange import ServoResult, Status
-from dfvs_core.teaching import Lesson, TeachLimits, judge
 
 LIMITS = TeachLimits(overlap=0.5, turn_rad=0.35, distance=0.3, stillness=0.05)
 NEAR = ServoResult(

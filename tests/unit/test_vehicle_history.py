@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from dfvs_core.vehicle_history import VehicleHistory
-from dfvs_core.wire.link import VehicleState
+from dfvs_core.messages.link import VehicleState
+from dfvs_core.perception.vehicle_history import VehicleHistory
 
 MS = 1_000_000
 

@@ -9,8 +9,11 @@ ROOT = Path(__file__).parent.parent.parent
 DECIDING = [
     *sorted((ROOT / "dfvs_core").rglob("*.py")),
     *sorted((ROOT / "service/dfvs_service/gate").glob("*.py")),
-    *(ROOT / "service/dfvs_service" / name for name in ("parent.py", "child.py", "watch.py")),
-    *(ROOT / "service/dfvs_service/perception" / name for name in ("eye.py", "mailbox.py")),
+    *sorted((ROOT / "service/dfvs_service/supervisor").glob("*.py")),
+    *(
+        ROOT / "service/dfvs_service/perception" / name
+        for name in ("frame_processor.py", "mailbox.py")
+    ),
 ]
 WALL_CLOCKS = {
     *("time", "time_ns", "localtime", "gmtime", "ctime", "clock_gettime", "clock_gettime_ns"),

@@ -9,8 +9,8 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.arrays import Float32Array, ImageArray
 
 _BOARD = re.compile(
     r"(?P<kind>charuco|chessboard):(?P<columns>\d+)x(?P<rows>\d+):(?P<square>[\d.]+)"

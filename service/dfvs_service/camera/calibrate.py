@@ -14,8 +14,7 @@ import cv2
 import numpy as np
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.wire.picture import encode_png
-from dfvs_service.calibration_file import replace_file, write_calibration
+from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.boards import Board, BoardView, parse_board
 from dfvs_service.camera.calibration import Calibration, calibrate
 from dfvs_service.camera.calibration_report import coverage_picture, report_document
@@ -24,6 +23,7 @@ from dfvs_service.camera.feed import Feed
 from dfvs_service.camera.options import add_source_options, feed_of, say, source_options
 from dfvs_service.camera.source import SourceOptions, open_source
 from dfvs_service.camera.spec import CameraError, SourceKind, SourceSpec, parse_source
+from dfvs_service.settings.calibration_file import replace_file, write_calibration
 
 _TAKE_S = 0.25
 _NEW_SHARE = 0.06
@@ -141,7 +141,7 @@ def _from_pictures(
     board: Board, spec: SourceSpec, options: SourceOptions
 ) -> tuple[list[BoardView], tuple[int, int]]:
     """Views from all pictures of a folder, which must be of one size."""
-    from dfvs_service.camera.pictures import picture_paths
+    from dfvs_service.camera.images import picture_paths
 
     source = open_source(spec, options)
     views: list[BoardView] = []

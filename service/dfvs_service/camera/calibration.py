@@ -9,8 +9,8 @@ from typing import Literal
 import cv2
 import numpy as np
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.boards import BoardView
 
 FEWEST_VIEWS = 5

@@ -8,8 +8,8 @@ from typing import Any
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
-from dfvs_core.schema import dump
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.messages.schema import dump
 from dfvs_service.camera.boards import BoardView
 from dfvs_service.camera.calibration import Calibration
 from dfvs_service.camera.coverage import COLUMNS, ROWS, Coverage

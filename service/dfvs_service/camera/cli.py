@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable, Sequence
 
-from dfvs_core.lifecycle import run_command
+from dfvs_common.lifecycle import run_command
 
 
 def _publish(words: Sequence[str]) -> int:

@@ -9,7 +9,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.geometry.arrays import FloatArray
 from dfvs_service.camera.boards import BoardView
 
 COLUMNS, ROWS = 4, 3

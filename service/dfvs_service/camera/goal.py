@@ -12,8 +12,8 @@ from pathlib import Path
 import cv2
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.goal import Mount
-from dfvs_core.vehicle_history import Motion, VehicleHistory
+from dfvs_core.messages.goal import Mount
+from dfvs_core.perception.vehicle_history import Motion, VehicleHistory
 from dfvs_service.camera.feed import Feed
 from dfvs_service.camera.options import (
     add_calibration_option,
@@ -24,11 +24,11 @@ from dfvs_service.camera.options import (
 )
 from dfvs_service.camera.source import Shot, check_size
 from dfvs_service.camera.spec import CameraError
-from dfvs_service.config import ServiceConfig
-from dfvs_service.settings_options import add_settings_options, settings_from
-from dfvs_service.teach.frame_inbox import FrameInbox, known_camera, open_beside
-from dfvs_service.teach.goal_writer import sidecar_of, write_goal
-from dfvs_service.teach.vehicle_watch import VehicleWatch
+from dfvs_service.route.frame_queue import FrameInbox, known_camera, open_beside
+from dfvs_service.route.goal_writer import sidecar_of, write_goal
+from dfvs_service.route.vehicle_state import VehicleWatch
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.options import add_settings_options, settings_from
 
 ZENOH = "zenoh"
 _TAKE_S = 0.25

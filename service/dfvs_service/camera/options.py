@@ -15,14 +15,14 @@ from pathlib import Path
 import cv2
 import zenoh
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_service.calibration_file import read_calibration
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
 from dfvs_service.camera.source import Source, SourceOptions, open_source
 from dfvs_service.camera.spec import SourceSpec, parse_source
-from dfvs_service.config import ZenohSection
-from dfvs_service.settings_options import add_settings_options
+from dfvs_service.settings.calibration_file import read_calibration
+from dfvs_service.settings.config import ZenohSection
+from dfvs_service.settings.options import add_settings_options
 from dfvs_service.zenoh_session import open_session
 
 _SIZE = re.compile(r"(\d{2,4})x(\d{2,4})")

@@ -9,9 +9,9 @@ import threading
 import time
 from collections.abc import Sequence
 
+from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_core.errors import ConfigError
-from dfvs_core.lifecycle import handle_ending_signals
-from dfvs_core.topics import Topics
+from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.options import (
     add_calibration_option,
     add_source_options,
@@ -29,7 +29,7 @@ from dfvs_service.camera.publisher import (
     PublishOptions,
     publish_feed,
 )
-from dfvs_service.settings_options import settings_from
+from dfvs_service.settings.options import settings_from
 
 _EPILOG = """\
 examples:

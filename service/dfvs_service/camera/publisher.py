@@ -11,10 +11,10 @@ from pathlib import Path
 import zenoh
 import zenoh.ext
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.schema import to_json
-from dfvs_core.topics import Topics
-from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.messages.schema import to_json
+from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.feed import Feed, Say
 from dfvs_service.camera.reception import ReceptionReport
 from dfvs_service.camera.source import Shot, check_size

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from dfvs_core.arrays import ImageArray
+from dfvs_core.geometry.arrays import ImageArray
 from dfvs_service.camera.spec import CameraError, SourceKind, SourceSpec
 
 
@@ -67,7 +67,7 @@ def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
 
         return PicameraSource(int(spec.place), options)
     if spec.kind is SourceKind.PICTURES:
-        from dfvs_service.camera.pictures import PictureSource
+        from dfvs_service.camera.images import PictureSource
 
         return PictureSource(spec.place)
     from dfvs_service.camera.capture import CaptureSource

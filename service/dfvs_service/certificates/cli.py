@@ -8,8 +8,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
-from dfvs_core.lifecycle import run_command
 
 EXIT_OK = 0
 

@@ -7,9 +7,9 @@ import json
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.topics import Topics
-from dfvs_core.wire.zenoh_access import Role, certificate_name
-from dfvs_core.wire.zenoh_settings import Encryption, TlsFiles, zenoh_settings
+from dfvs_core.messages.topics import Topics
+from dfvs_core.messages.zenoh_access import Role, certificate_name
+from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles, zenoh_settings
 from dfvs_service.certificates.authority import (
     Credentials,
     Validity,

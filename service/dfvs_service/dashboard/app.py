@@ -14,16 +14,16 @@ from starlette.routing import Mount, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
-from dfvs_service.config import ZenohSection
+from dfvs_service.dashboard.async_bridge import Courier
+from dfvs_service.dashboard.client_session import House, Visit
 from dfvs_service.dashboard.clock import Moment
-from dfvs_service.dashboard.courier import Courier
-from dfvs_service.dashboard.desk import OrderDesk
-from dfvs_service.dashboard.doorkeeper import Doorkeeper
+from dfvs_service.dashboard.command_queue import OrderDesk
 from dfvs_service.dashboard.hub import MAX_VEHICLES, Clock, Hub
-from dfvs_service.dashboard.parcel import Arrival
+from dfvs_service.dashboard.origin_check import Doorkeeper
 from dfvs_service.dashboard.receiver import Receiver
+from dfvs_service.dashboard.sample import Arrival
 from dfvs_service.dashboard.settings import DashboardSettings
-from dfvs_service.dashboard.visit import House, Visit
+from dfvs_service.settings.config import ZenohSection
 
 PAGE = Path(__file__).parent / "page"
 _TICK_S = 0.5

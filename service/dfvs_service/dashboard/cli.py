@@ -9,12 +9,12 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 
+from dfvs_common.lifecycle import handle_ending_signals, run_command
 from dfvs_core.errors import ConfigError
-from dfvs_core.lifecycle import handle_ending_signals, run_command
-from dfvs_core.wire.goal_order import MAX_SIDECAR_BYTES
-from dfvs_core.wire.zenoh_settings import MAX_MESSAGE_BYTES
+from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES
+from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
 from dfvs_service.dashboard.settings import dashboard_settings
-from dfvs_service.key_file import create_key
+from dfvs_service.settings.key_file import create_key
 
 EXIT_OK = 0
 DEFAULT_PORT = 8470

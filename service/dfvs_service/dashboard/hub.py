@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from dfvs_core.errors import DfvsError
-from dfvs_service.dashboard.board import News, VehicleBoard
 from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.outbox import Outbox, PictureKind, encode_picture
-from dfvs_service.dashboard.parcel import Parcel, Picture
+from dfvs_service.dashboard.sample import Parcel, Picture
+from dfvs_service.dashboard.vehicle_model import News, VehicleBoard
 
 MAX_VEHICLES = 64
 

@@ -6,7 +6,7 @@ import json
 import struct
 from typing import Any
 
-from dfvs_core.wire.goal_order import MAX_SIDECAR_BYTES, GoalOrder
+from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES, GoalOrder
 
 _LENGTH = struct.Struct("<I")
 _MAX_HEADER_BYTES = 2 * MAX_SIDECAR_BYTES

@@ -16,9 +16,9 @@ import zenoh
 import zenoh.ext
 
 from dfvs_core.errors import DfvsError
-from dfvs_core.topics import Topics
-from dfvs_service.config import ZenohSection
-from dfvs_service.dashboard.parcel import Arrival
+from dfvs_core.messages.topics import Topics
+from dfvs_service.dashboard.sample import Arrival
+from dfvs_service.settings.config import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
 TOLD = ("state", "servo", "timing")

@@ -6,9 +6,9 @@ import os
 import sys
 from collections.abc import Sequence
 
-from dfvs_core.lifecycle import EXIT_CANNOT_RUN
-from dfvs_service.child_process import run_child
+from dfvs_common.lifecycle import EXIT_CANNOT_RUN
 from dfvs_service.flights.process import BlackBoxProcess
+from dfvs_service.supervisor.child_process import run_child
 
 _NICENESS = 10
 

@@ -16,11 +16,11 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_service.atomic_file import sync_folder, write_atomic
-from dfvs_service.config import ServiceConfig
 from dfvs_service.flights import layout
 from dfvs_service.flights.files import FileRing, LogCopy, SegmentedLog
 from dfvs_service.flights.store import FlightLock, FlightStore, folder_bytes
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.runtime import RuntimeFolder
 
 MB = 1_000_000
 SYNC_NS = 1_000_000_000

@@ -13,7 +13,7 @@ from dfvs_service.flights import layout
 from dfvs_service.flights.export import export_flight
 from dfvs_service.flights.records import FlightSummary, read_summary
 from dfvs_service.flights.store import FlightStore, flights_folder
-from dfvs_service.settings_options import add_settings_options, settings_from
+from dfvs_service.settings.options import add_settings_options, settings_from
 
 EXIT_OK = 0
 

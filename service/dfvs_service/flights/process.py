@@ -9,12 +9,12 @@ import sys
 import time
 from types import FrameType
 
-from dfvs_core.lifecycle import ORPHANED
-from dfvs_service.config import ServiceConfig
+from dfvs_common.lifecycle import ORPHANED
 from dfvs_service.flight_feed import split_record
 from dfvs_service.flights.black_box import BlackBox, Clock
 from dfvs_service.flights.store import FlightStore, flights_folder
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.runtime import RuntimeFolder
 
 _WAIT_S = 0.1
 _UPDATE_NS = 200_000_000

@@ -11,11 +11,9 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.lifecycle import ORPHANED, end_with_parent
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import Engage
-from dfvs_core.lifecycle import ORPHANED, end_with_parent
-from dfvs_service.child_process import leave_terminal_to_parent
-from dfvs_service.config import config_from_json
 from dfvs_service.gate.autopilot import Autopilot
 from dfvs_service.gate.process import (
     EXIT_CANNOT_RUN,
@@ -24,9 +22,11 @@ from dfvs_service.gate.process import (
     SilentLink,
     start_autopilot,
 )
-from dfvs_service.key_file import load_key
-from dfvs_service.priority import prefer_this_process
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.config import config_from_json
+from dfvs_service.settings.key_file import load_key
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.child_process import leave_terminal_to_parent
+from dfvs_service.supervisor.priority import prefer_this_process
 
 
 def main(argv: Sequence[str] | None = None) -> int:

@@ -30,16 +30,16 @@ from dfvs_core.gate.events import (
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import GateState
-from dfvs_service.beat import Beat
-from dfvs_service.config import ServiceConfig
-from dfvs_service.gate.inbox import Inbox
+from dfvs_service.gate.event_queue import Inbox
 from dfvs_service.gate.input_journal import InputJournal
+from dfvs_service.gate.ipc_server import Post
 from dfvs_service.gate.journal import Journal
-from dfvs_service.gate.lifeline import Lifeline
-from dfvs_service.gate.post import Post
+from dfvs_service.gate.parent_watchdog import Lifeline
 from dfvs_service.gate.status import gate_status
-from dfvs_service.runtime import RuntimeFolder
-from dfvs_service.watched_thread import run_watched
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.watched_thread import run_watched
 
 TICK_NS = 20 * MS
 

@@ -7,7 +7,7 @@ import math
 from dfvs_core.gate.config import S
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.vehicle import NEVER, VehiclePicture
-from dfvs_core.wire.link import GateStatus, VehicleState
+from dfvs_core.messages.link import GateStatus, VehicleState
 
 _MAX_CAUSE = 300
 _MAX_WARNINGS = 4

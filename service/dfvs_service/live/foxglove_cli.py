@@ -8,13 +8,13 @@ import sys
 import time
 from collections.abc import Sequence
 
+from dfvs_common.lifecycle import handle_ending_signals, run_command
 from dfvs_core.errors import ConfigError
-from dfvs_core.lifecycle import handle_ending_signals, run_command
-from dfvs_core.wire.flow_grid import FlowGrid
-from dfvs_core.wire.turn import Opening
-from dfvs_service.config import ServiceConfig
+from dfvs_core.messages.frame_record import Opening
+from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.preparation import require_record_extra
-from dfvs_service.settings_options import add_settings_options, settings_from
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.options import add_settings_options, settings_from
 
 EXIT_OK = 0
 DEFAULT_PORT = 8765

@@ -7,9 +7,9 @@ import importlib.util
 import sys
 from collections.abc import Sequence
 
+from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
-from dfvs_core.lifecycle import run_command
-from dfvs_service.settings_options import add_settings_options, settings_from
+from dfvs_service.settings.options import add_settings_options, settings_from
 
 EXIT_OK = 0
 DEFAULT_PORT = 9464

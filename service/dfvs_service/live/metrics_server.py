@@ -12,12 +12,12 @@ import time
 import zenoh
 from prometheus_client import CollectorRegistry, start_http_server
 
+from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_core.errors import ConfigError
-from dfvs_core.lifecycle import handle_ending_signals
-from dfvs_core.topics import Topics
-from dfvs_service.config import ServiceConfig
+from dfvs_core.messages.topics import Topics
+from dfvs_service.command import operators_zenoh
 from dfvs_service.live.metrics import FlightMetrics
-from dfvs_service.orders import operators_zenoh
+from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.zenoh_session import open_session
 
 _STREAMS = ("state", "servo", "timing")

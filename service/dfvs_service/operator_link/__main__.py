@@ -6,9 +6,9 @@ import logging
 import sys
 from collections.abc import Sequence
 
-from dfvs_service.child_process import run_child
 from dfvs_service.operator_link.process import OperatorLink
-from dfvs_service.priority import prefer_this_process
+from dfvs_service.supervisor.child_process import run_child
+from dfvs_service.supervisor.priority import prefer_this_process
 
 
 def main(argv: Sequence[str] | None = None) -> int:

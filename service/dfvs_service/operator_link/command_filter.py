@@ -10,10 +10,10 @@ import logging
 import threading
 
 from dfvs_core.errors import WireError
-from dfvs_core.rate_limit import Rate, RateLimit
-from dfvs_core.wire.command import MAX_COMMAND_BYTES, decode_command
-from dfvs_core.wire.goal_order import goal_digest
-from dfvs_core.wire.link import MAX_DATAGRAM_BYTES, ForwardedCommand, to_datagram
+from dfvs_core.gate.command import MAX_COMMAND_BYTES, decode_command
+from dfvs_core.messages.goal_command import goal_digest
+from dfvs_core.messages.link import MAX_DATAGRAM_BYTES, ForwardedCommand, to_datagram
+from dfvs_core.messages.rate_limit import Rate, RateLimit
 from dfvs_service.goal_store import GoalStore
 
 COMMAND_RATE = Rate(per_s=20.0, burst=20)

@@ -16,17 +16,17 @@ from types import FrameType
 import zenoh
 
 from dfvs_core.gate.config import Engage
-from dfvs_core.schema import dump, to_json
-from dfvs_core.topics import Topics
-from dfvs_core.wire.link import CommandAnswer, ForwardedCommand, FromGate
-from dfvs_service.config import ServiceConfig
+from dfvs_core.messages.link import CommandAnswer, ForwardedCommand, FromGate
+from dfvs_core.messages.schema import dump, to_json
+from dfvs_core.messages.topics import Topics
 from dfvs_service.flight_feed import FlightFeed
 from dfvs_service.gate_link import GateLink
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.operator_link.command_filter import CommandFilter
-from dfvs_service.operator_link.lease import Lease
+from dfvs_service.operator_link.name_lease import Lease
 from dfvs_service.pace import Pace
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry
 from dfvs_service.zenoh_session import link_zenoh, open_session
 

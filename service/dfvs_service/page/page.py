@@ -10,9 +10,9 @@ from dataclasses import dataclass
 
 import cv2
 
-from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import ConfigError
-from dfvs_core.wire.picture import encode_jpeg
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.messages.image import encode_jpeg
 from dfvs_service.page.charts import Plot, TimeLine, time_chart
 
 _VIEW_WIDTH = 480

@@ -6,11 +6,11 @@ import logging
 import sys
 from collections.abc import Sequence
 
-from dfvs_service.child_process import run_child
-from dfvs_service.config import ServiceConfig
-from dfvs_service.goal_file import load_goals
 from dfvs_service.perception.process import PerceptionProcess
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.goal_file import load_goals
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.child_process import run_child
 
 
 def main(argv: Sequence[str] | None = None) -> int:

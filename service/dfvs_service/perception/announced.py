@@ -10,11 +10,11 @@ from pathlib import Path
 import zenoh
 import zenoh.ext
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import DfvsError
-from dfvs_core.wire.frame import BOOT_ID_FILE, clock_identity
-from dfvs_service.config import ServiceConfig
-from dfvs_service.perception.intake import Intake, disagreement, make_intake
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity
+from dfvs_service.perception.frame_source import Intake, disagreement, make_intake
+from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.zenoh_session import open_session
 
 _MOST_WARNINGS = 8

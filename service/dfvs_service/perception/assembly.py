@@ -6,15 +6,15 @@ from collections.abc import Callable
 from dataclasses import dataclass, replace
 
 from dfvs_core.depth.network import DepthEstimator
-from dfvs_core.goal import Goal, Mount
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.matcher import Matcher
+from dfvs_core.messages.goal import Goal, Mount
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.task import ServoTask
 from dfvs_models.catalog import depth_files, load_depth, load_matcher, model_files
 from dfvs_models.depth import DepthNetwork
-from dfvs_service.config import FlowSection, ServiceConfig
-from dfvs_service.perception.eye import Eye
+from dfvs_service.perception.frame_processor import Eye
+from dfvs_service.settings.config import FlowSection, ServiceConfig
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,9 +6,9 @@ import math
 from collections.abc import Mapping
 from typing import Any
 
+from dfvs_core.messages.frame import Frame
 from dfvs_core.perception.frame_result import FrameResult
 from dfvs_core.servo.exchange import Uncertainty
-from dfvs_core.wire.frame import Frame
 
 
 def servo_document(

@@ -5,8 +5,8 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
-from dfvs_core.correspondence import FlowField
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.servo.points import sample_grid
 
 ARROW_STRIDE_PX = 16

@@ -16,17 +16,15 @@ from typing import Any
 import zenoh
 
 from dfvs_core.errors import ConfigError, DfvsError
-from dfvs_core.goal import Goal, GoalSidecar, Mount
-from dfvs_core.schema import dump
-from dfvs_core.topics import Topics
-from dfvs_core.wire.frame import BOOT_ID_FILE, clock_identity
-from dfvs_core.wire.goal_order import GoalOrder
-from dfvs_core.wire.link import FromGate, GateStatus, PerceptionReport
-from dfvs_core.wire.picture import encode_png
-from dfvs_service.config import ServiceConfig
+from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
+from dfvs_core.messages.goal_command import GoalOrder
+from dfvs_core.messages.image import encode_png
+from dfvs_core.messages.link import FromGate, GateStatus, PerceptionReport
+from dfvs_core.messages.schema import dump
+from dfvs_core.messages.topics import Topics
 from dfvs_service.flight_feed import FlightFeed
 from dfvs_service.gate_link import GateLink
-from dfvs_service.goal_file import ordered_goal
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.pace import Pace
 from dfvs_service.perception.announced import CameraDoubts, watch_calibration
@@ -37,19 +35,21 @@ from dfvs_service.perception.assembly import (
     flow_matcher,
     servo_task,
 )
-from dfvs_service.perception.eye import Eye, Glance, RawSample, unhealthy_report
-from dfvs_service.perception.frame_door import FrameDoor
-from dfvs_service.perception.heap import settle
-from dfvs_service.perception.intake import make_intake
+from dfvs_service.perception.frame_processor import Eye, Glance, RawSample, unhealthy_report
+from dfvs_service.perception.frame_rate_limiter import FrameDoor
+from dfvs_service.perception.frame_source import make_intake
+from dfvs_service.perception.images import Pictures
 from dfvs_service.perception.latency import LatencyWindow
 from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
-from dfvs_service.perception.opening import make_opening
-from dfvs_service.perception.pictures import Pictures
+from dfvs_service.perception.preallocation import settle
+from dfvs_service.perception.record_publisher import TurnFeed
+from dfvs_service.perception.recorder import TurnBook
 from dfvs_service.perception.route_follower import RouteFollower
-from dfvs_service.perception.turn_book import TurnBook
-from dfvs_service.perception.turn_feed import TurnFeed
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.perception.session_header import make_opening
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.goal_file import ordered_goal
+from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry
 from dfvs_service.zenoh_session import inner_zenoh, open_session
 

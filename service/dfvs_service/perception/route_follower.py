@@ -6,10 +6,11 @@ import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future
 
-from dfvs_core.goal import Goal
+from dfvs_core.messages.goal import Goal
+from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.perception.frame_result import FrameResult
 from dfvs_core.perception.goal_preview import GoalPreview, GoalView
-from dfvs_core.route import (
+from dfvs_core.perception.route import (
     RouteLimits,
     RouteState,
     follow,
@@ -19,10 +20,9 @@ from dfvs_core.route import (
     wants_look,
 )
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.wire.link import PerceptionReport
-from dfvs_service.config import ServiceConfig
 from dfvs_service.perception.assembly import servo_task
-from dfvs_service.perception.eye import Eye
+from dfvs_service.perception.frame_processor import Eye
+from dfvs_service.settings.config import ServiceConfig
 
 
 class RouteFollower:

@@ -11,14 +11,14 @@ from dataclasses import replace
 
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
-from dfvs_core.correspondence import FlowField
-from dfvs_core.goal import Goal
+from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.matching.staged import StagedMatcher
-from dfvs_service.config import ServiceConfig
+from dfvs_core.messages.goal import Goal
+from dfvs_service.settings.config import ServiceConfig
 
 WORKING_WIDTHS_PX = (320, 400, 480, 640)
 """Candidates for ``MatchingConfig.working_width_px``."""

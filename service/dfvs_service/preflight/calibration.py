@@ -2,10 +2,10 @@
 
 from __future__ import annotations
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.gate.preflight import Check
-from dfvs_core.goal import Goal
-from dfvs_service.config import ServiceConfig
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import Goal
+from dfvs_service.settings.config import ServiceConfig
 
 _TOLERANCE = 0.02
 """Relative difference of two calibrations that are of the same camera."""

@@ -6,13 +6,11 @@ import signal
 import time
 from collections.abc import Callable
 
-from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.preflight import Check
-from dfvs_core.goal import Goal
-from dfvs_core.topics import Topics
-from dfvs_service.config import ServiceConfig
-from dfvs_service.parent import Parent, Programs, prepare_runtime, supervise
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.messages.goal import Goal
+from dfvs_core.messages.topics import Topics
 from dfvs_service.perception.assembly import flow_matcher
 from dfvs_service.perception.working_size import with_working_size
 from dfvs_service.preflight.calibration import camera_check
@@ -23,12 +21,14 @@ from dfvs_service.preflight.ground import (
     model_check,
     speed_check,
 )
+from dfvs_service.preflight.image import draw_picture
 from dfvs_service.preflight.live_view import LiveView
-from dfvs_service.preflight.picture import draw_picture
 from dfvs_service.preflight.report import CheckReport
 from dfvs_service.preflight.stream import stream_check
 from dfvs_service.preflight.watch_only import Observer, watching
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.parent import Parent, Programs, prepare_runtime, supervise
 from dfvs_service.zenoh_session import inner_zenoh
 
 _ERROR = "error: "

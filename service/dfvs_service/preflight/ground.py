@@ -12,12 +12,12 @@ import numpy as np
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import MS, Engage, GateTiming
 from dfvs_core.gate.preflight import Check
-from dfvs_core.goal import Goal
 from dfvs_core.matching.matcher import Matcher, follow
-from dfvs_service.config import ServiceConfig
-from dfvs_service.exposure import is_private_mavlink
-from dfvs_service.key_file import load_key
+from dfvs_core.messages.goal import Goal
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.exposure import is_private_mavlink
+from dfvs_service.settings.key_file import load_key
 
 _FRAMES = 5
 _SHIFT_PX = 4

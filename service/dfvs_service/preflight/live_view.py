@@ -10,13 +10,13 @@ from typing import Any
 
 import zenoh
 
-from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import ConfigError, WireError
-from dfvs_core.topics import Topics
-from dfvs_core.wire.flow_grid import FlowGrid, decode_flow_grid
-from dfvs_core.wire.turn import Turn, unpack
-from dfvs_service.config import ZenohSection
-from dfvs_service.turn_image import turn_image
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.messages.frame_record import Turn, unpack
+from dfvs_core.messages.topics import Topics
+from dfvs_core.perception.flow_grid import FlowGrid, decode_flow_grid
+from dfvs_service.frame_record_image import turn_image
+from dfvs_service.settings.config import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
 _TURNS = 16

@@ -14,7 +14,7 @@ import socket
 from dataclasses import dataclass
 
 from dfvs_core.errors import ConfigError
-from dfvs_service.sections import ZenohSection
+from dfvs_service.settings.sections import ZenohSection
 
 _ZENOH_KINDS = {
     "tcp": socket.SOCK_STREAM,

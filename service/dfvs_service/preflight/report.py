@@ -7,8 +7,8 @@ import json
 from dataclasses import dataclass
 
 from dfvs_core.gate.preflight import Check
-from dfvs_core.schema import dump
-from dfvs_service.console import Colour, painted
+from dfvs_core.messages.schema import dump
+from dfvs_service.supervisor.console import Colour, painted
 
 _PREREQUISITE = {
     **dict.fromkeys(("estimator", "health", "battery", "parameters"), "link"),

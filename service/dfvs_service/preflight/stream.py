@@ -9,12 +9,12 @@ from dataclasses import dataclass
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import S
 from dfvs_core.gate.preflight import Check
-from dfvs_core.goal import Goal
-from dfvs_core.wire.frame import decode_header
-from dfvs_service.config import ServiceConfig
+from dfvs_core.messages.frame import decode_header
+from dfvs_core.messages.goal import Goal
 from dfvs_service.perception.announced import open_as_service
-from dfvs_service.perception.eye import RawSample
-from dfvs_service.teach.frame_inbox import FrameInbox
+from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.route.frame_queue import FrameInbox
+from dfvs_service.settings.config import ServiceConfig
 
 _PATIENCE_NS = 4 * S
 """For the first frame: a camera that lost its service connects again within seconds."""

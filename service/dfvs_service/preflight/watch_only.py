@@ -9,8 +9,8 @@ from collections.abc import Callable
 from dfvs_core.gate.config import Engage
 from dfvs_core.gate.preflight import Check
 from dfvs_core.gate.states import GateState
-from dfvs_service.beat import Beat
-from dfvs_service.config import ServiceConfig
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.supervisor.heartbeat import Beat
 
 _FOR_EVER_S = 600.0
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from dfvs_service.child_process import run_child
 from dfvs_service.record.process import RecorderProcess
+from dfvs_service.supervisor.child_process import run_child
 
 
 def main(argv: Sequence[str] | None = None) -> int:

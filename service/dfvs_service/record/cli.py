@@ -9,9 +9,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_core.lifecycle import handle_ending_signals, run_command
+from dfvs_common.lifecycle import handle_ending_signals, run_command
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
-from dfvs_service.settings_options import add_settings_options, settings_from
+from dfvs_service.settings.options import add_settings_options, settings_from
 
 EXIT_OK, EXIT_NOTHING = 0, 1
 

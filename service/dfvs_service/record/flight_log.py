@@ -7,7 +7,7 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 
 from dfvs_core.gate.states import GateState
-from dfvs_core.wire.link import GateStatus
+from dfvs_core.messages.link import GateStatus
 
 
 class Severity(enum.Enum):

@@ -11,10 +11,10 @@ from types import FrameType
 import zenoh
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.topics import Topics
-from dfvs_service.config import ServiceConfig
-from dfvs_service.orders import operators_zenoh
+from dfvs_core.messages.topics import Topics
+from dfvs_service.command import operators_zenoh
 from dfvs_service.record.listener import Event, TurnListener
+from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.zenoh_session import open_session
 
 _WAIT_S = 0.2

@@ -27,12 +27,12 @@ from foxglove_schemas_protobuf.RawImage_pb2 import RawImage
 from foxglove_schemas_protobuf.Vector3_pb2 import Vector3
 from google.protobuf.timestamp_pb2 import Timestamp
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.goal import Mount
-from dfvs_core.poses import quaternion_from_rotation, rotation_from_euler
-from dfvs_core.wire.flow_grid import FlowGrid
-from dfvs_core.wire.link import VehicleState
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import quaternion_from_rotation, rotation_from_euler
+from dfvs_core.messages.goal import Mount
+from dfvs_core.messages.link import VehicleState
+from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.flight_log import Entry
 
 _HALF_PX = 0.5

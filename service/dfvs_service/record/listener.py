@@ -11,9 +11,9 @@ import zenoh
 import zenoh.ext
 
 from dfvs_core.errors import WireError
-from dfvs_core.topics import Topics
-from dfvs_core.wire.flow_grid import FlowGrid, decode_flow_grid
-from dfvs_core.wire.turn import Opening, Turn, unpack
+from dfvs_core.messages.frame_record import Opening, Turn, unpack
+from dfvs_core.messages.topics import Topics
+from dfvs_core.perception.flow_grid import FlowGrid, decode_flow_grid
 
 MAX_WAITING_BYTES = 128 * 1024 * 1024
 _BATCH = 4

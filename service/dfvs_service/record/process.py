@@ -10,12 +10,12 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
-from dfvs_core.wire.flow_grid import FlowGrid
-from dfvs_core.wire.turn import Opening
-from dfvs_service.config import RecordSection, ServiceConfig
+from dfvs_core.messages.frame_record import Opening
+from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.follow import Follower
 from dfvs_service.record.preparation import prepare_folder
 from dfvs_service.record.recorder import MB, RecordCounts, Recorder, RecordLimits
+from dfvs_service.settings.config import RecordSection, ServiceConfig
 
 
 @dataclass(frozen=True, slots=True)

@@ -12,8 +12,8 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from dfvs_core.wire.flow_grid import FlowGrid
-from dfvs_core.wire.turn import Opening, Turn
+from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.channels import Message
 from dfvs_service.record.mcap_file import McapFile
 from dfvs_service.record.translation import Translation

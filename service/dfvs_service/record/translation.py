@@ -11,18 +11,18 @@ from collections.abc import Iterator
 from typing import Any
 
 from dfvs_core.errors import WireError
-from dfvs_core.goal import GoalSidecar, Mount
-from dfvs_core.schema import dump, parse, to_json
-from dfvs_core.wire.flow_grid import FlowGrid
-from dfvs_core.wire.frame import FrameHeader, PixelFormat, decode_header
-from dfvs_core.wire.link import GateStatus, PerceptionReport, VehicleState
-from dfvs_core.wire.turn import Opening, Sight, Turn
-from dfvs_service.config import CameraSection
+from dfvs_core.messages.frame import FrameHeader, PixelFormat, decode_header
+from dfvs_core.messages.frame_record import Opening, Sight, Turn
+from dfvs_core.messages.goal import GoalSidecar, Mount
+from dfvs_core.messages.link import GateStatus, PerceptionReport, VehicleState
+from dfvs_core.messages.schema import dump, parse, to_json
+from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.pace import Pace
 from dfvs_service.record import channels, foxglove_messages
 from dfvs_service.record.channels import Channel, Message, json_channel
 from dfvs_service.record.flight_log import FlightLog
 from dfvs_service.record.flown_path import FlownPath
+from dfvs_service.settings.config import CameraSection
 
 _NO_VEHICLE = VehicleState(0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 _NO_REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0, 0.0)

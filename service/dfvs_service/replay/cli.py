@@ -9,11 +9,11 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
-from dfvs_core.lifecycle import run_command
-from dfvs_service.child import use_one_blas_thread
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
+from dfvs_service.supervisor.child import use_one_blas_thread
 
 EXIT_OK, EXIT_DIFFERS = 0, 1
 _SHOW_S = 0.5
@@ -62,12 +62,12 @@ def _replay(arguments: argparse.Namespace) -> int:
         if path is not None and not path.absolute().parent.is_dir():
             raise ConfigError(f"cannot write {path}", "an existing folder")
     # ONNX Runtime, MCAP and protobuf take their time to load.
-    from dfvs_service.config import load_config
     from dfvs_service.replay.comparison import compare
     from dfvs_service.replay.documents import as_document, write_whole
     from dfvs_service.replay.flight import Trial, replay
     from dfvs_service.replay.html_report import html_report
     from dfvs_service.replay.text_report import text_report
+    from dfvs_service.settings.config import load_config
 
     settings = None if arguments.config is None else load_config(arguments.config, {})
     progress = _Progress()

@@ -8,7 +8,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.wire.link import PerceptionReport
+from dfvs_core.messages.link import PerceptionReport
 from dfvs_service.replay.rerun import Rerun
 
 MATCH_STAGES = ("prepare", "match")

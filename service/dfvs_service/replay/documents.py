@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.schema import dump
+from dfvs_core.messages.schema import dump
 from dfvs_service.atomic_file import write_atomic
 from dfvs_service.replay.comparison import Comparison, FrameDifference
 

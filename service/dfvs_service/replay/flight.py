@@ -7,15 +7,15 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.wire.turn import Opening, Turn
-from dfvs_service.config import FlowSection, ServiceConfig
+from dfvs_core.messages.frame_record import Opening, Turn
 from dfvs_service.flights.records import StateChange
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 from dfvs_service.perception.build import build_versions
-from dfvs_service.perception.eye import Glance
+from dfvs_service.perception.frame_processor import Glance
 from dfvs_service.replay.identity import reasons_to_differ
 from dfvs_service.replay.recording import StateLog, read_recording
 from dfvs_service.replay.rerun import Rerun, Rerunner, recorded_settings, with_trial
+from dfvs_service.settings.config import FlowSection, ServiceConfig
 
 
 @dataclass(frozen=True, slots=True)

@@ -6,7 +6,7 @@ import math
 from collections.abc import Callable, Sequence
 
 from dfvs_core.gate.config import S
-from dfvs_core.wire.link import PerceptionReport
+from dfvs_core.messages.link import PerceptionReport
 from dfvs_service.page.charts import Curve, Plot, Samples, TimeLine
 from dfvs_service.page.page import Page, Table, render
 from dfvs_service.replay.comparison import Comparison, FrameDifference

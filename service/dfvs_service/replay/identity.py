@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from dfvs_core.schema import dump
-from dfvs_core.wire.turn import Opening
-from dfvs_service.config import ServiceConfig
+from dfvs_core.messages.frame_record import Opening
+from dfvs_core.messages.schema import dump
+from dfvs_service.settings.config import ServiceConfig
 
 _SHOWN_CHARACTERS = 24
 

@@ -13,9 +13,9 @@ from mcap.records import Channel, Message
 
 from dfvs_core.errors import WireError
 from dfvs_core.gate.config import S
-from dfvs_core.schema import from_json
-from dfvs_core.wire.link import GateStatus
-from dfvs_core.wire.turn import Opening, Turn
+from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.link import GateStatus
+from dfvs_core.messages.schema import from_json
 from dfvs_service.flights.records import StateChange
 from dfvs_service.record import channels
 from dfvs_service.record.reading import RecordingError, open_records

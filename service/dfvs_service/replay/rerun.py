@@ -11,20 +11,20 @@ import time
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 
-from dfvs_core.arrays import ImageArray
-from dfvs_core.correspondence import FlowField
 from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.errors import DfvsError
-from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Matcher, Prepared
-from dfvs_core.schema import parse
-from dfvs_core.wire.link import PerceptionReport
-from dfvs_core.wire.picture import decode_picture
-from dfvs_core.wire.turn import Opening, Sight, Turn
-from dfvs_service.config import ServiceConfig
+from dfvs_core.messages.frame_record import Opening, Sight, Turn
+from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_core.messages.image import decode_picture
+from dfvs_core.messages.link import PerceptionReport
+from dfvs_core.messages.schema import parse
 from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
-from dfvs_service.perception.eye import Glance, RawSample
+from dfvs_service.perception.frame_processor import Glance, RawSample
 from dfvs_service.record.reading import RecordingError
+from dfvs_service.settings.config import ServiceConfig
 
 
 @dataclass(frozen=True, slots=True)

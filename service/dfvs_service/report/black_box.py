@@ -6,7 +6,6 @@ from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
-from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import DfvsError, WireError
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import (
@@ -19,7 +18,8 @@ from dfvs_core.gate.events import (
     WatchEnded,
 )
 from dfvs_core.gate.replay import Step, read_start, read_steps
-from dfvs_core.wire.picture import decode_picture
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.messages.image import decode_picture
 from dfvs_service.flights import layout
 from dfvs_service.flights.records import read_lines, read_summary
 from dfvs_service.report.flight import BLACK_BOX, Flight, FlightView

@@ -11,14 +11,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
-from dfvs_core.lifecycle import run_command
 from dfvs_service.atomic_file import write_atomic
-from dfvs_service.child import use_one_blas_thread
 from dfvs_service.flights.store import FlightStore, flights_folder
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.report.source import MCAP, open_flight
-from dfvs_service.settings_options import add_settings_options, settings_from
+from dfvs_service.settings.options import add_settings_options, settings_from
+from dfvs_service.supervisor.child import use_one_blas_thread
 
 if TYPE_CHECKING:
     from dfvs_service.report.flight import FlightSource, FlightView

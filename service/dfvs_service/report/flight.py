@@ -7,8 +7,8 @@ from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import Protocol
 
-from dfvs_core.arrays import ImageArray
-from dfvs_core.correspondence import FlowField
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_service.flights.records import FlightSummary
 from dfvs_service.page.charts import TimeLine
 from dfvs_service.report.series import FlightSeries

@@ -11,13 +11,13 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
+from dfvs_core.geometry.arrays import ImageArray
 from dfvs_service.page.charts import Curve, Plot, Samples, path_chart
 from dfvs_service.page.page import Film, Page, Table, View, render
-from dfvs_service.report.album import Album, collect
-from dfvs_service.report.film import FilmWriter
 from dfvs_service.report.flight import BLACK_BOX, Flight, FlightSource, FlightView
 from dfvs_service.report.series import Fault, FlightSeries
+from dfvs_service.report.thumbnails import Album, collect
+from dfvs_service.report.video import FilmWriter
 
 MAX_EMBEDDED_BYTES = 24_000_000
 """A larger film stays a file beside the page."""

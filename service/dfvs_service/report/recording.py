@@ -7,19 +7,19 @@ from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime
 from pathlib import Path
 
-from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import S
+from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.warping import flow_at_size
-from dfvs_core.wire.link import GateStatus
-from dfvs_core.wire.picture import decode_picture
-from dfvs_core.wire.turn import Opening, Turn
+from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.image import decode_picture
+from dfvs_core.messages.link import GateStatus
 from dfvs_service.flights.records import FlightSummary, StateChange
+from dfvs_service.frame_record_image import turn_image
 from dfvs_service.replay.flight import FlightReplay, Trial
 from dfvs_service.replay.recording import StateLog, read_recording
 from dfvs_service.report.flight import RECORDING, Flight, FlightView
 from dfvs_service.report.series import SeriesBuilder
-from dfvs_service.turn_image import turn_image
 
 _REPEATED = "The flow is computed again, by another build, model or other settings than in flight."
 _NO_FLOW = "No flow is drawn: {}."

@@ -12,7 +12,7 @@ from typing import Any
 import numpy as np
 
 from dfvs_core.gate.config import S
-from dfvs_core.wire.link import PerceptionReport
+from dfvs_core.messages.link import PerceptionReport
 from dfvs_service.page.charts import Interval, Samples
 
 Vector = tuple[float, float, float]

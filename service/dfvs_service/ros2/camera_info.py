@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from typing import Any
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import WireError
+from dfvs_core.geometry.camera import CameraModel
 
 _PIXEL_CENTRE = 0.5
 """ROS puts the first pixel's centre at 0, we at 0.5."""

@@ -10,11 +10,11 @@ import sys
 import threading
 from collections.abc import Sequence
 
+from dfvs_common.lifecycle import handle_ending_signals, run_command
 from dfvs_core.errors import ConfigError
-from dfvs_core.lifecycle import handle_ending_signals, run_command
-from dfvs_core.wire.ros2 import Ros2Link
-from dfvs_service.config import ServiceConfig
-from dfvs_service.settings_options import add_settings_options, settings_from
+from dfvs_core.messages.ros2 import Ros2Link
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.options import add_settings_options, settings_from
 
 EXIT_OK = 0
 _EPILOG = """\
@@ -76,7 +76,7 @@ def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading
         raise ConfigError(f"--domain is {arguments.domain}", "0 to 232")
     # rosbags and Zenoh take their time to load, and rosbags is an extra.
     from dfvs_service.camera.options import open_patiently
-    from dfvs_service.orders import operators_zenoh
+    from dfvs_service.command import operators_zenoh
     from dfvs_service.ros2.relay import Relay
 
     link: Ros2Link = arguments.link

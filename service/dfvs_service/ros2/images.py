@@ -9,10 +9,10 @@ from typing import Any
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
 from dfvs_core.errors import WireError
-from dfvs_core.wire.frame import PixelFormat
-from dfvs_core.wire.picture import MAX_PICTURE_PIXELS, picture_size
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.messages.frame import PixelFormat
+from dfvs_core.messages.image import MAX_PICTURE_PIXELS, picture_size
 
 _MAX_SIDE_PX = 65_535
 

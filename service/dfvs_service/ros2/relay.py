@@ -13,9 +13,9 @@ from typing import Any
 import zenoh
 
 from dfvs_core.errors import WireError
-from dfvs_core.topics import Topics
-from dfvs_core.wire.frame import decode_header
-from dfvs_core.wire.ros2 import Ros2Attachment, Ros2Link, Ros2Node, Ros2Topic
+from dfvs_core.messages.frame import decode_header
+from dfvs_core.messages.ros2 import Ros2Attachment, Ros2Link, Ros2Node, Ros2Topic
+from dfvs_core.messages.topics import Topics
 from dfvs_service.ros2.messages import encode, type_hash
 from dfvs_service.ros2.telemetry import (
     DIAGNOSTICS,

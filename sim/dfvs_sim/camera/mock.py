@@ -13,10 +13,10 @@ from pathlib import Path
 import numpy as np
 import zenoh
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.topics import Topics
-from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.render.renderer import Renderer
 

@@ -11,10 +11,10 @@ from typing import Any
 import numpy as np
 import zenoh
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_core.wire.frame import FrameHeader, PixelFormat, decode_header
-from dfvs_core.wire.ros2 import (
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import FrameHeader, PixelFormat, decode_header
+from dfvs_core.messages.ros2 import (
     CAMERA_INFO,
     COMPRESSED_IMAGE,
     IMAGE,

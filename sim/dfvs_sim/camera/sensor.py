@@ -6,7 +6,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
+from dfvs_core.geometry.arrays import ImageArray
 
 _PATTERNS = 8
 

@@ -12,13 +12,13 @@ from typing import Any
 import numpy as np
 import zenoh
 
-from dfvs_core.arrays import FloatArray
+from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_core.errors import ConfigError
-from dfvs_core.goal import Mount
-from dfvs_core.lifecycle import handle_ending_signals
-from dfvs_core.poses import make_pose, rotation_from_euler
-from dfvs_core.topics import Topics
-from dfvs_core.wire.frame import PixelFormat
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import make_pose, rotation_from_euler
+from dfvs_core.messages.frame import PixelFormat
+from dfvs_core.messages.goal import Mount
+from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, Publish, zenoh_publisher
 from dfvs_sim.camera.ros2 import Ros2CameraConfig, Ros2Publisher
 from dfvs_sim.ground.link import DEFAULT_URL, GroundLink

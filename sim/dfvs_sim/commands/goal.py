@@ -9,18 +9,18 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_core.goal import GoalSidecar
-from dfvs_core.poses import R_BODY_FORWARD_CAMERA, euler_from_rotation
-from dfvs_core.wire.picture import encode_png
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import R_BODY_FORWARD_CAMERA, euler_from_rotation
+from dfvs_core.messages.goal import GoalSidecar
+from dfvs_core.messages.image import encode_png
 from dfvs_sim.demo.plan import parse_camera_pose
 from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.scene.poses import look_at
+from dfvs_sim.viewpoints.sampling import look_at
 
 _DESCRIPTION = """Render a goal picture and write it with its sidecar (goal.png, goal.json).
 

@@ -9,11 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.vehicle.estimate_errors import EstimateGrade
+from dfvs_sim.dynamics.estimate_errors import EstimateGrade
+from dfvs_sim.dynamics.wind import WindGrade
 from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.mavlink import UdpPorts
 from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle, stop_on_signals
-from dfvs_sim.vehicle.wind import WindGrade
 
 _EPILOG = """example:
   dfvs-sim vehicle --start 0,0,0,30 --record vehicle.jsonl

@@ -5,8 +5,8 @@ from __future__ import annotations
 import time
 from collections.abc import Callable
 
-from dfvs_core.arrays import FloatArray
 from dfvs_core.errors import DfvsError
+from dfvs_core.geometry.arrays import FloatArray
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.pose import PoseTracker
 

@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import zenoh
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.wire.frame import PixelFormat
-from dfvs_core.wire.ros2 import Ros2Link
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import PixelFormat
+from dfvs_core.messages.ros2 import Ros2Link
 from dfvs_sim.camera.mock import Publish, zenoh_publisher
 from dfvs_sim.camera.ros2 import Ros2CameraConfig, Ros2Publisher
 

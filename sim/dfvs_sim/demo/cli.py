@@ -7,8 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
-from dfvs_core.lifecycle import run_command
 from dfvs_sim.demo.cameras import CAMERAS
 from dfvs_sim.demo.conditions import (
     Conditions,

@@ -8,7 +8,7 @@ from typing import Any
 
 from dfvs_core.errors import ConfigError
 from dfvs_sim.commands import vehicle
-from dfvs_sim.vehicle.estimate_errors import EstimateGrade
+from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 
 USUAL_ESTIMATE = EstimateGrade.MEDIUM.value
 """As of a drone between optical flow and satellites alone."""

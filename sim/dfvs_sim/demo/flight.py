@@ -10,8 +10,8 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_core.errors import DfvsError
-from dfvs_core.topics import Topics
-from dfvs_core.wire.picture import encode_png
+from dfvs_core.messages.image import encode_png
+from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
 from dfvs_sim.child import Child
 from dfvs_sim.demo.anchor import FlightError, anchored_poses

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.poses import make_pose
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose
 from dfvs_sim.render.renderer import Renderer
 
 USUAL_HEIGHT_M = 1.5

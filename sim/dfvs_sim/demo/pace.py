@@ -9,7 +9,7 @@ from collections.abc import Callable
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import ImageArray
+from dfvs_core.geometry.arrays import ImageArray
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
 

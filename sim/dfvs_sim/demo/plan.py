@@ -8,14 +8,14 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray, ImageArray
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_core.goal import GoalSidecar, Mount
-from dfvs_core.poses import invert_pose, make_pose, pose_error, rotation_from_euler
+from dfvs_core.geometry.arrays import FloatArray, ImageArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose, make_pose, pose_error, rotation_from_euler
+from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_sim.demo.floor import TakeOff, take_off_from_floor
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene.poses import camera_pose, sample_task
+from dfvs_sim.viewpoints.sampling import camera_pose, sample_task
 
 
 @dataclass(frozen=True, slots=True)

@@ -10,8 +10,8 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.poses import pose_error
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import pose_error
 
 _RATE_HZ = 20.0
 _SETTLED_NS = 500_000_000

@@ -9,7 +9,7 @@ from typing import Any
 
 import zenoh
 
-from dfvs_core.topics import Topics
+from dfvs_core.messages.topics import Topics
 
 
 class TelemetryWatch:

@@ -15,8 +15,8 @@ from dataclasses import dataclass
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.poses import make_pose, rotation_from_euler
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import make_pose, rotation_from_euler
 from dfvs_sim.ground.clock import ClockMap
 from dfvs_sim.ground.interpolation import (
     AttitudeSample,

@@ -12,7 +12,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.geometry.arrays import FloatArray
 
 _BATCHES = 4
 """Parts of a window whose means give the standard error: neighbouring samples err alike."""

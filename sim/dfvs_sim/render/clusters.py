@@ -7,7 +7,7 @@ from dataclasses import dataclass
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.arrays import FloatArray
+from dfvs_core.geometry.arrays import FloatArray
 from dfvs_sim.scene.mesh import Int32Array, Scene
 
 _CLUSTER_SIZE = 64

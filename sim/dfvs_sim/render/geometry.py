@@ -15,7 +15,7 @@ import math
 import numpy as np
 from numba import njit
 
-from dfvs_core.arrays import BoolArray, Float32Array, FloatArray
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray
 from dfvs_sim.scene.mesh import Int32Array
 
 

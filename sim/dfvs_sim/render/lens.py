@@ -7,9 +7,9 @@ from functools import lru_cache
 
 import numpy as np
 
-from dfvs_core.arrays import Float32Array
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import GeometryError
+from dfvs_core.geometry.arrays import Float32Array
+from dfvs_core.geometry.camera import CameraModel
 
 _WIDEST = float(np.tan(np.radians(70.0)))
 _ROUND_TRIP_PX = 0.05

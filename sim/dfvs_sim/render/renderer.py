@@ -7,9 +7,9 @@ from dataclasses import dataclass
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.poses import check_pose, invert_pose
+from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import check_pose, invert_pose
 from dfvs_sim.render.clusters import Clusters, build_clusters
 from dfvs_sim.render.geometry import cull_clusters, rasterise, transform_vertices
 from dfvs_sim.render.lens import Lens, lens_of

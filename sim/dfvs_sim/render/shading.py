@@ -16,7 +16,7 @@ from typing import TypeAlias
 import numpy as np
 from numba import njit
 
-from dfvs_core.arrays import Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
 from dfvs_sim.render.geometry import edge_functions
 from dfvs_sim.scene.mesh import Int32Array
 from dfvs_sim.scene.texture import MAX_LEVELS, Int64Array, Wrap

@@ -5,9 +5,9 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dfvs_core.arrays import BoolArray, Float32Array, FloatArray, ImageArray
-from dfvs_core.camera import CameraModel
-from dfvs_core.poses import invert_pose
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose
 
 DEPTH_TOLERANCE_M = 0.005
 DEPTH_TOLERANCE_RELATIVE = 0.01

@@ -15,8 +15,3 @@ def builtin_room_path() -> Path:
 def two_rooms_path() -> Path:
     """Path of the two rooms with a doorway between them that come with the package."""
     return _ASSETS / "two_rooms.glb"
-
-
-def benchmark_folder() -> Path:
-    """Folder of the benchmark's ten scenes and their tasks, which come with the package."""
-    return _ASSETS / "bench"

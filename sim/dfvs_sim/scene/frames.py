@@ -8,8 +8,8 @@ from __future__ import annotations
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.poses import make_pose
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import make_pose
 
 R_NED_GLTF: FloatArray = np.array([[0.0, 0.0, -1.0], [1.0, 0.0, 0.0], [0.0, -1.0, 0.0]])
 """Rotation (3, 3) that takes glTF coordinates to NED."""

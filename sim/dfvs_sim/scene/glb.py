@@ -15,10 +15,10 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.errors import DfvsError, ImageError
-from dfvs_core.poses import rotation_from_quaternion
-from dfvs_core.wire.picture import decode_picture
+from dfvs_core.geometry.arrays import Float32Array, FloatArray
+from dfvs_core.geometry.poses import rotation_from_quaternion
+from dfvs_core.messages.image import decode_picture
 from dfvs_sim.scene.frames import ned_from_gltf
 from dfvs_sim.scene.glb_accessor import Document, read_accessor, read_view
 from dfvs_sim.scene.mesh import NO_TEXTURE, Int32Array, Scene, SceneError

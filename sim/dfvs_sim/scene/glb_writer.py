@@ -9,8 +9,8 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_core.arrays import FloatArray
-from dfvs_core.wire.picture import encode_jpeg
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.messages.image import encode_jpeg
 from dfvs_sim.scene.frames import gltf_from_ned
 from dfvs_sim.scene.mesh import NO_TEXTURE, Scene
 from dfvs_sim.scene.texture import Texture, Wrap

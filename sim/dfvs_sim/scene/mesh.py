@@ -8,8 +8,8 @@ from typing import TypeAlias
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.arrays import Float32Array, FloatArray
 from dfvs_core.errors import DfvsError
+from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_sim.scene.texture import Texture
 
 Int32Array: TypeAlias = NDArray[np.int32]

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.arrays import BoolArray, FloatArray
+from dfvs_core.geometry.arrays import BoolArray, FloatArray
 from dfvs_sim.scene.mesh import Int32Array, Scene
 
 _WELD_M = 1e-3

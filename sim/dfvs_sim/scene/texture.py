@@ -11,8 +11,8 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.arrays import Float32Array, ImageArray
 from dfvs_core.errors import ImageError
+from dfvs_core.geometry.arrays import Float32Array, ImageArray
 
 MAX_LEVELS = 14
 MAX_TEXTURE_SIDE_PX = 4096

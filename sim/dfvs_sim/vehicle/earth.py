@@ -6,8 +6,8 @@ import math
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from dfvs_sim.dynamics.rigid_body import Quadrotor
 from dfvs_sim.geodesy import metres_per_degree
-from dfvs_sim.vehicle.dynamics import Quadrotor
 
 HOME_LATITUDE_DEG, HOME_LONGITUDE_DEG, HOME_ALTITUDE_M = 47.397742, 8.545594, 488.0
 """Where the local frame's origin lies on the earth; the altitude is above mean sea level."""

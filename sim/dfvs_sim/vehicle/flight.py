@@ -6,17 +6,17 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dfvs_sim.vehicle.control import Controller, Demand
-from dfvs_sim.vehicle.dynamics import Quadrotor
-from dfvs_sim.vehicle.estimate_errors import ERRORS, EstimateGrade
-from dfvs_sim.vehicle.estimator import Estimator
+from dfvs_sim.dynamics.control import Controller, Demand
+from dfvs_sim.dynamics.estimate_errors import ERRORS, EstimateGrade
+from dfvs_sim.dynamics.estimator import Estimator
+from dfvs_sim.dynamics.rigid_body import Quadrotor
+from dfvs_sim.dynamics.wind import STRENGTHS, Wind, WindGrade
 from dfvs_sim.vehicle.liftoff import LandDetector, Liftoff
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.navigation import Navigator
 from dfvs_sim.vehicle.parameters import ParameterTable, Value
 from dfvs_sim.vehicle.setpoints import is_flyable
 from dfvs_sim.vehicle.status import Status
-from dfvs_sim.vehicle.wind import STRENGTHS, Wind, WindGrade
 
 STOP = Demand(velocity=(0.0, 0.0, 0.0), yaw_rate_rad_s=0.0)
 """Stop and wait."""

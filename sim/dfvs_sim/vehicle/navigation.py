@@ -9,9 +9,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from dfvs_sim.vehicle.control import Demand
-from dfvs_sim.vehicle.dynamics import GRAVITY_M_S2
-from dfvs_sim.vehicle.estimator import Estimate
+from dfvs_sim.dynamics.control import Demand
+from dfvs_sim.dynamics.estimator import Estimate
+from dfvs_sim.dynamics.rigid_body import GRAVITY_M_S2
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.parameters import ParameterTable
 from dfvs_sim.vehicle.status import Status

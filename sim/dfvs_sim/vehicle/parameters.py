@@ -9,7 +9,7 @@ import math
 import struct
 from collections.abc import Mapping
 
-from dfvs_sim.vehicle.control import Gains
+from dfvs_sim.dynamics.control import Gains
 
 INT32, REAL32 = 6, 9
 """MAV_PARAM_TYPE of an integer and of a float."""

@@ -10,7 +10,7 @@ from types import FrameType
 
 import numpy as np
 
-from dfvs_core.lifecycle import handle_ending_signals
+from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts, wait_for_data
 from dfvs_sim.vehicle.px4 import STEP_NS, Journal, Px4

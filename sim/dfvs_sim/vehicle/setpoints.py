@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
-from dfvs_sim.vehicle.control import NAN_VECTOR, Demand, Vector
+from dfvs_sim.dynamics.control import NAN_VECTOR, Demand, Vector
 
 LOCAL_NED, BODY_NED = 1, 8
 """The only coordinate frames that are accepted."""

@@ -8,11 +8,11 @@ from ros2_samples import info_message
 from test_camera_process import CAMERA, TOPICS
 
 from dfvs_core.errors import WireError
-from dfvs_core.wire.ros2 import CAMERA_INFO, Ros2Topic
-from dfvs_core.wire.zenoh_settings import zenoh_settings
+from dfvs_core.messages.ros2 import CAMERA_INFO, Ros2Topic
+from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
-from dfvs_service.config import load_config
 from dfvs_service.perception.announced import await_camera
+from dfvs_service.settings.config import load_config
 
 
 @pytest.fixture

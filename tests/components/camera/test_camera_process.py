@@ -11,14 +11,14 @@ import pytest
 import zenoh
 from loopback import free_endpoint, listening_peer
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.schema import parse
-from dfvs_core.topics import Topics
-from dfvs_core.wire.frame import BOOT_ID_FILE, clock_identity, decode_frame, decode_header
-from dfvs_core.wire.picture import encode_png
-from dfvs_core.wire.zenoh_settings import zenoh_settings
-from dfvs_service.calibration_file import write_calibration
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity, decode_frame, decode_header
+from dfvs_core.messages.image import encode_png
+from dfvs_core.messages.schema import parse
+from dfvs_core.messages.topics import Topics
+from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.camera import cli
+from dfvs_service.settings.calibration_file import write_calibration
 
 TOPICS = Topics("filmed")
 SIZE = (64, 48)

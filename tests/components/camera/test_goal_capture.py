@@ -12,16 +12,16 @@ from loopback import free_endpoint
 from test_camera_process import CAMERA, SIZE, TOPICS
 
 from dfvs_core.gate.events import Attitude, LocalPosition
-from dfvs_core.wire.frame import PixelFormat
-from dfvs_core.wire.picture import encode_png
-from dfvs_core.wire.zenoh_settings import zenoh_settings
-from dfvs_service.calibration_file import write_calibration
+from dfvs_core.messages.frame import PixelFormat
+from dfvs_core.messages.image import encode_png
+from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.camera import cli
 from dfvs_service.camera.goal import sharpness_of
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
 from dfvs_service.camera.source import Shot
-from dfvs_service.goal_file import load_goal
-from dfvs_service.teach.vehicle_watch import VehicleWatch
+from dfvs_service.route.vehicle_state import VehicleWatch
+from dfvs_service.settings.calibration_file import write_calibration
+from dfvs_service.settings.goal_file import load_goal
 
 
 @pytest.fixture

@@ -8,7 +8,7 @@ from http.server import BaseHTTPRequestHandler, ThreadingHTTPServer
 import numpy as np
 import pytest
 
-from dfvs_core.wire.picture import encode_jpeg
+from dfvs_core.messages.image import encode_jpeg
 from dfvs_service.camera.feed import LiveFeed
 from dfvs_service.camera.source import SourceOptions, open_source
 from dfvs_service.camera.spec import parse_source

@@ -8,7 +8,7 @@ from dashboard_server import Server
 from loopback import free_endpoint
 from telemetry_vehicle import TelemetryVehicle
 
-from dfvs_service.key_file import create_key, load_key
+from dfvs_service.settings.key_file import create_key, load_key
 
 
 @dataclasses.dataclass

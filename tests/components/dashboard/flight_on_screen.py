@@ -11,17 +11,17 @@ import uvicorn
 from loopback import free_tcp_port
 from telemetry_vehicle import CLOCK, PICTURES, approach, approach_result, approach_status
 
-from dfvs_core.schema import dump
-from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
-from dfvs_service.config import load_config
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.schema import dump
 from dfvs_service.dashboard.address import PublicAddress
 from dfvs_service.dashboard.app import Dashboard, make_app
 from dfvs_service.dashboard.clock import Moment
-from dfvs_service.dashboard.parcel import Arrival, Parcel, unpack
+from dfvs_service.dashboard.sample import Arrival, Parcel, unpack
 from dfvs_service.dashboard.settings import DashboardSettings
 from dfvs_service.dashboard.tokens import Tokens
+from dfvs_service.perception.images import Pictures
 from dfvs_service.perception.messages import servo_document, timing_document
-from dfvs_service.perception.pictures import Pictures
+from dfvs_service.settings.config import load_config
 
 S = 1_000_000_000
 TOKEN = "operator-of-a-test" * 2

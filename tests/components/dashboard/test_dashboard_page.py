@@ -8,8 +8,8 @@ from dashboard_server import Server
 from loopback import free_endpoint
 from telemetry_vehicle import TelemetryVehicle
 
-from dfvs_core.wire.goal_order import GoalOrder
-from dfvs_core.wire.picture import encode_jpeg
+from dfvs_core.messages.goal_command import GoalOrder
+from dfvs_core.messages.image import encode_jpeg
 
 sync_api = pytest.importorskip("playwright.sync_api")
 

@@ -2,8 +2,8 @@
 
 import pytest
 
-from dfvs_sim.pairs.files import write_arrays
-from dfvs_sim.pairs.wide import WidePairSampler
+from dfvs_rooms.pairs.files import write_arrays
+from dfvs_rooms.pairs.wide import WidePairSampler
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb

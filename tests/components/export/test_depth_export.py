@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 import torch
 
-from dfvs_core.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_export.check import drawn_pairs
 from dfvs_export.cli import main
 from dfvs_export.depth import ANYTHING, DENSE, MIDAS, DepthModel, DepthWeights, Spreads
@@ -155,7 +155,7 @@ def test_published_networks_with_random_weights_are_as_in_torch(name, size):
 def test_a_folder_of_transformers_is_read(tmp_path, kind, unit):
     import transformers
 
-    from dfvs_core.manifest import sha256
+    from dfvs_core.messages.manifest import sha256
     from dfvs_export.networks.depth_anything import _SMALL
 
     torch.manual_seed(1)

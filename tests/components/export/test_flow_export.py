@@ -19,7 +19,7 @@ torch = pytest.importorskip("torch")
 import onnx  # noqa: E402
 
 from dfvs_core.errors import ModelError  # noqa: E402
-from dfvs_core.manifest import sha256  # noqa: E402
+from dfvs_core.messages.manifest import sha256  # noqa: E402
 from dfvs_export.check import drawn_pairs, operators, parity  # noqa: E402
 from dfvs_export.cli import main  # noqa: E402
 from dfvs_export.own import OwnFlow  # noqa: E402

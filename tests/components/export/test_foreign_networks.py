@@ -18,7 +18,7 @@ torch = pytest.importorskip("torch")
 safetensors = pytest.importorskip("safetensors.torch")
 
 from dfvs_core.errors import ConfigError, ModelError  # noqa: E402
-from dfvs_core.manifest import sha256  # noqa: E402
+from dfvs_core.messages.manifest import sha256  # noqa: E402
 from dfvs_export.bundles import write_bundle  # noqa: E402
 from dfvs_export.check import PARITY_LIMIT_PX, drawn_pairs, parity  # noqa: E402
 from dfvs_export.foreign import (  # noqa: E402

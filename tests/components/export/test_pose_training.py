@@ -10,8 +10,8 @@ pytest.importorskip("torch")
 
 import torch
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_export import planar_pairs
 from dfvs_export.cli import main
 from dfvs_export.networks.pose_regression import NETWORKS, SIZE, STRIDE
@@ -26,8 +26,8 @@ from dfvs_export.pose_weights import (
 )
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import load_pose
-from dfvs_sim.pairs.files import write_arrays
-from dfvs_sim.pairs.wide import WidePairSampler
+from dfvs_rooms.pairs.files import write_arrays
+from dfvs_rooms.pairs.wide import WidePairSampler
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb

@@ -8,7 +8,7 @@ pytest.importorskip("torch")
 import torch
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.poses import make_pose, so3_exp
+from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_export.pairs import SIZE, PairReader, RoomFolder, TrainingPair, View, true_matches
 from dfvs_export.train import TrainSettings, train
 from dfvs_export.weights import load_weights

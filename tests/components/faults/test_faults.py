@@ -1,13 +1,13 @@
-"""A small part of the fault matrix, with the real service: the rest is ``dfvs-sim faults``."""
+"""A small part of the fault matrix, with the real service."""
 
 import time
 
 import pytest
 
 from dfvs_core.gate.states import GateState
-from dfvs_sim.cli import main
-from dfvs_sim.faults.answers import run_answers
-from dfvs_sim.faults.matrix import Case, run_matrix
+from dfvs_robustness.answers.measurement import run_answers
+from dfvs_robustness.cli import main
+from dfvs_robustness.faults.matrix import Case, run_matrix
 
 pytestmark = pytest.mark.serial
 

@@ -4,9 +4,9 @@ import io
 import json
 import sys
 
-from dfvs_service.console import ChangeLines
-from dfvs_service.parent import Parent, Programs
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.console import ChangeLines
+from dfvs_service.supervisor.parent import Parent, Programs
 
 IDLE = "import time; time.sleep(60)"
 CRASHING = """

@@ -15,12 +15,12 @@ import pytest
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import GateState
+from dfvs_robustness.faults.harness import Rig, Setup
+from dfvs_robustness.faults.service import wait_until
 from dfvs_service.cli import main
 from dfvs_service.flights.records import read_lines
 from dfvs_service.flights.store import is_running
 from dfvs_service.report.cli import main as report
-from dfvs_sim.faults.rig import Rig, Setup
-from dfvs_sim.faults.service import wait_until
 
 pytestmark = pytest.mark.serial
 

@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from dfvs_service.beat import Beat
+from dfvs_service.supervisor.heartbeat import Beat
 
 
 def main() -> None:

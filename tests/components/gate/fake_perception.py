@@ -18,7 +18,7 @@ import sys
 import time
 from pathlib import Path
 
-from dfvs_core.wire.link import (
+from dfvs_core.messages.link import (
     ForwardedCommand,
     GateStatus,
     PerceptionReport,

@@ -6,9 +6,9 @@ import argparse
 import sys
 from pathlib import Path
 
-from dfvs_service.console import ChangeLines
-from dfvs_service.parent import Programs, fly
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.console import ChangeLines
+from dfvs_service.supervisor.parent import Programs, fly
 
 
 def main() -> None:

@@ -15,14 +15,14 @@ from gate_flight import hovering_vehicle
 from loopback import free_endpoint
 from textured_wall import Wall, texture
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.goal import Goal, GoalSidecar
-from dfvs_core.topics import Topics
-from dfvs_core.wire.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
-from dfvs_service.config import ZenohSection, load_config
-from dfvs_service.parent import Parent, Programs, prepare_runtime
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_core.messages.topics import Topics
 from dfvs_service.preflight.watch_only import watching
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.config import ZenohSection, load_config
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.parent import Parent, Programs, prepare_runtime
 from dfvs_service.zenoh_session import open_session
 
 pytestmark = pytest.mark.serial

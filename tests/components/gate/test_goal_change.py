@@ -10,12 +10,12 @@ from gate_flight import hovering_vehicle
 from loopback import free_endpoint
 from test_check import CAMERA, SIZE, TOPICS, Watch, camera_running, views
 
-from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_service import cli
-from dfvs_service.config import load_config
-from dfvs_service.key_file import create_key
-from dfvs_service.parent import Parent, Programs, prepare_runtime
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.key_file import create_key
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.parent import Parent, Programs, prepare_runtime
 
 pytestmark = pytest.mark.serial
 

@@ -5,10 +5,10 @@ import time
 import pytest
 from loopback import free_endpoint
 
-from dfvs_core.topics import Topics
-from dfvs_core.wire.link import LeaseHolders
-from dfvs_service.config import load_config
-from dfvs_service.operator_link.lease import Lease
+from dfvs_core.messages.link import LeaseHolders
+from dfvs_core.messages.topics import Topics
+from dfvs_service.operator_link.name_lease import Lease
+from dfvs_service.settings.config import load_config
 from dfvs_service.zenoh_session import open_session
 
 TOPICS = Topics("swift")

@@ -10,11 +10,11 @@ import pytest
 from gate_flight import hovering_vehicle, service_running
 from loopback import free_endpoint
 
-from dfvs_core.topics import Topics
+from dfvs_core.messages.topics import Topics
 from dfvs_service import cli
-from dfvs_service.config import load_config
-from dfvs_service.key_file import create_key
-from dfvs_service.orders import operators_zenoh
+from dfvs_service.command import operators_zenoh
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.key_file import create_key
 from dfvs_service.zenoh_session import open_session
 
 pytestmark = pytest.mark.serial

@@ -9,18 +9,18 @@ import numpy as np
 import pytest
 from loopback import free_endpoint
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.gate.authority import Authority
-from dfvs_core.goal import GoalSidecar
-from dfvs_core.topics import Topics
-from dfvs_core.wire.goal_order import GoalOrder
-from dfvs_core.wire.picture import encode_png
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import GoalSidecar
+from dfvs_core.messages.goal_command import GoalOrder
+from dfvs_core.messages.image import encode_png
+from dfvs_core.messages.topics import Topics
 from dfvs_service import cli
-from dfvs_service.config import load_config
-from dfvs_service.goal_file import ordered_goal
 from dfvs_service.goal_store import GoalStore
-from dfvs_service.key_file import create_key, load_key
 from dfvs_service.operator_link.command_filter import CommandFilter
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.goal_file import ordered_goal
+from dfvs_service.settings.key_file import create_key, load_key
 from dfvs_service.zenoh_session import open_session
 
 TOPICS = Topics("swift")

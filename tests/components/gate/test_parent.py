@@ -12,10 +12,10 @@ from pathlib import Path
 
 import pytest
 
-from dfvs_core.wire.link import to_gate
-from dfvs_service.console import ChangeLines
-from dfvs_service.parent import Parent, Programs
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_core.messages.link import to_gate
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.console import ChangeLines
+from dfvs_service.supervisor.parent import Parent, Programs
 
 pytestmark = pytest.mark.serial
 

@@ -6,9 +6,9 @@ import time
 import pytest
 from loopback import free_endpoint
 
-from dfvs_core.topics import Topics
-from dfvs_service.config import load_config
-from dfvs_service.orders import operators_zenoh
+from dfvs_core.messages.topics import Topics
+from dfvs_service.command import operators_zenoh
+from dfvs_service.settings.config import load_config
 from dfvs_service.telemetry import Note, Telemetry
 from dfvs_service.zenoh_session import open_session
 

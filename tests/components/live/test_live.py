@@ -18,10 +18,10 @@ from foxglove_schemas_protobuf.CompressedImage_pb2 import CompressedImage
 from loopback import listening_peer
 from recorded_flight import fly
 
-from dfvs_core.topics import Topics
-from dfvs_core.wire.flow_grid import FlowGrid, encode_flow_grid
+from dfvs_core.messages.topics import Topics
+from dfvs_core.perception.flow_grid import FlowGrid, encode_flow_grid
 from dfvs_service.live import foxglove_cli, metrics_cli
-from dfvs_service.perception.turn_feed import TurnFeed
+from dfvs_service.perception.record_publisher import TurnFeed
 
 TOPICS = Topics("bottled")
 START_S = 30.0

@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from depth_bundle import bundle, write_bundle
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ImageError, ModelError
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_models.catalog import depth_files, load_depth
 from dfvs_models.depth import DepthNetwork, fit_image
 from dfvs_models.onnx_session import Execution

@@ -5,9 +5,9 @@ import pytest
 from depth_bundle import write_bundle
 from pose_bundle import bundle
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ModelError
-from dfvs_core.poses import se3_log, so3_log
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import se3_log, so3_log
 from dfvs_models.catalog import load_matcher, load_pose
 from dfvs_models.onnx_session import Execution
 from dfvs_models.pose import PoseNetwork

@@ -18,11 +18,8 @@ import zenoh
 import zenoh.ext
 from textured_wall import Wall, texture
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.goal import GoalSidecar
-from dfvs_core.topics import Topics
-from dfvs_core.wire.flow_grid import decode_flow_grid
-from dfvs_core.wire.frame import (
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import (
     BOOT_ID_FILE,
     Frame,
     PixelFormat,
@@ -31,18 +28,21 @@ from dfvs_core.wire.frame import (
     decode_header,
     encode_frame,
 )
-from dfvs_core.wire.goal_order import GoalOrder, goal_digest
-from dfvs_core.wire.link import (
+from dfvs_core.messages.goal import GoalSidecar
+from dfvs_core.messages.goal_command import GoalOrder, goal_digest
+from dfvs_core.messages.image import encode_png
+from dfvs_core.messages.link import (
     GateStatus,
     PerceptionReport,
     VehicleState,
     from_datagram,
     to_datagram,
 )
-from dfvs_core.wire.picture import encode_png
-from dfvs_core.wire.zenoh_settings import zenoh_settings
-from dfvs_service.config import load_config
+from dfvs_core.messages.topics import Topics
+from dfvs_core.messages.zenoh_settings import zenoh_settings
+from dfvs_core.perception.flow_grid import decode_flow_grid
 from dfvs_service.goal_store import GoalStore
+from dfvs_service.settings.config import load_config
 
 pytestmark = pytest.mark.serial
 
@@ -303,7 +303,7 @@ def test_a_flood_of_bad_frames_does_not_crowd_out_the_good_ones(shared, rng):
 
 def test_it_does_not_outlive_the_service_that_started_it(tmp_path, rng):
     code = (
-        "import os, subprocess, sys; from dfvs_core.lifecycle import child_environment; "
+        "import os, subprocess, sys; from dfvs_common.lifecycle import child_environment; "
         "subprocess.call(sys.argv[1:], env=os.environ | child_environment())"
     )
     rig = Rig(tmp_path, Wall(texture(rng)).picture(), launcher=(sys.executable, "-c", code))

@@ -8,8 +8,8 @@ import zenoh.ext
 from test_perception_process import CAMERA, TOPICS, Rig
 from textured_wall import Wall, texture, turned
 
-from dfvs_core.goal import GoalSidecar
-from dfvs_core.wire.picture import encode_png
+from dfvs_core.messages.goal import GoalSidecar
+from dfvs_core.messages.image import encode_png
 
 pytestmark = pytest.mark.serial
 

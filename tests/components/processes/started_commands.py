@@ -18,7 +18,7 @@ _POLL_S = 0.02
 _MARK = "DFVS_TEST_START"
 _LAUNCH = """
 import os, signal, subprocess, sys
-from dfvs_core.lifecycle import child_environment
+from dfvs_common.lifecycle import child_environment
 for number in (signal.SIGHUP, signal.SIGINT):  # nohup and shells have them ignored
     signal.signal(number, signal.SIG_DFL)
 environment = os.environ | child_environment()

@@ -18,8 +18,8 @@ from recorded_flight import fly
 from started_commands import Command, Started, zenoh_words
 from textured_wall import texture
 
-from dfvs_core.wire.picture import encode_png
-from dfvs_core.wire.turn import Opening
+from dfvs_core.messages.frame_record import Opening
+from dfvs_core.messages.image import encode_png
 from dfvs_service.record.recorder import Recorder, RecordLimits
 
 ENDINGS = ("SIGTERM", "SIGINT", "SIGHUP", "SIGKILL", "parent")
@@ -75,7 +75,7 @@ def beside(module, says="", *words):
 
 def bench(_data, _endpoint):
     words = ("lockstep", "--seeds", "1-100", "--workers", "2")
-    return Command(("dfvs_sim.bench_cli", *words), runs="spawn_main")
+    return Command(("dfvs_bench.cli", *words), runs="spawn_main")
 
 
 COMMANDS = {
@@ -90,7 +90,8 @@ COMMANDS = {
         ("dfvs_sim.cli", "pilot", "--mavlink", free_udp()), "waiting for a vehicle"
     ),
     "sim fuzz": lambda _, e: Command(
-        ("dfvs_sim.cli", "fuzz", "gate", "--events", "9999999", "--workers", "2"), runs="spawn_main"
+        ("dfvs_robustness.cli", "fuzz", "gate", "--events", "9999999", "--workers", "2"),
+        runs="spawn_main",
     ),
     "camera": lambda d, e: Command(
         ("dfvs_service.camera.cli", "--source", str(d / "goal.png"), "--loop", "--connect", e),

@@ -12,11 +12,11 @@ from loopback import listening_peer
 from mcap.reader import make_reader
 from recorded_flight import fly
 
-from dfvs_core.topics import Topics
-from dfvs_core.wire.frame import PixelFormat
-from dfvs_core.wire.picture import encode_png
+from dfvs_core.messages.frame import PixelFormat
+from dfvs_core.messages.image import encode_png
+from dfvs_core.messages.topics import Topics
 from dfvs_service.cli import main as service_command
-from dfvs_service.perception.turn_feed import MAX_WAITING_BYTES, TurnFeed
+from dfvs_service.perception.record_publisher import MAX_WAITING_BYTES, TurnFeed
 from dfvs_service.record.cli import main as record
 from dfvs_service.replay.comparison import compare
 from dfvs_service.replay.flight import Trial, replay

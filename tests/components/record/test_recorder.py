@@ -16,12 +16,12 @@ from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from mcap.reader import make_reader
 from recorded_flight import CAMERA, fly
 
-from dfvs_core.goal import Mount
-from dfvs_core.poses import rotation_from_quaternion
-from dfvs_core.wire.flow_grid import FlowGrid
-from dfvs_core.wire.frame import PixelFormat
-from dfvs_core.wire.picture import decode_picture
-from dfvs_core.wire.turn import Opening
+from dfvs_core.geometry.poses import rotation_from_quaternion
+from dfvs_core.messages.frame import PixelFormat
+from dfvs_core.messages.frame_record import Opening
+from dfvs_core.messages.goal import Mount
+from dfvs_core.messages.image import decode_picture
+from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.process import free_name
 from dfvs_service.record.reading import RecordingError
 from dfvs_service.record.recorder import Recorder, RecordLimits

@@ -7,8 +7,8 @@ import time
 
 import pytest
 
-from dfvs_service.parent import Parent, Programs
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.parent import Parent, Programs
 
 pytestmark = pytest.mark.serial
 

@@ -13,9 +13,9 @@ from mcap.records import Message
 from mcap.writer import Writer
 from recorded_flight import fly, write_recording
 
-from dfvs_core.schema import from_json, to_json
-from dfvs_core.wire.frame import PixelFormat
-from dfvs_core.wire.turn import Opening, Turn
+from dfvs_core.messages.frame import PixelFormat
+from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.schema import from_json, to_json
 from dfvs_service.record.reading import open_records
 from dfvs_service.replay.cli import main
 from dfvs_service.replay.comparison import compare

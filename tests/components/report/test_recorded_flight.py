@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 from recorded_flight import fly, write_recording
 
-from dfvs_core.wire.frame import PixelFormat
+from dfvs_core.messages.frame import PixelFormat
 from dfvs_service.report.recording import RecordedFlight
 
 

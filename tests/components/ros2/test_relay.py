@@ -9,10 +9,10 @@ import pytest
 import zenoh
 from loopback import free_endpoint
 
-from dfvs_core.topics import Topics
-from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.wire.ros2 import decode_attachment
-from dfvs_core.wire.zenoh_settings import zenoh_settings
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.ros2 import decode_attachment
+from dfvs_core.messages.topics import Topics
+from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.ros2.messages import decode, type_hash
 from dfvs_service.ros2.relay import Relay
 

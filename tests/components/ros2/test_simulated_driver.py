@@ -8,11 +8,11 @@ import pytest
 from loopback import free_endpoint
 from test_relay import peer
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.wire.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
-from dfvs_service.perception.eye import RawSample
-from dfvs_service.ros2.intake import Ros2Intake
-from dfvs_service.sections import Ros2CameraSection
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
+from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.ros2.frame_source import Ros2Intake
+from dfvs_service.settings.sections import Ros2CameraSection
 from dfvs_sim.camera.ros2 import Ros2CameraConfig, Ros2Publisher
 
 CAMERA = CameraModel(64, 48, 50.0, 51.0, 32.5, 24.0, (0.1, -0.2, 0.01, 0.02, 0.0))

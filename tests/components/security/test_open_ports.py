@@ -13,11 +13,11 @@ import pytest
 from gate_flight import hovering_vehicle
 from loopback import free_tcp_port
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.goal import Goal, GoalSidecar
-from dfvs_service.config import load_config
-from dfvs_service.parent import prepare_runtime
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.parent import prepare_runtime
 
 RUNNER = Path(__file__).parents[1] / "gate" / "run_parent.py"
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)

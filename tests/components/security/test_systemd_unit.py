@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 
 from dfvs_core.gate.config import GateTiming
-from dfvs_service.config import BlackBoxSection, load_config
+from dfvs_service.settings.config import BlackBoxSection, load_config
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 NAMES = ("service", "camera", "dashboard", "metrics")

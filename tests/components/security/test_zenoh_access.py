@@ -11,8 +11,8 @@ import zenoh.ext
 from loopback import free_tcp_port
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.topics import Topics
-from dfvs_core.wire.zenoh_access import Role, certificate_name
+from dfvs_core.messages.topics import Topics
+from dfvs_core.messages.zenoh_access import Role, certificate_name
 from dfvs_service.certificates.authority import (
     Validity,
     make_certificate,
@@ -20,8 +20,8 @@ from dfvs_service.certificates.authority import (
     write_credentials,
 )
 from dfvs_service.certificates.cli import main
-from dfvs_service.config import load_config
-from dfvs_service.operator_link.lease import Lease
+from dfvs_service.operator_link.name_lease import Lease
+from dfvs_service.settings.config import load_config
 from dfvs_service.zenoh_session import open_session
 
 OURS, OTHER = Topics("drone1"), Topics("drone2")

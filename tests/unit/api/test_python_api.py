@@ -14,8 +14,8 @@ from textured_wall import Wall, texture, turned
 
 import dfvs
 from dfvs_core.errors import ConfigError, ImageError
+from dfvs_core.geometry.poses import make_pose, se3_exp, so3_exp, so3_log
 from dfvs_core.matching.relative_pose import relative_pose
-from dfvs_core.poses import make_pose, se3_exp, so3_exp, so3_log
 
 CAMERA = dfvs.CameraModel.from_horizontal_fov(320, 240, 1.3)
 PERIOD_NS = 100_000_000

@@ -3,19 +3,19 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
+from dfvs_bench.basin.cells import ROTATIONS_DEG, TRANSLATIONS_M, Cell, parse_rotation
+from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawnTask, Order, draw
+from dfvs_bench.basin.environments import Environment
+from dfvs_bench.basin.outcomes import draw_tasks
+from dfvs_bench.trials.executor import Workforce
 from dfvs_core.errors import ConfigError
-from dfvs_core.poses import pose_error, so3_log
-from dfvs_sim.bench.basin.cells import ROTATIONS_DEG, TRANSLATIONS_M, Cell, parse_rotation
-from dfvs_sim.bench.basin.drawing import LEAST_OVERLAP, DrawnTask, Order, draw
-from dfvs_sim.bench.basin.environments import Environment
-from dfvs_sim.bench.basin.outcomes import draw_tasks
-from dfvs_sim.bench.workforce import Workforce
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import pose_error, so3_log
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.free_space import FreeSpace
 from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.viewpoints.free_space import FreeSpace
 
 CAMERA = CameraModel.from_horizontal_fov(80, 60, np.radians(90))
 ROOM = Environment("room", builtin_room_path(), CAMERA)

@@ -1,10 +1,10 @@
 import pytest
 
-from dfvs_sim.bench.basin import environments
-from dfvs_sim.bench.basin.environments import default_environments, make_missing
-from dfvs_sim.bench.scenes import SCENES
-from dfvs_sim.scene.kinds import ROOM_KINDS
-from dfvs_sim.scene.splits import BENCHMARK_SEEDS
+from dfvs_bench.basin import environments
+from dfvs_bench.basin.environments import default_environments, make_missing
+from dfvs_bench.trials.scenes import SCENES
+from dfvs_rooms.generator.splits import BENCHMARK_SEEDS
+from dfvs_rooms.room_types.room_types import ROOM_KINDS
 
 
 def split(place):

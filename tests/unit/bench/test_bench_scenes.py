@@ -4,20 +4,20 @@ import cv2
 import numpy as np
 import pytest
 
-from dfvs_core.poses import pose_error
-from dfvs_sim.bench import scenes
-from dfvs_sim.bench.paper import PAPER_SCENES
-from dfvs_sim.bench.placing import Placing, draw_task
-from dfvs_sim.bench.scenes import CAMERA, SCENES, SceneSpec, default_tasks, make_scenes, task_in
-from dfvs_sim.bench.task import read_tasks
+from dfvs_bench.report.paper import PAPER_SCENES
+from dfvs_bench.trials import scenes
+from dfvs_bench.trials.scenes import CAMERA, SCENES, SceneSpec, default_tasks, make_scenes, task_in
+from dfvs_bench.trials.task import read_tasks
+from dfvs_bench.trials.task_sampling import Placing, draw_task
+from dfvs_core.geometry.poses import pose_error
+from dfvs_rooms.generator.splits import BENCHMARK_SEEDS
+from dfvs_rooms.lighting.path_traced import BakeSettings
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.free_space import FreeSpace
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.scene.light import BakeSettings
 from dfvs_sim.scene.mesh import SceneError
-from dfvs_sim.scene.splits import BENCHMARK_SEEDS
+from dfvs_sim.viewpoints.free_space import FreeSpace
 
 PLACING = Placing(1.2, np.radians(18.0), (0.4, 0.8), 60)
 
@@ -47,7 +47,7 @@ def test_the_seed_alone_decides(room):
 
 
 def test_a_task_that_does_not_fit_is_none(room, monkeypatch):
-    monkeypatch.setattr("dfvs_sim.bench.placing._GOALS_TRIED", 20)
+    monkeypatch.setattr("dfvs_bench.trials.task_sampling._GOALS_TRIED", 20)
     placing = Placing(30.0, 0.1, (0.4, 0.8), 60)
     assert draw_task(room, CAMERA, placing, np.random.default_rng(1)) is None
 
@@ -64,7 +64,7 @@ def test_a_scan_with_holes_has_tasks_too(room):
 
 
 def test_a_scene_without_any_place_for_a_task_is_named(tmp_path, monkeypatch):
-    monkeypatch.setattr("dfvs_sim.bench.placing._GOALS_TRIED", 0)
+    monkeypatch.setattr("dfvs_bench.trials.task_sampling._GOALS_TRIED", 0)
     (tmp_path / "bare.glb").write_bytes(builtin_room_path().read_bytes())
     with pytest.raises(SceneError, match=r"1\.5 m and 20 degrees found in .*bare\.glb.*--tasks"):
         task_in(tmp_path / "bare.glb")

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
+from dfvs_bench.drone.bound import straight_line_bound, trapezoid_s
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.limits import BodyVelocity, VelocityLimits, saturate, slew
-from dfvs_sim.bench.drone.bound import straight_line_bound, trapezoid_s
 
 LIMITS = VelocityLimits(0.5, 0.3, np.radians(20), 0.5, np.radians(60))
 

@@ -4,17 +4,17 @@ import numpy as np
 import pytest
 from depth_bundle import bundle
 
-from dfvs_core.camera import CameraModel
+from dfvs_bench.report.depth_figure import depth_figure, depth_views
+from dfvs_bench.trials.task import BenchTask
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose
 from dfvs_core.matching.classical import classical_matcher
-from dfvs_core.poses import make_pose
 from dfvs_models.depth import DepthNetwork
 from dfvs_models.onnx_session import Execution
-from dfvs_sim.bench.depth_figure import depth_figure, depth_views
-from dfvs_sim.bench.task import BenchTask
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.scene.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import camera_pose
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 GOAL = camera_pose((0.5, -1.0, -1.3), np.radians(40))

@@ -5,15 +5,11 @@ from pathlib import Path
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.errors import ConfigError, GeometryError
-from dfvs_core.gate.limits import VelocityLimits
-from dfvs_core.poses import make_pose, so3_exp
-from dfvs_sim.bench.drone.bound import TimeBound
-from dfvs_sim.bench.drone.flights import since, within_s
-from dfvs_sim.bench.drone.levelled import levelled, levelled_task, turn_rad
-from dfvs_sim.bench.drone.limits import limits_in_force
-from dfvs_sim.bench.drone.records import (
+from dfvs_bench.drone.bound import TimeBound
+from dfvs_bench.drone.flights import since, within_s
+from dfvs_bench.drone.levelled import levelled, levelled_task, turn_rad
+from dfvs_bench.drone.limits import limits_in_force
+from dfvs_bench.drone.records import (
     FlightRecord,
     Setting,
     fits,
@@ -21,13 +17,17 @@ from dfvs_sim.bench.drone.records import (
     record_path,
     write_record,
 )
-from dfvs_sim.bench.drone.section import drone_section
-from dfvs_sim.bench.drone.tables import flight_line, row, summarise, summary_line
-from dfvs_sim.bench.inputs import input_digest
-from dfvs_sim.bench.task import BenchTask
+from dfvs_bench.drone.section import drone_section
+from dfvs_bench.drone.tables import flight_line, row, summarise, summary_line
+from dfvs_bench.trials.inputs import input_digest
+from dfvs_bench.trials.task import BenchTask
+from dfvs_core.errors import ConfigError, GeometryError
+from dfvs_core.gate.limits import VelocityLimits
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_sim.demo.conditions import Conditions
 from dfvs_sim.demo.track import TrackPoint
-from dfvs_sim.scene.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import camera_pose
 
 CAMERA = CameraModel(96, 72, 60, 60, 48, 36)
 START, GOAL = camera_pose((0.0, 0.0, -1.0), 0.2, -0.1), camera_pose((1.0, 0.5, -1.2), -0.3, 0.1)

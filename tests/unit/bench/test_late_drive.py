@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dfvs_sim.bench.method import FRAME_PERIOD_S
-from dfvs_sim.bench.ours import LateDrive
+from dfvs_bench.methods.dfvs import LateDrive
+from dfvs_bench.methods.method import FRAME_PERIOD_S
 
 
 def step_response(seconds):

@@ -5,9 +5,9 @@ import math
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import FlowField
-from dfvs_sim.bench.panorama import RING_RAD, Look, Panorama, ring
+from dfvs_bench.report.panorama import RING_RAD, Look, Panorama, ring
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.correspondence import FlowField
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, math.radians(90))
 SIZE = (CAMERA.height, CAMERA.width)

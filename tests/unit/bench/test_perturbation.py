@@ -6,8 +6,7 @@ import numpy as np
 import pytest
 from tiny_scenes import scene_of, wall
 
-from dfvs_core.errors import ConfigError
-from dfvs_sim.bench.perturbation import (
+from dfvs_bench.trials.perturbation import (
     KINDS,
     NOISE,
     OCCLUDED,
@@ -18,7 +17,8 @@ from dfvs_sim.bench.perturbation import (
     parse_perturbations,
     perturbed_renderer,
 )
-from dfvs_sim.bench.scenes import default_tasks
+from dfvs_bench.trials.scenes import default_tasks
+from dfvs_core.errors import ConfigError
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.glb_writer import save_glb

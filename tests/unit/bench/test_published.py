@@ -3,11 +3,11 @@
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_bench.methods.method import GoalSight, Sight
+from dfvs_bench.methods.published import PublishedMethod
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.correspondence import DepthMap, FlowField
 from dfvs_core.matching.matcher import Prepared
-from dfvs_sim.bench.method import GoalSight, Sight
-from dfvs_sim.bench.published import PublishedMethod
 
 CAMERA = CameraModel.from_horizontal_fov(64, 48, np.radians(90))
 SHAPE = (CAMERA.height, CAMERA.width)

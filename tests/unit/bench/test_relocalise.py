@@ -7,14 +7,14 @@ import numpy as np
 import pytest
 from tiny_scenes import CAMERA, NORTHWARD, scene_of, wall
 
-from dfvs_core.correspondence import FlowField
+from dfvs_bench.basin.cells import Cell
+from dfvs_bench.basin.drawing import DrawnTask
+from dfvs_bench.cli import main
+from dfvs_bench.trials.near_goal import Approach
+from dfvs_bench.trials.relocalise import STAGES, Relocalisation, Verdict, judge, summarise, without
+from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.poses import invert_pose, make_pose, so3_exp
-from dfvs_sim.bench.basin.cells import Cell
-from dfvs_sim.bench.basin.drawing import DrawnTask
-from dfvs_sim.bench.near_goal import Approach
-from dfvs_sim.bench.relocalise import STAGES, Relocalisation, Verdict, judge, summarise, without
-from dfvs_sim.bench_cli import main
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import exact_flow
 from dfvs_sim.scene import builtin_room_path

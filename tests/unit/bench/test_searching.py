@@ -5,14 +5,14 @@ import math
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import DepthMap, FlowField
+from dfvs_bench.methods.dfvs import MAX_SPEED_M_S, MAX_TURN_RAD_S
+from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalSight, Sight
+from dfvs_bench.methods.scan_search import SearchingMethod
+from dfvs_bench.report.panorama import OUTER_RING_RAD, ring
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose, se3_log, so3_log
+from dfvs_core.matching.correspondence import DepthMap, FlowField
 from dfvs_core.matching.matcher import Prepared
-from dfvs_core.poses import make_pose, se3_log, so3_log
-from dfvs_sim.bench.method import FRAME_PERIOD_S, Decision, GoalSight, Sight
-from dfvs_sim.bench.ours import MAX_SPEED_M_S, MAX_TURN_RAD_S
-from dfvs_sim.bench.panorama import OUTER_RING_RAD, ring
-from dfvs_sim.bench.searching import SearchingMethod
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, math.radians(90))
 SHAPE = (CAMERA.height, CAMERA.width)

@@ -8,8 +8,8 @@ import psutil
 import pytest
 from distributed import LocalCluster
 
+from dfvs_bench.trials.executor import Workforce
 from dfvs_core.errors import ConfigError
-from dfvs_sim.bench.workforce import Workforce
 
 
 def squared(number):
@@ -65,7 +65,7 @@ def test_a_scheduler_that_does_not_answer_is_named():
 
 
 def test_ctrl_c_ends_the_jobs_that_run():
-    words = "from dfvs_sim.bench.workforce import Workforce\n"
+    words = "from dfvs_bench.trials.executor import Workforce\n"
     job = "import time; print('begun', flush=True); time.sleep(60)"
     words += f"list(Workforce(2).finished(exec, [{job!r}] * 4))"
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
@@ -77,7 +77,7 @@ def test_ctrl_c_ends_the_jobs_that_run():
 
 
 def test_workers_end_with_a_parent_that_is_killed():
-    words = "import os; from dfvs_sim.bench.workforce import Workforce\n"
+    words = "import os; from dfvs_bench.trials.executor import Workforce\n"
     words += "list(Workforce(2).finished(os.system, ['echo $PPID; sleep 60'] * 2))"
     command = [sys.executable, "-c", words]
     with subprocess.Popen(

@@ -8,14 +8,14 @@ import numpy as np
 import pytest
 from board_pictures import board_picture, board_poses
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_core.wire.picture import encode_png
-from dfvs_service.calibration_file import read_calibration
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.image import encode_png
 from dfvs_service.camera import cli
 from dfvs_service.camera.boards import Board, BoardView, parse_board
 from dfvs_service.camera.calibration import calibrate
 from dfvs_service.camera.coverage import coverage_of
+from dfvs_service.settings.calibration_file import read_calibration
 
 CAMERA = CameraModel(480, 360, 402.0, 398.5, 246.3, 174.8, (-0.21, 0.08, 0.0012, -0.0009, 0.0))
 BOARDS = {"charuco": "charuco:7x5:0.04:0.03", "chessboard": "chessboard:8x6:0.03"}
@@ -99,7 +99,7 @@ def test_too_few_pictures_are_refused(found):
 
 def flat_view(centre, tilt_deg=(0.0, 0.0), z=0.6):
     """A board's corners through a pinhole, without a picture."""
-    from dfvs_core.poses import rotation_from_euler
+    from dfvs_core.geometry.poses import rotation_from_euler
 
     x, y = np.meshgrid(np.arange(6) * 0.04, np.arange(4) * 0.04)
     points = np.stack([x.ravel(), y.ravel(), np.zeros(24)], axis=1)

@@ -4,9 +4,9 @@ import cv2
 import numpy as np
 import pytest
 
-from dfvs_core.wire.picture import encode_png
+from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.capture import CaptureSource, buffer_time_ns
-from dfvs_service.camera.pictures import PictureSource
+from dfvs_service.camera.images import PictureSource
 from dfvs_service.camera.source import Shot, SourceOptions, check_size, open_source
 from dfvs_service.camera.spec import (
     CameraError,

@@ -7,8 +7,8 @@ from types import SimpleNamespace
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.wire.frame import PixelFormat, decode_header
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import PixelFormat, decode_header
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
 
 pytestmark = pytest.mark.serial

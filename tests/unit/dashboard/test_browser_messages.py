@@ -3,7 +3,7 @@ import struct
 
 import pytest
 
-from dfvs_core.wire.goal_order import GoalOrder
+from dfvs_core.messages.goal_command import GoalOrder
 from dfvs_service.dashboard.messages import ordered_goal, read_message
 
 

@@ -4,12 +4,12 @@ import struct
 
 import pytest
 
-from dfvs_core.schema import dump
-from dfvs_core.wire.link import GateStatus
+from dfvs_core.messages.link import GateStatus
+from dfvs_core.messages.schema import dump
 from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.hub import MAX_VEHICLES, Hub
 from dfvs_service.dashboard.outbox import Outbox, PictureKind
-from dfvs_service.dashboard.parcel import Parcel, Picture
+from dfvs_service.dashboard.sample import Parcel, Picture
 
 
 class Rig:

@@ -3,13 +3,13 @@ import json
 import numpy as np
 import pytest
 
-from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import DfvsError
-from dfvs_core.wire.flow_grid import encode_flow_grid, sample_flow
-from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.wire.picture import decode_picture, encode_png
+from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.image import decode_picture, encode_png
+from dfvs_core.perception.flow_grid import encode_flow_grid, sample_flow
 from dfvs_service.dashboard.outbox import PictureKind
-from dfvs_service.dashboard.parcel import MAX_VIEW_WIDTH, Arrival, unpack
+from dfvs_service.dashboard.sample import MAX_VIEW_WIDTH, Arrival, unpack
 
 
 def frame(width=64, height=48):

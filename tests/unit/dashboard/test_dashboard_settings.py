@@ -7,7 +7,7 @@ from loopback import free_tcp_port
 
 from dfvs_service.dashboard import cli
 from dfvs_service.dashboard.settings import dashboard_settings
-from dfvs_service.key_file import create_key
+from dfvs_service.settings.key_file import create_key
 
 
 def settings(*words):

@@ -4,7 +4,7 @@ import pytest
 from starlette.responses import PlainTextResponse
 
 from dfvs_service.dashboard.address import LOOPBACK_NAMES, PublicAddress
-from dfvs_service.dashboard.doorkeeper import Doorkeeper
+from dfvs_service.dashboard.origin_check import Doorkeeper
 
 HERE = PublicAddress.of(LOOPBACK_NAMES, 8470, secure=False)
 OUR_HOST = ("host", "127.0.0.1:8470")

@@ -5,12 +5,12 @@ import math
 import pytest
 
 from dfvs_core.errors import DfvsError
-from dfvs_core.schema import dump
-from dfvs_core.wire.link import GateStatus, VehicleState
-from dfvs_service.dashboard.board import PATH_COLUMNS, SERVO_COLUMNS, VehicleBoard
+from dfvs_core.messages.link import GateStatus, VehicleState
+from dfvs_core.messages.schema import dump
 from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.outbox import PictureKind
-from dfvs_service.dashboard.parcel import Picture
+from dfvs_service.dashboard.sample import Picture
+from dfvs_service.dashboard.vehicle_model import PATH_COLUMNS, SERVO_COLUMNS, VehicleBoard
 
 MS = 1_000_000
 NOW = Moment(10_000 * MS, 1_000_000.0)

@@ -4,10 +4,15 @@ import numpy as np
 import pytest
 from box_room import BoxRoom
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.depth.motion import MotionDepth
 from dfvs_core.depth.source import DepthInputs, EarlierView, GoalLink
-from dfvs_core.poses import R_BODY_FORWARD_CAMERA, invert_pose, make_pose, rotation_from_euler
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import (
+    R_BODY_FORWARD_CAMERA,
+    invert_pose,
+    make_pose,
+    rotation_from_euler,
+)
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 ROOM = BoxRoom(CAMERA)

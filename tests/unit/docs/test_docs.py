@@ -12,9 +12,9 @@ import pytest
 from prose import sentences, too_long
 
 from dfvs_core.gate.states import TRANSITIONS
+from dfvs_core.messages.link import GateStatus
+from dfvs_core.messages.topics import Topics
 from dfvs_core.servo.exchange import Status
-from dfvs_core.topics import Topics
-from dfvs_core.wire.link import GateStatus
 
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"

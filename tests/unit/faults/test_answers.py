@@ -7,10 +7,10 @@ import pytest
 
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import GateState
-from dfvs_sim.cli import main
-from dfvs_sim.faults.answers import AnswerTimes, StateRate, Try, planned_actions
-from dfvs_sim.faults.answers_report import html_section, markdown_lines, read_answers
-from dfvs_sim.faults.report import Source, as_html, as_markdown
+from dfvs_robustness.answers.measurement import AnswerTimes, StateRate, Try, planned_actions
+from dfvs_robustness.answers.report import html_section, markdown_lines, read_answers
+from dfvs_robustness.cli import main
+from dfvs_robustness.faults.report import Source, as_html, as_markdown
 
 RATE = StateRate(60.0, 10.0, 120.0, 400.0, 1.0)
 

@@ -2,11 +2,11 @@
 
 import numpy as np
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.frame_guard import Expected, GuardState, admit
-from dfvs_core.wire.frame import PixelFormat
-from dfvs_sim.faults.camera import PERIOD_NS, ScriptedCamera, Shot
-from dfvs_sim.faults.matrix import all_faults
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import PixelFormat
+from dfvs_core.perception.frame_validator import Expected, GuardState, admit
+from dfvs_robustness.faults.camera import PERIOD_NS, ScriptedCamera, Shot
+from dfvs_robustness.faults.matrix import all_faults
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
 CLOCK = b"c" * 16

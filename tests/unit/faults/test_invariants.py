@@ -10,9 +10,9 @@ from dfvs_core.gate.config import OnDone
 from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.replay import encode_start, encode_step
 from dfvs_core.gate.states import GateState
-from dfvs_service.config import ServiceConfig
-from dfvs_sim.faults.invariants import check
-from dfvs_sim.faults.records import PILOT_COMPONENT, ROGUE_COMPONENT, Run
+from dfvs_robustness.faults.invariants import check
+from dfvs_robustness.faults.records import PILOT_COMPONENT, ROGUE_COMPONENT, Run
+from dfvs_service.settings.config import ServiceConfig
 
 MS, S = 1_000_000, 1_000_000_000
 

@@ -6,9 +6,9 @@ import math
 import pytest
 
 from dfvs_core.gate.states import GateState
-from dfvs_sim.faults.fault import NO_VERDICT, Fault, Outcome, Reaction
-from dfvs_sim.faults.judging import Evidence, judge
-from dfvs_sim.faults.matrix import (
+from dfvs_robustness.faults.fault import NO_VERDICT, Fault, Outcome, Reaction
+from dfvs_robustness.faults.judging import Evidence, judge
+from dfvs_robustness.faults.matrix import (
     Case,
     Result,
     all_faults,
@@ -17,7 +17,7 @@ from dfvs_sim.faults.matrix import (
     plan,
     read_outcomes,
 )
-from dfvs_sim.faults.report import make_rows
+from dfvs_robustness.faults.report import make_rows
 
 MS = 1_000_000
 S = GateState

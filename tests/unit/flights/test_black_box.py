@@ -8,15 +8,15 @@ import cv2
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_core.goal import Goal, GoalSidecar
-from dfvs_service.config import load_config
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_service.flights.black_box import MB, BlackBox, Clock
 from dfvs_service.flights.records import read_lines
 from dfvs_service.flights.store import FlightStore, folder_bytes, is_running
-from dfvs_service.parent import prepare_runtime
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.parent import prepare_runtime
 
 S = 1_000_000_000
 GOAL = Goal(

@@ -6,13 +6,13 @@ import json
 import numpy as np
 import pytest
 
-from dfvs_core import frame_guard
 from dfvs_core.errors import ConfigError
-from dfvs_core.wire import frame as wire_frame
-from dfvs_sim.commands import fuzz
-from dfvs_sim.commands.fuzz_frames import figures
-from dfvs_sim.fuzz.frame_fuzz import FrameJob, FrameOutcome, corpus_of, feed, hostile_frame
-from dfvs_sim.fuzz.hostile_frames import KINDS
+from dfvs_core.messages import frame as wire_frame
+from dfvs_core.perception import frame_validator
+from dfvs_robustness.commands import fuzz
+from dfvs_robustness.commands.fuzz_frames import figures
+from dfvs_robustness.fuzz.frame_fuzz import FrameJob, FrameOutcome, corpus_of, feed, hostile_frame
+from dfvs_robustness.fuzz.hostile_frames import KINDS
 
 
 def run(*words):
@@ -45,31 +45,31 @@ def test_an_exception_that_escapes_is_a_flaw(monkeypatch, outcome):
         shape = (header.height, header.width, 3)
         return wire_frame.Frame(np.frombuffer(payload, np.uint8).reshape(shape), 0, 0)
 
-    monkeypatch.setattr(frame_guard, "decode_frame", trusting)
+    monkeypatch.setattr(frame_validator, "decode_frame", trusting)
     report = outcome()
     assert report["verdict"] == "failed"
     assert any("escape" in flaw["flaw"] for flaw in report["flaws"])
 
 
 def test_a_decoder_that_takes_the_wrong_size_is_a_flaw(monkeypatch, outcome):
-    monkeypatch.setattr(frame_guard, "check_header", lambda state, *rest: (None, state))
+    monkeypatch.setattr(frame_validator, "check_header", lambda state, *rest: (None, state))
     assert any("image of shape" in flaw["flaw"] for flaw in outcome()["flaws"])
 
 
 def test_a_refused_good_frame_is_a_flaw(monkeypatch, outcome):
-    monkeypatch.setattr(frame_guard, "MAX_AGE_NS", 0)
+    monkeypatch.setattr(frame_validator, "MAX_AGE_NS", 0)
     assert any("good frame was refused" in flaw["flaw"] for flaw in outcome()["flaws"])
 
 
 def test_memory_beyond_a_good_frames_fails(monkeypatch):
-    honest = frame_guard.decode_frame
+    honest = frame_validator.decode_frame
     held = []
 
     def greedy(payload, header):
         held.append(np.ones(1 << 19))  # 4 MiB more with every frame
         return honest(payload, header)
 
-    monkeypatch.setattr(frame_guard, "decode_frame", greedy)
+    monkeypatch.setattr(frame_validator, "decode_frame", greedy)
     report = figures(feed(FrameJob(0, 0, 60)), 0)
     assert report["flaws"] == []
     assert report["max_peak_kib"] > 3500

@@ -8,24 +8,24 @@ import math
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.gate import flight, machine, sight, stream
+from dfvs_core.gate import flight, machine, perception_monitor, stream
 from dfvs_core.gate.config import MS, GateConfig, S
 from dfvs_core.gate.engagement import Engagement
 from dfvs_core.gate.events import Attitude, GateOutput, ModeRequest
 from dfvs_core.gate.initial_response import InitialResponse, Response
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.machine import GateMachine
+from dfvs_core.gate.perception_monitor import Sight
 from dfvs_core.gate.preflight import Check
-from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import GateState
 from dfvs_core.gate.stream import SetpointStream
-from dfvs_sim.commands import fuzz
-from dfvs_sim.fuzz.campaign import Job, do
-from dfvs_sim.fuzz.gate_fuzz import Finding, Tally, live, relive
-from dfvs_sim.fuzz.gate_life import Life
-from dfvs_sim.fuzz.invariants import InvariantChecker, InvariantError
-from dfvs_sim.fuzz.replay import read_life, write_finding
-from dfvs_sim.fuzz.shrink import shrink, shrink_list
+from dfvs_robustness.commands import fuzz
+from dfvs_robustness.fuzz.episode import Life
+from dfvs_robustness.fuzz.gate_fuzz import Finding, Tally, live, relive
+from dfvs_robustness.fuzz.invariants import InvariantChecker, InvariantError
+from dfvs_robustness.fuzz.replay import read_life, write_finding
+from dfvs_robustness.fuzz.run import Job, do
+from dfvs_robustness.fuzz.shrink import shrink, shrink_list
 
 
 def run(*words):
@@ -153,7 +153,7 @@ BROKEN = [
     ("I4", GateMachine, "_blind", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", holds_in_servo_alone),
-    ("I4", sight, "is_late", lambda old: forever(False)),
+    ("I4", perception_monitor, "is_late", lambda old: forever(False)),
     ("I4", Sight, "mounting_fault", lambda old: forever(None)),
     ("I5", Engagement, "heed", lambda old: forever(None)),
     ("I5", GateMachine, "_judge", leaves_an_end_by_itself),

@@ -10,9 +10,9 @@ from signed_commands import signed
 
 from dfvs_core.errors import WireError
 from dfvs_core.gate.authority import MAX_ANSWERS, ROTATION_NS, Authority, Verdict
+from dfvs_core.gate.command import MAX_COMMAND_BYTES, decode_command, request_id
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
-from dfvs_core.wire.command import MAX_COMMAND_BYTES, decode_command, request_id
 
 KEY, OTHER_KEY = b"k" * 32, b"K" * 32
 DIGEST = "0123456789abcdef" * 4

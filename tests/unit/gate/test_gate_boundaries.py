@@ -21,8 +21,8 @@ from dfvs_core.gate.events import (
     VehicleMode,
 )
 from dfvs_core.gate.limits import VelocityLimits
+from dfvs_core.gate.perception_monitor import Sight
 from dfvs_core.gate.preflight import failures, preflight
-from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import (
     VehiclePicture,

@@ -20,8 +20,8 @@ from dfvs_core.gate.events import (
     VelocityTarget,
 )
 from dfvs_core.gate.limits import ZERO, BodyVelocity
-from dfvs_core.gate.rivals import MAX_ODD_M_S, SEEN_NS, Rivals
-from dfvs_core.gate.sight import Sight, report_fault
+from dfvs_core.gate.other_commanders import MAX_ODD_M_S, SEEN_NS, Rivals
+from dfvs_core.gate.perception_monitor import Sight, report_fault
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import VehiclePicture, link_fault
 

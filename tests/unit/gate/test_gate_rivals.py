@@ -13,7 +13,7 @@ from dfvs_core.gate.events import (
     VelocityTarget,
 )
 from dfvs_core.gate.limits import ZERO, BodyVelocity
-from dfvs_core.gate.rivals import ODD_TARGETS, SEEN_NS, Rivals
+from dfvs_core.gate.other_commanders import ODD_TARGETS, SEEN_NS, Rivals
 from dfvs_core.gate.states import Cause, GateState
 
 NO_CHECK = GateTiming(response_ns=0)

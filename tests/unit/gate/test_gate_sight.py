@@ -3,9 +3,9 @@
 import pytest
 
 from dfvs_core.gate.config import MS, GateTiming
-from dfvs_core.gate.sight import Sight, is_late
+from dfvs_core.gate.perception_monitor import Sight, is_late
 from dfvs_core.gate.states import Cause
-from dfvs_core.wire.link import PerceptionReport
+from dfvs_core.messages.link import PerceptionReport
 
 NOW = 10_000 * MS
 TIMING = GateTiming()

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_core.poses import euler_from_rotation
+from dfvs_core.geometry.poses import euler_from_rotation
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pose import PoseTracker
 from dfvs_sim.vehicle.earth import attitude_quaternion

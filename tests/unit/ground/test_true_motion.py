@@ -12,12 +12,12 @@ from numpy.typing import NDArray
 from pymavlink.dialects.v20 import development as mavlink
 from vehicle_in_hand import VehicleInHand, setpoint
 
+from dfvs_sim.dynamics.estimate_errors import EstimateGrade
+from dfvs_sim.dynamics.wind import WindGrade
 from dfvs_sim.ground.link import LinkError
 from dfvs_sim.ground.pose import PoseTracker, VehiclePose
-from dfvs_sim.vehicle.estimate_errors import EstimateGrade
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.streams import GROUND
-from dfvs_sim.vehicle.wind import WindGrade
 
 DELAY_NS = 1_000_000
 TRUTH = "HIL_STATE_QUATERNION"

@@ -10,8 +10,8 @@ import pytest
 from recorded_flight import fly
 
 from dfvs_core.gate.states import GateState
-from dfvs_core.wire.flow_grid import FlowGrid
-from dfvs_core.wire.turn import Turn
+from dfvs_core.messages.frame_record import Turn
+from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.translation import Translation
 
 LAYOUT = json.loads(

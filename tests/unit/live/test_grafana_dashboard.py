@@ -10,8 +10,8 @@ from prometheus_client.exposition import generate_latest
 from prometheus_client.parser import text_string_to_metric_families
 
 from dfvs_core.gate.states import GateState
-from dfvs_core.schema import dump
-from dfvs_core.wire.link import GateStatus
+from dfvs_core.messages.link import GateStatus
+from dfvs_core.messages.schema import dump
 from dfvs_service.live.metrics import FlightMetrics
 from dfvs_service.perception.messages import timing_document
 

@@ -5,10 +5,10 @@ import numpy as np
 import pytest
 from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, texture, turned
 
-from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.confidence import confident_ratio, empty_flow
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Prepared, follow
 
 MATCHER = classical_matcher()

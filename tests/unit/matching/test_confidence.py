@@ -2,7 +2,6 @@
 
 import numpy as np
 
-from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.confidence import (
     confident_ratio,
     empty_flow,
@@ -11,6 +10,7 @@ from dfvs_core.matching.confidence import (
     merge_by_confidence,
 )
 from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.points import PointMatches
 
 SIZE = (40, 60)

@@ -3,8 +3,8 @@
 import numpy as np
 import pytest
 
-from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_models.evaluation import score_pair, summarise
 
 ALL = np.ones((1, 4), bool)

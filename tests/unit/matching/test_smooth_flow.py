@@ -4,8 +4,8 @@ import numpy as np
 import pytest
 from textured_wall import HEIGHT, WIDTH, exact_flow, turned
 
-from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.smooth_flow import confident_matches, smooth_flow
 

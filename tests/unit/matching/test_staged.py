@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, texture, turned
 
-from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ImageError
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Prepared
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.staged import StagedMatcher

@@ -6,8 +6,8 @@ import pytest
 from textured_wall import HEIGHT, WIDTH, Wall, inside, texture
 from two_planes import TwoPlanes
 
-from dfvs_core.correspondence import FlowField
 from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.verify import explained_ratio, fit_two_views, probability, support
 

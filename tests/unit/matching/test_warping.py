@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 from textured_wall import exact_flow, inside, turned
 
-from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.warping import (
     backward_warp,
     compose,

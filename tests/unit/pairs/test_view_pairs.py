@@ -5,18 +5,18 @@ import pytest
 from tiny_scenes import scene_of, wall
 
 from dfvs_core.errors import ImageError
-from dfvs_core.poses import invert_pose, so3_log
+from dfvs_core.geometry.poses import invert_pose, so3_log
 from dfvs_models.evaluation import LEVELS
 from dfvs_models.evaluation_file import EVALUATION_CAMERA, read_flow_pairs
-from dfvs_sim.pairs.drawing import PairArtist
-from dfvs_sim.pairs.files import evaluation_arrays, write_arrays
+from dfvs_rooms.pairs.drawing import PairArtist
+from dfvs_rooms.pairs.files import evaluation_arrays, write_arrays
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import warp_to_a
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.frames import ned_pose_from_gltf
-from dfvs_sim.scene.free_space import FreeSpace
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.mesh import SceneError
+from dfvs_sim.viewpoints.free_space import FreeSpace
 
 SIZE = (96, 72)
 _TELLING_PX = 0.5

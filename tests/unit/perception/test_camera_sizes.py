@@ -4,16 +4,16 @@ import numpy as np
 import pytest
 from textured_wall import Wall, texture
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import DepthMap
-from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.classical import classical_matcher
+from dfvs_core.matching.correspondence import DepthMap
 from dfvs_core.matching.warping import resized
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.perception.pipeline import Pipeline
+from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.vehicle_history import Motion
-from dfvs_core.wire.frame import Frame
 
 RIGHT_M_S = 0.107
 """Velocity of a camera of 320 px that sees the goal 6 px too far to the right."""

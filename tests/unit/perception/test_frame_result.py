@@ -3,14 +3,14 @@
 import numpy as np
 from textured_wall import Wall, texture
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.classical import classical_matcher
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.pipeline import Pipeline
+from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.vehicle_history import Motion
-from dfvs_core.wire.frame import Frame
 from dfvs_service.perception.messages import servo_document
 
 PERIOD_NS = 40_000_000

@@ -5,13 +5,13 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import DepthMap, FlowField
-from dfvs_core.goal import GoalSidecar
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose
 from dfvs_core.matching.confidence import confident_ratio
+from dfvs_core.matching.correspondence import DepthMap, FlowField
 from dfvs_core.matching.matcher import Prepared
+from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation, TrackingState
-from dfvs_core.poses import make_pose
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
 

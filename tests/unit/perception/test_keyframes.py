@@ -5,11 +5,13 @@ from hypothesis import given
 from hypothesis import strategies as st
 from textured_wall import Wall, texture
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import FlowField
-from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_core.matching.classical import classical_matcher
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Prepared
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.keyframes import (
     HORIZON_NS,
     LEAST_INTERVAL_NS,
@@ -19,12 +21,10 @@ from dfvs_core.perception.keyframes import (
     Keyframes,
 )
 from dfvs_core.perception.pipeline import Pipeline
-from dfvs_core.poses import make_pose, so3_exp
+from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import ServoInputs, ServoState
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.vehicle_history import Motion
-from dfvs_core.wire.frame import Frame
 
 NO_FLOW = FlowField(np.zeros((0, 0, 2), np.float32), np.zeros((0, 0), np.float32))
 DEPTH_M = 3.0

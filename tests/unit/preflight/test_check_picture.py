@@ -6,12 +6,12 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 
 from dfvs_core.errors import WireError
-from dfvs_core.wire.flow_grid import FlowGrid, encode_flow_grid
-from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.wire.link import PerceptionReport
-from dfvs_core.wire.turn import Sight, Turn, pack
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.frame_record import Sight, Turn, pack
+from dfvs_core.messages.link import PerceptionReport
+from dfvs_core.perception.flow_grid import FlowGrid, encode_flow_grid
+from dfvs_service.preflight.image import draw_picture
 from dfvs_service.preflight.live_view import View, ViewCollector
-from dfvs_service.preflight.picture import draw_picture
 
 GOAL = np.full((60, 80, 3), 128, np.uint8)
 GREEN, ORANGE = (64, 235, 96), (255, 176, 32)

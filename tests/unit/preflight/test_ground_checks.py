@@ -8,15 +8,12 @@ import re
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.gate.config import MS
 from dfvs_core.gate.preflight import Check
-from dfvs_core.goal import Goal, GoalSidecar
-from dfvs_service.config import load_config
-from dfvs_service.console import shows_colours
-from dfvs_service.key_file import create_key
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_service.preflight.calibration import camera_check
 from dfvs_service.preflight.check import check_camera_and_model
 from dfvs_service.preflight.ground import (
@@ -27,6 +24,9 @@ from dfvs_service.preflight.ground import (
     speed_check,
 )
 from dfvs_service.preflight.report import CheckReport
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.key_file import create_key
+from dfvs_service.supervisor.console import shows_colours
 
 CAMERA = CameraModel.from_horizontal_fov(64, 48, 1.2)
 

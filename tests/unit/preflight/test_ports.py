@@ -9,7 +9,6 @@ import pytest
 from loopback import free_tcp_port
 
 from dfvs_core.errors import ConfigError
-from dfvs_service.config import ZenohSection
 from dfvs_service.preflight.ports import (
     LocalPort,
     mavlink_port,
@@ -17,6 +16,7 @@ from dfvs_service.preflight.ports import (
     refuse_taken_zenoh,
     zenoh_port,
 )
+from dfvs_service.settings.config import ZenohSection
 
 TCP, UDP = socket.SOCK_STREAM, socket.SOCK_DGRAM
 

@@ -1,8 +1,8 @@
 from dfvs_core.gate.config import Engage
 from dfvs_core.gate.preflight import Check
-from dfvs_service.beat import Beat
-from dfvs_service.config import load_config
 from dfvs_service.preflight.watch_only import Observer, watching
+from dfvs_service.settings.config import load_config
+from dfvs_service.supervisor.heartbeat import Beat
 
 LIST = (Check("link", False, "none heard yet", "check it"),)
 

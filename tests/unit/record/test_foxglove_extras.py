@@ -12,9 +12,9 @@ from foxglove_schemas_protobuf.PosesInFrame_pb2 import PosesInFrame
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dfvs_core.correspondence import FlowField
-from dfvs_core.wire.flow_grid import sample_flow
-from dfvs_core.wire.link import GateStatus
+from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.messages.link import GateStatus
+from dfvs_core.perception.flow_grid import sample_flow
 from dfvs_service.record.flight_log import Entry, FlightLog, Severity
 from dfvs_service.record.flown_path import FlownPath
 from dfvs_service.record.foxglove_messages import flow_annotations, log, path

@@ -5,13 +5,13 @@ import json
 import pytest
 from box_sight import CAMERA
 
-from dfvs_core.goal import GoalSidecar
-from dfvs_core.schema import dump
+from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.goal import GoalSidecar
+from dfvs_core.messages.link import PerceptionReport
+from dfvs_core.messages.schema import dump
 from dfvs_core.servo.config import ServoConfig
-from dfvs_core.wire.link import PerceptionReport
-from dfvs_core.wire.turn import Opening, Turn
-from dfvs_service.config import CameraSection
 from dfvs_service.record.translation import Translation
+from dfvs_service.settings.config import CameraSection
 
 REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0)
 KNOWN = {"error_m": 0.5, "error_spread_m": 0.02, "velocity_error": [0.01, 0.0, 0.0, 0.0]}

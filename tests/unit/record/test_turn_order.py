@@ -1,7 +1,7 @@
 """Openings and turns come on two keys; each turn must meet the opening that it follows from."""
 
-from dfvs_core.wire.link import PerceptionReport
-from dfvs_core.wire.turn import Opening, Turn
+from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.link import PerceptionReport
 from dfvs_service.record.listener import TurnOrder
 
 REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0)

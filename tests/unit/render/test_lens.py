@@ -2,11 +2,11 @@ import numpy as np
 import pytest
 from tiny_scenes import CAMERA, NORTHWARD, WALL_UV, checkerboard, scene_of, wall
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import GeometryError
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.render.lens import lens_of
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import camera_pose
 
 BARREL = (-0.25, 0.08, 0.002, -0.001)
 

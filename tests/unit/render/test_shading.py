@@ -2,7 +2,7 @@ import numpy as np
 import pytest
 from tiny_scenes import CAMERA, NORTHWARD, WALL_UV, checkerboard, scene_of, wall
 
-from dfvs_core.camera import CameraModel
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.texture import Texture, Wrap, linear_from_srgb, srgb_from_linear
 

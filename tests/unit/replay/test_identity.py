@@ -5,10 +5,10 @@ import json
 
 import pytest
 
-from dfvs_core.schema import dump
-from dfvs_core.wire.turn import Opening
-from dfvs_service.config import load_config
+from dfvs_core.messages.frame_record import Opening
+from dfvs_core.messages.schema import dump
 from dfvs_service.replay.identity import reasons_to_differ
+from dfvs_service.settings.config import load_config
 
 BUILD = {"source": "aa" * 32, "numpy": "2.4.0", "processor": "one"}
 MODEL = {"flow.onnx": "bb" * 32}

@@ -12,7 +12,7 @@ from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.events import Attitude, GateOutput, LocalPosition, Report
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.replay import encode_gap, encode_start, encode_step
-from dfvs_core.wire.link import PerceptionReport
+from dfvs_core.messages.link import PerceptionReport
 from dfvs_service.flights.store import FlightStore
 from dfvs_service.report.black_box import BlackBoxFlight
 from dfvs_service.report.cli import main
@@ -289,7 +289,7 @@ def test_the_truth_of_a_simulation_is_drawn_beside_the_estimate(flight, tmp_path
 
 def test_a_film_that_cannot_be_encoded_leaves_nothing_behind(filmed, tmp_path, monkeypatch, capsys):
     monkeypatch.chdir(tmp_path)
-    monkeypatch.setattr("dfvs_service.report.film._CODEC", "none")
+    monkeypatch.setattr("dfvs_service.report.video._CODEC", "none")
     assert main(["latest", "--out", "x.html"]) == 2
     assert "no film can be written to x.mp4" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []

@@ -5,15 +5,15 @@ import numpy as np
 import pytest
 from ros2_samples import STAMP_NS, compressed_message, image_message, info_message
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import DfvsError, GeometryError, WireError
-from dfvs_core.wire.frame import decode_frame, decode_header
-from dfvs_core.wire.picture import encode_jpeg, encode_png
-from dfvs_core.wire.ros2 import Ros2Attachment
-from dfvs_service.perception.eye import RawSample
-from dfvs_service.ros2.intake import ClockReading, Ros2Intake
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import decode_frame, decode_header
+from dfvs_core.messages.image import encode_jpeg, encode_png
+from dfvs_core.messages.ros2 import Ros2Attachment
+from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.ros2.frame_source import ClockReading, Ros2Intake
 from dfvs_service.ros2.messages import type_hash
-from dfvs_service.sections import Ros2CameraSection
+from dfvs_service.settings.sections import Ros2CameraSection
 
 MS = 1_000_000
 CLOCK = b"c" * 16

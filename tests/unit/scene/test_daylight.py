@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
+from dfvs_rooms.generator.outdoors import Sky
+from dfvs_rooms.generator.solids import box, merged, panel
+from dfvs_rooms.lighting.daylight import sky_irradiance
+from dfvs_rooms.lighting.fast import _blockers
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene.daylight import sky_irradiance
 from dfvs_sim.scene.frames import ned_from_room
-from dfvs_sim.scene.outdoors import Sky
-from dfvs_sim.scene.quick_light import _blockers
-from dfvs_sim.scene.solids import box, merged, panel
 
 # the sun stands in the south, 45 degrees high
 SKY = Sky(-90.0, 45.0, sun_irradiance=(10.0, 9.0, 8.0), radiance=(1.0, 2.0, 3.0))

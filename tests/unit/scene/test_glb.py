@@ -5,7 +5,7 @@ import numpy as np
 import pytest
 from tiny_scenes import GlbFile
 
-from dfvs_core.wire.picture import encode_png
+from dfvs_core.messages.image import encode_png
 from dfvs_sim.scene.frames import gltf_from_ned
 from dfvs_sim.scene.glb import GlbError, load_glb
 from dfvs_sim.scene.glb_writer import save_glb

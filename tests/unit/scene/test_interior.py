@@ -6,10 +6,10 @@ import numpy as np
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.scene.interior import KINDS, drawn_interior, furnished
-from dfvs_sim.scene.interior_materials import interior_materials
-from dfvs_sim.scene.layout import Layout, Piece
-from dfvs_sim.scene.solids import box
+from dfvs_rooms.generator.interior import KINDS, drawn_interior, furnished
+from dfvs_rooms.generator.interior_materials import interior_materials
+from dfvs_rooms.generator.layout import Layout, Piece
+from dfvs_rooms.generator.solids import box
 
 SEEDS = (1, 2)
 

@@ -6,18 +6,18 @@ import cv2
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.poses import make_pose
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose
+from dfvs_rooms.fittings.natural import kind_of, natural_materials
+from dfvs_rooms.generator.room import Room
+from dfvs_rooms.generator.solids import joined
+from dfvs_rooms.lighting.bake import lit_scene
+from dfvs_rooms.room_types.catalogue import PLACES
+from dfvs_rooms.room_types.room_types import ROOM_KINDS
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene.bake import lit_scene
 from dfvs_sim.scene.frames import ned_from_room
-from dfvs_sim.scene.free_space import CUBE_FACES, FreeSpace
-from dfvs_sim.scene.kinds import ROOM_KINDS
-from dfvs_sim.scene.places.natural import kind_of, natural_materials
-from dfvs_sim.scene.places.places import PLACES
-from dfvs_sim.scene.poses import camera_pose, floor_of
-from dfvs_sim.scene.room import Room
-from dfvs_sim.scene.solids import joined
+from dfvs_sim.viewpoints.free_space import CUBE_FACES, FreeSpace
+from dfvs_sim.viewpoints.sampling import camera_pose, floor_of
 
 SEED = 3
 CENTREPIECES = {

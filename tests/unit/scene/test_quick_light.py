@@ -3,12 +3,12 @@
 import numpy as np
 import pytest
 
-from dfvs_sim.scene.bake import light_room
-from dfvs_sim.scene.light import LAMP_RADIANCE
-from dfvs_sim.scene.materials import Material
-from dfvs_sim.scene.quick_light import quick_irradiance
-from dfvs_sim.scene.room import Opening, Room
-from dfvs_sim.scene.solids import Part, box, panel, sphere
+from dfvs_rooms.generator.room import Opening, Room
+from dfvs_rooms.generator.solids import Part, box, panel, sphere
+from dfvs_rooms.lighting.bake import light_room
+from dfvs_rooms.lighting.fast import quick_irradiance
+from dfvs_rooms.lighting.path_traced import LAMP_RADIANCE
+from dfvs_rooms.surfaces.materials import Material
 from dfvs_sim.scene.texture import linear_from_srgb
 
 GREY = np.full((4, 4, 3), 128, np.uint8)

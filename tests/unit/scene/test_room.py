@@ -3,13 +3,13 @@
 import numpy as np
 import pytest
 
-from dfvs_sim.scene.decor import curtain, framed_picture, palm
-from dfvs_sim.scene.exposure import exposed, filled, smoothed
-from dfvs_sim.scene.furniture import armchair, bookcase, chair, sideboard, table
-from dfvs_sim.scene.light import BakeError, BakeSettings, measure_irradiance
-from dfvs_sim.scene.materials import Material
-from dfvs_sim.scene.room import HEIGHT_M, LENGTH_M, WIDTH_M, Room, room_parts
-from dfvs_sim.scene.solids import Part, box, cushion, disc, lathe, panel, sphere, tube
+from dfvs_rooms.generator.furniture import armchair, bookcase, chair, sideboard, table
+from dfvs_rooms.generator.props import curtain, framed_picture, palm
+from dfvs_rooms.generator.room import HEIGHT_M, LENGTH_M, WIDTH_M, Room, room_parts
+from dfvs_rooms.generator.solids import Part, box, cushion, disc, lathe, panel, sphere, tube
+from dfvs_rooms.lighting.exposure import exposed, filled, smoothed
+from dfvs_rooms.lighting.path_traced import BakeError, BakeSettings, measure_irradiance
+from dfvs_rooms.surfaces.materials import Material
 
 _FOOT_M = 1e-3  # a leg that leans dips its rim into the floor by less than a millimetre
 

@@ -3,7 +3,7 @@ import pytest
 from tiny_scenes import scene_of, wall
 
 from dfvs_core.errors import GeometryError
-from dfvs_core.poses import invert_pose, pose_error
+from dfvs_core.geometry.poses import invert_pose, pose_error
 from dfvs_sim.scene.frames import (
     gltf_from_ned,
     gltf_pose_from_ned,
@@ -11,7 +11,7 @@ from dfvs_sim.scene.frames import (
     ned_pose_from_gltf,
 )
 from dfvs_sim.scene.mesh import Scene, SceneError
-from dfvs_sim.scene.poses import camera_pose, floor_of, look_at
+from dfvs_sim.viewpoints.sampling import camera_pose, floor_of, look_at
 
 
 class TestAScene:

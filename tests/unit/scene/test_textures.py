@@ -3,8 +3,8 @@ import numpy as np
 import pytest
 
 from dfvs_core.errors import ImageError
-from dfvs_sim.scene import patterns, textures
-from dfvs_sim.scene.materials import room_materials
+from dfvs_rooms.surfaces import patterns, textures
+from dfvs_rooms.surfaces.materials import room_materials
 from dfvs_sim.scene.texture import (
     MAX_LEVELS,
     Texture,

@@ -1,9 +1,13 @@
 import pytest
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_service.calibration_file import read_calibration, with_calibration, write_calibration
-from dfvs_service.config import load_config
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_service.settings.calibration_file import (
+    read_calibration,
+    with_calibration,
+    write_calibration,
+)
+from dfvs_service.settings.config import load_config
 
 CAMERA = CameraModel(640, 480, 512.25, 511.5, 320.125, 239.875, (0.1, -0.2, 1e-3, -2e-3, 0.05))
 

@@ -10,7 +10,7 @@ from pathlib import Path
 import pytest
 from cryptography import x509
 
-from dfvs_core.wire.zenoh_access import Role, certificate_name
+from dfvs_core.messages.zenoh_access import Role, certificate_name
 from dfvs_service.certificates.cli import main
 
 ROOT = Path(__file__).parents[3]

@@ -4,7 +4,7 @@ import sys
 
 import pytest
 
-from dfvs_service.child import Child
+from dfvs_service.supervisor.child import Child
 
 TELL = (
     "import os, sys\n"

@@ -4,10 +4,10 @@ import pytest
 from signed_commands import signed
 
 from dfvs_core.errors import WireError
+from dfvs_core.gate.command import MAX_COMMAND_BYTES
 from dfvs_core.gate.events import Action
-from dfvs_core.wire.command import MAX_COMMAND_BYTES
-from dfvs_core.wire.goal_order import GoalOrder, goal_digest
-from dfvs_core.wire.link import MAX_DATAGRAM_BYTES, to_datagram
+from dfvs_core.messages.goal_command import GoalOrder, goal_digest
+from dfvs_core.messages.link import MAX_DATAGRAM_BYTES, to_datagram
 from dfvs_service.goal_store import MAX_KEPT_GOALS, GoalStore
 from dfvs_service.operator_link.command_filter import COMMAND_RATE, GOAL_RATE, CommandFilter
 

@@ -4,12 +4,17 @@ from pathlib import Path
 
 import pytest
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, GateConfig, OnDone, S
-from dfvs_core.goal import GoalSidecar, Mount
-from dfvs_service.config import ServiceConfig, config_from_json, load_config, parse_assignment
-from dfvs_service.config_text import markdown_table, toml_text
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import GoalSidecar, Mount
+from dfvs_service.settings.config import (
+    ServiceConfig,
+    config_from_json,
+    load_config,
+    parse_assignment,
+)
+from dfvs_service.settings.config_text import markdown_table, toml_text
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.2)
 

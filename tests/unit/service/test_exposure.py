@@ -1,8 +1,8 @@
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_service.config import load_config
-from dfvs_service.exposure import exposure_warnings, is_private, is_private_mavlink
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.exposure import exposure_warnings, is_private, is_private_mavlink
 from dfvs_service.zenoh_session import check_files
 
 PEM = "-----BEGIN CERTIFICATE-----\n"

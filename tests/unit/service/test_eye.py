@@ -3,16 +3,16 @@
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import FlowField
-from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Prepared
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
+from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.wire.link import GateStatus, VehicleState
-from dfvs_service.perception.eye import Eye, RawSample
+from dfvs_service.perception.frame_processor import Eye, RawSample
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
 MS = 1_000_000

@@ -1,8 +1,8 @@
 import numpy as np
 import pytest
 
-from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
-from dfvs_service.perception.frame_door import BAD_FRAME_RATE, FrameDoor
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_service.perception.frame_rate_limiter import BAD_FRAME_RATE, FrameDoor
 
 S = 1_000_000_000
 

@@ -7,10 +7,10 @@ import socket
 
 import pytest
 
-from dfvs_core.wire.link import GateStatus, from_datagram
-from dfvs_service.config import load_config
+from dfvs_core.messages.link import GateStatus, from_datagram
 from dfvs_service.gate.process import GateProcess, SilentLink, start_autopilot
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.runtime import RuntimeFolder
 
 FAULT = "the thread 'telemetry' failed"
 

@@ -10,12 +10,12 @@ import pytest
 
 from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.gate.events import Battery
-from dfvs_service.beat import Beat
-from dfvs_service.console import ChangeLines, JsonLines, LiveLine, describe
-from dfvs_service.gate import inbox as inbox_module
-from dfvs_service.gate.inbox import Inbox
+from dfvs_service.gate import event_queue as inbox_module
+from dfvs_service.gate.event_queue import Inbox
 from dfvs_service.gate.journal import MAX_WAITING, Journal
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.console import ChangeLines, JsonLines, LiveLine, describe
+from dfvs_service.supervisor.heartbeat import Beat
 
 SERVO = Beat(1, "SERVO", "OFFBOARD confirmed", error_m=0.5, error_rad=0.1)
 

@@ -7,9 +7,9 @@ from gate_rehearsal import Rehearsal
 from signed_commands import signed
 
 from dfvs_core.gate.authority import Authority
+from dfvs_core.gate.command import request_id
 from dfvs_core.gate.events import Action, BadReport, Order, Report
-from dfvs_core.wire.command import request_id
-from dfvs_core.wire.link import (
+from dfvs_core.messages.link import (
     CommandAnswer,
     ForwardedCommand,
     GateStatus,
@@ -17,9 +17,9 @@ from dfvs_core.wire.link import (
     from_gate,
     to_datagram,
 )
-from dfvs_service.beat import Beat
-from dfvs_service.gate.post import Post
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.gate.ipc_server import Post
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.heartbeat import Beat
 
 KEY = b"k" * 32
 FAULTS = []

@@ -2,10 +2,10 @@ import cv2
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError, ImageError
-from dfvs_core.goal import GoalSidecar
-from dfvs_service.goal_file import load_goal, read_image, read_sidecar
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import GoalSidecar
+from dfvs_service.settings.goal_file import load_goal, read_image, read_sidecar
 
 CAMERA = CameraModel.from_horizontal_fov(64, 48, 1.2)
 

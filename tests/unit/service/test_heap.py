@@ -2,13 +2,13 @@
 
 import sys
 
-from dfvs_service.child import Child
-from dfvs_service.perception.heap import RESERVE_MB
+from dfvs_service.perception.preallocation import RESERVE_MB
+from dfvs_service.supervisor.child import Child
 
 FLIGHT = """
 import gc, resource, sys
 import numpy as np
-from dfvs_service.perception.heap import settle
+from dfvs_service.perception.preallocation import settle
 
 def resident_mb():
     with open("/proc/self/statm") as file:

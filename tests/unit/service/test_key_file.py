@@ -1,7 +1,7 @@
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_service.key_file import create_key, load_key
+from dfvs_service.settings.key_file import create_key, load_key
 
 
 def test_a_new_key_is_random_private_and_usable(tmp_path):

@@ -3,7 +3,7 @@ import os
 import pytest
 
 from dfvs_core.gate.config import MS, S
-from dfvs_service.gate.lifeline import Lifeline
+from dfvs_service.gate.parent_watchdog import Lifeline
 
 START_NS = 9 * S
 

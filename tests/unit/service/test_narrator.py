@@ -2,8 +2,8 @@
 
 import threading
 
-from dfvs_service.beat import Beat
-from dfvs_service.narrator import Narrator
+from dfvs_service.supervisor.console_writer import Narrator
+from dfvs_service.supervisor.heartbeat import Beat
 
 
 class Terminal:

@@ -2,7 +2,7 @@ import socket
 
 import pytest
 
-from dfvs_service.notify import Notifier
+from dfvs_service.supervisor.systemd_notify import Notifier
 
 
 @pytest.fixture(params=["path", "abstract"])

@@ -1,12 +1,12 @@
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import DfvsError
-from dfvs_core.goal import GoalSidecar, Mount
-from dfvs_core.wire.goal_order import GoalOrder
-from dfvs_core.wire.picture import encode_png
-from dfvs_service.goal_file import goal_order, ordered_goal
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import GoalSidecar, Mount
+from dfvs_core.messages.goal_command import GoalOrder
+from dfvs_core.messages.image import encode_png
+from dfvs_service.settings.goal_file import goal_order, ordered_goal
 
 CAMERA = CameraModel.from_horizontal_fov(64, 48, 1.0)
 FLOWN = GoalSidecar(CAMERA, mount=Mount(pitch_rad=0.1))

@@ -1,6 +1,6 @@
 import numpy as np
 
-from dfvs_core.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_service.perception.preview import draw_flow
 
 

@@ -10,10 +10,10 @@ from vehicle_in_hand import VehicleInHand
 from dfvs_core.gate.config import GateConfig, GateTiming
 from dfvs_core.gate.events import CurrentMode, Heartbeat, ModeRequest, VehicleMode
 from dfvs_core.gate.limits import BodyVelocity
+from dfvs_core.gate.perception_monitor import Sight
 from dfvs_core.gate.preflight import preflight
-from dfvs_core.gate.sight import Sight
 from dfvs_core.gate.vehicle import VehiclePicture
-from dfvs_core.poses import quaternion_from_rotation, rotation_from_euler
+from dfvs_core.geometry.poses import quaternion_from_rotation, rotation_from_euler
 from dfvs_service.gate import px4
 from dfvs_sim.vehicle.streams import COMPANION
 

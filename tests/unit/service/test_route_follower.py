@@ -7,14 +7,14 @@ import pytest
 from at_once import AtOnce
 from box_sight import CAMERA, CLOCK, MS, KnowingMatcher, picture
 
-from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.keyframes import HORIZON_NS
-from dfvs_core.wire.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.wire.link import GateStatus, VehicleState
-from dfvs_service.config import load_config
 from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
-from dfvs_service.perception.eye import RawSample
+from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.perception.route_follower import RouteFollower
+from dfvs_service.settings.config import load_config
 
 
 class CountingMatcher(KnowingMatcher):

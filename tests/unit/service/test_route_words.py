@@ -5,8 +5,8 @@ import numpy as np
 import pytest
 
 from dfvs_service import cli
-from dfvs_service.goal_file import load_goals
-from dfvs_service.runtime import RuntimeFolder
+from dfvs_service.settings.goal_file import load_goals
+from dfvs_service.settings.runtime import RuntimeFolder
 
 
 @pytest.fixture

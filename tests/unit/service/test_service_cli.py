@@ -7,10 +7,10 @@ import cv2
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.goal import GoalSidecar
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.goal import GoalSidecar
 from dfvs_service import cli
-from dfvs_service.config import config_from_json
+from dfvs_service.settings.config import config_from_json
 
 
 @pytest.fixture

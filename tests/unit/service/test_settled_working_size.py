@@ -6,14 +6,14 @@ from itertools import count
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
 from dfvs_core.errors import ConfigError
-from dfvs_core.goal import Goal, GoalSidecar
+from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.matcher import Prepared
-from dfvs_service.config import config_from_json, load_config
+from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_service.perception.assembly import flow_matcher
 from dfvs_service.perception.working_size import choose_working_width, with_working_size
 from dfvs_service.replay.rerun import with_trial
+from dfvs_service.settings.config import config_from_json, load_config
 
 CAMERA = CameraModel.from_horizontal_fov(640, 480, 1.2)
 GOAL = Goal(np.zeros((480, 640, 3), np.uint8), GoalSidecar(CAMERA))

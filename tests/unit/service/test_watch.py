@@ -1,4 +1,4 @@
-from dfvs_service.watch import HEARTBEAT_LIMIT_NS, MS, STARTUP_LIMIT_NS, Watch
+from dfvs_service.supervisor.hang_detector import HEARTBEAT_LIMIT_NS, MS, STARTUP_LIMIT_NS, Watch
 
 START_NS = 77_000 * MS
 LOOK_NS = 20 * MS

@@ -1,6 +1,6 @@
 """Work on watched threads: started once more after a failure, then given up, and never silently."""
 
-from dfvs_service.watched_thread import run_watched, start_watched
+from dfvs_service.supervisor.watched_thread import run_watched, start_watched
 
 
 def failing(times, calls):

@@ -5,12 +5,15 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import FlowField
-from dfvs_core.goal import Goal, GoalSidecar, Mount
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose, make_pose, pose_error, so3_exp
+from dfvs_core.geometry.robust_weights import NoiseScale
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Prepared
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.pipeline import Pipeline
-from dfvs_core.poses import invert_pose, make_pose, pose_error, so3_exp
+from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import ServoInputs, ServoState, Status
 from dfvs_core.servo.motion import find_goal, is_clear
@@ -18,9 +21,6 @@ from dfvs_core.servo.points import ServoPoints, without_cells
 from dfvs_core.servo.pose import estimate_goal_pose
 from dfvs_core.servo.step import servo_step
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.weights import NoiseScale
-from dfvs_core.vehicle_history import Motion
-from dfvs_core.wire.frame import Frame
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.5)
 TASK = ServoTask(ServoConfig(), CAMERA, GoalSidecar(CAMERA), Mount())

@@ -6,7 +6,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import pytest
 
-from dfvs_core.poses import so3_exp
+from dfvs_core.geometry.poses import so3_exp
 from dfvs_core.servo.goal_filter import (
     FilterModel,
     OdometryDelta,

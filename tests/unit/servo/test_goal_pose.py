@@ -5,11 +5,11 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
-from dfvs_core.poses import invert_pose, make_pose, so3_exp, so3_log
+from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp, so3_log
+from dfvs_core.geometry.robust_weights import NoiseScale
 from dfvs_core.servo.freedom import free_camera
 from dfvs_core.servo.points import GUESSED_SPREAD, ServoPoints
 from dfvs_core.servo.pose import estimate_goal_pose
-from dfvs_core.servo.weights import NoiseScale
 
 NOISE = 0.001
 T_CURRENT_GOAL = make_pose(so3_exp(np.radians([3.0, 12.0, -2.0])), [0.9, -0.2, 1.4])

@@ -2,9 +2,9 @@ import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
 
-from dfvs_core.poses import invert_pose, se3_exp
+from dfvs_core.geometry.interaction import interaction_matrix
+from dfvs_core.geometry.poses import invert_pose, se3_exp
 from dfvs_core.servo.freedom import level_body
-from dfvs_core.servo.interaction import interaction_matrix
 
 coordinate = st.floats(-1.0, 1.0)
 STEP = 1e-6
@@ -39,7 +39,7 @@ def test_interaction_matrix_has_the_paper_s_rows():
 
 
 def test_body_motions_move_the_image_as_they_should():
-    from dfvs_core.goal import Mount
+    from dfvs_core.messages.goal import Mount
 
     B = level_body(Mount().T_body_camera()).B
     centre = interaction_matrix(np.array([[0.0, 0.0]]), np.array([2.0]))[0] @ B
@@ -52,7 +52,7 @@ def test_body_motions_move_the_image_as_they_should():
 
 
 def test_a_lens_ahead_of_the_yaw_axis_swings_sideways_when_yawing():
-    from dfvs_core.goal import Mount
+    from dfvs_core.messages.goal import Mount
 
     twist = level_body(Mount(x_m=0.2).T_body_camera()).B @ [0, 0, 0, 1.0]
     # Camera x is body right: a turn to the right carries a lens in front to the right.

@@ -7,10 +7,10 @@ import numpy as np
 import pytest
 from box_room import BoxRoom
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import DepthMap, FlowField
-from dfvs_core.goal import GoalSidecar, Mount
-from dfvs_core.poses import invert_pose, make_pose, rotation_from_euler
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose, make_pose, rotation_from_euler
+from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import Attitude
 from dfvs_core.servo.level import attitude_error, corrected, level_points, real_pose

@@ -6,9 +6,9 @@ import numpy as np
 import pytest
 from box_room import BoxRoom
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import DepthMap
-from dfvs_core.goal import GoalSidecar, Mount
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.correspondence import DepthMap
+from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.goal_filter import FilterModel, PositionMeasurement, begin
 from dfvs_core.servo.motion_monitor import FrameMotion, MotionMonitor

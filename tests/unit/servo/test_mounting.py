@@ -3,9 +3,9 @@
 import numpy as np
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.goal import Mount
-from dfvs_core.poses import invert_pose, make_pose, rotation_from_euler
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import invert_pose, make_pose, rotation_from_euler
+from dfvs_core.messages.goal import Mount
 from dfvs_core.servo.image_turn import PointTracks, image_turn, point_tracks
 from dfvs_core.servo.mounting import (
     MOST_SCORE,

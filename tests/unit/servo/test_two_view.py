@@ -7,10 +7,8 @@ import numpy as np
 import pytest
 from box_room import BoxRoom
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.correspondence import DepthMap, FlowField
-from dfvs_core.goal import GoalSidecar, Mount
-from dfvs_core.poses import (
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import (
     R_BODY_FORWARD_CAMERA,
     invert_pose,
     make_pose,
@@ -18,6 +16,8 @@ from dfvs_core.poses import (
     so3_exp,
     so3_log,
 )
+from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import EarlierMatch
 from dfvs_core.servo.task import ServoTask

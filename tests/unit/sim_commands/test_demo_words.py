@@ -2,10 +2,10 @@
 
 import pytest
 
-from dfvs_core.camera import CameraModel
-from dfvs_core.wire.frame import PixelFormat
-from dfvs_service.config import load_config, parse_assignment
-from dfvs_service.ros2.intake import Ros2Intake
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import PixelFormat
+from dfvs_service.ros2.frame_source import Ros2Intake
+from dfvs_service.settings.config import load_config, parse_assignment
 from dfvs_sim.demo.cameras import CAMERAS, camera_link
 from dfvs_sim.demo.cli import main
 

@@ -6,7 +6,7 @@ import pytest
 
 from dfvs_core.errors import DfvsError
 from dfvs_models.evaluation_file import read_flow_pairs
-from dfvs_sim.commands import pairs
+from dfvs_rooms.commands import pairs
 from dfvs_sim.scene import builtin_room_path
 
 

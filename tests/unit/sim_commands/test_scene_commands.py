@@ -5,15 +5,17 @@ import sys
 import numpy as np
 import pytest
 
+from dfvs_bench.commands import renderer
 from dfvs_core.errors import DfvsError
-from dfvs_core.goal import GoalSidecar
-from dfvs_core.wire.picture import decode_picture
-from dfvs_sim.commands import bench_renderer, goal, room
+from dfvs_core.messages.goal import GoalSidecar
+from dfvs_core.messages.image import decode_picture
+from dfvs_rooms.commands import room
+from dfvs_sim.commands import goal
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.frames import ned_from_gltf
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.scene.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import camera_pose
 
 
 def run(command, *words):
@@ -83,7 +85,7 @@ class TestGoal:
 class TestBenchRenderer:
     def test_prints_and_writes_the_time_of_every_kind(self, tmp_path, capsys):
         out = tmp_path / "times.json"
-        assert run(bench_renderer, "--frames", "3", "--json", str(out)) == 0
+        assert run(renderer, "--frames", "3", "--json", str(out)) == 0
         rows = json.loads(out.read_text())["results"]
         kinds = {(row["width"], row["height"], row["antialias"]) for row in rows}
         assert len(kinds) == 4
@@ -92,7 +94,7 @@ class TestBenchRenderer:
 
     def test_wants_frames_to_time(self):
         with pytest.raises(DfvsError, match="--frames is 1"):
-            run(bench_renderer, "--frames", "1")
+            run(renderer, "--frames", "1")
 
 
 class TestRoom:

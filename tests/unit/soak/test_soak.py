@@ -8,14 +8,14 @@ import psutil
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.cli import main
-from dfvs_sim.commands import soak
-from dfvs_sim.soak.holds import Hold, explain
-from dfvs_sim.soak.plots import write_plots
-from dfvs_sim.soak.sampling import Sample, Sampler, own_memory_mb, role_of
-from dfvs_sim.soak.slope import robust_slope
-from dfvs_sim.soak.tour import Leg
-from dfvs_sim.soak.verdict import judge, latency_figures
+from dfvs_robustness.cli import main
+from dfvs_robustness.commands import soak
+from dfvs_robustness.soak.holds import Hold, explain
+from dfvs_robustness.soak.mission import Leg
+from dfvs_robustness.soak.plots import write_plots
+from dfvs_robustness.soak.sampling import Sample, Sampler, own_memory_mb, role_of
+from dfvs_robustness.soak.slope import robust_slope
+from dfvs_robustness.soak.verdict import judge, latency_figures
 
 MS = 1_000_000
 T_H = np.linspace(0.0, 0.5, 900)

@@ -7,16 +7,16 @@ import pytest
 from box_sight import CAMERA, CLOCK, MS, KnowingMatcher, picture
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.goal import Mount
-from dfvs_core.teaching import TeachLimits
-from dfvs_core.wire.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
-from dfvs_core.wire.link import VehicleState
-from dfvs_service.config import load_config
-from dfvs_service.goal_file import load_goal, route_pictures
+from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
+from dfvs_core.messages.goal import Mount
+from dfvs_core.messages.link import VehicleState
+from dfvs_core.perception.route_recording import TeachLimits
 from dfvs_service.perception.assembly import Clocks
-from dfvs_service.perception.eye import RawSample
-from dfvs_service.teach.goal_writer import sidecar_of, write_goal
-from dfvs_service.teach.lesson import Event, RouteTeacher, prepare_route_folder, taught_settings
+from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.route.goal_writer import sidecar_of, write_goal
+from dfvs_service.route.recording import Event, RouteTeacher, prepare_route_folder, taught_settings
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.goal_file import load_goal, route_pictures
 
 
 def decoded(sample):

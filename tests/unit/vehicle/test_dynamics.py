@@ -12,10 +12,10 @@ import numpy as np
 import pytest
 from numpy.typing import NDArray
 
-from dfvs_sim.vehicle.control import Controller, Demand
-from dfvs_sim.vehicle.dynamics import GRAVITY_M_S2, AirframeParameters, Command, Quadrotor
-from dfvs_sim.vehicle.estimate_errors import EstimateErrors
-from dfvs_sim.vehicle.estimator import Estimator
+from dfvs_sim.dynamics.control import Controller, Demand
+from dfvs_sim.dynamics.estimate_errors import EstimateErrors
+from dfvs_sim.dynamics.estimator import Estimator
+from dfvs_sim.dynamics.rigid_body import GRAVITY_M_S2, AirframeParameters, Command, Quadrotor
 
 DT_S = 0.004
 STEP_S = 6.0

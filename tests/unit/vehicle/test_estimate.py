@@ -10,10 +10,10 @@ import pytest
 from vehicle_in_hand import VehicleInHand, setpoint
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.vehicle.dynamics import Command, Quadrotor
-from dfvs_sim.vehicle.estimate_errors import ERRORS, EstimateErrors, EstimateGrade
-from dfvs_sim.vehicle.estimator import Estimator
-from dfvs_sim.vehicle.gauss_markov import FirstOrder, SecondOrder, normal_source
+from dfvs_sim.dynamics.estimate_errors import ERRORS, EstimateErrors, EstimateGrade
+from dfvs_sim.dynamics.estimator import Estimator
+from dfvs_sim.dynamics.gauss_markov import FirstOrder, SecondOrder, normal_source
+from dfvs_sim.dynamics.rigid_body import Command, Quadrotor
 
 DT_S = 0.004
 MOTION = (

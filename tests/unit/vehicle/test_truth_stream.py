@@ -9,7 +9,7 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 from vehicle_in_hand import COMPANION, VehicleInHand, setpoint
 
-from dfvs_sim.vehicle.estimate_errors import EstimateGrade
+from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 
 SET_INTERVAL, REQUEST = 511, 512
 TRUTH, ORIGIN = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION, 49

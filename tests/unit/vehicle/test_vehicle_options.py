@@ -8,9 +8,9 @@ import pytest
 
 from dfvs_core.errors import ConfigError
 from dfvs_sim.commands.vehicle import add_options, config_from_args
-from dfvs_sim.vehicle.estimate_errors import EstimateGrade
+from dfvs_sim.dynamics.estimate_errors import EstimateGrade
+from dfvs_sim.dynamics.wind import WindGrade
 from dfvs_sim.vehicle.flight import VehicleConfig
-from dfvs_sim.vehicle.wind import WindGrade
 
 
 def config(*words: str) -> VehicleConfig:

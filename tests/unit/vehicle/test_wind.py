@@ -8,7 +8,7 @@ import numpy as np
 import pytest
 from vehicle_in_hand import VehicleInHand
 
-from dfvs_sim.vehicle.wind import STRENGTHS, Wind, WindGrade
+from dfvs_sim.dynamics.wind import STRENGTHS, Wind, WindGrade
 
 DT_S = 0.004
 

@@ -1,9 +1,9 @@
 import numpy as np
 import pytest
 
-from dfvs_core.correspondence import FlowField
 from dfvs_core.errors import WireError
-from dfvs_core.wire.flow_grid import (
+from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.perception.flow_grid import (
     MAX_COLUMNS,
     FlowGrid,
     decode_flow_grid,

@@ -7,7 +7,7 @@ import numpy as np
 import pytest
 
 from dfvs_core.errors import DfvsError, ImageError, WireError
-from dfvs_core.wire.frame import (
+from dfvs_core.messages.frame import (
     Frame,
     PixelFormat,
     clock_identity,
@@ -15,7 +15,7 @@ from dfvs_core.wire.frame import (
     decode_header,
     encode_frame,
 )
-from dfvs_core.wire.picture import decode_picture, encode_jpeg, encode_png, picture_size
+from dfvs_core.messages.image import decode_picture, encode_jpeg, encode_png, picture_size
 
 
 @pytest.fixture

@@ -5,8 +5,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dfvs_core.errors import WireError
-from dfvs_core.wire.goal_order import MAX_SIDECAR_BYTES, GoalOrder, goal_digest
-from dfvs_core.wire.zenoh_settings import MAX_MESSAGE_BYTES
+from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES, GoalOrder, goal_digest
+from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
 
 
 @given(st.binary(max_size=100), st.text(max_size=100))

@@ -7,7 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dfvs_core.errors import WireError
-from dfvs_core.wire.link import (
+from dfvs_core.messages.link import (
     MAX_DATAGRAM_BYTES,
     CommandAnswer,
     ForwardedCommand,

@@ -1,7 +1,7 @@
 import pytest
 
 from dfvs_core.errors import ConfigError, WireError
-from dfvs_core.wire.ros2 import IMAGE, Ros2Attachment, Ros2Node, Ros2Topic, decode_attachment
+from dfvs_core.messages.ros2 import IMAGE, Ros2Attachment, Ros2Node, Ros2Topic, decode_attachment
 
 HASH = "RIHS01_d31d41a9a4c4bc8eae9be757b0beed306564f7526c88ea6a4588fb9582527d47"
 TOPIC = Ros2Topic("/drone1/camera/image_raw", IMAGE, domain=5)

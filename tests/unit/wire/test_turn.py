@@ -8,9 +8,9 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dfvs_core.errors import ConfigError, WireError
-from dfvs_core.schema import dump, from_json
-from dfvs_core.wire.link import GateStatus, PerceptionReport, VehicleState
-from dfvs_core.wire.turn import Opening, Sight, Turn, pack, unpack
+from dfvs_core.messages.frame_record import Opening, Sight, Turn, pack, unpack
+from dfvs_core.messages.link import GateStatus, PerceptionReport, VehicleState
+from dfvs_core.messages.schema import dump, from_json
 
 finite = st.floats(allow_nan=False, allow_infinity=False)
 triple = st.tuples(finite, finite, finite)

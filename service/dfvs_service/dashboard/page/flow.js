@@ -1,4 +1,4 @@
-// The coarse flow field: reading its bytes (see dfvs_core/wire/flow_grid.py) and drawing it.
+// The coarse flow field: reading its bytes (see dfvs_core/perception/flow_grid.py) and drawing it.
 
 const HEADER_BYTES = 24;
 const STEPS_PER_PX = 16;

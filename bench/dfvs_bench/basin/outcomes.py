@@ -1,0 +1,137 @@
+"""The basin's tasks on disk, and what came of them."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Sequence
+from dataclasses import dataclass, replace
+from pathlib import Path
+
+from dfvs_bench.basin.cells import Cell
+from dfvs_bench.basin.drawing import DRAWING_VERSION, DrawnTask, Order, draw
+from dfvs_bench.trials.documents import read_document, write_document
+from dfvs_bench.trials.executor import Workforce
+from dfvs_bench.trials.results import TrialRecord, read_record
+from dfvs_bench.trials.task import same_poses
+from dfvs_core.geometry.camera import CameraModel
+
+BASIN_FILE = "basin.json"
+"""Holds the tasks, beside their trials."""
+
+
+@dataclass(frozen=True, slots=True)
+class DrawnEnvironment:
+    """What was drawn in one environment, and all that it was drawn from.
+
+    Parameters
+    ----------
+    name, scene_sha256 : str
+        Environment, and its file.
+    camera : CameraModel
+    cells : tuple of Cell
+    count, seed, version : int
+        As in ``Order``, and ``DRAWING_VERSION``.
+    tasks : tuple of DrawnTask
+    """
+
+    name: str
+    scene_sha256: str
+    camera: CameraModel
+    cells: tuple[Cell, ...]
+    count: int
+    seed: int
+    version: int
+    tasks: tuple[DrawnTask, ...] = ()
+
+    @classmethod
+    def to_draw(cls, order: Order) -> DrawnEnvironment:
+        """Say what an order draws from, before it is drawn."""
+        place = order.environment
+        given = (place.name, place.digest(), place.camera, order.cells, order.count, order.seed)
+        return cls(*given, DRAWING_VERSION)
+
+
+@dataclass(frozen=True, slots=True)
+class BasinTasks:
+    """The tasks of a run, environment by environment."""
+
+    environments: tuple[DrawnEnvironment, ...]
+
+    @property
+    def tasks(self) -> list[DrawnTask]:
+        """All of them."""
+        return [task for place in self.environments for task in place.tasks]
+
+
+@dataclass(frozen=True, slots=True)
+class Outcome:
+    """A task of the basin and a trial in it."""
+
+    drawn: DrawnTask
+    seed: int
+    record: TrialRecord
+
+
+def draw_tasks(
+    orders: Sequence[Order], folder: Path, workforce: Workforce, progress: Callable[[str], None]
+) -> BasinTasks:
+    """Draw what is ordered and keep it in the folder; what is there from the same order stays.
+
+    Raises
+    ------
+    DfvsError
+        If no goal is found in a scene, or the folder's file is damaged.
+    """
+    path = folder / BASIN_FILE
+    kept = {place.name: place for place in _read(path).environments} if path.is_file() else {}
+    wanted = {order.environment.name: DrawnEnvironment.to_draw(order) for order in orders}
+    done = {
+        name: kept[name]
+        for name, place in wanted.items()
+        if name in kept and replace(kept[name], tasks=()) == place
+    }
+    left = [order for order in orders if order.environment.name not in done]
+    for name, tasks in workforce.finished(_draw_named, left):
+        progress(f"drew {len(tasks)} tasks in {name}")
+        done[name] = replace(wanted[name], tasks=tasks)
+        write_document(path, BasinTasks(tuple(done[n] for n in wanted if n in done)))
+    return BasinTasks(tuple(done[name] for name in wanted))
+
+
+def _draw_named(order: Order) -> tuple[str, tuple[DrawnTask, ...]]:
+    return order.environment.name, draw(order)
+
+
+def read_outcomes(folder: Path, records: Sequence[TrialRecord] | None = None) -> list[Outcome]:
+    """Trials of the tasks that a folder holds, whatever their method.
+
+    Parameters
+    ----------
+    folder : Path
+        As ``dfvs-bench basin`` fills it.
+    records : sequence of TrialRecord or None
+        Trials to look among; None reads all that are in the folder.
+
+    Raises
+    ------
+    ConfigError
+        If the folder holds no tasks, or a file is damaged.
+    """
+    places = _read(folder / BASIN_FILE).environments
+    tasks = {task.name: (task, place.seed) for place in places for task in place.tasks}
+    if records is None:
+        records = [read_record(path) for path in sorted(folder.glob("*--*.json"))]
+    found = [(tasks.get(record.task), record) for record in records]
+    return [
+        Outcome(*known, record)
+        for known, record in found
+        if known is not None and _is_of(record, known[0])
+    ]
+
+
+def _is_of(record: TrialRecord, task: DrawnTask) -> bool:
+    """Tell whether a trial was made from these very poses, and not from another seed's."""
+    return same_poses((record.start, record.goal), (task.start, task.goal))
+
+
+def _read(path: Path) -> BasinTasks:
+    return read_document(BasinTasks, path, str(path), "the file of dfvs-bench basin")

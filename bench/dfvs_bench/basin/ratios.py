@@ -1,0 +1,178 @@
+"""Convergence ratios of the basin: by method, rotation set and translation."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+
+from dfvs_bench.basin.drawing import LEAST_OVERLAP
+from dfvs_bench.basin.outcomes import Outcome
+from dfvs_bench.report.interval import Share
+from dfvs_bench.report.tables import row
+from dfvs_bench.report.tables import summarise as summarise_trials
+
+_DIGITS = 4
+Rotation = tuple[float, float, float]
+
+
+@dataclass(frozen=True, slots=True)
+class Curve:
+    """One line of Fig. 6.
+
+    Parameters
+    ----------
+    method : str
+    rotation_deg : tuple of float
+        Set of rotations.
+    overlapping : bool
+        Over the tasks whose start sees enough of the goal, or else over all that were drawn
+        freely.
+    outcomes : tuple of Outcome
+        Its trials.
+    """
+
+    method: str
+    rotation_deg: Rotation
+    overlapping: bool
+    outcomes: tuple[Outcome, ...]
+
+    @property
+    def share(self) -> Share:
+        """Of all its trials."""
+        return share(self.outcomes)
+
+    @property
+    def mean_ratio(self) -> float:
+        """Mean of the translations' ratios; NaN without trials."""
+        return float(np.mean([share(group).ratio for group in self.points.values()] or [math.nan]))
+
+    @property
+    def points(self) -> dict[float, tuple[Outcome, ...]]:
+        """Trials by translation in m, from near to far."""
+        distances = sorted({o.drawn.cell.translation_m for o in self.outcomes})
+        return {
+            d: tuple(o for o in self.outcomes if o.drawn.cell.translation_m == d) for d in distances
+        }
+
+
+def share(outcomes: Sequence[Outcome]) -> Share:
+    """Share of trials that converged."""
+    return Share(sum(o.record.trial.converged for o in outcomes), len(outcomes))
+
+
+def curves(outcomes: Sequence[Outcome]) -> list[Curve]:
+    """Two lines for every method and rotation set: of all tasks, and of those with overlap."""
+    methods = list(dict.fromkeys(o.record.method for o in outcomes))
+    rotations = sorted({o.drawn.cell.rotation_deg for o in outcomes})
+    found = []
+    for method in methods:
+        for rotation in rotations:
+            group = [
+                o
+                for o in outcomes
+                if o.record.method == method and o.drawn.cell.rotation_deg == rotation
+            ]
+            free = tuple(o for o in group if o.drawn.freely)
+            overlapping = tuple(o for o in group if o.drawn.overlaps)
+            found += [Curve(method, rotation, False, free)]
+            found += [Curve(method, rotation, True, overlapping)]
+    return found
+
+
+def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Summary by method, rotation set, and kind of tasks: in all, and by translation.
+
+    ``ratio`` is over all trials of a set, of which the far translations may have fewer than the
+    near ones; ``mean_over_translations`` gives every translation the same weight.
+    """
+    names = list(dict.fromkeys(o.record.method for o in outcomes))
+    methods = summarise_trials([o.record for o in outcomes], names)["methods"]
+    for curve in curves(outcomes):
+        sets = methods[curve.method].setdefault("sets", {})
+        name = ",".join(f"{angle:g}" for angle in curve.rotation_deg)
+        kind = "overlap" if curve.overlapping else "all"
+        sets.setdefault(name, {})[kind] = _figures(curve.outcomes) | {
+            "mean_over_translations": _rounded(curve.mean_ratio),
+            "per_translation": [
+                {"translation_m": distance, **_figures(group)}
+                for distance, group in curve.points.items()
+            ],
+        }
+    return {"least_overlap": LEAST_OVERLAP, "methods": methods}
+
+
+def _figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    counted = share(outcomes)
+    low, high = counted.interval
+    distances_m = [math.dist(_place(o.drawn.start), _place(o.drawn.goal)) for o in outcomes]
+    return {
+        "trials": counted.trials,
+        "converged": counted.successes,
+        "ratio": _rounded(counted.ratio),
+        "interval_95": [_rounded(low), _rounded(high)],
+        "mean_distance_m": _rounded(float(np.mean(distances_m)) if outcomes else math.nan),
+        "mean_overlap": _rounded(_mean_overlap(outcomes)),
+    }
+
+
+def _mean_overlap(outcomes: Sequence[Outcome]) -> float:
+    return float(np.mean([o.drawn.overlap for o in outcomes])) if outcomes else math.nan
+
+
+def _place(pose: tuple[float, ...]) -> tuple[float, float, float]:
+    return pose[3], pose[7], pose[11]
+
+
+def _rounded(value: float) -> float | None:
+    """What JSON can hold: no NaN."""
+    return round(value, _DIGITS) if math.isfinite(value) else None
+
+
+def tidy_row(outcome: Outcome) -> dict[str, Any]:
+    """One trial as a flat row."""
+    drawn = outcome.drawn
+    x, y, z = drawn.cell.rotation_deg
+    return {
+        "environment": drawn.environment,
+        "translation_per_axis_m": drawn.cell.translation_m,
+        "rotation_x_deg": x,
+        "rotation_y_deg": y,
+        "rotation_z_deg": z,
+        "overlap": round(drawn.overlap, _DIGITS),
+        "drawn_freely": drawn.freely,
+        **row(outcome.record),
+        "seed": outcome.seed,
+    }
+
+
+def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:
+    """Ratios in percent for people, a line for every curve; a dash where there is no task."""
+    found = curves(outcomes)
+    distances = sorted({d for curve in found for d in curve.points})
+    head = f"{'method':<19} {'rotation':<10} {'tasks':<8} {'ratio':>6}  {'95 %':>8}  {'n':>4} "
+    lines = [f"{head}{'even':>5} " + "".join(f"{d:>6g}" for d in distances) + " m per axis"]
+    for curve in found:
+        low, high = curve.share.interval
+        points = {d: share(group) for d, group in curve.points.items()}
+        cells = "".join(_percent(points.get(d)) for d in distances)
+        rotation = ",".join(f"{a:g}" for a in curve.rotation_deg)
+        kind = f">={LEAST_OVERLAP:.0%}" if curve.overlapping else "all"
+        lines.append(
+            f"{curve.method:<19} {rotation:<10} {kind:<8} {_percent(curve.share)}"
+            f"  {100 * low:3.0f}-{100 * high:3.0f} %  {curve.share.trials:>4}"
+            f" {_even(curve)} {cells}"
+        )
+    return lines
+
+
+def _even(curve: Curve) -> str:
+    """Mean over the translations, each with the same weight."""
+    return f"{curve.mean_ratio:>5.0%}" if curve.outcomes else f"{'-':>5}"
+
+
+def _percent(counted: Share | None) -> str:
+    return f"{'-':>6}" if counted is None or not counted.trials else f"{counted.ratio:>6.0%}"

@@ -1,0 +1,59 @@
+"""``dfvs-bench``: measurements that compare."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from dfvs_bench.commands import (
+    basin,
+    controller,
+    depth,
+    drone,
+    flow,
+    lockstep,
+    relocalise,
+    renderer,
+    report,
+    scenes,
+    table1,
+)
+from dfvs_sim.command_line import run_command
+
+_EPILOG = """examples:
+  dfvs-bench flow pairs.npz --bundle classical --json flow.json
+  dfvs-bench table1 --methods true-depth,motion-depth --json table1.json
+  dfvs-bench basin --workers 2 --plot basin.png
+  dfvs-bench drone --json drone.json
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one measurement; 0 when it ran, 2 when it cannot, with one line that says why."""
+    parser = argparse.ArgumentParser(
+        prog="dfvs-bench",
+        description="Measure correspondences on image pairs, and servoing methods in scenes.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    for command in (
+        flow,
+        depth,
+        scenes,
+        table1,
+        controller,
+        basin,
+        drone,
+        lockstep,
+        renderer,
+        relocalise,
+        report,
+    ):
+        command.add_parser(subparsers)
+    return run_command(parser, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,184 @@
+"""``dfvs-bench basin``: from how far away servoing converges, as in the paper's Fig. 6."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from collections.abc import Sequence
+from pathlib import Path
+from typing import Any
+
+from dfvs_bench.basin.cells import (
+    ROTATIONS_DEG,
+    TRANSLATIONS_M,
+    Cell,
+    parse_numbers,
+    parse_rotation,
+)
+from dfvs_bench.basin.drawing import LEAST_OVERLAP, Order
+from dfvs_bench.basin.environments import (
+    BATCH,
+    Environment,
+    default_environments,
+    environments_in,
+    environments_of,
+    make_missing,
+)
+from dfvs_bench.basin.figure import basin_figure
+from dfvs_bench.basin.outcomes import BASIN_FILE, Outcome, draw_tasks, read_outcomes
+from dfvs_bench.basin.ratios import summarise, summary_lines, tidy_row
+from dfvs_bench.options import (
+    add_method_options,
+    add_task_options,
+    add_workforce_options,
+    check_iterations,
+    check_outputs,
+    methods_from,
+    named,
+    networks_from,
+    own_scenes,
+    run_trials,
+    say,
+    workforce_from,
+)
+from dfvs_bench.report.figures import is_figure_name
+from dfvs_bench.report.tables import write_rows
+from dfvs_bench.trials.provenance import run_facts
+from dfvs_bench.trials.run import Job, Plan
+from dfvs_bench.trials.task import read_tasks
+from dfvs_core.errors import ConfigError
+from dfvs_models.catalog import load_matcher
+from dfvs_sim.options import write_json
+
+DEFAULT_METHODS = ("flow-depth", "motion-depth", "motion-depth-search")
+"""What the paper's Fig. 6 shows, what flies, and the same on a camera that may look around."""
+
+_MOST_TRIALS = 10_000
+_EPILOG = f"""examples:
+  dfvs-bench basin --workers 2 --json basin.json --csv basin.csv --plot basin.png
+  dfvs-bench basin --rotations 20,20,40 --translations 0.4,2,4 --methods true-depth --resume
+  dfvs-bench basin --tasks my_tasks.json --trials 32 --dask tcp://127.0.0.1:8786
+
+A trial starts somewhere in free space, displaced from the goal by a translation and a rotation
+set, and converges if it ends within 4 cm and 1 degree. A batch is {BATCH} rooms from seeds, made
+on the first call (minutes); --tasks takes scenes and intrinsics of a task file instead. Ratios
+are given twice: over all tasks, and over as many tasks whose start sees {LEAST_OVERLAP:.0%} of the
+goal's pixels. --resume keeps the tasks and trials in --runs.
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add ``basin`` to the subcommands of ``dfvs-bench``."""
+    parser = subparsers.add_parser(
+        "basin",
+        help="convergence ratio against initial translation and rotation",
+        description="Lead a free camera to goals from further and further away, and tell how often "
+        "each method converges, with 95 % intervals (DFVS Fig. 6).",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_task_options(parser, "tasks.json: its scenes (default: sixteen rooms)", "basin-runs")
+    add_workforce_options(parser)
+    add_method_options(parser, DEFAULT_METHODS)
+    add = parser.add_argument
+    add("--trials", type=int, default=BATCH, metavar="N", help=f"of each cell (default: {BATCH})")
+    add("--seed", type=int, default=0, metavar="N", help="draws goals and starts (default: 0)")
+    add("--translations", metavar="A,B", help="m per axis (default: 0.4,0.8,...,4)")
+    add(
+        "--rotations",
+        nargs="+",
+        metavar="X,Y,Z",
+        help="degrees (default: 10,10,25 20,20,40 30,30,50)",
+    )
+    add("--plot", type=Path, metavar="FILE", help="Fig. 6 as .png, .svg or .pdf")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run what is to be run, print the ratios and write the files; exit code 0.
+
+    Raises
+    ------
+    DfvsError
+        If an option, a task or a scene cannot be used.
+    """
+    _check(args)
+    began_s = time.monotonic()
+    workforce = workforce_from(args)
+    methods = methods_from(args, DEFAULT_METHODS)
+    cells = _cells(args)
+    load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
+    environments = _environments(args)
+    args.runs.mkdir(parents=True, exist_ok=True)
+    jobs = _jobs(args, environments, cells, methods)
+    records = run_trials(args, jobs, workforce)
+    _finish(args, read_outcomes(args.runs, records), time.monotonic() - began_s)
+    return 0
+
+
+def _check(args: argparse.Namespace) -> None:
+    check_outputs(args, "plot")
+    check_iterations(args)
+    if not 1 <= args.trials <= _MOST_TRIALS:
+        raise ConfigError(f"--trials is {args.trials}", f"1 to {_MOST_TRIALS}")
+    if args.seed < 0:
+        raise ConfigError(f"--seed is {args.seed}", "0 or more")
+    if args.plot is not None and not is_figure_name(args.plot.suffix):
+        raise ConfigError(f"--plot is {str(args.plot)!r}", "a name ending in .png, .svg or .pdf")
+
+
+def _cells(args: argparse.Namespace) -> tuple[Cell, ...]:
+    """Every translation with every rotation set, set by set."""
+    texts = args.rotations
+    rotations = [parse_rotation(text) for text in texts] if texts else ROTATIONS_DEG
+    text = args.translations
+    translations = parse_numbers(text, "--translations") if text else TRANSLATIONS_M
+    pairs = [(t, r) for r in dict.fromkeys(rotations) for t in dict.fromkeys(translations)]
+    return tuple(Cell(translation, rotation) for translation, rotation in pairs)
+
+
+def _environments(args: argparse.Namespace) -> list[Environment]:
+    """Scenes that are given, or the sixteen rooms, which are made if they are missing."""
+    own = environments_of(read_tasks(args.tasks)) if args.tasks else []
+    own += environments_in(own_scenes(args, [place.name for place in own]))
+    chosen = named(own or default_environments(), args.scenes, lambda place: place.name)
+    if not own:
+        make_missing(chosen, say)
+    return chosen
+
+
+def _jobs(
+    args: argparse.Namespace,
+    environments: Sequence[Environment],
+    cells: tuple[Cell, ...],
+    methods: Sequence[str],
+) -> list[Job]:
+    """Draw the tasks, or take those that are kept; trials come environment by environment."""
+    each, rest = divmod(args.trials, len(environments))
+    orders = [
+        Order(place, cells, each + (k < rest), args.seed) for k, place in enumerate(environments)
+    ]
+    orders = [order for order in orders if order.count]
+    say(f"{len(cells)} cells of {args.trials} trials, in {len(orders)} environments")
+    if not args.resume:
+        (args.runs / BASIN_FILE).unlink(missing_ok=True)
+    drawn = draw_tasks(orders, args.runs, workforce_from(args), say)
+    by_name = {place.name: place for place in environments}
+    tasks = [task.task(by_name[task.environment]) for task in drawn.tasks]
+    return Plan(tasks, methods, args.bundle, args.iterations, networks_from(args)).jobs()
+
+
+def _finish(args: argparse.Namespace, outcomes: list[Outcome], wall_s: float) -> None:
+    if not outcomes:
+        raise ConfigError("no start was found in any environment", "larger scenes, or nearer cells")
+    outcomes.sort(key=lambda o: (o.record.method, o.drawn.name))
+    print("\n".join([*summary_lines(outcomes), "", f"this run took {wall_s / 60:.1f} min"]))
+    if args.json is not None:
+        document = summarise(outcomes) | {"seed": args.seed, "trials": args.trials}
+        facts = run_facts([o.record for o in outcomes], wall_s)
+        write_json(args.json, document | {"matcher": args.bundle} | facts)
+    if args.csv is not None:
+        write_rows(args.csv, [tidy_row(outcome) for outcome in outcomes])
+    if args.plot is not None:
+        args.plot.write_bytes(basin_figure(outcomes, args.plot.suffix.lower().lstrip(".")))
+        print(f"wrote {args.plot}")

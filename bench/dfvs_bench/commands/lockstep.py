@@ -1,0 +1,144 @@
+"""``dfvs-bench lockstep``: many flights in simulated time, faster than real time."""
+
+from __future__ import annotations
+
+import argparse
+from pathlib import Path
+from typing import Any
+
+from dfvs_bench.lockstep.calibration import plot_calibration
+from dfvs_bench.lockstep.record import SimulatedFlight, summarise
+from dfvs_bench.lockstep.run import EXACT, SimulatedJob, fly
+from dfvs_bench.trials.executor import Workforce
+from dfvs_bench.trials.provenance import made_with
+from dfvs_core.errors import ConfigError
+from dfvs_models import DEFAULT_DEPTH
+from dfvs_models.catalog import load_depth
+from dfvs_sim.commands import vehicle
+from dfvs_sim.demo.conditions import add_condition_options, conditions_from
+from dfvs_sim.demo.progress import Progress
+from dfvs_sim.options import add_scene_option, write_json
+from dfvs_sim.scene import builtin_room_path
+
+_DEPTHS = ("motion", "network", "fused", "flow", "constant")
+_EPILOG = """examples:
+  dfvs-bench lockstep --seeds 1000-1199 --workers 2 --json flights.json --plot calibration.png
+  dfvs-bench lockstep --seeds 1000-1019 --estimate high --mounted-deg 180
+  dfvs-bench lockstep --seeds 1000-1099 --depth fused
+  dfvs-bench lockstep --seeds 1000-1009 --matcher dfvs-flow --hold 120
+
+Vehicle, camera, perception and gate run in one process, in steps of simulated time; the gate and
+perception are those of dfvs-service. The matcher 'exact' takes the correspondences from the
+renderer's depth, with noise; any other one sees rendered images. A depth network sees the goal
+image.
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add ``lockstep`` to the subcommands of ``dfvs-bench``."""
+    parser = subparsers.add_parser(
+        "lockstep",
+        help="many flights in simulated time",
+        description="Fly seeds in simulated time: ends and false alarms, how well the goal is "
+        "held, and the distance estimate against the truth and against its stated uncertainty.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_scene_option(parser)
+    add = parser.add_argument
+    add("--seeds", default="0-9", metavar="A-B", help="seeds of start, goal and errors")
+    add("--matcher", default=EXACT, metavar="NAME", help="exact, or a matcher of dfvs-service")
+    add("--depth", default="motion", choices=_DEPTHS, help="servo.depth (default: motion)")
+    add("--depth-bundle", default=DEFAULT_DEPTH, metavar="NAME", help="the depth network's bundle")
+    add(
+        "--mounted-deg",
+        type=float,
+        default=0.0,
+        metavar="DEG",
+        help="turn of the camera's mounting",
+    )
+    add("--hold", type=float, default=5.0, metavar="S", help="hold the goal by vision so long")
+    add("--timeout", type=float, default=60.0, metavar="S", help="give up a flight after so long")
+    add("--workers", type=int, default=1, metavar="N", help="processes")
+    add_condition_options(parser)
+    add("--json", type=Path, metavar="FILE", help="write summary and flights")
+    add("--plot", type=Path, metavar="FILE", help="draw the calibration of the distance")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fly, print a line a flight and the summary; exit code 0.
+
+    Raises
+    ------
+    DfvsError
+        If an option, the scene or the matcher cannot be used.
+    """
+    jobs = _jobs(args)
+    progress = Progress()
+    flights: list[SimulatedFlight] = []
+    for flight in Workforce(args.workers).finished(fly, jobs):
+        flights.append(flight)
+        progress.say(f"{_line(flight)}  ({len(flights)} of {len(jobs)})")
+    flights.sort(key=lambda f: f.seed)
+    summary = summarise(flights)
+    for name, value in summary.items():
+        print(f"{name:<24} {_text(value)}")
+    if args.json is not None:
+        document = {
+            "made_with": made_with(),
+            "summary": summary,
+            "flights": [_row(f) for f in flights],
+        }
+        write_json(args.json, document)
+    if args.plot is not None:
+        plot_calibration(flights, args.plot)
+    return 0
+
+
+def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
+    first, _, last = args.seeds.partition("-")
+    if not first.isdigit() or (last and not last.isdigit()):
+        raise ConfigError(f"--seeds is {args.seeds!r}", "a number, or two as in 0-9")
+    for name in ("hold", "timeout"):
+        if not 0 < getattr(args, name) <= 3600:
+            raise ConfigError(f"--{name} is {getattr(args, name):g} s", "above 0, to 3600")
+    load_depth(args.depth, args.depth_bundle, 1)  # refuses at once what cannot be used
+    conditions = conditions_from(args)
+    parser = argparse.ArgumentParser()
+    vehicle.add_options(parser)
+    config = vehicle.config_from_args(parser.parse_args(conditions.words)).vehicle
+    scene = Path(args.scene) if args.scene else builtin_room_path()
+    return [
+        SimulatedJob(
+            seed=seed,
+            scene=scene,
+            vehicle=config,
+            matcher=args.matcher,
+            timeout_s=args.timeout,
+            hold_s=args.hold,
+            mounted_deg=args.mounted_deg,
+            depth=args.depth,
+            depth_model=args.depth_bundle,
+        )
+        for seed in range(int(first), int(last or first) + 1)
+    ]
+
+
+def _line(flight: SimulatedFlight) -> str:
+    end = "-" if flight.end_s is None else f"{flight.end_s:.1f} s"
+    held = "" if flight.hold_rms_m is None else f", held to {100 * flight.hold_rms_m:.1f} cm rms"
+    return f"seed {flight.seed}: {flight.start_m:.2f} m, {flight.end_state} after {end}{held}" + (
+        "" if flight.end_state == "DONE" else f" ({flight.end_cause})"
+    )
+
+
+def _text(value: object) -> str:
+    if isinstance(value, float):
+        return f"{value:.3f}"
+    return "-" if value is None else str(value)
+
+
+def _row(flight: SimulatedFlight) -> dict[str, Any]:
+    names = [n for n in SimulatedFlight.__slots__ if not n.startswith("distance_")]
+    return {name: getattr(flight, name) for name in names}

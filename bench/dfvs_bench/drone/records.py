@@ -1,0 +1,201 @@
+"""Flights on disk: one JSON file each, so that a broken campaign can be taken up again."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass, field
+from importlib.metadata import version
+from pathlib import Path
+
+from dfvs_bench.drone.bound import TimeBound
+from dfvs_bench.trials.documents import read_document
+from dfvs_bench.trials.inputs import input_digest
+from dfvs_bench.trials.task import BenchTask, same_poses
+from dfvs_core.gate.limits import VelocityLimits
+from dfvs_sim.demo.conditions import Conditions
+from dfvs_sim.demo.results import replace_json
+
+NOT_READY = "NOT READY"
+"""Instead of a gate's state, where the service would not fly."""
+
+
+@dataclass(frozen=True, slots=True)
+class Setting:
+    """What a campaign of flights shares.
+
+    Parameters
+    ----------
+    matcher : str
+        Name that ``dfvs-service`` knows it by.
+    service : tuple of str
+        Further words for ``dfvs-service``.
+    limits : VelocityLimits
+        In force with these words.
+    seed : int
+        Noise of camera and vehicle.
+    timeout_s, ready_s : float
+        How long a flight may take, and the service to be ready.
+    revision : str
+        Of the program.
+    config : Path or None
+        Settings file of the service, which ``service`` names too.
+    conditions : Conditions
+        State estimate and wind of the vehicle.
+    """
+
+    matcher: str
+    service: tuple[str, ...]
+    limits: VelocityLimits
+    seed: int
+    timeout_s: float
+    ready_s: float
+    revision: str
+    config: Path | None = None
+    conditions: Conditions = field(default_factory=Conditions)
+
+    @property
+    def words(self) -> tuple[str, ...]:
+        """All words for ``dfvs-service``."""
+        return ("--set", f"flow.model={self.matcher}", *self.service)
+
+
+@dataclass(frozen=True, slots=True)
+class FlightRecord:
+    """A flight with everything that it depended on; angles in degrees where the name says so.
+
+    Parameters
+    ----------
+    task, difficulty, matcher : str
+    service : tuple of str
+        Words for ``dfvs-service`` beside the matcher.
+    seed : int
+    start, goal : tuple of float
+        Levelled poses (4, 4) row by row, NED.
+    size : tuple of int
+        Width and height of the images, px.
+    overlap : float
+        Share of the goal's pixels that the start sees.
+    limits : VelocityLimits
+    bound : TimeBound
+    initial_translation_m, initial_rotation_deg : float
+        As planned.
+    end_state, end_cause : str
+        The gate's last state and why; ``NOT READY`` where the service would not fly.
+    converged : bool
+        The service says DONE, and the camera truly is within 5 cm and 1 degree.
+    final_translation_m, final_rotation_deg : float or None
+        By the truth, after the end; None without a flight.
+    servo_s : float or None
+        From the pilot's switch until the gate first lets the vehicle move: it engages with zero
+        setpoints and waits for the autopilot to confirm.
+    within_s : float or None
+        From the pilot's switch until the camera truly stays within 5 cm and 1 degree.
+    done_s : float or None
+        From the pilot's switch until the service says that it is done, or gives up.
+    path_ratio : float or None
+        Way flown over the straight line.
+    version, revision : str
+        Of the program.
+    timeout_s : float
+        How long the flight might have taken.
+    inputs : str
+        Hash of scene, intrinsics, matcher and settings file; see ``input_digest``.
+    estimate, wind : str
+        What the vehicle was flown with; see ``Conditions``.
+    """
+
+    task: str
+    difficulty: str
+    matcher: str
+    service: tuple[str, ...]
+    seed: int
+    start: tuple[float, ...]
+    goal: tuple[float, ...]
+    size: tuple[int, ...]
+    overlap: float
+    limits: VelocityLimits
+    bound: TimeBound
+    initial_translation_m: float
+    initial_rotation_deg: float
+    end_state: str
+    end_cause: str
+    converged: bool
+    final_translation_m: float | None
+    final_rotation_deg: float | None
+    servo_s: float | None
+    within_s: float | None
+    done_s: float | None
+    path_ratio: float | None
+    version: str
+    revision: str
+    timeout_s: float = 0.0
+    inputs: str = ""
+    estimate: str = "perfect"
+    wind: str = "calm"
+
+    @property
+    def within_ratio(self) -> float | None:
+        """Time to stay within the criterion over the bound, of a flight that converged."""
+        return self._over_bound(self.within_s)
+
+    @property
+    def motion_ratio(self) -> float | None:
+        """The same from the moment when the gate first lets the vehicle move."""
+        if self.within_s is None or self.servo_s is None:
+            return None
+        return self._over_bound(self.within_s - self.servo_s)
+
+    @property
+    def done_ratio(self) -> float | None:
+        """Time until the service says that it is done over the bound, likewise."""
+        return self._over_bound(self.done_s)
+
+    def _over_bound(self, time_s: float | None) -> float | None:
+        if time_s is None or not self.converged or self.bound.least_s <= 0:
+            return None
+        return time_s / self.bound.least_s
+
+
+def record_path(folder: Path, task: str) -> Path:
+    """Where the record of a task lies."""
+    return folder / f"{task}.json"
+
+
+def write_record(folder: Path, record: FlightRecord) -> None:
+    """Write a record, whole or not at all."""
+    replace_json(record_path(folder, record.task), asdict(record))
+
+
+def read_records(folder: Path) -> list[FlightRecord]:
+    """Read all records of a folder, in the order of their names.
+
+    Raises
+    ------
+    ConfigError
+        If one is damaged.
+    """
+    return [read_record(path) for path in sorted(folder.glob("*.json"))]
+
+
+def read_record(path: Path) -> FlightRecord:
+    """Read a record.
+
+    Raises
+    ------
+    ConfigError
+        If it is none.
+    """
+    return read_document(FlightRecord, path, f"record {path}", "a file of dfvs-bench drone")
+
+
+def fits(record: FlightRecord, task: BenchTask, setting: Setting) -> bool:
+    """Tell whether a record is of this very task, with these settings and this program."""
+    same = (record.matcher, record.service, record.seed, record.limits, record.timeout_s)
+    wanted = (setting.matcher, setting.service, setting.seed, setting.limits, setting.timeout_s)
+    return (
+        Conditions(record.estimate, record.wind) == setting.conditions
+        and same_poses((record.start, record.goal), task.poses)
+        and same == wanted
+        and record.version == version("dfvs")
+        and record.end_state != NOT_READY
+        and record.inputs == input_digest(task, setting.matcher, setting.config)
+    )

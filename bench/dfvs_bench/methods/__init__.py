@@ -1,0 +1,1 @@
+"""Servoing methods that the benchmark compares."""

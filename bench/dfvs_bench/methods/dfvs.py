@@ -1,0 +1,168 @@
+"""The product itself as a method: its own pipeline, with all six degrees of freedom."""
+
+from __future__ import annotations
+
+import math
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalSight, Sight
+from dfvs_bench.methods.odometry import CameraMotion, Odometry
+from dfvs_core.depth.network import DepthEstimator
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import se3_exp
+from dfvs_core.matching.matcher import Matcher
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_core.perception.pipeline import Pipeline
+from dfvs_core.perception.vehicle_history import Motion
+from dfvs_core.servo.config import DepthChoice, ServoConfig
+from dfvs_core.servo.exchange import Status
+from dfvs_core.servo.task import ServoTask
+from dfvs_sim.dynamics.estimate_errors import EstimateGrade
+
+_PERIOD_NS = round(FRAME_PERIOD_S * 1e9)
+_REFUSALS = 5
+"""Frames refused in a row after which the goal counts as lost."""
+
+MAX_SPEED_M_S, MAX_TURN_RAD_S = 10.0, 3.0
+"""Of the free camera: hardly a limit, as in the paper."""
+
+
+def bench_config(depth: DepthChoice, response_s: float = 0.0) -> ServoConfig:
+    """Settings of the product on a free camera.
+
+    It answers at once, so nothing is predicted, unless ``response_s`` says that it is late;
+    nothing limits its speed, as in the paper; and the gain is 0.1 a frame throughout, the
+    paper's for its depth network.
+    """
+    return ServoConfig(
+        depth=depth,
+        gain_far=1.0,
+        gain_near=1.0,
+        response_s=response_s,
+        max_horizontal_m_s=MAX_SPEED_M_S,
+        max_turn_rad_s=MAX_TURN_RAD_S,
+    )
+
+
+class LateDrive:
+    """A camera that answers as late as a PX4 vehicle: a dead time, then a lag of first order.
+
+    A step of the vehicle's forward velocity reaches 10 % after 0.27 s and 63 % after 0.95 s, one
+    of its yaw rate after 0.16 s and 0.47 s; here all six components are as late as the former.
+    """
+
+    DELAY_FRAMES = 2
+    LAG_S = 0.7
+    RESPONSE_S = DELAY_FRAMES * FRAME_PERIOD_S + LAG_S
+
+    def __init__(self) -> None:
+        self._asked = deque([np.zeros(6)] * self.DELAY_FRAMES)
+        self._twist: FloatArray = np.zeros(6)
+
+    def __call__(self, twist: FloatArray) -> FloatArray:
+        """Mean twist (6,) over the next frame period."""
+        self._asked.append(twist)
+        target = self._asked.popleft()
+        share = 1.0 - math.exp(-FRAME_PERIOD_S / self.LAG_S)
+        before = self._twist
+        self._twist = before + share * (target - before)
+        mean: FloatArray = 0.5 * (before + self._twist)
+        return mean
+
+
+@dataclass(frozen=True, slots=True)
+class ControlledCamera:
+    """How a camera follows.
+
+    Parameters
+    ----------
+    drive : callable
+        Takes the twist (6,) that was asked for and gives the one that the camera makes of it.
+    grade : EstimateGrade
+        Errors of the odometry, which the camera is controlled by.
+    """
+
+    drive: Callable[[FloatArray], FloatArray] = lambda twist: twist
+    grade: EstimateGrade = EstimateGrade.PERFECT
+
+
+_EXACT = ControlledCamera()
+
+
+class PipelineMethod:
+    """Runs the product's perception on the benchmark's frames, as the service does on live ones.
+
+    Parameters
+    ----------
+    config : ServoConfig
+        Law and depth source; true depth is handed over for ``depth = "given"`` alone.
+    goal : GoalSight
+        Only its picture and intrinsics are used.
+    matcher : Matcher
+        Source of correspondences.
+    network : DepthEstimator, optional
+        For ``depth = "network"`` and ``"fused"``.
+    camera : ControlledCamera
+    """
+
+    def __init__(
+        self,
+        config: ServoConfig,
+        goal: GoalSight,
+        matcher: Matcher,
+        network: DepthEstimator | None = None,
+        camera: ControlledCamera = _EXACT,
+    ) -> None:
+        self._drive = camera.drive
+        self._odometry = Odometry(camera.grade, FRAME_PERIOD_S)
+        sidecar = GoalSidecar(goal.camera)
+        self._task = ServoTask(config, goal.camera, sidecar)
+        self._now_ns = 0
+        self._pipeline = Pipeline(
+            self._task, matcher, Goal(goal.image, sidecar), lambda: self._now_ns, network
+        )
+        self._last_position_m: FloatArray | None = None
+        self._refused = 0
+        self._is_false_goal = False
+
+    @property
+    def is_mistaken(self) -> bool:
+        """Whether the last frame should have been at the goal, and does not look like it."""
+        return self._is_false_goal
+
+    def decide(self, sight: Sight) -> Decision:
+        """Process one frame; a refused frame keeps the camera where it is."""
+        self._now_ns = (sight.index + 1) * _PERIOD_NS
+        depth = sight.depth if self._task.config.depth == "given" else None
+        frame = Frame(sight.image, self._now_ns, sight.index)
+        result = self._pipeline.process_frame(frame, self._motion(sight), True, depth).result
+        self._pipeline.update_depth()
+        flown = result.status is Status.OK
+        self._is_false_goal = result.status is Status.FALSE_GOAL
+        self._refused = 0 if flown else self._refused + 1
+        given_up = result.status is Status.STUCK or self._refused >= _REFUSALS
+        return Decision(
+            T_current_next=se3_exp(self._flown(sight, result.velocity) * FRAME_PERIOD_S),
+            error=result.feature_error_px,
+            done=result.reached,
+            lost=result.status.value if given_up else "",
+        )
+
+    def _flown(self, sight: Sight, asked: FloatArray) -> FloatArray:
+        """Twist (6,) that the camera truly makes of the one that it is asked for."""
+        twist = self._drive(asked).copy()
+        twist[:3] -= sight.T_world_camera[:3, :3].T @ self._odometry.velocity_error_m_s
+        return twist
+
+    def _motion(self, sight: Sight) -> Motion:
+        """The camera's own motion as a vehicle state, the camera being the body."""
+        position = sight.T_world_camera[:3, 3]
+        last = position if self._last_position_m is None else self._last_position_m
+        self._last_position_m = position
+        moved = CameraMotion(sight.T_world_camera, (position - last) / FRAME_PERIOD_S)
+        return self._odometry.estimate(moved, self._now_ns)

@@ -1,0 +1,135 @@
+"""What the benchmark asks of a servoing method, and what it gives it to see."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Protocol
+
+from dfvs_core.depth.network import DepthEstimator
+from dfvs_core.geometry.arrays import FloatArray, ImageArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.correspondence import DepthMap
+from dfvs_core.matching.matcher import Matcher
+from dfvs_core.servo.config import BY_NETWORK, DepthChoice
+from dfvs_models.catalog import load_depth, load_pose
+from dfvs_models.pose import PoseRegressor
+
+FRAME_PERIOD_S = 0.1
+"""Time between two frames of methods that reckon in seconds: gain 1/s is 0.1 a frame."""
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Sight:
+    """What a method may use in one iteration.
+
+    Parameters
+    ----------
+    index : int
+        Number of the iteration, from 0.
+    image : (H, W, 3) uint8
+        RGB.
+    depth : DepthMap
+        True depth (H, W); only methods that say so look at it.
+    T_world_camera : (4, 4)
+        Where the camera is, in a world that knows nothing of the goal: odometry.
+    """
+
+    index: int
+    image: ImageArray
+    depth: DepthMap
+    T_world_camera: FloatArray
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class GoalSight:
+    """The goal picture (H, W, 3) RGB, its true depth (H, W), and the camera of both views."""
+
+    camera: CameraModel
+    image: ImageArray
+    depth: DepthMap
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Decision:
+    """What a method does with what it saw.
+
+    Parameters
+    ----------
+    T_current_next : (4, 4)
+        Motion of the camera until the next frame, in the current optical frame, m.
+    error : float
+        The method's own error: median flow in px, or grey levels.
+    done : bool
+        The method's own stop rule is satisfied.
+    lost : str
+        Why the method gives up; empty while it does not.
+    """
+
+    T_current_next: FloatArray
+    error: float
+    done: bool = False
+    lost: str = ""
+
+
+class ServoMethod(Protocol):
+    """Leads a free camera to the goal, frame after frame."""
+
+    def decide(self, sight: Sight) -> Decision:
+        """Decide on one frame."""
+        ...
+
+
+@dataclass(frozen=True, slots=True)
+class Networks:
+    """Networks beside the matcher, of those methods that need one."""
+
+    depth: DepthEstimator | None = None
+    pose: PoseRegressor | None = None
+
+
+NO_NETWORKS = Networks()
+
+
+@dataclass(frozen=True, slots=True)
+class MethodKind:
+    """A method that the benchmark knows by name.
+
+    Parameters
+    ----------
+    make : callable
+        Build the method for one goal.
+    summary : str
+        What it is, for people.
+    iterations : int
+        How many frames it is given, by its authors' setting.
+    depth : str
+        Choice of ``servo.depth`` that a depth network is loaded for, if it needs one.
+    pose : str
+        Name of the network that regresses poses which it needs, if any.
+    """
+
+    make: Callable[[GoalSight, Matcher, Networks], ServoMethod]
+    summary: str
+    iterations: int
+    depth: DepthChoice = "motion"
+    pose: str = ""
+
+    @property
+    def network(self) -> str:
+        """Bundle that it needs beside the matcher: ``"depth"``, ``pose``, or none."""
+        return self.pose or ("depth" if self.depth in BY_NETWORK else "")
+
+    def load(self, bundle: str | None) -> Networks:
+        """Load the network that it needs from a bundle.
+
+        Raises
+        ------
+        ModelError
+            If there is no such bundle, or it cannot be used.
+        """
+        if bundle is None:
+            return NO_NETWORKS
+        if self.pose:
+            return Networks(pose=load_pose(bundle, threads=1))
+        return Networks(depth=load_depth(self.depth, bundle, threads=1))

@@ -1,0 +1,131 @@
+"""Position-based visual servoing: the goal's pose from flow and true depth, then a straight way.
+
+Every correspondence with depth is a point in space and where the goal picture shows it; the pose
+is found by perspective-n-point with random sampling, and refined (Chaumette and Hutchinson 2006,
+IV, for the law).
+"""
+
+from __future__ import annotations
+
+from typing import TypeAlias
+
+import cv2
+import numpy as np
+from numpy.typing import NDArray
+
+from dfvs_bench.methods.method import Decision, GoalSight, Sight
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import invert_pose, make_pose, se3_exp, se3_log
+from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.matcher import Matcher, follow
+from dfvs_core.matching.warping import flow_at_size
+from dfvs_core.servo.points import points_from_flow, sample_grid
+
+IntArray: TypeAlias = NDArray[np.intp]
+ITERATIONS = 200
+_GAIN = 0.1
+STRIDE_PX = 8
+LEAST_CONFIDENCE = 0.3
+LEAST_POINTS = 8
+"""Correspondences that a pose must stand on."""
+
+REPROJECTION_PX = 3.0
+_SAMPLES = 300
+_FAILURES = 5
+_AT_GOAL_M, _AT_GOAL_RAD = 0.005, 0.002
+
+
+class PnpMethod:
+    """Goes straight to where perspective-n-point says that the goal is.
+
+    Parameters
+    ----------
+    goal : GoalSight
+        Only its picture and intrinsics are used.
+    matcher : Matcher
+        Source of correspondences.
+    """
+
+    def __init__(self, goal: GoalSight, matcher: Matcher) -> None:
+        self._camera = goal.camera
+        self._matcher = matcher
+        self._goal = matcher.prepare(goal.image)
+        self._last_flow: FlowField | None = None
+        self._failed = 0
+
+    def decide(self, sight: Sight) -> Decision:
+        """A tenth of the way to the goal; without a pose the camera stays."""
+        flow = follow(
+            self._matcher, self._matcher.prepare(sight.image), self._goal, self._last_flow
+        )
+        T_current_goal = self._goal_pose(flow, sight)
+        if T_current_goal is None:
+            self._failed += 1
+            self._last_flow = None
+            lost = "no pose explains the flow" if self._failed >= _FAILURES else ""
+            return Decision(np.eye(4), float("inf"), lost=lost)
+        self._failed, self._last_flow = 0, flow
+        twist = se3_log(T_current_goal)
+        distance_m, angle_rad = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
+        sure = flow.confidence > LEAST_CONFIDENCE
+        error_px = float(np.median(np.linalg.norm(flow.flow[sure], axis=1)))
+        done = bool(distance_m < _AT_GOAL_M and angle_rad < _AT_GOAL_RAD)
+        return Decision(se3_exp(_GAIN * twist), error_px, done)
+
+    def _goal_pose(self, flow: FlowField, sight: Sight) -> FloatArray | None:
+        """Goal camera in the current one (4, 4), or None."""
+        flow = flow_at_size(flow, (self._camera.height, self._camera.width))
+        samples = sample_grid(flow, STRIDE_PX)
+        offset = STRIDE_PX // 2
+        grid = (slice(offset, None, STRIDE_PX), slice(offset, None, STRIDE_PX))
+        depth = DepthMap(sight.depth.z_m[grid], sight.depth.validity[grid])
+        points = points_from_flow(samples, depth, self._camera, self._camera)
+        valid = depth.validity.ravel() > 0
+        points = points.select(valid & (points.weight > LEAST_CONFIDENCE))
+        rays = np.column_stack([points.xy, np.ones(len(points.xy))])
+        found = perspective_pose(
+            rays * points.z_m[:, None], points.xy_goal, REPROJECTION_PX / self._camera.fx
+        )
+        return None if found is None else found[0]
+
+
+def perspective_pose(
+    P: FloatArray, xy_goal: FloatArray, tolerance: float
+) -> tuple[FloatArray, IntArray] | None:
+    """Goal camera from points of the current view and where the goal picture shows them.
+
+    Parameters
+    ----------
+    P : (N, 3)
+        Points in the current optical frame, m.
+    xy_goal : (N, 2)
+        Normalised coordinates in the goal picture.
+    tolerance : float
+        Distance within which a point agrees, normalised.
+
+    Returns
+    -------
+    tuple or None
+        ``T_current_goal`` (4, 4) and the indices of the points that agree; None where fewer than
+        eight agree on any.
+    """
+    if len(P) < LEAST_POINTS:
+        return None
+    cv2.setRNGSeed(0)
+    try:
+        found, turn, shift, agreeing = cv2.solvePnPRansac(
+            np.ascontiguousarray(P),
+            np.ascontiguousarray(xy_goal),
+            np.eye(3),
+            None,
+            iterationsCount=_SAMPLES,
+            reprojectionError=tolerance,
+            flags=cv2.SOLVEPNP_SQPNP,
+        )
+    except cv2.error:  # OpenCV's way to say that the points lie in one spot
+        return None
+    if not found or agreeing is None or len(agreeing) < LEAST_POINTS:
+        return None
+    R = np.asarray(cv2.Rodrigues(turn)[0], dtype=np.float64)
+    T_goal_current = make_pose(R, np.asarray(shift, dtype=np.float64).ravel())
+    return invert_pose(T_goal_current), np.asarray(agreeing, dtype=np.intp).ravel()

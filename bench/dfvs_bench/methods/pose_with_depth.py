@@ -1,0 +1,52 @@
+"""Pose that follows from a flow and the true depth of the current view."""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dfvs_bench.methods.pnp import LEAST_CONFIDENCE, REPROJECTION_PX, STRIDE_PX, perspective_pose
+from dfvs_core.geometry.arrays import Float32Array, FloatArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.points import points_from_flow, sample_grid
+
+_WIDTH_PX = 320.0
+"""Width of the image at which a reprojection within ``REPROJECTION_PX`` agrees."""
+
+
+def pose_with_depth(
+    flow: FlowField, depth_m: Float32Array, camera: CameraModel
+) -> FloatArray | None:
+    """``T_current_goal`` (4, 4), m, by the flow from the current view to the goal.
+
+    None where the service would refuse the frame: too few of the points are confident, or too few
+    of those agree on a pose.
+
+    Parameters
+    ----------
+    flow : FlowField
+        At the matcher's working size.
+    depth_m : (H, W)
+        Of the current view; 0 is sky.
+    camera : CameraModel
+        Of the depth.
+    """
+    config = ServoConfig()
+    height, width = flow.confidence.shape
+    camera = camera.scaled(width, height)
+    depth_m = np.asarray(cv2.resize(depth_m, (width, height), interpolation=cv2.INTER_NEAREST))
+    offset = STRIDE_PX // 2
+    grid = depth_m[offset::STRIDE_PX, offset::STRIDE_PX]
+    depth = DepthMap(np.maximum(grid, np.float32(1e-3)), (grid > 0).astype(np.float32))
+    points = points_from_flow(sample_grid(flow, STRIDE_PX), depth, camera, camera)
+    sure = points.select((grid.ravel() > 0) & (points.weight > LEAST_CONFIDENCE))
+    if len(sure.xy) < config.min_overlap * grid.size:
+        return None
+    P = np.column_stack([sure.xy, np.ones(len(sure.xy))]) * sure.z_m[:, None]
+    tolerance = REPROJECTION_PX * camera.width / _WIDTH_PX / camera.fx
+    pose = perspective_pose(P, sure.xy_goal, tolerance)
+    if pose is None or len(pose[1]) < config.min_inliers * len(P):
+        return None
+    return pose[0]

@@ -1,0 +1,266 @@
+"""Options that the measuring commands of ``dfvs-bench`` share: tasks, workers, outputs."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import time
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from typing import TypeVar
+
+from dfvs_bench.methods.registry import POSE_NETWORKS, chosen_methods, with_bundles
+from dfvs_bench.report.tables import trial_line
+from dfvs_bench.trials.executor import Workforce
+from dfvs_bench.trials.results import TrialRecord
+from dfvs_bench.trials.run import Job, run_jobs, unfinished
+from dfvs_bench.trials.scenes import default_tasks, task_in
+from dfvs_bench.trials.task import BenchTask, read_tasks
+from dfvs_core.errors import ConfigError
+from dfvs_core.matching.matcher import LEAST_SIZE_PX
+from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
+from dfvs_sim.options import require_folder
+from dfvs_sim.scene.glb import load_glb
+
+_T = TypeVar("_T")
+
+
+def add_task_options(parser: argparse.ArgumentParser, tasks_help: str, runs: str) -> None:
+    """Add what every measurement takes: tasks, matcher, and where results go."""
+    add_own_scenes(parser, tasks_help)
+    add = parser.add_argument
+    add("--scenes", metavar="A,B", help="names of the scenes to use (default: all)")
+    add("--bundle", default=DEFAULT_MATCHER, metavar="NAME", help="matcher: see dfvs-bench flow")
+    add("--runs", type=Path, default=Path(runs), metavar="DIR", help=f"default: {runs}")
+    add("--resume", action="store_true", help="keep what is in --runs and fits")
+    add("--json", type=Path, metavar="FILE", help="write a summary")
+    add("--csv", type=Path, metavar="FILE", help="write a row for every trial")
+
+
+def add_own_scenes(parser: argparse.ArgumentParser, tasks_help: str) -> None:
+    """Add ``--tasks`` and ``--scene``."""
+    add = parser.add_argument
+    add("--tasks", type=Path, metavar="FILE", help=tasks_help)
+    add(
+        "--scene",
+        type=Path,
+        action="append",
+        metavar="FILE.glb",
+        help="anybody's scene: a task is drawn in it (1.5 m, 20°; the basin draws its own); may "
+        "be repeated",
+    )
+
+
+def add_method_options(parser: argparse.ArgumentParser, default: Sequence[str]) -> None:
+    """Add ``--methods`` and ``--iterations``."""
+    add = parser.add_argument
+    add("--methods", metavar="A,B", help=f"default: {','.join(default)}")
+    add("--iterations", type=int, metavar="N", help="for every method (default: its authors')")
+    add(
+        "--depth-bundle",
+        default=DEFAULT_DEPTH,
+        metavar="NAME",
+        help=f"depth network of network-depth and fused-depth (default: {DEFAULT_DEPTH})",
+    )
+    for name in POSE_NETWORKS:
+        add(f"--{name}-bundle", default=name, metavar="NAME", help=f"network of {name}")
+
+
+def networks_from(args: argparse.Namespace) -> dict[str, str]:
+    """Bundles that are named, by ``MethodKind.network``."""
+    return {name: getattr(args, f"{name}_bundle") for name in ("depth", *POSE_NETWORKS)}
+
+
+def add_workforce_options(parser: argparse.ArgumentParser) -> None:
+    """Add ``--workers`` and ``--dask``."""
+    add = parser.add_argument
+    add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
+    add("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster to use instead")
+
+
+def workforce_from(args: argparse.Namespace) -> Workforce:
+    """Workforce of ``--workers`` and ``--dask``.
+
+    Raises
+    ------
+    ConfigError
+        If they cannot be.
+    """
+    return Workforce(args.workers, args.dask)
+
+
+def check_outputs(args: argparse.Namespace, *more: str) -> None:
+    """Refuse outputs that lie in no folder, before anything runs.
+
+    Raises
+    ------
+    ConfigError
+        Naming the option.
+    """
+    for name in ("json", "csv", "runs", *more):
+        path = getattr(args, name)
+        require_folder(f"--{name}", path)
+        if path is None:
+            continue
+        if name == "runs" and path.exists() and not path.is_dir():
+            raise ConfigError(f"--{name} {path} is a file", "a folder, or a new name")
+        if name != "runs" and path.is_dir():
+            raise ConfigError(f"--{name} {path} is a folder", "a file in it")
+
+
+def methods_from(args: argparse.Namespace, default: Sequence[str]) -> list[str]:
+    """Methods of ``--methods``, or the default ones whose networks there are.
+
+    Raises
+    ------
+    DfvsError
+        If there is no such method, or the network of one cannot be used.
+    """
+    networks = networks_from(args)
+    kinds = chosen_methods(
+        args.methods.split(",") if args.methods else with_bundles(default, networks)
+    )
+    for kind in kinds.values():
+        kind.load(networks[kind.network] if kind.network else None)  # refuses what cannot be used
+    return list(kinds)
+
+
+def check_iterations(args: argparse.Namespace) -> None:
+    """Refuse a number of iterations that is none.
+
+    Raises
+    ------
+    ConfigError
+        If it is less than one.
+    """
+    if args.iterations is not None and args.iterations < 1:
+        raise ConfigError(f"--iterations is {args.iterations}", "1 or more")
+
+
+def tasks_from(args: argparse.Namespace) -> list[BenchTask]:
+    """Tasks of ``--tasks`` or ``--scene``, or of the ten scenes; those that ``--scenes`` names.
+
+    Raises
+    ------
+    DfvsError
+        If the file cannot be used, or a name is not known.
+    """
+    own = own_tasks(args)
+    tasks = named(own or default_tasks(), args.scenes, lambda task: task.name)
+    if own:
+        check_tasks(tasks)
+    return tasks
+
+
+def check_tasks(tasks: Sequence[BenchTask]) -> None:
+    """Refuse tasks that could not be tried, before any is: hours may lie between them.
+
+    Raises
+    ------
+    DfvsError
+        If a scene cannot be read, or pictures are too small to be matched.
+    """
+    for task in tasks:
+        if min(task.camera.size) < LEAST_SIZE_PX:
+            width, height = task.camera.size
+            raise ConfigError(
+                f"task {task.name!r} has pictures of {width} x {height} px",
+                f"{LEAST_SIZE_PX} x {LEAST_SIZE_PX} or more",
+            )
+    for scene in dict.fromkeys(task.scene for task in tasks):
+        load_glb(scene)
+
+
+def own_tasks(args: argparse.Namespace) -> list[BenchTask]:
+    """Tasks of ``--tasks`` and ``--scene``; none where neither is given.
+
+    Raises
+    ------
+    DfvsError
+        If a file cannot be used, or two tasks have one name.
+    """
+    tasks = read_tasks(args.tasks) if args.tasks else []
+    scenes = own_scenes(args, [task.name for task in tasks])
+    return tasks + [task_in(scene) for scene in scenes]
+
+
+def own_scenes(args: argparse.Namespace, taken: Sequence[str]) -> list[Path]:
+    """Files of ``--scene``, which go by their names without the ending.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such file, or two have one name or one of those ``taken``.
+    """
+    scenes: list[Path] = list(args.scene or ())
+    for scene in scenes:
+        if scene.suffix.lower() != ".glb" or not scene.is_file():
+            raise ConfigError(f"--scene {scene} is no GLB file", "a file; --scenes takes names")
+    names = [*taken, *(scene.stem for scene in scenes)]
+    if len(set(names)) < len(names):
+        raise ConfigError(f"tasks are named {', '.join(names)}", "names of their own")
+    return scenes
+
+
+def say(text: str) -> None:
+    """Tell what goes on, apart from results."""
+    print(text, file=sys.stderr, flush=True)
+
+
+def named(items: Sequence[_T], names: str | None, name_of: Callable[[_T], str]) -> list[_T]:
+    """Those of the items that are named, separated by commas, in that order; or all.
+
+    Raises
+    ------
+    ConfigError
+        If a name is not known.
+    """
+    if not names:
+        return list(items)
+    known = {name_of(item): item for item in items}
+    chosen = list(dict.fromkeys(names.split(",")))
+    for name in chosen:
+        if name not in known:
+            raise ConfigError(f"there is no scene {name!r}", f"some of {', '.join(known)}")
+    return [known[name] for name in chosen]
+
+
+def run_trials(
+    args: argparse.Namespace, jobs: Sequence[Job], workforce: Workforce
+) -> list[TrialRecord]:
+    """Run the jobs that ``--resume`` does not find in ``--runs``; all records, old and new."""
+    left, records = unfinished(jobs, args.runs) if args.resume else (jobs, [])
+    if records:
+        print(f"{len(records)} trials are in {args.runs}", file=sys.stderr, flush=True)
+    countdown = Countdown(len(left))
+    try:
+        for record in run_jobs(left, args.runs, workforce):
+            records.append(record)
+            say(f"{trial_line(record)} {countdown.step()}")
+    except (KeyboardInterrupt, SystemExit):
+        say(f"interrupted: {len(records)} trials are in {args.runs}; --resume goes on")
+        raise
+    return records
+
+
+class Countdown:
+    """Tells how far a run is, and how long it still takes by what it took so far.
+
+    Parameters
+    ----------
+    count : int
+        Jobs that are to be done.
+    now_s : callable
+        Clock.
+    """
+
+    def __init__(self, count: int, now_s: Callable[[], float] = time.monotonic) -> None:
+        self._count, self._done = count, 0
+        self._now_s, self._began_s = now_s, now_s()
+
+    def step(self) -> str:
+        """Count one more as done: ``[12/70, 9 min left]``."""
+        self._done += 1
+        elapsed_s = self._now_s() - self._began_s
+        left_min = elapsed_s / self._done * (self._count - self._done) / 60.0
+        return f"[{self._done}/{self._count}, {left_min:.0f} min left]"

@@ -1,0 +1,171 @@
+"""Plots of the benchmark in one style, for one column of a printed page; the paper's Fig. 5."""
+
+from __future__ import annotations
+
+import io
+from collections.abc import Sequence
+from typing import Any
+
+import matplotlib as mpl
+import numpy as np
+from matplotlib.figure import Figure
+from matplotlib.ticker import MaxNLocator, NullLocator
+
+from dfvs_bench.methods.registry import METHODS
+from dfvs_bench.trials.results import TrialRecord
+from dfvs_core.geometry.arrays import FloatArray
+
+COLUMN_IN = 3.5
+"""Width of a column of a page with two columns."""
+
+STYLE: Any = {
+    "font.size": 7,
+    "axes.titlesize": 7,
+    "axes.titlelocation": "left",
+    "axes.linewidth": 0.6,
+    "axes.spines.top": False,
+    "axes.spines.right": False,
+    "axes.grid": True,
+    "grid.alpha": 0.3,
+    "grid.linewidth": 0.5,
+    "lines.linewidth": 1.0,
+    "xtick.major.width": 0.6,
+    "ytick.major.width": 0.6,
+    "legend.frameon": False,
+    "legend.fontsize": 6.5,
+    "legend.handlelength": 2.6,
+    "savefig.dpi": 220,
+    "svg.hashsalt": "dfvs",
+    "pdf.fonttype": 42,
+}
+"""Matplotlib settings of all plots of the benchmark."""
+
+COLOURS = ("#0072b2", "#d55e00", "#009e73", "#cc79a7", "#56b4e9", "#b8860b", "#4d4d4d")
+"""Of Okabe and Ito's palette, which colour-blind readers can tell apart."""
+
+_LINES = ("-", "--", ":", "-.")
+_FORMATS = ("png", "svg", "pdf")
+_NAMES_A_ROW = 2
+_LINEAR_ITERATIONS = 100
+_ITERATION_TICKS = (0, 50, 100, 300, 1000, 3000, 10_000)
+_HEIGHTS_IN = (1.15, 1.15, 1.5)
+_PATH_ASPECT = 1.25
+_NAMES_IN = 0.12
+_SURROUNDINGS = 0.15
+"""Shown around start and goal, as a share of the distance between them."""
+
+
+def method_style(name: str) -> dict[str, Any]:
+    """Colour and line of a method, the same in every plot."""
+    names = list(METHODS)
+    k = names.index(name) if name in names else len(names)
+    return {"color": COLOURS[k % len(COLOURS)], "linestyle": _LINES[k // len(COLOURS) % 4]}
+
+
+def file_of(figure: Figure, file_format: str) -> bytes:
+    """The figure as ``png``, ``svg`` or ``pdf``; the same figure gives the same bytes of SVG."""
+    buffer = io.BytesIO()
+    metadata = {"Date": None} if file_format == "svg" else {}
+    figure.savefig(buffer, format=file_format, metadata=metadata)
+    return buffer.getvalue()
+
+
+def controller_figure(records: Sequence[TrialRecord], file_format: str = "png") -> bytes:
+    """Plot the trials of one task, a line for every method.
+
+    Parameters
+    ----------
+    records : sequence of TrialRecord
+        Of the same task.
+    file_format : str
+        ``png``, ``svg`` or ``pdf``.
+
+    Returns
+    -------
+    bytes
+        The file.
+    """
+    rows = -(-(len(records) + 1) // _NAMES_A_ROW)
+    height_in = sum(_HEIGHTS_IN) + _NAMES_IN * rows
+    with mpl.rc_context(STYLE):
+        figure = Figure(figsize=(COLUMN_IN, height_in), layout="constrained")
+        panels = figure.subplot_mosaic(
+            [["error"] * 2, ["linear", "angular"], ["above", "aside"]], height_ratios=_HEIGHTS_IN
+        )
+        _errors(panels["error"], records)
+        _speeds(panels["linear"], records, slice(0, 3), "(b) Linear velocity (m/s)")
+        _speeds(panels["angular"], records, slice(3, 6), "(c) Angular velocity (rad/s)")
+        _paths(panels["above"], panels["aside"], records)
+        lines, names = panels["above"].get_legend_handles_labels()
+        figure.legend(lines, names, loc="outside lower center", ncols=_NAMES_A_ROW)
+        return file_of(figure, file_format)
+
+
+def _errors(axes: Any, records: Sequence[TrialRecord]) -> None:
+    """Each method's own error, as a share of what it was at the start."""
+    for record in records:
+        errors = [step.error for step in record.trial.steps]
+        known = np.array([np.nan if e is None else e for e in errors], dtype=np.float64)
+        first = known[np.isfinite(known)][:1]
+        if first.size and first[0] > 0:
+            axes.semilogy(known / first[0], **method_style(record.method))
+    axes.set_title("(a) Feature or photometric error ÷ its first value")
+    _iterations(axes)
+
+
+def _speeds(axes: Any, records: Sequence[TrialRecord], part: slice, title: str) -> None:
+    """Length of the linear or angular velocity."""
+    for record in records:
+        velocities = np.array([step.velocity for step in record.trial.steps])[:, part]
+        axes.plot(np.linalg.norm(velocities, axis=1), **method_style(record.method))
+    axes.set_title(title)
+    axes.set_ylim(bottom=0)
+    _iterations(axes)
+
+
+def _iterations(axes: Any) -> None:
+    """Axis of iterations; from a hundred on its scale is logarithmic: some take thousands."""
+    axes.set_xscale("symlog", linthresh=_LINEAR_ITERATIONS)
+    axes.set_xlim(left=0)
+    low, high = axes.get_xlim()
+    ticks = [tick for tick in _ITERATION_TICKS if low <= tick <= high]
+    axes.set_xticks(ticks, [str(tick) for tick in ticks])
+    axes.xaxis.set_minor_locator(NullLocator())
+    axes.set_xlabel("iteration", labelpad=1)
+
+
+def _paths(above: Any, aside: Any, records: Sequence[TrialRecord]) -> None:
+    """Paths seen from above, and from the side of the straight line from start to goal."""
+    goal = np.array(records[0].goal).reshape(4, 4)[:3, 3]
+    start = records[0].trial.steps[0].position_m - goal
+    along = start[:2] / min(-float(np.linalg.norm(start[:2])), -1e-9)
+
+    def seen(path: FloatArray) -> tuple[FloatArray, FloatArray]:
+        flat = np.stack([path[..., 1], path[..., 0]], axis=-1)
+        return flat, np.stack([path[..., :2] @ along, -path[..., 2]], axis=-1)
+
+    for axes, ends in zip((above, aside), seen(np.stack([start, np.zeros(3)])), strict=True):
+        x, y = ends.mean(axis=0)
+        reach = (0.5 + _SURROUNDINGS) * max(float(np.linalg.norm(start)), 1e-3)
+        axes.set_xlim(x - _PATH_ASPECT * reach, x + _PATH_ASPECT * reach)
+        axes.set_ylim(y - reach, y + reach)
+        axes.set_aspect("equal")
+        axes.xaxis.set_major_locator(MaxNLocator(3))
+        axes.yaxis.set_major_locator(MaxNLocator(3))
+    for record in records:
+        path = np.array([step.position_m for step in record.trial.steps]) - goal
+        for axes, line in zip((above, aside), seen(path), strict=True):
+            axes.plot(*line.T, label=record.method, **method_style(record.method))
+    for axes in (above, aside):
+        axes.plot(0, 0, "*", color="black", markersize=7, label="goal")
+    above.set_title("(d) From above (m)")
+    aside.set_title("(e) From the side (m)")
+    above.set_xlabel("east")
+    above.set_ylabel("north")
+    aside.set_xlabel("towards the goal")
+    aside.set_ylabel("up")
+
+
+def is_figure_name(suffix: str) -> bool:
+    """Tell whether a file name's ending names a format that can be written."""
+    return suffix.lower().lstrip(".") in _FORMATS

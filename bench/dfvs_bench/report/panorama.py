@@ -1,0 +1,121 @@
+"""Matches of a goal image with views in several directions from one place.
+
+Two of the views differ by a rotation alone. So no depth is needed to tell whether they saw the goal
+in the same spot of the world. Right matches support each other that way, and chance seldom does so
+twice.
+"""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import so3_exp
+from dfvs_core.matching.confidence import CONFIDENT
+from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.warping import pixel_grid, sample
+
+RING_RAD = math.radians(25.0)
+"""How far from straight ahead: more than half of what a camera of 90 degrees sees stays in view."""
+OUTER_RING_RAD = math.radians(50.0)
+"""Further out: what is seen from there hardly begins within the view straight ahead."""
+_RING_COUNT = 8
+_LEAST_DEPTH = 0.1
+"""Of a ray of unit depth, turned: what is further aside is not in view."""
+_SAME_PX = 3.0
+"""Distance within which two looks lead to the same point."""
+_LEAST_COMMON_RATIO, _SAME_RATIO = 0.005, 0.5
+"""Share of the image on which two looks are compared, and share of that which must agree."""
+
+
+def ring() -> list[FloatArray]:
+    """Rotations (3, 3) of the camera to look around by: straight ahead, then once round."""
+    return [np.eye(3), *_around(RING_RAD, 0.0)]
+
+
+def outer_ring() -> list[FloatArray]:
+    """Rotations (3, 3) to look further around by, in directions between those of the ring."""
+    return _around(OUTER_RING_RAD, 0.5)
+
+
+def _around(aside_rad: float, first: float) -> list[FloatArray]:
+    """Rotations aside, all around; ``first`` in steps."""
+    angles = [2.0 * math.pi * (k + first) / _RING_COUNT for k in range(_RING_COUNT)]
+    axes = [np.array([math.sin(a), math.cos(a), 0.0]) for a in angles]
+    return [so3_exp(aside_rad * axis) for axis in axes]
+
+
+@dataclass(frozen=True, slots=True, eq=False)
+class Look:
+    """A match with the goal image in a camera turned by ``R_ahead_look`` (3, 3), and its score."""
+
+    R_ahead_look: FloatArray
+    field: FlowField
+    score: float
+
+
+class Panorama:
+    """Looks from one place.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        Of the looks.
+    """
+
+    def __init__(self, camera: CameraModel) -> None:
+        self._camera = camera
+        self._looks: list[Look] = []
+
+    def add(self, look: Look) -> None:
+        """Take a look in that shows something."""
+        if look.score > 0.0:
+            self._looks.append(look)
+
+    def best(self) -> Look | None:
+        """The best of the looks that most speaks for, those that agree with it counted."""
+        if not self._looks:
+            return None
+        groups = [self._agreeing(look) for look in self._looks]
+        group = max(groups, key=lambda looks: sum(look.score for look in looks))
+        return max(group, key=lambda look: look.score)
+
+    def dismiss(self, look: Look, *, place: bool) -> None:
+        """Take a look out, with all that show the goal in the same ``place`` if that was wrong."""
+        gone = [look, *self._agreeing(look)] if place else [look]
+        self._looks = [each for each in self._looks if all(each is not other for other in gone)]
+
+    def _agreeing(self, look: Look) -> list[Look]:
+        """Looks that lead to the same points of the goal, itself first."""
+        others = (each for each in self._looks if each is not look)
+        return [look, *(each for each in others if self._agree(look, each))]
+
+    def _agree(self, first: Look, second: Look) -> bool:
+        return _are_consistent(first.field, self._turned(second, first.R_ahead_look))
+
+    def _turned(self, look: Look, R_ahead_other: FloatArray) -> FlowField:
+        """Flow of a look as a camera would have seen it that is turned by ``R_ahead_other``."""
+        field, camera = look.field, self._camera
+        size = (camera.height, camera.width)
+        pixels = pixel_grid(size)
+        xy = camera.normalise(pixels.astype(np.float64))
+        rays = np.concatenate([xy, np.ones((*size, 1))], axis=-1)
+        turned = rays @ (look.R_ahead_look.T @ R_ahead_other).T
+        ahead = turned[..., 2] > _LEAST_DEPTH
+        at = camera.project(np.where(ahead[..., None], turned, [0.0, 0.0, 1.0])).astype(np.float32)
+        ahead &= ((at >= 0.0) & (at <= np.array(camera.size) - 1.0)).all(axis=-1)
+        flow = sample(field.flow, at) + at - pixels
+        return FlowField(flow, sample(field.confidence, at) * ahead)
+
+
+def _are_consistent(first: FlowField, second: FlowField) -> bool:
+    """Whether two flows lead to the same places, where both are confident."""
+    both = (first.confidence > CONFIDENT) & (second.confidence > CONFIDENT)
+    if np.mean(both) < _LEAST_COMMON_RATIO:
+        return False
+    apart = np.linalg.norm(first.flow[both] - second.flow[both], axis=1)
+    return bool(np.mean(apart < _SAME_PX) > _SAME_RATIO)

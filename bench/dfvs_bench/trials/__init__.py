@@ -1,0 +1,1 @@
+"""Tasks, trials and the runs of them."""

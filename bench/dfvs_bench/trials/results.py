@@ -1,0 +1,153 @@
+"""Trials on disk: one JSON file each, so that a broken run can be taken up again."""
+
+from __future__ import annotations
+
+import subprocess
+from dataclasses import dataclass
+from importlib.metadata import version
+from pathlib import Path
+
+from dfvs_bench.trials.documents import read_document, write_document
+from dfvs_bench.trials.inputs import input_digest
+from dfvs_bench.trials.task import BenchTask, same_poses
+from dfvs_bench.trials.trial import Trial
+from dfvs_core.errors import ConfigError
+
+_NO_REVISION = "unknown"
+
+
+@dataclass(frozen=True, slots=True)
+class TrialRecord:
+    """A trial with everything that it depended on.
+
+    Parameters
+    ----------
+    task, difficulty, method, matcher : str
+        What was tried with what.
+    most_iterations : int
+        Frames that the method was given.
+    start, goal : tuple of float
+        Poses (4, 4) row by row, NED.
+    size : tuple of int
+        Width and height of the pictures, px.
+    version, revision : str
+        Of the program.
+    inputs : str
+        Hash of scene, intrinsics and matcher; see ``input_digest``.
+    seed : int or None
+        That the scene and the task were drawn from, where they were.
+    seconds : float
+        How long it took on the machine.
+    trial : Trial
+        What came of it.
+    perturbation : str
+        Name of the perturbation between goal image and flight; empty where there is none.
+    median_depth_m : float or None
+        Of the goal view, unperturbed.
+    """
+
+    task: str
+    difficulty: str
+    method: str
+    matcher: str
+    most_iterations: int
+    start: tuple[float, ...]
+    goal: tuple[float, ...]
+    size: tuple[int, ...]
+    version: str
+    revision: str
+    seconds: float
+    trial: Trial
+    inputs: str = ""
+    seed: int | None = None
+    perturbation: str = ""
+    median_depth_m: float | None = None
+
+    @property
+    def initial_error(self) -> tuple[float, float]:
+        """Distance in m and angle in rad at the start."""
+        first = self.trial.steps[0]
+        return first.distance_m, first.angle_rad
+
+    @property
+    def final_share(self) -> float | None:
+        """Final distance over the median depth of the goal view."""
+        return self.trial.final.distance_m / self.median_depth_m if self.median_depth_m else None
+
+
+def record_path(folder: Path, task: str, method: str, perturbation: str = "") -> Path:
+    """Where the record of a task, a method and a perturbation lies."""
+    return folder / f"{'--'.join(filter(None, (task, method, perturbation)))}.json"
+
+
+def write_record(folder: Path, record: TrialRecord) -> None:
+    """Write a record, whole or not at all."""
+    path = record_path(folder, record.task, record.method, record.perturbation)
+    write_document(path, record)
+
+
+def read_record(path: Path) -> TrialRecord:
+    """Read a record.
+
+    Raises
+    ------
+    ConfigError
+        If it is none.
+    """
+    return read_document(TrialRecord, path, f"record {path}", "a file of table1")
+
+
+def read_records(folder: Path) -> list[TrialRecord]:
+    """Read all records of a folder, by method and task in the order of their names.
+
+    Raises
+    ------
+    ConfigError
+        If there are none, or one is damaged.
+    """
+    paths = sorted(folder.glob("*--*.json"))
+    if not paths:
+        raise ConfigError(f"{folder} holds no trials", "the folder that dfvs-bench table1 filled")
+    return sorted((read_record(path) for path in paths), key=lambda r: (r.method, r.task))
+
+
+def fits(
+    record: TrialRecord,
+    task: BenchTask,
+    matcher: str,
+    most_iterations: int,
+    network: str | None = None,
+) -> bool:
+    """Tell whether a record is of this very task, with these settings and this program.
+
+    ``network`` is the bundle of the network that the method needs beside the matcher, if any.
+
+    Raises
+    ------
+    DfvsError
+        If the scene or a model cannot be read.
+    """
+    return (
+        same_poses((record.start, record.goal), task.poses)
+        and (record.matcher, record.most_iterations) == (matcher, most_iterations)
+        and record.version == version("dfvs")
+        and record.inputs == input_digest(task, matcher, network=network)
+    )
+
+
+def git_revision() -> str:
+    """Commit of the program, ``+`` after it where files were changed since; or ``unknown``.
+
+    An installed copy may lie in somebody else's repository, whose commit says nothing of it.
+    """
+    try:
+        _git("ls-files", "--error-unmatch", Path(__file__).name)
+        return _git("describe", "--always", "--abbrev=10", "--dirty=+") or _NO_REVISION
+    except (OSError, subprocess.SubprocessError):
+        return _NO_REVISION
+
+
+def _git(*words: str) -> str:
+    command = ["git", "-C", str(Path(__file__).parent), *words]
+    done = subprocess.run(command, capture_output=True, text=True, check=True, timeout=20)
+    return done.stdout.strip()

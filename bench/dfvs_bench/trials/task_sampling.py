@@ -1,0 +1,121 @@
+"""Drawing a servoing task in a scene: a goal with texture, and a start that sees part of it."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose, so3_exp
+from dfvs_sim.render.renderer import Renderer, View
+from dfvs_sim.render.truth import visibility
+from dfvs_sim.viewpoints.free_space import FreeSpace
+from dfvs_sim.viewpoints.sampling import camera_pose, floor_of
+
+_GOALS_TRIED, _STARTS_TRIED = 1500, 20
+_CLEARANCE_M, _ON_THE_WAY_M = 0.35, 0.22
+_HEIGHT_M = (0.6, 2.0)
+_DEPTH_M = (1.3, 6.0)
+_GOAL_PITCH_RAD = (math.radians(-15.0), math.radians(8.0))
+_WAY_POINTS = 8
+
+
+@dataclass(frozen=True, slots=True)
+class Placing:
+    """What a task must be like.
+
+    Parameters
+    ----------
+    distance_m, angle_rad : float
+        Between start and goal, exactly.
+    overlap : tuple of float
+        Least and most share of the goal's pixels that the start sees.
+    features : int
+        Least number of SIFT points in each of the two views.
+    most_empty : float
+        Share of each view, at most, that may show no surface: scans have holes.
+    """
+
+    distance_m: float
+    angle_rad: float
+    overlap: tuple[float, float]
+    features: int
+    most_empty: float = 0.0
+
+
+def draw_task(
+    renderer: Renderer, camera: CameraModel, placing: Placing, rng: np.random.Generator
+) -> tuple[FloatArray, FloatArray] | None:
+    """Draw ``T_world_start`` and ``T_world_goal`` (4, 4) with free space between them.
+
+    None where none was found.
+    """
+    artist = _Artist(renderer, camera, placing)
+    for _ in range(_GOALS_TRIED):
+        T_goal = artist.goal(rng)
+        view = None if T_goal is None else artist.good_view(T_goal)
+        if T_goal is None or view is None:
+            continue
+        for _ in range(_STARTS_TRIED):
+            T_start = artist.start(T_goal, view, rng)
+            if T_start is not None:
+                return T_start, T_goal
+    return None
+
+
+class _Artist:
+    """Draws goals and starts in one scene."""
+
+    def __init__(self, renderer: Renderer, camera: CameraModel, placing: Placing) -> None:
+        self._renderer, self._camera, self._placing = renderer, camera, placing
+        self._space = FreeSpace(renderer)
+        self._sift = cv2.SIFT.create(nfeatures=2000)
+        floor_m, low, high = floor_of(renderer.scene)
+        self._low = np.array([*low, floor_m - _HEIGHT_M[1]])
+        self._high = np.array([*high, floor_m - _HEIGHT_M[0]])
+
+    def goal(self, rng: np.random.Generator) -> FloatArray | None:
+        """Upright view with some pitch; None where there is no free space."""
+        place = rng.uniform(self._low, self._high)
+        yaw, pitch = rng.uniform(-math.pi, math.pi), rng.uniform(*_GOAL_PITCH_RAD)
+        if self._space.clearance_m(place) < _CLEARANCE_M:
+            return None
+        return camera_pose((place[0], place[1], place[2]), yaw, pitch)
+
+    def start(self, T_goal: FloatArray, view: View, rng: np.random.Generator) -> FloatArray | None:
+        """Away from the goal by the distance and the angle asked for; None if it will not do."""
+        way, axis = rng.normal(size=(2, 3))
+        way *= self._placing.distance_m / np.linalg.norm(way)
+        axis *= self._placing.angle_rad / np.linalg.norm(axis)
+        end = T_goal[:3, 3]
+        place = end + way
+        T_start = make_pose(T_goal[:3, :3] @ so3_exp(axis), place)
+        if (place < self._low).any() or (place > self._high).any():
+            return None
+        if self._space.clearance_m(place) < _CLEARANCE_M:
+            return None
+        first = self.good_view(T_start)
+        if first is None:
+            return None
+        depths = (view.depth_m, first.depth_m)
+        overlap = float(visibility(self._camera, (T_goal, T_start), depths).mean())
+        if not self._placing.overlap[0] <= overlap <= self._placing.overlap[1]:
+            return None
+        stops = np.linspace(place, end, _WAY_POINTS)
+        free = all(self._space.clearance_m(stop) >= _ON_THE_WAY_M for stop in stops)
+        return T_start if free else None
+
+    def good_view(self, T_world_camera: FloatArray) -> View | None:
+        """View from a pose, if it is neither too near nor too far nor too plain."""
+        view = self._renderer.render(self._camera, T_world_camera)
+        empty = view.depth_m <= 0
+        if float(empty.mean()) > self._placing.most_empty:
+            return None
+        if not _DEPTH_M[0] <= float(np.median(view.depth_m[~empty])) <= _DEPTH_M[1]:
+            return None
+        grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
+        return view if len(self._sift.detect(grey, None)) >= self._placing.features else None

@@ -1,0 +1,170 @@
+"""One trial: a method leads a free camera through a task, and every step is written down."""
+
+from __future__ import annotations
+
+import math
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalSight, ServoMethod, Sight
+from dfvs_bench.trials.perturbation import Disturbance, undisturbed
+from dfvs_bench.trials.task import BenchTask
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import (
+    make_pose,
+    pose_error,
+    quaternion_from_rotation,
+    rotation_from_quaternion,
+    se3_log,
+)
+from dfvs_core.matching.correspondence import DepthMap
+from dfvs_sim.render.renderer import Renderer, View
+
+CONVERGED_M, CONVERGED_RAD = 0.04, math.radians(1.0)
+"""The paper's criterion."""
+
+SKY_DEPTH_M = 100.0
+_NO_WAY_M = 1e-6
+_DIVERGED_FACTOR, _DIVERGED_MARGIN_M = 3.0, 1.0
+
+
+@dataclass(frozen=True, slots=True)
+class Step:
+    """One iteration: where the camera was, what the method saw of its error and what it did.
+
+    Parameters
+    ----------
+    position_m : tuple of float
+        NED.
+    distance_m, angle_rad : float
+        True error to the goal.
+    error : float or None
+        The method's own error; None where it had none.
+    velocity : tuple of float
+        Twist (6,) in the camera's frame, m/s and rad/s at ``FRAME_PERIOD_S``.
+    """
+
+    position_m: tuple[float, ...]
+    distance_m: float
+    angle_rad: float
+    error: float | None
+    velocity: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Trial:
+    """What came of a method in a task.
+
+    ``end`` says why it ended: ``done`` by the method's own stop rule, ``iterations``, ``left``
+    (it went far away), or the method's reason to give up. ``T_world_end`` is row by row, NED.
+    """
+
+    steps: tuple[Step, ...]
+    end: str
+    T_world_end: tuple[float, ...]
+
+    @property
+    def final(self) -> Step:
+        """The last step: the method ended there."""
+        return self.steps[-1]
+
+    @property
+    def iterations(self) -> int:
+        """How many motions were made."""
+        return len(self.steps) - 1
+
+    @property
+    def converged(self) -> bool:
+        """Whether it ended within 4 cm and 1 degree."""
+        return self.final.distance_m < CONVERGED_M and self.final.angle_rad < CONVERGED_RAD
+
+    @property
+    def iterations_to_criterion(self) -> int | None:
+        """Motions after which it was within 4 cm and 1 degree for good, or None."""
+        if not self.converged:
+            return None
+        outside = [
+            k
+            for k, step in enumerate(self.steps)
+            if step.distance_m >= CONVERGED_M or step.angle_rad >= CONVERGED_RAD
+        ]
+        return outside[-1] + 1 if outside else 0
+
+    @property
+    def path_m(self) -> float:
+        """Length of the camera's path."""
+        positions = np.array([step.position_m for step in self.steps])
+        return float(np.linalg.norm(np.diff(positions, axis=0), axis=1).sum())
+
+    @property
+    def path_ratio(self) -> float | None:
+        """Path over the straight line from start to goal; None where that is nothing."""
+        straight_m = self.steps[0].distance_m
+        return self.path_m / straight_m if straight_m > _NO_WAY_M else None
+
+
+def goal_sight(task: BenchTask, renderer: Renderer) -> GoalSight:
+    """Take the picture to go to."""
+    view = renderer.render(task.camera, task.T_world_goal, antialias=True)
+    return GoalSight(task.camera, view.image, true_depth(view))
+
+
+def run_trial(
+    task: BenchTask,
+    method: ServoMethod,
+    renderer: Renderer,
+    most_iterations: int,
+    disturb: Disturbance = undisturbed,
+) -> Trial:
+    """Lead the camera until the method is done, gives up or goes astray, or time is over.
+
+    The method is given what ``disturb`` makes of each rendered view.
+    """
+    T = task.T_world_start
+    steps: list[Step] = []
+    end = "iterations"
+    reach_m = _DIVERGED_FACTOR * task.initial_error[0] + _DIVERGED_MARGIN_M
+    for k in range(most_iterations + 1):
+        view = disturb(k, renderer.render(task.camera, T, antialias=True))
+        decision = method.decide(Sight(k, view.image, true_depth(view), T))
+        steps.append(_step(task, T, decision))
+        if decision.done or decision.lost:
+            end = "done" if decision.done else decision.lost
+            break
+        if steps[-1].distance_m > reach_m:
+            end = "left"
+            break
+        if k < most_iterations:
+            T = _rigid(T @ decision.T_current_next)
+    at_rest = replace(steps[-1], velocity=(0.0,) * 6)
+    return Trial((*steps[:-1], at_rest), end, tuple(float(v) for v in T.ravel()))
+
+
+def true_depth(view: View) -> DepthMap:
+    """Depth of a rendered view; the sky is far and not valid."""
+    seen = view.depth_m > 0
+    z = np.where(seen, view.depth_m, np.float32(SKY_DEPTH_M))
+    return DepthMap(z, seen.astype(np.float32))
+
+
+def median_depth_m(depth: DepthMap) -> float | None:
+    """Median of a depth (H, W) over its valid pixels, m; None where none is."""
+    known = depth.z_m[depth.validity > 0]
+    return float(np.median(known)) if known.size else None
+
+
+def _rigid(T: FloatArray) -> FloatArray:
+    """Take out what rounding adds to a rotation over thousands of steps."""
+    return make_pose(rotation_from_quaternion(quaternion_from_rotation(T[:3, :3])), T[:3, 3])
+
+
+def _step(task: BenchTask, T: FloatArray, decision: Decision) -> Step:
+    distance_m, angle_rad = pose_error(T, task.T_world_goal)
+    velocity = se3_log(decision.T_current_next) / FRAME_PERIOD_S
+    error = decision.error if math.isfinite(decision.error) else None
+    return Step(_floats(T[:3, 3]), distance_m, angle_rad, error, _floats(velocity))
+
+
+def _floats(values: FloatArray) -> tuple[float, ...]:
+    return tuple(float(v) for v in values)

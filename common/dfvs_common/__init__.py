@@ -1,0 +1,1 @@
+"""Operating-system services that more than one room needs."""

@@ -1,0 +1,1 @@
+"""Cameras, poses, the interaction matrix and the arrays that carry them."""

@@ -1,0 +1,149 @@
+"""Camera model: pinhole with OpenCV's radial-tangential distortion.
+
+Pixel coordinates have their origin at the corner of the image, so the centre of the first pixel
+is (0.5, 0.5) and an image of width W is symmetric about ``cx = W / 2``. Normalised coordinates
+are x = X / Z, y = Y / Z in the optical frame.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import cv2
+import numpy as np
+
+from dfvs_core.errors import GeometryError, ImageError
+from dfvs_core.geometry.arrays import FloatArray, ImageArray, check_image
+
+_DISTORTION_LENGTHS = (0, 4, 5, 8)
+_UNDISTORT_CRITERIA = (cv2.TERM_CRITERIA_COUNT | cv2.TERM_CRITERIA_EPS, 40, 1e-10)
+
+
+@dataclass(frozen=True, slots=True)
+class CameraModel:
+    """Intrinsics of a camera.
+
+    Parameters
+    ----------
+    width, height : int
+        Image size in px.
+    fx, fy, cx, cy : float
+        Focal lengths and principal point in px; the first pixel's centre is (0.5, 0.5).
+    distortion : tuple of float
+        OpenCV's (k1, k2, p1, p2[, k3[, k4, k5, k6]]), or empty for a pinhole.
+
+    Raises
+    ------
+    GeometryError
+        If no camera can have such intrinsics.
+
+    Examples
+    --------
+    >>> camera = CameraModel(640, 480, fx=500.0, fy=500.0, cx=320.0, cy=240.0)
+    >>> camera.project(np.array([0.5, 0.0, 2.0])).tolist()
+    [445.0, 240.0]
+    >>> camera.scaled(320, 240).fx
+    250.0
+    """
+
+    width: int
+    height: int
+    fx: float
+    fy: float
+    cx: float
+    cy: float
+    distortion: tuple[float, ...] = ()
+
+    def __post_init__(self) -> None:
+        """Refuse intrinsics that no camera can have."""
+        if self.width < 16 or self.height < 16:
+            raise GeometryError(f"image size {self.width} x {self.height} px", "16 x 16 or more")
+        values = (self.fx, self.fy, self.cx, self.cy, *self.distortion)
+        if not np.isfinite(values).all():
+            raise GeometryError(f"intrinsics {values} are not all finite")
+        if self.fx <= 0 or self.fy <= 0:
+            raise GeometryError(f"focal lengths {self.fx}, {self.fy} px", "positive numbers")
+        if not (0 < self.cx < self.width and 0 < self.cy < self.height):
+            raise GeometryError(
+                f"principal point ({self.cx}, {self.cy}) px lies outside the image",
+                f"0 < cx < {self.width} and 0 < cy < {self.height}",
+            )
+        if len(self.distortion) not in _DISTORTION_LENGTHS:
+            raise GeometryError(
+                f"{len(self.distortion)} distortion coefficients", "0, 4, 5 or 8 (OpenCV's order)"
+            )
+
+    @classmethod
+    def from_horizontal_fov(cls, width: int, height: int, fov_rad: float) -> CameraModel:
+        """Pinhole with square pixels and a centred principal point; fov_rad is horizontal."""
+        if not 0 < fov_rad < np.pi:
+            raise GeometryError(
+                f"horizontal field of view {np.degrees(fov_rad):.1f} degrees", "between 0 and 180"
+            )
+        f = 0.5 * width / np.tan(0.5 * fov_rad)
+        return cls(width, height, f, f, 0.5 * width, 0.5 * height)
+
+    @property
+    def matrix(self) -> FloatArray:
+        """Intrinsic matrix K (3, 3) in our pixel convention."""
+        return np.array([[self.fx, 0.0, self.cx], [0.0, self.fy, self.cy], [0.0, 0.0, 1.0]])
+
+    @property
+    def size(self) -> tuple[int, int]:
+        """(width, height) in px."""
+        return self.width, self.height
+
+    def check_size(self, image: ImageArray, name: str, remedy: str = "") -> None:
+        """Find that an image (H, W, 3), which ``name`` stands for, has the camera's size.
+
+        Raises
+        ------
+        ImageError
+            If it has not, or is not (H, W, 3) uint8.
+        """
+        check_image(image)
+        height, width = image.shape[:2]
+        if (width, height) != self.size:
+            expected = f"{self.width} x {self.height} px, the size of its camera"
+            raise ImageError(f"{name} has {width} x {height} px", expected, remedy)
+
+    def scaled(self, width: int, height: int) -> CameraModel:
+        """Return the same camera with its image resized to width x height px."""
+        sx, sy = width / self.width, height / self.height
+        return CameraModel(
+            width, height, self.fx * sx, self.fy * sy, self.cx * sx, self.cy * sy, self.distortion
+        )
+
+    def normalise(self, pixels: FloatArray) -> FloatArray:
+        """Undistorted normalised coordinates (..., 2) of pixels (..., 2)."""
+        pixels = np.asarray(pixels, dtype=np.float64)
+        if not self.distortion:
+            return (pixels - [self.cx, self.cy]) / [self.fx, self.fy]
+        flat = np.ascontiguousarray(pixels.reshape(-1, 1, 2))
+        out = cv2.undistortPoints(
+            flat, self.matrix, np.array(self.distortion), None, None, None, _UNDISTORT_CRITERIA
+        )
+        return np.asarray(out, dtype=np.float64).reshape(pixels.shape)
+
+    def project(self, points: FloatArray) -> FloatArray:
+        """Pixels (..., 2) of points (..., 3) m in the optical frame with positive z."""
+        points = np.asarray(points, dtype=np.float64)
+        xy = points[..., :2] / points[..., 2:3]
+        return self.denormalise(xy)
+
+    def denormalise(self, xy: FloatArray) -> FloatArray:
+        """Pixels (..., 2) of undistorted normalised coordinates (..., 2)."""
+        xy = np.asarray(xy, dtype=np.float64)
+        if not self.distortion:
+            return xy * [self.fx, self.fy] + [self.cx, self.cy]
+        rays = np.concatenate([xy, np.ones((*xy.shape[:-1], 1))], axis=-1).reshape(-1, 1, 3)
+        zero = np.zeros(3)
+        pixels, _ = cv2.projectPoints(rays, zero, zero, self.matrix, np.array(self.distortion))
+        return np.asarray(pixels, dtype=np.float64).reshape(xy.shape)
+
+    def grid(self, stride: int = 1) -> FloatArray:
+        """Pixel centres (h, w, 2) as (u, v), every stride-th one, centred in its cell."""
+        offset = stride // 2
+        u = np.arange(offset, self.width, stride) + 0.5
+        v = np.arange(offset, self.height, stride) + 0.5
+        return np.stack(np.meshgrid(u, v), axis=-1)

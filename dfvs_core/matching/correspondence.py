@@ -1,0 +1,69 @@
+"""Dense correspondences between two pictures, and depth, as plain data."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.errors import ImageError
+from dfvs_core.geometry.arrays import Float32Array
+
+
+@dataclass(frozen=True, slots=True)
+class FlowField:
+    """Optical flow from a first image to a second, on the first one's grid.
+
+    Parameters
+    ----------
+    flow : (H, W, 2) float32
+        Displacement (du, dv) in px: the point at pixel p is seen at ``p + flow`` in the second.
+    confidence : (H, W) float32
+        0 (worthless, or not visible in the second image) to 1 (sure).
+    """
+
+    flow: Float32Array
+    confidence: Float32Array
+
+    def __post_init__(self) -> None:
+        """Check shapes and types once, so that nobody downstream has to."""
+        if self.flow.ndim != 3 or self.flow.shape[2] != 2 or self.flow.dtype != np.float32:
+            raise ImageError(
+                f"flow is {self.flow.dtype} of shape {self.flow.shape}", "float32 of (H, W, 2)"
+            )
+        shape = self.flow.shape[:2]
+        if self.confidence.shape != shape or self.confidence.dtype != np.float32:
+            raise ImageError(
+                f"confidence is {self.confidence.dtype} of shape {self.confidence.shape}",
+                f"float32 of {shape}",
+            )
+
+    def is_finite(self) -> bool:
+        """Tell whether every value is a finite number."""
+        return bool(np.isfinite(self.flow).all() and np.isfinite(self.confidence).all())
+
+
+@dataclass(frozen=True, slots=True)
+class DepthMap:
+    """Distance along the optical axis for the pixels of an image, or for a grid of them.
+
+    Parameters
+    ----------
+    z_m : (H, W) float32
+        Depth in m, positive and finite everywhere (a guess where ``validity`` is 0).
+    validity : (H, W) float32
+        0 (a mere guess) to 1 (measured).
+    """
+
+    z_m: Float32Array
+    validity: Float32Array
+
+    def __post_init__(self) -> None:
+        """Check shapes and values."""
+        if self.z_m.ndim != 2 or self.validity.shape != self.z_m.shape:
+            raise ImageError(
+                f"depth of shape {self.z_m.shape} with validity of {self.validity.shape}",
+                "two arrays of (H, W)",
+            )
+        if not (np.isfinite(self.z_m).all() and (self.z_m > 0).all()):
+            raise ImageError("depth holds values that are not finite or not positive")

@@ -1,0 +1,104 @@
+"""The goal: a picture, and a sidecar file that says how it was taken.
+
+``goal.png`` has ``goal.json`` beside it: the camera's intrinsics, the vehicle's roll and pitch
+and the camera's mounting at that moment. Without a sidecar the goal counts as taken level, by
+the camera that flies.
+"""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.arrays import FloatArray, ImageArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_from_euler
+from dfvs_core.messages.schema import dump, parse, setting, to_text
+
+GOAL_FORMAT = "dfvs-goal/1"
+
+
+@dataclass(frozen=True, slots=True)
+class Mount:
+    """How the camera sits on the vehicle.
+
+    The angles turn a camera that looks straight ahead (aerospace angles in the body frame). The
+    position is in FRD, in m.
+
+    Examples
+    --------
+    >>> downwards = Mount(x_m=0.1, pitch_rad=-np.pi / 2)
+    >>> T_body_camera = downwards.T_body_camera()
+    >>> (T_body_camera[:3, :3] @ [0.0, 0.0, 1.0]).round(6).tolist()  # its view direction, FRD
+    [0.0, 0.0, 1.0]
+    """
+
+    x_m: float = setting(0.0, "position of the lens: forward of the vehicle's centre, m")
+    y_m: float = setting(0.0, "the same: to the right, m")
+    z_m: float = setting(0.0, "the same: down, m")
+    roll_rad: float = setting(0.0, "the camera's roll about its line of sight; positive: clockwise")
+    pitch_rad: float = setting(0.0, "its pitch; positive: looks up")
+    yaw_rad: float = setting(0.0, "its yaw; positive: looks to the right")
+
+    def T_body_camera(self) -> FloatArray:
+        """Pose (4, 4) of the optical frame in the body frame."""
+        turn = rotation_from_euler(self.roll_rad, self.pitch_rad, self.yaw_rad)
+        position = np.array([self.x_m, self.y_m, self.z_m])
+        return make_pose(turn @ R_BODY_FORWARD_CAMERA, position)
+
+
+@dataclass(frozen=True, slots=True)
+class GoalSidecar:
+    """How a goal picture was taken.
+
+    ``pose_camera`` (16 numbers, row by row) is the pose of the camera in the scene where that is
+    known, as in simulation: it serves evaluation only and is never used to fly. ``taken_at`` is
+    a date and time for people (ISO 8601).
+    """
+
+    camera: CameraModel
+    roll_rad: float = 0.0
+    pitch_rad: float = 0.0
+    mount: Mount = field(default_factory=Mount)
+    pose_camera: tuple[float, ...] | None = None
+    format: str = GOAL_FORMAT
+    taken_at: str | None = None
+
+    def __post_init__(self) -> None:
+        """Refuse a sidecar of another format, or with half a pose."""
+        if self.format != GOAL_FORMAT:
+            raise ConfigError(f"goal sidecar has format {self.format!r}", repr(GOAL_FORMAT))
+        if self.pose_camera is not None and len(self.pose_camera) != 16:
+            raise ConfigError(f"pose_camera has {len(self.pose_camera)} numbers", "16")
+
+    def to_json(self) -> str:
+        """Text of the sidecar file."""
+        return to_text(self)
+
+    @classmethod
+    def from_json(cls, text: str, flown: GoalSidecar | None = None) -> GoalSidecar:
+        """Read a sidecar file's text; one without a camera is of ``flown``'s camera and mount.
+
+        Raises
+        ------
+        ConfigError
+            If it is not JSON or does not follow the schema.
+        """
+        try:
+            data = json.loads(text)
+        except json.JSONDecodeError as error:
+            raise ConfigError(f"the goal sidecar is not JSON ({error})") from error
+        if flown is not None and isinstance(data, dict) and "camera" not in data:
+            data = {"camera": dump(flown.camera), "mount": dump(flown.mount)} | data
+        return parse(cls, data)
+
+
+@dataclass(frozen=True, slots=True)
+class Goal:
+    """A goal picture (H, W, 3) uint8 RGB and how it was taken."""
+
+    image: ImageArray
+    sidecar: GoalSidecar

@@ -1,0 +1,69 @@
+"""A new goal on its way to the service: sidecar and picture in one run of bytes, and its digest.
+
+The operator signs the digest; the service looks at the picture only after it was found signed.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import struct
+from dataclasses import dataclass
+
+from dfvs_core.errors import WireError
+from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
+
+_HEADER = struct.Struct("<4sI")
+_MAGIC = b"DFVG"
+MAX_SIDECAR_BYTES = 64 * 1024
+
+
+@dataclass(frozen=True, slots=True)
+class GoalOrder:
+    """PNG or JPEG bytes of a goal picture, and its sidecar's JSON (empty: taken as level)."""
+
+    picture: bytes
+    sidecar: str = ""
+
+    def to_bytes(self) -> bytes:
+        """Payload of the goal.
+
+        Raises
+        ------
+        WireError
+            If it is too large to be sent.
+        """
+        sidecar = self.sidecar.encode()
+        data = _HEADER.pack(_MAGIC, len(sidecar)) + sidecar + self.picture
+        if len(sidecar) > MAX_SIDECAR_BYTES or len(data) > MAX_MESSAGE_BYTES:
+            raise WireError(
+                f"goal of {len(data)} bytes, {len(sidecar)} of them sidecar",
+                f"at most {MAX_MESSAGE_BYTES} and {MAX_SIDECAR_BYTES} bytes",
+                "send the picture as JPEG",
+            )
+        return data
+
+    @classmethod
+    def from_bytes(cls, data: bytes) -> GoalOrder:
+        """Read a payload; the picture is not looked at.
+
+        Raises
+        ------
+        WireError
+            If it is not a goal.
+        """
+        if len(data) > MAX_MESSAGE_BYTES or data[:4] != _MAGIC or len(data) < _HEADER.size:
+            raise WireError(f"goal of {len(data)} bytes begins with {data[:4]!r}", repr(_MAGIC))
+        _, length = _HEADER.unpack_from(data)
+        end = _HEADER.size + length
+        if length > MAX_SIDECAR_BYTES or end > len(data):
+            raise WireError(f"goal with a sidecar of {length} bytes", "as many as it holds")
+        try:
+            sidecar = data[_HEADER.size : end].decode()
+        except UnicodeDecodeError as error:
+            raise WireError("the goal's sidecar is not UTF-8") from error
+        return cls(data[end:], sidecar)
+
+
+def goal_digest(data: bytes) -> str:
+    """SHA-256 of a payload, hexadecimal: what the operator signs."""
+    return hashlib.sha256(data).hexdigest()

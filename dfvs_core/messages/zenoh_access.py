@@ -1,0 +1,145 @@
+"""Who may do what over Zenoh: one role for each kind of process, known by its certificate's name.
+
+Everything that is not allowed here is denied. The rules are enforced where links end: by a router,
+or by the service itself where others connect to it directly.
+"""
+
+from __future__ import annotations
+
+import enum
+from collections.abc import Sequence
+from dataclasses import dataclass
+from typing import Any
+
+from dfvs_core.messages.topics import Topics
+
+
+class Role(enum.StrEnum):
+    """Kinds of processes that have a certificate."""
+
+    ROUTER = "router"
+    SERVICE = "service"
+    CAMERA = "camera"
+    DASHBOARD = "dashboard"
+    OPERATOR = "operator"
+    RECORDER = "recorder"
+    FOXGLOVE = "foxglove"
+    METRICS = "metrics"
+    ROS2 = "ros2"
+
+
+_STREAMS = {
+    Role.FOXGLOVE: ("opening", "turn", "flow"),
+    Role.METRICS: ("state", "servo", "timing"),
+    Role.ROS2: ("state", "servo", "timing", "preview"),
+}
+"""Roles that listen to a few streams of telemetry and do nothing else."""
+
+_SAYS = ("put", "delete", "declare_queryable", "reply", "liveliness_token")
+"""Messages of whoever publishes something; the other way round they reach whoever listens."""
+_HEARS = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query")
+
+
+@dataclass(frozen=True, slots=True)
+class Access:
+    """Keys that a role publishes and listens to, and exceptions from what wildcards cover."""
+
+    says: tuple[str, ...] = ()
+    hears: tuple[str, ...] = ()
+    never_says: tuple[str, ...] = ()
+    never_hears: tuple[str, ...] = ()
+
+
+def role_access(role: Role, topics: Topics) -> Access:
+    """What a role of one vehicle may publish and listen to; a router takes no part itself."""
+    orders = (topics.command, topics.new_goal)
+    camera = (topics.camera, topics.calibration)
+    telemetry = topics.telemetry("*")
+    if role is Role.SERVICE:
+        inputs, lease = (*camera, *orders), topics.lease("*", "*")
+        return Access((telemetry, lease), (*inputs, lease), never_says=inputs)
+    if role is Role.CAMERA:
+        return Access(says=camera)
+    if role in _STREAMS:
+        return Access(hears=tuple(topics.telemetry(name) for name in _STREAMS[role]))
+    if role is Role.RECORDER:
+        return Access(hears=(telemetry, topics.calibration), never_hears=orders)
+    if role is Role.OPERATOR:
+        return Access(says=orders, hears=(telemetry,), never_hears=(*camera, *orders))
+    if role is Role.DASHBOARD:
+        return Access(hears=(telemetry,), never_hears=(*camera, *orders))
+    return Access()
+
+
+def certificate_name(role: Role, vehicle: str) -> str:
+    """Common name of a role's certificate; a router serves many vehicles."""
+    return str(role) if role is Role.ROUTER else f"{role}.{vehicle}"
+
+
+def access_control(vehicles: Sequence[str]) -> dict[str, Any]:
+    """Zenoh's ``access_control`` section for these vehicles; whatever it does not name is denied.
+
+    Unencrypted links on the machine itself, over loopback or a Unix socket, may do everything:
+    whoever is there needs no network.
+    """
+    rules = [_rule("this-machine", (*_SAYS, *_HEARS), ("ingress", "egress"), ("**",))]
+    subjects: list[dict[str, Any]] = [
+        {"id": "this-machine", "interfaces": ["lo"], "link_protocols": ["tcp"]},
+        {"id": "this-service", "link_protocols": ["unixsock-stream"]},
+    ]
+    policies: list[dict[str, Any]] = [
+        {"rules": ["this-machine"], "subjects": ["this-machine", "this-service"]}
+    ]
+    for vehicle in vehicles:
+        for role in Role:
+            access = role_access(role, Topics(vehicle))
+            name = certificate_name(role, vehicle)
+            own = _role_rules(name, access)
+            if own:
+                rules += own
+                subjects.append({"id": name, "cert_common_names": [name]})
+                policies.append({"rules": [rule["id"] for rule in own], "subjects": [name]})
+    return {
+        "enabled": True,
+        "default_permission": "deny",
+        "rules": rules,
+        "subjects": subjects,
+        "policies": policies,
+    }
+
+
+def _role_rules(name: str, access: Access) -> list[dict[str, Any]]:
+    """Rules of one role: what it publishes comes in, what it listens to goes out."""
+    rules = []
+    if access.says:
+        rules.append(_rule(f"{name} says", _SAYS, ("ingress",), access.says))
+        rules.append(_rule(f"{name} is heard", _HEARS, ("egress",), _of_any(access.says)))
+    if access.hears:
+        rules.append(_rule(f"{name} hears", _HEARS, ("ingress",), _of_any(access.hears)))
+        rules.append(_rule(f"{name} is told", _SAYS, ("egress",), access.hears))
+    exceptions = (("says", "ingress", access.never_says), ("hears", "egress", access.never_hears))
+    for verb, flow, keys in exceptions:
+        if keys:
+            denied = _rule(f"{name} never {verb}", ("put", "delete"), (flow,), keys)
+            rules.append({**denied, "permission": "deny"})
+    return rules
+
+
+def _of_any(keys: Sequence[str]) -> tuple[str, ...]:
+    """Keys as they are asked for, of one vehicle or of all; answers are of the own one alone."""
+    of_all = ("/".join([first, "*", *rest]) for first, _, *rest in (k.split("/") for k in keys))
+    return (*keys, *of_all)
+
+
+def _rule(
+    name: str, messages: Sequence[str], flows: Sequence[str], keys: Sequence[str]
+) -> dict[str, Any]:
+    # What is kept for late subscribers is asked for under @adv, which no wildcard covers.
+    kept = [f"{key}/@adv/**" for key in keys if key != "**"]
+    return {
+        "id": name,
+        "permission": "allow",
+        "messages": list(messages),
+        "flows": list(flows),
+        "key_exprs": [*keys, *(kept or ["@/**", "**/@adv/**"])],
+    }

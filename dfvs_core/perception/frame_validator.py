@@ -1,0 +1,150 @@
+"""Which frames may be looked at at all: age, order, size, frozen and featureless pictures.
+
+``admit`` takes a frame from the network through all of it, from bytes to pixels.
+"""
+
+from __future__ import annotations
+
+import enum
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.errors import DfvsError
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import Frame, FrameHeader, decode_frame, decode_header
+
+MAX_AGE_NS = 250_000_000
+MAX_AHEAD_NS = 20_000_000
+FROZEN_FRAMES = 3
+FROZEN_NS = 150_000_000
+"""A picture that is shown for longer than this is frozen, at however few frames a second."""
+
+_DARK, _BRIGHT, _FLAT = 6.0, 249.0, 2.0
+
+
+class FrameFault(enum.Enum):
+    """Why a frame is not used."""
+
+    WRONG_SIZE = "the frame's size is not the camera's"
+    STALE = "the frame was old when it arrived"
+    FUTURE = "the frame carries a time that is still to come"
+    REORDERED = "the frame is not newer than the one before"
+    FROZEN = "the camera repeats the same picture"
+    OTHER_CLOCK = "the frame was stamped by another machine's clock"
+    DARK = "the picture is black"
+    BRIGHT = "the picture is white"
+    FLAT = "the picture has no contrast"
+
+
+@dataclass(frozen=True, slots=True)
+class GuardState:
+    """What is remembered of the last frame that was let through.
+
+    ``shown_ns`` is the capture of the first frame with these very pixels.
+    """
+
+    t_capture_ns: int = -1
+    checksum: int = -1
+    repeats: int = 0
+    shown_ns: int = -1
+
+
+@dataclass(frozen=True, slots=True)
+class Expected:
+    """What every frame must fit: the camera's size, and the identity of our own clock."""
+
+    camera: CameraModel
+    clock: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Admission:
+    """What became of a frame's bytes: the frame, or the reason why there is none.
+
+    ``seq`` and ``t_capture_ns`` are 0 where not even the header could be read; ``state`` is the
+    memory for the next frame.
+    """
+
+    state: GuardState
+    frame: Frame | None = None
+    reason: str = ""
+    seq: int = 0
+    t_capture_ns: int = 0
+
+
+def admit(
+    state: GuardState, payload: bytes, attachment: bytes, expected: Expected, now_ns: int
+) -> Admission:
+    """Judge a frame and decode it; nothing is decoded before its header was found right.
+
+    Parameters
+    ----------
+    state : GuardState
+        Memory from the frame before.
+    payload, attachment : bytes
+        The frame as it came from the network: whoever sent it, it does no harm.
+    expected : Expected
+        What it must fit.
+    now_ns : int
+        Monotonic time.
+    """
+    try:
+        header = decode_header(attachment)
+        fault, after = check_header(state, header, expected.camera, now_ns, expected.clock)
+        if fault is not None:
+            return Admission(after, None, fault.value, header.seq, header.t_capture_ns)
+        frame = decode_frame(payload, header)
+    except DfvsError as error:
+        return Admission(state, None, f"the frame cannot be read: {error}")
+    fault = check_picture(frame.image)
+    if fault is not None:
+        return Admission(after, None, fault.value, frame.seq, frame.t_capture_ns)
+    return Admission(after, frame, "", frame.seq, frame.t_capture_ns)
+
+
+def check_header(
+    state: GuardState, header: FrameHeader, camera: CameraModel, now_ns: int, clock: bytes
+) -> tuple[FrameFault | None, GuardState]:
+    """Judge a frame before its pixels are touched.
+
+    Parameters
+    ----------
+    state : GuardState
+        Memory from the frame before.
+    header : FrameHeader
+        Of the frame.
+    camera : CameraModel
+        What the frame must fit.
+    now_ns : int
+        Monotonic time.
+    clock : bytes
+        Identity of our own clock; a frame that names another one cannot be dated.
+    """
+    if (header.width, header.height) != camera.size:
+        return FrameFault.WRONG_SIZE, state
+    if any(header.clock) and header.clock != clock:
+        return FrameFault.OTHER_CLOCK, state
+    if now_ns - header.t_capture_ns > MAX_AGE_NS:
+        return FrameFault.STALE, state
+    if header.t_capture_ns - now_ns > MAX_AHEAD_NS:
+        return FrameFault.FUTURE, state
+    if header.t_capture_ns <= state.t_capture_ns:
+        return FrameFault.REORDERED, state
+    t_ns, is_same = header.t_capture_ns, header.checksum == state.checksum
+    repeats, shown_ns = (state.repeats + 1, state.shown_ns) if is_same else (0, t_ns)
+    is_frozen = repeats + 1 >= FROZEN_FRAMES or t_ns - shown_ns > FROZEN_NS
+    state = GuardState(t_ns, header.checksum, repeats, shown_ns)
+    return (FrameFault.FROZEN if is_frozen else None), state
+
+
+def check_picture(image: ImageArray) -> FrameFault | None:
+    """Judge the brightness of a picture (H, W, 3) by every eighth pixel."""
+    sample = image[::8, ::8].astype(np.float32)
+    mean, deviation = float(sample.mean()), float(sample.std())
+    if mean < _DARK:
+        return FrameFault.DARK
+    if mean > _BRIGHT:
+        return FrameFault.BRIGHT
+    return FrameFault.FLAT if deviation < _FLAT else None

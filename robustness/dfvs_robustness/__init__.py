@@ -1,0 +1,1 @@
+"""Fault matrix, fuzzing and soak runs."""

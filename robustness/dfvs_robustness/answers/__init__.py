@@ -1,0 +1,1 @@
+"""Answer times of commands, and rate of the state."""

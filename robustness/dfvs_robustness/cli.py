@@ -1,0 +1,34 @@
+"""``dfvs-robustness``: the fault matrix, fuzzing, soak runs and answer times."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+from collections.abc import Sequence
+
+from dfvs_robustness.commands import answers, faults, fuzz, soak
+from dfvs_sim.command_line import run_command
+
+_EPILOG = """examples:
+  dfvs-robustness faults --seeds 1 --workers 2         disturb the real service, and judge it
+  dfvs-robustness fuzz gate --events 1000000           random inputs for the gate
+  dfvs-robustness soak --minutes 60                    one long flight, and its memory
+"""
+
+
+def main(argv: Sequence[str] | None = None) -> int:
+    """Run one command; 0 when it worked, 2 when it cannot run, with one line that says why."""
+    parser = argparse.ArgumentParser(
+        prog="dfvs-robustness",
+        description="Disturb the service on purpose, and judge it by the safety invariants.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    for command in (faults, answers, fuzz, soak):
+        command.add_parser(subparsers)
+    return run_command(parser, argv)
+
+
+if __name__ == "__main__":
+    sys.exit(main())

@@ -1,0 +1,116 @@
+"""``dfvs-robustness faults``: disturb the real service in every way and state, and judge it."""
+
+from __future__ import annotations
+
+import argparse
+import shlex
+import sys
+import time
+from pathlib import Path
+from typing import Any
+
+from dfvs_core.errors import ConfigError
+from dfvs_robustness.answers.report import read_answers
+from dfvs_robustness.faults.matrix import (
+    Case,
+    Result,
+    all_faults,
+    append_result,
+    plan,
+    read_outcomes,
+    run_matrix,
+)
+from dfvs_robustness.faults.report import Source, make_rows, verdict, write_json, write_reports
+from dfvs_sim.options import require_folder
+
+EXIT_OK, EXIT_FAILED = 0, 1
+
+_EPILOG = """examples:
+  dfvs-robustness faults --only takeover --seeds 5             one fault, five times in every state
+  dfvs-robustness faults --seeds 20 --workers 4 --keep runs.jsonl --html faults.html
+                                                        everything; again, to go on
+  dfvs-robustness faults --list                                the faults by name
+
+exit code: 0 every case passed and no invariant was violated, 1 not so, 2 cannot run
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add ``faults`` to the subcommands of ``dfvs-robustness``."""
+    parser = subparsers.add_parser(
+        "faults",
+        help="disturb the real service in every way and state, and judge it",
+        description="Start the real dfvs-service beside a simulated vehicle, cause faults from "
+        "outside in every state of the gate, and judge its reactions by the vehicle's record.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--only", action="append", default=[], metavar="FAULT", help="may be repeated")
+    add("--state", action="append", default=[], metavar="STATE", help="may be repeated")
+    add("--seeds", type=int, default=1, metavar="N", help="times every case is run (default: 1)")
+    add("--workers", type=int, default=2, metavar="N", help="services at a time (default: 2)")
+    add("--minutes", type=float, default=600.0, metavar="M", help="begin no case after so long")
+    add("--keep", type=Path, metavar="FILE", help="add results here, and leave out what is in it")
+    add("--json", type=Path, metavar="FILE", help="write the table as JSON")
+    add("--html", type=Path, metavar="FILE", help="write the table as HTML, and as Markdown beside")
+    add("--remark", default="", metavar="TEXT", help="what readers of the report should know")
+    add(
+        "--answers", type=Path, metavar="FILE", help="add what dfvs-robustness answers --json wrote"
+    )
+    add("--list", action="store_true", help="print the faults and their states, run nothing")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Run the cases; 0 if all passed and nothing was violated."""
+    _check(args)
+    if args.list:
+        for fault in all_faults().values():
+            print(f"{fault.name:26s} {fault.what:44s} {' '.join(fault.states)}")
+        return EXIT_OK
+    answers = read_answers(args.answers) if args.answers else None
+    cases = plan(args.only, args.state, args.seeds)
+    outcomes, violations = read_outcomes(args.keep) if args.keep else ({}, [])
+    todo = [case for case in cases if case not in outcomes or not outcomes[case].has_verdict]
+    print(f"{len(todo)} of {len(cases)} cases to run", file=sys.stderr)
+
+    def take(result: Result) -> None:
+        if args.keep:
+            append_result(args.keep, result)
+        violations.extend(result.violations)
+        for text in result.violations:
+            print(f"  violated {text}", file=sys.stderr, flush=True)
+        if (o := result.outcome) is not None:
+            outcomes[Case(o.fault, o.state, o.seed)] = o
+            word = "ok" if o.passed else f"FAILED: {o.problem}"
+            left = len(set(cases) - set(outcomes))
+            line = f"{o.fault:26s} {o.state:8s} seed {o.seed:<3d} {o.reaction_ms:7.0f} ms  {word}"
+            print(f"{line}  ({left} left)", file=sys.stderr, flush=True)
+
+    run_matrix(todo, args.workers, time.monotonic() + 60.0 * args.minutes, take)
+    rows = make_rows(list(outcomes.values()), all_faults())
+    if args.json:
+        write_json(args.json, rows, violations)
+    if args.html:
+        write_reports(args.html, rows, violations, _source(args), answers)
+    print(verdict(rows, violations))
+    passed = all(row.passed == row.seeds for row in rows) and not violations
+    return EXIT_OK if passed else EXIT_FAILED
+
+
+def _check(args: argparse.Namespace) -> None:
+    for name in ("seeds", "workers"):
+        if getattr(args, name) < 1:
+            raise ConfigError(f"--{name} is {getattr(args, name)}", "1 or more")
+    for name in ("keep", "json", "html"):
+        require_folder(f"--{name}", getattr(args, name))
+
+
+def _source(args: argparse.Namespace) -> Source:
+    words = ["dfvs-sim", "faults", "--seeds", str(args.seeds), "--workers", str(args.workers)]
+    for name in args.only:
+        words += ["--only", name]
+    for state in args.state:
+        words += ["--state", state]
+    return Source(shlex.join(words), args.remark)

@@ -1,0 +1,119 @@
+"""``dfvs-robustness fuzz gate``: random inputs, and the invariants after every step."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import Any
+
+from dfvs_core.errors import ConfigError
+from dfvs_robustness.fuzz.gate_fuzz import relive
+from dfvs_robustness.fuzz.progress import ProgressLine
+from dfvs_robustness.fuzz.replay import read_life, write_finding
+from dfvs_robustness.fuzz.run import Outcome, campaign
+from dfvs_sim.options import write_json
+
+_EPILOG = """examples:
+  dfvs-robustness fuzz gate --events 10000000 --workers 2 --json gate.json
+  dfvs-robustness fuzz gate --replay gate-I4-0.json
+
+exit code: 0 no violation, 1 an invariant was violated, 2 cannot run
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add ``gate`` to the subcommands of ``dfvs-robustness fuzz``."""
+    parser = subparsers.add_parser(
+        "gate",
+        help="random inputs for the gate's state machine",
+        description="Let the gate live through random flights: perception, vehicle, pilot, "
+        "operator and clock behave, then go wrong. After every step the invariants I1 to I9 are "
+        "checked by a second, independent judgement of all that the gate was told. A violation "
+        "is shrunk to the few steps that it needs and saved.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    add("--events", type=int, default=1_000_000, metavar="N", help="at least so many events")
+    add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
+    add("--seed", type=int, default=0, help="of all that is random")
+    add("--out", type=Path, default=Path(), metavar="DIR", help="folder for what violates")
+    add("--replay", type=Path, metavar="FILE", help="live one saved violation again")
+    add("--json", type=Path, metavar="FILE", help="write the figures there")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Fuzz or replay; 0 without a violation, 1 with one.
+
+    Raises
+    ------
+    DfvsError
+        If an option cannot be used.
+    """
+    if args.replay is not None:
+        return _replay(args.replay)
+    for option, value in (("events", args.events), ("workers", args.workers)):
+        if value < 1:
+            raise ConfigError(f"--{option} is {value}", "1 or more")
+    if args.seed < 0:
+        raise ConfigError(f"--seed is {args.seed}", "0 or more")
+    if not args.out.is_dir():
+        raise ConfigError(f"--out {args.out} is no folder", "an existing folder")
+    began_s = time.monotonic()
+    line = ProgressLine()
+
+    def tell(so_far: Outcome) -> None:
+        tally, found = so_far.tally, len(so_far.findings)
+        line.show(f"{tally.events:,} of {args.events:,} events, {found} violations")
+
+    outcome = campaign(args.events, args.workers, args.seed, tell)
+    report = figures(outcome, args.seed, time.monotonic() - began_s)
+    for number, finding in enumerate(outcome.findings):
+        path = args.out / f"gate-{finding.rule}-{number}.json"
+        write_finding(finding, path)
+        print(f"{finding.rule} violated: {finding.text}\n  {len(finding.life.steps)} steps: {path}")
+    print(_summary(report))
+    if args.json is not None:
+        write_json(args.json, report)
+    return 1 if outcome.findings else 0
+
+
+def _replay(path: Path) -> int:
+    violation = relive(read_life(path))
+    print("no violation" if violation is None else f"violated: {violation}")
+    return 0 if violation is None else 1
+
+
+def figures(outcome: Outcome, seed: int, wall_s: float) -> dict[str, Any]:
+    """What is written as JSON."""
+    tally = outcome.tally
+    return {
+        "seed": seed,
+        "lives": tally.lives,
+        "steps": tally.steps,
+        "events": tally.events,
+        "steps_that_move": tally.moving,
+        "lives_lived_twice": tally.twins,
+        "wall_s": round(wall_s, 1),
+        "events_per_core_second": round(tally.events / max(outcome.busy_s, 1e-9)),
+        "events_by_kind": dict(tally.kinds.most_common()),
+        "steps_by_state": dict(tally.states.most_common()),
+        "transitions": dict(tally.transitions.most_common()),
+        "causes": dict(tally.causes.most_common()),
+        "violations": [
+            {"rule": f.rule, "text": f.text, "steps": len(f.life.steps)} for f in outcome.findings
+        ],
+    }
+
+
+def _summary(report: dict[str, Any]) -> str:
+    states = ", ".join(f"{name} {steps:,}" for name, steps in report["steps_by_state"].items())
+    return (
+        f"{report['events']:,} events in {report['steps']:,} steps of {report['lives']:,} lives, "
+        f"{report['wall_s']:.0f} s, {report['events_per_core_second']:,} events a core and second\n"
+        f"steps by state: {states}\n"
+        f"{len(report['transitions'])} kinds of transition, {len(report['causes'])} causes\n"
+        f"{len(report['violations'])} violations"
+    )

@@ -1,0 +1,94 @@
+"""The scripted camera: good frames until a script says otherwise."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_robustness.faults.wall import Pose, Wall
+
+PERIOD_NS = 66_666_667
+"""Of 15 frames a second."""
+
+Packet = tuple[bytes, bytes]
+"""Payload and attachment of one sample on the camera's key."""
+
+
+@dataclass(frozen=True, slots=True)
+class Shot:
+    """What a script may make samples of: a good picture, its time and number."""
+
+    image: ImageArray
+    t_ns: int
+    seq: int
+    pixel_format: PixelFormat
+    clock: bytes
+
+    def packet(
+        self,
+        image: ImageArray | None = None,
+        t_ns: int | None = None,
+        clock: bytes | None = None,
+    ) -> Packet:
+        """Encode the shot, with another picture, time or clock where given."""
+        frame = Frame(
+            self.image if image is None else image, self.t_ns if t_ns is None else t_ns, self.seq
+        )
+        return encode_frame(frame, self.pixel_format, self.clock if clock is None else clock)
+
+
+Script = Callable[[Shot], list[Packet]]
+
+
+class ScriptedCamera:
+    """Takes pictures of a wall; a script decides what is published of them.
+
+    Parameters
+    ----------
+    wall : Wall
+    pixel_format : PixelFormat
+        JPEG, or RGB8 where colours must arrive as they are.
+    publish : callable
+        Takes payload and attachment.
+    """
+
+    def __init__(
+        self, wall: Wall, pixel_format: PixelFormat, publish: Callable[[bytes, bytes], None]
+    ) -> None:
+        self.wall = wall
+        self.script: Script | None = None
+        self.good_ns: list[int] = [0]
+        """Captures of all frames that nothing was wrong with."""
+        self._format = pixel_format
+        self._publish = publish
+        self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self._seq = 0
+        self._good_to_come = 0
+
+    def film(self, script: Script | None, *, first_is_good: bool = False) -> None:
+        """Follow a script from the next frame on, or none.
+
+        ``first_is_good`` tells that its first sample shows the truth of its time.
+        """
+        self._good_to_come = int(first_is_good)
+        self.script = script
+
+    @property
+    def last_good_ns(self) -> int:
+        """Capture of the last good frame."""
+        return self.good_ns[-1]
+
+    def shoot(self, pose: Pose, t_ns: int) -> None:
+        """Take the picture of this moment and publish what is to be published of it."""
+        shot = Shot(self.wall.shoot(pose), t_ns, self._seq, self._format, self._clock)
+        self._seq += 1
+        script = self.script
+        packets = [shot.packet()] if script is None else script(shot)
+        if script is None or self._good_to_come:
+            self.good_ns.append(t_ns)
+            self._good_to_come = 0
+        for payload, attachment in packets:
+            self._publish(payload, attachment)

@@ -1,0 +1,209 @@
+"""Faults of processes, processor, disk and network."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import resource
+import signal
+import time
+
+import numpy as np
+
+from dfvs_core.gate.states import Cause, GateState
+from dfvs_robustness.faults.fault import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
+from dfvs_robustness.faults.harness import Rig, Setup
+from dfvs_robustness.faults.load import busy_cores
+
+S = GateState
+_STATES = (S.READY, *ANY_ENGAGED)
+_FLOWN = (S.SERVO, S.HOLD, S.DONE)
+_HOGS = 2
+"""Busy processes for every core."""
+_HOG_S, _THROTTLE_S = 2.0, 1.5
+_RUN_S, _REST_S = 0.03, 0.3
+ROUTER = Setup(via_router=True)
+
+
+def _signals(name: str, number: signal.Signals) -> Inject:
+    """Send a signal to one of the service's processes."""
+
+    def inject(rig: Rig, _: np.random.Generator) -> int:
+        pid = rig.service.pid(name)
+        now_ns = time.monotonic_ns()
+        if name == "gate":
+            rig.disturbed_ns = now_ns
+        os.kill(pid, number)
+        return now_ns
+
+    return inject
+
+
+def _perception_is(number: signal.Signals) -> Inject:
+    """Send a signal to perception; what counts is the last good frame before it."""
+
+    def inject(rig: Rig, _: np.random.Generator) -> int:
+        os.kill(rig.service.pid("perception"), number)
+        return rig.camera.last_good_ns
+
+    return inject
+
+
+def _starve(rig: Rig, _: np.random.Generator) -> int:
+    """Keep every core busy twice over, for two seconds."""
+    t_ns = time.monotonic_ns()
+    with busy_cores(_HOGS, _HOG_S) as hogs:
+        for hog in hogs:
+            hog.wait()
+    return t_ns
+
+
+def _throttle(rig: Rig, _: np.random.Generator) -> int:
+    """Let perception run a tenth of the time, as on a processor that is too hot."""
+    pid = rig.service.pid("perception")
+    end = time.monotonic() + _THROTTLE_S
+    t0_ns = rig.camera.last_good_ns
+    with contextlib.suppress(ProcessLookupError):
+        while time.monotonic() < end:
+            os.kill(pid, signal.SIGSTOP)
+            time.sleep(_REST_S)
+            os.kill(pid, signal.SIGCONT)
+            time.sleep(_RUN_S)
+    return t0_ns
+
+
+def _fill_disk(rig: Rig, _: np.random.Generator) -> int:
+    """Let no file of the gate grow any more."""
+    pid = rig.service.pid("gate")
+    resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, 0))
+    return time.monotonic_ns()
+
+
+def _kill_router(rig: Rig, _: np.random.Generator) -> int:
+    rig.stop_router()
+    return rig.camera.last_good_ns
+
+
+def process_faults() -> tuple[Fault, ...]:
+    """Faults of the machine, by the rows of the table."""
+    hold, abort, silence = Reaction.HOLD, Reaction.ABORT, Reaction.SILENCE
+    kill, stop = signal.SIGKILL, signal.SIGSTOP
+    return (
+        Fault(
+            "gate-dies",
+            "gate killed",
+            "exit",
+            silence,
+            100.0,
+            _STATES,
+            _signals("gate", kill),
+            restarts=True,
+        ),
+        Fault(
+            "gate-hangs",
+            "gate stopped",
+            "parent's watch, 0.3 s",
+            silence,
+            400.0,
+            _STATES,
+            _signals("gate", stop),
+            restarts=True,
+        ),
+        Fault(
+            "perception-dies",
+            "perception killed",
+            "frame age",
+            hold,
+            CAPTURE_MS,
+            ANY_ENGAGED,
+            _perception_is(kill),
+            restarts=True,
+            says=(str(Cause.FRAME_OLD),),
+        ),
+        Fault(
+            "perception-hangs",
+            "perception stopped",
+            "frame age",
+            abort,
+            3700.0,
+            (S.SERVO,),
+            _perception_is(stop),
+            restarts=True,
+            says=(str(Cause.HOLD_TOO_LONG),),
+        ),
+        Fault(
+            "parent-dies",
+            "parent killed",
+            "its pipe ends",
+            abort,
+            300.0,
+            ANY_ENGAGED,
+            _signals("parent", kill),
+            restarts=True,
+            says=(str(Cause.UNSUPERVISED),),
+        ),
+        Fault(
+            "parent-hangs",
+            "parent stopped",
+            "no sign of life for 1 s",
+            abort,
+            1400.0,
+            ANY_ENGAGED,
+            _signals("parent", stop),
+            restarts=True,
+            says=(str(Cause.UNSUPERVISED),),
+        ),
+        Fault(
+            "sigterm",
+            "SIGTERM",
+            "handler",
+            Reaction.EXIT,
+            2000.0,
+            _STATES,
+            _signals("parent", signal.SIGTERM),
+            restarts=True,
+            says=(str(Cause.STOPPED),),
+        ),
+        Fault(
+            "cpu-starved",
+            "two busy processes a core for 2 s",
+            "missed deadlines",
+            Reaction.STREAM,
+            150.0,
+            (S.SERVO, S.HOLD, S.DONE),
+            _starve,
+            alone=True,
+        ),
+        Fault(
+            "throttled",
+            "perception gets a tenth of its time",
+            "frame age",
+            hold,
+            CAPTURE_MS,
+            _FLOWN,
+            _throttle,
+            says=(str(Cause.FRAME_OLD),),
+        ),
+        Fault(
+            "disk-full",
+            "no file can grow",
+            "bounded queue",
+            Reaction.STREAM,
+            150.0,
+            _FLOWN,
+            _fill_disk,
+            watch_s=1.0,
+            restarts=True,
+        ),
+        Fault(
+            "router-dies",
+            "Zenoh router dies",
+            "silence, frame age",
+            hold,
+            CAPTURE_MS,
+            _STATES,
+            _kill_router,
+            ROUTER,
+            says=("no camera frame",),
+        ),
+    )

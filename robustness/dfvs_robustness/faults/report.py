@@ -1,0 +1,246 @@
+"""The matrix as a table: JSON for machines, Markdown and HTML for people."""
+
+from __future__ import annotations
+
+import html
+import json
+import math
+import os
+import platform
+from collections import Counter
+from collections.abc import Mapping, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dfvs_core.gate.states import GateState
+from dfvs_robustness.answers.report import html_section, markdown_lines
+from dfvs_robustness.faults.fault import Fault, Outcome
+
+_MAX_CAUSE = 80
+_STYLE = """
+body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 76rem; padding: 0 1rem;
+  color: #1c2733; background: #fff; }
+h1 { font-size: 1.5rem; } p { max-width: 52rem; }
+table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
+th, td { padding: .3rem .6rem; text-align: left; border-bottom: 1px solid #d8dee6;
+  vertical-align: top; }
+th { position: sticky; top: 0; background: #eef2f6; } td.n { text-align: right; }
+tr.bad td { background: #fde8e6; } .ok { color: #14713a; }
+.fail { color: #b3261e; font-weight: 600; }
+.bar { position: relative; width: 11rem; height: .9rem; background: #eef2f6; }
+.bar i { position: absolute; top: 0; bottom: 0; width: 2px; background: #2f6fb0; opacity: .6; }
+code { background: #eef2f6; padding: 0 .25rem; }
+"""
+
+
+@dataclass(frozen=True, slots=True)
+class Row:
+    """One fault in one state over all seeds; times in ms."""
+
+    fault: str
+    state: str
+    seeds: int
+    passed: int
+    p50_ms: float | None
+    p99_ms: float | None
+    max_ms: float | None
+    limit_ms: float
+    what: str
+    seen_by: str
+    reaction: str
+    cause: str
+    problems: tuple[str, ...]
+    repeated: int
+    times_ms: tuple[float, ...]
+
+
+@dataclass(frozen=True, slots=True)
+class Source:
+    """Command that made a report, and what its readers should know."""
+
+    command: str
+    remark: str = ""
+
+
+def make_rows(outcomes: Sequence[Outcome], faults: Mapping[str, Fault]) -> list[Row]:
+    """Rows in the order of the faults and the states."""
+    order = {name: i for i, name in enumerate(faults)}
+    states = list(GateState)
+    found: dict[tuple[str, str], list[Outcome]] = {}
+    for outcome in outcomes:
+        if outcome.fault in faults:
+            found.setdefault((outcome.fault, outcome.state), []).append(outcome)
+    keys = sorted(found, key=lambda k: (order[k[0]], states.index(GateState(k[1]))))
+    return [_row(faults[fault], found[fault, state]) for fault, state in keys]
+
+
+def _row(fault: Fault, outcomes: Sequence[Outcome]) -> Row:
+    times = [o.reaction_ms for o in outcomes if math.isfinite(o.reaction_ms)]
+    p50, p99, most = np.percentile(times, [50, 99, 100]) if times else (None, None, None)
+    causes = Counter(o.cause[:_MAX_CAUSE] for o in outcomes if o.cause)
+    return Row(
+        fault=fault.name,
+        state=outcomes[0].state,
+        seeds=len(outcomes),
+        passed=sum(o.passed for o in outcomes),
+        p50_ms=_rounded(p50),
+        p99_ms=_rounded(p99),
+        max_ms=_rounded(most),
+        limit_ms=fault.limit_ms,
+        what=fault.what,
+        seen_by=fault.seen_by,
+        reaction=fault.reaction.value,
+        cause=causes.most_common(1)[0][0] if causes else "",
+        problems=tuple(sorted({o.problem for o in outcomes if o.problem})),
+        repeated=sum(o.attempts > 1 for o in outcomes),
+        times_ms=tuple(round(t, 1) for t in times),
+    )
+
+
+def _rounded(value: float | None) -> float | None:
+    return None if value is None else round(float(value), 1)
+
+
+def as_json(rows: Sequence[Row], violations: Sequence[str]) -> dict[str, Any]:
+    """Table for machines."""
+    names = ("fault", "state", "seeds", "passed", "p50_ms", "p99_ms", "max_ms", "limit_ms")
+    more = ("what", "seen_by", "reaction", "cause", "problems", "repeated")
+    listed = [{name: getattr(row, name) for name in (*names, *more)} for row in rows]
+    return {"rows": listed, "violations": list(violations)}
+
+
+def write_json(path: Path, rows: Sequence[Row], violations: Sequence[str]) -> None:
+    """Write the table for machines, whole or not at all."""
+    text = json.dumps(as_json(rows, violations), indent=1, ensure_ascii=False) + "\n"
+    _replace(path, text)
+
+
+def verdict(rows: Sequence[Row], violations: Sequence[str]) -> str:
+    """One sentence."""
+    cases, passed = sum(r.seeds for r in rows), sum(r.passed for r in rows)
+    faults = len({r.fault for r in rows})
+    repeated = sum(r.repeated for r in rows)
+    again = f", {repeated} of them not at the first attempt" if repeated else ""
+    counts = [r.seeds for r in rows]
+    seeds = f", {min(counts)} to {max(counts)} seeds a row" if counts else ""
+    return (
+        f"{passed} of {cases} cases passed{again} ({faults} faults, {len(rows)} rows{seeds}); "
+        f"{len(violations)} violation{'' if len(violations) == 1 else 's'} of I1–I9"
+    )
+
+
+def as_markdown(
+    rows: Sequence[Row],
+    violations: Sequence[str],
+    source: Source,
+    answers: Mapping[str, Any] | None = None,
+) -> str:
+    """Table for people, in a text; ``answers`` as ``dfvs-robustness answers`` writes them."""
+    lines = [
+        "# Faults",
+        "",
+        f"{verdict(rows, violations)}. Made by `{source.command}` on {_machine()}.",
+        "",
+        *_NOTE,
+        "",
+        *([source.remark, ""] if source.remark else []),
+        "| fault | in state | seen by | reaction | passed | p50 ms | p99 ms | max ms | limit ms |",
+        "|---|---|---|---|---|---|---|---|---|",
+    ]
+    for r in rows:
+        cells = (r.what, r.state, r.seen_by, r.reaction, f"{r.passed}/{r.seeds}")
+        times = (_text(r.p50_ms), _text(r.p99_ms), _text(r.max_ms), f"{r.limit_ms:g}")
+        lines.append(f"| {' | '.join((*cells, *times))} |")
+    lines += ["", *(f"- {text}" for text in violations)] if violations else []
+    lines += ["", *markdown_lines(answers)] if answers is not None else []
+    return "\n".join(lines).rstrip() + "\n"
+
+
+_NOTE = (
+    "The real `dfvs-service` flies a simulated vehicle and is disturbed from outside. Times go",
+    "from the fault (for frames: from the capture of the last good one; for a takeover: from the",
+    "message that tells of it) to the first zero setpoint, or the state or silence that had to",
+    "follow, by the vehicle's own record; 0 means that nothing moved any more when it happened.",
+    "Every case draws its place, its phase and what is random in its fault from its own seed;",
+    "where a service survives a fault, it is healed and flies on into the next case.",
+    "A case is repeated where the state was not reached, where frames were late without any",
+    "reason, or where it failed while the simulated vehicle itself stood still: the machine was",
+    "too busy with other work then. Three attempts without a verdict count as a failure.",
+    "Results beside a stand-in are no flight evidence, and no failure in N cases bounds the rate",
+    "for these faults only.",
+)
+
+
+def as_html(
+    rows: Sequence[Row],
+    violations: Sequence[str],
+    source: Source,
+    answers: Mapping[str, Any] | None = None,
+) -> str:
+    """Table for people, in one file without any other."""
+    body = "\n".join(_html_row(row) for row in rows)
+    listed = "".join(f"<li>{html.escape(text)}</li>" for text in violations)
+    found = f"<h2>Violations</h2><ul>{listed}</ul>" if violations else ""
+    answered = "" if answers is None else html_section(answers)
+    note = html.escape(" ".join(_NOTE)).replace("`dfvs-service`", "<code>dfvs-service</code>")
+    words = ("fault", "in state", "seen by", "reaction", "gate's word", "passed")
+    heads = (*words, "p50", "p99", "max", "limit, ms", "0 … limit")
+    return f"""<!doctype html>
+<html lang="en"><head><meta charset="utf-8"><title>DFVS faults</title>
+<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head>
+<body><h1>Faults</h1>
+<p><b>{html.escape(verdict(rows, violations))}.</b></p>
+<p>Made by <code>{html.escape(source.command)}</code> on {html.escape(_machine())}. {note}</p>
+<p>{html.escape(source.remark)}</p>
+<table><thead><tr>{"".join(f"<th>{h}</th>" for h in heads)}</tr></thead><tbody>
+{body}
+</tbody></table>{found}{answered}</body></html>
+"""
+
+
+def _html_row(row: Row) -> str:
+    good = row.passed == row.seeds
+    words = (row.what, row.state, row.seen_by, row.reaction, row.cause)
+    cells = "".join(f"<td>{html.escape(word)}</td>" for word in words)
+    title = html.escape("; ".join(row.problems), quote=True)
+    passed = f'<td class="{"ok" if good else "fail"}" title="{title}">{row.passed}/{row.seeds}</td>'
+    numbers = (_text(row.p50_ms), _text(row.p99_ms), _text(row.max_ms), f"{row.limit_ms:g}")
+    times = "".join(f'<td class="n">{number}</td>' for number in numbers)
+    return f'<tr class="{"" if good else "bad"}">{cells}{passed}{times}<td>{_bar(row)}</td></tr>'
+
+
+def _bar(row: Row) -> str:
+    """Every seed's time as a mark between zero and the limit."""
+    if row.limit_ms <= 0:
+        return ""
+    shares = [min(100.0 * t / row.limit_ms, 99.0) for t in row.times_ms]
+    return f'<div class="bar">{"".join(f"<i style=left:{s:.1f}%></i>" for s in shares)}</div>'
+
+
+def _text(value: float | None) -> str:
+    return "–" if value is None else f"{value:.0f}"
+
+
+def _machine() -> str:
+    return f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
+
+
+def write_reports(
+    page: Path,
+    rows: Sequence[Row],
+    violations: Sequence[str],
+    source: Source,
+    answers: Mapping[str, Any] | None = None,
+) -> None:
+    """Write the HTML page and, beside it, the same as Markdown."""
+    _replace(page, as_html(rows, violations, source, answers))
+    _replace(page.with_suffix(".md"), as_markdown(rows, violations, source, answers))
+
+
+def _replace(path: Path, text: str) -> None:
+    new = path.with_name(path.name + ".new")
+    new.write_text(text, encoding="utf-8")
+    new.replace(path)

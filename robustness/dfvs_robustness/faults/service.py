@@ -1,0 +1,231 @@
+"""The real ``dfvs-service`` as a user starts it, its processes, its log and its orders."""
+
+from __future__ import annotations
+
+import contextlib
+import json
+import os
+import secrets
+import signal
+import subprocess
+import sys
+import threading
+import time
+from collections.abc import Callable
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import zenoh
+
+from dfvs_common.lifecycle import child_environment
+from dfvs_core.errors import DfvsError
+from dfvs_core.gate.command import Command, encode_command
+from dfvs_core.gate.events import Action
+from dfvs_core.messages.topics import Topics
+from dfvs_sim.child import ONE_BLAS_THREAD
+
+KEY = b"the harness signs its orders so."
+"""Secret of the signed commands of the harness."""
+
+_POLL_S = 0.005
+_GRACE_S = 4.0
+
+
+class HarnessError(DfvsError):
+    """The harness itself could not do what a case needs."""
+
+
+@dataclass(slots=True)
+class GateLog:
+    """The gate's own log, read as it grows."""
+
+    path: Path
+    changes: list[dict[str, Any]] = field(default_factory=list)
+    """All transitions so far."""
+    _read: int = 0
+
+    def update(self) -> None:
+        """Read what was added."""
+        with contextlib.suppress(FileNotFoundError), self.path.open("rb") as file:
+            file.seek(self._read)
+            data = file.read()
+            end = data.rfind(b"\n") + 1
+            self._read += end
+            records = (json.loads(line) for line in data[:end].splitlines())
+            self.changes += [record for record in records if record["kind"] == "transition"]
+
+    def transitions(self, since_ns: int = 0) -> list[dict[str, Any]]:
+        """Transitions from a time on, oldest first."""
+        self.update()
+        return [change for change in self.changes if change["t_ns"] >= since_ns]
+
+    @property
+    def state(self) -> str:
+        """State after the last transition."""
+        self.update()
+        return str(self.changes[-1]["target"]) if self.changes else "IDLE"
+
+
+class ServiceProcess:
+    """One run of the service.
+
+    Parameters
+    ----------
+    words : list of str
+        Arguments of ``dfvs-service``, without the runtime folder.
+    runtime : Path
+        New and empty.
+    """
+
+    def __init__(self, words: list[str], runtime: Path) -> None:
+        runtime.mkdir(parents=True)
+        self.runtime = runtime
+        self.log = GateLog(runtime / "gate.jsonl")
+        command = [sys.executable, "-m", "dfvs_service.cli", *words, "--runtime-dir", str(runtime)]
+        with (runtime / "service.err").open("wb") as errors:
+            self.process = subprocess.Popen(
+                command,
+                stdin=subprocess.DEVNULL,
+                stdout=subprocess.DEVNULL,
+                stderr=errors,
+                env=os.environ | ONE_BLAS_THREAD | child_environment(),
+            )
+        self._children: dict[str, int] = {}
+
+    def pid(self, name: str) -> int:
+        """Process id of ``parent``, ``gate``, ``perception`` or ``operator_link``."""
+        if name == "parent":
+            return self.process.pid
+        if name not in self._children:
+            self._find_children()
+        return self._children[name]
+
+    def _find_children(self) -> None:
+        pid = self.process.pid
+        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
+            words = Path(f"/proc/{child}/cmdline").read_text()
+            for name in ("gate", "perception", "operator_link"):
+                if f"dfvs_service.{name}" in words:
+                    self._children[name] = int(child)
+
+    def is_running(self) -> bool:
+        """Whether the parent runs."""
+        return self.process.poll() is None
+
+    def close(self) -> None:
+        """End every process of it, however it is."""
+        self._find_children_quietly()
+        for pid in (self.process.pid, *self._children.values()):
+            with contextlib.suppress(ProcessLookupError):
+                os.kill(pid, signal.SIGCONT)
+        self.process.terminate()
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self.process.wait(_GRACE_S)
+        for pid in self._children.values():
+            if _is_ours(pid, self.runtime):
+                with contextlib.suppress(ProcessLookupError):
+                    os.kill(pid, signal.SIGKILL)
+        self.process.kill()
+        self.process.wait()
+
+    def _find_children_quietly(self) -> None:
+        if self.is_running():
+            with contextlib.suppress(FileNotFoundError):
+                self._find_children()
+
+    def errors(self) -> str:
+        """What the service told its user."""
+        return (self.runtime / "service.err").read_text(errors="replace")
+
+
+def _is_ours(pid: int, runtime: Path) -> bool:
+    """Whether a process still is the one that was started, and not another under its number."""
+    try:
+        return str(runtime) in Path(f"/proc/{pid}/cmdline").read_text()
+    except FileNotFoundError:
+        return False
+
+
+def signed(key: bytes, vehicle: str, action: Action, challenge: str) -> bytes:
+    """Bytes of a command that was never sent before."""
+    return encode_command(key, Command(vehicle, action, challenge, secrets.token_hex(16)))
+
+
+class Operator:
+    """Hears the service's state over Zenoh and gives signed orders."""
+
+    def __init__(self, session: zenoh.Session, topics: Topics) -> None:
+        self._session = session
+        self._topics = topics
+        self._changed = threading.Condition()
+        self.status: dict[str, Any] = {}
+        self.heard_ns = 0
+        self.used_challenge = ""
+        """Challenge of the last order."""
+        self.seen_ns = 0
+        """Capture of the newest frame that perception could use."""
+        self._subscribers = [
+            session.declare_subscriber(topics.telemetry("state"), self._on_state),
+            session.declare_subscriber(topics.telemetry("servo"), self._on_servo),
+        ]
+
+    def _on_state(self, sample: zenoh.Sample) -> None:
+        with self._changed:
+            self.status = json.loads(sample.payload.to_bytes())
+            self.heard_ns = time.monotonic_ns()
+            self._changed.notify_all()
+
+    def _on_servo(self, sample: zenoh.Sample) -> None:
+        servo = json.loads(sample.payload.to_bytes())
+        if not servo["reason"]:
+            self.seen_ns = servo["t_capture_ns"]
+
+    def wait(self, accept: Callable[[dict[str, Any]], bool], timeout_s: float) -> bool:
+        """Wait for a state that is accepted; tell whether it came."""
+        with self._changed:
+            return self._changed.wait_for(lambda: accept(self.status), timeout_s)
+
+    def order(self, action: Action, timeout_s: float = 3.0) -> str:
+        """Give an order; returns the service's answer.
+
+        Raises
+        ------
+        HarnessError
+            If it does not answer.
+        """
+        command = self.signed(action, timeout_s)
+        count = self.status["command_count"]
+        self.send(command)
+        if not self.wait(lambda s: s["command_count"] > count, timeout_s):
+            raise HarnessError(f"the service does not answer the order {action}")
+        return str(self.status["command_result"])
+
+    def signed(self, action: Action, timeout_s: float = 3.0) -> bytes:
+        """Bytes of a command with the challenge of a state that is published from now on.
+
+        Raises
+        ------
+        HarnessError
+            If there is none.
+        """
+        since_ns = time.monotonic_ns()
+        fresh = self.wait(lambda s: bool(s.get("challenge")) and s["t_ns"] > since_ns, timeout_s)
+        if not fresh:
+            raise HarnessError("the service publishes no challenge")
+        self.used_challenge = self.status["challenge"]
+        return signed(KEY, self._topics.vehicle, action, self.used_challenge)
+
+    def send(self, command: bytes) -> None:
+        """Send the bytes of a command, whatever they are."""
+        self._session.put(self._topics.command, command)
+
+
+def wait_until(condition: Callable[[], bool], timeout_s: float, poll_s: float = _POLL_S) -> bool:
+    """Wait for a condition; tell whether it came true."""
+    deadline = time.monotonic() + timeout_s
+    while not condition():
+        if time.monotonic() > deadline:
+            return False
+        time.sleep(poll_s)
+    return True

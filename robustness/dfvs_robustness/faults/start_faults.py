@@ -1,0 +1,209 @@
+"""What is wrong from the start: the goal, the mounting, the settings."""
+
+from __future__ import annotations
+
+import math
+import subprocess
+import sys
+import time
+from typing import Any
+
+import numpy as np
+
+from dfvs_core.gate.events import Action
+from dfvs_core.gate.states import Cause, GateState
+from dfvs_core.messages.goal import Mount
+from dfvs_robustness.faults.fault import Fault, Reaction
+from dfvs_robustness.faults.harness import NO_RESPONSE_CHECK, Rig, Setup
+from dfvs_robustness.faults.service import HarnessError, wait_until
+
+S = GateState
+_MOVING_M_S = 0.01
+_MOTION_S = 3.0
+_CANNOT_RUN = 2
+_TYPO_S = 20.0
+_TRAVEL_M, _TRAVEL_S = 0.2, 8.0
+_ENGAGED_S = 8.0
+_AT_GOAL_S = 6.0
+_STUCK_MS = 9000.0
+"""Five seconds after the last fall, which may come after the view froze: the vehicle still tilts
+and turns, so that the view, levelled by its attitude, comes nearer once or twice at first."""
+
+
+def _ordered(rig: Rig, _: np.random.Generator) -> int:
+    """Order to engage although the checks do not pass."""
+    rig.operator.order(Action.ENGAGE)
+    return time.monotonic_ns()
+
+
+def _frozen_world(rig: Rig, _: np.random.Generator) -> int:
+    """However the vehicle flies, the view stays as it is."""
+    rig.world.pin()
+    return time.monotonic_ns()
+
+
+def _initial_motion(rig: Rig, _: np.random.Generator) -> int:
+    """When the vehicle itself, by the truth, began to move in this engagement."""
+    engaged_ns = rig.service.log.transitions()[-1]["t_ns"]
+
+    def moving() -> list[int]:
+        poses = [e for e in rig.world.events[-3000:] if e["kind"] == "pose"]
+        fast = [e for e in poses if math.hypot(*e["velocity"]) >= _MOVING_M_S]
+        return [e["t_ns"] for e in fast if e["t_ns"] >= engaged_ns]
+
+    if not wait_until(lambda: bool(moving()), _MOTION_S):
+        raise HarnessError("the vehicle does not move")
+    return moving()[0]
+
+
+def _engaged_ns(rig: Rig) -> int:
+    """When the gate was engaged last."""
+    entered = [t["t_ns"] for t in rig.service.log.transitions() if t["target"] == S.ENGAGE]
+    return int(entered[-1])
+
+
+def _flown_far(rig: Rig, _: np.random.Generator) -> int:
+    """When the vehicle itself, by the truth, was further from its start than it may be."""
+    engaged_ns, events = _engaged_ns(rig), rig.world.events
+    first = next(k for k, e in enumerate(events) if e["t_ns"] >= engaged_ns)
+
+    def flown() -> list[dict[str, Any]]:
+        """Poses of this engagement; the rig keeps those of flights before it, too."""
+        return [e for e in events[first:] if e["kind"] == "pose" and e["t_ns"] >= engaged_ns]
+
+    start = flown()[0]["place"]
+
+    def beyond() -> list[int]:
+        return [e["t_ns"] for e in flown() if math.dist(e["place"], start) > _TRAVEL_M]
+
+    if not wait_until(lambda: bool(beyond()), _TRAVEL_S):
+        raise HarnessError(f"the vehicle does not fly {_TRAVEL_M} m")
+    return beyond()[0]
+
+
+def _flown_long(rig: Rig, _: np.random.Generator) -> int:
+    """When the gate has been engaged for as long as it may be."""
+    end_ns = _engaged_ns(rig) + int(_ENGAGED_S * 1e9)
+    wait_until(lambda: time.monotonic_ns() >= end_ns, _ENGAGED_S)
+    return end_ns
+
+
+def _held_long(rig: Rig, _: np.random.Generator) -> int:
+    """When the goal has been held by vision for as long as it may be."""
+    reached = [t["t_ns"] for t in rig.service.log.transitions() if t["target"] == S.DONE]
+    end_ns = int(reached[-1]) + int(_AT_GOAL_S * 1e9)
+    wait_until(lambda: time.monotonic_ns() >= end_ns, _AT_GOAL_S)
+    return end_ns
+
+
+def _misspelt(rig: Rig, _: np.random.Generator) -> int:
+    """Start a second service with a setting that does not exist."""
+    t_ns = time.monotonic_ns()
+    words = [*rig.words(), "--set", "gate.hold_seconds=3"]
+    command = [sys.executable, "-m", "dfvs_service.cli", *words]
+    result = subprocess.run(command, capture_output=True, timeout=_TYPO_S, check=False)
+    told = result.stderr.decode(errors="replace").strip().splitlines()
+    if result.returncode != _CANNOT_RUN or len(told) != 1 or "hold_s" not in told[0]:
+        raise HarnessError(f"the typo gave exit code {result.returncode} and {told[-1:]}")
+    return t_ns
+
+
+def _turned_mount(name: str, text: str, yaw_rad: float) -> Fault:
+    """A camera that looks another way than the settings say.
+
+    Every case has a fresh service: the vehicle that is put elsewhere between two cases would turn
+    without its gyroscopes.
+    """
+    return Fault(
+        name,
+        text,
+        "initial-response check: tilt by the images against the gyroscopes",
+        Reaction.ABORT,
+        1000.0,
+        (S.SERVO,),
+        _initial_motion,
+        Setup(mount=Mount(yaw_rad=yaw_rad)),
+        restarts=True,
+        spares_frames=True,
+        says=(str(Cause.WRONG_MOUNTING),),
+    )
+
+
+def start_faults() -> tuple[Fault, ...]:
+    """Faults of what the service is given, by the rows of the table."""
+    return (
+        Fault(
+            "wrong-goal",
+            "goal of another place",
+            "overlap at preflight",
+            Reaction.REFUSED,
+            0.0,
+            (S.PREFLIGHT,),
+            _ordered,
+            Setup(sees="texture", other_goal=True),
+            watch_s=2.5,
+        ),
+        Fault(
+            "unreachable-goal",
+            "error does not fall however it flies",
+            "no fall in 5 s",
+            Reaction.ABORT,
+            _STUCK_MS,
+            (S.SERVO,),
+            _frozen_world,
+            Setup(settings=(NO_RESPONSE_CHECK,)),
+            spares_frames=True,
+            says=(str(Cause.GOAL_LOST),),
+        ),
+        _turned_mount("wrong-mount", "camera mounted backwards", math.pi),
+        _turned_mount("sideways-mount", "camera mounted sideways", math.pi / 2),
+        Fault(
+            "flies-too-far",
+            f"further from where it was engaged than {_TRAVEL_M} m",
+            "travel cap",
+            Reaction.ABORT,
+            200.0,
+            (S.SERVO,),
+            _flown_far,
+            Setup(settings=(f"limits.max_distance_m={_TRAVEL_M}",)),
+            restarts=True,
+            spares_frames=True,
+            says=(str(Cause.DISTANCE_CAP),),
+        ),
+        Fault(
+            "flies-too-long",
+            f"engaged for over {_ENGAGED_S} s",
+            "time cap",
+            Reaction.ABORT,
+            200.0,
+            (S.SERVO, S.HOLD),
+            _flown_long,
+            Setup(settings=(f"limits.max_engaged_s={_ENGAGED_S}",)),
+            restarts=True,
+            spares_frames=True,
+            says=(str(Cause.TIME_CAP),),
+        ),
+        Fault(
+            "holds-too-long",
+            f"at the goal, held by vision, for over {_AT_GOAL_S} s",
+            "time cap",
+            Reaction.ABORT,
+            200.0,
+            (S.DONE,),
+            _held_long,
+            Setup(settings=(f"gate.hold_visual_s={_AT_GOAL_S}",)),
+            restarts=True,
+            spares_frames=True,
+            says=(str(Cause.TIME_CAP),),
+        ),
+        Fault(
+            "config-typo",
+            "setting that does not exist",
+            "strict schema, exit code 2",
+            Reaction.IGNORED,
+            0.0,
+            (S.READY,),
+            _misspelt,
+            spares_frames=True,
+        ),
+    )

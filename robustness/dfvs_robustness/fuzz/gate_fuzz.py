@@ -1,0 +1,134 @@
+"""Live lives of the gate, judge every step, and count where they have been."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dfvs_core.gate.events import Event, GateOutput, Report
+from dfvs_core.gate.machine import GateMachine
+from dfvs_robustness.fuzz.episode import Life, Step, begin_life
+from dfvs_robustness.fuzz.invariants import InvariantChecker, InvariantError
+
+STEPS_PER_LIFE = 1500
+_TWIN_EVERY = 20
+"""Every so many lives are lived twice, at another time of day (I7)."""
+
+
+@dataclass(slots=True)
+class Tally:
+    """What was lived through so far."""
+
+    lives: int = 0
+    steps: int = 0
+    events: int = 0
+    kinds: Counter[str] = field(default_factory=Counter)
+    states: Counter[str] = field(default_factory=Counter)
+    """Steps that ended in each state."""
+    transitions: Counter[str] = field(default_factory=Counter)
+    causes: Counter[str] = field(default_factory=Counter)
+    moving: int = 0
+    """Steps that sent a setpoint other than zero."""
+    twins: int = 0
+
+    def add(self, other: Tally) -> None:
+        """Count what another one counted."""
+        for name in ("lives", "steps", "events", "moving", "twins"):
+            setattr(self, name, getattr(self, name) + getattr(other, name))
+        for name in ("kinds", "states", "transitions", "causes"):
+            getattr(self, name).update(getattr(other, name))
+
+    def see(self, step: Step, output: GateOutput, state: str, moves: bool) -> None:
+        """Count one step."""
+        self.steps += 1
+        self.events += len(step[1])
+        self.states[state] += 1
+        self.moving += moves
+        self.kinds.update([type(event).__name__ for event in step[1]])
+        for change in output.transitions:
+            self.transitions[f"{change.source} to {change.target}"] += 1
+            self.causes[f"{change.target}: {change.cause}"] += 1
+
+
+@dataclass(frozen=True, slots=True)
+class Finding:
+    """A life that ended in a violation."""
+
+    life: Life
+    rule: str
+    text: str
+
+
+def live(seed: tuple[int, int], tally: Tally) -> Finding | None:
+    """Live one life; the same seed gives the same life.
+
+    Returns
+    -------
+    Finding or None
+        The life up to the step that violated an invariant.
+    """
+    life, surroundings = begin_life(np.random.default_rng(seed))
+    machine = GateMachine(life.config, life.born_ns)
+    checker = InvariantChecker(life.config, life.born_ns)
+    outputs = []
+    tally.lives += 1
+    try:
+        for _ in range(STEPS_PER_LIFE):
+            step = surroundings.next(machine.state)
+            life.steps.append(step)
+            output = machine.step(*step)
+            checker.check(*step, output, machine.state)
+            surroundings.heed(output)
+            outputs.append(output)
+            moves = output.setpoint is not None and output.setpoint.speed_m_s > 0.0
+            tally.see(step, output, machine.state, moves)
+        if seed[1] % _TWIN_EVERY == 0:
+            tally.twins += 1
+            check_twin(life, outputs, shift_ns=987_654_321_987)
+    except InvariantError as violation:
+        return Finding(life, violation.rule, violation.text)
+    return None
+
+
+def relive(life: Life) -> InvariantError | None:
+    """Play a life to a new gate; return the first violation."""
+    machine = GateMachine(life.config, life.born_ns)
+    checker = InvariantChecker(life.config, life.born_ns)
+    for step in life.steps:
+        output = machine.step(*step)
+        try:
+            checker.check(*step, output, machine.state)
+        except InvariantError as violation:
+            return violation
+    return None
+
+
+def check_twin(life: Life, outputs: list[GateOutput], shift_ns: int) -> None:
+    """I7: the same life at another time of day gives the same outputs.
+
+    Raises
+    ------
+    InvariantError
+        If it does not.
+    """
+    twin = GateMachine(life.config, life.born_ns + shift_ns)
+    for (t_ns, events), output in zip(life.steps, outputs, strict=True):
+        again = twin.step(t_ns + shift_ns, [_shifted(e, shift_ns) for e in events])
+        same = (
+            again.setpoint == output.setpoint
+            and again.mode_request is output.mode_request
+            and [t.cause for t in again.transitions] == [t.cause for t in output.transitions]
+        )
+        if not same:
+            raise InvariantError("I7", f"{output} at one time of day, {again} at another")
+
+
+def _shifted(event: Event, shift_ns: int) -> Event:
+    if isinstance(event, Report):
+        capture_ns = event.report.t_capture_ns + shift_ns
+        report = dataclasses.replace(event.report, t_capture_ns=capture_ns)
+        return Report(event.t_ns + shift_ns, report)
+    return dataclasses.replace(event, t_ns=event.t_ns + shift_ns)

@@ -1,0 +1,208 @@
+"""Goal after goal with one and the same service: to and fro, each time to another view nearby."""
+
+from __future__ import annotations
+
+import json
+import time
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.poses import pose_error
+from dfvs_core.messages.image import encode_png
+from dfvs_robustness.soak.holds import Hold, explain
+from dfvs_robustness.soak.sampling import Sampler
+from dfvs_sim.child import Child
+from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
+from dfvs_sim.demo.flight import (
+    VEHICLE_NAME,
+    Crew,
+    Flight,
+    FlightError,
+    FlightOptions,
+    Narrate,
+    running,
+)
+from dfvs_sim.demo.plan import FlightPlan
+from dfvs_sim.demo.track import Track
+from dfvs_sim.demo.watch import TelemetryWatch
+from dfvs_sim.viewpoints.sampling import camera_pose
+
+_STRAY_M, _STRAY_RAD = 0.1, 0.05
+_ORDER_S = 20.0
+_CAMERA_NICE = 5
+_ENDED_S = 2.0
+"""A flight that ends in ABORT is over after so long; before that it cannot be engaged again."""
+_MOST_MISSES = 10
+_UNDER_WAY = frozenset({"ENGAGE", "SERVO", "HOLD"})
+
+
+@dataclass(frozen=True, slots=True)
+class Leg:
+    """One flight to one goal; ``error_m`` and ``error_rad`` are true, at its end."""
+
+    number: int
+    state: str
+    cause: str
+    duration_s: float
+    error_m: float
+    error_rad: float
+
+
+@dataclass(frozen=True, slots=True)
+class Stay:
+    """How long to fly, where records go, frames a second, further words for ``dfvs-service``."""
+
+    folder: Path
+    minutes: float
+    rate_hz: float = 20.0
+    service: tuple[str, ...] = ()
+
+
+class Tour(Flight):
+    """A flight that goes on from goal to goal, by signed orders, until the time is over.
+
+    Parameters
+    ----------
+    plan : FlightPlan
+        Start and goal: the tour goes to and fro between places near these two.
+    stay : Stay
+        Its folder exists; it takes goals, logs and records.
+    narrate : callable
+        Takes one line for the user at every step.
+    """
+
+    def __init__(self, plan: FlightPlan, stay: Stay, narrate: Narrate) -> None:
+        self._key = stay.folder / "soak.key"
+        self._runtime = stay.folder / "runtime"
+        words = ("--set", f"gate.command_key_file={self._key}", "--runtime-dir", str(self._runtime))
+        service = *words, *stay.service
+        options = FlightOptions(
+            rate_hz=stay.rate_hz,
+            camera_nice=_CAMERA_NICE,
+            service=service,
+            conditions=Conditions(USUAL_ESTIMATE),
+        )
+        super().__init__(plan, options, stay.folder, narrate)
+        for old in (self._key, self._runtime / "gate.jsonl"):  # of an earlier soak
+            old.unlink(missing_ok=True)
+        self._order("new-key")
+        self._length_s = 60.0 * stay.minutes
+        self._rng = np.random.default_rng(plan.seed)
+        self.legs: list[Leg] = []
+        self.holds: list[Hold] = []
+        self.sampler: Sampler | None = None
+
+    def fly(self, crew: Crew, on_progress: Callable[[TelemetryWatch, Track], None]) -> None:
+        """Fly leg after leg, with a sampler beside."""
+        self.sampler = Sampler(crew.service.pid, lambda: _latency_ms(crew.watch))
+        end_s = time.monotonic() + self._length_s
+        goals = self._goals()
+        goal, misses = next(goals), 0
+        with running(self.sampler.run, "sampler"):
+            while True:
+                arrived = self._leg(crew, goal, on_progress)
+                misses = 0 if arrived else misses + 1
+                is_over = time.monotonic() >= end_s or crew.service.exit_code is not None
+                if is_over or misses >= _MOST_MISSES:
+                    return
+                if arrived:
+                    goal = next(goals)
+                    self._change_goal(crew, goal)
+                else:
+                    self._start_again(crew)
+
+    @property
+    def folder(self) -> Path:
+        """Where logs and plots lie."""
+        return self._folder
+
+    def _holds_since(self, t_ns: int, crew: Crew) -> Iterator[Hold]:
+        """Every change from SERVO to HOLD since a time, from the gate's log."""
+        log = self._runtime / "gate.jsonl"
+        for line in log.read_text(encoding="utf-8").splitlines():
+            record = json.loads(line)
+            path = record.get("source"), record.get("target")
+            if record["t_ns"] >= t_ns and path == ("SERVO", "HOLD"):
+                cause = f"{record['cause']} {record['detail']}".strip()
+                sent = tuple(crew.camera.published_ns)
+                yield explain(record["t_ns"], cause, sent, crew.watch.servo)
+
+    def _goals(self) -> Iterator[FloatArray]:
+        """Goal of each leg: the planned one, then near the start and near the goal in turn."""
+        yield self._plan.T_scene_goal
+        while True:
+            yield self._near(self._plan.T_scene_start)
+            yield self._near(self._plan.T_scene_goal)
+
+    def _near(self, T_scene_place: FloatArray) -> FloatArray:
+        """Level camera pose a little beside a place."""
+        x, y, z = T_scene_place[:3, 3] + self._rng.uniform(-_STRAY_M, _STRAY_M, 3)
+        ahead = T_scene_place[:3, 2]
+        yaw = float(np.arctan2(ahead[1], ahead[0]) + self._rng.uniform(-_STRAY_RAD, _STRAY_RAD))
+        return camera_pose((float(x), float(y), float(z)), yaw)
+
+    def _leg(
+        self,
+        crew: Crew,
+        T_scene_goal: FloatArray,
+        on_progress: Callable[[TelemetryWatch, Track], None],
+    ) -> bool:
+        """Fly to one goal; tell whether it was reached."""
+        crew.watch.servo.clear()  # hours of them are not needed
+        crew.track.points[:-1] = []
+        began_ns = time.monotonic_ns()
+        super().fly(crew, on_progress)
+        self.holds += self._holds_since(began_ns, crew)
+        error_m, error_rad = pose_error(crew.track.points[-1].T_scene_camera, T_scene_goal)
+        leg = Leg(
+            len(self.legs) + 1,
+            crew.watch.state,
+            crew.watch.cause,
+            round((time.monotonic_ns() - began_ns) * 1e-9, 1),
+            round(error_m, 4),
+            round(error_rad, 4),
+        )
+        self.legs.append(leg)
+        self._narrate(f"leg {leg.number}: {leg.state} after {leg.duration_s} s, {error_m:.3f} m")
+        return leg.state == "DONE"
+
+    def _change_goal(self, crew: Crew, T_scene_goal: FloatArray) -> None:
+        """Order the service to another goal, and wait until it has set off."""
+        picture = self._folder / "next.png"
+        picture.write_bytes(encode_png(self._plan.goal_image(T_scene_goal)))
+        sidecar = self._plan.goal_sidecar(T_scene_goal).to_json()
+        picture.with_suffix(".json").write_text(sidecar, encoding="utf-8")
+        self._order("goal", "--goal", str(picture))
+        self._await_under_way(crew)
+
+    def _start_again(self, crew: Crew) -> None:
+        """Take the vehicle back after a leg that failed, and engage once more."""
+        crew.pilot.hold()
+        time.sleep(_ENDED_S)
+        self._order("engage")
+        self.await_ready(crew.watch, crew.service)
+        crew.pilot.engage_offboard()
+        self._await_under_way(crew)
+
+    def _await_under_way(self, crew: Crew) -> None:
+        if crew.watch.wait_for_state(_UNDER_WAY, _ORDER_S) is None:
+            raise FlightError(f"the service does not set off: {crew.watch.state}")
+
+    def _order(self, *words: str) -> None:
+        """Run ``dfvs-service command``."""
+        listen = f'zenoh.listen=["{self._ports.zenoh_endpoint}"]'
+        words = (*words, "--key-file", str(self._key), "--vehicle", VEHICLE_NAME, "--set", listen)
+        log = self._folder / "order.log"
+        with Child("order", ["dfvs_service.cli", "command", *words], log) as order:
+            if order.wait(_ORDER_S) != 0:
+                raise FlightError(f"dfvs-service command {words[0]} failed: {order.last_lines()}")
+
+
+def _latency_ms(watch: TelemetryWatch) -> tuple[float, float] | None:
+    """Newest p50 and p99 from capture to report."""
+    stage = watch.timing.get("stages", {}).get("capture_to_report")
+    return None if stage is None else (float(stage["p50_ms"]), float(stage["p99_ms"]))

@@ -1,0 +1,108 @@
+"""What the samples of a soak come to."""
+
+from __future__ import annotations
+
+from dataclasses import asdict, dataclass
+from typing import Any
+
+import numpy as np
+
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_robustness.soak.sampling import Sample
+from dfvs_robustness.soak.slope import robust_slope
+
+MAX_MB_PER_H = 1.0
+WARM_UP_SHARE = 0.25
+"""Caches fill, pools grow: the first part does not count."""
+LONGEST_WARM_UP_S = 300.0
+
+
+@dataclass(frozen=True, slots=True)
+class ProcessVerdict:
+    """One process: growth of its memory (PSS) in MB/h with its interval, and of what it holds."""
+
+    role: str
+    samples: int
+    first_own_mb: float
+    last_own_mb: float
+    max_rss_mb: float
+    mb_per_h: float
+    mb_per_h_low: float
+    mb_per_h_high: float
+    descriptors_grown: int
+    threads_grown: int
+    memory: str
+    """passed, failed, or undecided where the interval holds the limit."""
+
+    @property
+    def passed(self) -> bool:
+        """Tell whether nothing grows."""
+        return self.memory == "passed" and max(self.descriptors_grown, self.threads_grown) <= 0
+
+
+def judge(samples: list[Sample]) -> list[ProcessVerdict]:
+    """Judge every process by what it was after warming up.
+
+    Raises
+    ------
+    ValueError
+        If there are too few samples.
+    """
+    last_s = max(s.t_s for s in samples)
+    warm_s = min(WARM_UP_SHARE * last_s, LONGEST_WARM_UP_S)
+    verdicts = []
+    for role in sorted({s.role for s in samples}):
+        own = [s for s in samples if s.role == role and s.t_s >= warm_s]
+        verdicts.append(_judge_one(role, own))
+    return verdicts
+
+
+def _judge_one(role: str, own: list[Sample]) -> ProcessVerdict:
+    t_h = np.array([s.t_s for s in own]) / 3600.0
+    own_mb = np.array([s.own_mb for s in own])
+    slope = robust_slope(t_h, own_mb)
+    quarter = max(len(own) // 4, 1)
+    if slope.high < MAX_MB_PER_H:
+        memory = "passed"
+    else:
+        memory = "failed" if slope.low > MAX_MB_PER_H else "undecided"
+    return ProcessVerdict(
+        role=role,
+        samples=len(own),
+        first_own_mb=round(float(np.median(own_mb[:quarter])), 2),
+        last_own_mb=round(float(np.median(own_mb[-quarter:])), 2),
+        max_rss_mb=round(max(s.rss_mb for s in own), 1),
+        mb_per_h=round(slope.value, 2),
+        mb_per_h_low=round(slope.low, 2),
+        mb_per_h_high=round(slope.high, 2),
+        descriptors_grown=_grown(np.array([s.descriptors for s in own])),
+        threads_grown=_grown(np.array([s.threads for s in own])),
+        memory=memory,
+    )
+
+
+def _grown(counts: FloatArray) -> int:
+    """Growth from the first quarter to the last, by medians."""
+    quarter = max(len(counts) // 4, 1)
+    return round(float(np.median(counts[-quarter:]) - np.median(counts[:quarter])))
+
+
+def latency_figures(samples: list[Sample]) -> dict[str, float | None]:
+    """Capture to report: medians of p50 and p99 in the first and the last third, in ms."""
+    told = [s for s in samples if s.latency_p50_ms is not None and s.latency_p99_ms is not None]
+    third = len(told) // 3
+    if third == 0:
+        return {"first_p50": None, "first_p99": None, "last_p50": None, "last_p99": None}
+    parts = {"first": told[:third], "last": told[-third:]}
+    return {
+        f"{name}_{which}": round(
+            float(np.median([float(getattr(s, f"latency_{which}_ms")) for s in part])), 2
+        )
+        for name, part in parts.items()
+        for which in ("p50", "p99")
+    }
+
+
+def document(verdicts: list[ProcessVerdict]) -> list[dict[str, Any]]:
+    """Verdicts as JSON."""
+    return [asdict(v) | {"passed": v.passed} for v in verdicts]

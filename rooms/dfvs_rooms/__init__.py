@@ -1,0 +1,1 @@
+"""Generator of furnished rooms, and the baking of light."""

@@ -1,0 +1,208 @@
+"""``dfvs-rooms pairs``: pairs of views with exact flow, to measure by and to train on."""
+
+from __future__ import annotations
+
+import argparse
+import functools
+import json
+import re
+import sys
+import time
+import zlib
+from collections.abc import Callable
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from dfvs_core.errors import ConfigError
+from dfvs_models.evaluation import LEVELS
+from dfvs_rooms.generator.interior import KINDS, drawn_interior
+from dfvs_rooms.generator.room import Room
+from dfvs_rooms.generator.splits import BENCHMARK_SEEDS, require_training
+from dfvs_rooms.lighting.bake import light_room
+from dfvs_rooms.pairs.drawing import PairArtist
+from dfvs_rooms.pairs.files import evaluation_arrays, write_arrays
+from dfvs_rooms.pairs.wide import WidePairSampler
+from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
+from dfvs_sim.render.renderer import Renderer
+from dfvs_sim.scene.glb import load_glb
+
+_ROOMS_KEPT = 40
+_MAX_PAIRS = 1_000_000
+_EPILOG = """examples:
+  dfvs-rooms pairs --scene room.glb --count 45 --seed 1 --out room.npz
+  dfvs-rooms pairs --format wide --rooms 30000-30089 --kinds all --count 40 --seed 0 --out pairs
+"""
+
+
+def add_parser(subparsers: Any) -> None:
+    """Add ``pairs`` to the subcommands of ``dfvs-rooms``."""
+    parser = subparsers.add_parser(
+        "pairs",
+        help="pairs of views with exact flow",
+        description="Render pairs of views of rooms: a file of small, medium and large motions in "
+        "turn with exact flow for dfvs-bench, or a folder of wide-baseline pairs with depth and "
+        "pose, a file a room, for dfvs-export train. The seed and the rooms decide every bit.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add = parser.add_argument
+    rooms = parser.add_mutually_exclusive_group(required=True)
+    rooms.add_argument(
+        "--rooms", metavar="A-B", help="interiors drawn from the seeds A to B, quickly lit"
+    )
+    rooms.add_argument(
+        "--scene", type=Path, nargs="+", metavar="FILE.glb", help="scenes to look around in"
+    )
+    add(
+        "--kinds",
+        metavar="A,B",
+        help=f"kinds of rooms, drawn by the seed, or 'all': {', '.join(ROOM_KINDS)} "
+        f"(default: {', '.join(KINDS)})",
+    )
+    add("--format", choices=("eval", "wide"), default="eval", help="default: eval")
+    add("--count", type=int, required=True, metavar="N", help="pairs (wide: of each room)")
+    add("--seed", type=int, required=True, help="decides the views")
+    add("--out", type=Path, required=True, help="evaluation file (.npz), or folder of pairs")
+    add("--json", action="store_true", help="print what was written as JSON")
+    parser.set_defaults(run=run)
+
+
+def run(args: argparse.Namespace) -> int:
+    """Draw and write the pairs; exit code 0.
+
+    Raises
+    ------
+    DfvsError
+        If an option or a scene cannot be used.
+    """
+    if not 1 <= args.count <= _MAX_PAIRS:
+        raise ConfigError(f"--count is {args.count}", f"1 to {_MAX_PAIRS}")
+    if args.seed < 0:
+        raise ConfigError(f"--seed is {args.seed}", "0 or more")
+    renderers = _renderers(args)
+    written = (
+        _write_wide(args, renderers) if args.format == "wide" else _write_file(args, renderers)
+    )
+    report = {"pairs": sum(written.values()), "files": [str(path) for path in written]}
+    if args.json:
+        print(json.dumps(report, indent=2))
+    else:
+        print(f"wrote {report['pairs']} pairs in {len(written)} files to {args.out}")
+    return 0
+
+
+_Renderers = dict[str, Callable[[], Renderer]]
+"""Maker of the renderer of each room by name; a room is made when it is first asked for."""
+
+
+def _renderers(args: argparse.Namespace) -> _Renderers:
+    kinds = _kinds(args.kinds)
+
+    @functools.lru_cache(maxsize=_ROOMS_KEPT)
+    def of_interior(seed: int) -> Renderer:
+        return Renderer(light_room(_room(seed, kinds), seed))
+
+    @functools.lru_cache(maxsize=_ROOMS_KEPT)
+    def of_scene(path: Path) -> Renderer:
+        return Renderer(load_glb(path))
+
+    if args.scene is not None:
+        if args.kinds is not None:
+            raise ConfigError("--kinds was given with --scene", "--kinds with --rooms")
+        return {path.stem: functools.partial(of_scene, path) for path in args.scene}
+    seeds = _seeds(args.rooms)
+    if args.format == "wide":
+        require_training(seeds[0], seeds[-1])
+    return {str(seed): functools.partial(of_interior, seed) for seed in seeds}
+
+
+def _kinds(words: str | None) -> tuple[str, ...]:
+    """Kinds of rooms of ``A,B``; none where nothing is said.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such kind.
+    """
+    if words is None:
+        return ()
+    kinds = ROOM_KINDS if words == "all" else tuple(words.split(","))
+    for kind in kinds:
+        if kind not in ROOM_KINDS:
+            raise ConfigError(f"no kind of room {kind!r}", f"'all', or of {', '.join(ROOM_KINDS)}")
+    return kinds
+
+
+def _room(seed: int, kinds: tuple[str, ...]) -> Room:
+    """Room of one of the kinds; the seed decides on both."""
+    if not kinds:
+        return drawn_interior(seed)
+    drawn = int(np.random.default_rng([seed, 6]).integers(len(kinds)))
+    return room_of_kind(kinds[drawn], seed)
+
+
+def _seeds(words: str) -> range:
+    """Seeds A to B of ``A-B``, or the one of ``A``.
+
+    Raises
+    ------
+    ConfigError
+        If it is neither, or takes in a seed that is kept for the benchmark.
+    """
+    match = re.fullmatch(r"(\d{1,9})(?:-(\d{1,9}))?", words)
+    first, last = (int(match[1]), int(match[2] or match[1])) if match else (1, 0)
+    if last < first:
+        raise ConfigError(f"--rooms is {words!r}", "seeds such as 1000-1031")
+    if first <= BENCHMARK_SEEDS[-1] and last >= BENCHMARK_SEEDS[0]:
+        raise ConfigError(
+            f"--rooms is {words!r}",
+            f"other seeds than {BENCHMARK_SEEDS[0]} to {BENCHMARK_SEEDS[-1]}, the benchmark's own",
+        )
+    return range(first, last + 1)
+
+
+def _write_wide(args: argparse.Namespace, renderers: _Renderers) -> dict[Path, int]:
+    """Write a file of wide-baseline pairs for each room; those that exist are kept."""
+    try:
+        args.out.mkdir(parents=True, exist_ok=True)
+    except OSError as error:
+        raise ConfigError(f"{args.out} cannot be made ({error})", "a folder") from error
+    written = {}
+    started = time.monotonic()
+    for k, (name, renderer) in enumerate(renderers.items()):
+        path = args.out / f"{name}.npz"
+        if not path.exists():
+            artist = WidePairSampler(renderer(), zlib.crc32(name.encode()) ^ args.seed)
+            arrays = artist.arrays(args.count)
+            write_arrays(path, arrays)
+            written[path] = len(arrays["T"])
+        _show_progress(k + 1, len(renderers), "rooms", started)
+    return written
+
+
+def _write_file(args: argparse.Namespace, renderers: _Renderers) -> dict[Path, int]:
+    """Write an evaluation file; the rooms and the levels take turns."""
+    if args.out.suffix != ".npz" or not args.out.absolute().parent.is_dir():
+        raise ConfigError(f"--out is {str(args.out)!r}", "an .npz file in an existing folder")
+    rng = np.random.default_rng([args.seed, 4])
+    levels = [LEVELS[k % len(LEVELS)] for k in range(args.count)]
+    started = time.monotonic()
+    rooms = list(renderers.values())
+    artists: dict[int, PairArtist] = {}
+    pairs = []
+    for k, level in enumerate(levels):
+        room = k // len(LEVELS) % len(rooms)
+        if room not in artists:
+            artists[room] = PairArtist(rooms[room]())
+        pairs.append(artists[room].evaluation_pair(level, rng))
+        _show_progress(k + 1, args.count, "pairs", started)
+    write_arrays(args.out, evaluation_arrays(pairs, levels))
+    return {args.out: len(pairs)}
+
+
+def _show_progress(done: int, total: int, unit: str, started: float) -> None:
+    left_s = (time.monotonic() - started) / done * (total - done)
+    end = "\n" if done == total else ""
+    print(f"\r{done} of {total} {unit}, {left_s:.0f} s left ", end=end, file=sys.stderr, flush=True)

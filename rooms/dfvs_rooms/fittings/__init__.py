@@ -1,0 +1,1 @@
+"""Fittings that several room types share."""

@@ -1,0 +1,195 @@
+"""Floors, walls, windows and lamps of the places, and where things are put by plan."""
+
+from __future__ import annotations
+
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass, replace
+
+import numpy as np
+
+from dfvs_rooms.generator import interior_furniture as pieces
+from dfvs_rooms.generator import props
+from dfvs_rooms.generator.interior import window
+from dfvs_rooms.generator.layout import Layout, Piece
+from dfvs_rooms.generator.outdoors import Sky
+from dfvs_rooms.generator.room import Opening
+from dfvs_rooms.generator.solids import Part, box, lathe, panel, placed, sphere, tube
+
+NORTH, EAST, SOUTH, WEST = range(4)
+_SKIRTING_M = 0.016
+
+
+@dataclass(frozen=True, slots=True)
+class Place:
+    """A furnished place, not yet painted.
+
+    Parameters
+    ----------
+    layout : Layout
+        With all parts.
+    openings : tuple of Opening
+        Windows that light it.
+    sky : Sky, optional
+        Where it has no roof.
+    """
+
+    layout: Layout
+    openings: tuple[Opening, ...] = ()
+    sky: Sky | None = None
+
+
+@dataclass(frozen=True, slots=True)
+class Finish:
+    """Materials of a shell.
+
+    Parameters
+    ----------
+    floor, ceiling, skirting : str
+        Nothing, for none.
+    walls : tuple of str
+        North, east, south and west.
+    """
+
+    floor: str
+    walls: tuple[str, str, str, str]
+    ceiling: str = "ceiling"
+    skirting: str = "white"
+
+
+def drawn_layout(
+    rng: np.random.Generator,
+    length_m: tuple[float, float],
+    width_m: tuple[float, float],
+    height_m: tuple[float, float],
+) -> Layout:
+    """Empty layout of a size drawn from ranges."""
+    length, width, height = (float(rng.uniform(*r)) for r in (length_m, width_m, height_m))
+    return Layout((length, width, height), rng)
+
+
+def build_shell(layout: Layout, finish: Finish, edge_m: float = 0.12) -> None:
+    """Add floor, four walls, and ceiling and skirting where there are any."""
+    (e, n), h = (float(v) for v in layout.half), layout.height_m
+    add = layout.parts.append
+    add(panel((-e, -n, 0), (2 * e, 0, 0), (0, 2 * n, 0), finish.floor, edge_m=edge_m))
+    if finish.ceiling:
+        add(panel((-e, n, h), (2 * e, 0, 0), (0, -2 * n, 0), finish.ceiling, edge_m=1.5 * edge_m))
+    for k, material in enumerate(finish.walls):
+        reach = layout.walls[k].length_m / 2
+        side = panel((-reach, 0, 0), (2 * reach, 0, 0), (0, 0, h), material, edge_m=edge_m)
+        add(on_wall(layout, k, [side])[0])
+        if finish.skirting:
+            clad(layout, k, (-reach, reach, 0.0, 0.09), finish.skirting, _SKIRTING_M)
+
+
+def on_wall(
+    layout: Layout, k: int, parts: Iterable[Part], s: float = 0.0, z: float = 0.0
+) -> list[Part]:
+    """Move parts that hang at the origin to a place (s, z) on wall k."""
+    wall = layout.walls[k]
+    return placed(placed(parts, s, wall.distance_m, z), 0, 0, 0, wall.turn_deg)
+
+
+def clad(
+    layout: Layout,
+    k: int,
+    area: tuple[float, float, float, float],
+    material: str,
+    thick_m: float = 0.012,
+) -> None:
+    """Put a slab on wall k, over (s from, to, z from, to), m; it takes no place from furniture."""
+    left, right, low, high = area
+    size = (right - left, thick_m, high - low)
+    slab = box(size, ((left + right) / 2, -thick_m / 2, low), material, skip="+y", edge_m=0.12)
+    layout.parts += on_wall(layout, k, slab)
+
+
+def add_window(
+    layout: Layout,
+    k: int,
+    place_m: tuple[float, float],
+    size_m: tuple[float, float],
+    panes: int = 2,
+) -> tuple[Opening, ...]:
+    """Add a window at (s, z) of wall k; nothing where something hangs already."""
+    piece = Piece(tuple(window(*size_m, panes)), size_m[0] + 0.1, 0.2, size_m[1] / 2 + 0.06)
+    if not layout.hang(piece, k, *place_m):
+        return ()
+    return (Opening.on_wall(layout.walls[k], place_m, size_m),)
+
+
+def add_curtains(
+    layout: Layout,
+    k: int,
+    place_m: tuple[float, float],
+    width_m: float,
+    rng: np.random.Generator,
+) -> None:
+    """Hang gathered curtains beside a window of a width, from above it to the floor."""
+    top = min(place_m[1] + 1.0, layout.height_m - 0.12)
+    parts = placed(props.curtain_rail(width_m + 1.0, "brass"), 0, -0.12, top)
+    for side in (-1, 1):
+        cloth = props.curtain(rng, 0.42, top - 0.02, "drape")
+        parts += placed(cloth, side * (width_m / 2 + 0.2), -0.12)
+    layout.parts += on_wall(layout, k, parts, place_m[0])
+
+
+def hang_row(layout: Layout, k: int, draws: Sequence[Piece], height_m: float) -> None:
+    """Hang pieces side by side along wall k, as far as there is room."""
+    wall = layout.walls[k]
+    for s, piece in zip(_evenly(wall.length_m, len(draws)), draws, strict=True):
+        layout.hang(piece, k, s, height_m)
+
+
+def _evenly(length_m: float, count: int) -> list[float]:
+    return [length_m * ((j + 0.5) / count - 0.5) for j in range(count)]
+
+
+def scatter(
+    layout: Layout, rng: np.random.Generator, draws: Sequence[pieces.Draw], count: int
+) -> None:
+    """Stand drawn things along the walls, where there is room."""
+    for _ in range(count):
+        layout.against_wall(draws[int(rng.integers(len(draws)))](rng))
+
+
+def hang_anywhere(
+    layout: Layout,
+    rng: np.random.Generator,
+    draw: Callable[[np.random.Generator], Piece],
+    count: int,
+) -> None:
+    """Hang drawn things at eye level."""
+    for _ in range(count):
+        layout.on_wall(draw(rng), (1.3, 1.8))
+
+
+def hang_lamps(layout: Layout, grid: tuple[int, int], drop_m: float, shade: str = "") -> None:
+    """Hang lamps under the ceiling on a grid, with shades of enamel or opal globes."""
+    columns, rows = grid
+    for x in _evenly(2 * float(layout.half[0]), columns):
+        for y in _evenly(2 * float(layout.half[1]), rows):
+            lamp = enamel_lamp(drop_m, shade) if shade else props.pendant_lamp(drop_m, 0.14)
+            layout.parts += placed(lamp, x, y, layout.height_m)
+
+
+def enamel_lamp(drop_m: float, enamel: str) -> list[Part]:
+    """Bulb under a bell of sheet metal, which hangs below the origin."""
+    bulb = replace(sphere(0.075, (0, 0, -drop_m), "globe", sides=18), emission=3.5)
+    bell = [(0.24, -0.06), (0.22, 0.0), (0.15, 0.08), (0.06, 0.13), (0.05, 0.2)]
+    shade = lathe([(r, z - drop_m) for r, z in bell], enamel, sides=28, is_sheet=True)
+    return [bulb, shade, tube((0, 0, 0.2 - drop_m), (0, 0, 0), 0.007, "black", sides=6)]
+
+
+def framed(picture: str, size_m: tuple[float, float], frame: str = "black") -> Piece:
+    """Picture of a size in a frame."""
+    return Piece.hanging(props.framed_picture(*size_m, picture, frame))
+
+
+def tin(radius_m: float, height_m: float, material: str) -> list[Part]:
+    """Tin or jar with a label all around, standing at the origin."""
+    body = lathe([(radius_m, 0.0), (radius_m, height_m)], material, sides=16)
+    turn = np.linspace(0.0, 1.0, 17)
+    uv = np.stack([np.tile(turn, 2), np.repeat([1.0, 0.0], 17)], 1)
+    lid = [(radius_m, height_m), (0.97 * radius_m, height_m + 0.006), (0.003, height_m + 0.006)]
+    return [replace(body, uv=uv), lathe(lid, "steel", sides=16)]

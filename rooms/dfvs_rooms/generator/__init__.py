@@ -1,0 +1,1 @@
+"""Layout, furniture and solids of a generated room."""

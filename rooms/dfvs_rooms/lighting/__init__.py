@@ -1,0 +1,1 @@
+"""Light: fast lighting, path-traced lighting, exposure."""

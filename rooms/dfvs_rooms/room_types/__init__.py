@@ -1,0 +1,1 @@
+"""Room types, each made from a seed."""

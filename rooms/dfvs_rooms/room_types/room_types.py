@@ -1,0 +1,30 @@
+"""All kinds of rooms that can be generated, by name."""
+
+from __future__ import annotations
+
+from dfvs_core.errors import ConfigError
+from dfvs_rooms.generator.doorway import doorway_rooms
+from dfvs_rooms.generator.interior import KINDS, drawn_interior
+from dfvs_rooms.generator.room import Room, furnished_room
+from dfvs_rooms.room_types.catalogue import PLACES, drawn_place
+
+LIVING_ROOM = "living-room"
+TWO_ROOMS = "two-rooms"
+ROOM_KINDS = (LIVING_ROOM, TWO_ROOMS, *sorted(KINDS), *sorted(PLACES))
+
+
+def room_of_kind(kind: str, seed: int) -> Room:
+    """Make a room of a kind, without light; the seed alone decides.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such kind.
+    """
+    if kind not in ROOM_KINDS:
+        raise ConfigError(f"no kind of room {kind!r}", f"one of {', '.join(ROOM_KINDS)}")
+    if kind == LIVING_ROOM:
+        return furnished_room(seed)
+    if kind in PLACES:
+        return drawn_place(seed, kind)
+    return doorway_rooms(seed) if kind == TWO_ROOMS else drawn_interior(seed, kind)

@@ -1,0 +1,54 @@
+"""A picture, or a folder of pictures in the order of their names."""
+
+from __future__ import annotations
+
+import time
+from pathlib import Path
+
+from dfvs_core.errors import ImageError
+from dfvs_core.messages.image import MAX_PICTURE_BYTES, decode_picture
+from dfvs_service.camera.source import Shot
+from dfvs_service.camera.spec import PICTURE_SUFFIXES, CameraError
+
+
+def picture_paths(place: str) -> list[Path]:
+    """Pictures of a folder in the order of their names, or the one picture that is named.
+
+    Raises
+    ------
+    CameraError
+        If there are none.
+    """
+    path = Path(place)
+    if path.is_file():
+        return [path]
+    paths = sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURE_SUFFIXES)
+    if not paths:
+        raise CameraError(f"there are no pictures in {place}", "PNG or JPEG files")
+    return paths
+
+
+class PictureSource:
+    """Pictures, one after the other; their capture time is when they are read."""
+
+    rate_hz = 0.0
+
+    def __init__(self, place: str) -> None:
+        self._waiting = picture_paths(place)[::-1]
+
+    def read(self) -> Shot | None:
+        """Next picture, None after the last one."""
+        if not self._waiting:
+            return None
+        path = self._waiting.pop()
+        try:
+            with path.open("rb") as file:
+                image = decode_picture(file.read(MAX_PICTURE_BYTES + 1))
+        except OSError as error:
+            raise CameraError(f"cannot read {path} ({error.strerror})") from error
+        except ImageError as error:
+            raise CameraError(f"the picture {path} cannot be used: {error}") from error
+        return Shot(image, time.monotonic_ns())
+
+    def close(self) -> None:
+        """Nothing is open between two pictures."""

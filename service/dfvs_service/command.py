@@ -1,0 +1,125 @@
+"""``dfvs-service command``: sends a signed command over Zenoh and waits for its answer."""
+
+from __future__ import annotations
+
+import dataclasses
+import json
+import queue
+import secrets
+import time
+from collections.abc import Mapping
+from typing import Any
+
+import zenoh
+
+from dfvs_core.errors import DfvsError
+from dfvs_core.gate.command import Command, encode_command, request_id
+from dfvs_core.gate.events import Action
+from dfvs_core.messages.goal_command import GoalOrder, goal_digest
+from dfvs_core.messages.topics import Topics
+from dfvs_service.settings.config import ServiceConfig, ZenohSection
+from dfvs_service.zenoh_session import open_session
+
+_SENDINGS, _GOAL_SENDINGS = 6, 2
+"""A busy link drops what it cannot take at once. The same bytes are obeyed once."""
+
+_Document = Mapping[str, Any]
+
+
+class OrderError(DfvsError):
+    """An order that could not be given, or was not answered."""
+
+
+def operators_zenoh(service: ZenohSection) -> ZenohSection:
+    """Settings with which an operator reaches the service: its router, or the service itself."""
+    endpoints = service.connect if service.mode == "client" else service.listen
+    return dataclasses.replace(service, mode="client", connect=endpoints, listen=())
+
+
+def give_order(
+    config: ServiceConfig,
+    key: bytes,
+    action: Action,
+    timeout_s: float,
+    goal: GoalOrder | None = None,
+) -> str:
+    """Sign an order with the service's present challenge, send it, and return the service's word.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+        Name of the vehicle, and the way to it.
+    key : bytes
+        Secret that the service knows as well.
+    action : Action
+        What to do.
+    timeout_s : float
+        How long to wait for the service, and then for its answer.
+    goal : GoalOrder, optional
+        Where to fly to, for ``Action.GOAL``.
+
+    Raises
+    ------
+    OrderError
+        If no service is heard, it accepts no orders, or it does not answer.
+    WireError
+        If the goal is too large.
+    """
+    data = b"" if goal is None else goal.to_bytes()
+    argument = "" if goal is None else goal_digest(data)
+    topics = Topics(config.vehicle.name)
+    states: queue.Queue[_Document] = queue.Queue()
+    answers: queue.Queue[_Document] = queue.Queue()
+
+    with open_session(operators_zenoh(config.zenoh)) as session:
+        # Closing the session ends the subscriptions; the references keep them until then.
+        _states = _subscribe(session, topics.telemetry("state"), states)
+        _answers = _subscribe(session, topics.telemetry("answer"), answers)
+        state = _next(states, time.monotonic() + timeout_s)
+        if state is None:
+            raise OrderError(
+                f"nothing is heard on {topics.telemetry('state')}",
+                "a running service",
+                "check --vehicle and the zenoh section of --config",
+            )
+        challenge = str(state.get("challenge", ""))
+        if not challenge:
+            raise OrderError(
+                f"the service of {config.vehicle.name!r} accepts no commands",
+                "one that was started with gate.command_key_file",
+            )
+        nonce = secrets.token_hex(16)
+        command = Command(config.vehicle.name, action, challenge, nonce, argument)
+        order = encode_command(key, command)
+        key_expr, payload = (topics.command, order) if goal is None else (topics.new_goal, data)
+        attachment = None if goal is None else order
+        drop = zenoh.CongestionControl.DROP
+        sendings = _SENDINGS if goal is None else _GOAL_SENDINGS
+        for _ in range(sendings):
+            session.put(key_expr, payload, attachment=attachment, congestion_control=drop)
+            deadline = time.monotonic() + timeout_s / sendings
+            while (answer := _next(answers, deadline)) is not None:
+                if answer.get("request") == request_id(order):
+                    return str(answer.get("result", ""))
+    raise OrderError(
+        f"the service of {config.vehicle.name!r} did not answer in {timeout_s:g} s",
+        "an answer to every command",
+        "it may still come to pass: look at the service's state before ordering again",
+    )
+
+
+def _subscribe(
+    session: zenoh.Session, key_expr: str, documents: queue.Queue[_Document]
+) -> zenoh.Subscriber[None]:
+    """Put every JSON document of a key into a queue, on Zenoh's thread."""
+    return session.declare_subscriber(
+        key_expr, lambda sample: documents.put(json.loads(sample.payload.to_bytes()))
+    )
+
+
+def _next(documents: queue.Queue[_Document], deadline: float) -> _Document | None:
+    """Next document, None where none comes until the monotonic time ``deadline``, s."""
+    try:
+        return documents.get(timeout=max(deadline - time.monotonic(), 0.0))
+    except queue.Empty:
+        return None

@@ -1,0 +1,97 @@
+"""From Zenoh's threads to the event loop: pictures newest first, and never more than one batch.
+
+A loop that is busy is given less to do, not more: pictures that it did not come to are replaced by
+newer ones while they wait here.
+"""
+
+from __future__ import annotations
+
+import asyncio
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+
+from dfvs_core.errors import DfvsError
+from dfvs_service.dashboard.receiver import SHOWN
+from dfvs_service.dashboard.sample import Arrival, Parcel, unpack
+
+_MAX_DOCUMENTS = 1024
+_PATIENCE_S = 1.0
+
+log = logging.getLogger("dfvs.dashboard")
+
+
+class Courier:
+    """Unpacks arrivals on a thread of its own and hands them over in batches.
+
+    Parameters
+    ----------
+    loop : asyncio.AbstractEventLoop
+        Where ``take`` is to be called.
+    take : callable
+        Takes a batch of parcels.
+    """
+
+    def __init__(
+        self, loop: asyncio.AbstractEventLoop, take: Callable[[list[Parcel]], None]
+    ) -> None:
+        self._loop = loop
+        self._take = take
+        self._condition = threading.Condition()
+        self._pictures: dict[tuple[str, str], Arrival] = {}
+        self._documents: deque[Arrival] = deque(maxlen=_MAX_DOCUMENTS)
+        self._closed = False
+        self._taken = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="dashboard-courier", daemon=True)
+        self._thread.start()
+
+    def deliver(self, arrival: Arrival) -> None:
+        """Take an arrival, on any thread; returns at once."""
+        with self._condition:
+            if arrival.stream in SHOWN:
+                self._pictures[arrival.vehicle, arrival.stream] = arrival
+            else:
+                self._documents.append(arrival)
+            self._condition.notify()
+
+    def close(self) -> None:
+        """Stop; what still waits is dropped."""
+        with self._condition:
+            self._closed = True
+            self._condition.notify()
+        self._taken.set()
+        self._thread.join(2.0)
+
+    def _run(self) -> None:
+        while (arrivals := self._collect()) is not None:
+            parcels = [parcel for arrival in arrivals if (parcel := _read(arrival)) is not None]
+            self._taken.clear()
+            try:
+                self._loop.call_soon_threadsafe(self._hand_over, parcels)
+            except RuntimeError:  # the loop has ended
+                return
+            self._taken.wait(_PATIENCE_S)
+
+    def _collect(self) -> list[Arrival] | None:
+        """Everything that waits, documents first; None when closed."""
+        with self._condition:
+            self._condition.wait_for(lambda: self._closed or self._pictures or self._documents)
+            if self._closed:
+                return None
+            arrivals = [*self._documents, *self._pictures.values()]
+            self._documents.clear()
+            self._pictures.clear()
+            return arrivals
+
+    def _hand_over(self, parcels: list[Parcel]) -> None:
+        self._taken.set()
+        self._take(parcels)
+
+
+def _read(arrival: Arrival) -> Parcel | None:
+    try:
+        return unpack(arrival)
+    except DfvsError as error:
+        log.debug("%s of %r dropped: %s", arrival.stream, arrival.vehicle, error)
+        return None

@@ -1,0 +1,187 @@
+"""One browser's connection: who it is, what it watches, and what it orders."""
+
+from __future__ import annotations
+
+import asyncio
+import contextlib
+import json
+import logging
+from dataclasses import dataclass, field
+from typing import Any
+
+from starlette.websockets import WebSocket, WebSocketDisconnect
+
+from dfvs_core.messages.link import MOUNTING_SCORE
+from dfvs_service.dashboard.clock import Moment
+from dfvs_service.dashboard.command_queue import OrderDesk
+from dfvs_service.dashboard.hub import Clock, Hub
+from dfvs_service.dashboard.messages import ordered_goal, read_message
+from dfvs_service.dashboard.outbox import Outbox
+from dfvs_service.dashboard.tokens import Role, Tokens
+from dfvs_service.dashboard.vehicle_model import PATH_COLUMNS, SERVO_COLUMNS
+
+MAX_BROWSERS = 32
+MAX_UNKNOWN = 8
+"""Connections at a time that have not shown who they are: each may send one whole message."""
+MAX_HELLO_BYTES = 4096
+HELLO_TIMEOUT_S = 5.0
+WRONG_TOKEN_DELAY_S = 1.0
+MAX_ORDERS_AT_ONCE = 2
+
+CLOSE_DENIED = 4401
+CLOSE_FULL = 4429
+CLOSE_UNREADABLE = 1003
+CLOSE_TOO_LARGE = 1009
+
+log = logging.getLogger("dfvs.dashboard")
+
+
+@dataclass(frozen=True, slots=True)
+class House:
+    """What all visits share; ``desk`` is None where no orders can be given."""
+
+    hub: Hub
+    tokens: Tokens
+    desk: OrderDesk | None
+    clock: Clock
+    unknown: set[Visit] = field(default_factory=set)
+    """Visits that have not shown who they are."""
+
+
+class Visit:
+    """Serves one WebSocket until it closes."""
+
+    def __init__(self, socket: WebSocket, house: House) -> None:
+        self._socket = socket
+        self._house = house
+        self._outbox = Outbox()
+        self._role = Role.NOBODY
+        self._orders: set[asyncio.Task[None]] = set()
+
+    async def serve(self) -> None:
+        """Greet, then send and receive at the same time."""
+        with contextlib.suppress(WebSocketDisconnect):
+            if not await self._admit():
+                return
+            self._house.hub.join(self._outbox)
+            sending = asyncio.create_task(self._send())
+            try:
+                await self._receive()
+            finally:
+                self._house.hub.leave(self._outbox)
+                sending.cancel()
+                await asyncio.gather(sending, return_exceptions=True)
+
+    async def _admit(self) -> bool:
+        """Accept the connection and learn who it is, unless too many others are unknown."""
+        unknown = self._house.unknown
+        if len(unknown) >= MAX_UNKNOWN:
+            await self._socket.close(CLOSE_FULL, "too many connections")
+            return False
+        unknown.add(self)
+        try:
+            await self._socket.accept()
+            return await self._greet()
+        finally:
+            unknown.discard(self)
+
+    async def _greet(self) -> bool:
+        """Learn who it is; close where it may not look."""
+        if self._house.hub.browsers >= MAX_BROWSERS:
+            await self._socket.close(CLOSE_FULL, "too many pages are open")
+            return False
+        try:
+            hello = await asyncio.wait_for(self._hello(), HELLO_TIMEOUT_S)
+        except TimeoutError:
+            await self._socket.close(CLOSE_DENIED, "no greeting came")
+            return False
+        if hello is None:
+            await self._socket.close(CLOSE_TOO_LARGE, "the greeting is too long")
+            return False
+        token = hello.get("token", "") if hello.get("type") == "hello" else ""
+        self._role = self._house.tokens.role_of(token if isinstance(token, str) else "")
+        if self._role is Role.NOBODY:
+            if token:
+                log.warning("a wrong token was presented")
+                await asyncio.sleep(WRONG_TOKEN_DELAY_S)
+            await self._socket.close(CLOSE_DENIED, "wrong token" if token else "token needed")
+            return False
+        self._outbox.offer({"welcome": json.dumps(self._welcome())})
+        return True
+
+    def _welcome(self) -> dict[str, Any]:
+        return {
+            "role": self._role.name.lower(),
+            "can_order": self._role is Role.OPERATOR and self._house.desk is not None,
+            "accepts_operators": self._house.tokens.operator is not None,
+            "needs_token": not self._house.tokens.is_open,
+            "columns": {"servo": SERVO_COLUMNS, "path": PATH_COLUMNS},
+            "mounting_score": MOUNTING_SCORE,
+        }
+
+    async def _send(self) -> None:
+        with contextlib.suppress(WebSocketDisconnect, RuntimeError):
+            while True:
+                text, pictures = await self._outbox.next()
+                if text is not None:
+                    await self._socket.send_text(text)
+                for picture in pictures:
+                    await self._socket.send_bytes(picture)
+
+    async def _receive(self) -> None:
+        while True:
+            message = await self._next_message()
+            kind = message.get("type")
+            if kind == "seen":
+                self._outbox.confirm()
+            elif kind == "ping":
+                self._pong(message, self._house.clock())
+            elif kind == "watch":
+                self._house.hub.watch(self._outbox, str(message.get("vehicle")))
+            elif kind == "order":
+                self._take_order(message)
+            else:
+                await self._socket.close(CLOSE_UNREADABLE, "message not understood")
+                return
+
+    async def _hello(self) -> dict[str, Any] | None:
+        """First JSON object, None where it is too long to be read."""
+        text, data = await self._next_payload()
+        if data is not None or (text is not None and len(text) > MAX_HELLO_BYTES):
+            return None
+        return read_message(text, None)
+
+    async def _next_message(self) -> dict[str, Any]:
+        """Next JSON object, with a picture if one came along; else an empty one."""
+        return read_message(*await self._next_payload())
+
+    async def _next_payload(self) -> tuple[str | None, bytes | None]:
+        """Text or bytes of the next message."""
+        received = await self._socket.receive()
+        if received["type"] == "websocket.disconnect":
+            raise WebSocketDisconnect(received.get("code", 1000))
+        return received.get("text"), received.get("bytes")
+
+    def _pong(self, message: dict[str, Any], now: Moment) -> None:
+        t = message.get("t")
+        if isinstance(t, int | float):
+            self._outbox.offer({"pong": json.dumps({"t": t, "server_ms": now.wall_ms})})
+
+    def _take_order(self, message: dict[str, Any]) -> None:
+        task = asyncio.create_task(self._order(message))
+        self._orders.add(task)
+        task.add_done_callback(self._orders.discard)
+
+    async def _order(self, message: dict[str, Any]) -> None:
+        word, vehicle = str(message.get("order"))[:40], str(message.get("vehicle"))[:80]
+        desk = self._house.desk
+        if self._role is not Role.OPERATOR or desk is None:
+            accepted, text = False, "not sent: this page may only look"
+        elif len(self._orders) > MAX_ORDERS_AT_ONCE:
+            accepted, text = False, "not sent: earlier orders are not answered yet"
+        else:
+            goal = ordered_goal(message)
+            accepted, text = await asyncio.to_thread(desk.give, vehicle, word, goal)
+            log.info("order %s for %s: %s", word, vehicle, text)
+        answer = {"order": word, "vehicle": vehicle, "accepted": accepted, "text": text}
+        self._outbox.append("answers", [json.dumps(answer)])

@@ -1,0 +1,53 @@
+"""Orders from the page: signed as ``dfvs-service command`` signs them, and answered in words."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections.abc import Callable
+
+from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.gate.events import Action
+from dfvs_core.messages.goal_command import GoalOrder
+from dfvs_core.messages.image import picture_size
+from dfvs_service.command import give_order
+from dfvs_service.settings.config import ServiceConfig, VehicleSection, ZenohSection
+
+ORDER_TIMEOUT_S = 3.0
+
+FindEndpoint = Callable[[str], ZenohSection | None]
+
+
+class OrderDesk:
+    """Gives orders to vehicles; blocks, so it is called on worker threads.
+
+    Parameters
+    ----------
+    key : bytes
+        Of signed commands.
+    find : callable
+        How to reach a vehicle by its name.
+    """
+
+    def __init__(self, key: bytes, find: FindEndpoint) -> None:
+        self._key = key
+        self._find = find
+
+    def give(self, vehicle: str, word: str, goal: GoalOrder | None) -> tuple[bool, str]:
+        """Order and wait for the gate's word: whether it was accepted, and why not."""
+        try:
+            answer = self._give(vehicle, word, goal)
+        except DfvsError as error:
+            return False, f"not sent: {error}"
+        return answer.startswith("accepted"), answer
+
+    def _give(self, vehicle: str, word: str, goal: GoalOrder | None) -> str:
+        zenoh = self._find(vehicle)
+        if zenoh is None or word not in set(Action):
+            raise ConfigError(f"order {word!r} for {vehicle!r}", "a known order and vehicle")
+        action = Action(word)
+        if (action is Action.GOAL) != (goal is not None):
+            raise ConfigError(f"order {word!r} {'without' if goal is None else 'with'} a picture")
+        if goal is not None:
+            picture_size(goal.picture)
+        config = dataclasses.replace(ServiceConfig(), vehicle=VehicleSection(vehicle), zenoh=zenoh)
+        return give_order(config, self._key, action, ORDER_TIMEOUT_S, goal)

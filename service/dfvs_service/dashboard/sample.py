@@ -1,0 +1,108 @@
+"""What arrives from vehicles, unpacked: documents from JSON, pictures fit for a browser."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import dataclass
+from typing import Any
+
+import cv2
+import numpy as np
+
+from dfvs_core.errors import WireError
+from dfvs_core.messages.frame import FrameHeader, PixelFormat, decode_frame, decode_header
+from dfvs_core.messages.image import MAX_PICTURE_PIXELS, encode_jpeg, picture_size
+from dfvs_core.perception.flow_grid import decode_flow_grid
+from dfvs_service.dashboard.outbox import PictureKind
+
+MAX_DOCUMENT_BYTES = 64 * 1024
+VIEW_QUALITY = 75
+MAX_VIEW_WIDTH = 960
+
+
+@dataclass(frozen=True, slots=True)
+class Arrival:
+    """One sample as it came: whose, of which stream, payload and attachment."""
+
+    vehicle: str
+    stream: str
+    payload: bytes
+    attachment: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Picture:
+    """JPEG, or flow grid, with the monotonic time of its capture and its number."""
+
+    kind: PictureKind
+    t_ns: int
+    seq: int
+    data: bytes
+
+
+@dataclass(frozen=True, slots=True)
+class Parcel:
+    """An arrival that could be read: a picture, or a document from JSON."""
+
+    vehicle: str
+    stream: str
+    content: Picture | Any
+
+
+def unpack(arrival: Arrival) -> Parcel:
+    """Read an arrival.
+
+    Raises
+    ------
+    DfvsError
+        If it is not what its stream should carry.
+    """
+    return Parcel(arrival.vehicle, arrival.stream, _content(arrival))
+
+
+def _content(arrival: Arrival) -> Picture | Any:
+    if arrival.stream == "flow":
+        grid = decode_flow_grid(arrival.payload)
+        return Picture(PictureKind.FLOW, grid.t_capture_ns, grid.seq, arrival.payload)
+    if arrival.stream in ("camera", "goal"):
+        header, jpeg = browser_jpeg(arrival.payload, arrival.attachment)
+        kind = PictureKind.GOAL if arrival.stream == "goal" else PictureKind.VIEW
+        return Picture(kind, header.t_capture_ns, header.seq, jpeg)
+    if len(arrival.payload) > MAX_DOCUMENT_BYTES:
+        raise WireError(
+            f"document of {len(arrival.payload)} bytes", f"at most {MAX_DOCUMENT_BYTES}"
+        )
+    try:
+        return json.loads(arrival.payload)
+    except (ValueError, RecursionError) as error:
+        raise WireError(f"{arrival.stream} telemetry is not JSON: {error}") from error
+
+
+def browser_jpeg(payload: bytes, attachment: bytes) -> tuple[FrameHeader, bytes]:
+    """Header and JPEG bytes of a frame on the wire.
+
+    A JPEG is passed on unopened, once its own header agrees with the frame's; other formats are
+    decoded, made at most ``MAX_VIEW_WIDTH`` wide, and encoded.
+
+    Raises
+    ------
+    WireError
+        If the attachment is not a frame's, or the sizes disagree or are beyond all use.
+    ImageError
+        If the picture cannot be decoded.
+    """
+    header = decode_header(attachment)
+    width, height = header.width, header.height
+    if width * height > MAX_PICTURE_PIXELS:
+        raise WireError(
+            f"frame of {width} x {height} px", f"at most {MAX_PICTURE_PIXELS} px in all"
+        )
+    if header.pixel_format is PixelFormat.JPEG:
+        if not payload.startswith(b"\xff\xd8") or picture_size(payload) != (width, height):
+            raise WireError(f"the frame is no JPEG of {width} x {height} px")
+        return header, payload
+    image = decode_frame(payload, header).image
+    if width > MAX_VIEW_WIDTH:
+        size = MAX_VIEW_WIDTH, max(round(height * MAX_VIEW_WIDTH / width), 1)
+        image = np.asarray(cv2.resize(image, size, interpolation=cv2.INTER_AREA), np.uint8)
+    return header, encode_jpeg(image, VIEW_QUALITY)

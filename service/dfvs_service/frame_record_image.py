@@ -1,0 +1,18 @@
+"""The camera's image of a turn of perception."""
+
+from __future__ import annotations
+
+from dfvs_core.errors import DfvsError
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.messages.frame import decode_frame, decode_header
+from dfvs_core.messages.frame_record import Turn
+
+
+def turn_image(turn: Turn, payload: bytes) -> ImageArray | None:
+    """Image (H, W, 3) RGB that a turn looked at; None for nothing that can be decoded."""
+    if turn.sight is None:
+        return None
+    try:
+        return decode_frame(payload, decode_header(bytes.fromhex(turn.sight.attachment))).image
+    except DfvsError:
+        return None

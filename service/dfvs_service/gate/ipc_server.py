@@ -1,0 +1,140 @@
+"""Datagrams of the gate: reports and commands in, states, answers and heartbeats out."""
+
+from __future__ import annotations
+
+import contextlib
+import socket
+from collections.abc import Callable, Iterator
+from pathlib import Path
+
+from dfvs_core.errors import WireError
+from dfvs_core.gate.authority import Authority
+from dfvs_core.gate.events import BadReport, Event, Order, OtherServices, Report
+from dfvs_core.messages.link import (
+    CommandAnswer,
+    ForwardedCommand,
+    GateStatus,
+    LeaseHolders,
+    ServiceFault,
+    to_datagram,
+    to_gate,
+)
+from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.supervisor.heartbeat import Beat
+
+_MAX_TEXT = 200
+
+
+class Post:
+    """The gate's socket: turns what arrives into events, and never waits for a reader.
+
+    Parameters
+    ----------
+    runtime : RuntimeFolder
+        Where the sockets are.
+    authority : Authority
+        Judges the commands.
+    note : callable
+        Takes (kind, text) for the log.
+    on_fault : callable
+        Takes one line about what failed outside the gate.
+    """
+
+    def __init__(
+        self,
+        runtime: RuntimeFolder,
+        authority: Authority,
+        note: Callable[[str, str], None],
+        on_fault: Callable[[str], None],
+    ) -> None:
+        self._runtime = runtime
+        self._authority = authority
+        self._note = note
+        self._on_fault = on_fault
+        self._accepted: dict[str, str] = {}
+        """Answers, by request id, that wait until the state machine has taken the commands."""
+        self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
+        self._socket.bind(str(runtime.gate_socket))
+        self._socket.setblocking(False)
+        self.command_result = ""
+        """What became of the last command."""
+        self.command_count = 0
+        self.has_seen_frame = False
+        """Any report was about a frame."""
+
+    def fileno(self) -> int:
+        """Descriptor that is readable while datagrams wait."""
+        return self._socket.fileno()
+
+    def collect(self, clock: Callable[[], int]) -> Iterator[Event]:
+        """Events of all datagrams that wait; ``clock`` gives the monotonic time in ns."""
+        while True:
+            try:
+                data = self._socket.recv(65536)
+            except BlockingIOError:
+                return
+            if (event := self._read(data, clock())) is not None:
+                yield event
+
+    def _read(self, data: bytes, now_ns: int) -> Event | None:
+        try:
+            message = to_gate(data)
+        except WireError as error:
+            return BadReport(now_ns, str(error)[:_MAX_TEXT])
+        if isinstance(message, ForwardedCommand):
+            return self._judge(message, now_ns)
+        if isinstance(message, LeaseHolders):
+            return OtherServices(now_ns, message.standing_by, message.engaged)
+        if isinstance(message, ServiceFault):
+            self._on_fault(message.service_fault[:_MAX_TEXT])
+            return None
+        self.has_seen_frame = self.has_seen_frame or message.t_capture_ns > 0
+        return Report(now_ns, message)
+
+    def _judge(self, command: ForwardedCommand, now_ns: int) -> Order | None:
+        verdict = self._authority.judge(command.payload.encode(errors="replace"), now_ns)
+        if verdict.action is not None:
+            self._accepted[verdict.request] = verdict.text
+            self._set_result(verdict.text)
+            return Order(now_ns, verdict.action, verdict.argument)
+        if verdict.is_repeated:
+            self._note("command", f"repeated: {verdict.text}")
+        else:
+            self._set_result(verdict.text)
+        if verdict.request not in self._accepted:
+            self._answer(verdict.request, verdict.text)
+        return None
+
+    def settle(self, refusal: str) -> None:
+        """Answer the commands that the state machine has taken in this step.
+
+        ``refusal`` says why the state forbids the last one, empty where it is obeyed.
+        """
+        if refusal and self._accepted:
+            request = next(reversed(self._accepted))
+            self._accepted[request] = self.command_result = refusal[:_MAX_TEXT]
+            self._note("command", self.command_result)
+            self._authority.record(request, self.command_result)
+        for request, text in self._accepted.items():
+            self._answer(request, text)
+        self._accepted.clear()
+
+    def _set_result(self, text: str) -> None:
+        self.command_count += 1
+        self.command_result = text[:_MAX_TEXT]
+        self._note("command", self.command_result)
+
+    def _answer(self, request: str, text: str) -> None:
+        self._send(to_datagram(CommandAnswer(request, text[:_MAX_TEXT])), self._runtime.link_socket)
+
+    def send(self, status: GateStatus, beat: Beat) -> None:
+        """Send the state to perception and the operator link, and a heartbeat to the parent."""
+        data = to_datagram(status)
+        self._send(data, self._runtime.perception_socket)
+        self._send(data, self._runtime.link_socket)
+        self._send(beat.to_bytes(), self._runtime.parent_socket)
+
+    def _send(self, data: bytes, address: Path) -> None:
+        # A reader that is gone or slow is noticed by other means; the loop never waits for it.
+        with contextlib.suppress(BlockingIOError, ConnectionRefusedError, FileNotFoundError):
+            self._socket.sendto(data, str(address))

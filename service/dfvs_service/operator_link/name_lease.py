@@ -1,0 +1,110 @@
+"""The lease on a vehicle's name: who stands by to command it, and who does (invariant I6).
+
+Every service shows a Zenoh liveliness token that vanishes with it, and a second one while its
+gate is engaged. Whoever sees another service's tokens does not engage; whoever is engaged and
+sees another that is, aborts. This process only hears and tells: the gate judges.
+"""
+
+from __future__ import annotations
+
+import secrets
+import threading
+import time
+from collections.abc import Callable
+
+import zenoh
+
+from dfvs_core.gate.states import ENGAGED
+from dfvs_core.messages.link import LeaseHolders
+from dfvs_core.messages.topics import Topics
+
+STANDBY, IN_COMMAND = "standby", "engaged"
+
+_REPEAT_NS = 1_000_000_000
+"""The gate takes a silence of ``GateTiming.services_age_ns`` as the end of this watch."""
+
+_MAX_NAMES = 8
+
+
+class Lease:
+    """Our tokens, and those of others.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+        Open as long as the lease is held.
+    topics : Topics
+        Keys of the vehicle.
+    tell : callable
+        Takes what is known of others, for the gate.
+    watches : bool
+        Only look for others; show them nothing.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        topics: Topics,
+        tell: Callable[[LeaseHolders], None],
+        *,
+        watches: bool = False,
+    ) -> None:
+        self.name = secrets.token_hex(4)
+        self._liveliness = session.liveliness()
+        self._topics = topics
+        self._tell = tell
+        self._lock = threading.Lock()
+        self._others: dict[str, set[str]] = {STANDBY: set(), IN_COMMAND: set()}
+        self._told: LeaseHolders | None = None
+        self._told_ns = 0
+        self._standby = None if watches else self._declare(STANDBY)
+        self._in_command: zenoh.LivelinessToken | None = None
+        self._subscriber = self._liveliness.declare_subscriber(
+            topics.lease("*", "*"), self._on_change, history=True
+        )
+
+    def show(self, state: str) -> None:
+        """Show others whether our gate is engaged."""
+        if (state in ENGAGED) is (self._in_command is not None):
+            return
+        if self._in_command is None:
+            self._in_command = self._declare(IN_COMMAND)
+        else:
+            self._in_command.undeclare()  # type: ignore[no-untyped-call]
+            self._in_command = None
+
+    def tell(self) -> None:
+        """Tell the gate of others: at once of every change, and again every second."""
+        holders, now_ns = self.holders(), time.monotonic_ns()
+        if holders != self._told or now_ns - self._told_ns >= _REPEAT_NS:
+            self._told, self._told_ns = holders, now_ns
+            self._tell(holders)
+
+    def holders(self) -> LeaseHolders:
+        """Names of the others, sorted; of a crowd only the first few."""
+        with self._lock:
+            standing_by = sorted(self._others[STANDBY])[:_MAX_NAMES]
+            engaged = sorted(self._others[IN_COMMAND])[:_MAX_NAMES]
+        return LeaseHolders(tuple(standing_by), tuple(engaged))
+
+    def close(self) -> None:
+        """Give the lease back."""
+        self._subscriber.undeclare()  # type: ignore[no-untyped-call]
+        if self._standby is not None:
+            self._standby.undeclare()  # type: ignore[no-untyped-call]
+        if self._in_command is not None:
+            self._in_command.undeclare()  # type: ignore[no-untyped-call]
+
+    def _declare(self, part: str) -> zenoh.LivelinessToken:
+        return self._liveliness.declare_token(self._topics.lease(part, self.name))
+
+    def _on_change(self, sample: zenoh.Sample) -> None:
+        """Zenoh's thread: a token appeared or vanished."""
+        *_, part, name = str(sample.key_expr).split("/")
+        if name == self.name or part not in self._others:
+            return
+        with self._lock:
+            if sample.kind == zenoh.SampleKind.PUT:
+                self._others[part].add(name[:32])
+            else:
+                self._others[part].discard(name[:32])

@@ -1,0 +1,149 @@
+"""What perception makes of raw samples, gate statuses and silence: no socket, no thread."""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.goal import Goal
+from dfvs_core.messages.link import GateStatus, PerceptionReport
+from dfvs_core.perception.frame_result import UNKNOWN_ERROR, FrameResult
+from dfvs_core.perception.frame_validator import Expected, GuardState, admit
+from dfvs_core.perception.goal_preview import GoalView, Preview
+from dfvs_core.perception.goal_tracker import Observation
+from dfvs_core.perception.pipeline import Pipeline
+from dfvs_core.perception.vehicle_history import VehicleHistory
+from dfvs_core.servo.task import ServoTask
+
+SERVO_STATES = frozenset({"SERVO"})
+"""States in which the error must fall."""
+
+
+@dataclass(frozen=True, slots=True)
+class RawSample:
+    """A frame as it came: payload, attachment and the time of its arrival."""
+
+    payload: bytes
+    attachment: bytes
+    t_arrival_ns: int
+
+
+@dataclass(frozen=True, slots=True)
+class Glance:
+    """What became of one sample: a report always, frame and outcome where it was usable.
+
+    ``t_look_ns`` is the time at which the frame's age was judged.
+    """
+
+    report: PerceptionReport
+    t_look_ns: int
+    frame: Frame | None = None
+    outcome: FrameResult | None = None
+    stages_ns: dict[str, int] | None = None
+
+
+class Eye:
+    """Judges samples, keeps the vehicle's history, and runs the pipeline on good frames.
+
+    Parameters
+    ----------
+    camera : CameraModel
+        What every frame must fit.
+    pipeline : Pipeline
+        For the goal at hand.
+    clock : bytes
+        Identity of the clock that frames must be stamped with.
+    tick : callable
+        That clock: monotonic time in ns.
+    """
+
+    def __init__(
+        self, camera: CameraModel, pipeline: Pipeline, clock: bytes, tick: Callable[[], int]
+    ) -> None:
+        self._expected = Expected(camera, clock)
+        self._pipeline = pipeline
+        self._tick = tick
+        self._guard = GuardState()
+        self._history = VehicleHistory()
+        self._servoing = False
+        self.refused = 0
+
+    def heed(self, status: GateStatus) -> None:
+        """Take in the gate's state and the vehicle's."""
+        self._servoing = status.state in SERVO_STATES
+        if status.vehicle is not None:
+            self._history.add(status.vehicle)
+
+    def look(self, sample: RawSample) -> Glance:
+        """Work on one sample; whatever is wrong with it becomes the report's reason."""
+        t_start = self._tick()
+        came = admit(self._guard, sample.payload, sample.attachment, self._expected, t_start)
+        self._guard, frame = came.state, came.frame
+        if frame is None:
+            return self._refuse(t_start, came.seq, came.t_capture_ns, came.reason)
+        motion = self._history.at(frame.t_capture_ns)
+        if motion is None:
+            reason = "the vehicle's attitude at capture is not known"
+            return self._refuse(t_start, frame.seq, frame.t_capture_ns, reason)
+        t_decoded = self._tick()
+        outcome = self._pipeline.process_frame(frame, motion, self._servoing)
+        stages = {
+            "transport": sample.t_arrival_ns - frame.t_capture_ns,
+            "wait": t_start - sample.t_arrival_ns,
+            "decode": t_decoded - t_start,
+            **outcome.stages_ns,
+            "capture_to_report": self._tick() - frame.t_capture_ns,
+        }
+        return Glance(outcome.report, t_start, frame, outcome, stages)
+
+    @property
+    def servoing(self) -> bool:
+        """Whether the vehicle follows, so that the error must fall."""
+        return self._servoing
+
+    def prepare(self, goal: Goal) -> GoalView:
+        """Compute once what depends on another goal's picture alone."""
+        return self._pipeline.prepare(goal)
+
+    @property
+    def observed_ns(self) -> int | None:
+        """See :attr:`Pipeline.observed_ns`."""
+        return self._pipeline.observed_ns
+
+    def evaluate_next_goal(
+        self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
+    ) -> Preview | None:
+        """What a kept frame says about another goal; see :meth:`Pipeline.evaluate_next_goal`."""
+        return self._pipeline.evaluate_next_goal(task, goal, t_capture_ns)
+
+    def set_goal(
+        self, task: ServoTask, goal: GoalView, observation: Observation | None = None
+    ) -> None:
+        """Go on to another goal with what is known of the vehicle, the camera and depth."""
+        self._pipeline.set_goal(task, goal, observation)
+
+    def update_depth(self) -> int:
+        """Learn from the last frame what may wait until its report was sent; time taken, ns."""
+        return self._pipeline.update_depth()
+
+    def _refuse(self, t_look_ns: int, seq: int, t_capture_ns: int, reason: str) -> Glance:
+        self.refused += 1
+        return Glance(unhealthy_report(seq, max(t_capture_ns, 0), reason), t_look_ns)
+
+
+def unhealthy_report(seq: int, t_capture_ns: int, reason: str) -> PerceptionReport:
+    """Report that forbids to fly, with the reason why."""
+    return PerceptionReport(
+        seq=seq,
+        t_capture_ns=t_capture_ns,
+        velocity=(0.0, 0.0, 0.0, 0.0),
+        healthy=False,
+        reached=False,
+        lost=False,
+        reason=reason[:200],
+        error_m=UNKNOWN_ERROR,
+        error_rad=UNKNOWN_ERROR,
+        overlap=0.0,
+    )

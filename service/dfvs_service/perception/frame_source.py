@@ -1,0 +1,87 @@
+"""Whose frames perception works on: our own, or those of ROS 2."""
+
+from __future__ import annotations
+
+from typing import Protocol
+
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.schema import from_json
+from dfvs_core.messages.topics import Topics
+from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.settings.config import ServiceConfig
+
+_FOCAL_TOLERANCE = 0.02
+
+
+class Intake(Protocol):
+    """Where frames and the camera's calibration come from, and what they look like there."""
+
+    key: str
+    calibration_key: str
+
+    def translate(self, sample: RawSample) -> RawSample:
+        """Sample in our own wire format.
+
+        Raises
+        ------
+        DfvsError
+            If it cannot be used.
+        """
+
+    def camera(self, payload: bytes) -> CameraModel | None:
+        """Camera that an announcement describes, None where it is not calibrated.
+
+        Raises
+        ------
+        DfvsError
+            If it cannot be read.
+        """
+
+
+class OwnIntake:
+    """Frames in our own wire format: nothing to be done."""
+
+    def __init__(self, topics: Topics) -> None:
+        self.key = topics.camera
+        self.calibration_key = topics.calibration
+
+    def translate(self, sample: RawSample) -> RawSample:
+        """Return the sample itself."""
+        return sample
+
+    def camera(self, payload: bytes) -> CameraModel | None:
+        """Camera as JSON."""
+        return from_json(CameraModel, payload)
+
+
+def make_intake(config: ServiceConfig, clock: bytes) -> Intake:
+    """Intake of the camera that the settings name.
+
+    Raises
+    ------
+    ConfigError
+        If ROS 2 is asked for and rosbags is not installed, or a topic's name is none.
+    """
+    source = config.camera.source
+    if source == "dfvs":
+        return OwnIntake(Topics(config.vehicle.name))
+    # rosbags is needed here alone, and is an extra.
+    from dfvs_service.ros2.frame_source import Ros2Intake
+
+    return Ros2Intake("rmw" if source == "ros2-rmw" else "bridge", config.camera.ros2, clock)
+
+
+def disagreement(configured: CameraModel, announced: CameraModel) -> str:
+    """Say in which way a camera calls itself another one than the settings; empty if not."""
+    if announced.size != configured.size:
+        return (
+            f"the camera announces {announced.width} x {announced.height} px, the settings say "
+            f"{configured.width} x {configured.height} px"
+        )
+    ratio = announced.fx / configured.fx
+    if abs(ratio - 1.0) > _FOCAL_TOLERANCE:
+        return (
+            f"the camera announces a focal length of {announced.fx:.1f} px, the settings say "
+            f"{configured.fx:.1f} px"
+        )
+    return ""

@@ -1,0 +1,152 @@
+"""Perception's turns on their way to recorders, from a thread of its own.
+
+The queue is bounded by its bytes: a recorder that is too slow loses turns, which their numbers
+show, and never delays a flight. Nothing is queued while nobody records.
+"""
+
+from __future__ import annotations
+
+import logging
+import threading
+from collections import deque
+from collections.abc import Callable
+from dataclasses import dataclass
+from typing import Any
+
+import zenoh
+import zenoh.ext
+
+from dfvs_core.messages.frame_record import Opening, Turn, pack
+from dfvs_core.messages.topics import Topics
+from dfvs_service.supervisor.watched_thread import start_watched
+
+MAX_WAITING_BYTES = 64 * 1024 * 1024
+_TURN_BYTES = 4096
+"""What a turn weighs besides its payload."""
+
+log = logging.getLogger("dfvs.perception.record")
+
+
+@dataclass(frozen=True, slots=True)
+class _Parcel:
+    message: Opening | Turn
+    payload: bytes
+
+    @property
+    def weight(self) -> int:
+        return _TURN_BYTES + len(self.payload)
+
+
+class TurnFeed:
+    """Publishes openings (kept for recorders that join later) and turns.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+    topics : Topics
+    report : callable
+        Takes one line about a failure of the thread, from any thread.
+    patience_s : float
+        A recorder is expected: turns wait for it so long after the start, from the first one on.
+    """
+
+    def __init__(
+        self,
+        session: zenoh.Session,
+        topics: Topics,
+        report: Callable[[str], None],
+        patience_s: float = 0.0,
+    ) -> None:
+        self._patience_s = patience_s
+        self._condition = threading.Condition()
+        self._waiting: deque[_Parcel] = deque()
+        self._waiting_bytes = 0
+        self._closed = False
+        self.dropped = 0
+        # Without its opening no turn can be read. This thread may block, up to the lease of a
+        # recorder that hangs; the queue then drops.
+        self._openings = zenoh.ext.declare_advanced_publisher(
+            session,
+            topics.telemetry("opening"),
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            cache=zenoh.ext.CacheConfig(max_samples=1),
+            publisher_detection=True,
+        )
+        self._turns = session.declare_publisher(
+            topics.telemetry("turn"),
+            congestion_control=zenoh.CongestionControl.BLOCK,
+            priority=zenoh.Priority.DATA_LOW,
+        )
+        self._heard = threading.Event()
+        self._listener = self._turns.declare_matching_listener(self._on_matching)
+        self._wanted = patience_s > 0 or self._has_recorder()
+        self._thread = start_watched("turn-feed", self._publish, report)
+
+    @property
+    def wanted(self) -> bool:
+        """Whether anybody records, or is expected to."""
+        return self._wanted
+
+    def offer(self, message: Opening | Turn, payload: bytes = b"") -> None:
+        """Hand on a message; a turn that finds the queue full is dropped and counted."""
+        parcel = _Parcel(message, payload)
+        is_turn = isinstance(message, Turn)
+        if is_turn and not self._wanted:
+            return
+        with self._condition:
+            if is_turn and self._waiting_bytes + parcel.weight > MAX_WAITING_BYTES:
+                self.dropped += 1
+                return
+            self._waiting.append(parcel)
+            self._waiting_bytes += parcel.weight
+            self._condition.notify()
+
+    def close(self, timeout_s: float = 0.25) -> None:
+        """Stop; what waits is still sent, within the time."""
+        with self._condition:
+            self._closed = True
+            self._condition.notify()
+        self._heard.set()
+        self._thread.join(timeout_s)
+        if self.dropped:
+            log.warning("%d turns were not handed to the recorder in time", self.dropped)
+
+    def _on_matching(self, status: zenoh.MatchingStatus) -> None:
+        """Zenoh's thread: a first recorder has come, or the last one has gone."""
+        self._wanted = status.matching
+        if status.matching:
+            self._heard.set()
+
+    def _publish(self) -> None:
+        while (parcel := self._next()) is not None:
+            try:
+                if isinstance(parcel.message, Opening):
+                    self._openings.put(pack(parcel.message, parcel.payload))
+                    self._await_recorder()
+                elif self._wanted:
+                    self._turns.put(pack(parcel.message, parcel.payload))
+            except zenoh.ZError as error:
+                log.warning("turn not published: %s", error)
+
+    def _has_recorder(self) -> bool:
+        # Zenoh's own type hint says bool, which it is not.
+        status: Any = self._turns.matching_status
+        return bool(status.matching)
+
+    def _await_recorder(self) -> None:
+        """Wait, once, for the recorder that is expected."""
+        if self._patience_s > 0:
+            if not self._heard.wait(self._patience_s):
+                log.warning("no recorder came within %g s", self._patience_s)
+                self._wanted = self._has_recorder()
+            self._patience_s = 0.0
+
+    def _next(self) -> _Parcel | None:
+        with self._condition:
+            while not self._waiting and not self._closed:
+                self._condition.wait()
+            if not self._waiting:
+                return None
+            parcel = self._waiting.popleft()
+            self._waiting_bytes -= parcel.weight
+            return parcel

@@ -1,0 +1,160 @@
+"""A ROS 2 camera as if it were one of ours: every sample is rewritten before it is looked at.
+
+What comes after (age, order, size, frozen pictures, recording) is the same for all cameras.
+"""
+
+from __future__ import annotations
+
+import time
+import zlib
+from collections.abc import Callable
+from dataclasses import dataclass
+
+from dfvs_core.errors import WireError
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import FrameHeader, encode_header
+from dfvs_core.messages.ros2 import (
+    CAMERA_INFO,
+    COMPRESSED_IMAGE,
+    IMAGE,
+    Ros2Link,
+    Ros2Topic,
+    decode_attachment,
+)
+from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.ros2.camera_info import camera_of
+from dfvs_service.ros2.images import Pixels, from_compressed, from_image
+from dfvs_service.ros2.messages import decode
+from dfvs_service.settings.sections import Ros2CameraSection
+
+MS = 1_000_000
+CLOCK_STEP_NS = 10 * MS
+"""The system clock is slewed by far less than this between two frames."""
+
+
+@dataclass(frozen=True, slots=True)
+class ClockReading:
+    """Both clocks read at the same moment, ns."""
+
+    wall_ns: int
+    monotonic_ns: int
+
+
+def read_clocks() -> ClockReading:
+    """Read this machine's clocks."""
+    return ClockReading(time.time_ns(), time.monotonic_ns())
+
+
+class WallClock:
+    """Takes wall-clock stamps to the monotonic clock, and notices when the wall clock is set.
+
+    A frame that was stamped before the clock was set would seem younger or older than it is, so
+    the first one after is refused.
+    """
+
+    def __init__(self) -> None:
+        self._offset_ns: int | None = None
+
+    def monotonic_of(self, stamp_ns: int, now: ClockReading) -> int:
+        """Monotonic time of a stamp.
+
+        Raises
+        ------
+        WireError
+            If the wall clock was set since the last call.
+        """
+        offset_ns = now.wall_ns - now.monotonic_ns
+        before_ns, self._offset_ns = self._offset_ns, offset_ns
+        if before_ns is not None and abs(offset_ns - before_ns) > CLOCK_STEP_NS:
+            step_ms = (offset_ns - before_ns) / MS
+            raise WireError(f"the system clock was set by {step_ms:.0f} ms since the last frame")
+        return stamp_ns - offset_ns
+
+
+class Ros2Intake:
+    """Rewrites samples of one ROS 2 image topic.
+
+    Parameters
+    ----------
+    link : {"rmw", "bridge"}
+        How ROS 2 comes to Zenoh.
+    section : Ros2CameraSection
+        Topic and type.
+    clock : bytes
+        Identity of this machine's monotonic clock.
+    clocks : callable
+        Reads both clocks of this machine.
+    """
+
+    def __init__(
+        self,
+        link: Ros2Link,
+        section: Ros2CameraSection,
+        clock: bytes,
+        clocks: Callable[[], ClockReading] = read_clocks,
+    ) -> None:
+        self._is_compressed = section.compressed
+        self._type_name = COMPRESSED_IMAGE if section.compressed else IMAGE
+        self._clock = clock
+        self._clocks = clocks
+        self._wall_clock = WallClock()
+        self._count = 0
+        image = Ros2Topic(section.topic, self._type_name, section.domain)
+        info_name = section.info_topic or _beside(image.plain)
+        self.key = image.key(link)
+        self.calibration_key = Ros2Topic(info_name, CAMERA_INFO, section.domain).key(link)
+
+    def camera(self, payload: bytes) -> CameraModel | None:
+        """Camera of a CameraInfo, None where it is not calibrated.
+
+        Raises
+        ------
+        DfvsError
+            If the bytes are no CameraInfo, or describe a camera that our model cannot hold.
+        """
+        return camera_of(decode(CAMERA_INFO, payload))
+
+    def translate(self, sample: RawSample) -> RawSample:
+        """Sample in our own wire format.
+
+        Raises
+        ------
+        DfvsError
+            If it is no message of the type, or the message cannot be used.
+        """
+        now = self._clocks()
+        message = decode(self._type_name, sample.payload)
+        pixels = from_compressed(message) if self._is_compressed else from_image(message)
+        t_ns = self._wall_clock.monotonic_of(pixels.stamp_ns, now)
+        if t_ns < 0:
+            raise WireError(
+                f"the image was taken {(now.monotonic_ns - t_ns) / 1e9:.0f} s ago by its stamp",
+                "header.stamp on this machine's system clock",
+            )
+        header = self._header(pixels, self._sequence(sample.attachment), t_ns)
+        return RawSample(pixels.payload, encode_header(header), sample.t_arrival_ns)
+
+    def _sequence(self, attachment: bytes) -> int:
+        """Publisher's own count where it sends one, else ours."""
+        self._count += 1
+        try:
+            return decode_attachment(attachment).seq & 0xFFFF_FFFF_FFFF_FFFF
+        except WireError:
+            return self._count
+
+    def _header(self, pixels: Pixels, seq: int, t_ns: int) -> FrameHeader:
+        return FrameHeader(
+            width=pixels.width,
+            height=pixels.height,
+            pixel_format=pixels.pixel_format,
+            seq=seq,
+            t_capture_ns=t_ns,
+            checksum=zlib.crc32(pixels.payload),
+            clock=self._clock,
+        )
+
+
+def _beside(image_topic: str) -> str:
+    """Where drivers publish CameraInfo: ``camera/image_raw[/compressed]`` has it in ``camera``."""
+    parts = image_topic.removesuffix("/compressed").split("/")
+    return "/".join([*parts[:-1], "camera_info"])

@@ -1,0 +1,107 @@
+"""``dfvs-service teach``: record a route of goal pictures from a flight by hand."""
+
+from __future__ import annotations
+
+import argparse
+import sys
+import threading
+import time
+from collections.abc import Sequence
+from pathlib import Path
+
+from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_core.errors import ConfigError
+from dfvs_core.messages.frame import Frame, decode_frame, decode_header
+from dfvs_core.perception.route_recording import TeachLimits
+from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.route.recording import Event, RouteTeacher, prepare_route_folder, taught_settings
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.options import add_settings_options, settings_from
+
+EXIT_OK, EXIT_NOTHING = 0, 1
+_TAKE_S = 0.25
+_TELL_S = 2.0
+_EPILOG = """\
+example: dfvs-service teach --out route/ --config service.toml
+then:    dfvs-service --goal route/ --config service.toml
+
+Fly the way by hand, slowly; a goal is taken whenever the last one leaves the view. Ctrl-C ends
+with a goal at the place reached. Nothing is sent to the vehicle. Exit code: 0 a route was
+recorded, 1 none, 2 cannot run.
+"""
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-service teach",
+        description="Record a route: goal pictures, each of which is seen from the one before.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    add_settings_options(parser)
+    parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="empty or new")
+    parser.add_argument("--mavlink", metavar="URL", help="connection (vehicle.mavlink)")
+    parser.add_argument(
+        "--overlap", type=float, default=0.55, metavar="SHARE", help="least overlap (default: 0.55)"
+    )
+    return parser
+
+
+def run(words: Sequence[str]) -> int:
+    """Teach until interrupted; returns the exit code.
+
+    Raises
+    ------
+    DfvsError
+        If folder, camera or vehicle cannot be used.
+    """
+    arguments = _parser().parse_args(words)
+    config = settings_from(arguments, {"vehicle.mavlink": arguments.mavlink})
+    if not 0.2 <= arguments.overlap <= 0.95:
+        raise ConfigError(f"--overlap is {arguments.overlap:g}", "0.2 to 0.95")
+    prepare_route_folder(arguments.out)
+    stop = threading.Event()
+    handle_ending_signals(lambda *_: stop.set())
+    limits = TeachLimits(overlap=arguments.overlap)
+    count = _teach(config, arguments.out, limits, stop)
+    print(f"{count} goals in {arguments.out}")
+    return EXIT_OK if count else EXIT_NOTHING
+
+
+def _teach(config: ServiceConfig, folder: Path, limits: TeachLimits, stop: threading.Event) -> int:
+    """Teach until stopped; returns the number of goals."""
+    # Zenoh, MAVSDK and the matcher take their time to load.
+    from dfvs_service.perception.assembly import Clocks, flow_matcher
+    from dfvs_service.route.frame_queue import FrameInbox, known_camera, open_beside
+    from dfvs_service.route.vehicle_state import VehicleWatch
+
+    config = taught_settings(config, known_camera(config))
+    matcher = flow_matcher(config.flow)
+    watch = VehicleWatch()
+    watch.connect(config.vehicle.mavlink, config.vehicle.timeout_s)
+    with open_beside(config) as session:
+        inbox = FrameInbox(session, config, _say)
+        clocks = Clocks(inbox.clock, time.monotonic_ns, time.monotonic_ns)
+        teacher = RouteTeacher(config, folder, matcher, clocks, limits)
+        _say(f"waiting for frames on {inbox.key}")
+        told_s = 0.0
+        while not stop.is_set():
+            sample = inbox.take_sample(_TAKE_S)
+            teacher.heed(watch.heard())
+            event = Event.NOTHING if sample is None else teacher.look(sample, _decoded)
+            if event is Event.SAVED:
+                _say(f"goal {teacher.count}")
+            elif event is Event.LOST and time.monotonic() - told_s > _TELL_S:
+                told_s = time.monotonic()
+                _say(f"goal {teacher.count} is out of sight: fly back to where it was taken")
+        if teacher.finish():
+            _say(f"goal {teacher.count}, the last one")
+    return teacher.count
+
+
+def _decoded(sample: RawSample) -> Frame:
+    return decode_frame(sample.payload, decode_header(sample.attachment))
+
+
+def _say(text: str) -> None:
+    print(f"teach: {text}", file=sys.stderr, flush=True)

@@ -1,0 +1,125 @@
+"""The newest frame of a vehicle's camera, as perception would get it."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from pathlib import Path
+
+import zenoh
+
+from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity, decode_frame, decode_header
+from dfvs_service.camera.source import Shot
+from dfvs_service.command import operators_zenoh
+from dfvs_service.perception.announced import await_camera
+from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.perception.frame_source import make_intake
+from dfvs_service.perception.mailbox import Mailbox
+from dfvs_service.settings.calibration_file import with_calibration
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.zenoh_session import open_session
+
+
+def open_beside(config: ServiceConfig) -> zenoh.Session:
+    """Session beside a running service, or in its place where none runs.
+
+    Raises
+    ------
+    ConfigError
+        If neither can be opened.
+    """
+    try:
+        return open_session(operators_zenoh(config.zenoh))
+    except ConfigError:
+        if config.zenoh.mode == "client":
+            raise
+        return open_session(config.zenoh)
+
+
+def known_camera(config: ServiceConfig) -> CameraModel:
+    """Calibration by the settings, or as the camera announces it.
+
+    Raises
+    ------
+    ConfigError
+        If neither tells it.
+    """
+    camera = with_calibration(config).camera.model() or await_camera(config, open_beside)
+    if camera is None:
+        raise ConfigError(
+            "nothing is known of the camera's lens",
+            "a calibration in the settings' [camera] section",
+            "make one with dfvs-camera calibrate, or set camera.announced_s",
+        )
+    return camera
+
+
+class FrameInbox:
+    """Takes frames from Zenoh, of our own cameras or of ROS 2.
+
+    Parameters
+    ----------
+    session : zenoh.Session
+    config : ServiceConfig
+        Names vehicle and camera.
+    say : callable
+        Takes a line for the user about a frame that cannot be read, once each.
+    """
+
+    ended = False
+
+    def __init__(
+        self, session: zenoh.Session, config: ServiceConfig, say: Callable[[str], None]
+    ) -> None:
+        self.clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self._intake = make_intake(config, self.clock)
+        self._mailbox: Mailbox[RawSample] = Mailbox()
+        self._say = say
+        self._told = ""
+        # The subscription lives as long as the reference to it.
+        self._subscriber: zenoh.Subscriber[None] | None = session.declare_subscriber(
+            self._intake.key, self._on_sample
+        )
+
+    @property
+    def key(self) -> str:
+        """Where frames are awaited."""
+        return self._intake.key
+
+    def _on_sample(self, sample: zenoh.Sample) -> None:
+        attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
+        self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, time.monotonic_ns()))
+
+    def take_sample(self, timeout_s: float) -> RawSample | None:
+        """Newest sample in our own wire format, None if none came that can be read."""
+        sample = self._mailbox.take(timeout_s)
+        if sample is None:
+            return None
+        try:
+            return self._intake.translate(sample)
+        except DfvsError as error:
+            self._complain(error)
+            return None
+
+    def take(self, timeout_s: float) -> Shot | None:
+        """Newest frame, decoded."""
+        sample = self.take_sample(timeout_s)
+        if sample is None:
+            return None
+        try:
+            frame = decode_frame(sample.payload, decode_header(sample.attachment))
+        except DfvsError as error:
+            self._complain(error)
+            return None
+        return Shot(frame.image, frame.t_capture_ns)
+
+    def close(self) -> None:
+        """Listen no more."""
+        self._subscriber = None
+
+    def _complain(self, error: DfvsError) -> None:
+        if str(error) != self._told:
+            self._told = str(error)
+            self._say(f"a frame cannot be read: {error}")

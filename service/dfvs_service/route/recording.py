@@ -1,0 +1,145 @@
+"""A route while it is being taught: from frames to goals, no socket, no thread."""
+
+from __future__ import annotations
+
+import dataclasses
+import enum
+from collections.abc import Callable, Sequence
+from pathlib import Path
+
+from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.matching.matcher import Matcher
+from dfvs_core.messages.frame import Frame
+from dfvs_core.messages.goal import Goal, Mount
+from dfvs_core.messages.link import GateStatus, VehicleState
+from dfvs_core.perception.route_recording import Lesson, TeachLimits, judge
+from dfvs_core.perception.vehicle_history import VehicleHistory
+from dfvs_core.servo.config import BY_NETWORK
+from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
+from dfvs_service.perception.frame_processor import Eye, RawSample
+from dfvs_service.route.goal_writer import sidecar_of, write_goal
+from dfvs_service.settings.config import ServiceConfig
+
+_TEACHING = "TEACHING"
+"""Not a state of the gate: the vehicle follows its pilot, and no progress is asked for."""
+
+
+class Event(enum.Enum):
+    """What a frame led to."""
+
+    NOTHING = "nothing"
+    SAVED = "saved"
+    LOST = "lost"
+
+
+class RouteTeacher:
+    """Saves a goal whenever the last one leaves the view.
+
+    Parameters
+    ----------
+    config : ServiceConfig
+        Resolved settings, the camera's intrinsics among them.
+    folder : Path
+        Takes the goals: 001.png, 001.json and so on.
+    matcher : Matcher
+        The one that is to fly the route later.
+    clocks : Clocks
+    limits : TeachLimits
+    """
+
+    def __init__(
+        self,
+        config: ServiceConfig,
+        folder: Path,
+        matcher: Matcher,
+        clocks: Clocks,
+        limits: TeachLimits,
+    ) -> None:
+        self._config = config
+        self._folder = folder
+        self._matcher = matcher
+        self._clocks = clocks
+        self._limits = limits
+        self._history = VehicleHistory()
+        self._eye: Eye | None = None
+        self._last: Frame | None = None
+        self._full_overlap = 0.0
+        self.count = 0
+
+    def heed(self, states: Sequence[VehicleState]) -> None:
+        """Take in what the vehicle said."""
+        for state in states:
+            self._history.add(state)
+            if self._eye is not None:
+                self._eye.heed(GateStatus(_TEACHING, "", state))
+
+    def look(self, sample: RawSample, decode: Callable[[RawSample], Frame]) -> Event:
+        """Work on one frame; ``decode`` is used for the first one alone."""
+        if self._eye is None:
+            frame = decode(sample)
+            return Event.NOTHING if not self._save(frame) else Event.SAVED
+        glance = self._eye.look(sample)
+        if glance.frame is None or glance.outcome is None:
+            return Event.NOTHING
+        result = glance.outcome.result
+        self._full_overlap = max(self._full_overlap, result.overlap)
+        lesson = judge(result, self._limits, self._full_overlap)
+        if lesson is Lesson.LOST:
+            return Event.LOST
+        self._last = glance.frame
+        if lesson is Lesson.DUE and self._save(glance.frame):
+            return Event.SAVED
+        return Event.NOTHING
+
+    def finish(self) -> bool:
+        """Save the last view in which the route was not lost; tell whether there was one."""
+        return self._last is not None and self._save(self._last)
+
+    def _save(self, frame: Frame) -> bool:
+        """Save a frame as the next goal, if the vehicle's attitude then is known."""
+        motion = self._history.at(frame.t_capture_ns)
+        camera = self._config.camera.model()
+        if motion is None or camera is None:
+            return False
+        sidecar = sidecar_of(camera, self._config.camera.mount or Mount(), motion)
+        self.count += 1
+        write_goal(self._folder / f"{self.count:03d}.png", frame.image, sidecar)
+        goal = Goal(frame.image, sidecar)
+        if self._eye is None:
+            self._eye = build_eye(self._config, goal, self._matcher, self._clocks)
+        else:
+            self._eye.set_goal(servo_task(self._config, goal), self._eye.prepare(goal))
+        self._last, self._full_overlap = None, 0.0
+        return True
+
+
+def prepare_route_folder(folder: Path) -> None:
+    """Make the folder of a route.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be made, or holds pictures already.
+    """
+    try:
+        folder.mkdir(parents=True, exist_ok=True)
+        is_empty = not any(folder.glob("*.png"))
+    except OSError as error:
+        raise ConfigError(f"cannot make the folder {folder} ({error.strerror})") from error
+    if not is_empty:
+        raise ConfigError(f"{folder} holds pictures already", "an empty folder for the new route")
+
+
+def taught_settings(config: ServiceConfig, camera: CameraModel) -> ServiceConfig:
+    """Settings with the camera's intrinsics filled in; teaching needs no depth by a network."""
+    section = dataclasses.replace(
+        config.camera,
+        calibration_file="",
+        horizontal_fov_rad=None,
+        **dataclasses.asdict(camera),
+    )
+    servo = config.servo
+    if servo.depth in BY_NETWORK:
+        servo = dataclasses.replace(servo, depth="motion")
+    return dataclasses.replace(config, camera=section, servo=servo)

@@ -1,0 +1,51 @@
+"""The vehicle's states, by listening to its MAVLink stream; nothing is ever asked of it."""
+
+from __future__ import annotations
+
+import threading
+from collections import deque
+
+from dfvs_core.gate.events import VehicleEvent
+from dfvs_core.gate.vehicle import VehiclePicture
+from dfvs_core.messages.link import VehicleState
+from dfvs_service.gate.status import vehicle_state
+
+_KEPT = 256
+
+
+class VehicleWatch:
+    """Keeps the states that were heard until they are asked for."""
+
+    def __init__(self) -> None:
+        self._lock = threading.Lock()
+        self._picture = VehiclePicture()
+        self._heard: deque[VehicleState] = deque(maxlen=_KEPT)
+
+    def connect(self, url: str, timeout_s: float) -> None:
+        """Listen to an autopilot; blocks until it is heard.
+
+        Raises
+        ------
+        VehicleError
+            If the connection cannot be opened, or nobody is heard in time.
+        """
+        # MAVSDK is needed here alone, and takes its time to load.
+        from dfvs_service.gate.autopilot import Autopilot
+
+        self._autopilot = Autopilot(self.take, lambda _kind, _text: None)
+        self._autopilot.connect(url, timeout_s)
+
+    def take(self, event: VehicleEvent) -> None:
+        """Take an event, on any thread."""
+        with self._lock:
+            self._picture.take(event)
+            state = vehicle_state(self._picture)
+            if state is not None and (not self._heard or state.t_ns > self._heard[-1].t_ns):
+                self._heard.append(state)
+
+    def heard(self) -> list[VehicleState]:
+        """States since the last call, oldest first."""
+        with self._lock:
+            states = list(self._heard)
+            self._heard.clear()
+            return states

@@ -1,0 +1,175 @@
+"""Reading a goal: the picture, and the sidecar beside it that says how it was taken."""
+
+from __future__ import annotations
+
+from collections.abc import Sequence
+from pathlib import Path
+
+from dfvs_core.errors import ConfigError, DfvsError, ImageError
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.messages.goal import Goal, GoalSidecar
+from dfvs_core.messages.goal_command import GoalOrder
+from dfvs_core.messages.image import MAX_PICTURE_BYTES, decode_picture
+from dfvs_service.settings.runtime import RuntimeFolder
+
+
+def read_image(path: str | Path) -> ImageArray:
+    """Read a PNG or JPEG file to (H, W, 3) uint8 RGB.
+
+    Raises
+    ------
+    ImageError
+        If the file is missing, too large, or not an image.
+
+    Examples
+    --------
+    >>> import cv2, numpy as np
+    >>> _ = cv2.imwrite("red.png", np.full((48, 64, 3), (0, 0, 255), np.uint8))  # OpenCV has BGR
+    >>> image = read_image("red.png")
+    >>> image.shape, image[0, 0].tolist()
+    ((48, 64, 3), [255, 0, 0])
+    >>> read_image("no-such-image.png")  # doctest: +ELLIPSIS
+    Traceback (most recent call last):
+    ...
+    dfvs_core.errors.ImageError: cannot read the image no-such-image.png ...
+    """
+    try:
+        with open(path, "rb") as file:
+            data = file.read(MAX_PICTURE_BYTES + 1)
+    except OSError as error:
+        raise ImageError(
+            f"cannot read the image {path} ({error.strerror})", "a PNG or JPEG file"
+        ) from error
+    try:
+        return decode_picture(data)
+    except ImageError as error:
+        raise ImageError(f"the image {path} cannot be used: {error}") from error
+
+
+def read_sidecar(picture: Path) -> GoalSidecar | None:
+    """Sidecar of a goal picture: the same name with ``.json``; None where there is none.
+
+    Raises
+    ------
+    ConfigError
+        If it is there but does not follow the format.
+    """
+    path = picture.with_suffix(".json")
+    try:
+        text = path.read_text(encoding="utf-8")
+    except FileNotFoundError:
+        return None
+    except (OSError, UnicodeDecodeError) as error:
+        raise ConfigError(f"cannot read the goal's sidecar {path} ({error})") from error
+    try:
+        return GoalSidecar.from_json(text)
+    except DfvsError as error:
+        raise ConfigError(f"the goal's sidecar {path} cannot be used: {error}") from error
+
+
+def load_goal(picture: str | Path) -> Goal:
+    """Goal from a picture with a sidecar beside it, of the same size.
+
+    Raises
+    ------
+    ImageError
+        If the picture cannot be read or has another size than its sidecar says.
+    ConfigError
+        If there is no sidecar or it cannot be used.
+
+    Examples
+    --------
+    >>> import cv2, numpy as np
+    >>> _ = cv2.imwrite("goal.png", np.zeros((48, 64, 3), np.uint8))
+    >>> from dfvs_core.geometry.camera import CameraModel
+    >>> sidecar = GoalSidecar(CameraModel.from_horizontal_fov(64, 48, 1.2), pitch_rad=-0.1)
+    >>> _ = Path("goal.json").write_text(sidecar.to_json())
+    >>> load_goal("goal.png").sidecar.pitch_rad
+    -0.1
+    """
+    picture = Path(picture)
+    sidecar = read_sidecar(picture)
+    if sidecar is None:
+        raise ConfigError(f"{picture} has no sidecar", f"{picture.with_suffix('.json')}")
+    return checked_goal(picture, read_image(picture), sidecar)
+
+
+def load_goals(runtime: RuntimeFolder) -> list[Goal]:
+    """Goal of a runtime folder, and those that follow it.
+
+    Raises
+    ------
+    DfvsError
+        If one of them cannot be used.
+    """
+    return [load_goal(picture) for picture in (runtime.goal_picture, *runtime.later_goals())]
+
+
+def route_pictures(places: Sequence[Path]) -> list[Path]:
+    """Pictures of a route: those that are named, and in place of a folder those in it, by name.
+
+    Raises
+    ------
+    ConfigError
+        If a folder holds none.
+    """
+    pictures: list[Path] = []
+    for place in places:
+        inside = sorted(p for p in place.iterdir() if _is_picture(p)) if place.is_dir() else [place]
+        if not inside:
+            raise ConfigError(f"the route folder {place} is empty", "PNG or JPEG files")
+        pictures += inside
+    return pictures
+
+
+def _is_picture(path: Path) -> bool:
+    return path.suffix.lower() in (".png", ".jpg", ".jpeg")
+
+
+def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
+    """Goal, after it was found that the picture has the size of its camera.
+
+    Raises
+    ------
+    ImageError
+        If it has not.
+    """
+    remedy = "take the goal with the camera that flies, or correct the camera's settings"
+    sidecar.camera.check_size(image, f"the goal picture {path}", remedy)
+    return Goal(image, sidecar)
+
+
+def goal_order(picture: Path) -> GoalOrder:
+    """Goal picture and its sidecar as they are sent to a running service.
+
+    Raises
+    ------
+    ImageError
+        If the picture cannot be read, or is not of its sidecar's size.
+    ConfigError
+        If the sidecar cannot be used.
+    """
+    image, sidecar = read_image(picture), read_sidecar(picture)
+    if sidecar is not None:
+        checked_goal(picture, image, sidecar)
+    return GoalOrder(picture.read_bytes(), "" if sidecar is None else sidecar.to_json())
+
+
+def ordered_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:
+    """Goal of an order that was found signed; what its sidecar lacks is as ``flown`` says.
+
+    Raises
+    ------
+    ImageError
+        If the picture cannot be read, or is not of the flying camera's size.
+    ConfigError
+        If the sidecar cannot be used.
+    """
+    image = decode_picture(order.picture)
+    sidecar = GoalSidecar.from_json(order.sidecar, flown) if order.sidecar else flown
+    if sidecar.camera.size != flown.camera.size:
+        raise ImageError(
+            f"the new goal is of a camera of {sidecar.camera.width} x {sidecar.camera.height} px",
+            f"{flown.camera.width} x {flown.camera.height} px, the size of the camera that flies",
+        )
+    return checked_goal(Path("new goal"), image, sidecar)

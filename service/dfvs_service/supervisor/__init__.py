@@ -1,0 +1,1 @@
+"""The parent process, and what its children share with it."""

@@ -1,0 +1,110 @@
+"""A child process with a pipe that shows it that its parent lives, and a file for its errors."""
+
+from __future__ import annotations
+
+import contextlib
+import os
+import signal
+import subprocess
+import sys
+from collections.abc import Sequence
+from pathlib import Path
+
+from dfvs_common.lifecycle import child_environment
+
+ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""Our matrices are small; BLAS threads that spin beside them made matching 3 times slower."""
+
+STEADY_HEAP = {
+    "MALLOC_ARENA_MAX": "1",
+    "MALLOC_MMAP_THRESHOLD_": str(32 << 20),
+    "MALLOC_TRIM_THRESHOLD_": str(256 << 20),
+    "NUMPY_MADVISE_HUGEPAGE": "0",
+}
+"""glibc's limits, fixed: left alone they follow the largest block that was freed so far.
+
+Arrays then move between heap and mappings whenever a larger picture came by, and the heap was seen
+to grow in steps. NumPy asks for huge pages where an array has 4 MB: the kernel then makes some of
+the heap resident whole, whenever it comes by. There is one heap for all threads, and what it took
+once is kept, see ``dfvs_service.perception.preallocation``.
+"""
+
+
+def use_one_blas_thread(module: str) -> None:
+    """Run this process anew as ``python -m module`` where BLAS may use more threads.
+
+    BLAS adds in another order on more threads, and reads their number at its start.
+    """
+    if not ONE_BLAS_THREAD.items() <= os.environ.items():
+        words = [sys.executable, "-m", module, *sys.argv[1:]]
+        os.execve(sys.executable, words, os.environ | ONE_BLAS_THREAD)
+
+
+class Child:
+    """One of the service's processes, which ends with this one.
+
+    Its standard input is a pipe: bytes mean that the parent lives, the end that it is gone. Its
+    standard error is a file and not a pipe, since a parent that does not read a pipe would in
+    the end block the child.
+    """
+
+    def __init__(self, command: Sequence[str], stderr: Path) -> None:
+        self._stderr = stderr
+        self._read = 0
+        with stderr.open("wb") as errors:
+            self._process = subprocess.Popen(
+                list(command),
+                stdin=subprocess.PIPE,
+                stdout=subprocess.DEVNULL,
+                stderr=errors,
+                env=STEADY_HEAP | os.environ | ONE_BLAS_THREAD | child_environment(),
+            )
+        if self._process.stdin is None:
+            raise RuntimeError("the child has no standard input")
+        self._pipe = self._process.stdin.fileno()
+        os.set_blocking(self._pipe, False)
+
+    @property
+    def pid(self) -> int:
+        """Process id."""
+        return self._process.pid
+
+    @property
+    def code(self) -> int | None:
+        """Exit code (negative: killed by that signal), None while it runs."""
+        return self._process.poll()
+
+    def ping(self) -> None:
+        """Show that the parent lives."""
+        with contextlib.suppress(BlockingIOError, BrokenPipeError):
+            os.write(self._pipe, b".")
+
+    def terminate(self) -> None:
+        """Ask it to end."""
+        self._process.terminate()
+
+    def kill(self) -> None:
+        """End it at once, also when it is stopped or hung."""
+        self._process.kill()
+
+    def wait(self, timeout_s: float) -> bool:
+        """Wait for its end; tell whether it came."""
+        with contextlib.suppress(subprocess.TimeoutExpired):
+            self._process.wait(timeout_s)
+        return self.code is not None
+
+    def new_errors(self) -> list[str]:
+        """Whole lines that it wrote to its standard error since the last call."""
+        with self._stderr.open("rb") as file:
+            file.seek(self._read)
+            data = file.read()
+        end = data.rfind(b"\n") + 1
+        self._read += end
+        return data[:end].decode(errors="replace").splitlines()
+
+    def describe_end(self) -> str:
+        """How it ended, in words."""
+        code = self.code
+        if code is not None and code < 0:
+            return f"was killed by {signal.Signals(-code).name}"
+        return f"ended with code {code}"

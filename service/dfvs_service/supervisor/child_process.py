@@ -1,0 +1,68 @@
+"""Entry of the service's child processes: ``python -m dfvs_service.NAME --runtime DIR``."""
+
+from __future__ import annotations
+
+import argparse
+import signal
+import sys
+from collections.abc import Callable, Sequence
+from pathlib import Path
+from types import FrameType
+from typing import Protocol
+
+from dfvs_common.lifecycle import EXIT_CANNOT_RUN, ORPHANED, end_with_parent
+from dfvs_core.errors import DfvsError
+from dfvs_service.settings.config import ServiceConfig, config_from_json
+from dfvs_service.settings.runtime import RuntimeFolder
+
+
+class ChildProcess(Protocol):
+    """Work of a child process."""
+
+    def stop(self, signal: int, frame: FrameType | None, /) -> None:
+        """Signal handler of SIGTERM and ``ORPHANED``: end."""
+        ...
+
+    def run(self) -> None:
+        """Work until told to stop."""
+        ...
+
+
+def leave_terminal_to_parent() -> None:
+    """Ignore a terminal's Ctrl-C and its closing, which reach all: the parent sends SIGTERM."""
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGHUP, signal.SIG_IGN)
+
+
+def run_child(
+    name: str,
+    argv: Sequence[str] | None,
+    make: Callable[[ServiceConfig, RuntimeFolder], ChildProcess],
+) -> int:
+    """Run a child process of the service until SIGTERM, or until its parent is gone.
+
+    Returns the exit code.
+
+    Parameters
+    ----------
+    name : str
+        Of the package that is run.
+    argv : sequence of str, optional
+        Command line.
+    make : callable
+        Makes the process from the settings and the runtime folder.
+    """
+    parser = argparse.ArgumentParser(prog=name)
+    parser.add_argument("--runtime", type=Path, required=True)
+    runtime = RuntimeFolder(parser.parse_args(argv).runtime)
+    leave_terminal_to_parent()
+    end_with_parent(number=ORPHANED)
+    try:
+        process = make(config_from_json(runtime.config.read_text(encoding="utf-8")), runtime)
+        for number in (signal.SIGTERM, ORPHANED):
+            signal.signal(number, process.stop)
+        process.run()
+    except DfvsError as error:
+        print(f"error: {error}", file=sys.stderr)
+        return EXIT_CANNOT_RUN
+    return 0

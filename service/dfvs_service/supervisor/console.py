@@ -1,0 +1,136 @@
+"""What the user of a terminal sees of a flight."""
+
+from __future__ import annotations
+
+import enum
+import math
+import sys
+from collections.abc import Mapping
+from pathlib import Path
+from typing import Protocol, TextIO
+
+from dfvs_service.supervisor.heartbeat import Beat
+
+
+class Colour(enum.IntEnum):
+    """Colour of a text, as a code of ANSI terminals (SGR)."""
+
+    DIM = 2
+    RED = 31
+    GREEN = 32
+    YELLOW = 33
+
+
+def painted(text: str, colour: Colour) -> str:
+    """Text that a terminal shows in a colour."""
+    return f"\x1b[{colour:d}m{text}\x1b[0m"
+
+
+def shows_colours(stream: TextIO, environment: Mapping[str, str]) -> bool:
+    """Tell whether colours are wanted: a terminal, unless ``NO_COLOR`` or ``TERM=dumb`` is set."""
+    is_plain = environment.get("NO_COLOR") or environment.get("TERM") == "dumb"
+    return stream.isatty() and not is_plain
+
+
+class Display(Protocol):
+    """Shows how the flight goes."""
+
+    def show(self, beat: Beat) -> None:
+        """Take the newest state."""
+
+    def say(self, line: str) -> None:
+        """Show a line that must not be lost."""
+
+    def close(self) -> None:
+        """Leave the terminal clean."""
+
+
+def describe(beat: Beat) -> str:
+    """One line about a state."""
+    error = ""
+    if beat.error_m is not None and beat.error_rad is not None:
+        error = f"  error {beat.error_m:6.3f} m {math.degrees(beat.error_rad):5.1f}°"
+    return f"{beat.state:<9}{error}  {beat.cause}".rstrip()
+
+
+class LiveLine:
+    """One line that is rewritten, for a terminal."""
+
+    def __init__(self, stream: TextIO, width: int) -> None:
+        self._stream = stream
+        self._width = width
+        self._drawn = False
+
+    def show(self, beat: Beat) -> None:
+        """Rewrite the line."""
+        self._stream.write(f"\r\x1b[K{describe(beat)[: self._width - 1]}")
+        self._stream.flush()
+        self._drawn = True
+
+    def say(self, line: str) -> None:
+        """Print a line above."""
+        self._stream.write(f"\r\x1b[K{line}\n" if self._drawn else f"{line}\n")
+        self._stream.flush()
+        self._drawn = False
+
+    def close(self) -> None:
+        """End the line."""
+        if self._drawn:
+            self._stream.write("\n")
+            self._stream.flush()
+        self._drawn = False
+
+
+class ChangeLines:
+    """One line for every change of state, where there is no terminal."""
+
+    def __init__(self, stream: TextIO) -> None:
+        self._stream = stream
+        self._last = ""
+
+    def show(self, beat: Beat) -> None:
+        """Print a line if the state changed."""
+        if beat.state != self._last:
+            self._last = beat.state
+            self.say(describe(beat))
+
+    def say(self, line: str) -> None:
+        """Print a line."""
+        self._stream.write(line + "\n")
+        self._stream.flush()
+
+    def close(self) -> None:
+        """Nothing to clean."""
+
+
+class JsonLines:
+    """The gate's log on standard output as it is written; plain lines go to standard error."""
+
+    def __init__(self, log: Path, stream: TextIO) -> None:
+        self._log = log
+        self._stream = stream
+        self._read = 0
+
+    def show(self, beat: Beat) -> None:
+        """Pass on what the gate logged since."""
+        del beat
+        self._pass_on()
+
+    def _pass_on(self) -> None:
+        if not self._log.exists():
+            return
+        with self._log.open("rb") as file:
+            file.seek(self._read)
+            data = file.read()
+        end = data.rfind(b"\n") + 1
+        self._read += end
+        self._stream.write(data[:end].decode(errors="replace"))
+        self._stream.flush()
+
+    def say(self, line: str) -> None:
+        """Print a line beside the log."""
+        print(line, file=sys.stderr)
+
+    def close(self) -> None:
+        """Pass on the rest."""
+        self._pass_on()

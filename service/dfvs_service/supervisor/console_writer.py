@@ -1,0 +1,56 @@
+"""Words for the terminal, spoken on a thread of its own.
+
+A terminal that is stopped (Ctrl-S), or a pipe that nobody reads, blocks whoever writes to it. The
+parent watches over the gate and must not be blocked; so it hands its words on, and those that
+find no room are lost.
+"""
+
+from __future__ import annotations
+
+import contextlib
+import queue
+import threading
+from collections.abc import Callable
+
+from dfvs_service.supervisor.console import Display
+from dfvs_service.supervisor.heartbeat import Beat
+
+_MOST_LINES = 256
+_MOST_STATES = 8
+"""So many wait at most before states are left out: the next one tells more."""
+
+
+class Narrator:
+    """A display that never blocks."""
+
+    def __init__(self, display: Display) -> None:
+        self._display = display
+        self._todo: queue.Queue[Callable[[], None] | None] = queue.Queue(_MOST_LINES)
+        self._thread = threading.Thread(target=self._run, name="narrator", daemon=True)
+        self._thread.start()
+
+    def show(self, beat: Beat) -> None:
+        """Show a state, unless others wait already."""
+        if self._todo.qsize() < _MOST_STATES:
+            self._put(lambda: self._display.show(beat))
+
+    def say(self, line: str) -> None:
+        """Show a line."""
+        self._put(lambda: self._display.say(line))
+
+    def close(self, timeout_s: float) -> bool:
+        """Leave the terminal clean; tell whether all was said in time."""
+        self._put(self._display.close)
+        self._put(None)
+        self._thread.join(timeout_s)
+        return not self._thread.is_alive()
+
+    def _put(self, job: Callable[[], None] | None) -> None:
+        with contextlib.suppress(queue.Full):
+            self._todo.put_nowait(job)
+
+    def _run(self) -> None:
+        while (job := self._todo.get()) is not None:
+            # A terminal that is gone must not end a flight.
+            with contextlib.suppress(OSError, ValueError):
+                job()

@@ -1,0 +1,1 @@
+"""Motion of the simulated vehicle: rigid body, control, wind and state estimator."""

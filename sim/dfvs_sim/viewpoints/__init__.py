@@ -1,0 +1,1 @@
+"""Viewpoints in a scene: free space and sampled camera poses."""
