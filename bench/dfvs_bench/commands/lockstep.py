@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+from dataclasses import replace
 from pathlib import Path
 from typing import Any
 
@@ -12,6 +13,7 @@ from dfvs_bench.lockstep.run import EXACT, SimulatedJob, fly
 from dfvs_bench.trials.executor import Workforce
 from dfvs_bench.trials.provenance import made_with
 from dfvs_core.errors import ConfigError
+from dfvs_core.gate.limits import VelocityLimits
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth
 from dfvs_sim.commands import vehicle
@@ -20,6 +22,7 @@ from dfvs_sim.demo.progress import Progress
 from dfvs_sim.options import add_scene_option, write_json
 from dfvs_sim.scene import builtin_room_path
 
+_LIMITS = VelocityLimits()
 _DEPTHS = ("motion", "network", "fused", "flow", "constant")
 _EPILOG = """examples:
   dfvs-bench lockstep --seeds 1000-1199 --workers 2 --json flights.json --plot calibration.png
@@ -57,6 +60,8 @@ def add_parser(subparsers: Any) -> None:
         metavar="DEG",
         help="turn of the camera's mounting",
     )
+    add("--speed", type=float, default=_LIMITS.horizontal_m_s, metavar="M_S", help="speed limit")
+    add("--slew", type=float, default=_LIMITS.slew_m_s2, metavar="M_S2", help="limit of its change")
     add("--hold", type=float, default=5.0, metavar="S", help="hold the goal by vision so long")
     add("--timeout", type=float, default=60.0, metavar="S", help="give up a flight after so long")
     add("--workers", type=int, default=1, metavar="N", help="processes")
@@ -100,9 +105,10 @@ def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
     first, _, last = args.seeds.partition("-")
     if not first.isdigit() or (last and not last.isdigit()):
         raise ConfigError(f"--seeds is {args.seeds!r}", "a number, or two as in 0-9")
-    for name in ("hold", "timeout"):
-        if not 0 < getattr(args, name) <= 3600:
-            raise ConfigError(f"--{name} is {getattr(args, name):g} s", "above 0, to 3600")
+    for name, most in (("hold", 3600.0), ("timeout", 3600.0), ("speed", 5.0), ("slew", 5.0)):
+        if not 0 < getattr(args, name) <= most:
+            raise ConfigError(f"--{name} is {getattr(args, name):g}", f"above 0, to {most:g}")
+    limits = replace(_LIMITS, horizontal_m_s=args.speed, slew_m_s2=args.slew)
     load_depth(args.depth, args.depth_bundle, 1)  # refuses at once what cannot be used
     conditions = conditions_from(args)
     parser = argparse.ArgumentParser()
@@ -118,6 +124,7 @@ def _jobs(args: argparse.Namespace) -> list[SimulatedJob]:
             timeout_s=args.timeout,
             hold_s=args.hold,
             mounted_deg=args.mounted_deg,
+            limits=limits,
             depth=args.depth,
             depth_model=args.depth_bundle,
         )

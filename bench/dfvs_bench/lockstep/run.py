@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 from pathlib import Path
 
 import numpy as np
@@ -12,6 +12,7 @@ from dfvs_bench.lockstep.exact import ExactMatcher
 from dfvs_bench.lockstep.flight import LockstepFlight, LockstepSetup
 from dfvs_bench.lockstep.record import SimulatedFlight, simulated_flight
 from dfvs_core.gate.config import Engage, GateConfig, OnDone, S
+from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import Mount
@@ -39,7 +40,8 @@ class SimulatedJob:
 
     ``matcher`` is ``exact`` or a name that ``dfvs-service`` knows. ``mounted_deg`` is how far about
     the vertical the camera is mounted from what the settings say; ``hold_s`` how long the goal is
-    held after DONE. ``depth`` is ``servo.depth``, ``depth_model`` the bundle that it may need.
+    held after DONE. ``limits`` are the gate's, whose horizontal speed the servo law takes too.
+    ``depth`` is ``servo.depth``, ``depth_model`` the bundle that it may need.
     """
 
     seed: int
@@ -51,6 +53,7 @@ class SimulatedJob:
     timeout_s: float = 60.0
     hold_s: float = 5.0
     mounted_deg: float = 0.0
+    limits: VelocityLimits = field(default_factory=VelocityLimits)
     depth: DepthChoice = "motion"
     depth_model: str = DEFAULT_DEPTH
 
@@ -67,6 +70,7 @@ def fly(job: SimulatedJob) -> SimulatedFlight:
     camera = CameraModel.from_horizontal_fov(*job.size, _FOV_RAD)
     task = sample_task(renderer, camera, np.random.default_rng(job.seed))
     gate = GateConfig(
+        velocity=job.limits,
         engage=Engage.AUTO,
         on_done=OnDone.HOLD_VISUAL,
         hold_visual_ns=round((job.hold_s + _HOLD_MARGIN_S) * S),
@@ -76,7 +80,7 @@ def fly(job: SimulatedJob) -> SimulatedFlight:
         task.T_world_start,
         task.T_world_goal,
         vehicle=job.vehicle,
-        servo=ServoConfig(depth=job.depth),
+        servo=ServoConfig(depth=job.depth, max_horizontal_m_s=job.limits.horizontal_m_s),
         gate=gate,
         mounted=Mount(yaw_rad=math.radians(job.mounted_deg)) if job.mounted_deg else None,
         rate_hz=job.rate_hz,
