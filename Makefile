@@ -36,10 +36,11 @@ imports: .venv/.stamp-test
 docs: .venv/.stamp-test
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
-# Tests that measure time (marker serial) run with nothing beside them, after all others.
+# Tests in real time follow all others: two at a time (marker real_time), or alone (serial).
 pytest: .venv/.stamp-test
 ifeq ($(strip $(ARGS)),)
-	$(BIN)/python -m pytest -n 2 --dist loadscope -m "not serial"
+	$(BIN)/python -m pytest -n 2 --dist loadscope -m "not real_time and not serial"
+	$(BIN)/python -m pytest -n 2 --dist loadscope -m real_time
 	$(BIN)/python -m pytest -m serial
 else
 	$(BIN)/python -m pytest $(ARGS)

@@ -21,7 +21,7 @@ from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import Action
 from dfvs_robustness.faults.records import TELLS_MODE
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 KEY = b"0123456789abcdef0123456789abcdef"
 

@@ -21,7 +21,7 @@ from dfvs_sim.ground.pilot import PilotError
 from dfvs_sim.ground.pose import PoseTracker
 from dfvs_sim.vehicle.modes import Mode
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 STILL = VelocityBodyYawspeed(0.0, 0.0, 0.0, 0.0)
 
