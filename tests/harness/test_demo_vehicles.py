@@ -26,7 +26,8 @@ def beside_a_flying_vehicle(folder):
             pilot.prepare()
             pilot.take_off(1.0)
         links = ("--autopilot", f"udpin://127.0.0.1:{vehicle.companion_port}", "--ground", ground)
-        done = ran(demo_command(folder / "flight", *links, "--service", "--engage auto"))
+        words = (*links, "--service", "--engage auto", "--no-report")
+        done = ran(demo_command(folder / "flight", *words))
         return done, vehicle.events("state"), vehicle.events("mode_command")
 
 
@@ -44,7 +45,7 @@ def test_a_vehicle_that_flies_already_is_landed_flown_by_its_own_engaging_and_la
 def test_two_vehicles_fly_at_the_same_time_and_the_table_shows_both(tmp_path):
     def fly(folder):
         words = ("--vehicles", "2", "--estimate", "low", "--json", folder / "all.json")
-        return ran(demo_command(folder / "flight", *words))
+        return ran(demo_command(folder / "flight", *words, "--no-report"))
 
     done, folder = flown_in_time(fly, tmp_path, flights=2)
     documents = json.loads((folder / "all.json").read_text())
@@ -60,6 +61,9 @@ def test_two_vehicles_fly_at_the_same_time_and_the_table_shows_both(tmp_path):
         spans.append((min(flown), max(flown)))
     (a0, a1), (b0, b1) = spans
     assert min(a1, b1) - max(a0, b0) > 2_000_000_000
+    left = {path.name for path in (folder / "flight" / "vehicle-1").iterdir()}
+    assert "summary.json" in left
+    assert not left & {"record", "report.html", "flight.mp4"}  # as --no-report says
 
 
 @pytest.mark.parametrize("words", [(), ("--vehicles", "2")])
