@@ -40,7 +40,7 @@ docs: .venv/.stamp-test
 pytest: .venv/.stamp-test
 ifeq ($(strip $(ARGS)),)
 	$(BIN)/python -m pytest -n 2 --dist loadscope -m "not real_time and not serial"
-	$(BIN)/python -m pytest -n 2 --dist loadscope -m real_time
+	$(BIN)/python -m pytest -n 2 --dist loadscope -m "real_time and not serial"
 	$(BIN)/python -m pytest -m serial
 else
 	$(BIN)/python -m pytest $(ARGS)

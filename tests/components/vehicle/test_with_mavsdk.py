@@ -165,18 +165,23 @@ def test_a_pilot_takes_over_while_setpoints_stream(hovering: Hovering) -> None:
     direct.destroy()
 
 
-def test_streams_arrive_at_px4s_rates(hovering: Hovering) -> None:
+@pytest.mark.serial
+def test_streams_arrive_at_px4s_rates(tmp_path: Path) -> None:
     expected = {"ATTITUDE": 100, "ATTITUDE_QUATERNION": 50, "LOCAL_POSITION_NED": 30}
-    direct = MavlinkDirect(hovering.system)
     times: dict[str, list[int]] = defaultdict(list)
 
     def keep(message: Any, _: object) -> None:
         times[message.message_name].append(time.monotonic_ns())
 
-    for name in expected:
-        direct.subscribe_message(name, keep)
-    time.sleep(1.5)
-    direct.destroy()
+    with (
+        vehicle_running(tmp_path) as vehicle,
+        companion_connected(vehicle.companion_port) as system,
+    ):
+        direct = MavlinkDirect(system)
+        for name in expected:
+            direct.subscribe_message(name, keep)
+        time.sleep(1.5)
+        direct.destroy()
     for name, rate in expected.items():
         stamps = times[name]
         measured = (len(stamps) - 1) / ((stamps[-1] - stamps[0]) / 1e9)
