@@ -19,7 +19,6 @@ from vehicle_process import Hovering, companion_connected, vehicle_running, wait
 
 from dfvs_sim.ground.pilot import PilotError
 from dfvs_sim.ground.pose import PoseTracker
-from dfvs_sim.vehicle.modes import Mode
 
 pytestmark = pytest.mark.real_time
 
@@ -60,12 +59,6 @@ class Streaming:
     def __exit__(self, *_: object) -> None:
         self._stop.set()
         self._thread.join()
-
-
-def modes_since(hovering: Hovering, t_ns: int) -> list[tuple[str, float]]:
-    """Modes entered since then, with the seconds that had passed."""
-    events = [e for e in hovering.vehicle.events("state") if e["t_ns"] >= t_ns]
-    return [(e["mode"], (e["t_ns"] - t_ns) / 1e9) for e in events]
 
 
 def test_health_becomes_good_and_arming_is_denied_before(tmp_path: Path) -> None:
@@ -127,41 +120,6 @@ def test_every_setpoint_sent_is_in_the_record_once_and_in_order(hovering: Hoveri
 
     wait_until(lambda: len(received()) == len(sent), 10.0)
     assert received() == sent
-    direct.destroy()
-
-
-def test_silence_ends_in_hold_and_resumed_setpoints_re_enter_offboard(hovering: Hovering) -> None:
-    direct = MavlinkDirect(hovering.system)
-    with Streaming(direct):
-        time.sleep(0.3)
-        hovering.pilot.engage_offboard()
-    silent_ns = time.monotonic_ns()
-    assert wait_until(lambda: bool(modes_since(hovering, silent_ns)), 30.0)
-    ((mode, seconds),) = modes_since(hovering, silent_ns)
-    assert mode == "HOLD"
-    assert seconds > 0.4  # 0.5 s since the last setpoint
-    resumed_ns = time.monotonic_ns()
-    with Streaming(direct):
-        assert wait_until(lambda: bool(modes_since(hovering, resumed_ns)), 30.0)
-        assert [mode for mode, _ in modes_since(hovering, resumed_ns)] == ["OFFBOARD"]
-        hovering.pilot.hold()
-    direct.destroy()
-
-
-def test_a_pilot_takes_over_while_setpoints_stream(hovering: Hovering) -> None:
-    direct = MavlinkDirect(hovering.system)
-    modes: list[int] = []
-    direct.subscribe_message(
-        "HEARTBEAT", lambda m, _: modes.append(json.loads(m.fields_json)["custom_mode"])
-    )
-    with Streaming(direct):
-        time.sleep(0.3)
-        hovering.pilot.engage_offboard()
-        hovering.pilot.take_over()
-        assert wait_until(lambda: modes[-1] == Mode.POSITION.custom_mode, 30.0)
-        time.sleep(0.5)
-    assert Mode.OFFBOARD.custom_mode in modes
-    assert hovering.vehicle.events("state")[-1]["mode"] == "POSITION"
     direct.destroy()
 
 
