@@ -36,10 +36,13 @@ imports: .venv/.stamp-test
 docs: .venv/.stamp-test
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
-# Tests that measure time (marker serial) run with nothing beside them, after all others.
+# Two workers on one BLAS thread each. Tests in real time follow: in pairs (marker real_time), or
+# alone (serial).
 pytest: .venv/.stamp-test
 ifeq ($(strip $(ARGS)),)
-	$(BIN)/python -m pytest -n 2 --dist loadscope -m "not serial"
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
+	    $(BIN)/python -m pytest -n 2 --dist loadscope -m "not real_time and not serial"
+	$(BIN)/python -m pytest -n 2 --dist loadscope -m "real_time and not serial"
 	$(BIN)/python -m pytest -m serial
 else
 	$(BIN)/python -m pytest $(ARGS)

@@ -1,6 +1,7 @@
 """An empty box seen from inside: depth and flow are exact from any pose, and nothing hides."""
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 
@@ -16,15 +17,19 @@ HALF_SIZE_M = np.array([4.0, 3.0, 1.5])
 class BoxRoom:
     camera: CameraModel
 
+    @cached_property
+    def rays(self):
+        """(H, W, 3) of the pixels, z = 1."""
+        xy = self.camera.normalise(self.camera.grid())
+        return np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2)
+
     def depth(self, T_world_camera):
         """(H, W) m along the optical axis."""
-        xy = self.camera.normalise(self.camera.grid())
-        rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2)
-        directions = rays @ T_world_camera[:3, :3].T
+        directions = self.rays @ T_world_camera[:3, :3].T
         walls = np.where(directions > 0, HALF_SIZE_M, -HALF_SIZE_M)
         with np.errstate(divide="ignore"):
             reach = (walls - T_world_camera[:3, 3]) / directions
-        return reach.min(axis=2)
+        return np.minimum(np.minimum(reach[..., 0], reach[..., 1]), reach[..., 2])
 
     def depth_map(self, T_world_camera):
         z = self.depth(T_world_camera).astype(np.float32)
@@ -33,9 +38,7 @@ class BoxRoom:
     def flow(self, T_world_a, T_world_b):
         """Exact flow a to b; confidence 1 where b sees the point."""
         pixels = self.camera.grid()
-        xy = self.camera.normalise(pixels)
-        rays = np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2)
-        P = rays * self.depth(T_world_a)[..., None]
+        P = self.rays * self.depth(T_world_a)[..., None]
         T = invert_pose(T_world_b) @ T_world_a
         Q = P @ T[:3, :3].T + T[:3, 3]
         ahead = Q[..., 2] > 0.05

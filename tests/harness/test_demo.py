@@ -103,13 +103,3 @@ def test_the_vehicle_s_own_record_shows_setpoints_within_the_limits_and_without_
     assert np.percentile(gaps_ms, 99) <= 150
     assert 0 < summary["max_setpoint_gap_ms"] <= round(gaps_ms.max(), 2)
     assert 0 < summary["latency_ms"]["p50"] <= summary["latency_ms"]["p99"]
-
-
-def test_a_goal_that_is_nowhere_in_sight_is_never_flown_to(tmp_path):
-    """The goal looks the other way: the service stays in PREFLIGHT and says why."""
-    words = ("--start=0,0,-1.3,0", "--goal=0,0,-1.3,180", "--estimate", "low", "--ready", "12")
-    done = ran(demo_command(tmp_path, *words))
-    assert done.returncode == 2
-    assert "PREFLIGHT" in done.stderr
-    assert "goal" in done.stderr
-    assert not [e for e in events(tmp_path, "setpoint") if any(e["velocity"])]

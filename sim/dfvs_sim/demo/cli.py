@@ -36,6 +36,7 @@ from dfvs_sim.demo.report import FlightReport, ReportError
 from dfvs_sim.demo.results import replace_json, write_results
 from dfvs_sim.demo.summary import FlightSummary
 from dfvs_sim.demo.table import flight_table
+from dfvs_sim.demo.track import Track
 from dfvs_sim.options import add_camera_options, add_scene_option, camera_from, require_folder
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path, two_rooms_path
@@ -134,6 +135,7 @@ def _parser() -> argparse.ArgumentParser:
     add("--service", default="", metavar="WORDS", help="further words for dfvs-service")
     add("--out", type=Path, metavar="DIR", help="folder for the results (default: demo-SEED)")
     add("--json", type=Path, metavar="FILE", help="write the summary there as well")
+    add("--no-report", action="store_true", help="fly only: no recording, no page, no film")
     return parser
 
 
@@ -237,7 +239,7 @@ def _fly_one(
     progress.say(
         f"seed {plan.seed}: {distance_m:.2f} m and {angle_rad * 57.29578:.1f} degrees from the goal"
     )
-    report = FlightReport(folder, tuple(args.service.split()))
+    report = None if args.no_report else FlightReport(folder, tuple(args.service.split()))
     options = FlightOptions(
         timeout_s=args.timeout,
         ready_s=args.ready,
@@ -247,7 +249,7 @@ def _fly_one(
         conditions=conditions_from(args) if args.autopilot is None else Conditions(),
         autopilot=args.autopilot,
         ground=args.ground,
-        service=(*report.words, *args.service.split()),
+        service=(*(report.words if report else ()), *args.service.split()),
         camera=args.camera,
         dashboard=args.dashboard,
         pause=_pause if args.dashboard and sys.stdin.isatty() else lambda _: None,
@@ -260,13 +262,18 @@ def _fly_one(
         f"{summary.final_rotation_deg:.2f} degrees after {summary.duration_s:.1f} s, path ratio "
         f"{summary.path_ratio:.2f}"
     )
+    made = "" if report is None else f"{_made_report(report, log.track, progress)} and "
+    progress.say(f"  {made}summary.json in {folder}")
+    return summary
+
+
+def _made_report(report: FlightReport, track: Track, progress: Progress) -> str:
+    """Make the report; its files, or why there is none."""
     progress.say("  making the report")
     try:
-        made = ", ".join(path.name for path in report.make(log.track))
+        return ", ".join(path.name for path in report.make(track))
     except ReportError as error:
-        made = f"no report ({error})"
-    progress.say(f"  {made} and summary.json in {folder}")
-    return summary
+        return f"no report ({error})"
 
 
 def _pause(what: str) -> None:

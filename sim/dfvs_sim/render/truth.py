@@ -5,7 +5,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray, IntArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose
 
@@ -58,21 +58,20 @@ def visibility(
     depth_a, depth_b = depths_m
     points, z_b = _points_in_b(camera, poses, depth_a)
     known = (depth_a > 0) & (z_b > _BEHIND_M)
-    pixel = np.full((*depth_a.shape, 2), -1.0)
-    pixel[known] = camera.project(points[known])
-    inside = known & (pixel >= 0).all(-1) & (pixel < [camera.width, camera.height]).all(-1)
-    u, v, z = pixel[inside, 0] - 0.5, pixel[inside, 1] - 0.5, z_b[inside]
+    points[..., 2] = np.where(known, z_b, 1.0)
+    pixel = camera.project(points)
+    u, v = pixel[..., 0], pixel[..., 1]
+    inside = known & (u >= 0) & (v >= 0) & (u < camera.width) & (v < camera.height)
+    u, v, z = u[inside] - 0.5, v[inside] - 0.5, points[inside, 2]
     tolerance = np.maximum(DEPTH_TOLERANCE_M, DEPTH_TOLERANCE_RELATIVE * z)
     agrees = np.zeros(len(z), np.bool_)
     inverse = np.zeros(len(z))
-    for dv in (0, 1):
-        for du in (0, 1):
-            i = np.clip(np.floor(u).astype(np.intp) + du, 0, camera.width - 1)
-            j = np.clip(np.floor(v).astype(np.intp) + dv, 0, camera.height - 1)
-            there = depth_b[j, i]
+    columns, rows = _neighbours(u, camera.width), _neighbours(v, camera.height)
+    for j, weight_v in rows:
+        for i, weight_u in columns:
+            there = depth_b.take(j * camera.width + i)
             agrees |= np.abs(there - z) <= tolerance
-            weight = np.abs(1 - du - u % 1.0) * np.abs(1 - dv - v % 1.0)
-            inverse += weight / np.where(there > 0, there, np.inf)
+            inverse += weight_u * weight_v / np.where(there > 0, there, np.inf)
     agrees |= np.abs(1.0 - z * inverse) * z <= tolerance
     seen = np.zeros(depth_a.shape, np.bool_)
     seen[inside] = agrees
@@ -85,6 +84,17 @@ def warp_to_a(image_b: ImageArray, flow: Float32Array) -> ImageArray:
     x = np.nan_to_num(u + flow[..., 0], nan=-1e4).astype(np.float32)
     y = np.nan_to_num(v + flow[..., 1], nan=-1e4).astype(np.float32)
     return np.asarray(cv2.remap(image_b, x, y, cv2.INTER_LINEAR), dtype=np.uint8)
+
+
+def _neighbours(x: FloatArray, size: int) -> list[tuple[IntArray, FloatArray]]:
+    """Index and weight of the pixels before and behind a place, whose centres are whole numbers."""
+    before = np.floor(x)
+    behind = x - before
+    index = before.astype(np.intp)
+    return [
+        (np.clip(index, 0, size - 1), 1.0 - behind),
+        (np.clip(index + 1, 0, size - 1), behind),
+    ]
 
 
 def _points_in_b(

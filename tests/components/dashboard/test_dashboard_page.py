@@ -13,7 +13,7 @@ from dfvs_core.messages.image import encode_jpeg
 
 sync_api = pytest.importorskip("playwright.sync_api")
 
-pytestmark = [needs_chromium, pytest.mark.serial]
+pytestmark = [needs_chromium, pytest.mark.real_time]
 
 FRAMES = "dfvsScreen().frames"
 PIXELS = """() => {

@@ -22,7 +22,7 @@ from dfvs_service.flights.records import read_lines
 from dfvs_service.flights.store import is_running
 from dfvs_service.report.cli import main as report
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 LATENESS_S = 2.0
 """Logs are copied five times a second; the rest is for a busy machine."""

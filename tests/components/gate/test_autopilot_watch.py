@@ -22,7 +22,7 @@ from dfvs_core.gate.events import (
 from dfvs_service.gate import autopilot as module
 from dfvs_service.gate.autopilot import Autopilot
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 PATIENCE_S = 60.0
 

@@ -21,7 +21,7 @@ from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import Action
 from dfvs_robustness.faults.records import TELLS_MODE
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 KEY = b"0123456789abcdef0123456789abcdef"
 
@@ -48,6 +48,7 @@ def assert_limits(setpoints):
             assert change <= 0.5 * 0.1 + 1e-6
 
 
+@pytest.mark.serial
 def test_a_flight_reaches_its_goal_and_keeps_every_invariant(vehicle, tmp_path):
     with service_running(vehicle, tmp_path, sees="--forward 0.25") as flight:
         assert flight.end(30.0) == 0
@@ -69,6 +70,7 @@ def test_a_flight_reaches_its_goal_and_keeps_every_invariant(vehicle, tmp_path):
     assert all(t["cause"] for t in flight.transitions())
 
 
+@pytest.mark.serial
 def test_a_takeover_ends_in_silence_for_good_within_50_ms_of_being_told(vehicle, tmp_path):
     with service_running(vehicle, tmp_path, gate__exit_when_done=False) as flight:
         flight.until("SERVO").settle()
@@ -132,6 +134,7 @@ def test_the_service_ends_with_a_takeover_if_it_is_to_end_with_the_flight(vehicl
     assert list((tmp_path / "gate-scratch").iterdir())  # MAVSDK's, and no longer in /tmp
 
 
+@pytest.mark.serial
 def test_a_gate_that_dies_or_hangs_is_silent_at_once_and_not_restarted(tmp_path):
     side_by_side(lose_the_gate, tmp_path, ("SIGKILL", "SIGSTOP", "held GIL"))
 
@@ -160,6 +163,7 @@ def lose_the_gate(vehicle, folder, how):
         assert ended_ns - hung_ns < 3 * S
 
 
+@pytest.mark.serial
 def test_a_perception_that_dies_or_hangs_ends_in_zero_and_abort(tmp_path):
     side_by_side(lose_perception, tmp_path, ("SIGKILL", "SIGSTOP"))
 
@@ -177,6 +181,7 @@ def lose_perception(vehicle, folder, how):
     assert flight.modes_asked() == ["OFFBOARD", "HOLD"]
 
 
+@pytest.mark.serial
 def test_sigterm_brakes_asks_for_hold_and_ends_within_two_seconds(vehicle, tmp_path):
     with service_running(vehicle, tmp_path) as flight:
         flight.until("SERVO").settle()
@@ -190,6 +195,7 @@ def test_sigterm_brakes_asks_for_hold_and_ends_within_two_seconds(vehicle, tmp_p
     assert flight.states()[-1] == "ABORT"
 
 
+@pytest.mark.serial
 def test_a_gate_whose_parent_dies_or_hangs_aborts(tmp_path):
     side_by_side(lose_the_parent, tmp_path, ("SIGKILL", "SIGSTOP"))
 

@@ -17,7 +17,7 @@ from dfvs_service.settings.key_file import create_key
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.parent import Parent, Programs, prepare_runtime
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 __all__ = ["views"]
 

@@ -17,7 +17,7 @@ from dfvs_service.settings.config import load_config
 from dfvs_service.settings.key_file import create_key
 from dfvs_service.zenoh_session import open_session
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 S = 1_000_000_000
 TOPICS = Topics("drone1")
@@ -92,8 +92,9 @@ def test_a_stopped_perception_holds_up_neither_the_state_nor_a_command(
 
 
 def test_without_its_operator_link_a_flight_holds_and_then_ends(vehicle, tmp_path):
-    with service_running(vehicle, tmp_path / "runtime", gate__exit_when_done=False) as flight:
-        flight.until("SERVO").settle()
+    settings = {"gate__exit_when_done": False, "gate__hold_s": 1.0}
+    with service_running(vehicle, tmp_path / "runtime", **settings) as flight:
+        flight.until("SERVO")
         flight.signal("operator_link", signal.SIGSTOP)
         flight.until("HOLD")
         assert flight.transitions()[-1]["cause"] == "watch lost"

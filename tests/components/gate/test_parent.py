@@ -17,7 +17,7 @@ from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.console import ChangeLines
 from dfvs_service.supervisor.parent import Parent, Programs
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 FAKE_GATE = str(Path(__file__).parent / "fake_gate.py")
 IDLE = "import time; time.sleep(60)"

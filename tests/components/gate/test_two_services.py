@@ -18,11 +18,10 @@ from loopback import free_endpoint, listening_peer
 from vehicle_process import companion_connected, free_port
 
 from dfvs_core.errors import DfvsError
-from dfvs_service.gate.autopilot import Autopilot
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 
 @pytest.fixture
@@ -69,15 +68,16 @@ def test_a_zenoh_port_that_another_service_has_is_said_with_a_free_one(goal, wor
     assert re.search(r"--set 'zenoh\.listen=\[\"tcp/127\.0\.0\.1:\d+\"\]'", line)
 
 
-@pytest.mark.parametrize("words", [(), ("--check",)], ids=["flight", "check"])
-def test_a_mavlink_port_that_another_service_has_is_said_and_stays_with_it(goal, tmp_path, words):
+def test_a_mavlink_port_that_another_service_has_is_said_and_stays_with_it(goal, tmp_path):
     """MAVSDK would share the port, and the newest of those that share it hears the autopilot."""
     with hovering_vehicle(tmp_path) as vehicle, companion_connected(vehicle.port) as system:
-        line = second_service(goal, free_endpoint(), vehicle.port, *words)
+        ways = ((), ("--check",))
+        lines = [second_service(goal, free_endpoint(), vehicle.port, *words) for words in ways]
         time.sleep(2.0)  # PX4's heartbeat comes once a second
         assert system.is_connected()
-    assert line.startswith(f"error: UDP port {vehicle.port} is taken by another program")
-    assert "--mavlink udpin://127.0.0.1:" in line
+    for line in lines:
+        assert line.startswith(f"error: UDP port {vehicle.port} is taken by another program")
+        assert "--mavlink udpin://127.0.0.1:" in line
 
 
 def test_a_runtime_folder_that_another_service_uses_is_said_with_another_one(goal, tmp_path):
@@ -107,20 +107,13 @@ def test_a_client_of_a_router_on_the_default_port_opens():
         open_session(ZenohSection("client", (endpoint,), (endpoint,))).close()
 
 
-def test_an_autopilot_whose_port_another_mavsdk_has_is_refused(tmp_path):
-    """Camera, teaching and gate connect by themselves."""
-    with hovering_vehicle(tmp_path) as vehicle, companion_connected(vehicle.port) as system:
-        autopilot = Autopilot(lambda _event: None, lambda _kind, _text: None)
-        with pytest.raises(DfvsError, match=f"UDP port {vehicle.port} is taken"):
-            autopilot.connect(f"udpin://127.0.0.1:{vehicle.port}", 1.0)
-        time.sleep(2.0)  # PX4's heartbeat comes once a second
-        assert system.is_connected()
-
-
 def test_a_port_that_is_taken_after_the_start_ends_the_service_with_one_error(tmp_path):
-    with hovering_vehicle(tmp_path) as vehicle, companion_connected(vehicle.port):
+    """Camera and route recording connect by the same means as this gate."""
+    with hovering_vehicle(tmp_path) as vehicle, companion_connected(vehicle.port) as system:
         with service_running(vehicle, tmp_path / "runtime") as flight:
             assert flight.end() == 2
+        time.sleep(2.0)  # PX4's heartbeat comes once a second
+        assert system.is_connected()
         assert not vehicle.events("mode_command")
     errors = [line for line in flight.errors().splitlines() if line.startswith("error:")]
     assert len(errors) == 1

@@ -127,7 +127,7 @@ def test_foxglove_sees_the_flight_on_its_own_schemas(service):
                 session.put(TOPICS.telemetry("flow"), encode_flow_grid(grid))
                 for turn, payload in flight.events[1:]:
                     feed.offer(turn, payload)
-                await asyncio.sleep(0.05)
+                await asyncio.sleep(0.2)  # a busy server keeps up
             return await looking
 
         topics, seen = asyncio.run(show())

@@ -283,11 +283,6 @@ def test_graphs_that_are_not_what_an_encode_match_manifest_says_are_refused(tmp_
     assert "has the inputs" in text
 
 
-def test_flow_of_a_network_that_gives_keypoints_is_refused(tmp_path):
-    text = refusal(grid_network.write_bundle(tmp_path, flow={"stride": 8}))
-    assert "'encode-match' bundle has 'flow'" in text
-
-
 def with_graph(role, **changes):
     """Graphs of the grid network's manifest, one of them changed."""
     inputs = [f"{side}_{name}" for side in ("first", "second") for name in grid_network.ENCODED]

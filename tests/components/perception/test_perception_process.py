@@ -44,7 +44,7 @@ from dfvs_core.perception.flow_grid import decode_flow_grid
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.settings.config import load_config
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
 TOPICS = Topics("perceiver")

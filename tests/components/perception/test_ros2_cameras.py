@@ -11,7 +11,7 @@ from dfvs_core.messages.image import encode_jpeg
 from dfvs_core.messages.ros2 import CAMERA_INFO, COMPRESSED_IMAGE, IMAGE, Ros2Attachment, Ros2Topic
 from dfvs_service.ros2.messages import type_hash
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 LINKS = {
     "ros2-rmw": Ros2Topic("nose/image_raw", IMAGE),

@@ -11,7 +11,7 @@ from textured_wall import Wall, texture, turned
 from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.messages.image import encode_png
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 
 def test_the_next_goal_takes_over_in_sight_and_only_it_is_ever_reached(tmp_path, rng):

@@ -7,6 +7,7 @@ command is ended in two of the ways, and the next one in the two after these.
 import contextlib
 import itertools
 import os
+import signal
 import socket
 import tempfile
 from pathlib import Path
@@ -81,9 +82,9 @@ def bench(_data, _endpoint):
 COMMANDS = {
     "service": lambda d, e: service(d, e, "--record", "recordings", runs="dfvs_service.flights"),
     "service --check": lambda d, e: service(d, e, "--check", "--check-timeout", "60"),
-    "demo": lambda _, e: Command(("dfvs_sim.demo.cli", "--size", "192x144"), runs="dfvs_sim.cli"),
+    "demo": lambda _, e: Command(("dfvs_sim.demo.cli", "--size", "192x144"), "takes off"),
     "demo --vehicles": lambda _, e: Command(
-        ("dfvs_sim.demo.cli", "--vehicles", "2", "--size", "192x144"), runs="dfvs_sim.cli"
+        ("dfvs_sim.demo.cli", "--vehicles", "2", "--size", "192x144"), "takes off"
     ),
     "sim": lambda _, e: Command(("dfvs_sim.cli",), "waiting for a vehicle", "camera"),
     "sim pilot": lambda _, e: Command(
@@ -136,7 +137,9 @@ def test_nothing_is_left_of_a_command_that_was_ended(name, data, endpoint, short
             for _, started in batch:
                 started.await_work()
             for how, started in batch:
-                started.end(how)
+                code = started.end(how)
+                if (name, how) == ("demo", "SIGTERM"):
+                    assert code == 128 + signal.SIGTERM
                 assert not started.left_ports(), how
                 assert how == "SIGKILL" or not started.left_files(), how
                 # A worker that is ended in the middle of its start may complain.

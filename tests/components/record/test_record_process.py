@@ -22,7 +22,7 @@ from dfvs_service.replay.comparison import compare
 from dfvs_service.replay.flight import Trial, replay
 from dfvs_service.replay.recording import read_recording
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 TOPICS = Topics("bottled")
 START_S = 30.0

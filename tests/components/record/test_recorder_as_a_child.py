@@ -10,7 +10,7 @@ import pytest
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.parent import Parent, Programs
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 BEATING = """
 import json, pathlib, signal, socket, sys, time

@@ -17,18 +17,16 @@ pytestmark = pytest.mark.skipif(
 )
 PATIENCE_MS = 60_000
 
-FRAMES = 30
 
-
-def recording(folder):
+def recording(folder, frames=6):
     """A short flight as a recording; the file."""
-    return write_recording(folder, fly(np.random.default_rng(5), frames=FRAMES).events)
+    return write_recording(folder, fly(np.random.default_rng(5), frames=frames).events)
 
 
 @pytest.fixture(scope="module")
 def report(tmp_path_factory):
     folder = tmp_path_factory.mktemp("report")
-    assert main([str(recording(folder)), "--out", str(folder / "flight.html")]) == 0
+    assert main([str(recording(folder, 30)), "--out", str(folder / "flight.html")]) == 0
     return folder / "flight.html"
 
 

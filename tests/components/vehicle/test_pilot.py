@@ -13,7 +13,7 @@ from dfvs_sim.ground.link import GroundLink, LinkError
 from dfvs_sim.ground.pilot import Pilot, PilotError
 from dfvs_sim.vehicle.modes import Mode
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 
 def test_a_whole_flight_from_ready_to_landed(tmp_path: Path) -> None:

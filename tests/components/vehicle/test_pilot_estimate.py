@@ -8,9 +8,9 @@ import pytest
 from vehicle_process import vehicle_running
 
 from dfvs_sim.ground.link import GroundLink
-from dfvs_sim.ground.pilot import Pilot, PilotError
+from dfvs_sim.ground.pilot import Pilot, PilotError, Timeouts
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 
 @pytest.mark.slow
@@ -20,7 +20,7 @@ def test_a_vehicle_whose_estimate_never_rests_takes_off_and_lands(tmp_path: Path
         vehicle_running(tmp_path, "--ready-after", "0.5", "--estimate", "high") as vehicle,
         GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
     ):
-        pilot = Pilot(link, narrate=said.append)
+        pilot = Pilot(link, Timeouts(hover=8.0), said.append)
         pilot.prepare()
         assert not pilot.is_flying()
         pilot.take_off(1.5)

@@ -14,7 +14,7 @@ from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.ground.systems import listen_for_systems
 from dfvs_sim.ground.udp import Endpoint
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 
 
 def test_the_pilot_flies_the_vehicle_with_its_system_id(tmp_path: Path) -> None:

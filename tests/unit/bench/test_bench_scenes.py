@@ -52,7 +52,8 @@ def test_a_task_that_does_not_fit_is_none(room, monkeypatch):
     assert draw_task(room, CAMERA, placing, np.random.default_rng(1)) is None
 
 
-def test_a_scan_with_holes_has_tasks_too(room):
+def test_a_scan_with_holes_has_tasks_too(room, monkeypatch):
+    monkeypatch.setattr("dfvs_bench.trials.task_sampling._GOALS_TRIED", 150)
     scene = room.scene
     kept = np.random.default_rng(5).random(len(scene.triangles)) > 0.02
     holes = replace(scene, triangles=scene.triangles[kept], texture_index=scene.texture_index[kept])

@@ -11,7 +11,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat, decode_header
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
 
-pytestmark = pytest.mark.serial
+pytestmark = pytest.mark.real_time
 CAMERA = CameraModel.from_horizontal_fov(32, 24, 1.3)
 RENDER_S = 0.04
 FRAMES = 40

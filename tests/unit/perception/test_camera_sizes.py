@@ -7,7 +7,6 @@ from textured_wall import Wall, texture
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.correspondence import DepthMap
-from dfvs_core.matching.warping import resized
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.perception.pipeline import Pipeline
@@ -41,8 +40,3 @@ def test_a_camera_of_any_size_is_asked_for_the_same_velocity(source, width):
     outcome = pipeline.process_frame(Frame(view, 0, 0), STILL, True, depth)
     assert outcome.flow.confidence.shape == (240, 320)
     assert outcome.result.velocity[0] == pytest.approx(RIGHT_M_S, rel=0.05)
-
-
-def test_an_image_of_the_size_asked_for_is_not_copied():
-    image = np.zeros((240, 320, 3), np.uint8)
-    assert resized(image, (240, 320)) is image
