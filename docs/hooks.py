@@ -43,8 +43,9 @@ _HEAD = ("", "| key | default | allowed | meaning |", "|---|---|---|---|")
 _COMMANDS = """\
 # Command lines
 
-Every command prints this text with `--help`, and its version with `--version`. Exit codes: 0 done, 1 ran and did not reach its aim, 2
-cannot run (one line says why, what was expected, and how to repair it).
+Every command prints this text with `--help`, and its version with `--version`. Exit codes: 0 done,
+1 ran and did not reach its aim, 2 cannot run (one line says why, what was expected, and how to
+repair it).
 """
 _FAULTS = """\
 # Faults
