@@ -2,15 +2,16 @@
 # make test   run every check and test
 # make docs   build the documentation site in build/site; dead links are errors
 # make published   convert seven published networks and run them in perception (700 MB, minutes)
+# make lock   renew the versions and hashes that an aircraft installs (needs the internet)
 # make audit  ask a public database for known faults in what is installed (needs the internet)
-# Both set up a virtual environment in .venv first; extra words: make demo ARGS="--seed 3"
+# All set up a virtual environment in .venv first; extra words: make demo ARGS="--seed 3"
 
 PYTHON ?= python3
 CONSTRAINTS ?= constraints.txt
 ARGS ?=
 BIN := .venv/bin
 
-.PHONY: demo test seeds docs lint types imports pytest setup coverage mutation published audit clean
+.PHONY: demo test seeds docs lint types imports pytest setup coverage mutation published lock audit clean
 
 demo: .venv/.stamp-sim
 	$(BIN)/dfvs-demo $(ARGS)
@@ -62,9 +63,9 @@ mutation: .venv/.stamp-mutation
 published: .venv-published/.stamp
 	.venv-published/bin/python tests/published_networks.py $(ARGS)
 
-.venv-published/.stamp: pyproject.toml $(CONSTRAINTS)
+.venv-published/.stamp: pyproject.toml lab/pyproject.toml $(CONSTRAINTS)
 	$(PYTHON) -m venv .venv-published
-	.venv-published/bin/python -m pip install --quiet -c $(CONSTRAINTS) -e '.[published]'
+	.venv-published/bin/python -m pip install --quiet -c $(CONSTRAINTS) -e . -e './lab[published]'
 	@touch $@
 
 .venv/bin/python:
@@ -73,10 +74,21 @@ published: .venv-published/.stamp
 	$(PYTHON) -m venv .venv
 	$(BIN)/python -m pip install --quiet --upgrade pip
 
-.venv/.stamp-%: .venv/bin/python pyproject.toml $(CONSTRAINTS)
+# The aircraft's distribution and the laboratory's, for the demo; with an extra of the first, for all else.
+.venv/.stamp-sim: OURS = -e . -e ./lab
+.venv/.stamp-%: OURS = -e '.[$*]' -e './lab[dask,export]'
+.venv/.stamp-%: .venv/bin/python pyproject.toml lab/pyproject.toml $(CONSTRAINTS)
 	@echo "Setting up .venv ($*); the first time takes a minute or two"
-	$(BIN)/python -m pip install --quiet -c $(CONSTRAINTS) -e '.[$*]'
+	$(BIN)/python -m pip install --quiet -c $(CONSTRAINTS) $(OURS)
 	@touch $@
+
+# Exact versions and hashes for an aircraft: the base dependencies alone, and with the extras that deploy/ runs.
+LOCK := $(BIN)/uv pip compile --quiet --universal --python-version 3.11 --generate-hashes --no-header \
+    --no-emit-index-url --no-emit-find-links --no-annotate pyproject.toml
+
+lock: .venv/.stamp-dev
+	$(LOCK) --upgrade --extra dashboard --extra metrics --extra record --extra report --extra deploy -o deploy/requirements-extras.lock
+	$(LOCK) --constraints deploy/requirements-extras.lock --upgrade -o deploy/requirements.lock
 
 audit: .venv/.stamp-test
 	$(BIN)/python -m pip install --quiet pip-audit

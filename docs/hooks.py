@@ -43,8 +43,9 @@ _HEAD = ("", "| key | default | allowed | meaning |", "|---|---|---|---|")
 _COMMANDS = """\
 # Command lines
 
-Every command prints this text with `--help`. Exit codes: 0 done, 1 ran and did not reach its aim, 2
-cannot run (one line says why, what was expected, and how to repair it).
+Every command prints this text with `--help`, and its version with `--version`. Exit codes: 0 done,
+1 ran and did not reach its aim, 2 cannot run (one line says why, what was expected, and how to
+repair it).
 """
 _FAULTS = """\
 # Faults
@@ -103,12 +104,15 @@ def _cell(text: str) -> str:
 
 def commands() -> str:
     """Page of all command lines: the help of every command and subcommand."""
-    text = (ROOT / "pyproject.toml").read_text(encoding="utf-8")
+    projects = [
+        tomllib.loads((ROOT / folder / "pyproject.toml").read_text(encoding="utf-8"))["project"]
+        for folder in (".", "lab")
+    ]
     lines = [_COMMANDS]
     width = os.environ.get("COLUMNS")
     os.environ["COLUMNS"] = _WIDTH  # argparse wraps its help to the terminal
     try:
-        for prog, entry in tomllib.loads(text)["project"]["scripts"].items():
+        for prog, entry in (item for each in projects for item in each["scripts"].items()):
             module, _, function = entry.partition(":")
             main: Main = getattr(importlib.import_module(module), function)
             lines += ["", f"## {prog}"]

@@ -1,6 +1,6 @@
 """Servo a free camera to a goal image in the built-in room: servo_in_room.py [--seed N].
 
-The whole closed loop in one process: render, match, servo, move. It needs dfvs[sim].
+The whole closed loop in one process: render, match, servo, move. It needs dfvs-lab.
 """
 
 from __future__ import annotations

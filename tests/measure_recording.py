@@ -26,6 +26,7 @@ import zenoh
 from loopback import free_endpoint
 from textured_wall import Wall, texture, turned
 
+from dfvs_common.lifecycle import ONE_BLAS_THREAD
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
 from dfvs_core.messages.goal import GoalSidecar
@@ -34,7 +35,6 @@ from dfvs_core.messages.link import GateStatus, VehicleState, to_datagram
 from dfvs_core.messages.topics import Topics
 from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.settings.config import load_config
-from dfvs_service.supervisor.child import ONE_BLAS_THREAD
 
 CAMERA = CameraModel.from_horizontal_fov(640, 480, 1.3)
 TOPICS = Topics("measured")

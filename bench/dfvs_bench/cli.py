@@ -19,6 +19,7 @@ from dfvs_bench.commands import (
     scenes,
     table1,
 )
+from dfvs_common.version import add_version
 from dfvs_sim.command_line import run_command
 
 _EPILOG = """examples:
@@ -37,6 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in (
         flow,

@@ -18,6 +18,9 @@ ENDING_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 ORPHANED = signal.SIGUSR1
 """Tells a process that handles it apart from SIGTERM that its parent is gone."""
 
+ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
+"""Variables of a child process whose matrices are small: BLAS threads would only spin."""
+
 _PARENT = "DFVS_PARENT_PID"
 _PR_SET_PDEATHSIG = 1
 

@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.lifecycle import run_command
+from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
 from dfvs_export.pose_cli import add_pose, add_train_pose
 from dfvs_export.training_options import add_training, say_line, settings_from
@@ -28,7 +29,7 @@ _EXAMPLES = """examples:
   dfvs-export check bundle-int8 --pairs pairs.npz --reference dfvs-flow
   dfvs-export bench dfvs-flow bundle-int8 --size 320x240 --threads 2 --json bench.json
 """
-_EXTRA = frozenset({"torch", "onnx", "matplotlib", "safetensors"})
+_EXTRA = frozenset({"torch", "safetensors"})
 """What comes with the extra ``export``."""
 
 
@@ -44,7 +45,9 @@ def _run(arguments: argparse.Namespace) -> int:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in _EXTRA:
             raise
-        print(f"error: {error.name} is not installed; pip install 'dfvs[export]'", file=sys.stderr)
+        print(
+            f"error: {error.name} is not installed; pip install 'dfvs-lab[export]'", file=sys.stderr
+        )
         return 2
     return result
 
@@ -73,6 +76,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLES,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     _add_train(commands)
     _add_train_depth(commands)

@@ -104,7 +104,7 @@ def _ptlflow() -> Any:
         raise ConfigError(
             f"ptlflow cannot be imported ({reason})",
             "it, with torchvision",
-            "pip install 'dfvs[published]'",
+            "pip install 'dfvs-lab[published]'",
         ) from error
 
 

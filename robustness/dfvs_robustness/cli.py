@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from dfvs_common.version import add_version
 from dfvs_robustness.commands import answers, faults, fuzz, soak
 from dfvs_sim.command_line import run_command
 
@@ -24,6 +25,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in (faults, answers, fuzz, soak):
         command.add_parser(subparsers)

@@ -14,14 +14,15 @@ from contextlib import contextmanager
 from dataclasses import replace
 from pathlib import Path
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_common.lifecycle import run_command
+from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, OnDone
 from dfvs_core.gate.events import Action
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.image import encode_png
-from dfvs_service.atomic_file import write_atomic
 from dfvs_service.flights.cli import flights
 from dfvs_service.flights.store import flights_folder
 from dfvs_service.preflight.calibration import camera_check
@@ -145,6 +146,7 @@ def _flight_parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     parser.add_argument(
         "--goal",
         type=Path,

@@ -5,9 +5,9 @@ from __future__ import annotations
 import contextlib
 from pathlib import Path
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_core.errors import WireError
 from dfvs_core.messages.goal_command import goal_digest
-from dfvs_service.atomic_file import write_atomic
 
 MAX_KEPT_GOALS = 4
 

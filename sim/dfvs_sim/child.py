@@ -13,10 +13,7 @@ from pathlib import Path
 from types import TracebackType
 from typing import Any, Self
 
-from dfvs_common.lifecycle import child_environment, end_with_parent
-
-ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-"""The simulator's matrices are small: BLAS threads would only spin beside the real work."""
+from dfvs_common.lifecycle import ONE_BLAS_THREAD, child_environment, end_with_parent
 
 _GRACE_S = 4.0
 _TAIL_LINES = 6

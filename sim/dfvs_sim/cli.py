@@ -6,6 +6,7 @@ import argparse
 import sys
 from collections.abc import Sequence
 
+from dfvs_common.version import add_version
 from dfvs_sim.command_line import run_command
 from dfvs_sim.commands import camera, goal, pilot, vehicle, world
 
@@ -38,6 +39,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     subparsers = parser.add_subparsers(metavar="COMMAND")
     for command in (vehicle, camera, pilot, goal):
         command.add_parser(subparsers)

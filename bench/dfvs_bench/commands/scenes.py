@@ -35,7 +35,7 @@ def add_parser(subparsers: Any) -> None:
         description="List the ten scenes that come with the package. With --out, make them anew: "
         "ten rooms of ten kinds from seeds (GLB), a task in each, and start, goal and intrinsics "
         "in tasks.json, for --tasks. Quick light takes a minute or two; traced light, that of "
-        "those that come with the package, a quarter of an hour and Mitsuba 3 (the extra [bake]). "
+        "those that come with the package, a quarter of an hour and Mitsuba 3 (extra [bake]). "
         "Rooms that are in the folder already are kept.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,

@@ -7,6 +7,7 @@ from dataclasses import asdict
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.schema import parse
 
@@ -41,6 +42,4 @@ def read_document(kind: type[_T], path: Path, subject: str, expected: str) -> _T
 
 def write_document(path: Path, document: DataclassInstance) -> None:
     """Write a document, whole or not at all."""
-    part = path.with_suffix(".part")
-    part.write_text(json.dumps(asdict(document)) + "\n", encoding="utf-8")
-    part.replace(path)
+    write_atomic(path, (json.dumps(asdict(document)) + "\n").encode())

@@ -132,7 +132,7 @@ def _dask_executor(address: str) -> Iterator[Executor]:
         distributed: Any = importlib.import_module("distributed")
     except ImportError as error:
         raise ConfigError(
-            "--dask needs dask.distributed, which is not installed", "pip install 'dfvs[dask]'"
+            "--dask needs dask.distributed, which is not installed", "pip install 'dfvs-lab[dask]'"
         ) from error
     try:
         client = distributed.Client(address, set_as_default=False)

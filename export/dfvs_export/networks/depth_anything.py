@@ -97,5 +97,5 @@ def _transformers() -> Any:
         raise ConfigError(
             f"the package transformers cannot be imported ({error})",
             "it, for depth-anything-v2-small",
-            "pip install 'dfvs[published-depth]'",
+            "pip install 'dfvs-lab[published-depth]'",
         ) from error

@@ -106,7 +106,7 @@ def _encoder() -> nn.Module:
         raise ConfigError(
             f"the package geffnet cannot be imported ({error})",
             "it, for the encoder of midas-small (EfficientNet-Lite3)",
-            "pip install 'dfvs[published-depth]'",
+            "pip install 'dfvs-lab[published-depth]'",
         ) from error
     network = geffnet.tf_efficientnet_lite3(pretrained=False, exportable=True)
     blocks = list(network.blocks)

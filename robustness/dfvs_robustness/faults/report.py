@@ -15,6 +15,7 @@ from typing import Any
 
 import numpy as np
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.report import html_section, markdown_lines
 from dfvs_robustness.faults.fault import Fault, Outcome
@@ -115,7 +116,7 @@ def as_json(rows: Sequence[Row], violations: Sequence[str]) -> dict[str, Any]:
 def write_json(path: Path, rows: Sequence[Row], violations: Sequence[str]) -> None:
     """Write the table for machines, whole or not at all."""
     text = json.dumps(as_json(rows, violations), indent=1, ensure_ascii=False) + "\n"
-    _replace(path, text)
+    write_atomic(path, text.encode())
 
 
 def verdict(rows: Sequence[Row], violations: Sequence[str]) -> str:
@@ -236,11 +237,6 @@ def write_reports(
     answers: Mapping[str, Any] | None = None,
 ) -> None:
     """Write the HTML page and, beside it, the same as Markdown."""
-    _replace(page, as_html(rows, violations, source, answers))
-    _replace(page.with_suffix(".md"), as_markdown(rows, violations, source, answers))
-
-
-def _replace(path: Path, text: str) -> None:
-    new = path.with_name(path.name + ".new")
-    new.write_text(text, encoding="utf-8")
-    new.replace(path)
+    write_atomic(page, as_html(rows, violations, source, answers).encode())
+    markdown = as_markdown(rows, violations, source, answers)
+    write_atomic(page.with_suffix(".md"), markdown.encode())

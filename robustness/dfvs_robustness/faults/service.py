@@ -18,12 +18,11 @@ from typing import Any
 
 import zenoh
 
-from dfvs_common.lifecycle import child_environment
+from dfvs_common.lifecycle import ONE_BLAS_THREAD, child_environment
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.command import Command, encode_command
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.topics import Topics
-from dfvs_sim.child import ONE_BLAS_THREAD
 
 KEY = b"the harness signs its orders so."
 """Secret of the signed commands of the harness."""

@@ -80,7 +80,7 @@ def load_mitsuba() -> Any:
         mi = importlib.import_module("mitsuba")
     except ImportError as error:
         raise BakeError(
-            "making a room needs Mitsuba 3", "the extra [bake]", "pip install 'dfvs[bake]'"
+            "making a room needs Mitsuba 3", "the extra [bake]", "pip install 'dfvs-lab[bake]'"
         ) from error
     mi.set_variant("scalar_rgb")
     mi.set_log_level(mi.LogLevel.Error)

@@ -10,6 +10,7 @@ import time
 from collections.abc import Sequence
 
 from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.options import (
@@ -55,6 +56,7 @@ def parser() -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(made)
     add_source_options(made, required=True)
     add_calibration_option(made)
     add_zenoh_options(made)

@@ -9,6 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.lifecycle import run_command
+from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
 
 EXIT_OK = 0
@@ -55,6 +56,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to")
     parser.add_argument(
         "--vehicle", action="append", default=[], metavar="NAME", help="may be repeated"

@@ -10,6 +10,7 @@ from pathlib import Path
 from types import FrameType
 
 from dfvs_common.lifecycle import handle_ending_signals, run_command
+from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES
 from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
@@ -62,6 +63,7 @@ def make_parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     add, many = parser.add_argument, "may be repeated"
     add("--config", type=Path, metavar="FILE", help="the service's settings: its zenoh section")
     add("--connect", action="append", metavar="ENDPOINT", help=f"Zenoh endpoint; {many}")

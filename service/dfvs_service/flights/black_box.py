@@ -15,7 +15,7 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
-from dfvs_service.atomic_file import sync_folder, write_atomic
+from dfvs_common.atomic_file import sync_folder, write_atomic
 from dfvs_service.flights import layout
 from dfvs_service.flights.files import FileRing, LogCopy, SegmentedLog
 from dfvs_service.flights.store import FlightLock, FlightStore, folder_bytes

@@ -13,7 +13,7 @@ from collections import deque
 from collections.abc import Iterator
 from pathlib import Path
 
-from dfvs_service.atomic_file import sync_folder, write_atomic
+from dfvs_common.atomic_file import sync_folder, write_atomic
 
 _SEGMENTS = 8
 _CHUNK_BYTES = 1024 * 1024

@@ -9,6 +9,7 @@ import time
 from collections.abc import Sequence
 
 from dfvs_common.lifecycle import handle_ending_signals, run_command
+from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame_record import Opening
 from dfvs_core.perception.flow_grid import FlowGrid
@@ -37,6 +38,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="(default: 8765)")
     add_settings_options(parser)
     arguments = parser.parse_args(argv)

@@ -8,6 +8,7 @@ import sys
 from collections.abc import Sequence
 
 from dfvs_common.lifecycle import run_command
+from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
 from dfvs_service.settings.options import add_settings_options, settings_from
 
@@ -39,6 +40,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="(default: 9464)")
     parser.add_argument(
         "--address", default=LOOPBACK, metavar="ADDR", help="to serve on (default: 127.0.0.1)"

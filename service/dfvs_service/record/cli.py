@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.lifecycle import handle_ending_signals, run_command
+from dfvs_common.version import add_version
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.settings.options import add_settings_options, settings_from
 
@@ -43,6 +44,7 @@ def _record(words: Sequence[str]) -> int:
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where files go")
     parser.add_argument("--json", action="store_true", help="print what was recorded as JSON")
     add_settings_options(parser)

@@ -10,6 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.lifecycle import run_command
+from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
@@ -45,6 +46,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     add = parser.add_argument
     add("files", type=Path, nargs="+", metavar="FILE", help="files of one recording (MCAP)")
     add("--bundle", default="", metavar="NAME", help="another model: 'classical' or a folder")

@@ -6,9 +6,9 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.schema import dump
-from dfvs_service.atomic_file import write_atomic
 from dfvs_service.replay.comparison import Comparison, FrameDifference
 
 

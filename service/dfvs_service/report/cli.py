@@ -11,9 +11,10 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_common.lifecycle import run_command
+from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
-from dfvs_service.atomic_file import write_atomic
 from dfvs_service.flights.store import FlightStore, flights_folder
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.report.source import MCAP, open_flight
@@ -56,6 +57,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     add = parser.add_argument
     add(
         "flight",

@@ -11,6 +11,7 @@ import threading
 from collections.abc import Sequence
 
 from dfvs_common.lifecycle import handle_ending_signals, run_command
+from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.ros2 import Ros2Link
 from dfvs_service.settings.config import ServiceConfig
@@ -48,6 +49,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     add_settings_options(parser)
     parser.add_argument(
         "--link",

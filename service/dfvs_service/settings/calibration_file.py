@@ -10,9 +10,9 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_service.atomic_file import write_atomic
 from dfvs_service.settings.config import ServiceConfig, load_config
 
 

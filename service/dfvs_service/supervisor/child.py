@@ -10,10 +10,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.lifecycle import child_environment
-
-ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
-"""Our matrices are small; BLAS threads that spin beside them made matching 3 times slower."""
+from dfvs_common.lifecycle import ONE_BLAS_THREAD, child_environment
 
 STEADY_HEAP = {
     "MALLOC_ARENA_MAX": "1",

@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
@@ -100,9 +101,7 @@ def write_goal(picture: Path, png: bytes, sidecar: GoalSidecar) -> None:
     contents = {sidecar_path(picture): sidecar.to_json().encode(), picture: png}
     try:
         for path, data in contents.items():
-            partial = path.with_name(path.name + ".part")
-            partial.write_bytes(data)
-            partial.replace(path)
+            write_atomic(path, data)
     except OSError as error:
         raise ConfigError(
             f"{picture} cannot be written ({error.strerror})", "a folder that exists", "check --out"

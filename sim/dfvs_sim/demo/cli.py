@@ -8,6 +8,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.lifecycle import run_command
+from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
 from dfvs_sim.demo.cameras import CAMERAS
 from dfvs_sim.demo.conditions import (
@@ -85,6 +86,7 @@ def _parser() -> argparse.ArgumentParser:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
+    add_version(parser)
     add_scene_option(parser)
     add_camera_options(parser, AUTO, SIZE_HELP)
     add = parser.add_argument

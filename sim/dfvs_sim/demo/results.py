@@ -3,10 +3,10 @@
 from __future__ import annotations
 
 import json
-import os
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_sim.demo.flight import FlightLog
 from dfvs_sim.demo.summary import FlightSummary, summarise
 
@@ -22,6 +22,4 @@ def write_results(log: FlightLog, folder: Path) -> FlightSummary:
 
 def replace_json(path: Path, document: Any) -> None:
     """Write a JSON file whole or not at all."""
-    partial = path.with_name(path.name + ".part")
-    partial.write_text(json.dumps(document, indent=2, allow_nan=False) + "\n", encoding="utf-8")
-    os.replace(partial, path)
+    write_atomic(path, (json.dumps(document, indent=2, allow_nan=False) + "\n").encode())

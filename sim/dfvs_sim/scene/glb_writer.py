@@ -9,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_sim.scene.frames import gltf_from_ned
@@ -73,9 +74,7 @@ class _Writer:
         text += b" " * (-len(text) % 4)
         chunks = struct.pack("<II", len(text), 0x4E4F534A) + text
         chunks += struct.pack("<II", len(self.binary), 0x004E4942) + bytes(self.binary)
-        partial = path.with_name(path.name + ".part")
-        partial.write_bytes(struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks)
-        partial.replace(path)
+        write_atomic(path, struct.pack("<III", 0x46546C67, 2, 12 + len(chunks)) + chunks)
 
 
 def save_glb(path: str | Path, scene: Scene, quality: int = 70) -> None:

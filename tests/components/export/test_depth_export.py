@@ -49,7 +49,7 @@ def dense() -> tuple[DepthModel, Bundle]:
 
 def needs(package):
     found = importlib.util.find_spec(package) is not None
-    return pytest.mark.skipif(not found, reason=f"{package} comes with dfvs[published-depth]")
+    return pytest.mark.skipif(not found, reason=f"{package} comes with dfvs-lab[published-depth]")
 
 
 def test_our_network_becomes_a_bundle_that_the_service_loads(own, tmp_path, capsys):
@@ -179,7 +179,7 @@ def test_a_package_that_is_missing_is_named_in_one_line(
     error = capsys.readouterr().err
     assert error.count("error: ") == 1
     assert package in error
-    assert "dfvs[published-depth]" in error
+    assert "dfvs-lab[published-depth]" in error
     assert not (tmp_path / "b").exists()
 
 

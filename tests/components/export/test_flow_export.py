@@ -466,5 +466,5 @@ def test_bench_runs_without_torch(bundle: Path, monkeypatch, capsys) -> None:
     assert "nowhere" in capsys.readouterr().err
     assert cli.main(["check", str(bundle)]) == 2
     assert capsys.readouterr().err == (
-        "error: torch is not installed; pip install 'dfvs[export]'\n"
+        "error: torch is not installed; pip install 'dfvs-lab[export]'\n"
     )

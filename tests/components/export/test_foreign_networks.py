@@ -170,7 +170,7 @@ def converted(tmp_path_factory) -> dict[str, dict[str, object]]:
 
 def conversions(names: tuple[str, ...], folder: Path) -> dict[str, dict[str, object]]:
     if not HAS_PTLFLOW:
-        pytest.skip("needs ptlflow: pip install 'dfvs[published]'")
+        pytest.skip("needs ptlflow: pip install 'dfvs-lab[published]'")
     script = Path(published_conversion.__file__)
     command = [sys.executable, "-W", "ignore", str(script), str(folder), *names]
     done = subprocess.run(command, check=True, timeout=280, capture_output=True, text=True)

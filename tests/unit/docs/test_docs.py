@@ -19,7 +19,7 @@ from dfvs_core.servo.exchange import Status
 ROOT = Path(__file__).parents[3]
 DOCS = ROOT / "docs"
 PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
-ROOMS = PROJECT["tool"]["hatch"]["build"]["targets"]["wheel"]["packages"]
+ROOMS = [path for path in PROJECT["tool"]["mypy"]["files"] if "dfvs" in path]
 FRONT = [*sorted(ROOT.glob("[A-Z]*.md")), ROOT / "deploy" / "README.md"]
 PAGES = [page for page in sorted(DOCS.rglob("*.md")) if "experiments" not in page.parts]
 

@@ -121,7 +121,7 @@ class TestRoom:
 
     def test_without_mitsuba_says_how_to_get_it(self, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, "mitsuba", None)
-        with pytest.raises(DfvsError, match=r"pip install 'dfvs\[bake\]'"):
+        with pytest.raises(DfvsError, match=r"pip install 'dfvs-lab\[bake\]'"):
             run(room, "--seed", "1", "--out", str(tmp_path / "room.glb"))
 
     @pytest.mark.parametrize(
