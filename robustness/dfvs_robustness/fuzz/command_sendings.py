@@ -29,6 +29,8 @@ _KINDS = (
 _ORDERS = tuple(action for action in Action if action is not Action.GOAL)
 _GAPS_NS = (0, MS // 2, 10 * MS, 50 * MS, 50 * MS, 50 * MS, 100 * MS, 300 * MS)
 _RARE_GAPS_NS = (S, 5 * S, 10 * S - 1, 10 * S, 15 * S, 20 * S, 70 * S)
+_PACES = ((_KINDS, _GAPS_NS, 0.004), (_BAD, _GAPS_NS, 0.05), (_KINDS, (0, MS // 2), 0.0))
+"""Kinds, gaps and share of rare gaps: as usual; no operator, so that challenges expire; a flood."""
 _DELAY_NS = 25 * S
 _REMEMBERED = 256
 
@@ -51,14 +53,14 @@ class Sender:
         self._goals: deque[Sending] = deque(maxlen=8)
         self._told: deque[str] = deque(maxlen=8)
         self._delayed: list[tuple[int, bytes]] = []
-        self._is_quiet = False
-        """No operator sends, so that challenges live out their time."""
+        self._pace = _PACES[0]
 
     def next_time(self) -> int:
         """Monotonic time of the next sending, ns."""
         if self._dice.chance(0.01):
-            self._is_quiet = not self._is_quiet
-        gaps = _RARE_GAPS_NS if self._dice.chance(0.05 if self._is_quiet else 0.004) else _GAPS_NS
+            self._pace = self._dice.pick(_PACES)
+        _, usual, rare = self._pace
+        gaps = _RARE_GAPS_NS if self._dice.chance(rare) else usual
         self._now_ns += self._dice.pick(gaps)
         return self._now_ns
 
@@ -69,7 +71,7 @@ class Sender:
         if self._delayed and self._delayed[0][0] <= self._now_ns:
             command = heapq.heappop(self._delayed)[1]
             return self._remember(Sending(self._now_ns, command, None, "late"))
-        kind = self._dice.pick(_BAD if self._is_quiet else _KINDS)
+        kind = self._dice.pick(self._pace[0])
         if kind in ("repeated", "replayed") and self._sent:
             newest = 0 if kind == "replayed" else max(len(self._sent) - 8, 0)
             old = self._sent[self._dice.integer(newest, len(self._sent) - 1)]
