@@ -29,7 +29,11 @@ _KINDS = (
 _ORDERS = tuple(action for action in Action if action is not Action.GOAL)
 _GAPS_NS = (0, MS // 2, 10 * MS, 50 * MS, 50 * MS, 50 * MS, 100 * MS, 300 * MS)
 _RARE_GAPS_NS = (S, 5 * S, 10 * S - 1, 10 * S, 15 * S, 20 * S, 70 * S)
-_PACES = ((_KINDS, _GAPS_NS, 0.004), (_BAD, _GAPS_NS, 0.05), (_KINDS, (0, MS // 2), 0.0))
+_PACES: tuple[tuple[tuple[str, ...], tuple[int, ...], float], ...] = (
+    (_KINDS, _GAPS_NS, 0.004),
+    (_BAD, _GAPS_NS, 0.05),
+    (_KINDS, (0, MS // 2), 0.0),
+)
 """Kinds, gaps and share of rare gaps: as usual; no operator, so that challenges expire; a flood."""
 _DELAY_NS = 25 * S
 _REMEMBERED = 256

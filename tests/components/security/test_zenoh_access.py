@@ -318,9 +318,14 @@ def test_a_camera_without_a_cameras_role_says_so_and_ends(hub, folder, tmp_path)
         ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
         return ended.returncode, ended.stderr
 
+    service = client(hub.endpoint, folder / hub.speaker) if hub.speaker else hub.session
+    subscriber = service.declare_subscriber(OURS.camera, lambda _: None)
     code, error = film("camera.drone1")
     assert (code, "nobody receives" in error) == (0, False), error
     code, error = film("dashboard.drone1")
     assert code == 2
     assert "nobody receives dfvs/drone1/camera" in error.splitlines()[-1]
     assert "must have the role of a camera" in error.splitlines()[-1]
+    subscriber.undeclare()
+    if hub.speaker:
+        service.close()
