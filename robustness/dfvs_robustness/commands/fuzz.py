@@ -4,17 +4,18 @@ from __future__ import annotations
 
 from typing import Any
 
-from dfvs_robustness.commands import fuzz_frames, fuzz_gate
+from dfvs_robustness.commands import fuzz_commands, fuzz_frames, fuzz_gate
 
 
 def add_parser(subparsers: Any) -> None:
     """Add ``fuzz`` and its own subcommands to those of ``dfvs-robustness``."""
     parser = subparsers.add_parser(
         "fuzz",
-        help="random inputs for the gate, hostile frames for the decoder",
-        description="Try to break the gate's invariants with random inputs, or the decoder with "
-        "hostile frames.",
+        help="random inputs for the gate, hostile commands for its ingress, frames for the decoder",
+        description="Try to break the gate's invariants with random inputs, the operator link "
+        "with hostile commands, or the decoder with hostile frames.",
     )
     inner = parser.add_subparsers(metavar="WHAT", required=True)
     fuzz_gate.add_parser(inner)
+    fuzz_commands.add_parser(inner)
     fuzz_frames.add_parser(inner)

@@ -3,15 +3,12 @@
 from __future__ import annotations
 
 import argparse
-import time
-from pathlib import Path
 from typing import Any
 
-from dfvs_core.errors import ConfigError
-from dfvs_robustness.fuzz.gate_fuzz import relive
-from dfvs_robustness.fuzz.progress import ProgressLine
+from dfvs_robustness.commands.fuzz_campaign import add_options, run_campaign, tell_replay
+from dfvs_robustness.fuzz.gate_fuzz import GATE, Finding, Tally, relive
 from dfvs_robustness.fuzz.replay import read_life, write_finding
-from dfvs_robustness.fuzz.run import Outcome, campaign
+from dfvs_robustness.fuzz.run import Outcome
 from dfvs_sim.options import write_json
 
 _EPILOG = """examples:
@@ -34,13 +31,7 @@ def add_parser(subparsers: Any) -> None:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add = parser.add_argument
-    add("--events", type=int, default=1_000_000, metavar="N", help="at least so many events")
-    add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
-    add("--seed", type=int, default=0, help="of all that is random")
-    add("--out", type=Path, default=Path(), metavar="DIR", help="folder for what violates")
-    add("--replay", type=Path, metavar="FILE", help="live one saved violation again")
-    add("--json", type=Path, metavar="FILE", help="write the figures there")
+    add_options(parser)
     parser.set_defaults(run=run)
 
 
@@ -53,23 +44,9 @@ def run(args: argparse.Namespace) -> int:
         If an option cannot be used.
     """
     if args.replay is not None:
-        return _replay(args.replay)
-    for option, value in (("events", args.events), ("workers", args.workers)):
-        if value < 1:
-            raise ConfigError(f"--{option} is {value}", "1 or more")
-    if args.seed < 0:
-        raise ConfigError(f"--seed is {args.seed}", "0 or more")
-    if not args.out.is_dir():
-        raise ConfigError(f"--out {args.out} is no folder", "an existing folder")
-    began_s = time.monotonic()
-    line = ProgressLine()
-
-    def tell(so_far: Outcome) -> None:
-        tally, found = so_far.tally, len(so_far.findings)
-        line.show(f"{tally.events:,} of {args.events:,} events, {found} violations")
-
-    outcome = campaign(args.events, args.workers, args.seed, tell)
-    report = figures(outcome, args.seed, time.monotonic() - began_s)
+        return tell_replay(relive(read_life(args.replay)))
+    outcome, wall_s = run_campaign(GATE, args)
+    report = figures(outcome, args.seed, wall_s)
     for number, finding in enumerate(outcome.findings):
         path = args.out / f"gate-{finding.rule}-{number}.json"
         write_finding(finding, path)
@@ -80,13 +57,7 @@ def run(args: argparse.Namespace) -> int:
     return 1 if outcome.findings else 0
 
 
-def _replay(path: Path) -> int:
-    violation = relive(read_life(path))
-    print("no violation" if violation is None else f"violated: {violation}")
-    return 0 if violation is None else 1
-
-
-def figures(outcome: Outcome, seed: int, wall_s: float) -> dict[str, Any]:
+def figures(outcome: Outcome[Tally, Finding], seed: int, wall_s: float) -> dict[str, Any]:
     """What is written as JSON."""
     tally = outcome.tally
     return {

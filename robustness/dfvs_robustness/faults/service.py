@@ -146,9 +146,10 @@ def _is_ours(pid: int, runtime: Path) -> bool:
         return False
 
 
-def signed(key: bytes, vehicle: str, action: Action, challenge: str) -> bytes:
+def signed(key: bytes, vehicle: str, action: Action, challenge: str, argument: str = "") -> bytes:
     """Bytes of a command that was never sent before."""
-    return encode_command(key, Command(vehicle, action, challenge, secrets.token_hex(16)))
+    nonce = secrets.token_hex(16)
+    return encode_command(key, Command(vehicle, action, challenge, nonce, argument))
 
 
 class Operator:
@@ -160,8 +161,12 @@ class Operator:
         self._changed = threading.Condition()
         self.status: dict[str, Any] = {}
         self.heard_ns = 0
+        self.told: list[str] = []
+        """Challenges as the service told them, oldest first."""
+        self.last_order = b""
+        """Bytes of the last order."""
         self.used_challenge = ""
-        """Challenge of the last order."""
+        """Its challenge."""
         self.seen_ns = 0
         """Capture of the newest frame that perception could use."""
         self._subscribers = [
@@ -173,6 +178,8 @@ class Operator:
         with self._changed:
             self.status = json.loads(sample.payload.to_bytes())
             self.heard_ns = time.monotonic_ns()
+            if (challenge := self.status["challenge"]) and challenge not in self.told[-1:]:
+                self.told.append(challenge)
             self._changed.notify_all()
 
     def _on_servo(self, sample: zenoh.Sample) -> None:
@@ -213,11 +220,16 @@ class Operator:
         if not fresh:
             raise HarnessError("the service publishes no challenge")
         self.used_challenge = self.status["challenge"]
-        return signed(KEY, self._topics.vehicle, action, self.used_challenge)
+        self.last_order = signed(KEY, self._topics.vehicle, action, self.used_challenge)
+        return self.last_order
 
     def send(self, command: bytes) -> None:
         """Send the bytes of a command, whatever they are."""
         self._session.put(self._topics.command, command)
+
+    def send_goal(self, goal: bytes, command: bytes) -> None:
+        """Send the bytes of a goal with those of its command, whatever they are."""
+        self._session.put(self._topics.new_goal, goal, attachment=command)
 
 
 def wait_until(condition: Callable[[], bool], timeout_s: float, poll_s: float = _POLL_S) -> bool:

@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import Cause, GateState
+from dfvs_core.messages.goal_command import goal_digest
 from dfvs_robustness.faults.environment import BATTERY, GPS
 from dfvs_robustness.faults.fault import ANY_ENGAGED, Fault, Reaction
 from dfvs_robustness.faults.harness import NO_RESPONSE_CHECK, Rig, Setup
@@ -151,14 +152,19 @@ def _forged(rig: Rig, rng: np.random.Generator) -> int:
         for action in (Action.ABORT, Action.ENGAGE, Action.HOLD):
             challenge = str(rig.operator.status["challenge"])
             rig.operator.send(signed(key, vehicle, action, challenge))
+        goal, challenge = rng.bytes(1000), str(rig.operator.status["challenge"])
+        command = signed(key, vehicle, Action.GOAL, challenge, goal_digest(goal))
+        rig.operator.send_goal(goal, command)
     for size in (0, 1, 500, 100_000):
         rig.operator.send(rng.bytes(size))
     return time.monotonic_ns()
 
 
 def _replayed(rig: Rig, _: np.random.Generator) -> int:
-    """Send an order of a minute ago, and one whose challenge was never given."""
-    for challenge in ("0" * 32, rig.operator.used_challenge):
+    """Send the last order again, and new ones with challenges never told, used and expired."""
+    rig.operator.send(rig.operator.last_order)
+    expired = rig.operator.told[:-2][-4:]  # the last but one may still be good
+    for challenge in ("0" * 32, rig.operator.used_challenge, *expired):
         rig.operator.send(signed(KEY, rig.topics.vehicle, Action.ABORT, challenge))
     return time.monotonic_ns()
 
@@ -311,7 +317,7 @@ def _faults() -> tuple[Fault, ...]:
         ),
         Fault(
             "forged-commands",
-            "wrong key, other vehicle, rubbish",
+            "commands and goals of a wrong key or vehicle",
             "authority",
             Reaction.IGNORED,
             0.0,
@@ -321,7 +327,7 @@ def _faults() -> tuple[Fault, ...]:
         ),
         Fault(
             "replayed-commands",
-            "used and unknown challenges",
+            "an order again; old and unknown challenges",
             "challenge",
             Reaction.IGNORED,
             0.0,

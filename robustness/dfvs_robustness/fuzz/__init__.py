@@ -1,1 +1,1 @@
-"""Fuzzing: random gate inputs and hostile frames, by the million, against what must always hold."""
+"""Fuzzing: random gate inputs, hostile commands and frames, against what must always hold."""

@@ -12,6 +12,8 @@ from dfvs_core.gate.events import Event, GateOutput, Report
 from dfvs_core.gate.machine import GateMachine
 from dfvs_robustness.fuzz.episode import Life, Step, begin_life
 from dfvs_robustness.fuzz.invariants import InvariantChecker, InvariantError
+from dfvs_robustness.fuzz.run import Target
+from dfvs_robustness.fuzz.shrink import shrink_list
 
 STEPS_PER_LIFE = 1500
 _TWIN_EVERY = 20
@@ -106,6 +108,31 @@ def relive(life: Life) -> InvariantError | None:
     return None
 
 
+def shrink(finding: Finding) -> Finding:
+    """Return a life with as few steps and events as still violate the same invariant."""
+    life, rule = finding.life, finding.rule
+
+    def fails(shorter: Life) -> bool:
+        violation = relive(shorter)
+        return violation is not None and violation.rule == rule
+
+    if not fails(life):  # the twin of another time of day found it: nothing shorter is known
+        return finding
+    steps = shrink_list(life.steps, lambda steps: fails(dataclasses.replace(life, steps=steps)))
+    for i in range(len(steps)):
+        before, (t_ns, events), after = steps[:i], steps[i], steps[i + 1 :]
+        few = shrink_list(
+            list(events),
+            lambda some, before=before, t_ns=t_ns, after=after: fails(  # type: ignore[misc]
+                dataclasses.replace(life, steps=[*before, (t_ns, tuple(some)), *after])
+            ),
+        )
+        steps = [*before, (t_ns, tuple(few)), *after]
+    shortest = dataclasses.replace(life, steps=steps)
+    violation = relive(shortest)
+    return Finding(shortest, rule, finding.text if violation is None else violation.text)
+
+
 def check_twin(life: Life, outputs: list[GateOutput], shift_ns: int) -> None:
     """I7: the same life at another time of day gives the same outputs.
 
@@ -132,3 +159,6 @@ def _shifted(event: Event, shift_ns: int) -> Event:
         report = dataclasses.replace(event.report, t_capture_ns=capture_ns)
         return Report(event.t_ns + shift_ns, report)
     return dataclasses.replace(event, t_ns=event.t_ns + shift_ns)
+
+
+GATE = Target(Tally, live, shrink)

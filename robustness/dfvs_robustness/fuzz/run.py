@@ -1,4 +1,4 @@
-"""Many lives of the gate on several cores, until enough events were lived through."""
+"""Many lives of a fuzz target on several cores, until enough events were lived through."""
 
 from __future__ import annotations
 
@@ -8,55 +8,95 @@ from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from dataclasses import dataclass, field
 from multiprocessing.pool import Pool
+from typing import Any, Generic, Protocol, TypeVar
 
-from dfvs_robustness.fuzz.gate_fuzz import Finding, Tally, live
-from dfvs_robustness.fuzz.shrink import shrink
 from dfvs_sim.child import end_worker_with_parent
 
 LIVES_PER_JOB = 8
 MOST_FINDINGS = 10
-"""A gate that fails more often than that is broken; going on would tell nothing new."""
+"""A target that fails more often than that is broken; going on would tell nothing new."""
+
+
+class Tally(Protocol):
+    """What was lived through so far."""
+
+    events: int
+
+    def add(self, other: Any) -> None:
+        """Count what another one of the same target counted."""
+
+
+T = TypeVar("T", bound=Tally)
+F = TypeVar("F")
 
 
 @dataclass(frozen=True, slots=True)
-class Job:
-    """A few lives: the seed and the numbers of the lives."""
+class Target(Generic[T, F]):
+    """What is fuzzed; its functions are found by name in every process.
 
+    Parameters
+    ----------
+    tally : callable
+        Gives an empty tally.
+    live : callable
+        Lives the life of (seed, number), counts it in the tally, and returns what it found.
+    shrink : callable
+        Makes a finding short.
+    """
+
+    tally: Callable[[], T]
+    live: Callable[[tuple[int, int], T], F | None]
+    shrink: Callable[[F], F]
+
+
+@dataclass(frozen=True, slots=True)
+class Job(Generic[T, F]):
+    """A few lives: the target, the seed and the numbers of the lives."""
+
+    target: Target[T, F]
     seed: int
     first: int
     count: int = LIVES_PER_JOB
 
 
 @dataclass(slots=True)
-class Outcome:
+class Outcome(Generic[T, F]):
     """What a campaign, or a part of it, came to."""
 
-    tally: Tally = field(default_factory=Tally)
-    findings: list[Finding] = field(default_factory=list)
+    tally: T
+    findings: list[F] = field(default_factory=list)
     busy_s: float = 0.0
     """Processor time of all workers, in s."""
 
 
-def do(job: Job) -> Outcome:
+def do(job: Job[T, F]) -> Outcome[T, F]:
     """Live the lives of a job; what fails is shrunk."""
-    outcome, began_s = Outcome(), time.process_time()
+    target = job.target
+    outcome: Outcome[T, F] = Outcome(target.tally())
+    began_s = time.process_time()
     for number in range(job.first, job.first + job.count):
-        finding = live((job.seed, number), outcome.tally)
+        finding = target.live((job.seed, number), outcome.tally)
         if finding is not None:
-            outcome.findings.append(shrink(finding))
+            outcome.findings.append(target.shrink(finding))
     outcome.busy_s = time.process_time() - began_s
     return outcome
 
 
 def campaign(
-    events: int, workers: int, seed: int, on_progress: Callable[[Outcome], None]
-) -> Outcome:
+    target: Target[T, F],
+    events: int,
+    workers: int,
+    seed: int,
+    on_progress: Callable[[Outcome[T, F]], None],
+) -> Outcome[T, F]:
     """Live lives until so many events were lived through.
 
     The lives are numbered, and life n of a seed is always the same, whatever the workers.
 
     Parameters
     ----------
+    target : Target
+        What is fuzzed.
     events : int
         Least number of events.
     workers : int
@@ -66,8 +106,8 @@ def campaign(
     on_progress : callable
         Called with what was found so far.
     """
-    total = Outcome()
-    with _outcomes(workers, seed) as outcomes:
+    total: Outcome[T, F] = Outcome(target.tally())
+    with _outcomes(target, workers, seed) as outcomes:
         for outcome in outcomes:
             total.tally.add(outcome.tally)
             total.findings += outcome.findings
@@ -79,24 +119,25 @@ def campaign(
 
 
 @contextmanager
-def _outcomes(workers: int, seed: int) -> Iterator[Iterator[Outcome]]:
+def _outcomes(target: Target[T, F], workers: int, seed: int) -> Iterator[Iterator[Outcome[T, F]]]:
     """Give outcomes of one job after the other, for as long as they are asked for."""
+    jobs = _jobs(target, seed)
     if workers == 1:
-        yield map(do, _jobs(seed))
+        yield map(do, jobs)
         return
     pool: Pool
     with multiprocessing.get_context("spawn").Pool(workers, end_worker_with_parent) as pool:
-        yield _pooled(pool, _jobs(seed), workers)
+        yield _pooled(pool, jobs, workers)
 
 
-def _jobs(seed: int) -> Iterator[Job]:
+def _jobs(target: Target[T, F], seed: int) -> Iterator[Job[T, F]]:
     first = 0
     while True:
-        yield Job(seed, first)
+        yield Job(target, seed, first)
         first += LIVES_PER_JOB
 
 
-def _pooled(pool: Pool, jobs: Iterator[Job], workers: int) -> Iterator[Outcome]:
+def _pooled(pool: Pool, jobs: Iterator[Job[T, F]], workers: int) -> Iterator[Outcome[T, F]]:
     """Outcomes in the order of the jobs, with a few jobs in work at any time."""
     at_work = [pool.apply_async(do, (next(jobs),)) for _ in range(2 * workers)]
     while True:

@@ -1,7 +1,7 @@
-"""Filter of incoming commands: limited in rate and size, and passed on for the gate to judge.
+"""Filter of incoming commands: passes on what is admitted, counts and logs what is not.
 
-The operator link has no key. It keeps the bytes of a new goal unopened for perception, which reads
-them once the gate has accepted the command for it.
+The operator link keeps the bytes of a new goal unopened for perception, which reads them once the
+gate has accepted the command for it.
 """
 
 from __future__ import annotations
@@ -10,15 +10,11 @@ import logging
 import threading
 
 from dfvs_core.errors import WireError
-from dfvs_core.gate.command import MAX_COMMAND_BYTES, decode_command
-from dfvs_core.messages.goal_command import goal_digest
-from dfvs_core.messages.link import MAX_DATAGRAM_BYTES, ForwardedCommand, to_datagram
+from dfvs_core.gate.admission import CommandAdmission
+from dfvs_core.messages.link import ForwardedCommand
 from dfvs_core.messages.rate_limit import Rate, RateLimit
 from dfvs_service.goal_store import GoalStore
 
-COMMAND_RATE = Rate(per_s=20.0, burst=20)
-GOAL_RATE = Rate(per_s=2.0, burst=4)
-"""Goals are large: hashing one takes milliseconds."""
 LOG_RATE = Rate(per_s=1.0, burst=20)
 
 log = logging.getLogger("dfvs.operator_link.commands")
@@ -38,8 +34,7 @@ class CommandFilter:
     def __init__(self, goals: GoalStore, now_ns: int) -> None:
         self._goals = goals
         self._lock = threading.Lock()
-        self._commands = RateLimit(COMMAND_RATE, now_ns)
-        self._goal_rate = RateLimit(GOAL_RATE, now_ns)
+        self._admission = CommandAdmission(now_ns)
         self._log_rate = RateLimit(LOG_RATE, now_ns)
         self.dropped = 0
         """Commands that were not passed on."""
@@ -47,41 +42,25 @@ class CommandFilter:
     def take_command(self, payload: bytes, now_ns: int) -> ForwardedCommand | None:
         """Message for the gate about a command; None where it is dropped."""
         with self._lock:
-            return self._forward(payload, now_ns)
+            try:
+                return self._admission.admit_command(payload, now_ns)
+            except WireError as error:
+                self._drop(str(error), now_ns)
+            return None
 
     def take_goal(self, goal: bytes, command: bytes, now_ns: int) -> ForwardedCommand | None:
         """Message for the gate about a new goal that came with its command; None where dropped."""
         with self._lock:
-            if not self._goal_rate.admits(now_ns):
-                self._drop("too many goals a second", now_ns)
-                return None
             try:
-                wanted = decode_command(command).command.argument
+                digest, message = self._admission.admit_goal(goal, command, now_ns)
+                self._goals.keep(digest, goal)
             except WireError as error:
                 self._drop(str(error), now_ns)
                 return None
-            if goal_digest(goal) != wanted:
-                self._drop("the goal is not the one that its command names", now_ns)
-                return None
-            try:
-                self._goals.keep(wanted, goal)
             except OSError as error:
                 self._drop(f"the goal cannot be kept ({error.strerror})", now_ns)
                 return None
-            return self._forward(command, now_ns)
-
-    def _forward(self, payload: bytes, now_ns: int) -> ForwardedCommand | None:
-        if not self._commands.admits(now_ns):
-            self._drop("too many commands a second", now_ns)
-            return None
-        if len(payload) > MAX_COMMAND_BYTES:
-            self._drop(f"a command of {len(payload)} bytes", now_ns)
-            return None
-        message = ForwardedCommand(payload.decode("utf-8", errors="replace"))
-        if len(to_datagram(message)) > MAX_DATAGRAM_BYTES:
-            self._drop("a command of unprintable bytes", now_ns)
-            return None
-        return message
+            return message
 
     def _drop(self, reason: str, now_ns: int) -> None:
         """Count, and log as long as nobody floods the log with it."""

@@ -3,14 +3,18 @@
 import contextlib
 import shutil
 import stat
+import subprocess
+import sys
 import time
 
+import numpy as np
 import pytest
 import zenoh
 import zenoh.ext
 from loopback import free_tcp_port
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.topics import Topics
 from dfvs_core.messages.zenoh_access import Role, certificate_name
 from dfvs_service.certificates.authority import (
@@ -300,3 +304,28 @@ def test_a_second_run_keeps_what_is_there_and_adds_what_is_missing(folder):
 def test_what_cannot_be_made_is_said_in_one_line(tmp_path, refused, words, problem):
     assert problem in refused(main, "--out", tmp_path / "none", *words)
     assert not (tmp_path / "none").exists()
+
+
+def test_a_camera_without_a_cameras_role_says_so_and_ends(hub, folder, tmp_path):
+    (tmp_path / "0.png").write_bytes(encode_png(np.zeros((48, 64, 3), np.uint8)))
+
+    def film(name):
+        words = ["--source", str(tmp_path), "--loop", "--rate", "10", "--frames", "60"]
+        words += ["--vehicle", "drone1", "--connect", hub.endpoint, "--require-subscriber", "3"]
+        for key, path in tls(folder / name).items():
+            words += ["--set", f"{key}={path!r}"]
+        command = [sys.executable, "-m", "dfvs_service.camera.cli", *words]
+        ended = subprocess.run(command, capture_output=True, text=True, timeout=60, check=False)
+        return ended.returncode, ended.stderr
+
+    service = client(hub.endpoint, folder / hub.speaker) if hub.speaker else hub.session
+    subscriber = service.declare_subscriber(OURS.camera, lambda _: None)
+    code, error = film("camera.drone1")
+    assert (code, "nobody receives" in error) == (0, False), error
+    code, error = film("dashboard.drone1")
+    assert code == 2
+    assert "nobody receives dfvs/drone1/camera" in error.splitlines()[-1]
+    assert "must have the role of a camera" in error.splitlines()[-1]
+    subscriber.undeclare()
+    if hub.speaker:
+        service.close()

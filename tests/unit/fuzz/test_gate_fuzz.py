@@ -21,11 +21,11 @@ from dfvs_core.gate.states import GateState
 from dfvs_core.gate.stream import SetpointStream
 from dfvs_robustness.commands import fuzz
 from dfvs_robustness.fuzz.episode import Life
-from dfvs_robustness.fuzz.gate_fuzz import Finding, Tally, live, relive
+from dfvs_robustness.fuzz.gate_fuzz import GATE, Finding, Tally, live, relive, shrink
 from dfvs_robustness.fuzz.invariants import InvariantChecker, InvariantError
 from dfvs_robustness.fuzz.replay import read_life, write_finding
 from dfvs_robustness.fuzz.run import Job, do
-from dfvs_robustness.fuzz.shrink import shrink, shrink_list
+from dfvs_robustness.fuzz.shrink import shrink_list
 
 
 def run(*words):
@@ -240,7 +240,7 @@ def test_lists_are_shrunk_to_what_still_fails():
 def test_a_life_is_the_same_whoever_lives_it():
     one, two = Tally(), Tally()
     live((3, 11), one)
-    two.add(do(Job(3, 11, count=1)).tally)
+    two.add(do(Job(GATE, 3, 11, count=1)).tally)
     assert one == two
 
 

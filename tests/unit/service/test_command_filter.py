@@ -4,12 +4,13 @@ import pytest
 from signed_commands import signed
 
 from dfvs_core.errors import WireError
+from dfvs_core.gate.admission import COMMAND_RATE, GOAL_RATE
 from dfvs_core.gate.command import MAX_COMMAND_BYTES
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import GoalOrder, goal_digest
 from dfvs_core.messages.link import MAX_DATAGRAM_BYTES, to_datagram
 from dfvs_service.goal_store import MAX_KEPT_GOALS, GoalStore
-from dfvs_service.operator_link.command_filter import COMMAND_RATE, GOAL_RATE, CommandFilter
+from dfvs_service.operator_link.command_filter import CommandFilter
 
 S = 1_000_000_000
 

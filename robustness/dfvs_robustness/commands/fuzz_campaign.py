@@ -1,0 +1,58 @@
+"""What the fuzz targets that live lives have in common on the command line."""
+
+from __future__ import annotations
+
+import argparse
+import time
+from pathlib import Path
+from typing import TypeVar
+
+from dfvs_core.errors import ConfigError
+from dfvs_robustness.fuzz.progress import ProgressLine
+from dfvs_robustness.fuzz.run import Outcome, Tally, Target, campaign
+
+T = TypeVar("T", bound=Tally)
+F = TypeVar("F")
+
+
+def add_options(parser: argparse.ArgumentParser) -> None:
+    """Add the options of a campaign."""
+    add = parser.add_argument
+    add("--events", type=int, default=1_000_000, metavar="N", help="at least so many events")
+    add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
+    add("--seed", type=int, default=0, help="of all that is random")
+    add("--out", type=Path, default=Path(), metavar="DIR", help="folder for what violates")
+    add("--replay", type=Path, metavar="FILE", help="live one saved violation again")
+    add("--json", type=Path, metavar="FILE", help="write the figures there")
+
+
+def run_campaign(target: Target[T, F], args: argparse.Namespace) -> tuple[Outcome[T, F], float]:
+    """Outcome of a campaign, and how long it took in s.
+
+    Raises
+    ------
+    ConfigError
+        If an option cannot be used.
+    """
+    for option, value in (("events", args.events), ("workers", args.workers)):
+        if value < 1:
+            raise ConfigError(f"--{option} is {value}", "1 or more")
+    if args.seed < 0:
+        raise ConfigError(f"--seed is {args.seed}", "0 or more")
+    if not args.out.is_dir():
+        raise ConfigError(f"--out {args.out} is no folder", "an existing folder")
+    began_s = time.monotonic()
+    line = ProgressLine()
+
+    def tell(so_far: Outcome[T, F]) -> None:
+        events, found = so_far.tally.events, len(so_far.findings)
+        line.show(f"{events:,} of {args.events:,} events, {found} violations")
+
+    outcome = campaign(target, args.events, args.workers, args.seed, tell)
+    return outcome, time.monotonic() - began_s
+
+
+def tell_replay(violation: Exception | None) -> int:
+    """Print what a saved life violated; the exit code."""
+    print("no violation" if violation is None else f"violated: {violation}")
+    return 0 if violation is None else 1

@@ -1,0 +1,128 @@
+"""Live lives of the command ingress, judge every sending, and count what became of them."""
+
+from __future__ import annotations
+
+import dataclasses
+from collections import Counter
+from dataclasses import dataclass, field
+
+import numpy as np
+
+from dfvs_robustness.fuzz.command_ingress import CommandLife, Ingress, Passed, Sending
+from dfvs_robustness.fuzz.command_invariants import CommandChecker
+from dfvs_robustness.fuzz.command_sendings import Sender
+from dfvs_robustness.fuzz.invariants import InvariantError
+from dfvs_robustness.fuzz.random_source import Dice
+from dfvs_robustness.fuzz.run import Target
+from dfvs_robustness.fuzz.shrink import shrink_list
+
+SENDINGS_PER_LIFE = 2000
+
+
+@dataclass(slots=True)
+class CommandTally:
+    """What was lived through so far."""
+
+    lives: int = 0
+    events: int = 0
+    outcomes: Counter[str] = field(default_factory=Counter)
+    """Sendings by kind and what became of them."""
+
+    def add(self, other: CommandTally) -> None:
+        """Count what another one counted."""
+        self.lives += other.lives
+        self.events += other.events
+        self.outcomes.update(other.outcomes)
+
+    def see(self, sending: Sending, passed: Passed | None) -> None:
+        """Count one sending."""
+        self.events += 1
+        self.outcomes[f"{sending.kind}: {_became(passed)}"] += 1
+
+
+@dataclass(frozen=True, slots=True)
+class CommandFinding:
+    """A life that ended in a violation."""
+
+    life: CommandLife
+    rule: str
+    text: str
+
+
+class _Trial:
+    """An ingress and its judge."""
+
+    def __init__(self, born_ns: int) -> None:
+        self._ingress = Ingress(born_ns)
+        self._checker = CommandChecker()
+
+    def challenge(self, now_ns: int) -> str:
+        challenge = self._ingress.challenge(now_ns)
+        self._checker.see_challenge(challenge, now_ns)
+        return challenge
+
+    def take(self, sending: Sending, challenge: str) -> Passed | None:
+        try:
+            passed = self._ingress.take(sending)
+        except Exception as error:  # that none leaves it is the invariant
+            raise InvariantError("exception", repr(error)) from error
+        self._checker.check(sending, challenge, passed, self._ingress)
+        return passed
+
+
+def live(seed: tuple[int, int], tally: CommandTally) -> CommandFinding | None:
+    """Live one life; the same seed gives the same life.
+
+    Returns
+    -------
+    CommandFinding or None
+        The life up to the sending that violated an invariant.
+    """
+    dice = Dice(np.random.default_rng(seed))
+    life = CommandLife(dice.integer(0, 2**50))
+    sender, trial = Sender(dice, life.born_ns), _Trial(life.born_ns)
+    tally.lives += 1
+    try:
+        for _ in range(SENDINGS_PER_LIFE):
+            challenge = trial.challenge(sender.next_time())
+            sending = sender.next(challenge)
+            life.sendings.append(sending)
+            tally.see(sending, trial.take(sending, challenge))
+    except InvariantError as violation:
+        return CommandFinding(life, violation.rule, violation.text)
+    return None
+
+
+def relive(life: CommandLife) -> InvariantError | None:
+    """Send a life to a new ingress; return the first violation."""
+    trial = _Trial(life.born_ns)
+    for sending in life.sendings:
+        try:
+            trial.take(sending, trial.challenge(sending.t_ns))
+        except InvariantError as violation:
+            return violation
+    return None
+
+
+def shrink(finding: CommandFinding) -> CommandFinding:
+    """Return a life with as few sendings as still violate the same invariant."""
+    life, rule = finding.life, finding.rule
+
+    def fails(sendings: list[Sending]) -> bool:
+        violation = relive(dataclasses.replace(life, sendings=sendings))
+        return violation is not None and violation.rule == rule
+
+    shortest = dataclasses.replace(life, sendings=shrink_list(life.sendings, fails))
+    violation = relive(shortest)
+    return CommandFinding(shortest, rule, finding.text if violation is None else violation.text)
+
+
+def _became(passed: Passed | None) -> str:
+    if passed is None:
+        return "dropped"
+    if passed.verdict.action is not None:
+        return "obeyed"
+    return "answered again" if passed.verdict.is_repeated else "rejected"
+
+
+COMMANDS = Target(CommandTally, live, shrink)
