@@ -12,8 +12,8 @@ from onnx import TensorProto, helper
 from dfvs_core.messages.manifest import (
     BUNDLE_FORMAT,
     Graph,
+    ImageInput,
     Manifest,
-    PictureInput,
     PoseOutput,
     sha256,
 )
@@ -54,7 +54,7 @@ def bundle(translation, rotation, unit="m"):
         format=BUNDLE_FORMAT,
         name="known-pose",
         kind="pose",
-        input=PictureInput(*SIZE, channels="grey"),
+        input=ImageInput(*SIZE, channels="grey"),
         graphs={"pose": Graph("pose.onnx", INPUTS, OUTPUTS)},
         files={name: sha256(data) for name, data in contents.items()},
         licence="Apache-2.0",

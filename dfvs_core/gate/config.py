@@ -67,7 +67,7 @@ class GateTiming:
     """Time at reduced speed after which a missing response ends the flight."""
     mode_known_ns: int = 1500 * MS
     """A heartbeat older than this says nothing about the mode any more."""
-    order_valid_ns: int = 5 * S
+    command_valid_ns: int = 5 * S
 
 
 @dataclass(frozen=True, slots=True)

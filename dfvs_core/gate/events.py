@@ -175,7 +175,7 @@ class BadReport:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class OperatorCommand:
     """An operator's command, found authentic; ``argument`` is the digest of a new goal."""
 
     t_ns: int
@@ -207,7 +207,7 @@ VehicleEvent = (
     | OtherServices
     | WatchEnded
 )
-Event = VehicleEvent | Report | BadReport | Order | Stop
+Event = VehicleEvent | Report | BadReport | OperatorCommand | Stop
 
 
 class ModeRequest(enum.StrEnum):

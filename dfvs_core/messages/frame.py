@@ -18,7 +18,7 @@ import numpy as np
 
 from dfvs_core.errors import WireError
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.messages.image import decode_picture, encode_jpeg, encode_png
+from dfvs_core.messages.image import decode_image, encode_jpeg, encode_png
 
 _HEADER = struct.Struct("<4sBBxxHHIQq16s")
 _MAGIC = b"DFVF"
@@ -159,7 +159,7 @@ def decode_frame(payload: bytes, header: FrameHeader) -> Frame:
     if zlib.crc32(payload) != header.checksum:
         raise WireError("the frame's checksum does not match its bytes")
     if channels is None:
-        image = decode_picture(payload, max_pixels=shape[0] * shape[1])
+        image = decode_image(payload, max_pixels=shape[0] * shape[1])
         if image.shape[:2] != shape:
             raise WireError(f"picture of {image.shape[1]} x {image.shape[0]} px", f"{shape[::-1]}")
     else:

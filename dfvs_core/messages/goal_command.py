@@ -18,10 +18,10 @@ MAX_SIDECAR_BYTES = 64 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class GoalOrder:
+class GoalCommand:
     """PNG or JPEG bytes of a goal picture, and its sidecar's JSON (empty: taken as level)."""
 
-    picture: bytes
+    image: bytes
     sidecar: str = ""
 
     def to_bytes(self) -> bytes:
@@ -33,7 +33,7 @@ class GoalOrder:
             If it is too large to be sent.
         """
         sidecar = self.sidecar.encode()
-        data = _HEADER.pack(_MAGIC, len(sidecar)) + sidecar + self.picture
+        data = _HEADER.pack(_MAGIC, len(sidecar)) + sidecar + self.image
         if len(sidecar) > MAX_SIDECAR_BYTES or len(data) > MAX_MESSAGE_BYTES:
             raise WireError(
                 f"goal of {len(data)} bytes, {len(sidecar)} of them sidecar",
@@ -43,7 +43,7 @@ class GoalOrder:
         return data
 
     @classmethod
-    def from_bytes(cls, data: bytes) -> GoalOrder:
+    def from_bytes(cls, data: bytes) -> GoalCommand:
         """Read a payload; the picture is not looked at.
 
         Raises

@@ -17,8 +17,8 @@ import numpy as np
 from dfvs_core.errors import ImageError
 from dfvs_core.geometry.arrays import ImageArray
 
-MAX_PICTURE_BYTES = 32 * 1024 * 1024
-MAX_PICTURE_PIXELS = 16 * 1024 * 1024
+MAX_IMAGE_BYTES = 32 * 1024 * 1024
+MAX_IMAGE_PIXELS = 16 * 1024 * 1024
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD_BYTES = 33
@@ -40,7 +40,7 @@ _MAX_JPEG_SEGMENTS = 1024
 _JPEG_BARE_MARKERS = frozenset({0x01, *range(0xD0, 0xD8)})
 
 
-def picture_size(data: bytes) -> tuple[int, int]:
+def image_size(data: bytes) -> tuple[int, int]:
     """(width, height) in px from the header of a PNG or JPEG, nothing decoded.
 
     Raises
@@ -81,7 +81,7 @@ def _jpeg_size(data: bytes) -> tuple[int, int]:
     raise ImageError("the JPEG header has too many segments", f"at most {_MAX_JPEG_SEGMENTS}")
 
 
-def decode_picture(data: bytes, max_pixels: int = MAX_PICTURE_PIXELS) -> ImageArray:
+def decode_image(data: bytes, max_pixels: int = MAX_IMAGE_PIXELS) -> ImageArray:
     """Decode a PNG or JPEG to (H, W, 3) uint8 RGB.
 
     Raises
@@ -89,9 +89,9 @@ def decode_picture(data: bytes, max_pixels: int = MAX_PICTURE_PIXELS) -> ImageAr
     ImageError
         If the picture is too large, damaged, or not PNG or JPEG.
     """
-    if len(data) > MAX_PICTURE_BYTES:
-        raise ImageError(f"picture of {len(data)} bytes", f"at most {MAX_PICTURE_BYTES}")
-    width, height = picture_size(data)
+    if len(data) > MAX_IMAGE_BYTES:
+        raise ImageError(f"picture of {len(data)} bytes", f"at most {MAX_IMAGE_BYTES}")
+    width, height = image_size(data)
     if width < 1 or height < 1 or width * height > max_pixels:
         raise ImageError(f"picture of {width} x {height} px", f"at most {max_pixels} px in all")
     if data.startswith(_PNG_MAGIC):

@@ -36,7 +36,7 @@ GRAPHS_OF_KIND: Mapping[str, tuple[str, ...]] = {
 
 
 @dataclass(frozen=True, slots=True)
-class PictureInput:
+class ImageInput:
     """How a picture becomes a tensor: resized, ``(pixel * scale - mean) / std``, channels first.
 
     ``layout`` says how two pictures enter a ``pair`` or ``pose`` graph: as two inputs of (1, C, H,
@@ -178,7 +178,7 @@ class Manifest:
     format: str
     name: str
     kind: Literal["pair", "encode-match", "mono", "pose"]
-    input: PictureInput
+    input: ImageInput
     graphs: dict[str, Graph]
     files: dict[str, str]
     licence: str

@@ -22,7 +22,7 @@ CLEARLY = 0.6
 """Share of the difference that must be left when red and blue are exchanged."""
 
 
-def is_swapped(image: ImageArray, goal: ImageArray, flow: FlowField) -> bool:
+def is_channel_order_swapped(image: ImageArray, goal: ImageArray, flow: FlowField) -> bool:
     """Tell whether red and blue of a picture are exchanged against the goal picture.
 
     Parameters
@@ -36,8 +36,8 @@ def is_swapped(image: ImageArray, goal: ImageArray, flow: FlowField) -> bool:
         STRIDE_PX // 2 : flow.flow.shape[0] : STRIDE_PX,
         STRIDE_PX // 2 : flow.flow.shape[1] : STRIDE_PX,
     ]
-    sure = flow.confidence[v, u] >= MIN_CONFIDENCE
-    v, u = v[sure], u[sure]
+    confident = flow.confidence[v, u] >= MIN_CONFIDENCE
+    v, u = v[confident], u[confident]
     to = np.rint(flow.flow[v, u]).astype(np.int64)
     goal_u, goal_v = u + to[:, 0], v + to[:, 1]
     inside = (goal_u >= 0) & (goal_u < width) & (goal_v >= 0) & (goal_v < height)

@@ -69,11 +69,11 @@ def encode_flow_grid(grid: FlowGrid) -> bytes:
     finite = np.isfinite(grid.flow).all(axis=-1) & np.isfinite(grid.confidence)
     flow = np.where(finite[..., None], grid.flow, 0.0)
     steps = np.clip(np.rint(flow * _STEPS_PER_PX), -_MOST_STEPS, _MOST_STEPS).astype("<i2")
-    sure = np.where(finite, np.clip(grid.confidence, 0.0, 1.0), 0.0)
+    confident = np.where(finite, np.clip(grid.confidence, 0.0, 1.0), 0.0)
     header = _HEADER.pack(
         _MAGIC, _VERSION, width, height, grid.stride_px, grid.seq & 0xFFFFFFFF, grid.t_capture_ns
     )
-    return header + steps.tobytes() + np.rint(sure * 255.0).astype(np.uint8).tobytes()
+    return header + steps.tobytes() + np.rint(confident * 255.0).astype(np.uint8).tobytes()
 
 
 def decode_flow_grid(data: bytes) -> FlowGrid:
@@ -96,10 +96,10 @@ def decode_flow_grid(data: bytes) -> FlowGrid:
             f"{_HEADER.size + 5 * points} bytes and at most {MAX_COLUMNS} columns",
         )
     steps = np.frombuffer(data, "<i2", 2 * points, _HEADER.size)
-    sure = np.frombuffer(data, np.uint8, points, _HEADER.size + 4 * points)
+    confident = np.frombuffer(data, np.uint8, points, _HEADER.size + 4 * points)
     return FlowGrid(
         steps.reshape(height, width, 2).astype(np.float32) / np.float32(_STEPS_PER_PX),
-        sure.reshape(height, width).astype(np.float32) / np.float32(255.0),
+        confident.reshape(height, width).astype(np.float32) / np.float32(255.0),
         stride,
         seq,
         t_capture_ns,

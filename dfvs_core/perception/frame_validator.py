@@ -98,7 +98,7 @@ def admit(
         frame = decode_frame(payload, header)
     except DfvsError as error:
         return Admission(state, None, f"the frame cannot be read: {error}")
-    fault = check_picture(frame.image)
+    fault = check_content(frame.image)
     if fault is not None:
         return Admission(after, None, fault.value, frame.seq, frame.t_capture_ns)
     return Admission(after, frame, "", frame.seq, frame.t_capture_ns)
@@ -139,7 +139,7 @@ def check_header(
     return (FrameFault.FROZEN if is_frozen else None), state
 
 
-def check_picture(image: ImageArray) -> FrameFault | None:
+def check_content(image: ImageArray) -> FrameFault | None:
     """Judge the brightness of a picture (H, W, 3) by every eighth pixel."""
     sample = image[::8, ::8].astype(np.float32)
     mean, deviation = float(sample.mean()), float(sample.std())

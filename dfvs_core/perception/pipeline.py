@@ -19,7 +19,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, so3_log
 from dfvs_core.matching.correspondence import DepthMap, FlowField
-from dfvs_core.matching.matcher import Matcher, Prepared
+from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.matching.warping import resized
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal
@@ -131,9 +131,9 @@ class Pipeline:
         self._observed_ns = None if observation is None else observation.t_capture_ns
         self._task = task = _with_goal(task, goal)
         self._state = self._state.without_goal()
-        self._tracker = GoalTracker(self._matcher, goal.prepared, task)
+        self._tracker = GoalTracker(self._matcher, goal.features, task)
         self._tracker.update(observation)
-        self._verifier = GoalVerifier(goal.image, task.config.min_likeness)
+        self._verifier = GoalVerifier(goal.image, task.config.min_matched_texture)
 
     def evaluate_next_goal(
         self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
@@ -175,19 +175,19 @@ class Pipeline:
         marks = [self._tick()]
 
         # 1. Bring the image to the working size.
-        prepared = self._matcher.prepare(frame.image)
+        features = self._matcher.encode(frame.image)
         marks.append(self._tick())
 
         # 2. Match it with the goal.
         flow = self._tracker.match(
-            prepared, frame.t_capture_ns, T_world_camera, self._state.depth_map
+            features, frame.t_capture_ns, T_world_camera, self._state.depth_map
         )
         marks.append(self._tick())
 
         # 3. Match it with the last frame, where depth is taken from each of them.
         earlier = None
         if self._task.config.depth == "flow":
-            earlier = self._compare(prepared, T_world_camera, self._last)
+            earlier = self._compare(features, T_world_camera, self._last)
 
         # 4. Servo: level, depth, pose, velocity.
         velocity, motion_m = self._odometry(motion, T_world_camera)
@@ -199,17 +199,17 @@ class Pipeline:
             attitude=Attitude(motion.roll_rad, motion.pitch_rad, motion.yaw_rad),
             motion_m=motion_m,
             earlier=earlier,
-            given_depth=None if depth is None else _resized_depth(depth, prepared.size),
+            given_depth=None if depth is None else _resized_depth(depth, features.size),
             engaged=engaged,
         )
         servo, self._state = servo_step(self._task, self._state, inputs)
 
         # 5. Verify that the view is the goal's, and conclude.
-        image = resized(frame.image, prepared.size)
+        image = resized(frame.image, features.size)
         result = self._verifier.verify(servo, image, flow, frame.t_capture_ns)
         marks.append(self._tick())
 
-        self._remember(inputs, prepared, T_world_camera, result)
+        self._remember(inputs, features, T_world_camera, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
         return FrameResult(frame, result, flow, stages, inputs.now_ns, self._tracker.state)
 
@@ -237,7 +237,7 @@ class Pipeline:
     def _rematch(self, last: Keyframe) -> bool:
         """Look for more of the goal in the last frame; False where that was not worth a try."""
         depth = self._state.depth_map
-        return depth is not None and self._tracker.rematch(last.prepared, last.t_capture_ns, depth)
+        return depth is not None and self._tracker.rematch(last.features, last.t_capture_ns, depth)
 
     def _learn_depth(self, last: Keyframe) -> bool:
         """Compare the last frame with a keyframe; False if too soon, or none is far enough."""
@@ -247,13 +247,13 @@ class Pipeline:
         if chosen is None:
             return False
         self._depth_ns = last.t_capture_ns
-        match = self._compare(last.prepared, last.T_world_camera, chosen)
+        match = self._compare(last.features, last.T_world_camera, chosen)
         if match is not None:
             self._state = observe_depth(self._task, self._state, match)
         return True
 
     def _compare(
-        self, prepared: Prepared, T_world_camera: FloatArray, earlier: Keyframe | None
+        self, features: ImageFeatures, T_world_camera: FloatArray, earlier: Keyframe | None
     ) -> EarlierMatch | None:
         """Match a frame with an earlier one, by the flow that depth and motion predict."""
         if earlier is None or self._state.depth_map is None:
@@ -261,7 +261,7 @@ class Pipeline:
         T_earlier_current = invert_pose(earlier.T_world_camera) @ T_world_camera
         stride, camera = self._task.config.stride_px, self._task.camera
         predicted = predict_flow(camera, self._state.depth_map, stride, T_earlier_current)
-        flow = self._matcher.track(prepared, earlier.prepared, predicted)
+        flow = self._matcher.track(features, earlier.features, predicted)
         return None if flow is None else EarlierMatch(flow, T_earlier_current)
 
     def _odometry(
@@ -285,7 +285,7 @@ class Pipeline:
     def _remember(
         self,
         inputs: ServoInputs,
-        prepared: Prepared,
+        features: ImageFeatures,
         T_world_camera: FloatArray,
         result: ServoResult,
     ) -> None:
@@ -303,12 +303,12 @@ class Pipeline:
             self._tracker.reject(self._has_flown)
             self._state = self._state.without_goal()
         if self._last is not None:
-            self._last.prepared.slim()  # of earlier frames only previews are searched, and few
+            self._last.features.release()  # of earlier frames only previews are searched, and few
             self._period_ns = inputs.t_capture_ns - self._last.t_capture_ns
         if result.depth_m > 0:
             self._depth_m = result.depth_m
         inputs = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False)
-        self._last = Keyframe(prepared, T_world_camera, inputs, self._state.without_goal())
+        self._last = Keyframe(features, T_world_camera, inputs, self._state.without_goal())
         self._keyframes.add(self._last, self._depth_m)
 
 
@@ -319,7 +319,7 @@ def _with_goal(task: ServoTask, goal: GoalView) -> ServoTask:
 
 def _at_working_size(task: ServoTask, goal: GoalView) -> ServoTask:
     """The task with both cameras at the size (height, width) of the flow fields."""
-    height, width = goal.prepared.size
+    height, width = goal.features.size
     cameras = (camera.scaled(width, height) for camera in (task.camera, task.goal.camera))
     camera, goal_camera = cameras
     return replace(task, camera=camera, goal=replace(task.goal, camera=goal_camera))

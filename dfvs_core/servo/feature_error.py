@@ -29,7 +29,7 @@ are in the goal picture."""
 _ROW = 2.0**24
 """More cells than there are in a row."""
 
-_NOTHING = 1e-9
+_LEAST_LENGTH = 1e-9
 """Length, in normalised units, of an error that is none."""
 
 
@@ -84,7 +84,7 @@ def feature_error(
     Reference
         For the next frame: the same, as long as half of its features are in view.
     """
-    if reference is not None and reference.length > _NOTHING:
+    if reference is not None and reference.length > _LEAST_LENGTH:
         share, left = _compare(reference.cells, by_cell(points, reference.cells.size))
         length = left * reference.length
         if share >= _RENEWED_BELOW:
@@ -138,6 +138,6 @@ def _compare(reference: CellErrors, now: CellErrors) -> tuple[float, float]:
     before, after = common_cells(reference, now)
     share = float(reference.weight[before].sum() / reference.weight.sum())
     length = np.linalg.norm(reference.error[before], axis=1)
-    left = np.linalg.norm(now.error[after], axis=1) / np.maximum(length, _NOTHING)
+    left = np.linalg.norm(now.error[after], axis=1) / np.maximum(length, _LEAST_LENGTH)
     counts = length * np.minimum(reference.weight[before], now.weight[after])
     return share, weighted_median(left, counts)

@@ -99,7 +99,7 @@ def points_from_flow(
 
     Points whose partner lies outside the goal picture get no weight.
     """
-    unsure = 1.0 - np.clip(depth.validity.reshape(-1).astype(np.float64), 0.0, 1.0)
+    unconfident = 1.0 - np.clip(depth.validity.reshape(-1).astype(np.float64), 0.0, 1.0)
     pixels = samples.pixels.reshape(-1, 2)
     partners = pixels + samples.flow.reshape(-1, 2)
     inside = ((partners >= 0) & (partners <= [goal_camera.width, goal_camera.height])).all(axis=1)
@@ -108,5 +108,5 @@ def points_from_flow(
         xy_goal=goal_camera.normalise(partners),
         z_m=depth.z_m.reshape(-1).astype(np.float64),
         weight=np.where(inside, samples.confidence.reshape(-1), 0.0),
-        depth_spread=GUESSED_SPREAD * np.sqrt(unsure),
+        depth_spread=GUESSED_SPREAD * np.sqrt(unconfident),
     )

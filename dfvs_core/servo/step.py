@@ -203,12 +203,12 @@ def _judge(
 
 def _refused(task: ServoTask, status: Status, overlap: float) -> ServoResult:
     """Result of a frame that cannot be worked on: zero velocity, unknown error."""
-    nothing = np.zeros(task.basis.size)
+    zero_motion = np.zeros(task.basis.size)
     unknown = float("inf")
     return ServoResult(
         status=status,
-        velocity=nothing,
-        motion=nothing,
+        velocity=zero_motion,
+        motion=zero_motion,
         error_m=unknown,
         error_rad=unknown,
         feature_error_px=unknown,

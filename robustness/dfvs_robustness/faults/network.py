@@ -20,8 +20,8 @@ from dfvs_core.messages.manifest import (
     MANIFEST_NAME,
     FlowOutput,
     Graph,
+    ImageInput,
     Manifest,
-    PictureInput,
     sha256,
 )
 
@@ -179,7 +179,7 @@ def write_bundle(folder: Path) -> Path:
         format="dfvs-bundle/2",
         name="faulty-ramp",
         kind="pair",
-        input=PictureInput(WIDTH, HEIGHT),
+        input=ImageInput(WIDTH, HEIGHT),
         graphs={"pair": Graph(_FILE, ("current", "other"), ("flow",))},
         files={_FILE: sha256(data)},
         licence="Apache-2.0",

@@ -23,7 +23,7 @@ from dfvs_core.gate.events import (
     Heartbeat,
     LandedState,
     LocalPosition,
-    Order,
+    OperatorCommand,
     OtherServices,
     ParametersRead,
     Report,
@@ -102,7 +102,7 @@ class Evidence:
             case Stop():
                 self.faults.append("told to stop")
                 self._is_stopped = True
-            case Order() if event.action in (Action.HOLD, Action.ABORT):
+            case OperatorCommand() if event.action in (Action.HOLD, Action.ABORT):
                 self.faults.append(f"ordered to {event.action}")
             case ParametersRead():
                 self._parameters_ns = t_ns

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from dfvs_core.messages.frame_record import Opening
+from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.schema import dump
 from dfvs_service.settings.config import ServiceConfig
 
@@ -13,7 +13,7 @@ _SHOWN_CHARACTERS = 24
 
 
 def reasons_to_differ(
-    opening: Opening,
+    opening: SessionHeader,
     config: ServiceConfig,
     model: Mapping[str, str],
     build: Mapping[str, str],

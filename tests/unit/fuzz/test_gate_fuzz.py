@@ -15,7 +15,7 @@ from dfvs_core.gate.events import Attitude, GateOutput, ModeRequest
 from dfvs_core.gate.initial_response import InitialResponse, Response
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.machine import GateMachine
-from dfvs_core.gate.perception_monitor import Sight
+from dfvs_core.gate.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.preflight import Check
 from dfvs_core.gate.states import GateState
 from dfvs_core.gate.stream import SetpointStream
@@ -146,7 +146,7 @@ BROKEN = [
     ("I2", SetpointStream, "zero", lambda old: keeps_moving),
     ("I2", GateMachine, "_is_moving", lambda old: property(moves_at_the_goal)),
     ("I3", SetpointStream, "zero", pauses),
-    ("I4", Sight, "stale", lambda old: forever(None)),
+    ("I4", PerceptionMonitor, "stale", lambda old: forever(None)),
     ("I4", flight, "flight_fault", lambda old: forever(None)),
     ("I4", flight, "flight_fault", forgets_old_status),
     ("I4", flight, "_unwatched", lambda old: forever(None)),
@@ -154,7 +154,7 @@ BROKEN = [
     ("I4", GateMachine, "_hold_servo", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", holds_in_servo_alone),
     ("I4", perception_monitor, "is_late", lambda old: forever(False)),
-    ("I4", Sight, "mounting_fault", lambda old: forever(None)),
+    ("I4", PerceptionMonitor, "mounting_fault", lambda old: forever(None)),
     ("I5", Engagement, "heed", lambda old: forever(None)),
     ("I5", GateMachine, "_judge", leaves_an_end_by_itself),
     ("I6", machine, "sole_commander", lambda old: forever(Check("sole commander", True))),

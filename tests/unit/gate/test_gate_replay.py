@@ -22,7 +22,7 @@ from dfvs_core.gate.events import (
     GateOutput,
     Health,
     LocalPosition,
-    Order,
+    OperatorCommand,
     OtherServices,
     Report,
     Stop,
@@ -56,7 +56,7 @@ def eventful_flight():
     gate.vehicle.position_m = (math.nan, 0.0, 0.0)
     gate.until(GateState.ABORT)
     gate.vehicle.position_m, gate.vehicle.mode = (1.0, 2.0, -3.0), VehicleMode.HOLD
-    gate.run(2.0).send([Order(gate.now_ns, Action.ENGAGE)])
+    gate.run(2.0).send([OperatorCommand(gate.now_ns, Action.ENGAGE)])
     gate.until(GateState.SERVO)
     gate.beat(mode=VehicleMode.POSITION)
     assert gate.state is GateState.RELEASED
@@ -161,7 +161,7 @@ EVENTS: list[Event] = [
     Battery(3, None),
     Battery(4, 0.25),
     Health(5, ok=False, detail='a "quoted" ü', can_arm=False),
-    Order(6, Action.GOAL, "ab" * 32),
+    OperatorCommand(6, Action.GOAL, "ab" * 32),
     Stop(7, "by SIGTERM", unsupervised=True),
     VelocityTarget(8, (0.1, 0.2, 0.3)),
     ForeignSetpoint(9, "x"),
@@ -188,7 +188,7 @@ def test_numbers_survive_to_the_last_bit(error_m, velocity, t_ns):
 
 def test_a_refused_order_is_refused_again():
     gate = Recorded(auto_config()).until(GateState.SERVO)
-    gate.tick(Order(gate.now_ns, Action.GOAL, "ab" * 32))
+    gate.tick(OperatorCommand(gate.now_ns, Action.GOAL, "ab" * 32))
     assert '"refusal":"rejected: the goal cannot change' in gate.lines[-1]
     assert replay(gate.lines).difference == ""
     forged = gate.lines[-1].replace("order hold first", "order abort first")

@@ -54,7 +54,7 @@ class Scripted:
     def encode(self, image):
         return None
 
-    def hypotheses(self, current, other, unwanted=None):
+    def hypotheses(self, current, other, exclusion=None):
         return iter(self)
 
 
