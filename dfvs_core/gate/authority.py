@@ -1,4 +1,4 @@
-"""Command authority: challenges that are used once, signatures, and answers by request id."""
+"""Command authority: single-use challenges, signature check, and answers by request id."""
 
 from __future__ import annotations
 

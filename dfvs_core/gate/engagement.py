@@ -1,4 +1,4 @@
-"""One engagement: from the moment the gate takes the vehicle until it gives it back."""
+"""State of one engagement, from ENGAGE until the vehicle is handed back."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ _COMMANDED_FROM = frozenset({VehicleMode.HOLD, VehicleMode.POSITION})
 
 @dataclass(slots=True)
 class Engagement:
-    """What must be remembered while engaged."""
+    """State of the engagement."""
 
     start_ns: int
     start_m: tuple[float, float, float]
@@ -24,7 +24,7 @@ class Engagement:
     is_confirmed: bool
     requested_ns: int | None = None
     is_held: bool = False
-    """The operator ordered to hold."""
+    """The operator commanded to hold."""
     reached_ns: int | None = None
     """When the goal was reached, where it is held by vision since."""
     hold_requested: bool = False
@@ -36,7 +36,7 @@ class Engagement:
     response: InitialResponse | None = None
 
     def on_heartbeat(self, heartbeat: Heartbeat) -> Fault | None:
-        """Take a heartbeat; say why the vehicle is no longer ours, None while it is."""
+        """Take a heartbeat; return why it ends the engagement, None where it does not."""
         mode = heartbeat.mode
         if self.handed_over:
             return None

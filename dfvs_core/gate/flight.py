@@ -1,4 +1,4 @@
-"""Decisions while engaged: abort, hold, move on, or finish."""
+"""Transitions of the engaged states: abort, hold, servo, done."""
 
 from __future__ import annotations
 

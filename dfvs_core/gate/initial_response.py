@@ -1,4 +1,4 @@
-"""Initial-response check: at reduced speed, until it is shown that the servo law works.
+"""Initial-response check of the servo law, in a reduced-speed phase.
 
 A camera that is mounted another way round than the settings say, or a flipped axis, makes the law
 push away from the goal. So the vehicle first moves at reduced speed. It flies on once either of two

@@ -1,4 +1,4 @@
-"""The gate's state machine.
+"""State machine of the gate.
 
 ``step`` takes the events since the last step and the monotonic time, and says what to send. The
 machine is deterministic: the same events and times give the same outputs, so that a recorded
@@ -81,7 +81,7 @@ class GateMachine:
 
     @property
     def is_finished(self) -> bool:
-        """Tell whether the flight is over: only an operator's order can lead on from here."""
+        """Tell whether the flight is over: only an operator's command can lead on from here."""
         return self.stream.is_silent and self.state in ENDED
 
     @property
@@ -149,7 +149,7 @@ class GateMachine:
     def _on_mode(self, heartbeat: Heartbeat) -> None:
         flies_offboard = heartbeat.mode is VehicleMode.OFFBOARD and heartbeat.armed
         if self.state is GateState.IDLE:
-            self._go(GateState.PREFLIGHT, (Cause.VEHICLE_HEARD, ""))
+            self._go(GateState.PREFLIGHT, (Cause.HEARTBEAT_RECEIVED, ""))
         elif self.state is GateState.PREFLIGHT and not self.stream.is_silent:
             if flies_offboard:
                 self._abort((Cause.OFFBOARD_NOT_READY, failures(self.checks())))
@@ -201,7 +201,7 @@ class GateMachine:
             self._refusal = "rejected: the goal is reached, order another one"
 
     def _on_goal(self, goal: str) -> None:
-        """Look for another goal, where nothing moves: checks, overlap and response begin anew."""
+        """Set another goal, where nothing moves: checks, overlap and response begin anew."""
         hands_over = self._engagement.hold_requested and not self._engagement.handed_over
         is_done = self.state is GateState.DONE
         if self.state in (GateState.ENGAGE, GateState.SERVO) or (is_done and hands_over):
@@ -228,7 +228,7 @@ class GateMachine:
             self.has_reached = False
 
     def _invalidate_perception(self, fault: Fault) -> None:
-        """Forget what perception said last, and stop."""
+        """Invalidate the last report, and stop."""
         self.perception.invalidate(fault)
         self._hold_servo(fault)
 

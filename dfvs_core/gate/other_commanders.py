@@ -1,4 +1,4 @@
-"""Other commanders of the vehicle, and those that stand by (invariant I6).
+"""Detection of other commanders of the vehicle (invariant I6).
 
 There are three signs: another service's lease on the vehicle's name, a foreign setpoint on the same
 MAVLink link, and an unexplained velocity. The latter is one that the autopilot reports and that was
@@ -40,7 +40,7 @@ OtherCommanderEvent = OtherServices | ForeignSetpoint | VelocityTarget | WatchEn
 
 @dataclass(slots=True)
 class OtherCommanders:
-    """What was seen of others."""
+    """Last received signs of other commanders."""
 
     services: OtherServices = field(default_factory=lambda: OtherServices(_NEVER))
     setpoint: ForeignSetpoint = field(default_factory=lambda: ForeignSetpoint(_NEVER, ""))
@@ -56,7 +56,7 @@ class OtherCommanders:
     _detail: str = ""
 
     def sent(self, setpoint: BodyVelocity, now_ns: int) -> None:
-        """Remember a setpoint of ours."""
+        """Remember a setpoint that was sent."""
         self._sent.append((now_ns, setpoint))
         while len(self._sent) > 1 and self._sent[1][0] < now_ns - _SENT_NS:
             self._sent.popleft()
@@ -67,7 +67,7 @@ class OtherCommanders:
         self._lapse()
 
     def on_heartbeat(self, heartbeat: Heartbeat, *, is_offboard: bool) -> None:
-        """Take a heartbeat, which tells whether an odd target was a change of the mode."""
+        """Take a heartbeat, which tells whether an unexplained target was a change of the mode."""
         if not is_offboard:
             self._lapse()
         elif self._first_unexplained_ns is not None and heartbeat.t_ns > self._first_unexplained_ns:

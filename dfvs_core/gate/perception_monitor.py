@@ -1,4 +1,4 @@
-"""What perception reports, and whether the gate believes it."""
+"""Monitor of perception's reports: validity, age, rate, reached goal."""
 
 from __future__ import annotations
 
@@ -72,19 +72,19 @@ class PerceptionMonitor:
     overlap: float = 0.0
     lost: bool = False
     goal: str = ""
-    """Digest of the goal that the operator ordered, empty for the one at the start."""
+    """Digest of the goal that the operator commanded, empty for the one at the start."""
     arrivals: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=128))
     """When good reports arrived, and the times of capture, ns."""
 
     def set_goal(self, goal: str, fault: Fault) -> None:
-        """Believe reports about another goal alone from now on."""
+        """Accept reports about this goal alone."""
         self.goal = goal
         self.overlap = 0.0
         self.lost = False
         self.invalidate(fault)
 
     def update(self, report: PerceptionReport, t_ns: int) -> Fault | None:
-        """Judge a report; a fault ends the good time.
+        """Check a report; a fault ends the good time.
 
         A repeated capture, or a late result, refreshes nothing: the last good frame counts for as
         long as its age allows.
@@ -121,7 +121,7 @@ class PerceptionMonitor:
         self.fault = fault
 
     def stale(self, now_ns: int) -> Fault | None:
-        """Name why nothing may be flown by right now; what is too old is spoiled for good."""
+        """Name why nothing may be flown by right now; what is too old is invalid for good."""
         if self.good is None:
             return self.fault
         age = now_ns - self.good.t_capture_ns

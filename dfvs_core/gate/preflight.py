@@ -1,4 +1,4 @@
-"""Preflight: what must be right before the gate offers to engage."""
+"""Preflight checks."""
 
 from __future__ import annotations
 

@@ -19,16 +19,13 @@ from dfvs_core.gate.config import GateConfig
 from dfvs_core.gate.events import Event, GateOutput, OperatorCommand
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import Transition
-from dfvs_core.messages.schema import dump, parse, rebuild
+from dfvs_core.messages.schema import dump, parse, rebuild, with_present_names
 
 JOURNAL_FORMAT = "dfvs-gate-journal/1"
 
 _KINDS: dict[str, type[Any]] = {cls.__name__: cls for cls in typing.get_args(Event)}
 _KINDS["Order"] = OperatorCommand
 """Kinds of events by name, those of older journals among them."""
-
-_FORMER_TIMING = {"order_valid_ns": "command_valid_ns"}
-"""Times of the configuration by their names in older journals."""
 
 
 def encode_start(config: GateConfig, t_ns: int) -> str:
@@ -85,9 +82,8 @@ def read_start(line: str) -> tuple[GateConfig, int]:
         data = json.loads(line)
         if data["format"] != JOURNAL_FORMAT:
             raise WireError(f"the journal has format {data['format']!r}", repr(JOURNAL_FORMAT))
-        timing = data["config"]["timing"]
-        data["config"]["timing"] = {_FORMER_TIMING.get(k, k): v for k, v in timing.items()}
-        return parse(GateConfig, data["config"]), int(data["t_ns"])
+        config = with_present_names(GateConfig, data["config"])
+        return parse(GateConfig, config), int(data["t_ns"])
     except (ValueError, KeyError, TypeError, ConfigError) as error:
         raise WireError(f"this is no journal of the gate ({error})") from error
 

@@ -1,4 +1,4 @@
-"""What the gate has last heard of the vehicle, and what is wrong with it."""
+"""Last received messages of the vehicle, and the faults they show."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ Fault = tuple[Cause, str]
 
 
 NEVER = -(1 << 62)
-"""Time of a message that was not heard yet: older than any limit."""
+"""Time of a message not received yet: older than any limit."""
 
 _NOT_RECEIVED = "none heard yet"
 
@@ -108,7 +108,7 @@ class VehicleMonitor:
 
     @property
     def has_heartbeat(self) -> bool:
-        """Tell whether any heartbeat was heard yet."""
+        """Tell whether any heartbeat was received."""
         return self.heartbeat.t_ns != NEVER
 
     @property

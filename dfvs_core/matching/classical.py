@@ -1,4 +1,4 @@
-"""The classical baseline: sparse matches of RootSIFT features, without a network.
+"""Classical baseline: sparse RootSIFT matches.
 
 RootSIFT: Arandjelovic and Zisserman, CVPR 2012. Local contrast is equalised first, as dark plain
 walls hold texture that is too faint for the detector.

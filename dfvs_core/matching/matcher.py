@@ -1,4 +1,4 @@
-"""What every source of dense correspondences offers to perception."""
+"""Interface of the matchers."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Sparse matches between two images, and what a source of them offers."""
+"""Sparse matches between two images, and the interface of their sources."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The matcher of the service: tracking where a prediction is at hand, else relocalisation."""
+"""Staged matcher: tracking from a predicted flow, or relocalisation."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A camera frame on the wire: the pixels as payload, the rest in a fixed 48-byte attachment.
+"""Camera frame message: pixels as payload, header as a fixed 48-byte attachment.
 
 The capture time is CLOCK_MONOTONIC of the machine whose boot identity stands in ``clock``:
 camera and service run on the same companion computer. Routers stamp samples with their own
@@ -148,7 +148,7 @@ def decode_frame(payload: bytes, header: FrameHeader) -> Frame:
     WireError
         If length or checksum disagree with the header.
     ImageError
-        If a compressed picture cannot be decoded.
+        If a compressed image cannot be decoded.
     """
     shape = (header.height, header.width)
     channels = _CHANNELS.get(header.pixel_format)
@@ -161,7 +161,7 @@ def decode_frame(payload: bytes, header: FrameHeader) -> Frame:
     if channels is None:
         image = decode_image(payload, max_pixels=shape[0] * shape[1])
         if image.shape[:2] != shape:
-            raise WireError(f"picture of {image.shape[1]} x {image.shape[0]} px", f"{shape[::-1]}")
+            raise WireError(f"image of {image.shape[1]} x {image.shape[0]} px", f"{shape[::-1]}")
     else:
         image = _raw_to_rgb(np.frombuffer(payload, np.uint8).reshape(*shape, channels), header)
     return Frame(image, header.t_capture_ns, header.seq)

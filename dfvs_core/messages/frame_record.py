@@ -75,8 +75,8 @@ class FrameRecord:
     """One cycle of perception.
 
     ``number`` counts from 0 without gaps, ``opening`` is the ``opened_ns`` of the valid header.
-    ``heard`` holds the messages of the gate since the last record, oldest first. ``sight`` is None where no
-    frame came. ``servo`` is the frame's servo document, empty where there is none.
+    ``heard`` holds the messages of the gate since the last record, oldest first. ``sight`` is None
+    where no frame came. ``servo`` is the frame's servo document, empty where there is none.
     """
 
     number: int

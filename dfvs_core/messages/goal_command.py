@@ -1,6 +1,6 @@
-"""A new goal on its way to the service: sidecar and picture in one run of bytes, and its digest.
+"""Goal command message: sidecar and image in one payload, and its digest.
 
-The operator signs the digest; the service looks at the picture only after it was found signed.
+The operator signs the digest; the service looks at the image only after it was found signed.
 """
 
 from __future__ import annotations
@@ -19,7 +19,7 @@ MAX_SIDECAR_BYTES = 64 * 1024
 
 @dataclass(frozen=True, slots=True)
 class GoalCommand:
-    """PNG or JPEG bytes of a goal picture, and its sidecar's JSON (empty: taken as level)."""
+    """PNG or JPEG bytes of a goal image, and its sidecar's JSON (empty: taken as level)."""
 
     image: bytes
     sidecar: str = ""
@@ -38,13 +38,13 @@ class GoalCommand:
             raise WireError(
                 f"goal of {len(data)} bytes, {len(sidecar)} of them sidecar",
                 f"at most {MAX_MESSAGE_BYTES} and {MAX_SIDECAR_BYTES} bytes",
-                "send the picture as JPEG",
+                "send the image as JPEG",
             )
         return data
 
     @classmethod
     def from_bytes(cls, data: bytes) -> GoalCommand:
-        """Read a payload; the picture is not looked at.
+        """Read a payload; the image is not looked at.
 
         Raises
         ------

@@ -1,7 +1,7 @@
 """The model contract: what a bundle's ``manifest.json`` says of the networks beside it.
 
 A bundle is a folder with ``manifest.json`` and ONNX files. The manifest names every file with
-its SHA-256, says how pictures go in and how flow comes out, where the weights come from and
+its SHA-256, says how images go in and how flow comes out, where the weights come from and
 under which licence, and how accurate they were measured to be.
 """
 
@@ -37,14 +37,14 @@ GRAPHS_OF_KIND: Mapping[str, tuple[str, ...]] = {
 
 @dataclass(frozen=True, slots=True)
 class ImageInput:
-    """How a picture becomes a tensor: resized, ``(pixel * scale - mean) / std``, channels first.
+    """How an image becomes a tensor: resized, ``(pixel * scale - mean) / std``, channels first.
 
-    ``layout`` says how two pictures enter a ``pair`` or ``pose`` graph: as two inputs of (1, C, H,
-    W), as one input of (1, 2C, H, W), or as one of (1, 2, C, H, W). One picture is (1, C, H, W).
+    ``layout`` says how two images enter a ``pair`` or ``pose`` graph: as two inputs of (1, C, H,
+    W), as one input of (1, 2C, H, W), or as one of (1, 2, C, H, W). One image is (1, C, H, W).
     """
 
-    width: int = setting(320, "width of the network's pictures, px", low=16, high=4096)
-    height: int = setting(240, "height of the network's pictures, px", low=16, high=4096)
+    width: int = setting(320, "width of the network's images, px", low=16, high=4096)
+    height: int = setting(240, "height of the network's images, px", low=16, high=4096)
     multiple_of: int = setting(1, "what width and height must be multiples of", low=1, high=256)
     layout: Literal["separate", "channels", "stack"] = "separate"
     channels: Literal["rgb", "bgr", "grey"] = "rgb"
@@ -66,7 +66,7 @@ class ImageInput:
 
     @property
     def channel_count(self) -> int:
-        """Channels of one picture."""
+        """Channels of one image."""
         return 1 if self.channels == "grey" else 3
 
     def pair_shapes(self) -> tuple[tuple[int, ...], ...]:
@@ -83,7 +83,7 @@ class ImageInput:
 class FlowOutput:
     """What the flow tensor (1, 2, height / stride, width / stride) means.
 
-    Times ``scale`` it is in px of the network's pictures; ``order`` is that of its channels.
+    Times ``scale`` it is in px of the network's images; ``order`` is that of its channels.
     """
 
     stride: int = setting(1, "network's px per vector", low=1, high=64)
@@ -143,8 +143,8 @@ class PoseOutput:
     """What the outputs of a ``pose`` graph mean: pose of the second camera in the first.
 
     The first output is the translation (1, 3), in m or, with the unit ``"depth"``, in depths at the
-    middle of the second picture. The second one is the rotation: a quaternion (1, 4) as (w, x, y,
-    z) of any length, or a rotation vector (1, 3) rad. The graph's last input is the pictures' focal
+    middle of the second image. The second one is the rotation: a quaternion (1, 4) as (w, x, y,
+    z) of any length, or a rotation vector (1, 3) rad. The graph's last input is the images' focal
     length over their width (1, 1).
     """
 
@@ -227,10 +227,10 @@ class Manifest:
             self._check_mono(self.depth)
 
     def match_feeds(self, first: Sequence[T], second: Sequence[T]) -> dict[str, T]:
-        """Name what goes into the graph ``match``: outputs of ``encode`` of both pictures.
+        """Name what goes into the graph ``match``: outputs of ``encode`` of both images.
 
         An input of ``match`` has the name of an output of ``encode`` after ``first_`` (the
-        picture that the flow starts from) or ``second_``.
+        image that the flow starts from) or ``second_``.
 
         Raises
         ------

@@ -1,4 +1,4 @@
-"""Plain mappings (from JSON or TOML) to frozen dataclasses and back, strictly.
+"""Strict conversion between mappings (JSON, TOML) and frozen dataclasses.
 
 An error names the place: of an unknown or missing key, a wrong type, a number that is not finite or
 out of the field's range. For an unknown key it also names the nearest known one.
@@ -125,6 +125,19 @@ def parse(cls: type[T], data: object, where: str = "", *, file: bool = False) ->
         elif field.default is field.default_factory is dataclasses.MISSING:
             raise ConfigError(f"{place!r} is missing", f"a value for it ({_title(hint)})")
     return cls(**values)
+
+
+def with_present_names(cls: type[Any], data: Mapping[str, Any]) -> dict[str, Any]:
+    """Mapping of a recording with the present names of its fields in place of former ones."""
+    present = {f.metadata.get("formerly"): f.name for f in dataclasses.fields(cls)}
+    hints = hints_of(cls)
+    renamed = {present.get(key, key): value for key, value in data.items()}
+    return {
+        key: with_present_names(section, value)
+        if (section := section_of(hints.get(key))) and isinstance(value, Mapping)
+        else value
+        for key, value in renamed.items()
+    }
 
 
 def from_json(cls: type[T], data: bytes) -> T:

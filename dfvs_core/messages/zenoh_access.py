@@ -1,4 +1,4 @@
-"""Who may do what over Zenoh: one role for each kind of process, known by its certificate's name.
+"""Zenoh access control: roles by the common name of their certificate.
 
 Everything that is not allowed here is denied. The rules are enforced where links end: by a router,
 or by the service itself where others connect to it directly.
@@ -126,18 +126,27 @@ def _role_rules(name: str, access: Access) -> list[dict[str, Any]]:
     """Rules of one role: what it publishes comes in, what it listens to goes out."""
     rules = []
     if access.publishes:
-        rules.append(_rule(f"{name} says", _PUBLISHER_MESSAGES, ("ingress",), access.publishes))
         rules.append(
-            _rule(f"{name} is heard", _SUBSCRIBER_MESSAGES, ("egress",), _of_any(access.publishes))
+            _rule(f"{name} publishes", _PUBLISHER_MESSAGES, ("ingress",), access.publishes)
+        )
+        rules.append(
+            _rule(
+                f"{name} is subscribed to",
+                _SUBSCRIBER_MESSAGES,
+                ("egress",),
+                _of_any(access.publishes),
+            )
         )
     if access.subscribes:
         rules.append(
-            _rule(f"{name} hears", _SUBSCRIBER_MESSAGES, ("ingress",), _of_any(access.subscribes))
+            _rule(
+                f"{name} subscribes", _SUBSCRIBER_MESSAGES, ("ingress",), _of_any(access.subscribes)
+            )
         )
-        rules.append(_rule(f"{name} is told", _PUBLISHER_MESSAGES, ("egress",), access.subscribes))
+        rules.append(_rule(f"{name} receives", _PUBLISHER_MESSAGES, ("egress",), access.subscribes))
     exceptions = (
-        ("says", "ingress", access.never_publishes),
-        ("hears", "egress", access.never_subscribes),
+        ("publishes", "ingress", access.never_publishes),
+        ("subscribes", "egress", access.never_subscribes),
     )
     for verb, flow, keys in exceptions:
         if keys:

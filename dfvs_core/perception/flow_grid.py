@@ -1,7 +1,7 @@
-"""A flow field for people to look at: a coarse grid in a few kilobytes.
+"""Coarse flow grid for display, and its binary encoding.
 
 Layout, little-endian: 24 bytes of header, then displacements as int16 in sixteenths of a pixel
-(row by row, du before dv), then confidences as uint8 (255 is sure). A browser reads it with
+(row by row, du before dv), then confidences as uint8 (255 is certain). A browser reads it with
 nothing but typed arrays.
 """
 
@@ -34,7 +34,7 @@ class FlowGrid:
     Parameters
     ----------
     flow : (h, w, 2) float32
-        Displacement to the goal picture, px of the camera's image.
+        Displacement to the goal image, px of the camera's image.
     confidence : (h, w) float32
         0 to 1.
     stride_px : int

@@ -1,4 +1,4 @@
-"""Previews: what a keyframe says about another goal.
+"""Previews of another goal from a keyframe.
 
 A preview depends on nothing but its arguments, so a replay recomputes it bit for bit.
 """

@@ -1,4 +1,4 @@
-"""Correspondences with the goal, frame after frame.
+"""Goal tracking: correspondences with the goal image in each frame.
 
 1. TRACKING: the flow of the last observation is tracked; where that does not hold, the flow that
    its pose and the depth predict.

@@ -1,4 +1,4 @@
-"""Goal verification: whether the view at the goal matches the goal image.
+"""Goal verification: share of the texture in view that matches the goal image.
 
 A repeated structure can be matched with another one of its kind. All correspondences agree on a
 motion, and the error falls to nothing at a false goal. At the true goal the view is the goal

@@ -1,4 +1,4 @@
-"""Keyframes: earlier frames, kept by baseline and time.
+"""Keyframe selection by baseline and time.
 
 A frame becomes one where the view has changed since the last keyframe, and at the latest after
 ``LONGEST_INTERVAL_NS``. Depth from motion and previews of other goals use them.

@@ -1,4 +1,4 @@
-"""Perception of one goal, frame after frame: match, depth, servo, verify, result.
+"""Perception pipeline of one goal: match, depth, servo, verify, result.
 
 Owns what is remembered between frames and nothing else: no thread, no file, no network. The
 service runs it on live frames; the simulator and the tests run it on rendered ones.
@@ -70,7 +70,7 @@ class Pipeline:
     matcher : Matcher
         Source of dense correspondences.
     goal : Goal
-        Picture to fly to.
+        Image to fly to.
     tick : callable
         Monotonic time in ns, for the age of frames and the stages' durations.
     depth : DepthEstimator, optional
@@ -110,7 +110,7 @@ class Pipeline:
         return self._observed_ns
 
     def prepare(self, goal: Goal) -> GoalView:
-        """Compute once what depends on another goal's picture alone."""
+        """Compute once what depends on another goal's image alone."""
         return make_goal_view(self._matcher, self._depth, self._config, goal)
 
     def set_goal(
@@ -218,7 +218,7 @@ class Pipeline:
 
         To be called once a frame's report is on its way. A few times a second, where the camera
         has moved far enough, the frame is compared with a keyframe; and the one after it, where
-        little is sure, once more with the goal. Where frames come late nothing is done for a while.
+        little is confident, once more with the goal. Where frames come late nothing is done for a while.
         """
         start_ns, last = self._tick(), self._last
         if self._task.config.depth not in _LEARNT or last is None or self._is_pressed(last):

@@ -1,4 +1,4 @@
-"""Goals in a row: when to leave one for the next.
+"""Goal sequence of a route: transition from one goal to the next.
 
 A goal that is out of sight is reached by way of others, each seen from the one before (teach and
 repeat). The gate knows one goal only: until the last one, no frame counts as reached for it.

@@ -1,4 +1,4 @@
-"""Teaching a route: when the next goal picture is due."""
+"""Route recording: decision when the next goal image is due."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Settings of the servo law, with what each one does."""
+"""Settings of the servo law."""
 
 from __future__ import annotations
 

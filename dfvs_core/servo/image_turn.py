@@ -1,4 +1,4 @@
-"""How the camera has turned between two frames, by the flow of both to the goal.
+"""Camera rotation between two frames, from the flow of both to the goal.
 
 A point of the scene keeps its place ``g`` in the goal image. With ``g(p)`` of each frame, ``p``
 moves by ``u`` so that ``g_now(p + u) = g_before(p)``: to first order ``J u = g_before - g_now`` at
@@ -95,7 +95,7 @@ def _bend(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
 
 
 def _with_neighbours(confident: BoolArray) -> BoolArray:
-    """Points (h, w) whose four neighbours are sure as well."""
+    """Points (h, w) whose four neighbours are confident as well."""
     padded = np.pad(confident, 1, mode="edge")
     across = padded[1:-1, :-2] & padded[1:-1, 2:]
     return confident & across & padded[:-2, 1:-1] & padded[2:, 1:-1]

@@ -1,4 +1,4 @@
-"""The points that the law works on: a grid of correspondences, normalised, with depth."""
+"""Points of the servo law: grid of normalised correspondences with depth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ServoPoints:
     Parameters
     ----------
     xy, xy_goal : (N, 2) float64
-        Where each point is seen now, and where the goal picture shows it.
+        Where each point is seen now, and where the goal image shows it.
     z_m : (N,) float64
         Depth in the current view, m, positive.
     weight : (N,) float64
@@ -68,7 +68,7 @@ def sample_grid(field: FlowField, stride: int) -> GridSamples:
     """Flow at every stride-th pixel; confidence is the least one in its neighbourhood of 3 x 3.
 
     A single pixel on the edge of an object may belong to either side, so it only counts when its
-    neighbours are sure as well.
+    neighbours are confident as well.
     """
     height, width = field.confidence.shape
     offset = stride // 2
@@ -97,7 +97,7 @@ def points_from_flow(
 ) -> ServoPoints:
     """Turn grid samples with their depth (h, w) into normalised correspondences.
 
-    Points whose partner lies outside the goal picture get no weight.
+    Points whose partner lies outside the goal image get no weight.
     """
     unconfident = 1.0 - np.clip(depth.validity.reshape(-1).astype(np.float64), 0.0, 1.0)
     pixels = samples.pixels.reshape(-1, 2)

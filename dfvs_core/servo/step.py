@@ -1,4 +1,4 @@
-"""One frame's way from correspondences to a velocity: ``servo_step``, a pure function.
+"""``servo_step``: pure function from correspondences to a velocity.
 
 The service, the simulator and the benchmark all call this one.
 """

@@ -1,4 +1,4 @@
-"""A network that gives depth: runs a ``mono`` bundle."""
+"""Depth network of a ``mono`` bundle."""
 
 from __future__ import annotations
 

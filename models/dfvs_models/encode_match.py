@@ -1,4 +1,4 @@
-"""A network of two graphs as a source of sparse matches: keypoints of images, and their pairs."""
+"""Sparse matches from an ``encode-match`` bundle."""
 
 from __future__ import annotations
 

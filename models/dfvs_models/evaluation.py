@@ -1,4 +1,4 @@
-"""How good correspondences are, and how honest their confidence, where the truth is known."""
+"""Evaluation of flow and its confidence against ground truth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ _FAILED_PX = 10.0
 
 @dataclass(frozen=True, slots=True)
 class PairScore:
-    """What one pair came to, over the pixels seen in both pictures unless said otherwise.
+    """What one pair came to, over the pixels seen in both images unless said otherwise.
 
     Parameters
     ----------
@@ -34,11 +34,11 @@ class PairScore:
     confidence_correlation : float
         Rank correlation (Spearman) of confidence with smallness of error; 0 where constant.
     mean_confidence : float
-        Over the whole picture.
+        Over the whole image.
     confident_ratio : float
-        Share of the whole picture with a confidence over 0.5.
+        Share of the whole image with a confidence over 0.5.
     confident_failed : float
-        Share of those that are off by 3 px or not seen in the other picture; 0 if none are sure.
+        Share of those that are off by 3 px or not seen in the other image; 0 if none are confident.
     """
 
     epe_px: float
@@ -82,7 +82,7 @@ def score_pair(field: FlowField, truth: Float32Array, visible: BoolArray) -> Pai
             f"truth has shape {truth.shape}, visibility {visible.shape}", f"{field.flow.shape}"
         )
     if not visible.any():
-        raise ImageError("no pixel is visible in both pictures")
+        raise ImageError("no pixel is visible in both images")
     error = np.linalg.norm(field.flow - truth, axis=-1)
     seen, confidence = error[visible], field.confidence[visible]
     half = np.argsort(-confidence, kind="stable")[: (len(seen) + 1) // 2]

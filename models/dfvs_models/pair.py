@@ -1,4 +1,4 @@
-"""A published flow network (two pictures in, flow out) as a matcher."""
+"""Matcher from a published flow network (``pair`` bundle)."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _ROLE = "pair"
 
 
 class PairImage(ImageFeatures):
-    """A picture as the network wants it, (1, C, h, w) float32, and in grey (H, W)."""
+    """An image as the network wants it, (1, C, h, w) float32, and in grey (H, W)."""
 
     def __init__(self, image: ImageArray, spec: ImageInput) -> None:
         super().__init__(working_size(image))
@@ -40,7 +40,7 @@ class PairImage(ImageFeatures):
 class PairMatcher:
     """Runs a ``pair`` network both ways for every match.
 
-    Flow there and back tells what is visible in both pictures, which a network that gives flow
+    Flow there and back tells what is visible in both images, which a network that gives flow
     alone does not; it doubles the time of a match. A prediction is not used.
 
     Raises
@@ -69,7 +69,7 @@ class PairMatcher:
         return self._input.width
 
     def encode(self, image: ImageArray) -> PairImage:
-        """Resize and normalise a picture (H, W, 3) uint8 RGB."""
+        """Resize and normalise an image (H, W, 3) uint8 RGB."""
         return PairImage(image, self._input)
 
     def match(
@@ -101,7 +101,7 @@ class PairMatcher:
         return self.match(current, other)
 
     def _run(self, current: PairImage, other: PairImage) -> Float32Array:
-        """Flow (H, W, 2) px of the pictures' own size."""
+        """Flow (H, W, 2) px of the images' own size."""
         (raw,) = self._graph.run(
             pair_tensors(current.tensor, other.tensor, self._input), [self._output]
         )
@@ -116,9 +116,9 @@ class PairMatcher:
             )
         size = (self._input.height, self._input.width)
         image = np.repeat(trial_image(size[1], size[0])[..., None], 3, axis=2)
-        picture = PairImage(image, self._input)
+        image = PairImage(image, self._input)
         (raw,) = self._graph.run(
-            pair_tensors(picture.tensor, picture.tensor, self._input), [self._output]
+            pair_tensors(image.tensor, image.tensor, self._input), [self._output]
         )
         expected = (1, 2, size[0] // self._flow.stride, size[1] // self._flow.stride)
         if raw.shape != expected or raw.dtype != np.float32:
@@ -177,7 +177,7 @@ def check_inputs(graph: OnnxGraph, said: Graph, shapes: Sequence[tuple[int, ...]
 
 
 def image_tensor(image: ImageArray, spec: ImageInput) -> Float32Array:
-    """Tensor (1, C, h, w) of a picture (H, W, 3) uint8 RGB, as the manifest asks."""
+    """Tensor (1, C, h, w) of an image (H, W, 3) uint8 RGB, as the manifest asks."""
     shrinks = image.shape[1] > spec.width
     resized = cv2.resize(
         image,
@@ -196,7 +196,7 @@ def image_tensor(image: ImageArray, spec: ImageInput) -> Float32Array:
 def pair_tensors(
     current: Float32Array, other: Float32Array, spec: ImageInput
 ) -> tuple[Float32Array, ...]:
-    """Inputs of the graph from the tensors (1, C, h, w) of two pictures."""
+    """Inputs of the graph from the tensors (1, C, h, w) of two images."""
     if spec.layout == "separate":
         return current, other
     if spec.layout == "channels":
@@ -207,7 +207,7 @@ def pair_tensors(
 def image_flow(
     raw: Float32Array, spec: ImageInput, meaning: FlowOutput, size: tuple[int, int]
 ) -> Float32Array:
-    """Flow (H, W, 2) px of pictures of ``size`` (H, W) from the network's (1, 2, h, w)."""
+    """Flow (H, W, 2) px of images of ``size`` (H, W) from the network's (1, 2, h, w)."""
     height, width = size
     channels = raw[0, ::-1] if meaning.order == "vu" else raw[0]
     flow = np.ascontiguousarray(channels.transpose(1, 2, 0)) * np.float32(meaning.scale)

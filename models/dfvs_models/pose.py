@@ -1,4 +1,4 @@
-"""A network that gives the pose between two images: runs a ``pose`` bundle."""
+"""Pose network of a ``pose`` bundle."""
 
 from __future__ import annotations
 

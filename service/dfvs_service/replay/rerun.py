@@ -20,7 +20,7 @@ from dfvs_core.messages.frame_record import FrameInput, FrameRecord, SessionHead
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.image import decode_image
 from dfvs_core.messages.link import PerceptionReport
-from dfvs_core.messages.schema import parse
+from dfvs_core.messages.schema import parse, with_present_names
 from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.frame_processor import Glance, RawSample
 from dfvs_service.record.reading import RecordingError
@@ -100,7 +100,7 @@ def recorded_settings(opening: SessionHeader) -> ServiceConfig:
         If this version does not know them.
     """
     try:
-        return parse(ServiceConfig, opening.settings)
+        return parse(ServiceConfig, with_present_names(ServiceConfig, opening.settings))
     except DfvsError as error:
         raise RecordingError(
             f"the recorded settings cannot be used: {error}", "a recording of this version"

@@ -219,7 +219,7 @@ def test_the_age_of_the_last_good_frame():
 )
 def test_numbers_that_are_just_believed(changes):
     report = Rehearsal().report(t_capture_ns=NOW_NS, **changes).report
-    assert PerceptionMonitor(CONFIG.timing).take(report, NOW_NS) is None
+    assert PerceptionMonitor(CONFIG.timing).update(report, NOW_NS) is None
 
 
 def test_the_overlap():

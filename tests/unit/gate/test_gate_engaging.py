@@ -38,7 +38,7 @@ def test_every_change_of_state_is_told_once():
 
 def test_the_first_heartbeat_starts_the_preflight():
     gate = Rehearsal().until(GateState.PREFLIGHT)
-    assert [t.cause for t in gate.transitions] == [Cause.VEHICLE_HEARD]
+    assert [t.cause for t in gate.transitions] == [Cause.HEARTBEAT_RECEIVED]
 
 
 def test_ready_needs_all_checks_passed_for_a_second():

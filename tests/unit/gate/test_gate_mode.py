@@ -59,7 +59,7 @@ def test_before_any_heartbeat_it_starts_nothing():
     gate.run(3.0)
     assert gate.state is GateState.IDLE
     gate.beat(mode=VehicleMode.HOLD)
-    assert (gate.state, gate.last.cause) == (GateState.PREFLIGHT, Cause.VEHICLE_HEARD)
+    assert (gate.state, gate.last.cause) == (GateState.PREFLIGHT, Cause.HEARTBEAT_RECEIVED)
 
 
 def test_it_is_no_heartbeat():

@@ -67,7 +67,7 @@ def test_small_images_are_not_enlarged():
 def test_flow_is_at_the_working_size_whichever_the_points_are_found_at(pictures, width_px):
     points = KnownPoints(width_px)
     matcher = StagedMatcher(points)
-    current, other = map(matcher.prepare, pictures)
+    current, other = map(matcher.encode, pictures)
     field = matcher.match(current, other)
     assert points.encoded == 2 * [(min(width_px, 640) * 3 // 4, min(width_px, 640), 3)]
     assert field.flow.shape == (HEIGHT, WIDTH, 2)
@@ -80,7 +80,7 @@ def test_flow_is_at_the_working_size_whichever_the_points_are_found_at(pictures,
 def test_features_are_encoded_once_and_for_relocalisation_only(pictures):
     points = KnownPoints(320)
     matcher = StagedMatcher(points)
-    current, other = map(matcher.prepare, pictures)
+    current, other = map(matcher.encode, pictures)
     predicted = FlowField(TRUTH.astype(np.float32), np.ones((HEIGHT, WIDTH), np.float32))
     assert matcher.track(current, other, predicted) is not None
     assert points.encoded == []
@@ -93,7 +93,7 @@ def test_features_are_encoded_once_and_for_relocalisation_only(pictures):
 def test_released_features_are_encoded_anew_and_match_alike(pictures):
     points = KnownPoints(320)
     matcher = StagedMatcher(points)
-    current, other = map(matcher.prepare, pictures)
+    current, other = map(matcher.encode, pictures)
     first = matcher.match(current, other)
     current.release()
     current.release()

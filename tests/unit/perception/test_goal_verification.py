@@ -28,7 +28,7 @@ class Counting:
 
     def __init__(self):
         self._matcher = classical_matcher()
-        self.prepare, self.track = self._matcher.prepare, self._matcher.track
+        self.encode, self.track = self._matcher.encode, self._matcher.track
         self.relocalisations = self.excluded = 0
 
     def match(self, current, other, *, excluded=()):
