@@ -11,14 +11,8 @@ import onnx
 from lucas_kanade_network import NetworkBuilder
 from onnx import TensorProto, helper
 
-from dfvs_core.messages.manifest import (
-    BUNDLE_FORMAT,
-    DepthOutput,
-    Graph,
-    ImageInput,
-    Manifest,
-    sha256,
-)
+from dfvs_core.messages.manifest import BUNDLE_FORMAT, Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import DepthOutput, ImageInput
 from dfvs_models.bundle import Bundle
 
 STRIDE = 2

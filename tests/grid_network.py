@@ -11,7 +11,8 @@ import onnx
 from lucas_kanade_network import NetworkBuilder
 from onnx import TensorProto, helper
 
-from dfvs_core.messages.manifest import Graph, ImageInput, Manifest, sha256
+from dfvs_core.messages.manifest import Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import ImageInput
 
 WIDTH, HEIGHT, CELL = 96, 64, 16
 COUNT = WIDTH * HEIGHT // CELL**2

@@ -10,7 +10,8 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from dfvs_core.messages.manifest import FlowOutput, Graph, ImageInput, Manifest, sha256
+from dfvs_core.messages.manifest import Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
 
 WIDTH, HEIGHT = 160, 120
 _WINDOW = 15

@@ -9,14 +9,8 @@ import onnx
 from lucas_kanade_network import NetworkBuilder
 from onnx import TensorProto, helper
 
-from dfvs_core.messages.manifest import (
-    BUNDLE_FORMAT,
-    Graph,
-    ImageInput,
-    Manifest,
-    PoseOutput,
-    sha256,
-)
+from dfvs_core.messages.manifest import BUNDLE_FORMAT, Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import ImageInput, PoseOutput
 from dfvs_models.bundle import Bundle
 
 SIZE = (32, 24)

@@ -127,15 +127,16 @@ def parse(cls: type[T], data: object, where: str = "", *, file: bool = False) ->
     return cls(**values)
 
 
-def with_present_names(cls: type[Any], data: Mapping[str, Any]) -> dict[str, Any]:
-    """Mapping of a recording with the present names of its fields in place of former ones."""
-    present = {f.metadata.get("formerly"): f.name for f in dataclasses.fields(cls)}
-    hints = hints_of(cls)
+def with_present_names(cls: type[Any], data: Any) -> Any:
+    """Recorded mapping with the present names of its fields in place of former ones."""
+    if not isinstance(data, Mapping):
+        return data
+    fields = dataclasses.fields(cls)
+    present = {f.metadata["formerly"]: f.name for f in fields if f.metadata.get("formerly")}
+    sections = {name: section_of(hint) for name, hint in hints_of(cls).items()}
     renamed = {present.get(key, key): value for key, value in data.items()}
     return {
-        key: with_present_names(section, value)
-        if (section := section_of(hints.get(key))) and isinstance(value, Mapping)
-        else value
+        key: value if (section := sections.get(key)) is None else with_present_names(section, value)
         for key, value in renamed.items()
     }
 

@@ -10,14 +10,13 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-import cv2
 import numpy as np
 
 from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.geometry.poses import invert_pose, so3_log
+from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.matching.correspondence import DepthMap, FlowField
 from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.matching.warping import resized
@@ -34,7 +33,9 @@ from dfvs_core.perception.goal_preview import (
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation
 from dfvs_core.perception.goal_verification import GoalVerifier
 from dfvs_core.perception.keyframes import Keyframe, Keyframes
+from dfvs_core.perception.odometry import odometry
 from dfvs_core.perception.vehicle_history import Motion
+from dfvs_core.perception.working_size import at_working_size, resized_depth, with_goal
 from dfvs_core.servo.config import BY_NETWORK
 from dfvs_core.servo.exchange import (
     Attitude,
@@ -129,7 +130,7 @@ class Pipeline:
         if observation is not None and self._keyframes.find(observation.t_capture_ns) is None:
             observation = None
         self._observed_ns = None if observation is None else observation.t_capture_ns
-        self._task = task = _with_goal(task, goal)
+        self._task = task = with_goal(task, goal)
         self._state = self._state.without_goal()
         self._tracker = GoalTracker(self._matcher, goal.features, task)
         self._tracker.update(observation)
@@ -153,7 +154,7 @@ class Pipeline:
         frame = self._keyframes.find(t_capture_ns)
         if frame is None:
             return None
-        return partial(preview_goal, self._matcher, _at_working_size(task, goal), goal, frame)
+        return partial(preview_goal, self._matcher, at_working_size(task, goal), goal, frame)
 
     def process_frame(
         self, frame: Frame, motion: Motion, engaged: bool, depth: DepthMap | None = None
@@ -190,7 +191,7 @@ class Pipeline:
             earlier = self._compare(features, T_world_camera, self._last)
 
         # 4. Servo: level, depth, pose, velocity.
-        velocity, motion_m = self._odometry(motion, T_world_camera)
+        velocity, motion_m = odometry(self._task, self._last, motion, T_world_camera)
         inputs = ServoInputs(
             now_ns=self._tick(),
             t_capture_ns=frame.t_capture_ns,
@@ -199,7 +200,7 @@ class Pipeline:
             attitude=Attitude(motion.roll_rad, motion.pitch_rad, motion.yaw_rad),
             motion_m=motion_m,
             earlier=earlier,
-            given_depth=None if depth is None else _resized_depth(depth, features.size),
+            given_depth=None if depth is None else resized_depth(depth, features.size),
             engaged=engaged,
         )
         servo, self._state = servo_step(self._task, self._state, inputs)
@@ -218,7 +219,7 @@ class Pipeline:
 
         To be called once a frame's report is on its way. A few times a second, where the camera
         has moved far enough, the frame is compared with a keyframe; and the one after it, where
-        little is confident, once more with the goal. Where frames come late nothing is done for a while.
+        few vectors are confident, once more with the goal. It is skipped while frames are late.
         """
         start_ns, last = self._tick(), self._last
         if self._task.config.depth not in _LEARNT or last is None or self._is_pressed(last):
@@ -264,24 +265,6 @@ class Pipeline:
         flow = self._matcher.track(features, earlier.features, predicted)
         return None if flow is None else EarlierMatch(flow, T_earlier_current)
 
-    def _odometry(
-        self, motion: Motion, T_world_camera: FloatArray
-    ) -> tuple[FloatArray, tuple[float, float, float]]:
-        """Velocity (d,) in the components of the task's basis, and motion since the last frame.
-
-        The motion is in the optical axes of then, m.
-        """
-        R, moved, turning = T_world_camera[:3, :3], np.zeros(3), np.zeros(3)
-        if self._last is not None:
-            R_last = self._last.T_world_camera[:3, :3]
-            moved = R_last.T @ (T_world_camera[:3, 3] - self._last.T_world_camera[:3, 3])
-            if (since_ns := motion.t_ns - self._last.t_capture_ns) > 0:
-                turning = so3_log(R_last.T @ R) / (since_ns * 1e-9)
-        x, y, z = (float(value) for value in moved)
-        if self._task.mount is not None:
-            return motion.level_velocity(), (x, y, z)
-        return np.append(R.T @ motion.velocity_m_s, turning), (x, y, z)
-
     def _remember(
         self,
         inputs: ServoInputs,
@@ -310,25 +293,3 @@ class Pipeline:
         inputs = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False)
         self._last = Keyframe(features, T_world_camera, inputs, self._state.without_goal())
         self._keyframes.add(self._last, self._depth_m)
-
-
-def _with_goal(task: ServoTask, goal: GoalView) -> ServoTask:
-    """The task at the working size, with the depth of its goal."""
-    return replace(_at_working_size(task, goal), goal_depth=goal.depth())
-
-
-def _at_working_size(task: ServoTask, goal: GoalView) -> ServoTask:
-    """The task with both cameras at the size (height, width) of the flow fields."""
-    height, width = goal.features.size
-    cameras = (camera.scaled(width, height) for camera in (task.camera, task.goal.camera))
-    camera, goal_camera = cameras
-    return replace(task, camera=camera, goal=replace(task.goal, camera=goal_camera))
-
-
-def _resized_depth(depth: DepthMap, size: tuple[int, int]) -> DepthMap:
-    """Depth of an image at ``size`` (height, width), by the nearest pixel."""
-    z_m, validity = (
-        np.asarray(cv2.resize(v, size[::-1], interpolation=cv2.INTER_NEAREST_EXACT), np.float32)
-        for v in (depth.z_m, depth.validity)
-    )
-    return DepthMap(z_m, validity)

@@ -9,17 +9,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from dfvs_core.errors import ModelError
-from dfvs_core.messages.manifest import (
-    BUNDLE_FORMAT,
-    MANIFEST_NAME,
-    DepthOutput,
-    FlowOutput,
-    Graph,
-    ImageInput,
-    Manifest,
-    PoseOutput,
-    sha256,
-)
+from dfvs_core.messages.manifest import BUNDLE_FORMAT, MANIFEST_NAME, Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import DepthOutput, FlowOutput, ImageInput, PoseOutput
 from dfvs_export.graphs import (
     ENCODE_INPUTS,
     ENCODE_OUTPUTS,

@@ -13,7 +13,8 @@ from torch import Tensor, nn
 from dfvs_core.depth.network import DepthUnit
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
-from dfvs_core.messages.manifest import DepthOutput, ImageInput, Manifest
+from dfvs_core.messages.manifest import Manifest
+from dfvs_core.messages.network_tensors import DepthOutput, ImageInput
 from dfvs_export.bundles import Source, mono_bundle
 from dfvs_export.depth_weights import load_depth_weights
 from dfvs_export.foreign import checked_digest, read_state

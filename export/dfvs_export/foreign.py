@@ -21,7 +21,8 @@ from torch import Tensor, nn
 
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.geometry.arrays import Float32Array
-from dfvs_core.messages.manifest import ImageInput, Manifest, sha256
+from dfvs_core.messages.manifest import Manifest, sha256
+from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_export.bundles import PAIR_INPUTS, PAIR_OUTPUTS, Source, pair_bundle
 from dfvs_export.calibration import ImagePair
 from dfvs_export.card import accuracy_table

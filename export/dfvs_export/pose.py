@@ -9,7 +9,8 @@ import numpy as np
 import torch
 
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_core.messages.manifest import ImageInput, Manifest, PoseOutput
+from dfvs_core.messages.manifest import Manifest
+from dfvs_core.messages.network_tensors import ImageInput, PoseOutput
 from dfvs_export.bundles import (
     POSE_INPUTS,
     POSE_OUTPUTS,

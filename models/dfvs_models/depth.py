@@ -12,7 +12,7 @@ from dfvs_core.depth.network import NetworkDepth
 from dfvs_core.errors import ImageError, ModelError
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.manifest import ImageInput
+from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import (
     Execution,

@@ -13,7 +13,7 @@ import numpy as np
 from dfvs_core.errors import ModelError
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 from dfvs_core.matching.points import Exclusion, PointMatches
-from dfvs_core.messages.manifest import ImageInput
+from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 

@@ -21,7 +21,8 @@ from dfvs_core.matching.matcher import ImageFeatures, check_pair, working_size
 from dfvs_core.matching.points import Exclusion, PointMatches
 from dfvs_core.matching.smooth_flow import confident_matches
 from dfvs_core.matching.warping import lands_inside, pixel_grid, sample
-from dfvs_core.messages.manifest import FlowOutput, Graph, ImageInput
+from dfvs_core.messages.manifest import Graph
+from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 
@@ -115,8 +116,8 @@ class PairMatcher:
                 f"one named {self._output!r}",
             )
         size = (self._input.height, self._input.width)
-        image = np.repeat(trial_image(size[1], size[0])[..., None], 3, axis=2)
-        image = PairImage(image, self._input)
+        pixels = np.repeat(trial_image(size[1], size[0])[..., None], 3, axis=2)
+        image = PairImage(pixels, self._input)
         (raw,) = self._graph.run(
             pair_tensors(image.tensor, image.tensor, self._input), [self._output]
         )

@@ -7,16 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dfvs_core.errors import ModelError
-from dfvs_core.messages.manifest import (
-    DepthOutput,
-    FlowOutput,
-    Graph,
-    ImageInput,
-    Manifest,
-    PoseOutput,
-    check_files,
-    sha256,
-)
+from dfvs_core.messages.manifest import Graph, Manifest, check_files, sha256
+from dfvs_core.messages.network_tensors import DepthOutput, FlowOutput, ImageInput, PoseOutput
 
 ONNX = b"not really a network"
 

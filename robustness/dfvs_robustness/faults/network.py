@@ -16,14 +16,8 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from dfvs_core.messages.manifest import (
-    MANIFEST_NAME,
-    FlowOutput,
-    Graph,
-    ImageInput,
-    Manifest,
-    sha256,
-)
+from dfvs_core.messages.manifest import MANIFEST_NAME, Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
 
 WIDTH, HEIGHT = 160, 120
 _FILE = "pair.onnx"

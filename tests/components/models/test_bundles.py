@@ -10,7 +10,8 @@ from lucas_kanade_network import HEIGHT, WIDTH, network, write_bundle
 from onnx import TensorProto, helper, numpy_helper
 
 from dfvs_core.errors import ModelError
-from dfvs_core.messages.manifest import ImageInput, sha256
+from dfvs_core.messages.manifest import sha256
+from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_core.messages.schema import dump
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import bundle_folder, load_matcher, model_files

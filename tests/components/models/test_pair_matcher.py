@@ -8,7 +8,7 @@ from textured_wall import Wall, exact_flow, texture, turned
 
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.classical import classical_matcher
-from dfvs_core.messages.manifest import FlowOutput
+from dfvs_core.messages.network_tensors import FlowOutput
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import load_matcher
 from dfvs_models.onnx_session import Execution, OnnxGraph

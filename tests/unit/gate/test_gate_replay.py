@@ -108,6 +108,16 @@ def test_a_journal_names_what_was_asked_for():
     assert len(requests) == 1
 
 
+def test_a_journal_with_former_names_is_replayed():
+    gate = Recorded(auto_config(engage=Engage.COMMAND)).run(1.5)
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    text = "".join(gate.lines)
+    for present, former in (("OperatorCommand", "Order"), ("command_valid_ns", "order_valid_ns")):
+        assert present in text
+        text = text.replace(present, former)
+    assert replay(text.splitlines(keepends=True)) == replay(gate.lines)
+
+
 def test_a_gap_and_a_torn_line_end_the_replay():
     gate = Recorded(auto_config()).run(3.0)
     assert gate.setpoints
@@ -130,6 +140,7 @@ def test_a_gap_and_a_torn_line_end_the_replay():
         ["[]\n"],
         ['{"format": "dfvs-gate-journal/9", "t_ns": 1, "config": {}}\n'],
         ['{"format": "dfvs-gate-journal/1", "t_ns": 1, "config": {"max_distance": 1}}\n'],
+        ['{"format": "dfvs-gate-journal/1", "t_ns": 1, "config": []}\n'],
         [encode_start(auto_config(), 1) + "\n", '{"t": 1}\n'],
         [encode_start(auto_config(), 1) + "\n", '{"t": 1, "in": [["Stop", 1]], "out": {}}\n'],
         [encode_start(auto_config(), 1) + "\n", "?\n"],
