@@ -18,7 +18,7 @@ from dfvs_core.gate.vehicle import Fault, VehicleMonitor
 
 
 class TransitionState:
-    """What the gate knows and is in; changed by its events, through the transitions here.
+    """State of the gate: state machine state, vehicle, perception, engagement, setpoint stream.
 
     Parameters
     ----------

@@ -49,8 +49,8 @@ class Matcher(Protocol):
 
         Parameters
         ----------
-        current, other : Prepared
-            Two images of equal size, prepared by this same matcher.
+        current, other : ImageFeatures
+            Two images of equal size, encoded by this same matcher.
         excluded : sequence of FlowField
             Flows of hypotheses that were rejected. What leads to the same places does not count;
             where nothing else is found the flow comes without any confidence.
@@ -105,7 +105,7 @@ def check_pair(
     Raises
     ------
     ImageError
-        If their sizes differ, or another matcher prepared one of them.
+        If their sizes differ, or another matcher encoded one of them.
     """
     if current.size != other.size:
         (h, w), (oh, ow) = current.size, other.size

@@ -127,14 +127,18 @@ def parse(cls: type[T], data: object, where: str = "", *, file: bool = False) ->
     return cls(**values)
 
 
-def with_present_names(cls: type[Any], data: Any) -> Any:
+def with_present_names(cls: Any, data: Any) -> Any:
     """Recorded mapping with the present names of its fields in place of former ones."""
     if not isinstance(data, Mapping):
         return data
     fields = dataclasses.fields(cls)
-    present = {f.metadata["formerly"]: f.name for f in fields if f.metadata.get("formerly")}
-    sections = {name: section_of(hint) for name, hint in hints_of(cls).items()}
-    renamed = {present.get(key, key): value for key, value in data.items()}
+    present: dict[Any, str] = {
+        f.metadata["formerly"]: f.name for f in fields if f.metadata.get("formerly")
+    }
+    sections: dict[Any, type[Any] | None] = {
+        name: section_of(hint) for name, hint in hints_of(cls).items()
+    }
+    renamed: dict[Any, Any] = {present.get(key, key): value for key, value in data.items()}
     return {
         key: value if (section := sections.get(key)) is None else with_present_names(section, value)
         for key, value in renamed.items()

@@ -61,7 +61,7 @@ class GoalTracker:
     ----------
     matcher : Matcher
         Source of dense correspondences.
-    goal : Prepared
+    goal : ImageFeatures
         The goal image.
     task : ServoTask
         Cameras at the working size, and the grid of the depth maps.
@@ -105,7 +105,7 @@ class GoalTracker:
 
         Parameters
         ----------
-        image : Prepared
+        image : ImageFeatures
             The frame.
         t_capture_ns : int
             When it was taken.
