@@ -93,7 +93,7 @@ def match_images(
     >>> round(float(np.median(at_second[:, 0] - at_first[:, 0])), 1)
     12.0
     """
-    flow = matcher.match(matcher.prepare(first), matcher.prepare(second))
+    flow = matcher.match(matcher.encode(first), matcher.encode(second))
     pose = None
     if camera is not None:
         second_camera = second_camera or camera

@@ -1,4 +1,4 @@
-"""Errors that say what is wrong, with which value, what was expected and how to mend it."""
+"""Error classes with problem, expected value and remedy."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ class WireError(DfvsError):
 
 
 class ImageError(DfvsError):
-    """A picture that cannot be read, or has the wrong size or type."""
+    """An image that cannot be read, or has the wrong size or type."""
 
 
 class ModelError(DfvsError):

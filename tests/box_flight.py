@@ -10,7 +10,7 @@ from box_room import BoxRoom
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.link import VehicleState
@@ -29,7 +29,7 @@ GRAVITY_M_S2 = 9.81
 _START_NS = 10**9
 
 
-class _View(Prepared):
+class _View(ImageFeatures):
     def __init__(self, T_world_camera):
         super().__init__((CAMERA.height, CAMERA.width))
         self.T_world_camera = T_world_camera
@@ -41,7 +41,7 @@ class _ExactMatcher:
     def __init__(self, rng):
         self.rng, self.T_world_camera = rng, np.eye(4)
 
-    def prepare(self, image):
+    def encode(self, image):
         return _View(self.T_world_camera.copy())
 
     def match(self, current, other, *, excluded=()):

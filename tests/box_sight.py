@@ -5,7 +5,7 @@ from box_room import BoxRoom
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_from_euler
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 
 CAMERA = CameraModel.from_horizontal_fov(96, 72, 1.4)
 ROOM = BoxRoom(CAMERA)
@@ -18,7 +18,7 @@ def pose(yaw_deg):
     return make_pose(R, np.zeros(3))
 
 
-class PictureOfPose(Prepared):
+class PictureOfPose(ImageFeatures):
     """A picture whose first two bytes tell the heading: 0.01 degrees a unit."""
 
     def __init__(self, image):
@@ -29,7 +29,7 @@ class PictureOfPose(Prepared):
 class KnowingMatcher:
     """Exact flow between the poses that the pictures name."""
 
-    def prepare(self, image):
+    def encode(self, image):
         return PictureOfPose(image)
 
     def match(self, current, other, *, excluded=()):

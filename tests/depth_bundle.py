@@ -11,14 +11,8 @@ import onnx
 from lucas_kanade_network import NetworkBuilder
 from onnx import TensorProto, helper
 
-from dfvs_core.messages.manifest import (
-    BUNDLE_FORMAT,
-    DepthOutput,
-    Graph,
-    Manifest,
-    PictureInput,
-    sha256,
-)
+from dfvs_core.messages.manifest import BUNDLE_FORMAT, Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import DepthOutput, ImageInput
 from dfvs_models.bundle import Bundle
 
 STRIDE = 2
@@ -67,7 +61,7 @@ def bundle(values, spread=None, unit="1/m", *, by_image=0.0, by_focal=0.0):
         format=BUNDLE_FORMAT,
         name="known-depth",
         kind="mono",
-        input=PictureInput(STRIDE * values.shape[1], STRIDE * values.shape[0]),
+        input=ImageInput(STRIDE * values.shape[1], STRIDE * values.shape[0]),
         graphs={"mono": Graph("mono.onnx", ("image", "focal"), outputs)},
         files={name: sha256(data) for name, data in contents.items()},
         licence="Apache-2.0",

@@ -109,7 +109,7 @@ class Rehearsal:
             error_m=self.error_m,
             error_rad=0.1,
             overlap=0.8,
-            goal=self.machine.sight.goal if self.follows_goal else "",
+            goal=self.machine.perception.goal if self.follows_goal else "",
         )
         return Report(self.now_ns, dataclasses.replace(report, **{**self.changes, **changes}))
 

@@ -11,7 +11,8 @@ import onnx
 from lucas_kanade_network import NetworkBuilder
 from onnx import TensorProto, helper
 
-from dfvs_core.messages.manifest import Graph, Manifest, PictureInput, sha256
+from dfvs_core.messages.manifest import Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import ImageInput
 
 WIDTH, HEIGHT, CELL = 96, 64, 16
 COUNT = WIDTH * HEIGHT // CELL**2
@@ -100,7 +101,7 @@ def write_bundle(folder, encode=None, match=None, **changes):
         format="dfvs-bundle/2",
         name="grid",
         kind="encode-match",
-        input=PictureInput(WIDTH, HEIGHT, channels="grey", scale=1.0),
+        input=ImageInput(WIDTH, HEIGHT, channels="grey", scale=1.0),
         graphs={
             "encode": Graph("encode.onnx", ("image",), ENCODED),
             "match": Graph("match.onnx", match_inputs, MATCHED),

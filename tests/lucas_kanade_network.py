@@ -10,7 +10,8 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from dfvs_core.messages.manifest import FlowOutput, Graph, Manifest, PictureInput, sha256
+from dfvs_core.messages.manifest import Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
 
 WIDTH, HEIGHT = 160, 120
 _WINDOW = 15
@@ -79,7 +80,7 @@ def _warp(b, picture, flow):
 
 def _pictures(b, layout, channels):
     """Declared inputs, and the names of the two pictures (1, C, H, W)."""
-    spec = PictureInput(WIDTH, HEIGHT, layout=layout, channels=channels)
+    spec = ImageInput(WIDTH, HEIGHT, layout=layout, channels=channels)
     names = ("current", "other") if layout == "separate" else ("pictures",)
     inputs = [
         helper.make_tensor_value_info(name, TensorProto.FLOAT, shape)
@@ -131,7 +132,7 @@ def write_bundle(folder, model=None, layout="separate", channels="rgb", output=N
         format="dfvs-bundle/2",
         name="lucas-kanade",
         kind="pair",
-        input=PictureInput(WIDTH, HEIGHT, layout=layout, channels=channels),
+        input=ImageInput(WIDTH, HEIGHT, layout=layout, channels=channels),
         graphs={"pair": Graph("pair.onnx", inputs, ("flow",))},
         files={"pair.onnx": sha256(data)},
         licence="Apache-2.0",

@@ -9,14 +9,8 @@ import onnx
 from lucas_kanade_network import NetworkBuilder
 from onnx import TensorProto, helper
 
-from dfvs_core.messages.manifest import (
-    BUNDLE_FORMAT,
-    Graph,
-    Manifest,
-    PictureInput,
-    PoseOutput,
-    sha256,
-)
+from dfvs_core.messages.manifest import BUNDLE_FORMAT, Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import ImageInput, PoseOutput
 from dfvs_models.bundle import Bundle
 
 SIZE = (32, 24)
@@ -54,7 +48,7 @@ def bundle(translation, rotation, unit="m"):
         format=BUNDLE_FORMAT,
         name="known-pose",
         kind="pose",
-        input=PictureInput(*SIZE, channels="grey"),
+        input=ImageInput(*SIZE, channels="grey"),
         graphs={"pose": Graph("pose.onnx", INPUTS, OUTPUTS)},
         files={name: sha256(data) for name, data in contents.items()},
         licence="Apache-2.0",

@@ -54,7 +54,7 @@ def convert(name: str, folder: Path) -> dict[str, object]:
     first, second = (rng.integers(0, 256, (SIZE[1], SIZE[0], 3), dtype=np.uint8) for _ in "ab")
     agreement = parity(network, BundleRunner(bundle, threads=1), [(first, second)])
     matcher = load_matcher(str(folder / name), threads=1)
-    field = matcher.match(matcher.prepare(first), matcher.prepare(second))
+    field = matcher.match(matcher.encode(first), matcher.encode(second))
     return {
         "name": name,
         "greatest_px": agreement.greatest_px,

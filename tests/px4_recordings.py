@@ -10,7 +10,7 @@ from box_room import BoxRoom
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.link import VehicleState
@@ -27,7 +27,7 @@ SAMPLES_PER_FRAME = 5
 """Of about 42 samples a second."""
 
 
-class PosedView(Prepared):
+class PosedView(ImageFeatures):
     """A picture that is known by its camera's pose (4, 4) alone."""
 
     def __init__(self, T_world_camera):
@@ -42,7 +42,7 @@ class NoisyMatcher:
         self._room, self._rng = room, rng
         self.T_world_camera = np.eye(4)
 
-    def prepare(self, image):
+    def encode(self, image):
         return PosedView(self.T_world_camera)
 
     def match(self, current, other, *, excluded=()):

@@ -7,7 +7,7 @@ from textured_wall import Wall, texture, turned
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import GateStatus, VehicleState
@@ -54,7 +54,7 @@ class RecordedFlight:
 
     @property
     def turns(self):
-        return [message for message, _ in self.events if isinstance(message, Turn)]
+        return [message for message, _ in self.events if isinstance(message, FrameRecord)]
 
 
 def fly(
@@ -120,7 +120,7 @@ def write_recording(folder, events):
     """Openings and turns as a recording; its file."""
     recorder = Recorder(folder, "flight", RecordLimits(free_bytes=0), lambda: 0, print)
     for message, payload in events:
-        if isinstance(message, Opening):
+        if isinstance(message, SessionHeader):
             recorder.open(message, payload)
         else:
             recorder.add(message, payload)

@@ -18,7 +18,7 @@ from textured_wall import Wall, exact_flow, texture, turned
 from dfvs_core.gate.authority import Authority
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
-from dfvs_core.messages.goal_command import GoalOrder, goal_digest
+from dfvs_core.messages.goal_command import GoalCommand, goal_digest
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.messages.schema import dump
 from dfvs_core.messages.topics import Topics
@@ -150,7 +150,7 @@ class TelemetryVehicle:
         self.session.close()
 
     def on_command(self, sample):
-        verdict = self.authority.judge(sample.payload.to_bytes(), time.monotonic_ns())
+        verdict = self.authority.evaluate(sample.payload.to_bytes(), time.monotonic_ns())
         self.answer(verdict)
         change = {"hold": ("HOLD", "operator ordered to hold"), "engage": ("SERVO", "good data")}
         change["abort"] = ("ABORT", "operator ordered to abort")
@@ -159,9 +159,9 @@ class TelemetryVehicle:
 
     def on_goal(self, sample):
         data = sample.payload.to_bytes()
-        verdict = self.authority.judge(sample.attachment.to_bytes(), time.monotonic_ns())
+        verdict = self.authority.evaluate(sample.attachment.to_bytes(), time.monotonic_ns())
         if verdict.argument == goal_digest(data):
-            self.goals.append(GoalOrder.from_bytes(data))
+            self.goals.append(GoalCommand.from_bytes(data))
         self.answer(verdict)
 
     def answer(self, verdict):

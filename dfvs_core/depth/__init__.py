@@ -1,1 +1,1 @@
-"""Depth of the current view, from whatever there is to go by, behind one interface."""
+"""Depth sources of the current view."""

@@ -1,4 +1,4 @@
-"""Depth from the size of the flow between two frames: the paper's scene-agnostic choice."""
+"""Depth from the magnitude of the flow between two frames (the paper's choice)."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dfvs_core.matching.correspondence import DepthMap
 
 _LEAST_FORWARD = 0.1
 _TRUST = 0.5
-"""Validity of a depth whose flow is sure: one alpha for every speed makes it a rough measure."""
+"""Validity where the flow is confident: one alpha for every speed makes the depth a rough guess."""
 
 
 @dataclass(frozen=True, slots=True)

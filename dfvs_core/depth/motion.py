@@ -176,8 +176,8 @@ def _in_goal_view(
     rho_goal = 1.0 / z[ahead]
     variance_goal = variance[good][ahead] * (rho_goal / rho[good][ahead]) ** 4
     cells = link.cell[good][ahead]
-    surest_last = np.argsort(-variance_goal, kind="stable")
+    confident_last = np.argsort(-variance_goal, kind="stable")
     best = np.full(link.grid_shape[0] * link.grid_shape[1], -1)
-    best[cells[surest_last]] = surest_last
+    best[cells[confident_last]] = confident_last
     chosen = best[best >= 0]
     return cells[chosen], rho_goal[chosen], variance_goal[chosen]

@@ -1,4 +1,4 @@
-"""Depth of an image by a network, and the structure of a goal view that it gives.
+"""Depth of an image, and structure of a goal view, from a depth network.
 
 The depth of the goal image is estimated once, before the flight to it: it depends on the image, its
 intrinsics and the network alone, so a replay computes it again bit for bit.

@@ -1,4 +1,4 @@
-"""Flow that follows from depth and a known motion: a guess for whoever measures it."""
+"""Predicted flow from depth and a known motion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The interface of all depth sources, and the two that need no pictures."""
+"""Interface of the depth sources; given and constant depth."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Command authority: challenges that are used once, signatures, and answers by request id."""
+"""Command authority: single-use challenges, signature check, and answers by request id."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ MAX_ANSWERS = 64
 
 
 @dataclass(frozen=True, slots=True)
-class Verdict:
+class AuthorityAnswer:
     """Answer to a command.
 
     ``request`` is the command's request id and ``text`` the answer, one line. ``action`` is what
@@ -65,29 +65,29 @@ class Authority:
         self._rotate(now_ns)
         return self._current
 
-    def judge(self, data: bytes, now_ns: int) -> Verdict:
+    def evaluate(self, data: bytes, now_ns: int) -> AuthorityAnswer:
         """Answer a command; what is authentic, fresh and for this vehicle uses up its challenge.
 
         The bytes of an accepted command get its answer again, and no action.
         """
         request = request_id(data)
         if (answer := self._answers.get(request)) is not None:
-            return Verdict(None, answer, request=request, is_repeated=True)
+            return AuthorityAnswer(None, answer, request=request, is_repeated=True)
         key = self._key
         if key is None:
-            return Verdict(None, "rejected: no command key is configured", request=request)
+            return AuthorityAnswer(None, "rejected: no command key is configured", request=request)
         self._rotate(now_ns)
         try:
             signed = decode_command(data)
         except WireError as error:
-            return Verdict(None, f"rejected: {error}", request=request)
+            return AuthorityAnswer(None, f"rejected: {error}", request=request)
         command = signed.command
         if reason := self._objection(key, signed):
-            return Verdict(None, f"rejected: {reason}", request=request)
+            return AuthorityAnswer(None, f"rejected: {reason}", request=request)
         self._use_up(command.challenge, now_ns)
         text = f"accepted: {command.action}"
         self.record(request, text)
-        return Verdict(command.action, text, command.argument, request)
+        return AuthorityAnswer(command.action, text, command.argument, request)
 
     def record(self, request: str, answer: str) -> None:
         """Keep the answer to an accepted command, in place of an earlier one."""

@@ -1,4 +1,4 @@
-"""Signed operator commands: HMAC-SHA256 over all fields, the service's challenge among them.
+"""Signed operator commands: HMAC-SHA256 over all fields and a challenge of the service.
 
 No clock is compared: the service publishes a random challenge, changes it every few seconds and
 accepts each one once. A recorded command is worthless as soon as it was used or its challenge is

@@ -1,4 +1,4 @@
-"""What the gate is told before it starts: limits, times, and how it may engage."""
+"""Configuration of the gate: limits, times, engagement policy."""
 
 from __future__ import annotations
 
@@ -6,6 +6,7 @@ import enum
 from dataclasses import dataclass, field
 
 from dfvs_core.gate.limits import VelocityLimits
+from dfvs_core.messages.schema import setting
 
 MS = 1_000_000
 S = 1_000_000_000
@@ -67,7 +68,9 @@ class GateTiming:
     """Time at reduced speed after which a missing response ends the flight."""
     mode_known_ns: int = 1500 * MS
     """A heartbeat older than this says nothing about the mode any more."""
-    order_valid_ns: int = 5 * S
+    command_valid_ns: int = setting(
+        5 * S, "age at which a command to engage expires, ns", formerly="order_valid_ns"
+    )
 
 
 @dataclass(frozen=True, slots=True)

@@ -1,4 +1,4 @@
-"""One engagement: from the moment the gate takes the vehicle until it gives it back."""
+"""State of one engagement, from ENGAGE until the vehicle is handed back."""
 
 from __future__ import annotations
 
@@ -9,14 +9,14 @@ from dfvs_core.gate.config import Engage, GateConfig
 from dfvs_core.gate.events import Heartbeat, VehicleMode
 from dfvs_core.gate.initial_response import InitialResponse
 from dfvs_core.gate.states import Cause
-from dfvs_core.gate.vehicle import Fault, VehiclePicture
+from dfvs_core.gate.vehicle import Fault, VehicleMonitor
 
-_ORDERED_FROM = frozenset({VehicleMode.HOLD, VehicleMode.POSITION})
+_COMMANDED_FROM = frozenset({VehicleMode.HOLD, VehicleMode.POSITION})
 
 
 @dataclass(slots=True)
 class Engagement:
-    """What must be remembered while engaged."""
+    """State of the engagement."""
 
     start_ns: int
     start_m: tuple[float, float, float]
@@ -24,7 +24,7 @@ class Engagement:
     is_confirmed: bool
     requested_ns: int | None = None
     is_held: bool = False
-    """The operator ordered to hold."""
+    """The operator commanded to hold."""
     reached_ns: int | None = None
     """When the goal was reached, where it is held by vision since."""
     hold_requested: bool = False
@@ -35,8 +35,8 @@ class Engagement:
     """The initial-response check has passed."""
     response: InitialResponse | None = None
 
-    def heed(self, heartbeat: Heartbeat) -> Fault | None:
-        """Take a heartbeat; say why the vehicle is no longer ours, None while it is."""
+    def on_heartbeat(self, heartbeat: Heartbeat) -> Fault | None:
+        """Take a heartbeat; return why it ends the engagement, None where it does not."""
         mode = heartbeat.mode
         if self.handed_over:
             return None
@@ -53,14 +53,14 @@ class Engagement:
         return None
 
 
-def begin(vehicle: VehiclePicture, now_ns: int) -> Engagement:
+def begin(vehicle: VehicleMonitor, now_ns: int) -> Engagement:
     """Return an engagement that starts here and now."""
     mode = vehicle.heartbeat.mode
     is_confirmed = mode is VehicleMode.OFFBOARD
     return Engagement(now_ns, vehicle.position.position_m, mode, is_confirmed)
 
 
-def offer(vehicle: VehiclePicture, config: GateConfig, is_ordered: bool) -> Cause | None:
+def offer(vehicle: VehicleMonitor, config: GateConfig, is_commanded: bool) -> Cause | None:
     """Say why the gate may leave READY for ENGAGE now, None where it may not."""
     if config.engage is Engage.NEVER or not vehicle.is_flying:
         return None
@@ -69,11 +69,11 @@ def offer(vehicle: VehiclePicture, config: GateConfig, is_ordered: bool) -> Caus
         return Cause.PILOT_ENGAGED if mode is VehicleMode.OFFBOARD else None
     if config.engage is Engage.AUTO:
         return Cause.AUTO_ENGAGED if mode is VehicleMode.HOLD else None
-    return Cause.COMMAND_ENGAGED if is_ordered and mode in _ORDERED_FROM else None
+    return Cause.COMMAND_ENGAGED if is_commanded and mode in _COMMANDED_FROM else None
 
 
 def cap(
-    engagement: Engagement, vehicle: VehiclePicture, config: GateConfig, now_ns: int
+    engagement: Engagement, vehicle: VehicleMonitor, config: GateConfig, now_ns: int
 ) -> Fault | None:
     """Name the bound of distance or time that the engagement has crossed."""
     distance = math.dist(vehicle.position.position_m, engagement.start_m)

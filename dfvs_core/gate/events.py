@@ -1,4 +1,4 @@
-"""What the gate hears, and what it may say. There is no word for arming or taking off."""
+"""Input events and outputs of the gate; none of them arms or takes off."""
 
 from __future__ import annotations
 
@@ -26,7 +26,7 @@ class VehicleMode(enum.StrEnum):
 
 
 class Action(enum.StrEnum):
-    """What an operator may order."""
+    """Actions of an operator's command."""
 
     ENGAGE = "engage"
     HOLD = "hold"
@@ -135,7 +135,7 @@ class VelocityTarget:
 
 @dataclass(frozen=True, slots=True)
 class ForeignSetpoint:
-    """Somebody else's setpoint for this vehicle was heard; ``detail`` says whose."""
+    """Somebody else's setpoint for this vehicle was received; ``detail`` says whose."""
 
     t_ns: int
     detail: str
@@ -175,7 +175,7 @@ class BadReport:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class OperatorCommand:
     """An operator's command, found authentic; ``argument`` is the digest of a new goal."""
 
     t_ns: int
@@ -207,7 +207,7 @@ VehicleEvent = (
     | OtherServices
     | WatchEnded
 )
-Event = VehicleEvent | Report | BadReport | Order | Stop
+Event = VehicleEvent | Report | BadReport | OperatorCommand | Stop
 
 
 class ModeRequest(enum.StrEnum):
@@ -221,7 +221,7 @@ class ModeRequest(enum.StrEnum):
 class GateOutput:
     """What the gate wants sent and logged after one step.
 
-    ``refusal`` says why an authentic order was not obeyed, where there was one.
+    ``refusal`` says why an authentic command was refused, where there was one.
     """
 
     setpoint: BodyVelocity | None = None

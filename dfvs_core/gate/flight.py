@@ -1,4 +1,4 @@
-"""Decisions while engaged: abort, hold, move on, or finish."""
+"""Transitions of the engaged states: abort, hold, servo, done."""
 
 from __future__ import annotations
 
@@ -7,11 +7,11 @@ from dataclasses import dataclass
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.engagement import Engagement, cap
 from dfvs_core.gate.initial_response import Response
-from dfvs_core.gate.perception_monitor import Sight
+from dfvs_core.gate.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import (
     Fault,
-    VehiclePicture,
+    VehicleMonitor,
     flight_fault,
     parameters_fault,
     watch_fault,
@@ -25,8 +25,8 @@ class Moment:
     now_ns: int
     in_state_ns: int
     state: GateState
-    vehicle: VehiclePicture
-    sight: Sight
+    vehicle: VehicleMonitor
+    perception: PerceptionMonitor
     config: GateConfig
 
 
@@ -48,7 +48,7 @@ def decide(engagement: Engagement, moment: Moment) -> Decision | None:
         return None
     fault = flight_fault(moment.vehicle, moment.config, moment.now_ns)
     if fault is None:
-        fault = moment.vehicle.rivals.flight_fault(engagement.start_ns)
+        fault = moment.vehicle.other_commanders.flight_fault(engagement.start_ns)
     if fault is None and (moment.state is not GateState.DONE or holds_visually(engagement)):
         fault = cap(engagement, moment.vehicle, moment.config, moment.now_ns)
     if fault is not None:
@@ -84,13 +84,15 @@ def _into_servo(engagement: Engagement, moment: Moment, cause: Fault) -> Decisio
     """Move on to SERVO, or to HOLD where nothing may be flown by right now."""
     if engagement.is_held:
         return Decision(GateState.HOLD, (Cause.OPERATOR_HOLD, ""))
-    doubt = _doubt(moment)
-    return Decision(GateState.SERVO, cause) if doubt is None else Decision(GateState.HOLD, doubt)
+    blocking = _motion_fault(moment)
+    return (
+        Decision(GateState.SERVO, cause) if blocking is None else Decision(GateState.HOLD, blocking)
+    )
 
 
-def _doubt(moment: Moment) -> Fault | None:
+def _motion_fault(moment: Moment) -> Fault | None:
     """Say why nothing may move right now: a watch that is lost, or data that are not good."""
-    return _unwatched(moment) or moment.sight.stale(moment.now_ns)
+    return _unwatched(moment) or moment.perception.stale(moment.now_ns)
 
 
 def _unwatched(moment: Moment) -> Fault | None:
@@ -102,7 +104,7 @@ def _unwatched(moment: Moment) -> Fault | None:
 def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:
     if (decision := _decide_motion(engagement, moment)) is not None:
         return decision
-    reached_ns = min(moment.sight.reached_for_ns(moment.now_ns), moment.in_state_ns)
+    reached_ns = min(moment.perception.reached_for_ns(moment.now_ns), moment.in_state_ns)
     if reached_ns >= moment.config.timing.reached_ns:
         return Decision(GateState.DONE, (Cause.GOAL_REACHED, ""))
     return None
@@ -110,19 +112,19 @@ def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:
 
 def _decide_motion(engagement: Engagement, moment: Moment) -> Decision | None:
     """Stop what moves by vision: for a doubt, a wrong mounting, or no initial response."""
-    if (doubt := _doubt(moment)) is not None:
-        return Decision(GateState.HOLD, doubt)
-    if (fault := moment.sight.mounting_fault()) is not None:
+    if (blocking := _motion_fault(moment)) is not None:
+        return Decision(GateState.HOLD, blocking)
+    if (fault := moment.perception.mounting_fault()) is not None:
         return Decision(GateState.ABORT, fault)
     response = engagement.response
     if response is None:
         return None
-    shown = response.judge(moment.now_ns, moment.config.timing)
+    shown = response.evaluate(moment.now_ns, moment.config.timing)
     if shown is Response.CONFIRMED:
         engagement.response = None
         engagement.is_confirmed_response = True
     # An error that is within tolerance need not fall.
-    if shown is not Response.FAILED or moment.sight.reached_since_ns is not None:
+    if shown is not Response.FAILED or moment.perception.reached_since_ns is not None:
         return None
     return Decision(GateState.ABORT, (Cause.ERROR_NOT_FALLING, response.objection))
 
@@ -133,12 +135,15 @@ def _decide_hold(engagement: Engagement, moment: Moment) -> Decision | None:
         return None
     watch = _unwatched(moment)
     if moment.in_state_ns > timing.hold_ns:
-        reason = moment.sight.reason if watch is None else f"{watch[0]}: {watch[1]}"
+        reason = moment.perception.reason if watch is None else f"{watch[0]}: {watch[1]}"
         return Decision(GateState.ABORT, (Cause.HOLD_TOO_LONG, reason))
     if watch is not None:
         return None
-    if not engagement.is_confirmed_response and moment.sight.overlap < moment.config.min_overlap:
+    if (
+        not engagement.is_confirmed_response
+        and moment.perception.overlap < moment.config.min_overlap
+    ):
         return None
-    if moment.sight.good_for_ns(moment.now_ns) >= timing.good_data_ns:
+    if moment.perception.good_for_ns(moment.now_ns) >= timing.good_data_ns:
         return _into_servo(engagement, moment, (Cause.DATA_GOOD, ""))
     return None

@@ -1,4 +1,4 @@
-"""Initial-response check: at reduced speed, until it is shown that the servo law works.
+"""Initial-response check of the servo law, in a reduced-speed phase.
 
 A camera that is mounted another way round than the settings say, or a flipped axis, makes the law
 push away from the goal. So the vehicle first moves at reduced speed. It flies on once either of two
@@ -27,7 +27,7 @@ from dataclasses import dataclass, field
 
 from dfvs_core.gate.config import GateTiming, S
 from dfvs_core.gate.limits import BodyVelocity
-from dfvs_core.gate.vehicle import OwnMotion
+from dfvs_core.gate.vehicle import VehicleMotion
 from dfvs_core.messages.link import MOUNTING_SCORE, PerceptionReport
 
 MIN_PATH_M = 0.03
@@ -77,7 +77,7 @@ class InitialResponse:
     _last_ns: int | None = None
     _last_yaw_rad: float = 0.0
 
-    def see(self, report: PerceptionReport) -> None:
+    def update(self, report: PerceptionReport) -> None:
         """Take the errors of a good report, and the mounting's statistic where it has one."""
         self.errors.append((report.error_m, report.error_rad, report.feature_error))
         if len(self.errors) > _MOST_REPORTS:
@@ -85,7 +85,7 @@ class InitialResponse:
         if report.mounting_score is not None:
             self.mounting_score = report.mounting_score
 
-    def follow(self, setpoint: BodyVelocity, own: OwnMotion, now_ns: int) -> None:
+    def integrate(self, setpoint: BodyVelocity, own: VehicleMotion, now_ns: int) -> None:
         """Count what was asked for and what was done since the last call."""
         if self._last_ns is not None:
             dt_s = min((now_ns - self._last_ns) / S, _LONGEST_STEP_S)
@@ -108,7 +108,7 @@ class InitialResponse:
         """How far the vehicle turned to the side that it was asked to, rad."""
         return math.copysign(1.0, self.asked_rad) * self.turned_rad if self.asked_rad else 0.0
 
-    def judge(self, now_ns: int, timing: GateTiming) -> Response:
+    def evaluate(self, now_ns: int, timing: GateTiming) -> Response:
         """Tell what is shown."""
         since_ns, score = now_ns - self.start_ns, self.mounting_score
         if since_ns < timing.response_ns:
@@ -149,7 +149,7 @@ def _advance(
     return x, y, z
 
 
-def _in_body(own: OwnMotion) -> tuple[float, float, float]:
+def _in_body(own: VehicleMotion) -> tuple[float, float, float]:
     """Velocity forward, right and down in the level body frame."""
     north, east, down = own.velocity_m_s
     c, s = math.cos(own.yaw_rad), math.sin(own.yaw_rad)

@@ -1,4 +1,4 @@
-"""Velocity limits: saturation that keeps the direction, and slew.
+"""Velocity limits: direction-preserving saturation and slew.
 
 A setpoint above a limit is scaled as a whole: forward, right, down and yaw rate by one common
 factor. So the path of the servo law stays the same and only takes longer. Slew works in the same

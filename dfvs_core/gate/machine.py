@@ -1,4 +1,4 @@
-"""The gate's state machine.
+"""State machine of the gate.
 
 ``step`` takes the events since the last step and the monotonic time, and says what to send. The
 machine is deterministic: the same events and times give the same outputs, so that a recorded
@@ -18,10 +18,9 @@ Rules that hold in every state:
 from __future__ import annotations
 
 import dataclasses
-import math
 from collections.abc import Sequence
 
-from dfvs_core.gate.config import MS, Engage, GateConfig, OnDone
+from dfvs_core.gate.config import MS
 from dfvs_core.gate.engagement import begin, offer
 from dfvs_core.gate.events import (
     Action,
@@ -31,22 +30,19 @@ from dfvs_core.gate.events import (
     GateOutput,
     Heartbeat,
     ModeRequest,
-    Order,
+    OperatorCommand,
     Report,
     Stop,
     VehicleMode,
 )
-from dfvs_core.gate.flight import Moment, decide, holds_visually
-from dfvs_core.gate.initial_response import InitialResponse
-from dfvs_core.gate.limits import BodyVelocity
-from dfvs_core.gate.perception_monitor import Sight
-from dfvs_core.gate.preflight import Check, failures, preflight, sole_commander
-from dfvs_core.gate.states import ENDED, ENGAGED, FLYING, Cause, GateState, Transition
-from dfvs_core.gate.stream import SetpointStream
-from dfvs_core.gate.vehicle import Fault, VehiclePicture
+from dfvs_core.gate.flight import Moment, decide
+from dfvs_core.gate.preflight import failures
+from dfvs_core.gate.states import ENGAGED, FLYING, Cause, GateState
+from dfvs_core.gate.transitions import TransitionState
+from dfvs_core.gate.vehicle import Fault
 
 
-class GateMachine:
+class GateMachine(TransitionState):
     """Decides, at every step, whether and how fast the vehicle may move.
 
     Parameters
@@ -56,50 +52,6 @@ class GateMachine:
     t_ns : int
         Monotonic time of the start.
     """
-
-    def __init__(self, config: GateConfig, t_ns: int) -> None:
-        self.config = config
-        self.state = GateState.IDLE
-        self.reason = ""
-        """Why the machine is in this state; in PREFLIGHT, what is missing."""
-        self.has_reached = False
-        """The goal was reached in the last engagement."""
-        self.vehicle = VehiclePicture()
-        self.sight = Sight(config.timing)
-        self.stream = SetpointStream(config)
-        self._engagement = begin(self.vehicle, t_ns)
-        self._now = t_ns
-        self._since = t_ns
-        self._passing_since: int | None = None
-        self._failing_since: int | None = None
-        self._ordered_ns: int | None = None
-        self._hold_asked = False
-        self._is_stopped = False
-        self._transitions: list[Transition] = []
-        self._request: ModeRequest | None = None
-        self._refusal = ""
-
-    @property
-    def is_finished(self) -> bool:
-        """Tell whether the flight is over: only an operator's order can lead on from here."""
-        return self.stream.is_silent and self.state in ENDED
-
-    @property
-    def since_ns(self) -> int:
-        """Monotonic time at which the present state was entered."""
-        return self._since
-
-    @property
-    def distance_m(self) -> float:
-        """Distance from where the gate was engaged last."""
-        return math.dist(self.vehicle.position.position_m, self._engagement.start_m)
-
-    def checks(self) -> tuple[Check, ...]:
-        """Preflight list of this moment."""
-        listed = preflight(self.vehicle, self.sight, self.config, self._now)
-        awaits_pilot = self.state is GateState.READY and self.config.engage is Engage.PILOT
-        sole = sole_commander(self.vehicle, self._now, may_be_offboard=awaits_pilot)
-        return (*listed, sole)
 
     def step(self, t_ns: int, events: Sequence[Event] = ()) -> GateOutput:
         """Take the events since the last step; say what to send and what to log.
@@ -116,82 +68,82 @@ class GateMachine:
         self._request = None
         self._refusal = ""
         if pause > self.config.timing.stall_ns:
-            self._blind((Cause.GATE_STALLED, f"for {pause / MS:.0f} ms"))
+            self._invalidate_perception((Cause.GATE_STALLED, f"for {pause / MS:.0f} ms"))
         for event in events:
-            self._take(event)
-        self._judge()
+            self._on_event(event)
+        self._evaluate()
         setpoint, changes = self._next_setpoint(), tuple(self._transitions)
         return GateOutput(setpoint, self._request, changes, self._refusal)
 
     # --- events ---------------------------------------------------------------------------
 
-    def _take(self, event: Event) -> None:
+    def _on_event(self, event: Event) -> None:
         if event.t_ns > self._now:
             event = dataclasses.replace(event, t_ns=self._now)
         match event:
             case Heartbeat() | CurrentMode():
-                self.vehicle.take(event)
-                if self.vehicle.is_heard:
-                    self._take_mode(self.vehicle.heartbeat)
+                self.vehicle.update(event)
+                if self.vehicle.has_heartbeat:
+                    self._on_mode(self.vehicle.heartbeat)
             case Report():
-                self._take_report(event)
+                self._on_report(event)
             case BadReport():
-                self._blind((Cause.REPORT_REJECTED, event.detail))
-            case Order():
-                self._take_order(event)
+                self._invalidate_perception((Cause.REPORT_REJECTED, event.detail))
+            case OperatorCommand():
+                self._on_command(event)
             case Stop():
                 self._is_stopped = True
                 cause = Cause.UNSUPERVISED if event.unsupervised else Cause.STOPPED
                 self._abort((cause, event.detail))
             case _:
-                self.vehicle.take(event)
+                self.vehicle.update(event)
 
-    def _take_mode(self, heartbeat: Heartbeat) -> None:
+    def _on_mode(self, heartbeat: Heartbeat) -> None:
         flies_offboard = heartbeat.mode is VehicleMode.OFFBOARD and heartbeat.armed
         if self.state is GateState.IDLE:
-            self._go(GateState.PREFLIGHT, (Cause.VEHICLE_HEARD, ""))
+            self._go(GateState.PREFLIGHT, (Cause.HEARTBEAT_RECEIVED, ""))
         elif self.state is GateState.PREFLIGHT and not self.stream.is_silent:
             if flies_offboard:
                 self._abort((Cause.OFFBOARD_NOT_READY, failures(self.checks())))
         elif self.state is GateState.ABORT and not flies_offboard:
             self.stream.silence()
         elif self.state in ENGAGED:
-            if (loss := self._engagement.heed(heartbeat)) is not None:
+            if (loss := self._engagement.on_heartbeat(heartbeat)) is not None:
                 self._go(GateState.RELEASED, loss)
             elif self._engagement.handed_over:
                 self.stream.silence()
 
-    def _take_report(self, event: Report) -> None:
-        fault = self.sight.take(event.report, event.t_ns)
-        is_fresh = self.sight.good is event.report
-        if self.sight.lost and (self.state in FLYING or self._holds_visually):
+    def _on_report(self, event: Report) -> None:
+        fault = self.perception.update(event.report, event.t_ns)
+        is_fresh = self.perception.good is event.report
+        if self.perception.lost and (self.state in FLYING or self._holds_visually):
             self._abort((Cause.GOAL_LOST, event.report.reason))
         elif fault is not None:
             self._hold_servo(fault)
         elif is_fresh and self._is_moving and self._engagement.response is not None:
-            self._engagement.response.see(event.report)
+            self._engagement.response.update(event.report)
 
-    def _take_order(self, order: Order) -> None:
-        engagement, action = self._engagement, order.action
+    def _on_command(self, command: OperatorCommand) -> None:
+        engagement, action = self._engagement, command.action
         if action is Action.GOAL:
-            self._take_goal(order.argument)
+            self._on_goal(command.argument)
         elif action is Action.ABORT:
             self._abort((Cause.OPERATOR_ABORT, ""))
         elif action is Action.HOLD:
-            self._ordered_ns = None
+            self._commanded_ns = None
             engagement.is_held = self.state in FLYING or self._holds_visually
             self._hold_servo((Cause.OPERATOR_HOLD, ""))
         else:
-            self._take_engage()
+            self._on_engage()
 
-    def _take_engage(self) -> None:
+    def _on_engage(self) -> None:
         if self._is_stopped:
             self._refusal = "rejected: the service is being ended"
         elif self.is_finished:
-            self._ordered_ns = self._now
+            self._commanded_ns = self._now
             self._go(GateState.PREFLIGHT, (Cause.OPERATOR_AGAIN, ""))
         elif self.state in (GateState.PREFLIGHT, GateState.READY):
-            self._ordered_ns = self._now
+            self._commanded_ns = self._now
         elif self.state in FLYING and self._engagement.is_held:
             self._engagement.is_held = False
             self._since = self._now
@@ -200,26 +152,26 @@ class GateMachine:
         elif self.state is GateState.DONE:
             self._refusal = "rejected: the goal is reached, order another one"
 
-    def _take_goal(self, goal: str) -> None:
-        """Look for another goal, where nothing moves: checks, overlap and response begin anew."""
+    def _on_goal(self, goal: str) -> None:
+        """Set another goal, where nothing moves: checks, overlap and response begin anew."""
         hands_over = self._engagement.hold_requested and not self._engagement.handed_over
         is_done = self.state is GateState.DONE
         if self.state in (GateState.ENGAGE, GateState.SERVO) or (is_done and hands_over):
             self._refusal = f"rejected: the goal cannot change in {self.state}, order hold first"
             return
         cause = (Cause.OPERATOR_GOAL, goal[:12])
-        self.sight.look_for(goal, cause)
+        self.perception.set_goal(goal, cause)
         if self.state is GateState.READY:
             self._go(GateState.PREFLIGHT, cause)
         elif self.state is GateState.HOLD:
-            self._leave_goal()
+            self._restart_engagement()
             self._engagement.is_confirmed_response = False
             self._since = self._now
         elif is_done and not self.stream.is_silent:
-            self._leave_goal()
+            self._restart_engagement()
             self._go(GateState.HOLD, cause)
 
-    def _leave_goal(self) -> None:
+    def _restart_engagement(self) -> None:
         """Begin another engagement where the goal of this one was reached."""
         if self.has_reached:
             is_held = self._engagement.is_held
@@ -227,25 +179,25 @@ class GateMachine:
             self._engagement.is_held = is_held
             self.has_reached = False
 
-    def _blind(self, fault: Fault) -> None:
-        """Forget what perception said last, and stop."""
-        self.sight.spoil(fault)
+    def _invalidate_perception(self, fault: Fault) -> None:
+        """Invalidate the last report, and stop."""
+        self.perception.invalidate(fault)
         self._hold_servo(fault)
 
     # --- judgement ------------------------------------------------------------------------
 
-    def _judge(self) -> None:
-        self.sight.stale(self._now)
+    def _evaluate(self) -> None:
+        self.perception.stale(self._now)
         if self.state is GateState.PREFLIGHT:
-            self._judge_preflight()
+            self._evaluate_preflight()
         elif self.state is GateState.READY:
-            self._judge_ready()
+            self._evaluate_ready()
         elif self.state in ENGAGED:
-            self._judge_engaged()
+            self._evaluate_engaged()
         if self.state is GateState.ABORT:
-            self._judge_abort()
+            self._evaluate_abort()
 
-    def _judge_preflight(self) -> None:
+    def _evaluate_preflight(self) -> None:
         problem = self._problem()
         self.reason = problem or "checks pass"
         if self._elapsed(self._since) > self.config.timing.mode_known_ns:
@@ -257,7 +209,7 @@ class GateMachine:
         elif self._elapsed(self._passing_since) >= self.config.timing.ready_after_ns:
             self._go(GateState.READY, (Cause.CHECKS_PASSED, ""))
 
-    def _judge_ready(self) -> None:
+    def _evaluate_ready(self) -> None:
         problem = self._problem()
         if not problem:
             self._failing_since = None
@@ -266,7 +218,7 @@ class GateMachine:
         elif self._elapsed(self._failing_since) >= self.config.timing.ready_grace_ns:
             self._go(GateState.PREFLIGHT, (Cause.CHECKS_FAILED, problem))
             return
-        cause = offer(self.vehicle, self.config, self._is_ordered())
+        cause = offer(self.vehicle, self.config, self._is_commanded())
         if cause is not None and (cause is Cause.PILOT_ENGAGED or not problem):
             self._go(GateState.ENGAGE, (cause, ""))
 
@@ -276,15 +228,15 @@ class GateMachine:
         self.vehicle.jump_m = 0.0
         return problem
 
-    def _is_ordered(self) -> bool:
-        valid_ns = self.config.timing.order_valid_ns
-        return self._ordered_ns is not None and self._elapsed(self._ordered_ns) <= valid_ns
+    def _is_commanded(self) -> bool:
+        valid_ns = self.config.timing.command_valid_ns
+        return self._commanded_ns is not None and self._elapsed(self._commanded_ns) <= valid_ns
 
-    def _judge_engaged(self) -> None:
+    def _evaluate_engaged(self) -> None:
         elapsed_ns = self._elapsed(self._since)
         decision = decide(
             self._engagement,
-            Moment(self._now, elapsed_ns, self.state, self.vehicle, self.sight, self.config),
+            Moment(self._now, elapsed_ns, self.state, self.vehicle, self.perception, self.config),
         )
         if decision is not None:
             self._go(decision.target, decision.cause)
@@ -294,85 +246,13 @@ class GateMachine:
                 self._engagement.requested_ns = self._now
                 self._request = ModeRequest.OFFBOARD
 
-    def _judge_abort(self) -> None:
+    def _evaluate_abort(self) -> None:
         """Zeros until a heartbeat tells the mode; Hold, once, where that is OFFBOARD."""
         timing = self.config.timing
         if self._elapsed(self._since) > timing.mode_known_ns:
             self.stream.silence()
         is_known = self._elapsed(self.vehicle.heartbeat.t_ns) <= timing.mode_known_ns
-        is_ours = self.vehicle.is_offboard and self.vehicle.is_armed and is_known
-        if is_ours and not self.stream.is_silent and not self._hold_asked:
-            self._hold_asked = True
+        is_offboard_known = self.vehicle.is_offboard and self.vehicle.is_armed and is_known
+        if is_offboard_known and not self.stream.is_silent and not self._is_hold_requested:
+            self._is_hold_requested = True
             self._request = ModeRequest.HOLD
-
-    # --- transitions ----------------------------------------------------------------------
-
-    def _elapsed(self, t_ns: int) -> int:
-        return self._now - t_ns
-
-    def _hold_servo(self, cause: Fault) -> None:
-        if self._is_moving:
-            self._go(GateState.HOLD, cause)
-
-    @property
-    def _holds_visually(self) -> bool:
-        return self.state is GateState.DONE and holds_visually(self._engagement)
-
-    @property
-    def _is_moving(self) -> bool:
-        """Tell whether setpoints other than zero may be sent in this state."""
-        return self.state is GateState.SERVO or self._holds_visually
-
-    def _abort(self, cause: Fault) -> None:
-        if self.state not in (GateState.ABORT, GateState.RELEASED):
-            self._go(GateState.ABORT, cause)
-
-    def _go(self, target: GateState, cause: Fault) -> None:
-        """Change the state and log why."""
-        record = Transition(self._now, self.state, target, cause[0], cause[1])
-        self._transitions.append(record)
-        self._enter(target)
-        self.state = target
-        self.reason = record.reason
-        self._since = self._now
-        self._passing_since = None
-        self._failing_since = None
-
-    def _enter(self, target: GateState) -> None:
-        """What entering a state brings with it."""
-        if target is GateState.READY:
-            self.stream.is_silent = self.config.engage is not Engage.PILOT
-        elif target is GateState.ENGAGE:
-            self._engagement = begin(self.vehicle, self._now)
-            self.vehicle.rivals.forget_targets()
-            self.stream.is_silent = False
-            self.has_reached = False
-        elif target is GateState.SERVO:
-            is_asked = self.config.timing.response_ns > 0
-            is_open = is_asked and not self._engagement.is_confirmed_response
-            self._engagement.response = InitialResponse(self._now) if is_open else None
-        elif target is GateState.DONE:
-            self.has_reached = True
-            if self.config.on_done is OnDone.HOLD_VISUAL:
-                if self._engagement.reached_ns is None:
-                    self._engagement.reached_ns = self._now
-            elif self.config.on_done is OnDone.HOLD:
-                self._engagement.hold_requested = True
-                self._request = ModeRequest.HOLD
-        elif target is GateState.ABORT:
-            self._hold_asked = False
-        elif target is GateState.RELEASED:
-            self.stream.silence()
-
-    def _next_setpoint(self) -> BodyVelocity | None:
-        if not self._is_moving:
-            setpoint = self.stream.zero(self._now)
-        else:
-            response = self._engagement.response
-            if response is not None:
-                response.follow(self.stream.last, self.vehicle.own_motion, self._now)
-            wanted = self.sight.velocity()
-            setpoint = self.stream.move(wanted, self._now, is_reduced=response is not None)
-        if setpoint is not None:
-            self.vehicle.rivals.sent(setpoint, self._now)
-        return setpoint

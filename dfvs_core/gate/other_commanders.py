@@ -1,4 +1,4 @@
-"""Other commanders of the vehicle, and those that stand by (invariant I6).
+"""Detection of other commanders of the vehicle (invariant I6).
 
 There are three signs: another service's lease on the vehicle's name, a foreign setpoint on the same
 MAVLink link, and an unexplained velocity. The latter is one that the autopilot reports and that was
@@ -27,36 +27,36 @@ from dfvs_core.gate.states import Cause
 SEEN_NS = 5 * S
 """A foreign setpoint forbids to engage for so long."""
 
-MAX_ODD_M_S = 0.2
+MAX_UNEXPLAINED_M_S = 0.2
 """Difference from every velocity that was sent lately; yaw changes and delays explain less."""
 
-ODD_TARGETS = 3
-_ODD_LAPSE_NS = 1 * S
+UNEXPLAINED_TARGETS = 3
+_UNEXPLAINED_LAPSE_NS = 1 * S
 _SENT_NS = 500 * MS
 _NEVER = -(1 << 62)
 
-RivalEvent = OtherServices | ForeignSetpoint | VelocityTarget | WatchEnded
+OtherCommanderEvent = OtherServices | ForeignSetpoint | VelocityTarget | WatchEnded
 
 
 @dataclass(slots=True)
-class Rivals:
-    """What was seen of others."""
+class OtherCommanders:
+    """Last received signs of other commanders."""
 
     services: OtherServices = field(default_factory=lambda: OtherServices(_NEVER))
     setpoint: ForeignSetpoint = field(default_factory=lambda: ForeignSetpoint(_NEVER, ""))
     watch_ended: str = ""
     """Why parameters and other commanders are not watched any more, empty where they are."""
     _sent: deque[tuple[int, BodyVelocity]] = field(default_factory=deque)
-    _first_odd_ns: int | None = None
-    _last_odd_ns: int = _NEVER
+    _first_unexplained_ns: int | None = None
+    _last_unexplained_ns: int = _NEVER
     _confirmed: bool = False
     """A heartbeat later than the first odd target showed OFFBOARD."""
-    _odd: int = 0
+    _unexplained_count: int = 0
     """Odd targets since then."""
     _detail: str = ""
 
     def sent(self, setpoint: BodyVelocity, now_ns: int) -> None:
-        """Remember a setpoint of ours."""
+        """Remember a setpoint that was sent."""
         self._sent.append((now_ns, setpoint))
         while len(self._sent) > 1 and self._sent[1][0] < now_ns - _SENT_NS:
             self._sent.popleft()
@@ -66,14 +66,14 @@ class Rivals:
         self._sent.clear()
         self._lapse()
 
-    def hear(self, heartbeat: Heartbeat, *, is_offboard: bool) -> None:
-        """Take a heartbeat, which tells whether an odd target was a change of the mode."""
+    def on_heartbeat(self, heartbeat: Heartbeat, *, is_offboard: bool) -> None:
+        """Take a heartbeat, which tells whether an unexplained target was a change of the mode."""
         if not is_offboard:
             self._lapse()
-        elif self._first_odd_ns is not None and heartbeat.t_ns > self._first_odd_ns:
+        elif self._first_unexplained_ns is not None and heartbeat.t_ns > self._first_unexplained_ns:
             self._confirmed = True
 
-    def take(self, event: RivalEvent, yaw_rad: float) -> None:
+    def update(self, event: OtherCommanderEvent, yaw_rad: float) -> None:
         """Remember an event; ``yaw_rad`` is the vehicle's heading."""
         match event:
             case OtherServices():
@@ -90,14 +90,14 @@ class Rivals:
         if not self._sent or not all(math.isfinite(v) for v in (*target.velocity_m_s, yaw_rad)):
             return
         miss = min(_miss(target, v, yaw_rad) for _, v in self._sent)
-        if miss <= MAX_ODD_M_S:
-            if target.t_ns - self._last_odd_ns > _ODD_LAPSE_NS:
+        if miss <= MAX_UNEXPLAINED_M_S:
+            if target.t_ns - self._last_unexplained_ns > _UNEXPLAINED_LAPSE_NS:
                 self._lapse()
             return
-        self._last_odd_ns = target.t_ns
-        if self._first_odd_ns is None:
-            self._first_odd_ns = target.t_ns
-        self._odd += self._confirmed
+        self._last_unexplained_ns = target.t_ns
+        if self._first_unexplained_ns is None:
+            self._first_unexplained_ns = target.t_ns
+        self._unexplained_count += self._confirmed
         self._detail = f"the autopilot flies a velocity that is {miss:.2f} m/s from any of ours"
 
     def preflight_fault(self, now_ns: int) -> str:
@@ -115,12 +115,12 @@ class Rivals:
             return Cause.TWO_COMMANDERS, f"another service is engaged ({names})"
         if self.setpoint.t_ns >= engaged_ns:
             return Cause.TWO_COMMANDERS, f"setpoints of somebody else ({self.setpoint.detail})"
-        if self._odd >= ODD_TARGETS:
+        if self._unexplained_count >= UNEXPLAINED_TARGETS:
             return Cause.TWO_COMMANDERS, self._detail
         return None
 
     def _lapse(self) -> None:
-        self._first_odd_ns, self._confirmed, self._odd = None, False, 0
+        self._first_unexplained_ns, self._confirmed, self._unexplained_count = None, False, 0
 
 
 def _miss(target: VelocityTarget, sent: BodyVelocity, yaw_rad: float) -> float:

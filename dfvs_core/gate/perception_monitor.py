@@ -1,4 +1,4 @@
-"""What perception reports, and whether the gate believes it."""
+"""Monitor of perception's reports: validity, age, rate, reached goal."""
 
 from __future__ import annotations
 
@@ -16,8 +16,8 @@ from dfvs_core.messages.link import MOUNTING_SCORE, PerceptionReport
 PACE_NS = 1 * S
 """Time over which the rate of frames is counted."""
 
-MAX_BELIEVED_SPEED_M_S = 10.0
-MAX_BELIEVED_YAW_RAD_S = 10.0
+MAX_PLAUSIBLE_SPEED_M_S = 10.0
+MAX_PLAUSIBLE_YAW_RAD_S = 10.0
 """A servo law that asks for more is broken; what is merely too fast gets scaled down."""
 
 _OTHER_GOAL: Fault = (Cause.REPORT_REJECTED, "it is about another goal")
@@ -25,8 +25,8 @@ _OTHER_GOAL: Fault = (Cause.REPORT_REJECTED, "it is about another goal")
 
 def report_fault(report: PerceptionReport, t_ns: int, timing: GateTiming) -> Fault | None:
     """Name the first thing that forbids to fly by a report that arrived at ``t_ns``."""
-    if nonsense := _nonsense(report):
-        return Cause.REPORT_REJECTED, nonsense
+    if implausibility := _implausibility(report):
+        return Cause.REPORT_REJECTED, implausibility
     if not report.healthy:
         return Cause.REPORT_UNHEALTHY, report.reason
     age = t_ns - report.t_capture_ns
@@ -40,15 +40,15 @@ def is_late(report: PerceptionReport, t_ns: int, timing: GateTiming) -> bool:
     return t_ns - report.t_capture_ns > timing.result_age_ns
 
 
-def _nonsense(report: PerceptionReport) -> str | None:
+def _implausibility(report: PerceptionReport) -> str | None:
     """Say which number of a report cannot be."""
     numbers = (*report.velocity, report.error_m, report.error_rad, report.overlap)
     if len(report.velocity) != 4 or not all(math.isfinite(n) for n in numbers):
         return "numbers that are not finite"
-    if math.hypot(*report.velocity[:3]) > MAX_BELIEVED_SPEED_M_S:
-        return f"speed over {MAX_BELIEVED_SPEED_M_S:g} m/s"
-    if abs(report.velocity[3]) > MAX_BELIEVED_YAW_RAD_S:
-        return f"yaw rate over {MAX_BELIEVED_YAW_RAD_S:g} rad/s"
+    if math.hypot(*report.velocity[:3]) > MAX_PLAUSIBLE_SPEED_M_S:
+        return f"speed over {MAX_PLAUSIBLE_SPEED_M_S:g} m/s"
+    if abs(report.velocity[3]) > MAX_PLAUSIBLE_YAW_RAD_S:
+        return f"yaw rate over {MAX_PLAUSIBLE_YAW_RAD_S:g} rad/s"
     if report.error_m < 0 or report.error_rad < 0 or not 0 <= report.overlap <= 1:
         return "error or overlap out of range"
     if report.feature_error is not None and not 0 <= report.feature_error < math.inf:
@@ -59,7 +59,7 @@ def _nonsense(report: PerceptionReport) -> str | None:
 
 
 @dataclass(slots=True)
-class Sight:
+class PerceptionMonitor:
     """The last good report, since when all is good, and the last fault."""
 
     timing: GateTiming
@@ -72,28 +72,28 @@ class Sight:
     overlap: float = 0.0
     lost: bool = False
     goal: str = ""
-    """Digest of the goal that the operator ordered, empty for the one at the start."""
+    """Digest of the goal that the operator commanded, empty for the one at the start."""
     arrivals: deque[tuple[int, int]] = field(default_factory=lambda: deque(maxlen=128))
     """When good reports arrived, and the times of capture, ns."""
 
-    def look_for(self, goal: str, fault: Fault) -> None:
-        """Believe reports about another goal alone from now on."""
+    def set_goal(self, goal: str, fault: Fault) -> None:
+        """Accept reports about this goal alone."""
         self.goal = goal
         self.overlap = 0.0
         self.lost = False
-        self.spoil(fault)
+        self.invalidate(fault)
 
-    def take(self, report: PerceptionReport, t_ns: int) -> Fault | None:
-        """Judge a report; a fault ends the good time.
+    def update(self, report: PerceptionReport, t_ns: int) -> Fault | None:
+        """Check a report; a fault ends the good time.
 
         A repeated capture, or a late result, refreshes nothing: the last good frame counts for as
         long as its age allows.
         """
-        about_ours = report.goal == self.goal
-        fault = report_fault(report, t_ns, self.timing) if about_ours else _OTHER_GOAL
-        self.lost = report.lost and about_ours
+        is_for_goal = report.goal == self.goal
+        fault = report_fault(report, t_ns, self.timing) if is_for_goal else _OTHER_GOAL
+        self.lost = report.lost and is_for_goal
         if fault is not None:
-            self.spoil(fault)
+            self.invalidate(fault)
             return fault
         if report.t_capture_ns <= self.last_capture_ns:
             return None
@@ -113,7 +113,7 @@ class Sight:
             self.reached_since_ns = t_ns
         return None
 
-    def spoil(self, fault: Fault) -> None:
+    def invalidate(self, fault: Fault) -> None:
         """Forget that data were good."""
         self.good = None
         self.good_since_ns = None
@@ -121,13 +121,13 @@ class Sight:
         self.fault = fault
 
     def stale(self, now_ns: int) -> Fault | None:
-        """Name why nothing may be flown by right now; what is too old is spoiled for good."""
+        """Name why nothing may be flown by right now; what is too old is invalid for good."""
         if self.good is None:
             return self.fault
         age = now_ns - self.good.t_capture_ns
         if age <= self.timing.frame_age_ns:
             return None
-        self.spoil((Cause.FRAME_OLD, f"{age / MS:.0f} ms"))
+        self.invalidate((Cause.FRAME_OLD, f"{age / MS:.0f} ms"))
         return self.fault
 
     def mounting_fault(self) -> Fault | None:

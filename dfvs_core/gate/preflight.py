@@ -1,15 +1,15 @@
-"""Preflight: what must be right before the gate offers to engage."""
+"""Preflight checks."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
 from dfvs_core.gate.config import MS, GateConfig, S
-from dfvs_core.gate.perception_monitor import Sight
+from dfvs_core.gate.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.vehicle import (
     NEVER,
     Fault,
-    VehiclePicture,
+    VehicleMonitor,
     battery_fault,
     estimate_fault,
     link_fault,
@@ -41,7 +41,7 @@ class Check:
 
 
 def preflight(
-    vehicle: VehiclePicture, sight: Sight, config: GateConfig, now_ns: int
+    vehicle: VehicleMonitor, perception: PerceptionMonitor, config: GateConfig, now_ns: int
 ) -> tuple[Check, ...]:
     """Preflight list of this moment."""
     return (
@@ -52,9 +52,9 @@ def preflight(
         _parameters(vehicle, config, now_ns),
         _advice(vehicle),
         _from_fault("watch", watch_fault(vehicle, config, now_ns), _WATCH),
-        _frames(sight, config, now_ns),
-        _overlap(sight, config),
-        _mounting(sight),
+        _frames(perception, config, now_ns),
+        _overlap(perception, config),
+        _mounting(perception),
     )
 
 
@@ -76,7 +76,7 @@ _MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"
 _COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
 
 
-def sole_commander(vehicle: VehiclePicture, now_ns: int, *, may_be_offboard: bool) -> Check:
+def sole_commander(vehicle: VehicleMonitor, now_ns: int, *, may_be_offboard: bool) -> Check:
     """Refuse a vehicle that somebody else commands, or stands by to.
 
     ``may_be_offboard`` is for the moment in which the pilot's switch to OFFBOARD is awaited.
@@ -84,7 +84,7 @@ def sole_commander(vehicle: VehiclePicture, now_ns: int, *, may_be_offboard: boo
     if vehicle.is_offboard and vehicle.is_armed and not may_be_offboard:
         detail = "the vehicle is in OFFBOARD, but not by this service"
     else:
-        detail = vehicle.rivals.preflight_fault(now_ns)
+        detail = vehicle.other_commanders.preflight_fault(now_ns)
     return Check("sole commander", not detail, detail, _COMMANDER if detail else "")
 
 
@@ -100,7 +100,7 @@ def _from_fault(name: str, fault: Fault | None, remedy: str, found: str = "") ->
     return Check(name, False, f"{cause}, {detail}" if detail else str(cause), remedy)
 
 
-def _health(vehicle: VehiclePicture) -> Check:
+def _health(vehicle: VehicleMonitor) -> Check:
     if vehicle.heartbeat.failsafe:
         return Check("health", False, "autopilot in failsafe", _HEALTH)
     if not vehicle.health.ok:
@@ -111,13 +111,13 @@ def _health(vehicle: VehiclePicture) -> Check:
     return Check("health", True)
 
 
-def _battery(vehicle: VehiclePicture, config: GateConfig) -> Check:
+def _battery(vehicle: VehicleMonitor, config: GateConfig) -> Check:
     remaining = vehicle.battery.remaining
     found = "" if remaining is None else f"{remaining:.0%} left"
     return _from_fault("battery", battery_fault(vehicle, config), _BATTERY, found)
 
 
-def _parameters(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Check:
+def _parameters(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Check:
     """Refuse a failsafe that is not known, or that would not bring the vehicle to a stop."""
     read = vehicle.parameters
     if now_ns - read.t_ns > config.timing.parameters_age_ns:
@@ -127,16 +127,16 @@ def _parameters(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Che
     return Check("parameters", not detail, detail or read.found, _PARAMETERS if detail else "")
 
 
-def _advice(vehicle: VehiclePicture) -> Check:
+def _advice(vehicle: VehicleMonitor) -> Check:
     detail = "; ".join(vehicle.parameters.advice)
     remedy = _PARAMETERS if detail else ""
     return Check("advised parameters", not detail, detail, remedy, binding=False)
 
 
-def _frames(sight: Sight, config: GateConfig, now_ns: int) -> Check:
-    rate_hz, delay_ns = sight.pace(now_ns)
+def _frames(perception: PerceptionMonitor, config: GateConfig, now_ns: int) -> Check:
+    rate_hz, delay_ns = perception.pace(now_ns)
     found = f"{rate_hz:.1f} a second, results {delay_ns / MS:.0f} ms after capture"
-    stale = sight.stale(now_ns)
+    stale = perception.stale(now_ns)
     if stale is not None:
         return _from_fault("frames", stale, _FRAMES)
     if rate_hz < config.min_frame_hz:
@@ -145,20 +145,20 @@ def _frames(sight: Sight, config: GateConfig, now_ns: int) -> Check:
     return Check("frames", True, found)
 
 
-def _overlap(sight: Sight, config: GateConfig) -> Check:
-    if sight.lost:
-        return Check("goal", False, f"goal lost, {sight.reason}", _GOAL)
-    found = f"overlap {sight.overlap:.0%}"
-    if sight.overlap < config.min_overlap:
+def _overlap(perception: PerceptionMonitor, config: GateConfig) -> Check:
+    if perception.lost:
+        return Check("goal", False, f"goal lost, {perception.reason}", _GOAL)
+    found = f"overlap {perception.overlap:.0%}"
+    if perception.overlap < config.min_overlap:
         return Check("goal", False, f"{found}, {config.min_overlap:.0%} needed", _GOAL)
     return Check("goal", True, found)
 
 
-def _mounting(sight: Sight) -> Check:
+def _mounting(perception: PerceptionMonitor) -> Check:
     """Refuse a camera whose images turn about another axis than the vehicle does."""
-    if (fault := sight.mounting_fault()) is not None:
+    if (fault := perception.mounting_fault()) is not None:
         return Check("mounting", False, f"{fault[0]}: {fault[1]}", _MOUNTING)
-    score = None if sight.good is None else sight.good.mounting_score
+    score = None if perception.good is None else perception.good.mounting_score
     if score is None or score < MOUNTING_SCORE:
         return Check("mounting", True, "not known before the vehicle tilts", pending=True)
     return Check("mounting", True, f"right by {score:.0f} standard deviations")

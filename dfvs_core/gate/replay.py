@@ -1,4 +1,4 @@
-"""The gate's journal: everything that went into the machine, so that a flight can be decided again.
+"""Journal of the gate: encoding, reading and replay of the state machine's inputs and outputs.
 
 One JSON document a line: first the settings and the time of the start, then every step with its
 time, its events in the order of arrival, and what came out. The machine is deterministic, so the
@@ -16,14 +16,16 @@ from typing import Any
 
 from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.gate.config import GateConfig
-from dfvs_core.gate.events import Event, GateOutput
+from dfvs_core.gate.events import Event, GateOutput, OperatorCommand
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import Transition
-from dfvs_core.messages.schema import dump, parse, rebuild
+from dfvs_core.messages.schema import dump, parse, rebuild, with_present_names
 
 JOURNAL_FORMAT = "dfvs-gate-journal/1"
 
 _KINDS: dict[str, type[Any]] = {cls.__name__: cls for cls in typing.get_args(Event)}
+_KINDS["Order"] = OperatorCommand
+"""Kinds of events by name, those of older journals among them."""
 
 
 def encode_start(config: GateConfig, t_ns: int) -> str:
@@ -33,8 +35,10 @@ def encode_start(config: GateConfig, t_ns: int) -> str:
 
 def encode_step(t_ns: int, events: Sequence[Event], output: GateOutput) -> str:
     """Line of one step."""
-    heard = [[type(event).__name__, *_values(event)] for event in events]
-    return json.dumps({"t": t_ns, "in": heard, "out": _said(output)}, separators=(",", ":"))
+    inputs = [[type(event).__name__, *_values(event)] for event in events]
+    return json.dumps(
+        {"t": t_ns, "in": inputs, "out": _encode_output(output)}, separators=(",", ":")
+    )
 
 
 def encode_gap(steps: int) -> str:
@@ -48,7 +52,7 @@ class Step:
 
     t_ns: int
     events: tuple[Event, ...]
-    said: dict[str, Any]
+    encoded: dict[str, Any]
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,7 +82,8 @@ def read_start(line: str) -> tuple[GateConfig, int]:
         data = json.loads(line)
         if data["format"] != JOURNAL_FORMAT:
             raise WireError(f"the journal has format {data['format']!r}", repr(JOURNAL_FORMAT))
-        return parse(GateConfig, data["config"]), int(data["t_ns"])
+        config = with_present_names(GateConfig, data["config"])
+        return parse(GateConfig, config), int(data["t_ns"])
     except (ValueError, KeyError, TypeError, ConfigError) as error:
         raise WireError(f"this is no journal of the gate ({error})") from error
 
@@ -106,7 +111,7 @@ def read_steps(lines: Iterable[str]) -> Iterator[Step | int]:
 
 
 def replay(lines: Iterable[str]) -> Replay:
-    """Put a journal's inputs through a fresh machine and compare what it says.
+    """Put a journal's inputs through a fresh machine and compare the outputs.
 
     Raises
     ------
@@ -125,9 +130,9 @@ def replay(lines: Iterable[str]) -> Replay:
         transitions.extend(output.transitions)
         setpoints += output.setpoint is not None
         # What was read back went through JSON; so must what it is compared with.
-        said = json.loads(json.dumps(_said(output)))
-        if said != step.said:
-            text = f"step {count} at {step.t_ns} ns: {said} instead of {step.said}"
+        encoded = json.loads(json.dumps(_encode_output(output)))
+        if encoded != step.encoded:
+            text = f"step {count} at {step.t_ns} ns: {encoded} instead of {step.encoded}"
             return Replay(count, tuple(transitions), setpoints, difference=text)
         count += 1
     return Replay(count, tuple(transitions), setpoints)
@@ -137,18 +142,18 @@ def _values(event: Event) -> list[Any]:
     return [dump(getattr(event, field.name)) for field in dataclasses.fields(event)]
 
 
-def _said(output: GateOutput) -> dict[str, Any]:
-    """Only what was said: most steps say nothing or a setpoint."""
-    said: dict[str, Any] = {}
+def _encode_output(output: GateOutput) -> dict[str, Any]:
+    """Outputs of a step that are not empty."""
+    encoded: dict[str, Any] = {}
     if (v := output.setpoint) is not None:
-        said["v"] = [v.forward_m_s, v.right_m_s, v.down_m_s, v.yaw_rad_s]
+        encoded["v"] = [v.forward_m_s, v.right_m_s, v.down_m_s, v.yaw_rad_s]
     if output.mode_request is not None:
-        said["mode"] = output.mode_request.value
+        encoded["mode"] = output.mode_request.value
     if output.transitions:
-        said["to"] = [[t.source, t.target, t.cause, t.detail] for t in output.transitions]
+        encoded["to"] = [[t.source, t.target, t.cause, t.detail] for t in output.transitions]
     if output.refusal:
-        said["refusal"] = output.refusal
-    return said
+        encoded["refusal"] = output.refusal
+    return encoded
 
 
 def _event(entry: list[Any]) -> Event:

@@ -10,7 +10,7 @@ class GateState(enum.StrEnum):
     """Where the gate stands."""
 
     IDLE = "IDLE"
-    """No vehicle heard yet."""
+    """No heartbeat received yet."""
     PREFLIGHT = "PREFLIGHT"
     """Checks are not all passed."""
     READY = "READY"
@@ -51,14 +51,14 @@ TRANSITIONS: dict[GateState, frozenset[GateState]] = {
     _S.ABORT: frozenset({_S.PREFLIGHT}),
     _S.RELEASED: frozenset({_S.PREFLIGHT}),
 }
-"""What may follow what. From the last three only an operator's order leads on: back to PREFLIGHT,
+"""What may follow what. From the last three only an operator's command leads on: back to PREFLIGHT,
 or from DONE to HOLD with another goal."""
 
 
 class Cause(enum.StrEnum):
     """Why the gate changed its state."""
 
-    VEHICLE_HEARD = "vehicle heard"
+    HEARTBEAT_RECEIVED = "vehicle heard"
     CHECKS_PASSED = "checks passed"
     CHECKS_FAILED = "checks failed"
     PILOT_ENGAGED = "pilot selected OFFBOARD"

@@ -1,4 +1,4 @@
-"""The stream of setpoints: when one is due, and how fast the velocity may change."""
+"""Setpoint stream: rate limit and slew of the velocity."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the gate has last heard of the vehicle, and what is wrong with it."""
+"""Last received messages of the vehicle, and the faults they show."""
 
 from __future__ import annotations
 
@@ -19,20 +19,20 @@ from dfvs_core.gate.events import (
     VehicleEvent,
     VehicleMode,
 )
-from dfvs_core.gate.other_commanders import Rivals
+from dfvs_core.gate.other_commanders import OtherCommanders
 from dfvs_core.gate.states import Cause
 
 Fault = tuple[Cause, str]
 
 
 NEVER = -(1 << 62)
-"""Time of a message that was not heard yet: older than any limit."""
+"""Time of a message not received yet: older than any limit."""
 
-_UNHEARD = "none heard yet"
+_NOT_RECEIVED = "none heard yet"
 
 
 @dataclass(frozen=True, slots=True)
-class OwnMotion:
+class VehicleMotion:
     """How the vehicle moves by its own estimate: velocity NED in m/s and heading in rad."""
 
     velocity_m_s: tuple[float, float, float]
@@ -40,7 +40,7 @@ class OwnMotion:
 
 
 @dataclass(slots=True)
-class VehiclePicture:
+class VehicleMonitor:
     """The newest message of each kind; before the first one, one that is infinitely old.
 
     ``heartbeat`` has the mode of CURRENT_MODE where that is newer; its age is its own.
@@ -57,27 +57,27 @@ class VehiclePicture:
         default_factory=lambda: LandedState(NEVER, in_air=False, on_ground=False)
     )
     battery: Battery = field(default_factory=lambda: Battery(NEVER, None))
-    health: Health = field(default_factory=lambda: Health(NEVER, ok=False, detail=_UNHEARD))
+    health: Health = field(default_factory=lambda: Health(NEVER, ok=False, detail=_NOT_RECEIVED))
     estimator: EstimatorState = field(
-        default_factory=lambda: EstimatorState(NEVER, valid=False, detail=_UNHEARD)
+        default_factory=lambda: EstimatorState(NEVER, valid=False, detail=_NOT_RECEIVED)
     )
     parameters: ParametersRead = field(default_factory=lambda: ParametersRead(NEVER))
-    rivals: Rivals = field(default_factory=Rivals)
+    other_commanders: OtherCommanders = field(default_factory=OtherCommanders)
     jump_m: float = 0.0
     """Largest step of the position estimate that its velocity does not explain."""
 
-    def take(self, event: VehicleEvent) -> None:
+    def update(self, event: VehicleEvent) -> None:
         """Remember an event."""
         match event:
             case Heartbeat():
                 self.heartbeat = event
-                self.rivals.hear(event, is_offboard=self.is_offboard)
+                self.other_commanders.on_heartbeat(event, is_offboard=self.is_offboard)
             case CurrentMode():
                 self.heartbeat = replace(self.heartbeat, mode=event.mode)
             case Attitude():
                 self.attitude = event
             case LocalPosition():
-                self._take_position(event)
+                self._on_position(event)
             case LandedState():
                 self.landed = event
             case Battery():
@@ -89,9 +89,9 @@ class VehiclePicture:
             case ParametersRead():
                 self.parameters = event
             case _:
-                self.rivals.take(event, self.attitude.yaw_rad)
+                self.other_commanders.update(event, self.attitude.yaw_rad)
 
-    def _take_position(self, new: LocalPosition) -> None:
+    def _on_position(self, new: LocalPosition) -> None:
         old = self.position
         self.position = new
         if old.t_ns == NEVER:
@@ -102,13 +102,13 @@ class VehiclePicture:
         self.jump_m = max(self.jump_m, jump) if math.isfinite(jump) else math.inf
 
     @property
-    def own_motion(self) -> OwnMotion:
+    def vehicle_motion(self) -> VehicleMotion:
         """Velocity and heading by the vehicle's own estimate."""
-        return OwnMotion(self.position.velocity_m_s, self.attitude.yaw_rad)
+        return VehicleMotion(self.position.velocity_m_s, self.attitude.yaw_rad)
 
     @property
-    def is_heard(self) -> bool:
-        """Tell whether any heartbeat was heard yet."""
+    def has_heartbeat(self) -> bool:
+        """Tell whether any heartbeat was received."""
         return self.heartbeat.t_ns != NEVER
 
     @property
@@ -127,7 +127,7 @@ class VehiclePicture:
         return self.is_armed and self.landed.in_air
 
 
-def link_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fault | None:
+def link_fault(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Fault | None:
     """Name what is missing of the stream from the autopilot."""
     timing = config.timing
     if now_ns - vehicle.heartbeat.t_ns > timing.heartbeat_age_ns:
@@ -145,17 +145,17 @@ def link_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Faul
     return None
 
 
-def watch_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fault | None:
+def watch_fault(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Fault | None:
     """Say that other commanders, or the vehicle's parameters, are not watched any more."""
-    if vehicle.rivals.watch_ended:
-        return Cause.WATCH_LOST, vehicle.rivals.watch_ended
-    heard_ns = vehicle.rivals.services.t_ns
-    if now_ns - heard_ns > config.timing.services_age_ns:
-        return Cause.WATCH_LOST, f"other services, {_ago(heard_ns, now_ns)}"
+    if vehicle.other_commanders.watch_ended:
+        return Cause.WATCH_LOST, vehicle.other_commanders.watch_ended
+    received_ns = vehicle.other_commanders.services.t_ns
+    if now_ns - received_ns > config.timing.services_age_ns:
+        return Cause.WATCH_LOST, f"other services, {_ago(received_ns, now_ns)}"
     return None
 
 
-def parameters_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fault | None:
+def parameters_fault(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Fault | None:
     """Say that the failsafe parameters were read too long ago."""
     read_ns = vehicle.parameters.t_ns
     if now_ns - read_ns > config.timing.parameters_age_ns:
@@ -163,7 +163,7 @@ def parameters_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -
     return None
 
 
-def estimate_fault(vehicle: VehiclePicture, config: GateConfig) -> Fault | None:
+def estimate_fault(vehicle: VehicleMonitor, config: GateConfig) -> Fault | None:
     """Name what is wrong with the autopilot's estimate of its own motion."""
     if not _is_finite_attitude(vehicle.attitude):
         return Cause.ESTIMATOR_INVALID, "attitude is not finite"
@@ -176,7 +176,7 @@ def estimate_fault(vehicle: VehiclePicture, config: GateConfig) -> Fault | None:
     return None
 
 
-def battery_fault(vehicle: VehiclePicture, config: GateConfig) -> Fault | None:
+def battery_fault(vehicle: VehicleMonitor, config: GateConfig) -> Fault | None:
     """Say that the battery is low, or that its charge is unknown where a limit is set."""
     if config.min_battery <= 0:
         return None
@@ -188,7 +188,7 @@ def battery_fault(vehicle: VehiclePicture, config: GateConfig) -> Fault | None:
     return None
 
 
-def flight_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fault | None:
+def flight_fault(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Fault | None:
     """Name the first thing about the vehicle that must end an engagement."""
     if fault := link_fault(vehicle, config, now_ns) or estimate_fault(vehicle, config):
         return fault
@@ -202,7 +202,7 @@ def flight_fault(vehicle: VehiclePicture, config: GateConfig, now_ns: int) -> Fa
 
 
 def _ago(t_ns: int, now_ns: int) -> str:
-    return _UNHEARD if t_ns == NEVER else f"last one {(now_ns - t_ns) / S:.2f} s ago"
+    return _NOT_RECEIVED if t_ns == NEVER else f"last one {(now_ns - t_ns) / S:.2f} s ago"
 
 
 def _is_finite_attitude(attitude: Attitude) -> bool:

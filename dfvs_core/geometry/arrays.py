@@ -1,4 +1,4 @@
-"""Names for the array types that the project passes around, and the check of an image."""
+"""Array type aliases, and the check of an image array."""
 
 from __future__ import annotations
 

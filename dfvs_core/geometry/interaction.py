@@ -1,4 +1,4 @@
-"""Interaction matrix of point features: how image points move when the camera moves."""
+"""Interaction matrix of point features."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Robust weights: correspondences that disagree with the motion of the others lose their vote."""
+"""Robust statistics: Tukey's biweight, weighted median, noise scale."""
 
 from __future__ import annotations
 

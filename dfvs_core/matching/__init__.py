@@ -1,1 +1,1 @@
-"""Dense correspondences between two pictures: the matchers and how good they are."""
+"""Dense correspondences between two images."""

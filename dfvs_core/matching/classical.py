@@ -1,4 +1,4 @@
-"""The classical baseline: sparse matches of RootSIFT features, without a network.
+"""Classical baseline: sparse RootSIFT matches.
 
 RootSIFT: Arandjelovic and Zisserman, CVPR 2012. Local contrast is equalised first, as dark plain
 walls hold texture that is too faint for the detector.
@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.points import PointMatches, Unwanted
+from dfvs_core.matching.points import Exclusion, PointMatches
 from dfvs_core.matching.staged import StagedMatcher
 
 
@@ -51,7 +51,7 @@ class SiftPoints:
         return SiftFeatures(points, descriptors.astype(np.float32))
 
     def hypotheses(
-        self, current: SiftFeatures, other: SiftFeatures, unwanted: Unwanted | None = None
+        self, current: SiftFeatures, other: SiftFeatures, exclusion: Exclusion | None = None
     ) -> Iterator[PointMatches]:
         """The matches, all of equal confidence; see ``dfvs_core.matching.points``."""
         pairs = _mutual_distinct(current.descriptors, other.descriptors, self._config.sift_ratio)

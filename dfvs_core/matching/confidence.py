@@ -1,4 +1,4 @@
-"""Confidence of flow fields: how much of one is confident, merging, and exclusion."""
+"""Confidence of flow fields: confident ratio, merging, exclusion."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tunable numbers of dense matching."""
+"""Parameters of dense matching."""
 
 from __future__ import annotations
 

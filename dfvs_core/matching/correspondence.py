@@ -1,4 +1,4 @@
-"""Dense correspondences between two pictures, and depth, as plain data."""
+"""Flow fields and depth maps."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ class FlowField:
     flow : (H, W, 2) float32
         Displacement (du, dv) in px: the point at pixel p is seen at ``p + flow`` in the second.
     confidence : (H, W) float32
-        0 (worthless, or not visible in the second image) to 1 (sure).
+        0 (worthless, or not visible in the second image) to 1 (certain).
     """
 
     flow: Float32Array

@@ -1,4 +1,4 @@
-"""Dense inverse search from a predicted flow, and the confidence of each of its vectors.
+"""Dense inverse search from a predicted flow, with a confidence per vector.
 
 1. Warp the other image backwards by the prediction, and match its brightness.
 2. Search the residual motion both ways (DIS, Kroeger et al., ECCV 2016).

@@ -1,4 +1,4 @@
-"""What every source of dense correspondences offers to perception."""
+"""Interface of the matchers."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ LEAST_SIZE_PX = 32
 """Width and height of the smallest images that can be matched."""
 
 
-class Prepared:
+class ImageFeatures:
     """An image as its matcher wants it, opaque to everybody else.
 
     Parameters
@@ -25,11 +25,11 @@ class Prepared:
     def __init__(self, size: tuple[int, int]) -> None:
         self.size = size
 
-    def slim(self) -> None:
+    def release(self) -> None:
         """Release what only a relocalisation asks for; it is computed anew there, to the bit."""
 
 
-OwnPrepared = TypeVar("OwnPrepared", bound=Prepared)
+OwnFeatures = TypeVar("OwnFeatures", bound=ImageFeatures)
 
 
 class Matcher(Protocol):
@@ -38,19 +38,19 @@ class Matcher(Protocol):
     A matcher keeps nothing between calls: the same arguments give the same bits.
     """
 
-    def prepare(self, image: ImageArray) -> Prepared:
+    def encode(self, image: ImageArray) -> ImageFeatures:
         """Compute once what depends on one image (H, W, 3) alone."""
         ...
 
     def match(
-        self, current: Prepared, other: Prepared, *, excluded: Sequence[FlowField] = ()
+        self, current: ImageFeatures, other: ImageFeatures, *, excluded: Sequence[FlowField] = ()
     ) -> FlowField:
         """Flow from ``current`` to ``other``, without a prior.
 
         Parameters
         ----------
-        current, other : Prepared
-            Two images of equal size, prepared by this same matcher.
+        current, other : ImageFeatures
+            Two images of equal size, encoded by this same matcher.
         excluded : sequence of FlowField
             Flows of hypotheses that were rejected. What leads to the same places does not count;
             where nothing else is found the flow comes without any confidence.
@@ -62,13 +62,15 @@ class Matcher(Protocol):
         """
         ...
 
-    def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField | None:
+    def track(
+        self, current: ImageFeatures, other: ImageFeatures, predicted: FlowField
+    ) -> FlowField | None:
         """Flow by a prediction alone; None where it does not hold."""
         ...
 
 
-def follow(
-    matcher: Matcher, current: Prepared, other: Prepared, predicted: FlowField | None
+def track_or_match(
+    matcher: Matcher, current: ImageFeatures, other: ImageFeatures, predicted: FlowField | None
 ) -> FlowField:
     """Flow by a prediction where it holds, else without a prior."""
     tracked = None if predicted is None else matcher.track(current, other, predicted)
@@ -95,13 +97,15 @@ def working_size(image: ImageArray, most_width_px: int | None = None) -> tuple[i
     return size
 
 
-def check_pair(current: Prepared, other: Prepared, kind: type[OwnPrepared]) -> list[OwnPrepared]:
+def check_pair(
+    current: ImageFeatures, other: ImageFeatures, kind: type[OwnFeatures]
+) -> list[OwnFeatures]:
     """Both images, as a matcher's own kind.
 
     Raises
     ------
     ImageError
-        If their sizes differ, or another matcher prepared one of them.
+        If their sizes differ, or another matcher encoded one of them.
     """
     if current.size != other.size:
         (h, w), (oh, ow) = current.size, other.size

@@ -1,4 +1,4 @@
-"""Sparse matches between two images, and what a source of them offers."""
+"""Sparse matches between two images, and the interface of their sources."""
 
 from __future__ import annotations
 
@@ -43,7 +43,7 @@ class PointMatches:
         return np.asarray(np.linalg.norm(moved, axis=1), np.float32)
 
 
-Unwanted = Callable[[PointMatches], BoolArray]
+Exclusion = Callable[[PointMatches], BoolArray]
 """Mask (N,) of the matches that are known to be wrong."""
 
 
@@ -60,7 +60,7 @@ class PointMatcher(Protocol[Features]):
         ...
 
     def hypotheses(
-        self, current: Features, other: Features, unwanted: Unwanted | None = None
+        self, current: Features, other: Features, exclusion: Exclusion | None = None
     ) -> Iterator[PointMatches]:
         """Match hypotheses, the likeliest first; each is computed when it is asked for.
 

@@ -1,4 +1,4 @@
-"""A smooth flow through scattered matches.
+"""Smooth interpolation of scattered matches to a flow field.
 
 A robust similarity is fitted first. What it leaves is interpolated on a grid of cells by affine
 normalised convolution (Knutsson and Westin, CVPR 1993), octave by octave from the width of the

@@ -1,4 +1,4 @@
-"""The matcher of the service: tracking where a prediction is at hand, else relocalisation."""
+"""Staged matcher: tracking from a predicted flow, or relocalisation."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.matching.confidence import empty_flow, exclude, is_excluded
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Prepared, check_pair, working_size
+from dfvs_core.matching.matcher import ImageFeatures, check_pair, working_size
 from dfvs_core.matching.points import Features, PointMatcher, PointMatches
 from dfvs_core.matching.relocalise import relocalise
 from dfvs_core.matching.track import track
 from dfvs_core.matching.warping import resized
 
 
-class StagedImage(Prepared, Generic[Features]):
+class StagedImage(ImageFeatures, Generic[Features]):
     """Image at the working size in grey (H, W), and its features, encoded when first asked for."""
 
     def __init__(
@@ -43,7 +43,7 @@ class StagedImage(Prepared, Generic[Features]):
         scale = self.size[1] / self._image.shape[1]
         return np.asarray((points + 0.5) * scale - 0.5, np.float32)
 
-    def slim(self) -> None:
+    def release(self) -> None:
         """Release the features; they are encoded anew where they are asked for again."""
         self.__dict__.pop("features", None)
 
@@ -64,12 +64,12 @@ class StagedMatcher(Generic[Features]):
         self._points = points
         self._config = config or MatchingConfig()
 
-    def prepare(self, image: ImageArray) -> StagedImage[Features]:
+    def encode(self, image: ImageArray) -> StagedImage[Features]:
         """Take an image (H, W, 3) uint8 RGB."""
         return StagedImage(image, self._points, self._config)
 
     def match(
-        self, current: Prepared, other: Prepared, *, excluded: Sequence[FlowField] = ()
+        self, current: ImageFeatures, other: ImageFeatures, *, excluded: Sequence[FlowField] = ()
     ) -> FlowField:
         """Flow without a prior; see :class:`Matcher`."""
         first, second = check_pair(current, other, StagedImage)
@@ -77,7 +77,9 @@ class StagedMatcher(Generic[Features]):
         found = relocalise(first.grey, second.grey, hypotheses, self._config)
         return empty_flow(first.size) if found is None else exclude(found, excluded, self._config)
 
-    def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField | None:
+    def track(
+        self, current: ImageFeatures, other: ImageFeatures, predicted: FlowField
+    ) -> FlowField | None:
         """Flow by a prediction alone; see :class:`Matcher`."""
         first, second = check_pair(current, other, StagedImage)
         return track(first.grey, second.grey, predicted, self._config)
@@ -94,11 +96,11 @@ class StagedMatcher(Generic[Features]):
             at, to = current.at_working_size(found.current), other.at_working_size(found.other)
             return PointMatches(at, to, found.confidence)
 
-        def unwanted(found: PointMatches) -> BoolArray:
+        def exclusion(found: PointMatches) -> BoolArray:
             return is_excluded(scaled(found), excluded, self._config)
 
         hypotheses = self._points.hypotheses(
-            current.features, other.features, unwanted if excluded else None
+            current.features, other.features, exclusion if excluded else None
         )
         for matches in hypotheses:
-            yield scaled(matches.select(~unwanted(matches)))
+            yield scaled(matches.select(~exclusion(matches)))

@@ -1,4 +1,4 @@
-"""Where an image has something that could be matched."""
+"""Texture mask of an image."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Tracking: a flow predicted from the frame before, made precise.
+"""Tracking: refinement of a predicted flow.
 
 1. Confident vectors of the prediction are matches; a smooth flow goes through them.
 2. The dense search makes it precise.

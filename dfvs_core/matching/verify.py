@@ -1,4 +1,4 @@
-"""Verification of a match hypothesis: two-view geometry, and appearance.
+"""Verification of a match hypothesis by two-view geometry and appearance.
 
 A still scene moves by one fundamental matrix, so right matches lie on its epipolar lines
 (MAGSAC++, Barath et al., CVPR 2020). Repeated structures do so too; but where the hypothesis is

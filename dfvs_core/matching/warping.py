@@ -1,4 +1,4 @@
-"""Flows as maps of the image plane: backward warping and composition.
+"""Backward warping and composition of flow fields.
 
 Flow is a displacement, so it is the same in OpenCV's coordinates (first pixel's centre at 0, 0)
 as in ours (at 0.5, 0.5).

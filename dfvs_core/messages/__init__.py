@@ -1,1 +1,1 @@
-"""What travels between processes: frames, reports, vehicle state, telemetry, commands."""
+"""Messages between processes: frames, reports, vehicle state, telemetry, commands."""

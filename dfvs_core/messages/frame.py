@@ -1,4 +1,4 @@
-"""A camera frame on the wire: the pixels as payload, the rest in a fixed 48-byte attachment.
+"""Camera frame message: pixels as payload, header as a fixed 48-byte attachment.
 
 The capture time is CLOCK_MONOTONIC of the machine whose boot identity stands in ``clock``:
 camera and service run on the same companion computer. Routers stamp samples with their own
@@ -18,7 +18,7 @@ import numpy as np
 
 from dfvs_core.errors import WireError
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.messages.image import decode_picture, encode_jpeg, encode_png
+from dfvs_core.messages.image import decode_image, encode_jpeg, encode_png
 
 _HEADER = struct.Struct("<4sBBxxHHIQq16s")
 _MAGIC = b"DFVF"
@@ -148,7 +148,7 @@ def decode_frame(payload: bytes, header: FrameHeader) -> Frame:
     WireError
         If length or checksum disagree with the header.
     ImageError
-        If a compressed picture cannot be decoded.
+        If a compressed image cannot be decoded.
     """
     shape = (header.height, header.width)
     channels = _CHANNELS.get(header.pixel_format)
@@ -159,9 +159,9 @@ def decode_frame(payload: bytes, header: FrameHeader) -> Frame:
     if zlib.crc32(payload) != header.checksum:
         raise WireError("the frame's checksum does not match its bytes")
     if channels is None:
-        image = decode_picture(payload, max_pixels=shape[0] * shape[1])
+        image = decode_image(payload, max_pixels=shape[0] * shape[1])
         if image.shape[:2] != shape:
-            raise WireError(f"picture of {image.shape[1]} x {image.shape[0]} px", f"{shape[::-1]}")
+            raise WireError(f"image of {image.shape[1]} x {image.shape[0]} px", f"{shape[::-1]}")
     else:
         image = _raw_to_rgb(np.frombuffer(payload, np.uint8).reshape(*shape, channels), header)
     return Frame(image, header.t_capture_ns, header.seq)

@@ -1,9 +1,9 @@
-"""What a recorder is told: all that perception's results follow from, so that it can be rerun.
+"""Frame records: the inputs and results of each frame, complete enough for a bit-exact replay.
 
-Two kinds of messages. An ``Opening`` says with what perception works: settings, goal, model, build.
-A ``Turn`` is one round of perception's loop: what the gate had said, the sample as it came, the
-times by which it was judged, and the report that followed. Same openings and turns, same
-reports, bit for bit.
+A ``SessionHeader`` holds what perception works with: settings, goal, model, build. A
+``FrameRecord`` holds one cycle of perception: the gate's messages since the last one, the sample as
+received, the times by which its age was checked, and the report. The field names are the keys of
+recordings; they stay, so that older recordings remain readable.
 """
 
 from __future__ import annotations
@@ -25,15 +25,15 @@ T = TypeVar("T")
 
 
 @dataclass(frozen=True, slots=True)
-class Opening:
-    """With what perception works from the turn ``first_turn`` on.
+class SessionHeader:
+    """What perception works with from the frame record ``first_turn`` on.
 
-    ``opened_ns`` is when it began to, and tells one opening from another. ``clock`` is the identity
+    ``opened_ns`` is the time of its start, and identifies the header. ``clock`` is the identity
     (hex) of the clock of all ``_ns``; ``unix_offset_ns`` added to them gives Unix time. ``build``
     maps software to versions, ``model`` the matcher's files to their SHA-256. ``settings`` are the
-    service's resolved ones, ``sidecar`` the goal's; the goal's picture (PNG) travels beside the
-    opening. ``observed_ns`` is the capture time of the earlier frame whose preview tracking began
-    with, None where it began with a search.
+    service's resolved ones, ``sidecar`` the goal's; the goal image (PNG) travels beside the
+    header. ``observed_ns`` is the capture time of the earlier frame whose preview tracking began
+    with, None where it began with a relocalisation.
     """
 
     vehicle: str
@@ -55,11 +55,11 @@ class Opening:
 
 
 @dataclass(frozen=True, slots=True)
-class Sight:
-    """The sample that a turn looked at; its payload travels beside the turn.
+class FrameInput:
+    """Sample of a camera frame as received; its payload travels beside the record.
 
     ``attachment`` is the sample's, in hex. ``t_look_ns`` and ``t_servo_ns`` are the times by which
-    the frame's age was judged: before decoding, and in the servo step (None where the frame did
+    the frame's age was checked: before decoding, and in the servo step (None where the frame did
     not get so far). ``stages_ns`` holds how long each stage took.
     """
 
@@ -71,12 +71,12 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True)
-class Turn:
-    """One round of perception's loop.
+class FrameRecord:
+    """One cycle of perception.
 
-    ``number`` counts from 0 without gaps, ``opening`` is the ``opened_ns`` of the one that holds.
-    ``heard`` is what the gate said since the turn before, oldest first. ``sight`` is None where no
-    frame came. ``servo`` is the frame's servo document, empty where there is none.
+    ``number`` counts from 0 without gaps, ``opening`` is the ``opened_ns`` of the valid header.
+    ``heard`` holds the messages of the gate since the last record, oldest first. ``sight`` is None
+    where no frame came. ``servo`` is the frame's servo document, empty where there is none.
     """
 
     number: int
@@ -84,11 +84,11 @@ class Turn:
     t_ns: int
     heard: tuple[GateStatus, ...]
     report: PerceptionReport
-    sight: Sight | None = None
+    sight: FrameInput | None = None
     servo: dict[str, Any] = field(default_factory=dict)
 
 
-def pack(message: Opening | Turn, payload: bytes) -> bytes:
+def pack(message: SessionHeader | FrameRecord, payload: bytes) -> bytes:
     """Bytes of a message with the bytes that travel beside it."""
     text = to_json(message)
     return b"".join((_HEAD.pack(_MAGIC, len(text)), text, payload))

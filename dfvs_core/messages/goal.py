@@ -1,4 +1,4 @@
-"""The goal: a picture, and a sidecar file that says how it was taken.
+"""Goal image with its sidecar: intrinsics, pose and mounting.
 
 ``goal.png`` has ``goal.json`` beside it: the camera's intrinsics, the vehicle's roll and pitch
 and the camera's mounting at that moment. Without a sidecar the goal counts as taken level, by
@@ -52,7 +52,7 @@ class Mount:
 
 @dataclass(frozen=True, slots=True)
 class GoalSidecar:
-    """How a goal picture was taken.
+    """How a goal image was taken.
 
     ``pose_camera`` (16 numbers, row by row) is the pose of the camera in the scene where that is
     known, as in simulation: it serves evaluation only and is never used to fly. ``taken_at`` is
@@ -98,7 +98,7 @@ class GoalSidecar:
 
 @dataclass(frozen=True, slots=True)
 class Goal:
-    """A goal picture (H, W, 3) uint8 RGB and how it was taken."""
+    """A goal image (H, W, 3) uint8 RGB and how it was taken."""
 
     image: ImageArray
     sidecar: GoalSidecar

@@ -1,6 +1,6 @@
-"""A new goal on its way to the service: sidecar and picture in one run of bytes, and its digest.
+"""Goal command message: sidecar and image in one payload, and its digest.
 
-The operator signs the digest; the service looks at the picture only after it was found signed.
+The operator signs the digest; the service looks at the image only after it was found signed.
 """
 
 from __future__ import annotations
@@ -18,10 +18,10 @@ MAX_SIDECAR_BYTES = 64 * 1024
 
 
 @dataclass(frozen=True, slots=True)
-class GoalOrder:
-    """PNG or JPEG bytes of a goal picture, and its sidecar's JSON (empty: taken as level)."""
+class GoalCommand:
+    """PNG or JPEG bytes of a goal image, and its sidecar's JSON (empty: taken as level)."""
 
-    picture: bytes
+    image: bytes
     sidecar: str = ""
 
     def to_bytes(self) -> bytes:
@@ -33,18 +33,18 @@ class GoalOrder:
             If it is too large to be sent.
         """
         sidecar = self.sidecar.encode()
-        data = _HEADER.pack(_MAGIC, len(sidecar)) + sidecar + self.picture
+        data = _HEADER.pack(_MAGIC, len(sidecar)) + sidecar + self.image
         if len(sidecar) > MAX_SIDECAR_BYTES or len(data) > MAX_MESSAGE_BYTES:
             raise WireError(
                 f"goal of {len(data)} bytes, {len(sidecar)} of them sidecar",
                 f"at most {MAX_MESSAGE_BYTES} and {MAX_SIDECAR_BYTES} bytes",
-                "send the picture as JPEG",
+                "send the image as JPEG",
             )
         return data
 
     @classmethod
-    def from_bytes(cls, data: bytes) -> GoalOrder:
-        """Read a payload; the picture is not looked at.
+    def from_bytes(cls, data: bytes) -> GoalCommand:
+        """Read a payload; the image is not looked at.
 
         Raises
         ------

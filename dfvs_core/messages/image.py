@@ -1,7 +1,7 @@
-"""Compressed pictures to pixels, with the size read from the header before anything is decoded.
+"""Decoding of JPEG and PNG images with a size check on the header; encoding.
 
 A few hundred bytes of PNG can unfold to a gigabyte, so no byte is decoded before the header's
-size was found acceptable. Some kinds of pictures take time instead of memory and are refused as
+size was found acceptable. Some kinds of images take time instead of memory and are refused as
 well: a JPEG of very many scans or segments, and a PNG whose data unfold to more than its pixels.
 """
 
@@ -17,8 +17,8 @@ import numpy as np
 from dfvs_core.errors import ImageError
 from dfvs_core.geometry.arrays import ImageArray
 
-MAX_PICTURE_BYTES = 32 * 1024 * 1024
-MAX_PICTURE_PIXELS = 16 * 1024 * 1024
+MAX_IMAGE_BYTES = 32 * 1024 * 1024
+MAX_IMAGE_PIXELS = 16 * 1024 * 1024
 
 _PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 _PNG_HEAD_BYTES = 33
@@ -33,14 +33,14 @@ _JPEG_SIZE_MARKERS = frozenset({0xC0, 0xC1, 0xC2})
 _JPEG_OTHER_SIZE_MARKERS = frozenset(range(0xC3, 0xD0)) - {0xC4, 0xC8, 0xCC}
 _JPEG_SCAN = b"\xff\xda"
 _MAX_JPEG_SCANS = 64
-"""Usual progressive pictures have ten; every scan walks all blocks again for a dozen bytes."""
+"""Usual progressive images have ten; every scan walks all blocks again for a dozen bytes."""
 _JPEG_FILL = re.compile(rb"\xff+")
 """A marker may be preceded by any number of them."""
 _MAX_JPEG_SEGMENTS = 1024
 _JPEG_BARE_MARKERS = frozenset({0x01, *range(0xD0, 0xD8)})
 
 
-def picture_size(data: bytes) -> tuple[int, int]:
+def image_size(data: bytes) -> tuple[int, int]:
     """(width, height) in px from the header of a PNG or JPEG, nothing decoded.
 
     Raises
@@ -55,7 +55,7 @@ def picture_size(data: bytes) -> tuple[int, int]:
         return int(width), int(height)
     if data.startswith(_JPEG_MAGIC):
         return _jpeg_size(data)
-    raise ImageError(f"the data begins with {data[:8]!r}", "a PNG or JPEG picture")
+    raise ImageError(f"the data begins with {data[:8]!r}", "a PNG or JPEG image")
 
 
 def _jpeg_size(data: bytes) -> tuple[int, int]:
@@ -81,31 +81,31 @@ def _jpeg_size(data: bytes) -> tuple[int, int]:
     raise ImageError("the JPEG header has too many segments", f"at most {_MAX_JPEG_SEGMENTS}")
 
 
-def decode_picture(data: bytes, max_pixels: int = MAX_PICTURE_PIXELS) -> ImageArray:
+def decode_image(data: bytes, max_pixels: int = MAX_IMAGE_PIXELS) -> ImageArray:
     """Decode a PNG or JPEG to (H, W, 3) uint8 RGB.
 
     Raises
     ------
     ImageError
-        If the picture is too large, damaged, or not PNG or JPEG.
+        If the image is too large, damaged, or not PNG or JPEG.
     """
-    if len(data) > MAX_PICTURE_BYTES:
-        raise ImageError(f"picture of {len(data)} bytes", f"at most {MAX_PICTURE_BYTES}")
-    width, height = picture_size(data)
+    if len(data) > MAX_IMAGE_BYTES:
+        raise ImageError(f"image of {len(data)} bytes", f"at most {MAX_IMAGE_BYTES}")
+    width, height = image_size(data)
     if width < 1 or height < 1 or width * height > max_pixels:
-        raise ImageError(f"picture of {width} x {height} px", f"at most {max_pixels} px in all")
+        raise ImageError(f"image of {width} x {height} px", f"at most {max_pixels} px in all")
     if data.startswith(_PNG_MAGIC):
         data = _png_pixels(data, width, height)
     elif data.count(_JPEG_SCAN) > _MAX_JPEG_SCANS:
         raise ImageError(f"JPEG of {data.count(_JPEG_SCAN)} scans", f"at most {_MAX_JPEG_SCANS}")
-    # Pixels stay where the sensor had them: a note on how to turn the picture must not count.
+    # Pixels stay where the sensor had them: a note on how to turn the image must not count.
     flags = cv2.IMREAD_COLOR | cv2.IMREAD_IGNORE_ORIENTATION
     try:
         bgr = cv2.imdecode(np.frombuffer(data, np.uint8), flags)
     except cv2.error as error:
-        raise ImageError(f"the picture cannot be decoded ({error.err})") from error
+        raise ImageError(f"the image cannot be decoded ({error.err})") from error
     if bgr is None or bgr.shape[:2] != (height, width) or bgr.dtype != np.uint8:
-        raise ImageError("the picture cannot be decoded", f"{width} x {height} px, 8 bit")
+        raise ImageError("the image cannot be decoded", f"{width} x {height} px, 8 bit")
     return np.ascontiguousarray(bgr[:, :, ::-1])
 
 

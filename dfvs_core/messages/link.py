@@ -111,7 +111,7 @@ class GateStatus:
     says how far the vehicle is from where it was engaged. A signed command must carry
     ``challenge``; ``command_result`` says what became of the last one, ``command_count`` how many
     came. ``warnings`` are for the operator. ``goal`` is the digest of
-    the goal that an operator ordered, empty while it is the one of the start.
+    the goal that an operator commanded, empty while it is the one of the start.
     """
 
     state: str

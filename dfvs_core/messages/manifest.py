@@ -1,7 +1,7 @@
-"""The model contract: what a bundle's ``manifest.json`` says of the networks beside it.
+"""Manifest of a model bundle: graphs, tensors, files with SHA-256, licence and accuracy.
 
 A bundle is a folder with ``manifest.json`` and ONNX files. The manifest names every file with
-its SHA-256, says how pictures go in and how flow comes out, where the weights come from and
+its SHA-256, says how images go in and how flow comes out, where the weights come from and
 under which licence, and how accurate they were measured to be.
 """
 
@@ -14,9 +14,9 @@ from collections.abc import Mapping, Sequence
 from dataclasses import dataclass, field
 from typing import Literal, TypeVar
 
-from dfvs_core.depth.network import DepthUnit
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_core.messages.schema import parse, setting, to_text
+from dfvs_core.messages.network_tensors import DepthOutput, FlowOutput, ImageInput, PoseOutput
+from dfvs_core.messages.schema import parse, to_text
 
 BUNDLE_FORMAT = "dfvs-bundle/2"
 MANIFEST_NAME = "manifest.json"
@@ -33,128 +33,6 @@ GRAPHS_OF_KIND: Mapping[str, tuple[str, ...]] = {
     "pose": ("pose",),
 }
 """Roles of the graphs that a bundle of each kind holds."""
-
-
-@dataclass(frozen=True, slots=True)
-class PictureInput:
-    """How a picture becomes a tensor: resized, ``(pixel * scale - mean) / std``, channels first.
-
-    ``layout`` says how two pictures enter a ``pair`` or ``pose`` graph: as two inputs of (1, C, H,
-    W), as one input of (1, 2C, H, W), or as one of (1, 2, C, H, W). One picture is (1, C, H, W).
-    """
-
-    width: int = setting(320, "width of the network's pictures, px", low=16, high=4096)
-    height: int = setting(240, "height of the network's pictures, px", low=16, high=4096)
-    multiple_of: int = setting(1, "what width and height must be multiples of", low=1, high=256)
-    layout: Literal["separate", "channels", "stack"] = "separate"
-    channels: Literal["rgb", "bgr", "grey"] = "rgb"
-    scale: float = setting(1.0 / 255.0, "factor on 0..255", low=1e-6, high=1e3)
-    mean: tuple[float, ...] = (0.0,)
-    std: tuple[float, ...] = (1.0,)
-
-    def __post_init__(self) -> None:
-        """Refuse sizes and normalisations that contradict themselves."""
-        if self.width % self.multiple_of or self.height % self.multiple_of:
-            raise ModelError(
-                f"input size {self.width} x {self.height}", f"multiples of {self.multiple_of}"
-            )
-        for name, values in (("mean", self.mean), ("std", self.std)):
-            if len(values) not in (1, self.channel_count):
-                raise ModelError(f"{name} has {len(values)} values", f"1 or {self.channel_count}")
-        if min(self.std) <= 0.0:
-            raise ModelError(f"std is {self.std}", "positive numbers")
-
-    @property
-    def channel_count(self) -> int:
-        """Channels of one picture."""
-        return 1 if self.channels == "grey" else 3
-
-    def pair_shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes of the inputs of a ``pair`` or ``pose`` graph."""
-        c, h, w = self.channel_count, self.height, self.width
-        if self.layout == "separate":
-            return (1, c, h, w), (1, c, h, w)
-        if self.layout == "channels":
-            return ((1, 2 * c, h, w),)
-        return ((1, 2, c, h, w),)
-
-
-@dataclass(frozen=True, slots=True)
-class FlowOutput:
-    """What the flow tensor (1, 2, height / stride, width / stride) means.
-
-    Times ``scale`` it is in px of the network's pictures; ``order`` is that of its channels.
-    """
-
-    stride: int = setting(1, "network's px per vector", low=1, high=64)
-    scale: float = 1.0
-    order: Literal["uv", "vu"] = "uv"
-
-    def __post_init__(self) -> None:
-        """Refuse a scale that makes every flow zero."""
-        if self.scale == 0.0:
-            raise ModelError("flow scale is 0", "a number other than 0")
-
-
-@dataclass(frozen=True, slots=True)
-class DepthOutput:
-    """What the depth tensor (1, height / stride, width / stride) means.
-
-    Depth is along the optical axis. ``unit`` is ``"m"`` of depth, ``"1/m"`` of inverse depth;
-    ``"relative"`` of either that is known up to a factor, ``"affine"`` of inverse depth that is
-    known up to a factor and an offset. ``spread`` is the standard deviation of the logarithm of
-    depth where the graph does not give it as its second output; ``scale_spread`` that of the whole
-    image's scale, of a metric network.
-    """
-
-    quantity: Literal["depth", "inverse-depth"]
-    unit: DepthUnit
-    stride: int = setting(1, "network's px per value", low=1, high=64)
-    spread: float | None = setting(
-        None, "standard deviation of the logarithm of depth", low=0.001, high=10.0
-    )
-    scale_spread: float | None = setting(
-        None, "standard deviation of the logarithm of the scale", low=0.001, high=10.0
-    )
-
-    def __post_init__(self) -> None:
-        """Refuse a unit that does not go with the quantity, or with what is said of the scale."""
-        units = {"depth": ("m", "relative"), "inverse-depth": ("1/m", "relative", "affine")}
-        if self.unit not in units[self.quantity]:
-            raise ModelError(
-                f"{self.quantity} in the unit {self.unit!r}",
-                f"one of {', '.join(map(repr, units[self.quantity]))}",
-            )
-        if self.is_metric != (self.scale_spread is not None):
-            raise ModelError(
-                f"depth in the unit {self.unit!r} {'without' if self.is_metric else 'with'}"
-                " 'scale_spread'",
-                "it for metric networks, and only for those",
-            )
-
-    @property
-    def is_metric(self) -> bool:
-        """Whether it has a length."""
-        return self.unit in ("m", "1/m")
-
-
-@dataclass(frozen=True, slots=True)
-class PoseOutput:
-    """What the outputs of a ``pose`` graph mean: pose of the second camera in the first.
-
-    The first output is the translation (1, 3), in m or, with the unit ``"depth"``, in depths at the
-    middle of the second picture. The second one is the rotation: a quaternion (1, 4) as (w, x, y,
-    z) of any length, or a rotation vector (1, 3) rad. The graph's last input is the pictures' focal
-    length over their width (1, 1).
-    """
-
-    unit: Literal["m", "depth"]
-    rotation: Literal["quaternion", "vector"]
-
-    @property
-    def shapes(self) -> tuple[tuple[int, ...], ...]:
-        """Shapes of the two outputs."""
-        return (1, 3), (1, 4 if self.rotation == "quaternion" else 3)
 
 
 @dataclass(frozen=True, slots=True)
@@ -178,7 +56,7 @@ class Manifest:
     format: str
     name: str
     kind: Literal["pair", "encode-match", "mono", "pose"]
-    input: PictureInput
+    input: ImageInput
     graphs: dict[str, Graph]
     files: dict[str, str]
     licence: str
@@ -227,10 +105,10 @@ class Manifest:
             self._check_mono(self.depth)
 
     def match_feeds(self, first: Sequence[T], second: Sequence[T]) -> dict[str, T]:
-        """Name what goes into the graph ``match``: outputs of ``encode`` of both pictures.
+        """Name what goes into the graph ``match``: outputs of ``encode`` of both images.
 
         An input of ``match`` has the name of an output of ``encode`` after ``first_`` (the
-        picture that the flow starts from) or ``second_``.
+        image that the flow starts from) or ``second_``.
 
         Raises
         ------

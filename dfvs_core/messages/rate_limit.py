@@ -1,4 +1,4 @@
-"""A limit on how often something from outside is heeded: a token bucket, time passed in."""
+"""Token-bucket rate limit of external input."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""How ROS 2 messages travel over Zenoh: keys, attachments and the tokens that announce them.
+"""ROS 2 over Zenoh (rmw_zenoh): keys, attachments and liveliness tokens.
 
 Two programs bring ROS 2 to Zenoh. ``rmw_zenoh`` is a middleware of ROS 2 itself: its keys carry
 domain, topic, type and the type's hash, its samples an attachment of 33 bytes, and publishers

@@ -1,4 +1,4 @@
-"""Plain mappings (from JSON or TOML) to frozen dataclasses and back, strictly.
+"""Strict conversion between mappings (JSON, TOML) and frozen dataclasses.
 
 An error names the place: of an unknown or missing key, a wrong type, a number that is not finite or
 out of the field's range. For an unknown key it also names the nearest known one.
@@ -125,6 +125,24 @@ def parse(cls: type[T], data: object, where: str = "", *, file: bool = False) ->
         elif field.default is field.default_factory is dataclasses.MISSING:
             raise ConfigError(f"{place!r} is missing", f"a value for it ({_title(hint)})")
     return cls(**values)
+
+
+def with_present_names(cls: Any, data: Any) -> Any:
+    """Recorded mapping with the present names of its fields in place of former ones."""
+    if not isinstance(data, Mapping):
+        return data
+    fields = dataclasses.fields(cls)
+    present: dict[Any, str] = {
+        f.metadata["formerly"]: f.name for f in fields if f.metadata.get("formerly")
+    }
+    sections: dict[Any, type[Any] | None] = {
+        name: section_of(hint) for name, hint in hints_of(cls).items()
+    }
+    renamed: dict[Any, Any] = {present.get(key, key): value for key, value in data.items()}
+    return {
+        key: value if (section := sections.get(key)) is None else with_present_names(section, value)
+        for key, value in renamed.items()
+    }
 
 
 def from_json(cls: type[T], data: bytes) -> T:

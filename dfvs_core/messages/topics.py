@@ -1,4 +1,4 @@
-"""One table of all Zenoh keys: who publishes what, and how often."""
+"""Table of the Zenoh keys."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Topics:
     timing     service       1 Hz    JSON: latency of each stage, p50 and p99, in ms
     preview    service       5 Hz    JPEG: current view with the flow drawn on it [1]_
     flow       service       10 Hz   coarse grid of flow and confidence: ``wire.flow_grid`` [1]_
-    goal       service       change  JPEG: goal picture (cached); attachment: ``wire.frame``
+    goal       service       change  JPEG: goal image (cached); attachment: ``wire.frame``
     route      service       change  JSON: number of the goal at hand, of how many (cached)
     config     service       once    JSON: resolved configuration (cached for late joiners)
     opening    service       change  ``wire.turn``: all that perception works with (cached)
@@ -61,7 +61,7 @@ class Topics:
 
     @property
     def new_goal(self) -> str:
-        """Key of new goals, each with the signed command that orders it."""
+        """Key of new goals, each with the signed command for it."""
         return f"dfvs/{self.vehicle}/new_goal"
 
     def lease(self, part: str, service: str) -> str:

@@ -1,4 +1,4 @@
-"""Who may do what over Zenoh: one role for each kind of process, known by its certificate's name.
+"""Zenoh access control: roles by the common name of their certificate.
 
 Everything that is not allowed here is denied. The rules are enforced where links end: by a router,
 or by the service itself where others connect to it directly.
@@ -35,39 +35,46 @@ _STREAMS = {
 }
 """Roles that listen to a few streams of telemetry and do nothing else."""
 
-_SAYS = ("put", "delete", "declare_queryable", "reply", "liveliness_token")
+_PUBLISHER_MESSAGES = ("put", "delete", "declare_queryable", "reply", "liveliness_token")
 """Messages of whoever publishes something; the other way round they reach whoever listens."""
-_HEARS = ("declare_subscriber", "query", "declare_liveliness_subscriber", "liveliness_query")
+_SUBSCRIBER_MESSAGES = (
+    "declare_subscriber",
+    "query",
+    "declare_liveliness_subscriber",
+    "liveliness_query",
+)
 
 
 @dataclass(frozen=True, slots=True)
 class Access:
     """Keys that a role publishes and listens to, and exceptions from what wildcards cover."""
 
-    says: tuple[str, ...] = ()
-    hears: tuple[str, ...] = ()
-    never_says: tuple[str, ...] = ()
-    never_hears: tuple[str, ...] = ()
+    publishes: tuple[str, ...] = ()
+    subscribes: tuple[str, ...] = ()
+    never_publishes: tuple[str, ...] = ()
+    never_subscribes: tuple[str, ...] = ()
 
 
 def role_access(role: Role, topics: Topics) -> Access:
     """What a role of one vehicle may publish and listen to; a router takes no part itself."""
-    orders = (topics.command, topics.new_goal)
+    commands = (topics.command, topics.new_goal)
     camera = (topics.camera, topics.calibration)
     telemetry = topics.telemetry("*")
     if role is Role.SERVICE:
-        inputs, lease = (*camera, *orders), topics.lease("*", "*")
-        return Access((telemetry, lease), (*inputs, lease), never_says=inputs)
+        inputs, lease = (*camera, *commands), topics.lease("*", "*")
+        return Access((telemetry, lease), (*inputs, lease), never_publishes=inputs)
     if role is Role.CAMERA:
-        return Access(says=camera)
+        return Access(publishes=camera)
     if role in _STREAMS:
-        return Access(hears=tuple(topics.telemetry(name) for name in _STREAMS[role]))
+        return Access(subscribes=tuple(topics.telemetry(name) for name in _STREAMS[role]))
     if role is Role.RECORDER:
-        return Access(hears=(telemetry, topics.calibration), never_hears=orders)
+        return Access(subscribes=(telemetry, topics.calibration), never_subscribes=commands)
     if role is Role.OPERATOR:
-        return Access(says=orders, hears=(telemetry,), never_hears=(*camera, *orders))
+        return Access(
+            publishes=commands, subscribes=(telemetry,), never_subscribes=(*camera, *commands)
+        )
     if role is Role.DASHBOARD:
-        return Access(hears=(telemetry,), never_hears=(*camera, *orders))
+        return Access(subscribes=(telemetry,), never_subscribes=(*camera, *commands))
     return Access()
 
 
@@ -82,7 +89,14 @@ def access_control(vehicles: Sequence[str]) -> dict[str, Any]:
     Unencrypted links on the machine itself, over loopback or a Unix socket, may do everything:
     whoever is there needs no network.
     """
-    rules = [_rule("this-machine", (*_SAYS, *_HEARS), ("ingress", "egress"), ("**",))]
+    rules = [
+        _rule(
+            "this-machine",
+            (*_PUBLISHER_MESSAGES, *_SUBSCRIBER_MESSAGES),
+            ("ingress", "egress"),
+            ("**",),
+        )
+    ]
     subjects: list[dict[str, Any]] = [
         {"id": "this-machine", "interfaces": ["lo"], "link_protocols": ["tcp"]},
         {"id": "this-service", "link_protocols": ["unixsock-stream"]},
@@ -111,13 +125,29 @@ def access_control(vehicles: Sequence[str]) -> dict[str, Any]:
 def _role_rules(name: str, access: Access) -> list[dict[str, Any]]:
     """Rules of one role: what it publishes comes in, what it listens to goes out."""
     rules = []
-    if access.says:
-        rules.append(_rule(f"{name} says", _SAYS, ("ingress",), access.says))
-        rules.append(_rule(f"{name} is heard", _HEARS, ("egress",), _of_any(access.says)))
-    if access.hears:
-        rules.append(_rule(f"{name} hears", _HEARS, ("ingress",), _of_any(access.hears)))
-        rules.append(_rule(f"{name} is told", _SAYS, ("egress",), access.hears))
-    exceptions = (("says", "ingress", access.never_says), ("hears", "egress", access.never_hears))
+    if access.publishes:
+        rules.append(
+            _rule(f"{name} publishes", _PUBLISHER_MESSAGES, ("ingress",), access.publishes)
+        )
+        rules.append(
+            _rule(
+                f"{name} is subscribed to",
+                _SUBSCRIBER_MESSAGES,
+                ("egress",),
+                _of_any(access.publishes),
+            )
+        )
+    if access.subscribes:
+        rules.append(
+            _rule(
+                f"{name} subscribes", _SUBSCRIBER_MESSAGES, ("ingress",), _of_any(access.subscribes)
+            )
+        )
+        rules.append(_rule(f"{name} receives", _PUBLISHER_MESSAGES, ("egress",), access.subscribes))
+    exceptions = (
+        ("publishes", "ingress", access.never_publishes),
+        ("subscribes", "egress", access.never_subscribes),
+    )
     for verb, flow, keys in exceptions:
         if keys:
             denied = _rule(f"{name} never {verb}", ("put", "delete"), (flow,), keys)

@@ -1,4 +1,4 @@
-"""Zenoh session settings that every process of ours opens with, as (key, JSON) pairs.
+"""Zenoh session settings as (key, JSON) pairs.
 
 No multicast, explicit endpoints, small messages, quick reconnection. Two peers that meet through
 a router exchange nothing, so with a router the mode is client. With certificates both ends of a

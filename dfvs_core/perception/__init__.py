@@ -1,1 +1,1 @@
-"""Perception of one goal: from a camera frame to a velocity and a report for the gate."""
+"""Perception of one goal: from a camera frame to a velocity and a report."""

@@ -1,6 +1,6 @@
-"""Whether a camera sends its colours in the order of the goal picture's.
+"""Channel order check of the camera images against the goal image.
 
-A driver that takes RGB for BGR gives pictures that match well enough in grey, while everything
+A driver that takes RGB for BGR gives images that match well enough in grey, while everything
 that was learnt from colours goes wrong. Points that correspond have the same colour, so the
 order shows in them, whatever the light and whatever else is in view.
 """
@@ -16,14 +16,14 @@ STRIDE_PX = 8
 MIN_CONFIDENCE = 0.5
 MIN_POINTS = 40
 MIN_CHROMA = 10.0
-"""Mean difference of red and blue in grey levels; below it a picture is grey and says nothing."""
+"""Mean difference of red and blue in grey levels; below it an image is grey and says nothing."""
 
 CLEARLY = 0.6
 """Share of the difference that must be left when red and blue are exchanged."""
 
 
-def is_swapped(image: ImageArray, goal: ImageArray, flow: FlowField) -> bool:
-    """Tell whether red and blue of a picture are exchanged against the goal picture.
+def is_channel_order_swapped(image: ImageArray, goal: ImageArray, flow: FlowField) -> bool:
+    """Tell whether red and blue of an image are exchanged against the goal image.
 
     Parameters
     ----------
@@ -36,8 +36,8 @@ def is_swapped(image: ImageArray, goal: ImageArray, flow: FlowField) -> bool:
         STRIDE_PX // 2 : flow.flow.shape[0] : STRIDE_PX,
         STRIDE_PX // 2 : flow.flow.shape[1] : STRIDE_PX,
     ]
-    sure = flow.confidence[v, u] >= MIN_CONFIDENCE
-    v, u = v[sure], u[sure]
+    confident = flow.confidence[v, u] >= MIN_CONFIDENCE
+    v, u = v[confident], u[confident]
     to = np.rint(flow.flow[v, u]).astype(np.int64)
     goal_u, goal_v = u + to[:, 0], v + to[:, 1]
     inside = (goal_u >= 0) & (goal_u < width) & (goal_v >= 0) & (goal_v < height)

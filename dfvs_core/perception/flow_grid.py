@@ -1,7 +1,7 @@
-"""A flow field for people to look at: a coarse grid in a few kilobytes.
+"""Coarse flow grid for display, and its binary encoding.
 
 Layout, little-endian: 24 bytes of header, then displacements as int16 in sixteenths of a pixel
-(row by row, du before dv), then confidences as uint8 (255 is sure). A browser reads it with
+(row by row, du before dv), then confidences as uint8 (255 is certain). A browser reads it with
 nothing but typed arrays.
 """
 
@@ -34,7 +34,7 @@ class FlowGrid:
     Parameters
     ----------
     flow : (h, w, 2) float32
-        Displacement to the goal picture, px of the camera's image.
+        Displacement to the goal image, px of the camera's image.
     confidence : (h, w) float32
         0 to 1.
     stride_px : int
@@ -69,11 +69,11 @@ def encode_flow_grid(grid: FlowGrid) -> bytes:
     finite = np.isfinite(grid.flow).all(axis=-1) & np.isfinite(grid.confidence)
     flow = np.where(finite[..., None], grid.flow, 0.0)
     steps = np.clip(np.rint(flow * _STEPS_PER_PX), -_MOST_STEPS, _MOST_STEPS).astype("<i2")
-    sure = np.where(finite, np.clip(grid.confidence, 0.0, 1.0), 0.0)
+    confident = np.where(finite, np.clip(grid.confidence, 0.0, 1.0), 0.0)
     header = _HEADER.pack(
         _MAGIC, _VERSION, width, height, grid.stride_px, grid.seq & 0xFFFFFFFF, grid.t_capture_ns
     )
-    return header + steps.tobytes() + np.rint(sure * 255.0).astype(np.uint8).tobytes()
+    return header + steps.tobytes() + np.rint(confident * 255.0).astype(np.uint8).tobytes()
 
 
 def decode_flow_grid(data: bytes) -> FlowGrid:
@@ -96,10 +96,10 @@ def decode_flow_grid(data: bytes) -> FlowGrid:
             f"{_HEADER.size + 5 * points} bytes and at most {MAX_COLUMNS} columns",
         )
     steps = np.frombuffer(data, "<i2", 2 * points, _HEADER.size)
-    sure = np.frombuffer(data, np.uint8, points, _HEADER.size + 4 * points)
+    confident = np.frombuffer(data, np.uint8, points, _HEADER.size + 4 * points)
     return FlowGrid(
         steps.reshape(height, width, 2).astype(np.float32) / np.float32(_STEPS_PER_PX),
-        sure.reshape(height, width).astype(np.float32) / np.float32(255.0),
+        confident.reshape(height, width).astype(np.float32) / np.float32(255.0),
         stride,
         seq,
         t_capture_ns,

@@ -1,4 +1,4 @@
-"""Result of one frame, and what the gate is told of it."""
+"""Result of one frame, and the report made from it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which frames may be looked at at all: age, order, size, frozen and featureless pictures.
+"""Frame validation: age, order, size, frozen and featureless images.
 
 ``admit`` takes a frame from the network through all of it, from bytes to pixels.
 """
@@ -19,7 +19,7 @@ MAX_AGE_NS = 250_000_000
 MAX_AHEAD_NS = 20_000_000
 FROZEN_FRAMES = 3
 FROZEN_NS = 150_000_000
-"""A picture that is shown for longer than this is frozen, at however few frames a second."""
+"""An image that is shown for longer than this is frozen, at however few frames a second."""
 
 _DARK, _BRIGHT, _FLAT = 6.0, 249.0, 2.0
 
@@ -31,11 +31,11 @@ class FrameFault(enum.Enum):
     STALE = "the frame was old when it arrived"
     FUTURE = "the frame carries a time that is still to come"
     REORDERED = "the frame is not newer than the one before"
-    FROZEN = "the camera repeats the same picture"
+    FROZEN = "the camera repeats the same image"
     OTHER_CLOCK = "the frame was stamped by another machine's clock"
-    DARK = "the picture is black"
-    BRIGHT = "the picture is white"
-    FLAT = "the picture has no contrast"
+    DARK = "the image is black"
+    BRIGHT = "the image is white"
+    FLAT = "the image has no contrast"
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ def admit(
         frame = decode_frame(payload, header)
     except DfvsError as error:
         return Admission(state, None, f"the frame cannot be read: {error}")
-    fault = check_picture(frame.image)
+    fault = check_content(frame.image)
     if fault is not None:
         return Admission(after, None, fault.value, frame.seq, frame.t_capture_ns)
     return Admission(after, frame, "", frame.seq, frame.t_capture_ns)
@@ -139,8 +139,8 @@ def check_header(
     return (FrameFault.FROZEN if is_frozen else None), state
 
 
-def check_picture(image: ImageArray) -> FrameFault | None:
-    """Judge the brightness of a picture (H, W, 3) by every eighth pixel."""
+def check_content(image: ImageArray) -> FrameFault | None:
+    """Judge the brightness of an image (H, W, 3) by every eighth pixel."""
     sample = image[::8, ::8].astype(np.float32)
     mean, deviation = float(sample.mean()), float(sample.std())
     if mean < _DARK:

@@ -1,4 +1,4 @@
-"""Previews: what a keyframe says about another goal.
+"""Previews of another goal from a keyframe.
 
 A preview depends on nothing but its arguments, so a replay recomputes it bit for bit.
 """
@@ -12,7 +12,7 @@ from functools import cache
 from dfvs_core.depth.network import DepthEstimator, GoalDepth, goal_depth
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Matcher, Prepared
+from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.matching.warping import resized
 from dfvs_core.messages.goal import Goal
 from dfvs_core.perception.goal_tracker import Observation
@@ -32,7 +32,7 @@ class GoalView:
     """
 
     image: ImageArray
-    prepared: Prepared
+    features: ImageFeatures
     depth: Callable[[], GoalDepth | None]
 
 
@@ -40,8 +40,8 @@ def make_goal_view(
     matcher: Matcher, network: DepthEstimator | None, config: ServoConfig, goal: Goal
 ) -> GoalView:
     """Compute what depends on a goal alone; its depth, where there is a network, at first need."""
-    prepared = matcher.prepare(goal.image)
-    image = resized(goal.image, prepared.size)
+    features = matcher.encode(goal.image)
+    image = resized(goal.image, features.size)
 
     def depth() -> GoalDepth | None:
         if network is None:
@@ -50,7 +50,7 @@ def make_goal_view(
         found = network.estimate(image, camera)
         return goal_depth(found, config.stride_px, config.constant_depth_m)
 
-    return GoalView(image, prepared, cache(depth))
+    return GoalView(image, features, cache(depth))
 
 
 @dataclass(frozen=True, slots=True)
@@ -68,8 +68,8 @@ Preview = Callable[[], GoalPreview]
 def preview_goal(matcher: Matcher, task: ServoTask, goal: GoalView, frame: Keyframe) -> GoalPreview:
     """Match a keyframe with a goal, without a prior; ``task`` is at the working size."""
     task = replace(task, goal_depth=goal.depth())
-    flow = matcher.match(frame.prepared, goal.prepared)
-    frame.prepared.slim()
+    flow = matcher.match(frame.features, goal.features)
+    frame.features.release()
     result, state = servo_step(task, frame.state, replace(frame.inputs, flow=flow))
     if result.status is not Status.OK:
         return GoalPreview(result, None)

@@ -1,4 +1,4 @@
-"""Correspondences with the goal, frame after frame.
+"""Goal tracking: correspondences with the goal image in each frame.
 
 1. TRACKING: the flow of the last observation is tracked; where that does not hold, the flow that
    its pose and the depth predict.
@@ -17,7 +17,7 @@ from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.matching.confidence import confident_ratio, empty_flow
 from dfvs_core.matching.correspondence import DepthMap, FlowField
-from dfvs_core.matching.matcher import Matcher, Prepared
+from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.perception.rejected_goals import RejectedGoals
 from dfvs_core.servo.task import ServoTask
 
@@ -61,13 +61,13 @@ class GoalTracker:
     ----------
     matcher : Matcher
         Source of dense correspondences.
-    goal : Prepared
+    goal : ImageFeatures
         The goal image.
     task : ServoTask
         Cameras at the working size, and the grid of the depth maps.
     """
 
-    def __init__(self, matcher: Matcher, goal: Prepared, task: ServoTask) -> None:
+    def __init__(self, matcher: Matcher, goal: ImageFeatures, task: ServoTask) -> None:
         self._matcher, self._goal, self._task = matcher, goal, task
         self._last: Observation | None = None
         self._state = TrackingState.SEARCHING
@@ -96,7 +96,7 @@ class GoalTracker:
 
     def match(
         self,
-        image: Prepared,
+        image: ImageFeatures,
         t_capture_ns: int,
         T_world_camera: FloatArray,
         depth: DepthMap | None,
@@ -105,7 +105,7 @@ class GoalTracker:
 
         Parameters
         ----------
-        image : Prepared
+        image : ImageFeatures
             The frame.
         t_capture_ns : int
             When it was taken.
@@ -134,7 +134,7 @@ class GoalTracker:
 
     def _track(
         self,
-        image: Prepared,
+        image: ImageFeatures,
         t_capture_ns: int,
         T_world_camera: FloatArray,
         depth: DepthMap | None,
@@ -150,7 +150,7 @@ class GoalTracker:
             flow = self._matcher.track(image, self._goal, predicted)
         return flow
 
-    def rematch(self, image: Prepared, t_capture_ns: int, depth: DepthMap) -> bool:
+    def rematch(self, image: ImageFeatures, t_capture_ns: int, depth: DepthMap) -> bool:
         """Look for more of the goal in the frame matched last, where pose and depth predict it.
 
         Returns whether it was tried: the goal was observed, in a small part of the image.

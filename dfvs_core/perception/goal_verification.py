@@ -1,4 +1,4 @@
-"""Goal verification: whether the view at the goal matches the goal image.
+"""Goal verification: share of the texture in view that matches the goal image.
 
 A repeated structure can be matched with another one of its kind. All correspondences agree on a
 motion, and the error falls to nothing at a false goal. At the true goal the view is the goal
@@ -16,7 +16,7 @@ from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.confidence import CONFIDENT
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.texture import has_texture
-from dfvs_core.perception.channel_order import is_swapped
+from dfvs_core.perception.channel_order import is_channel_order_swapped
 from dfvs_core.servo.exchange import ServoResult, Status
 
 NEAR_RAD = 0.05
@@ -78,7 +78,7 @@ class GoalVerifier:
         """
         if servo.status is not Status.OK:
             return servo
-        if is_swapped(image, self._goal, flow):
+        if is_channel_order_swapped(image, self._goal, flow):
             return _refused(servo, Status.SWAPPED_CHANNELS)
         is_near = servo.error_rad + servo.distance_over_depth < NEAR_RAD
         if not is_near or matched_texture_ratio(image, flow) >= self._least:
@@ -93,5 +93,5 @@ class GoalVerifier:
 
 
 def _refused(servo: ServoResult, status: Status) -> ServoResult:
-    nothing = np.zeros_like(servo.velocity)
-    return replace(servo, status=status, velocity=nothing, reached=False)
+    zero_velocity = np.zeros_like(servo.velocity)
+    return replace(servo, status=status, velocity=zero_velocity, reached=False)

@@ -1,4 +1,4 @@
-"""Keyframes: earlier frames, kept by baseline and time.
+"""Keyframe selection by baseline and time.
 
 A frame becomes one where the view has changed since the last keyframe, and at the latest after
 ``LONGEST_INTERVAL_NS``. Depth from motion and previews of other goals use them.
@@ -11,7 +11,7 @@ from dataclasses import dataclass
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.servo.exchange import ServoInputs, ServoState
 
 LEAST_INTERVAL_NS, LONGEST_INTERVAL_NS = 100_000_000, 250_000_000
@@ -34,7 +34,7 @@ class Keyframe:
     any flow. ``state`` is the memory after the frame, without what concerns the goal.
     """
 
-    prepared: Prepared
+    features: ImageFeatures
     T_world_camera: FloatArray
     inputs: ServoInputs
     state: ServoState

@@ -1,4 +1,4 @@
-"""Perception of one goal, frame after frame: match, depth, servo, verify, result.
+"""Perception pipeline of one goal: match, depth, servo, verify, result.
 
 Owns what is remembered between frames and nothing else: no thread, no file, no network. The
 service runs it on live frames; the simulator and the tests run it on rendered ones.
@@ -10,16 +10,15 @@ from collections.abc import Callable
 from dataclasses import replace
 from functools import partial
 
-import cv2
 import numpy as np
 
 from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.geometry.poses import invert_pose, so3_log
+from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.matching.correspondence import DepthMap, FlowField
-from dfvs_core.matching.matcher import Matcher, Prepared
+from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.matching.warping import resized
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal
@@ -34,7 +33,9 @@ from dfvs_core.perception.goal_preview import (
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation
 from dfvs_core.perception.goal_verification import GoalVerifier
 from dfvs_core.perception.keyframes import Keyframe, Keyframes
+from dfvs_core.perception.odometry import odometry
 from dfvs_core.perception.vehicle_history import Motion
+from dfvs_core.perception.working_size import at_working_size, resized_depth, with_goal
 from dfvs_core.servo.config import BY_NETWORK
 from dfvs_core.servo.exchange import (
     Attitude,
@@ -70,7 +71,7 @@ class Pipeline:
     matcher : Matcher
         Source of dense correspondences.
     goal : Goal
-        Picture to fly to.
+        Image to fly to.
     tick : callable
         Monotonic time in ns, for the age of frames and the stages' durations.
     depth : DepthEstimator, optional
@@ -110,7 +111,7 @@ class Pipeline:
         return self._observed_ns
 
     def prepare(self, goal: Goal) -> GoalView:
-        """Compute once what depends on another goal's picture alone."""
+        """Compute once what depends on another goal's image alone."""
         return make_goal_view(self._matcher, self._depth, self._config, goal)
 
     def set_goal(
@@ -129,11 +130,11 @@ class Pipeline:
         if observation is not None and self._keyframes.find(observation.t_capture_ns) is None:
             observation = None
         self._observed_ns = None if observation is None else observation.t_capture_ns
-        self._task = task = _with_goal(task, goal)
+        self._task = task = with_goal(task, goal)
         self._state = self._state.without_goal()
-        self._tracker = GoalTracker(self._matcher, goal.prepared, task)
+        self._tracker = GoalTracker(self._matcher, goal.features, task)
         self._tracker.update(observation)
-        self._verifier = GoalVerifier(goal.image, task.config.min_likeness)
+        self._verifier = GoalVerifier(goal.image, task.config.min_matched_texture)
 
     def evaluate_next_goal(
         self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
@@ -153,7 +154,7 @@ class Pipeline:
         frame = self._keyframes.find(t_capture_ns)
         if frame is None:
             return None
-        return partial(preview_goal, self._matcher, _at_working_size(task, goal), goal, frame)
+        return partial(preview_goal, self._matcher, at_working_size(task, goal), goal, frame)
 
     def process_frame(
         self, frame: Frame, motion: Motion, engaged: bool, depth: DepthMap | None = None
@@ -175,22 +176,22 @@ class Pipeline:
         marks = [self._tick()]
 
         # 1. Bring the image to the working size.
-        prepared = self._matcher.prepare(frame.image)
+        features = self._matcher.encode(frame.image)
         marks.append(self._tick())
 
         # 2. Match it with the goal.
         flow = self._tracker.match(
-            prepared, frame.t_capture_ns, T_world_camera, self._state.depth_map
+            features, frame.t_capture_ns, T_world_camera, self._state.depth_map
         )
         marks.append(self._tick())
 
         # 3. Match it with the last frame, where depth is taken from each of them.
         earlier = None
         if self._task.config.depth == "flow":
-            earlier = self._compare(prepared, T_world_camera, self._last)
+            earlier = self._compare(features, T_world_camera, self._last)
 
         # 4. Servo: level, depth, pose, velocity.
-        velocity, motion_m = self._odometry(motion, T_world_camera)
+        velocity, motion_m = odometry(self._task, self._last, motion, T_world_camera)
         inputs = ServoInputs(
             now_ns=self._tick(),
             t_capture_ns=frame.t_capture_ns,
@@ -199,17 +200,17 @@ class Pipeline:
             attitude=Attitude(motion.roll_rad, motion.pitch_rad, motion.yaw_rad),
             motion_m=motion_m,
             earlier=earlier,
-            given_depth=None if depth is None else _resized_depth(depth, prepared.size),
+            given_depth=None if depth is None else resized_depth(depth, features.size),
             engaged=engaged,
         )
         servo, self._state = servo_step(self._task, self._state, inputs)
 
         # 5. Verify that the view is the goal's, and conclude.
-        image = resized(frame.image, prepared.size)
+        image = resized(frame.image, features.size)
         result = self._verifier.verify(servo, image, flow, frame.t_capture_ns)
         marks.append(self._tick())
 
-        self._remember(inputs, prepared, T_world_camera, result)
+        self._remember(inputs, features, T_world_camera, result)
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
         return FrameResult(frame, result, flow, stages, inputs.now_ns, self._tracker.state)
 
@@ -218,7 +219,7 @@ class Pipeline:
 
         To be called once a frame's report is on its way. A few times a second, where the camera
         has moved far enough, the frame is compared with a keyframe; and the one after it, where
-        little is sure, once more with the goal. Where frames come late nothing is done for a while.
+        few vectors are confident, once more with the goal. It is skipped while frames are late.
         """
         start_ns, last = self._tick(), self._last
         if self._task.config.depth not in _LEARNT or last is None or self._is_pressed(last):
@@ -237,7 +238,7 @@ class Pipeline:
     def _rematch(self, last: Keyframe) -> bool:
         """Look for more of the goal in the last frame; False where that was not worth a try."""
         depth = self._state.depth_map
-        return depth is not None and self._tracker.rematch(last.prepared, last.t_capture_ns, depth)
+        return depth is not None and self._tracker.rematch(last.features, last.t_capture_ns, depth)
 
     def _learn_depth(self, last: Keyframe) -> bool:
         """Compare the last frame with a keyframe; False if too soon, or none is far enough."""
@@ -247,13 +248,13 @@ class Pipeline:
         if chosen is None:
             return False
         self._depth_ns = last.t_capture_ns
-        match = self._compare(last.prepared, last.T_world_camera, chosen)
+        match = self._compare(last.features, last.T_world_camera, chosen)
         if match is not None:
             self._state = observe_depth(self._task, self._state, match)
         return True
 
     def _compare(
-        self, prepared: Prepared, T_world_camera: FloatArray, earlier: Keyframe | None
+        self, features: ImageFeatures, T_world_camera: FloatArray, earlier: Keyframe | None
     ) -> EarlierMatch | None:
         """Match a frame with an earlier one, by the flow that depth and motion predict."""
         if earlier is None or self._state.depth_map is None:
@@ -261,31 +262,13 @@ class Pipeline:
         T_earlier_current = invert_pose(earlier.T_world_camera) @ T_world_camera
         stride, camera = self._task.config.stride_px, self._task.camera
         predicted = predict_flow(camera, self._state.depth_map, stride, T_earlier_current)
-        flow = self._matcher.track(prepared, earlier.prepared, predicted)
+        flow = self._matcher.track(features, earlier.features, predicted)
         return None if flow is None else EarlierMatch(flow, T_earlier_current)
-
-    def _odometry(
-        self, motion: Motion, T_world_camera: FloatArray
-    ) -> tuple[FloatArray, tuple[float, float, float]]:
-        """Velocity (d,) in the components of the task's basis, and motion since the last frame.
-
-        The motion is in the optical axes of then, m.
-        """
-        R, moved, turning = T_world_camera[:3, :3], np.zeros(3), np.zeros(3)
-        if self._last is not None:
-            R_last = self._last.T_world_camera[:3, :3]
-            moved = R_last.T @ (T_world_camera[:3, 3] - self._last.T_world_camera[:3, 3])
-            if (since_ns := motion.t_ns - self._last.t_capture_ns) > 0:
-                turning = so3_log(R_last.T @ R) / (since_ns * 1e-9)
-        x, y, z = (float(value) for value in moved)
-        if self._task.mount is not None:
-            return motion.level_velocity(), (x, y, z)
-        return np.append(R.T @ motion.velocity_m_s, turning), (x, y, z)
 
     def _remember(
         self,
         inputs: ServoInputs,
-        prepared: Prepared,
+        features: ImageFeatures,
         T_world_camera: FloatArray,
         result: ServoResult,
     ) -> None:
@@ -303,32 +286,10 @@ class Pipeline:
             self._tracker.reject(self._has_flown)
             self._state = self._state.without_goal()
         if self._last is not None:
-            self._last.prepared.slim()  # of earlier frames only previews are searched, and few
+            self._last.features.release()  # of earlier frames only previews are searched, and few
             self._period_ns = inputs.t_capture_ns - self._last.t_capture_ns
         if result.depth_m > 0:
             self._depth_m = result.depth_m
         inputs = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False)
-        self._last = Keyframe(prepared, T_world_camera, inputs, self._state.without_goal())
+        self._last = Keyframe(features, T_world_camera, inputs, self._state.without_goal())
         self._keyframes.add(self._last, self._depth_m)
-
-
-def _with_goal(task: ServoTask, goal: GoalView) -> ServoTask:
-    """The task at the working size, with the depth of its goal."""
-    return replace(_at_working_size(task, goal), goal_depth=goal.depth())
-
-
-def _at_working_size(task: ServoTask, goal: GoalView) -> ServoTask:
-    """The task with both cameras at the size (height, width) of the flow fields."""
-    height, width = goal.prepared.size
-    cameras = (camera.scaled(width, height) for camera in (task.camera, task.goal.camera))
-    camera, goal_camera = cameras
-    return replace(task, camera=camera, goal=replace(task.goal, camera=goal_camera))
-
-
-def _resized_depth(depth: DepthMap, size: tuple[int, int]) -> DepthMap:
-    """Depth of an image at ``size`` (height, width), by the nearest pixel."""
-    z_m, validity = (
-        np.asarray(cv2.resize(v, size[::-1], interpolation=cv2.INTER_NEAREST_EXACT), np.float32)
-        for v in (depth.z_m, depth.validity)
-    )
-    return DepthMap(z_m, validity)

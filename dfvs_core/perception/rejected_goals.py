@@ -1,4 +1,4 @@
-"""False goals that were rejected, which relocalisation excludes.
+"""Rejected false goals, excluded from relocalisation.
 
 Of repeated structures any may be matched with the goal's. A relocalisation from the same place
 would find the same one again.

@@ -1,4 +1,4 @@
-"""Goals in a row: when to leave one for the next.
+"""Goal sequence of a route: transition from one goal to the next.
 
 A goal that is out of sight is reached by way of others, each seen from the one before (teach and
 repeat). The gate knows one goal only: until the last one, no frame counts as reached for it.
@@ -11,8 +11,8 @@ from dataclasses import dataclass, replace
 from dfvs_core.servo.exchange import ServoResult, Status
 
 S = 1_000_000_000
-LOOK_PERIOD_NS = S // 4
-IN_SIGHT_LOOKS = 2
+PREVIEW_PERIOD_NS = S // 4
+IN_SIGHT_PREVIEWS = 2
 """Looks ahead in a row that must show the next goal."""
 
 RESPONSE_NS = 6 * S
@@ -39,11 +39,11 @@ class RouteState:
 
     engaged_since_ns: int | None = None
     near_since_ns: int | None = None
-    looked_ns: int | None = None
+    previewed_ns: int | None = None
     seen: int = 0
 
 
-def follow(
+def on_result(
     state: RouteState, limits: RouteLimits, result: ServoResult, t_ns: int, *, engaged: bool
 ) -> RouteState:
     """Take in what a frame says about the goal at hand."""
@@ -56,29 +56,29 @@ def follow(
         and result.error_rad <= limits.near_rad
     )
     if not near:
-        return RouteState(since_ns, None, state.looked_ns, 0)
+        return RouteState(since_ns, None, state.previewed_ns, 0)
     near_ns = t_ns if state.near_since_ns is None else state.near_since_ns
     return replace(state, engaged_since_ns=since_ns, near_since_ns=near_ns)
 
 
-def wants_look(state: RouteState, t_ns: int) -> bool:
+def wants_preview(state: RouteState, t_ns: int) -> bool:
     """Tell whether it is time to look for the next goal."""
     if state.near_since_ns is None:
         return False
     if state.engaged_since_ns is not None and t_ns - state.engaged_since_ns < RESPONSE_NS:
         return False
-    return state.looked_ns is None or t_ns - state.looked_ns >= LOOK_PERIOD_NS
+    return state.previewed_ns is None or t_ns - state.previewed_ns >= PREVIEW_PERIOD_NS
 
 
-def look(state: RouteState, limits: RouteLimits, ahead: ServoResult, t_ns: int) -> RouteState:
+def on_preview(state: RouteState, limits: RouteLimits, ahead: ServoResult, t_ns: int) -> RouteState:
     """Take in what the same frame says about the next goal."""
     in_sight = ahead.status is Status.OK and ahead.overlap >= limits.overlap
-    return replace(state, looked_ns=t_ns, seen=state.seen + 1 if in_sight else 0)
+    return replace(state, previewed_ns=t_ns, seen=state.seen + 1 if in_sight else 0)
 
 
 def may_go_on(state: RouteState) -> bool:
     """Tell whether the next goal takes the place of this one."""
-    return state.seen >= IN_SIGHT_LOOKS
+    return state.seen >= IN_SIGHT_PREVIEWS
 
 
 def is_lost(state: RouteState, limits: RouteLimits, t_ns: int) -> bool:

@@ -1,4 +1,4 @@
-"""Teaching a route: when the next goal picture is due."""
+"""Route recording: decision when the next goal image is due."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass
 from dfvs_core.servo.exchange import ServoResult, Status
 
 
-class Lesson(enum.Enum):
+class KeyframeDecision(enum.Enum):
     """What a frame means for the route that is being taught."""
 
     NEAR = "the last goal is still near"
@@ -17,7 +17,7 @@ class Lesson(enum.Enum):
 
 
 @dataclass(frozen=True, slots=True)
-class TeachLimits:
+class RouteRecordingLimits:
     """How far apart goals are taken; the later flight needs the same overlap and some reserve.
 
     ``overlap`` is the share of the view that still shows the last goal, relative to the share that
@@ -32,17 +32,19 @@ class TeachLimits:
     stillness: float = 0.05
 
 
-def judge(result: ServoResult, limits: TeachLimits, full_overlap: float) -> Lesson:
+def evaluate(
+    result: ServoResult, limits: RouteRecordingLimits, full_overlap: float
+) -> KeyframeDecision:
     """Judge a frame by what it says about the last goal.
 
     ``full_overlap`` is the greatest overlap with that goal so far. The next one is due while the
     last one is in sight for certain, so that the way back can be found.
     """
     if result.status is not Status.OK and result.status is not Status.STUCK:
-        return Lesson.LOST
+        return KeyframeDecision.LOST
     distance = result.distance_over_depth
     if distance + result.error_rad < limits.stillness:
-        return Lesson.NEAR
+        return KeyframeDecision.NEAR
     far = distance > limits.distance or result.error_rad > limits.turn_rad
     is_leaving = result.overlap < limits.overlap * full_overlap
-    return Lesson.DUE if far or is_leaving else Lesson.NEAR
+    return KeyframeDecision.DUE if far or is_leaving else KeyframeDecision.NEAR

@@ -1,4 +1,4 @@
-"""How the vehicle moved lately: attitude, velocity and displacement at any recent time.
+"""Vehicle state history: attitude, velocity and displacement at recent times.
 
 Frames are matched with the vehicle's state by time, so states are kept for a while and
 interpolated. Displacement is the change of the position without its resets: where the position

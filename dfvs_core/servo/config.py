@@ -1,4 +1,4 @@
-"""Settings of the servo law, with what each one does."""
+"""Settings of the servo law."""
 
 from __future__ import annotations
 
@@ -65,8 +65,12 @@ class ServoConfig:
     max_residual: float = setting(
         0.5, "share of the flow that one motion may leave unexplained", low=0.01, high=1.0
     )
-    min_likeness: float = setting(
-        0.7, "at the goal, share of what has texture in view that must match", low=0.0, high=1.0
+    min_matched_texture: float = setting(
+        0.7,
+        "share of the textured area that must match at the goal",
+        low=0.0,
+        high=1.0,
+        formerly="min_likeness",
     )
     max_condition: float = setting(
         3e4, "condition number above which the law is blind in some direction", low=1.0, high=1e12

@@ -1,4 +1,4 @@
-"""The depth source that a configuration names."""
+"""Depth source by its configured name."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What goes into ``servo_step`` with every frame, what it remembers, and what comes out."""
+"""Inputs, state and result of ``servo_step``."""
 
 from __future__ import annotations
 
@@ -23,8 +23,8 @@ class Status(enum.Enum):
     NO_OVERLAP = "too little of the view shows the goal"
     NO_AGREEMENT = "the correspondences do not agree on one motion"
     DEGENERATE = "the view does not determine every direction of motion"
-    SWAPPED_CHANNELS = "red and blue are exchanged against the goal picture"
-    FALSE_GOAL = "what counts as the goal here does not look like the goal picture"
+    SWAPPED_CHANNELS = "red and blue are exchanged against the goal image"
+    FALSE_GOAL = "what counts as the goal here does not look like the goal image"
     STUCK = "the error has not fallen for too long"
 
 
@@ -57,7 +57,7 @@ class ServoInputs:
     now_ns, t_capture_ns : int
         Monotonic time now and when the frame was taken.
     flow : FlowField
-        From the current view to the goal picture.
+        From the current view to the goal image.
     attitude : Attitude
         Of the body at capture time (ignored by a free camera).
     velocity : (d,)

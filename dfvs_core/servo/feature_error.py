@@ -1,8 +1,8 @@
-"""The feature error ||s - s*||, of the same features from frame to frame.
+"""Feature error ||s - s*|| of the same features from frame to frame.
 
 What is matched changes with every frame, and the median over other features is another one: it
 goes up and down by percents while nothing moves. So a frame is compared with an earlier one, the
-reference, in the cells of the goal picture that both show; its error is the reference's, times
+reference, in the cells of the goal image that both show; its error is the reference's, times
 what is left of it there. Cells are as wide as two of the reference's samples are apart, so that the
 samples of another frame fall into the same cells from twice as far away.
 """
@@ -24,18 +24,18 @@ becomes the reference, below the other it is not even compared with the old one.
 _SAMPLES_WIDE = 2.0
 _SCALES = 0.25, 4.0
 """Width of a cell in samples of the current view, and bounds of how much larger or smaller these
-are in the goal picture."""
+are in the goal image."""
 
 _ROW = 2.0**24
 """More cells than there are in a row."""
 
-_NOTHING = 1e-9
+_LEAST_LENGTH = 1e-9
 """Length, in normalised units, of an error that is none."""
 
 
 @dataclass(frozen=True, slots=True)
 class CellErrors:
-    """What is seen of each of n cells of the goal picture, in the mean of its features.
+    """What is seen of each of n cells of the goal image, in the mean of its features.
 
     ``size`` is a cell's width, ``cell`` (n,) names them and rises. ``xy`` (n, 2), where they are
     seen, and ``error`` (n, 2) are in normalised units, ``z_m`` (n,) is their depth, ``weight`` (n,)
@@ -51,7 +51,7 @@ class CellErrors:
 
     @property
     def xy_goal(self) -> FloatArray:
-        """Where the goal picture shows them (n, 2)."""
+        """Where the goal image shows them (n, 2)."""
         return self.xy - self.error
 
 
@@ -84,7 +84,7 @@ def feature_error(
     Reference
         For the next frame: the same, as long as half of its features are in view.
     """
-    if reference is not None and reference.length > _NOTHING:
+    if reference is not None and reference.length > _LEAST_LENGTH:
         share, left = _compare(reference.cells, by_cell(points, reference.cells.size))
         length = left * reference.length
         if share >= _RENEWED_BELOW:
@@ -96,7 +96,7 @@ def feature_error(
 
 
 def by_cell(points: ServoPoints, size: float) -> CellErrors:
-    """Features of the same cell of the goal picture taken for one.
+    """Features of the same cell of the goal image taken for one.
 
     ``size`` is a cell's width, in normalised units.
     """
@@ -119,7 +119,7 @@ def _begin(points: ServoPoints, spacing: float, length: float) -> Reference:
 
 
 def _fitting_size(points: ServoPoints, spacing: float) -> float:
-    """Width of a cell that holds a few samples, as wide apart as the goal picture shows them."""
+    """Width of a cell that holds a few samples, as wide apart as the goal image shows them."""
     area = np.linalg.det(weighted_slope(points.xy, points.xy_goal, points.weight))
     scale = np.clip(np.sqrt(abs(area)), *_SCALES)
     return float(_SAMPLES_WIDE * spacing * scale)
@@ -138,6 +138,6 @@ def _compare(reference: CellErrors, now: CellErrors) -> tuple[float, float]:
     before, after = common_cells(reference, now)
     share = float(reference.weight[before].sum() / reference.weight.sum())
     length = np.linalg.norm(reference.error[before], axis=1)
-    left = np.linalg.norm(now.error[after], axis=1) / np.maximum(length, _NOTHING)
+    left = np.linalg.norm(now.error[after], axis=1) / np.maximum(length, _LEAST_LENGTH)
     counts = length * np.minimum(reference.weight[before], now.weight[after])
     return share, weighted_median(left, counts)

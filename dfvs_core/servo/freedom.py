@@ -1,7 +1,7 @@
-"""Degrees of freedom: which camera motions the vehicle can make, and the frame they live in.
+"""Degrees of freedom of the camera motion, and their frame.
 
 A free camera has all six. A multirotor has four: forward, right, down and yaw rate of a body
-that is kept level by its autopilot, which tilts to move. So its pictures are first taken to a
+that is kept level by its autopilot, which tilts to move. So its images are first taken to a
 gravity-aligned virtual camera: the camera as it would look if the body were level, at the same
 place and heading. In that frame the four motions are exact, whatever the tilt.
 """
@@ -73,7 +73,7 @@ def virtual_rotation(
     Parameters
     ----------
     roll_rad, pitch_rad : float
-        Attitude of the body when the picture was taken.
+        Attitude of the body when the image was taken.
     R_body_camera : (3, 3)
         Mounting of the camera that took it.
     R_body_virtual : (3, 3)

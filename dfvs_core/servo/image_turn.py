@@ -1,4 +1,4 @@
-"""How the camera has turned between two frames, by the flow of both to the goal.
+"""Camera rotation between two frames, from the flow of both to the goal.
 
 A point of the scene keeps its place ``g`` in the goal image. With ``g(p)`` of each frame, ``p``
 moves by ``u`` so that ``g_now(p + u) = g_before(p)``: to first order ``J u = g_before - g_now`` at
@@ -73,8 +73,8 @@ def point_tracks(
     by_x = np.gradient(mean, stride / camera.fx, axis=1)
     by_y = np.gradient(mean, stride / camera.fy, axis=0)
     slope = np.stack([by_x, by_y], axis=-1)
-    sure = np.minimum(before.confidence, now.confidence) > min_confidence
-    keep = _with_neighbours(sure) & _is_smooth(mean)
+    confident = np.minimum(before.confidence, now.confidence) > min_confidence
+    keep = _with_neighbours(confident) & _is_smooth(mean)
     xy = camera.normalise(now.pixels)
     return PointTracks(xy[keep], z[keep], (g_before - g_now)[keep], slope[keep])
 
@@ -94,11 +94,11 @@ def _bend(a: FloatArray, b: FloatArray, c: FloatArray) -> FloatArray:
     return np.asarray(bend / np.maximum(np.linalg.norm(c - a, axis=-1), 1e-9), np.float64)
 
 
-def _with_neighbours(sure: BoolArray) -> BoolArray:
-    """Points (h, w) whose four neighbours are sure as well."""
-    padded = np.pad(sure, 1, mode="edge")
+def _with_neighbours(confident: BoolArray) -> BoolArray:
+    """Points (h, w) whose four neighbours are confident as well."""
+    padded = np.pad(confident, 1, mode="edge")
     across = padded[1:-1, :-2] & padded[1:-1, 2:]
-    return sure & across & padded[:-2, 1:-1] & padded[2:, 1:-1]
+    return confident & across & padded[:-2, 1:-1] & padded[2:, 1:-1]
 
 
 def image_turn(tracks: PointTracks) -> ImageTurn | None:

@@ -1,4 +1,4 @@
-"""The servo law: weighted, damped least squares on the interaction matrix (DFVS Eq. (1)).
+"""Servo law: weighted, damped least squares on the interaction matrix (DFVS Eq. (1)).
 
 Eq. (1) as printed lacks L transposed in front of the error; what is solved here is
 ``u = -(L^T W L + mu diag(L^T W L))^-1 L^T W e`` with e = s - s*.

@@ -1,4 +1,4 @@
-"""To the gravity-aligned virtual cameras and back: what a tilting body would see level."""
+"""Transformation to and from the gravity-aligned virtual cameras."""
 
 from __future__ import annotations
 

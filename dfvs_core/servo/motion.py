@@ -1,4 +1,4 @@
-"""Which motion leads to the goal: the configured law on one frame's points."""
+"""Camera motion to the goal by the configured servo law."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Check of the camera's mounting: the images must turn as the gyroscopes do.
+"""Mounting check: rotation in the images against the gyroscopes.
 
 A vehicle tilts whenever it accelerates. A camera that is mounted another way round than the
 settings say sees that tilt about another axis. So the tilt increments of the images are regressed

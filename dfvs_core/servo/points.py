@@ -1,4 +1,4 @@
-"""The points that the law works on: a grid of correspondences, normalised, with depth."""
+"""Points of the servo law: grid of normalised correspondences with depth."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ class ServoPoints:
     Parameters
     ----------
     xy, xy_goal : (N, 2) float64
-        Where each point is seen now, and where the goal picture shows it.
+        Where each point is seen now, and where the goal image shows it.
     z_m : (N,) float64
         Depth in the current view, m, positive.
     weight : (N,) float64
@@ -68,7 +68,7 @@ def sample_grid(field: FlowField, stride: int) -> GridSamples:
     """Flow at every stride-th pixel; confidence is the least one in its neighbourhood of 3 x 3.
 
     A single pixel on the edge of an object may belong to either side, so it only counts when its
-    neighbours are sure as well.
+    neighbours are confident as well.
     """
     height, width = field.confidence.shape
     offset = stride // 2
@@ -97,9 +97,9 @@ def points_from_flow(
 ) -> ServoPoints:
     """Turn grid samples with their depth (h, w) into normalised correspondences.
 
-    Points whose partner lies outside the goal picture get no weight.
+    Points whose partner lies outside the goal image get no weight.
     """
-    unsure = 1.0 - np.clip(depth.validity.reshape(-1).astype(np.float64), 0.0, 1.0)
+    unconfident = 1.0 - np.clip(depth.validity.reshape(-1).astype(np.float64), 0.0, 1.0)
     pixels = samples.pixels.reshape(-1, 2)
     partners = pixels + samples.flow.reshape(-1, 2)
     inside = ((partners >= 0) & (partners <= [goal_camera.width, goal_camera.height])).all(axis=1)
@@ -108,5 +108,5 @@ def points_from_flow(
         xy_goal=goal_camera.normalise(partners),
         z_m=depth.z_m.reshape(-1).astype(np.float64),
         weight=np.where(inside, samples.confidence.reshape(-1), 0.0),
-        depth_spread=GUESSED_SPREAD * np.sqrt(unsure),
+        depth_spread=GUESSED_SPREAD * np.sqrt(unconfident),
     )

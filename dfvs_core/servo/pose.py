@@ -1,6 +1,6 @@
-"""Where the goal is: the camera motion that explains the correspondences, robustly.
+"""Robust goal pose from correspondences with depth.
 
-Gauss-Newton on the reprojection of the current view's points into the goal picture, with
+Gauss-Newton on the reprojection of the current view's points into the goal image, with
 Tukey's weights. What a point's depth may be wrong by shifts its reprojection along the epipolar
 line alone: there its error counts less, across the line in full. The pose gives the error in
 metres and degrees, tells outliers from what merely moves far, and gives the points' depth at

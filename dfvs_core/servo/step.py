@@ -1,4 +1,4 @@
-"""One frame's way from correspondences to a velocity: ``servo_step``, a pure function.
+"""``servo_step``: pure function from correspondences to a velocity.
 
 The service, the simulator and the benchmark all call this one.
 """
@@ -203,12 +203,12 @@ def _judge(
 
 def _refused(task: ServoTask, status: Status, overlap: float) -> ServoResult:
     """Result of a frame that cannot be worked on: zero velocity, unknown error."""
-    nothing = np.zeros(task.basis.size)
+    zero_motion = np.zeros(task.basis.size)
     unknown = float("inf")
     return ServoResult(
         status=status,
-        velocity=nothing,
-        motion=nothing,
+        velocity=zero_motion,
+        motion=zero_motion,
         error_m=unknown,
         error_rad=unknown,
         feature_error_px=unknown,

@@ -1,4 +1,4 @@
-"""Relative depth of a frame's points, and what earlier frames say about it."""
+"""Relative depth of a frame's points, from earlier frames."""
 
 from __future__ import annotations
 

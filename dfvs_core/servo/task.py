@@ -1,4 +1,4 @@
-"""What stays the same during a flight to one goal."""
+"""Servo task: settings, cameras and goal, constant during a flight."""
 
 from __future__ import annotations
 

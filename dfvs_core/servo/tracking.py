@@ -1,4 +1,4 @@
-"""The goal's pose from frame to frame: prediction by the odometry, correction by the images."""
+"""Goal pose filter: prediction by odometry, correction by images."""
 
 from __future__ import annotations
 

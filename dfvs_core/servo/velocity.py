@@ -1,4 +1,4 @@
-"""From the motion that is wanted to a velocity that the vehicle can follow."""
+"""Velocity from the wanted motion: adaptive gain, latency and speed limits."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ def velocity_for(
     velocity : (d,)
         How the vehicle moves, m/s and rad/s.
     late_s : (d,)
-        Age of the picture and the time until a velocity is followed, s.
+        Age of the image and the time until a velocity is followed, s.
     gain : AdaptiveGain
     """
     return gain(float(np.linalg.norm(motion))) * (motion - velocity * late_s)

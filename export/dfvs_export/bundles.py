@@ -9,17 +9,8 @@ from pathlib import Path
 from typing import Any, Literal
 
 from dfvs_core.errors import ModelError
-from dfvs_core.messages.manifest import (
-    BUNDLE_FORMAT,
-    MANIFEST_NAME,
-    DepthOutput,
-    FlowOutput,
-    Graph,
-    Manifest,
-    PictureInput,
-    PoseOutput,
-    sha256,
-)
+from dfvs_core.messages.manifest import BUNDLE_FORMAT, MANIFEST_NAME, Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import DepthOutput, FlowOutput, ImageInput, PoseOutput
 from dfvs_export.graphs import (
     ENCODE_INPUTS,
     ENCODE_OUTPUTS,
@@ -56,7 +47,7 @@ def encode_match_bundle(onnx: OnnxPair, size: tuple[int, int], source: Source) -
         format=BUNDLE_FORMAT,
         name=source.name,
         kind="encode-match",
-        input=PictureInput(*size, multiple_of=32, channels="grey", scale=1.0),
+        input=ImageInput(*size, multiple_of=32, channels="grey", scale=1.0),
         graphs=graphs,
         files=hashes(contents),
         licence=source.licence,
@@ -65,7 +56,7 @@ def encode_match_bundle(onnx: OnnxPair, size: tuple[int, int], source: Source) -
     return Bundle(manifest, contents)
 
 
-def pair_bundle(onnx: bytes, pictures: PictureInput, source: Source) -> Bundle:
+def pair_bundle(onnx: bytes, pictures: ImageInput, source: Source) -> Bundle:
     """Bundle of one graph that takes two pictures and gives their flow."""
     graph = Graph(PAIR_FILE, PAIR_INPUTS, PAIR_OUTPUTS)
     return _of_one_graph("pair", onnx, graph, pictures, source, flow=FlowOutput())
@@ -73,7 +64,7 @@ def pair_bundle(onnx: bytes, pictures: PictureInput, source: Source) -> Bundle:
 
 def mono_bundle(
     onnx: bytes,
-    picture: PictureInput,
+    picture: ImageInput,
     names: tuple[tuple[str, ...], tuple[str, ...]],
     meaning: DepthOutput,
     source: Source,
@@ -82,7 +73,7 @@ def mono_bundle(
     return _of_one_graph("mono", onnx, Graph(MONO_FILE, *names), picture, source, depth=meaning)
 
 
-def pose_bundle(onnx: bytes, pictures: PictureInput, meaning: PoseOutput, source: Source) -> Bundle:
+def pose_bundle(onnx: bytes, pictures: ImageInput, meaning: PoseOutput, source: Source) -> Bundle:
     """Bundle of one graph that takes two pictures and their focal length and gives their pose."""
     graph = Graph(POSE_FILE, POSE_INPUTS, POSE_OUTPUTS)
     return _of_one_graph("pose", onnx, graph, pictures, source, pose=meaning)
@@ -92,7 +83,7 @@ def _of_one_graph(
     kind: Literal["pair", "mono", "pose"],
     onnx: bytes,
     graph: Graph,
-    images: PictureInput,
+    images: ImageInput,
     source: Source,
     **outputs: Any,
 ) -> Bundle:

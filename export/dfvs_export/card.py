@@ -62,6 +62,6 @@ def accuracy_table(scores: Mapping[str, LevelScore], pairs_name: str) -> str:
     for level, s in scores.items():
         lines.append(
             f"| {level} | {s.epe_px:.2f} px | {100 * s.under_3px:.1f} % "
-            f"| {s.sure_half_epe_px:.2f} px | {s.pairs} |"
+            f"| {s.confident_half_epe_px:.2f} px | {s.pairs} |"
         )
     return "\n".join(lines)

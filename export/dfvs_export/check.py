@@ -115,7 +115,7 @@ def accuracy(matcher: Matcher, pairs: FlowPairs) -> dict[str, LevelScore]:
     """Score a network on pairs with exact flow, by level of motion."""
     found: dict[str, list[PairScore]] = {}
     for first, second, flow, visible, level in pairs:
-        found_flow = matcher.match(matcher.prepare(first), matcher.prepare(second))
+        found_flow = matcher.match(matcher.encode(first), matcher.encode(second))
         field = flow_at_size(found_flow, (first.shape[0], first.shape[1]))
         found.setdefault(LEVELS[int(level)], []).append(score_pair(field, flow, visible))
     return {name: summarise(found[name]) for name in LEVELS if name in found}
@@ -133,7 +133,7 @@ def accuracy_figures(scores: dict[str, LevelScore]) -> dict[str, float]:
     for level, score in scores.items():
         figures[f"{level}_epe_px"] = round(score.epe_px, 3)
         figures[f"{level}_under_3px"] = round(score.under_3px, 4)
-        figures[f"{level}_sure_half_epe_px"] = round(score.sure_half_epe_px, 3)
+        figures[f"{level}_sure_half_epe_px"] = round(score.confident_half_epe_px, 3)
     if not np.isfinite(list(figures.values())).all():
         raise ModelError("the bundle's flow is not finite", "finite flow on every pair")
     return figures

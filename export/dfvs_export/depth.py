@@ -13,7 +13,8 @@ from torch import Tensor, nn
 from dfvs_core.depth.network import DepthUnit
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
-from dfvs_core.messages.manifest import DepthOutput, Manifest, PictureInput
+from dfvs_core.messages.manifest import Manifest
+from dfvs_core.messages.network_tensors import DepthOutput, ImageInput
 from dfvs_export.bundles import Source, mono_bundle
 from dfvs_export.depth_weights import load_depth_weights
 from dfvs_export.foreign import checked_digest, read_state
@@ -180,9 +181,9 @@ class DepthModel:
             raise ModelError(
                 f"{self.name} cannot be exported: {reason}", "operators that ONNX has"
             ) from error
-        picture = PictureInput(width, height, kind.multiple)
+        picture = ImageInput(width, height, kind.multiple)
         if kind.is_normalised:
-            picture = PictureInput(width, height, kind.multiple, mean=_MEAN, std=_STD)
+            picture = ImageInput(width, height, kind.multiple, mean=_MEAN, std=_STD)
         source = Source(self.name, self.origin, kind.licence)
         return mono_bundle(onnx, picture, (inputs, outputs), self._meaning(kind, spreads), source)
 

@@ -21,7 +21,8 @@ from torch import Tensor, nn
 
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_core.geometry.arrays import Float32Array
-from dfvs_core.messages.manifest import Manifest, PictureInput, sha256
+from dfvs_core.messages.manifest import Manifest, sha256
+from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_export.bundles import PAIR_INPUTS, PAIR_OUTPUTS, Source, pair_bundle
 from dfvs_export.calibration import ImagePair
 from dfvs_export.card import accuracy_table
@@ -214,7 +215,7 @@ class PublishedFlow:
                 f"{self.name} cannot be exported: {reason}", "operators that ONNX has"
             ) from error
         source = Source(self.name, f"ptlflow {self.name}, {self.origin}", "see its authors")
-        return pair_bundle(onnx, PictureInput(width, height, _MULTIPLE, channels="bgr"), source)
+        return pair_bundle(onnx, ImageInput(width, height, _MULTIPLE, channels="bgr"), source)
 
     def differences_px(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
         """How far the flow of ONNX Runtime is from torch's, at every pixel."""

@@ -9,7 +9,8 @@ import numpy as np
 import torch
 
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_core.messages.manifest import Manifest, PictureInput, PoseOutput
+from dfvs_core.messages.manifest import Manifest
+from dfvs_core.messages.network_tensors import ImageInput, PoseOutput
 from dfvs_export.bundles import (
     POSE_INPUTS,
     POSE_OUTPUTS,
@@ -91,7 +92,7 @@ def _bundle(weights: TrainedPose, network: PoseNet) -> Bundle:
     images = torch.rand(2, 1, height, width, generator=torch.Generator().manual_seed(0))
     example = (images[:1], images[1:], torch.full((1, 1), FOCAL))
     onnx = trace(network, example, (POSE_INPUTS, POSE_OUTPUTS))
-    picture = PictureInput(width, height, 16, channels="grey", mean=(0.5,), std=(0.5,))
+    picture = ImageInput(width, height, 16, channels="grey", mean=(0.5,), std=(0.5,))
     meaning = PoseOutput(network.unit, network.rotation)
     origin = f"{weights.origin}, trained by this project, weights {weights.digest}"
     return pose_bundle(onnx, picture, meaning, Source(weights.name, origin, "Apache-2.0"))

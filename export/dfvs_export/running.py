@@ -10,7 +10,7 @@ from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_models.bundle import Bundle
 from dfvs_models.encode_match import COUNT_AXIS
 from dfvs_models.onnx_session import Execution, OnnxGraph
-from dfvs_models.pair import pair_tensors, picture_tensor
+from dfvs_models.pair import image_tensor, pair_tensors
 
 FOCAL = 0.65
 """Focal length over width for networks that ask for it: a field of view of 75 degrees."""
@@ -40,7 +40,7 @@ class BundleRunner:
 
     def tensor(self, image: ImageArray) -> Float32Array:
         """Image (H, W, 3) uint8 RGB to (1, C, h, w), as the manifest says."""
-        return picture_tensor(image, self.bundle.manifest.input)
+        return image_tensor(image, self.bundle.manifest.input)
 
     def encode(self, image: ImageArray, focal: float = FOCAL) -> list[Float32Array]:
         """Keypoints of an image; for other kinds than ``encode-match``, the inputs for it.

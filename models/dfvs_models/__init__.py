@@ -1,4 +1,4 @@
-"""Model bundles: read, verified, and run by ONNX Runtime."""
+"""Model bundles: reading, verification, inference with ONNX Runtime."""
 
 import os
 

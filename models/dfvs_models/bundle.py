@@ -1,4 +1,4 @@
-"""A bundle folder, read once: the bytes that were verified are the bytes that are run."""
+"""Reading and verification of a bundle folder."""
 
 from __future__ import annotations
 

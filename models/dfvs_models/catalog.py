@@ -1,4 +1,4 @@
-"""The matchers that can be asked for by name."""
+"""Catalogue of the matchers and networks by name."""
 
 from __future__ import annotations
 

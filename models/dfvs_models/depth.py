@@ -1,4 +1,4 @@
-"""A network that gives depth: runs a ``mono`` bundle."""
+"""Depth network of a ``mono`` bundle."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dfvs_core.depth.network import NetworkDepth
 from dfvs_core.errors import ImageError, ModelError
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.manifest import PictureInput
+from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import (
     Execution,
@@ -21,7 +21,7 @@ from dfvs_models.onnx_session import (
     require_outputs,
     trial_image,
 )
-from dfvs_models.pair import picture_tensor
+from dfvs_models.pair import image_tensor
 
 _ROLE = "mono"
 _FOCAL_SHAPE = (1, 1)
@@ -42,7 +42,7 @@ class FittedImage:
     focal: float
 
 
-def fit_image(image: ImageArray, camera: CameraModel, spec: PictureInput) -> FittedImage:
+def fit_image(image: ImageArray, camera: CameraModel, spec: ImageInput) -> FittedImage:
     """Fit an image (H, W, 3) uint8 RGB of this camera into the network's."""
     height, width = image.shape[:2]
     stretch = camera.fx / camera.fy
@@ -102,7 +102,7 @@ class DepthNetwork:
                 f"uint8 of {(camera.height, camera.width, 3)}",
             )
         fitted = fit_image(image, camera, self._input)
-        raw = self.run(picture_tensor(fitted.image, self._input), fitted.focal)
+        raw = self.run(image_tensor(fitted.image, self._input), fitted.focal)
         depth = self._in_image(raw[0][0], fitted, image.shape[:2])
         if self._meaning.quantity == "depth":
             rho = np.divide(np.float32(1.0), depth, out=np.zeros_like(depth), where=depth > 0)
@@ -151,6 +151,6 @@ class DepthNetwork:
         camera = CameraModel.from_horizontal_fov(width, height, _TRIAL_FOV_RAD)
         expected = (1, height // self._meaning.stride, width // self._meaning.stride)
         fitted = fit_image(image, camera, self._input)
-        outputs = self.run(picture_tensor(fitted.image, self._input), fitted.focal)
+        outputs = self.run(image_tensor(fitted.image, self._input), fitted.focal)
         for name, raw in zip(self._roles.outputs, outputs, strict=True):
             check_output(f"output {name!r} of {self._roles.file!r}", raw, expected, "finite depth")

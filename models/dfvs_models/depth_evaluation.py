@@ -1,4 +1,4 @@
-"""How good the depth of a network is, and how honest its uncertainty, where the truth is known."""
+"""Evaluation of depth and its uncertainty against ground truth."""
 
 from __future__ import annotations
 

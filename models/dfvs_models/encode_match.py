@@ -1,4 +1,4 @@
-"""A network of two graphs as a source of sparse matches: keypoints of images, and their pairs."""
+"""Sparse matches from an ``encode-match`` bundle."""
 
 from __future__ import annotations
 
@@ -12,8 +12,8 @@ import numpy as np
 
 from dfvs_core.errors import ModelError
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
-from dfvs_core.matching.points import PointMatches, Unwanted
-from dfvs_core.messages.manifest import PictureInput
+from dfvs_core.matching.points import Exclusion, PointMatches
+from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 
@@ -95,7 +95,7 @@ class EncodeMatchPoints:
         if manifest.kind != "encode-match":
             raise ModelError(f"bundle {manifest.name!r} is {manifest.kind!r}", "'encode-match'")
         self._manifest = manifest
-        self._input: PictureInput = manifest.input
+        self._input: ImageInput = manifest.input
         self._changes = tuple(itertools.product(turns_rad, scales))
         self._roles = manifest.graphs
         self._encode, self._match = (
@@ -115,7 +115,7 @@ class EncodeMatchPoints:
         return EncodedImage(image, self)
 
     def hypotheses(
-        self, current: EncodedImage, other: EncodedImage, unwanted: Unwanted | None = None
+        self, current: EncodedImage, other: EncodedImage, exclusion: Exclusion | None = None
     ) -> Iterator[PointMatches]:
         """Matches with the other image, turned and reduced; see ``dfvs_core.matching.points``.
 
@@ -132,7 +132,7 @@ class EncodeMatchPoints:
         ]
         for k in sorted(range(len(changed)), key=lambda k: -support[k]):
             found = self._match_points(first, changed[k])
-            if unwanted is not None and (wrong := unwanted(found)).any():
+            if exclusion is not None and (wrong := exclusion(found)).any():
                 found = self._match_points(first.without(found.current[wrong]), changed[k])
             yield found
 

@@ -1,4 +1,4 @@
-"""How good correspondences are, and how honest their confidence, where the truth is known."""
+"""Evaluation of flow and its confidence against ground truth."""
 
 from __future__ import annotations
 
@@ -15,13 +15,13 @@ LEVELS = ("small", "medium", "large")
 """Levels of motion: to 0.15 m and 6 degrees; 0.5 m and 15 degrees; 1.2 m and 30 degrees."""
 
 _NEAR_PX = 3.0
-_SURE = 0.5
+_CONFIDENT = 0.5
 _FAILED_PX = 10.0
 
 
 @dataclass(frozen=True, slots=True)
 class PairScore:
-    """What one pair came to, over the pixels seen in both pictures unless said otherwise.
+    """What one pair came to, over the pixels seen in both images unless said otherwise.
 
     Parameters
     ----------
@@ -29,44 +29,44 @@ class PairScore:
         Mean end-point error (Baker et al. 2011).
     under_3px : float
         Share of pixels with an error under 3 px.
-    sure_half_epe_px : float
+    confident_half_epe_px : float
         Mean error of the half with the highest confidence.
     confidence_correlation : float
         Rank correlation (Spearman) of confidence with smallness of error; 0 where constant.
     mean_confidence : float
-        Over the whole picture.
-    sure_share : float
-        Share of the whole picture with a confidence over 0.5.
-    sure_wrong : float
-        Share of those that are off by 3 px or not seen in the other picture; 0 if none are sure.
+        Over the whole image.
+    confident_ratio : float
+        Share of the whole image with a confidence over 0.5.
+    confident_failed : float
+        Share of those that are off by 3 px or not seen in the other image; 0 if none are confident.
     """
 
     epe_px: float
     under_3px: float
-    sure_half_epe_px: float
+    confident_half_epe_px: float
     confidence_correlation: float
     mean_confidence: float
-    sure_share: float
-    sure_wrong: float
+    confident_ratio: float
+    confident_failed: float
 
     @property
-    def failed_but_sure(self) -> bool:
+    def confident_failures(self) -> bool:
         """Whether the match failed as a whole and did not say so."""
-        return self.epe_px > _FAILED_PX and self.mean_confidence > _SURE
+        return self.epe_px > _FAILED_PX and self.mean_confidence > _CONFIDENT
 
 
 @dataclass(frozen=True, slots=True)
 class LevelScore:
-    """Means over the pairs of a level; ``failed_but_sure`` counts."""
+    """Means over the pairs of a level; ``confident_failures`` counts."""
 
     pairs: int
     epe_px: float
     under_3px: float
-    sure_half_epe_px: float
+    confident_half_epe_px: float
     confidence_correlation: float
-    sure_share: float
-    sure_wrong: float
-    failed_but_sure: int
+    confident_ratio: float
+    confident_failed: float
+    confident_failures: int
 
 
 def score_pair(field: FlowField, truth: Float32Array, visible: BoolArray) -> PairScore:
@@ -82,20 +82,20 @@ def score_pair(field: FlowField, truth: Float32Array, visible: BoolArray) -> Pai
             f"truth has shape {truth.shape}, visibility {visible.shape}", f"{field.flow.shape}"
         )
     if not visible.any():
-        raise ImageError("no pixel is visible in both pictures")
+        raise ImageError("no pixel is visible in both images")
     error = np.linalg.norm(field.flow - truth, axis=-1)
     seen, confidence = error[visible], field.confidence[visible]
     half = np.argsort(-confidence, kind="stable")[: (len(seen) + 1) // 2]
-    sure = field.confidence > _SURE
-    wrong = sure & ((error >= _NEAR_PX) | ~visible)
+    confident = field.confidence > _CONFIDENT
+    wrong = confident & ((error >= _NEAR_PX) | ~visible)
     return PairScore(
         epe_px=float(seen.mean()),
         under_3px=float(np.mean(seen < _NEAR_PX)),
-        sure_half_epe_px=float(seen[half].mean()),
+        confident_half_epe_px=float(seen[half].mean()),
         confidence_correlation=_rank_correlation(confidence, -seen),
         mean_confidence=float(field.confidence.mean()),
-        sure_share=float(sure.mean()),
-        sure_wrong=float(wrong.sum() / max(int(sure.sum()), 1)),
+        confident_ratio=float(confident.mean()),
+        confident_failed=float(wrong.sum() / max(int(confident.sum()), 1)),
     )
 
 
@@ -109,11 +109,11 @@ def summarise(scores: Sequence[PairScore]) -> LevelScore:
         pairs=len(scores),
         epe_px=mean("epe_px"),
         under_3px=mean("under_3px"),
-        sure_half_epe_px=mean("sure_half_epe_px"),
+        confident_half_epe_px=mean("confident_half_epe_px"),
         confidence_correlation=mean("confidence_correlation"),
-        sure_share=mean("sure_share"),
-        sure_wrong=mean("sure_wrong"),
-        failed_but_sure=sum(score.failed_but_sure for score in scores),
+        confident_ratio=mean("confident_ratio"),
+        confident_failed=mean("confident_failed"),
+        confident_failures=sum(score.confident_failures for score in scores),
     )
 
 

@@ -1,4 +1,4 @@
-"""Reading evaluation files: image pairs with exact flow, and images with exact depth.
+"""Evaluation files: image pairs with exact flow, images with exact depth.
 
 One ``.npz``; pixel centres lie at +0.5, images are RGB:
 
@@ -39,12 +39,12 @@ _DEPTH_ARRAYS = ("IA", "depth")
 
 @dataclass(frozen=True, slots=True, eq=False)
 class FlowPairs:
-    """Picture pairs with exact flow.
+    """Image pairs with exact flow.
 
     Parameters
     ----------
     current, other : (N, H, W, 3) uint8
-        The two pictures, RGB.
+        The two images, RGB.
     flow : (N, H, W, 2) float32
         px, from ``current`` to ``other``, on the grid of ``current``.
     visible : (N, H, W) bool
@@ -62,7 +62,7 @@ class FlowPairs:
     def __iter__(
         self,
     ) -> Iterator[tuple[ImageArray, ImageArray, Float32Array, BoolArray, np.int64]]:
-        """Pair by pair: both pictures, flow, visibility and level."""
+        """Pair by pair: both images, flow, visibility and level."""
         columns = (self.current, self.other, self.flow, self.visible, self.level)
         return zip(*columns, strict=True)
 

@@ -1,4 +1,4 @@
-"""What an ONNX file asks for, read from its bytes before any library acts on them.
+"""Security check of ONNX files before loading.
 
 ONNX is protocol buffers: a message is a run of (field number, wire type, value). Only the few
 fields are followed that lead to nodes and tensors (onnx.proto); everything else is skipped.

@@ -1,4 +1,4 @@
-"""ONNX Runtime, told how many threads to use and on what, and checked that it does."""
+"""ONNX Runtime session with fixed threads and execution provider."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A published flow network (two pictures in, flow out) as a matcher."""
+"""Matcher from a published flow network (``pair`` bundle)."""
 
 from __future__ import annotations
 
@@ -17,30 +17,31 @@ from dfvs_core.matching.dense_search import (
     forward_backward_consistency,
     normalised_cross_correlation,
 )
-from dfvs_core.matching.matcher import Prepared, check_pair, working_size
-from dfvs_core.matching.points import PointMatches, Unwanted
+from dfvs_core.matching.matcher import ImageFeatures, check_pair, working_size
+from dfvs_core.matching.points import Exclusion, PointMatches
 from dfvs_core.matching.smooth_flow import confident_matches
 from dfvs_core.matching.warping import lands_inside, pixel_grid, sample
-from dfvs_core.messages.manifest import FlowOutput, Graph, PictureInput
+from dfvs_core.messages.manifest import Graph
+from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
 from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 
 _ROLE = "pair"
 
 
-class PairPicture(Prepared):
-    """A picture as the network wants it, (1, C, h, w) float32, and in grey (H, W)."""
+class PairImage(ImageFeatures):
+    """An image as the network wants it, (1, C, h, w) float32, and in grey (H, W)."""
 
-    def __init__(self, image: ImageArray, spec: PictureInput) -> None:
+    def __init__(self, image: ImageArray, spec: ImageInput) -> None:
         super().__init__(working_size(image))
         self.grey = cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
-        self.tensor = picture_tensor(image, spec)
+        self.tensor = image_tensor(image, spec)
 
 
 class PairMatcher:
     """Runs a ``pair`` network both ways for every match.
 
-    Flow there and back tells what is visible in both pictures, which a network that gives flow
+    Flow there and back tells what is visible in both images, which a network that gives flow
     alone does not; it doubles the time of a match. A prediction is not used.
 
     Raises
@@ -68,14 +69,14 @@ class PairMatcher:
         """Width of the network's images."""
         return self._input.width
 
-    def prepare(self, image: ImageArray) -> PairPicture:
-        """Resize and normalise a picture (H, W, 3) uint8 RGB."""
-        return PairPicture(image, self._input)
+    def encode(self, image: ImageArray) -> PairImage:
+        """Resize and normalise an image (H, W, 3) uint8 RGB."""
+        return PairImage(image, self._input)
 
     def match(
         self,
-        current: Prepared,
-        other: Prepared,
+        current: ImageFeatures,
+        other: ImageFeatures,
         *,
         excluded: Sequence[FlowField] = (),
     ) -> FlowField:
@@ -84,7 +85,7 @@ class PairMatcher:
         Output that is not finite gives a field of zeros without confidence. A network finds what it
         finds: if that is to be passed over there is nothing.
         """
-        current, other = check_pair(current, other, PairPicture)
+        current, other = check_pair(current, other, PairImage)
         there, back = self._run(current, other), self._run(other, current)
         if not (np.isfinite(there).all() and np.isfinite(back).all()):
             return empty_flow(current.size)
@@ -94,16 +95,18 @@ class PairMatcher:
         field = FlowField(there, confidence * lands_inside(there))
         return exclude(field, excluded, self._config)
 
-    def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField | None:
+    def track(
+        self, current: ImageFeatures, other: ImageFeatures, predicted: FlowField
+    ) -> FlowField | None:
         """Flow of the network, which takes as long with a prediction as without."""
         return self.match(current, other)
 
-    def _run(self, current: PairPicture, other: PairPicture) -> Float32Array:
-        """Flow (H, W, 2) px of the pictures' own size."""
+    def _run(self, current: PairImage, other: PairImage) -> Float32Array:
+        """Flow (H, W, 2) px of the images' own size."""
         (raw,) = self._graph.run(
             pair_tensors(current.tensor, other.tensor, self._input), [self._output]
         )
-        return picture_flow(raw, self._input, self._flow, current.size)
+        return image_flow(raw, self._input, self._flow, current.size)
 
     def _try_out(self) -> None:
         """Run the network once: shapes that lie and weights that are not finite show up."""
@@ -113,10 +116,10 @@ class PairMatcher:
                 f"one named {self._output!r}",
             )
         size = (self._input.height, self._input.width)
-        image = np.repeat(trial_image(size[1], size[0])[..., None], 3, axis=2)
-        picture = PairPicture(image, self._input)
+        pixels = np.repeat(trial_image(size[1], size[0])[..., None], 3, axis=2)
+        image = PairImage(pixels, self._input)
         (raw,) = self._graph.run(
-            pair_tensors(picture.tensor, picture.tensor, self._input), [self._output]
+            pair_tensors(image.tensor, image.tensor, self._input), [self._output]
         )
         expected = (1, 2, size[0] // self._flow.stride, size[1] // self._flow.stride)
         if raw.shape != expected or raw.dtype != np.float32:
@@ -143,12 +146,12 @@ class FlowPoints:
         """Width of the network's images."""
         return self._network.width_px
 
-    def encode(self, image: ImageArray) -> PairPicture:
+    def encode(self, image: ImageArray) -> PairImage:
         """Resize and normalise an image (H, W, 3) uint8 RGB."""
-        return self._network.prepare(image)
+        return self._network.encode(image)
 
     def hypotheses(
-        self, current: PairPicture, other: PairPicture, unwanted: Unwanted | None = None
+        self, current: PairImage, other: PairImage, exclusion: Exclusion | None = None
     ) -> Iterator[PointMatches]:
         """See ``dfvs_core.matching.points``."""
         yield confident_matches(self._network.match(current, other))
@@ -174,8 +177,8 @@ def check_inputs(graph: OnnxGraph, said: Graph, shapes: Sequence[tuple[int, ...]
             )
 
 
-def picture_tensor(image: ImageArray, spec: PictureInput) -> Float32Array:
-    """Tensor (1, C, h, w) of a picture (H, W, 3) uint8 RGB, as the manifest asks."""
+def image_tensor(image: ImageArray, spec: ImageInput) -> Float32Array:
+    """Tensor (1, C, h, w) of an image (H, W, 3) uint8 RGB, as the manifest asks."""
     shrinks = image.shape[1] > spec.width
     resized = cv2.resize(
         image,
@@ -192,9 +195,9 @@ def picture_tensor(image: ImageArray, spec: PictureInput) -> Float32Array:
 
 
 def pair_tensors(
-    current: Float32Array, other: Float32Array, spec: PictureInput
+    current: Float32Array, other: Float32Array, spec: ImageInput
 ) -> tuple[Float32Array, ...]:
-    """Inputs of the graph from the tensors (1, C, h, w) of two pictures."""
+    """Inputs of the graph from the tensors (1, C, h, w) of two images."""
     if spec.layout == "separate":
         return current, other
     if spec.layout == "channels":
@@ -202,13 +205,13 @@ def pair_tensors(
     return (np.stack([current, other], axis=1),)
 
 
-def picture_flow(
-    raw: Float32Array, spec: PictureInput, meaning: FlowOutput, size: tuple[int, int]
+def image_flow(
+    raw: Float32Array, spec: ImageInput, meaning: FlowOutput, size: tuple[int, int]
 ) -> Float32Array:
-    """Flow (H, W, 2) px of pictures of ``size`` (H, W) from the network's (1, 2, h, w)."""
+    """Flow (H, W, 2) px of images of ``size`` (H, W) from the network's (1, 2, h, w)."""
     height, width = size
     channels = raw[0, ::-1] if meaning.order == "vu" else raw[0]
     flow = np.ascontiguousarray(channels.transpose(1, 2, 0)) * np.float32(meaning.scale)
     full = cv2.resize(flow, (width, height), interpolation=cv2.INTER_LINEAR)
-    to_picture = np.array([width / spec.width, height / spec.height], np.float32)
-    return np.asarray(full * to_picture, np.float32)
+    to_gray_image = np.array([width / spec.width, height / spec.height], np.float32)
+    return np.asarray(full * to_gray_image, np.float32)

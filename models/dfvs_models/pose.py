@@ -1,4 +1,4 @@
-"""A network that gives the pose between two images: runs a ``pose`` bundle."""
+"""Pose network of a ``pose`` bundle."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ from dfvs_models.onnx_session import (
     require_outputs,
     trial_image,
 )
-from dfvs_models.pair import check_inputs, pair_tensors, picture_tensor
+from dfvs_models.pair import check_inputs, image_tensor, pair_tensors
 
 _ROLE = "pose"
 _FOCAL_SHAPE = (1, 1)
@@ -82,9 +82,9 @@ class PoseNetwork:
         ModelError
             If the network gives values that are not finite, or no rotation.
         """
-        pictures = [picture_tensor(side.image, self._input) for side in (first, second)]
+        images = [image_tensor(side.image, self._input) for side in (first, second)]
         focal = np.full(_FOCAL_SHAPE, first.focal, np.float32)
-        tensors = pair_tensors(pictures[0], pictures[1], self._input)
+        tensors = pair_tensors(images[0], images[1], self._input)
         raw = self._graph.run((*tensors, focal), self._said.outputs)
         for name, values, shape in zip(self._said.outputs, raw, self._meaning.shapes, strict=True):
             self._check(name, values, shape)

@@ -15,7 +15,7 @@ import zenoh
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.command import Command, encode_command, request_id
 from dfvs_core.gate.events import Action
-from dfvs_core.messages.goal_command import GoalOrder, goal_digest
+from dfvs_core.messages.goal_command import GoalCommand, goal_digest
 from dfvs_core.messages.topics import Topics
 from dfvs_service.settings.config import ServiceConfig, ZenohSection
 from dfvs_service.zenoh_session import open_session
@@ -41,7 +41,7 @@ def give_order(
     key: bytes,
     action: Action,
     timeout_s: float,
-    goal: GoalOrder | None = None,
+    goal: GoalCommand | None = None,
 ) -> str:
     """Sign an order with the service's present challenge, send it, and return the service's word.
 
@@ -55,7 +55,7 @@ def give_order(
         What to do.
     timeout_s : float
         How long to wait for the service, and then for its answer.
-    goal : GoalOrder, optional
+    goal : GoalCommand, optional
         Where to fly to, for ``Action.GOAL``.
 
     Raises

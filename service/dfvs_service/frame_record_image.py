@@ -5,10 +5,10 @@ from __future__ import annotations
 from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame import decode_frame, decode_header
-from dfvs_core.messages.frame_record import Turn
+from dfvs_core.messages.frame_record import FrameRecord
 
 
-def turn_image(turn: Turn, payload: bytes) -> ImageArray | None:
+def turn_image(turn: FrameRecord, payload: bytes) -> ImageArray | None:
     """Image (H, W, 3) RGB that a turn looked at; None for nothing that can be decoded."""
     if turn.sight is None:
         return None

@@ -50,7 +50,7 @@ def test_the_table_and_the_json_tell_precision_by_level(pairs, tmp_path, capsys)
         assert score["pairs"] == 1
         assert 0.0 < score["epe_px"] < 0.5
         assert score["under_3px"] > 0.97
-        assert score["failed_but_sure"] == 0
+        assert score["confident_failures"] == 0
     assert report["ms_per_pair"] > report["ms_per_pair_with_guess"] > 0.0
 
 
@@ -77,7 +77,7 @@ def test_a_bundle_of_another_size_gives_flow_of_the_pictures_size(pairs, tmp_pat
     assert bench(pairs, "--bundle", bundle, "--json", out) == 0
     small = json.loads(out.read_text())["files"]["wall.npz"]["small"]
     assert small["epe_px"] < 1.0
-    assert small["sure_half_epe_px"] < 0.3
+    assert small["confident_half_epe_px"] < 0.3
 
 
 def test_what_it_cannot_measure_is_answered_with_what_it_can(pairs, tmp_path):

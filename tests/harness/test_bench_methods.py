@@ -15,7 +15,7 @@ from dfvs_bench.trials.trial import goal_sight, run_trial
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_core.matching.classical import classical_matcher
-from dfvs_core.messages.manifest import PictureInput
+from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_core.servo.exchange import Status
 from dfvs_models.depth import DepthNetwork, fit_image
 from dfvs_models.onnx_session import Execution
@@ -113,7 +113,7 @@ class KnownPose:
         self._method = PoseRegressionMethod(goal, self)
 
     def fit(self, image, camera):
-        self._last = fit_image(image, camera, PictureInput(32, 24))
+        self._last = fit_image(image, camera, ImageInput(32, 24))
         return self._last
 
     def relative_pose(self, first, second):

@@ -12,7 +12,7 @@ from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.link import GateStatus, VehicleState
-from dfvs_core.perception.route_recording import TeachLimits
+from dfvs_core.perception.route_recording import RouteRecordingLimits
 from dfvs_service.perception.assembly import Clocks, build_eye
 from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.perception.route_follower import RouteFollower
@@ -172,7 +172,7 @@ def test_a_route_that_was_taught_by_hand_is_flown_again(rooms, poses, tmp_path):
     config = taught_settings(load_config(None, {}), CAMERA)
     pilot = Flight(rooms, poses, GoalSidecar(CAMERA).mount)
     clocks = Clocks(CLOCK, lambda: pilot.now_ns, lambda: pilot.now_ns)
-    teacher = RouteTeacher(config, tmp_path, classical_matcher(), clocks, TeachLimits())
+    teacher = RouteTeacher(config, tmp_path, classical_matcher(), clocks, RouteRecordingLimits())
     for share in np.linspace(0.0, 1.0, 36):
         pilot.put(along(poses, share))
         teacher.heed([pilot.state()])

@@ -53,7 +53,7 @@ class World:
         self.attempts.append(Attempt(data, self.seen[challenge], good))
 
     def send(self, attempt):
-        verdict = self.authority.judge(attempt.data, self.now_ns)
+        verdict = self.authority.evaluate(attempt.data, self.now_ns)
         assert verdict.request == request_id(attempt.data)
         if verdict.is_repeated:
             assert verdict.action is None

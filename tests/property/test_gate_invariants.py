@@ -20,7 +20,7 @@ from dfvs_core.gate.events import (
     Heartbeat,
     LandedState,
     LocalPosition,
-    Order,
+    OperatorCommand,
     ParametersRead,
     Report,
     Stop,
@@ -78,7 +78,7 @@ def wild_events(now_ns):
         st.builds(EstimatorState, t_ns, flag),
         st.builds(ParametersRead, t_ns),
         st.builds(BadReport, t_ns, st.just("garbage")),
-        st.builds(Order, t_ns, st.sampled_from(Action), st.sampled_from(["", "ab" * 32])),
+        st.builds(OperatorCommand, t_ns, st.sampled_from(Action), st.sampled_from(["", "ab" * 32])),
         st.builds(Stop, t_ns, st.just(""), flag),
         st.builds(Report, t_ns, reports(now_ns)),
     )
@@ -119,7 +119,7 @@ def try_to_fly(gate):
     gate.run(2.5)
     if gate.config.engage is Engage.PILOT:
         gate.beat(mode=VehicleMode.OFFBOARD)
-    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     gate.run(2.5)
 
 
@@ -134,7 +134,7 @@ def fly_again(gate):
     gate.follows_goal = True
     gate.latency_ns, gate.error_m = 40 * MS, 2.0
     gate.run(3.0)
-    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     try_to_fly(gate)
 
 
@@ -183,7 +183,7 @@ def leap(gate, rng):
 def order(gate, rng):
     action = pick(rng, list(Action))
     argument = pick(rng, ["ab" * 32, "cd" * 32]) if action is Action.GOAL else ""
-    gate.tick(Order(gate.now_ns, action, argument))
+    gate.tick(OperatorCommand(gate.now_ns, action, argument))
 
 
 def disturb(gate, rng):

@@ -35,14 +35,14 @@ REPEATS = 12  # a match takes a third of a second
 
 @pytest.fixture(scope="module")
 def goal():
-    return MATCHER.prepare(WALL.picture())
+    return MATCHER.encode(WALL.picture())
 
 
 @settings(max_examples=REPEATS)
 @given(H=MOTIONS)
 def test_any_motion_in_reach_is_recovered(goal, H):
     truth = exact_flow(H)
-    field = MATCHER.match(goal, MATCHER.prepare(WALL.picture(H)))
+    field = MATCHER.match(goal, MATCHER.encode(WALL.picture(H)))
     visible = inside(truth, margin=8.0)
     assert np.mean(errors(field, truth)[visible] < 1.0) > 0.95
     assert np.all((field.confidence >= 0.0) & (field.confidence <= 1.0))
@@ -53,7 +53,7 @@ def test_any_motion_in_reach_is_recovered(goal, H):
 @given(H=SLIGHT_MOTIONS)
 def test_slight_motion_is_recovered_to_a_tenth_of_a_pixel(goal, H):
     truth = exact_flow(H)
-    field = MATCHER.match(goal, MATCHER.prepare(WALL.picture(H)))
+    field = MATCHER.match(goal, MATCHER.encode(WALL.picture(H)))
     sure = field.confidence > 0.5
     assert sure.mean() > 0.8
     assert np.abs((field.flow - truth)[sure].mean(axis=0)).max() < 0.05

@@ -9,7 +9,7 @@ from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
-from dfvs_core.perception.channel_order import is_swapped
+from dfvs_core.perception.channel_order import is_channel_order_swapped
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
@@ -33,38 +33,38 @@ def grey(image):
 
 def test_the_right_order_passes_and_the_wrong_one_does_not(pair):
     image, goal, flow = pair
-    assert not is_swapped(image, goal, flow)
-    assert is_swapped(image[:, :, ::-1], goal, flow)
-    assert is_swapped(image, goal[:, :, ::-1], flow)
-    assert not is_swapped(image[:, :, ::-1], goal[:, :, ::-1], flow)
+    assert not is_channel_order_swapped(image, goal, flow)
+    assert is_channel_order_swapped(image[:, :, ::-1], goal, flow)
+    assert is_channel_order_swapped(image, goal[:, :, ::-1], flow)
+    assert not is_channel_order_swapped(image[:, :, ::-1], goal[:, :, ::-1], flow)
 
 
 @pytest.mark.parametrize(("gain", "offset"), [(0.6, 0.0), (1.0, 40.0), (1.3, -30.0)])
 def test_light_does_not_matter(pair, rng, gain, offset):
     image, goal, flow = pair
     lit = np.clip(gain * image + offset, 0, 255).astype(np.uint8)
-    assert not is_swapped(lit, goal, flow)
-    assert is_swapped(lit[:, :, ::-1], goal, flow)
+    assert not is_channel_order_swapped(lit, goal, flow)
+    assert is_channel_order_swapped(lit[:, :, ::-1], goal, flow)
 
 
 def test_grey_pictures_say_nothing(pair):
     image, goal, flow = pair
-    assert not is_swapped(grey(image), goal, flow)
-    assert not is_swapped(image[:, :, ::-1], grey(goal), flow)
+    assert not is_channel_order_swapped(grey(image), goal, flow)
+    assert not is_channel_order_swapped(image[:, :, ::-1], grey(goal), flow)
 
 
 def test_few_sure_points_say_nothing(pair):
     image, goal, flow = pair
     few = np.zeros_like(flow.confidence)
     few[:40, :40] = flow.confidence[:40, :40]
-    assert not is_swapped(image[:, :, ::-1], goal, FlowField(flow.flow, few))
+    assert not is_channel_order_swapped(image[:, :, ::-1], goal, FlowField(flow.flow, few))
     away = FlowField(flow.flow + np.float32(5000), flow.confidence)
-    assert not is_swapped(image[:, :, ::-1], goal, away)
+    assert not is_channel_order_swapped(image[:, :, ::-1], goal, away)
 
 
 def test_other_content_is_not_an_exchange(pair, rng):
     image, _, flow = pair
-    assert not is_swapped(image, Wall(texture(rng)).picture(H), flow)
+    assert not is_channel_order_swapped(image, Wall(texture(rng)).picture(H), flow)
 
 
 def test_frames_with_exchanged_colours_are_not_flown(rng):

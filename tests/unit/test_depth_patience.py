@@ -5,7 +5,7 @@ import pytest
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, Pipeline
@@ -24,8 +24,8 @@ class StillMatcher:
     def __init__(self):
         self.tracked = 0
 
-    def prepare(self, image):
-        return Prepared(image.shape[:2])
+    def encode(self, image):
+        return ImageFeatures(image.shape[:2])
 
     def match(self, current, other, *, excluded=()):
         return FlowField(np.zeros((*SIZE, 2), np.float32), np.ones(SIZE, np.float32))

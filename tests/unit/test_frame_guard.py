@@ -8,8 +8,8 @@ from dfvs_core.perception.frame_validator import (
     FrameFault,
     GuardState,
     admit,
+    check_content,
     check_header,
-    check_picture,
 )
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
@@ -72,10 +72,10 @@ def test_pictures_are_judged_by_their_brightness(rng):
     def flat(level):
         return np.full((240, 320, 3), level, np.uint8)
 
-    assert check_picture(flat(0)) is FrameFault.DARK
-    assert check_picture(flat(255)) is FrameFault.BRIGHT
-    assert check_picture(flat(100)) is FrameFault.FLAT
-    assert check_picture(rng.integers(60, 180, (240, 320, 3)).astype(np.uint8)) is None
+    assert check_content(flat(0)) is FrameFault.DARK
+    assert check_content(flat(255)) is FrameFault.BRIGHT
+    assert check_content(flat(100)) is FrameFault.FLAT
+    assert check_content(rng.integers(60, 180, (240, 320, 3)).astype(np.uint8)) is None
 
 
 def sent(rng, t_ms=9_990, damage=lambda payload, attachment: (payload, attachment), level=None):

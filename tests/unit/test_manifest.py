@@ -7,16 +7,8 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dfvs_core.errors import ModelError
-from dfvs_core.messages.manifest import (
-    DepthOutput,
-    FlowOutput,
-    Graph,
-    Manifest,
-    PictureInput,
-    PoseOutput,
-    check_files,
-    sha256,
-)
+from dfvs_core.messages.manifest import Graph, Manifest, check_files, sha256
+from dfvs_core.messages.network_tensors import DepthOutput, FlowOutput, ImageInput, PoseOutput
 
 ONNX = b"not really a network"
 
@@ -26,7 +18,7 @@ def manifest(**changes):
         "format": "dfvs-bundle/2",
         "name": "tiny",
         "kind": "pair",
-        "input": PictureInput(64, 48),
+        "input": ImageInput(64, 48),
         "graphs": {"pair": Graph("net.onnx", ("a", "b"), ("flow",))},
         "files": {"net.onnx": sha256(ONNX)},
         "licence": "Apache-2.0",
@@ -201,7 +193,7 @@ def test_a_match_that_takes_what_no_encoder_gives_is_refused():
     ],
 )
 def test_the_layout_fixes_the_shapes_of_the_inputs(layout, channels, shapes):
-    assert PictureInput(64, 48, layout=layout, channels=channels).pair_shapes() == shapes
+    assert ImageInput(64, 48, layout=layout, channels=channels).pair_shapes() == shapes
 
 
 def test_files_that_are_as_announced_are_accepted():

@@ -6,16 +6,16 @@ import numpy as np
 import pytest
 
 from dfvs_core.perception.route import (
-    LOOK_PERIOD_NS,
+    PREVIEW_PERIOD_NS,
     RESPONSE_NS,
     RouteLimits,
     RouteState,
     S,
-    follow,
     is_lost,
-    look,
     may_go_on,
-    wants_look,
+    on_preview,
+    on_result,
+    wants_preview,
 )
 from dfvs_core.servo.exchange import ServoResult, Status
 
@@ -42,47 +42,47 @@ LATER = 10 * S
 
 def near(t_ns=LATER, state=ENGAGED, **changes):
     result = dataclasses.replace(NEAR, **changes)
-    return follow(state, LIMITS, result, t_ns, engaged=True)
+    return on_result(state, LIMITS, result, t_ns, engaged=True)
 
 
 def test_near_the_goal_the_next_one_is_looked_for_now_and_then():
     state = near()
-    assert wants_look(state, LATER)
-    state = look(state, LIMITS, NEAR, LATER)
-    assert not wants_look(state, LATER + LOOK_PERIOD_NS - 1)
-    assert wants_look(state, LATER + LOOK_PERIOD_NS)
+    assert wants_preview(state, LATER)
+    state = on_preview(state, LIMITS, NEAR, LATER)
+    assert not wants_preview(state, LATER + PREVIEW_PERIOD_NS - 1)
+    assert wants_preview(state, LATER + PREVIEW_PERIOD_NS)
 
 
 @pytest.mark.parametrize(
     "far", [{"error_m": 0.31}, {"error_rad": 0.21}, {"status": Status.NO_AGREEMENT}]
 )
 def test_far_from_it_or_unsure_it_is_not(far):
-    assert not wants_look(near(**far), LATER)
+    assert not wants_preview(near(**far), LATER)
 
 
 def test_the_goal_stays_during_the_initial_response_check():
-    state = follow(RouteState(), LIMITS, NEAR, LATER, engaged=True)
-    assert not wants_look(state, LATER + RESPONSE_NS - 1)
-    assert wants_look(state, LATER + RESPONSE_NS)
+    state = on_result(RouteState(), LIMITS, NEAR, LATER, engaged=True)
+    assert not wants_preview(state, LATER + RESPONSE_NS - 1)
+    assert wants_preview(state, LATER + RESPONSE_NS)
 
 
 def test_before_the_vehicle_is_engaged_a_goal_may_be_passed_at_once():
-    state = follow(RouteState(), LIMITS, NEAR, LATER, engaged=False)
-    assert wants_look(state, LATER)
+    state = on_result(RouteState(), LIMITS, NEAR, LATER, engaged=False)
+    assert wants_preview(state, LATER)
 
 
 def test_a_goal_in_sight_twice_in_a_row_takes_over():
-    state = look(near(), LIMITS, NEAR, LATER)
+    state = on_preview(near(), LIMITS, NEAR, LATER)
     assert not may_go_on(state)
     hidden = dataclasses.replace(NEAR, overlap=0.19)
-    assert not may_go_on(look(look(state, LIMITS, hidden, LATER), LIMITS, NEAR, LATER))
+    assert not may_go_on(on_preview(on_preview(state, LIMITS, hidden, LATER), LIMITS, NEAR, LATER))
     unsure = dataclasses.replace(NEAR, status=Status.DEGENERATE)
-    assert not may_go_on(look(look(state, LIMITS, unsure, LATER), LIMITS, NEAR, LATER))
-    assert may_go_on(look(state, LIMITS, NEAR, LATER))
+    assert not may_go_on(on_preview(on_preview(state, LIMITS, unsure, LATER), LIMITS, NEAR, LATER))
+    assert may_go_on(on_preview(state, LIMITS, NEAR, LATER))
 
 
 def test_a_step_away_from_the_goal_begins_the_count_anew():
-    state = look(near(), LIMITS, NEAR, LATER)
+    state = on_preview(near(), LIMITS, NEAR, LATER)
     assert near(state=state).seen == 1
     assert near(state=state, error_m=0.4).seen == 0
 
@@ -91,15 +91,17 @@ def test_a_next_goal_that_stays_away_is_lost_after_a_while_only():
     state = near()
     assert not is_lost(state, LIMITS, LATER + LIMITS.patience_ns)
     assert is_lost(state, LIMITS, LATER + LIMITS.patience_ns + 1)
-    assert not is_lost(look(state, LIMITS, NEAR, LATER), LIMITS, LATER + 2 * LIMITS.patience_ns)
+    assert not is_lost(
+        on_preview(state, LIMITS, NEAR, LATER), LIMITS, LATER + 2 * LIMITS.patience_ns
+    )
 
 
 def test_patience_begins_when_the_initial_response_check_is_over():
-    state = follow(RouteState(), LIMITS, NEAR, 0, engaged=True)
+    state = on_result(RouteState(), LIMITS, NEAR, 0, engaged=True)
     assert not is_lost(state, LIMITS, RESPONSE_NS + LIMITS.patience_ns)
     assert is_lost(state, LIMITS, RESPONSE_NS + LIMITS.patience_ns + 1)
 
 
 def test_nothing_is_lost_while_the_vehicle_is_not_engaged():
-    state = follow(RouteState(), LIMITS, NEAR, 0, engaged=False)
+    state = on_result(RouteState(), LIMITS, NEAR, 0, engaged=False)
     assert not is_lost(state, LIMITS, 100 * S)

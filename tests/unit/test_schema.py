@@ -5,7 +5,7 @@ from typing import Literal
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.messages.schema import dump, parse, setting
+from dfvs_core.messages.schema import dump, parse, setting, with_present_names
 
 
 class Colour(Enum):
@@ -47,6 +47,18 @@ def test_a_former_name_is_refused_with_the_present_one_and_not_with_the_nearest(
         parse(Renamed, {"gaim": 1.0})
     with pytest.raises(ConfigError, match=r"did you mean 'gain'\?"):
         parse(Renamed, {"gaip": 1.0})
+
+
+@dataclass(frozen=True)
+class WithRenamed:
+    part: Renamed | None = None
+
+
+def test_a_recorded_mapping_gets_the_present_names_at_every_depth():
+    recorded = {"part": {"gaim": 0.1, "gain": 0.2}}
+    present = with_present_names(WithRenamed, recorded)
+    assert parse(WithRenamed, present) == WithRenamed(Renamed(0.1, 0.2))
+    assert with_present_names(WithRenamed, {"part": None}) == {"part": None}
 
 
 def test_integers_serve_as_floats_but_not_the_other_way_round():

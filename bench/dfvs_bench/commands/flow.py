@@ -13,7 +13,7 @@ from typing import Any
 import numpy as np
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.matching.matcher import Matcher, follow
+from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.matching.warping import flow_at_size
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
@@ -132,8 +132,8 @@ def measure(matcher: Matcher, pairs: FlowPairs, label: str, result: Measured) ->
     scores: dict[str, list[PairScore]] = {}
     for k in range(-min(_WARM_UP, len(pairs.level)), len(pairs.level)):
         started = time.perf_counter()
-        current = matcher.prepare(pairs.current[k])
-        other = matcher.prepare(pairs.other[k])
+        current = matcher.encode(pairs.current[k])
+        other = matcher.encode(pairs.other[k])
         flow = matcher.match(current, other)
         matched = time.perf_counter()
         if k < 0:
@@ -141,7 +141,7 @@ def measure(matcher: Matcher, pairs: FlowPairs, label: str, result: Measured) ->
         result.cold_ms.append(1e3 * (matched - started))
         if k % _GUESS_EVERY == 0:
             matched = time.perf_counter()
-            follow(matcher, current, other, flow)
+            track_or_match(matcher, current, other, flow)
             result.warm_ms.append(1e3 * (time.perf_counter() - matched))
         found = flow_at_size(flow, pairs.visible[k].shape)
         level = LEVELS[int(pairs.level[k])]
@@ -159,8 +159,8 @@ def _print_tables(bundle: str, result: Measured) -> None:
         for level, s in levels.items():
             print(
                 f"{level:<8} {s.pairs:>5}  {s.epe_px:>7.2f}  {s.under_3px:>5.1%}  "
-                f"{s.sure_half_epe_px:>7.2f}  {s.confidence_correlation:>11.2f}  "
-                f"{s.sure_share:>4.0%}  {s.sure_wrong:>5.1%}  {s.failed_but_sure:>5}"
+                f"{s.confident_half_epe_px:>7.2f}  {s.confidence_correlation:>11.2f}  "
+                f"{s.confident_ratio:>4.0%}  {s.confident_failed:>5.1%}  {s.confident_failures:>5}"
             )
     cold, warm = np.mean(result.cold_ms), np.mean(result.warm_ms)
     print(f"{bundle}: {cold:.1f} ms a pair, {warm:.1f} with a guess")

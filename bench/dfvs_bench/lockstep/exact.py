@@ -11,14 +11,14 @@ from dfvs_core.errors import ImageError
 from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import exact_flow, visibility
 
 _CELL_PX = 16
 
 
-class KnownView(Prepared):
+class KnownView(ImageFeatures):
     """An image whose pose (4, 4) and depth (H, W) m are known."""
 
     def __init__(self, T_world_camera: FloatArray, depth_m: Float32Array) -> None:
@@ -52,15 +52,15 @@ class ExactMatcher:
         """Take the pose (4, 4) of the images to come."""
         self._T_world_camera = T_world_camera.copy()
 
-    def prepare(self, image: ImageArray) -> KnownView:
+    def encode(self, image: ImageArray) -> KnownView:
         """Depth of the view from the pose; the image is not looked at."""
         T = self._T_world_camera
         return KnownView(T, self._renderer.depth(self._camera, T))
 
     def match(
         self,
-        current: Prepared,
-        other: Prepared,
+        current: ImageFeatures,
+        other: ImageFeatures,
         *,
         excluded: Sequence[FlowField] = (),
     ) -> FlowField:
@@ -76,6 +76,8 @@ class ExactMatcher:
         flow = np.nan_to_num(flow) + cv2.resize(noise, (width, height))
         return FlowField(flow.astype(np.float32), seen.astype(np.float32))
 
-    def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField:
+    def track(
+        self, current: ImageFeatures, other: ImageFeatures, predicted: FlowField
+    ) -> FlowField:
         """Like :meth:`match`."""
         return self.match(current, other)

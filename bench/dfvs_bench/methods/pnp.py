@@ -17,7 +17,7 @@ from dfvs_bench.methods.method import Decision, GoalSight, Sight
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose, se3_exp, se3_log
 from dfvs_core.matching.correspondence import DepthMap, FlowField
-from dfvs_core.matching.matcher import Matcher, follow
+from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.matching.warping import flow_at_size
 from dfvs_core.servo.points import points_from_flow, sample_grid
 
@@ -49,14 +49,14 @@ class PnpMethod:
     def __init__(self, goal: GoalSight, matcher: Matcher) -> None:
         self._camera = goal.camera
         self._matcher = matcher
-        self._goal = matcher.prepare(goal.image)
+        self._goal = matcher.encode(goal.image)
         self._last_flow: FlowField | None = None
         self._failed = 0
 
     def decide(self, sight: Sight) -> Decision:
         """A tenth of the way to the goal; without a pose the camera stays."""
-        flow = follow(
-            self._matcher, self._matcher.prepare(sight.image), self._goal, self._last_flow
+        flow = track_or_match(
+            self._matcher, self._matcher.encode(sight.image), self._goal, self._last_flow
         )
         T_current_goal = self._goal_pose(flow, sight)
         if T_current_goal is None:

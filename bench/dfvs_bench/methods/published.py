@@ -27,7 +27,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.interaction import interaction_matrix
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Matcher, Prepared, follow
+from dfvs_core.matching.matcher import ImageFeatures, Matcher, track_or_match
 
 ITERATIONS = 4000
 """The paper's longest run took 3831."""
@@ -56,17 +56,17 @@ class PublishedMethod:
     def __init__(self, goal: GoalSight, matcher: Matcher) -> None:
         self._goal_image = goal.image.astype(np.float64)
         self._matcher = matcher
-        self._goal = matcher.prepare(goal.image)
+        self._goal = matcher.encode(goal.image)
         self._xy = _code_coordinates(goal.camera)
         self._per_px = _AUTHORS_WIDTH_PX / goal.camera.width
-        self._last: Prepared | None = None
+        self._last: ImageFeatures | None = None
         self._flow: FlowField | None = None
         self._R_world_start: FloatArray | None = None
 
     def decide(self, sight: Sight) -> Decision:
         """One step of the published loop."""
-        prepared = self._matcher.prepare(sight.image)
-        self._flow = follow(self._matcher, prepared, self._goal, self._flow)
+        prepared = self._matcher.encode(sight.image)
+        self._flow = track_or_match(self._matcher, prepared, self._goal, self._flow)
         flow = _sampled(self._flow.flow) * self._per_px
         inverse_z = self._inverse_depth(prepared, sight)
         self._last = prepared
@@ -80,7 +80,7 @@ class PublishedMethod:
         done = squared < _SQUARED_ERROR_AT_GOAL
         return Decision(self._moved(twist, sight), float(np.sqrt(squared)), done)
 
-    def _inverse_depth(self, prepared: Prepared, sight: Sight) -> FloatArray:
+    def _inverse_depth(self, prepared: ImageFeatures, sight: Sight) -> FloatArray:
         """What the code takes for 1 / Z of every point (N,)."""
         if self._last is None:
             return _sampled(sight.depth.z_m).astype(np.float64).ravel()

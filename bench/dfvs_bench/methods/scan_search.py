@@ -49,7 +49,7 @@ class SearchingMethod:
     ) -> None:
         self._make = make
         self._matcher = matcher
-        self._goal = matcher.prepare(goal.image)
+        self._goal = matcher.encode(goal.image)
         self._inner = make()
         self._T_world_ahead: FloatArray | None = None
         self._to_look = ring()
@@ -89,7 +89,7 @@ class SearchingMethod:
 
     def _look(self, sight: Sight) -> None:
         """Match what is seen in the direction that was due."""
-        field = self._matcher.match(self._matcher.prepare(sight.image), self._goal)
+        field = self._matcher.match(self._matcher.encode(sight.image), self._goal)
         look = Look(self._to_look.pop(0), field, confident_ratio(field))
         if self._looks_taken == 0:
             self._followed = look  # straight ahead: what was followed until now

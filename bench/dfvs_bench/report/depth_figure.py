@@ -71,7 +71,7 @@ def _flow_depth(
     T_earlier_current: FloatArray,
 ) -> FloatArray:
     """Depth (h, w), up to a factor, by the flow from the current image to the earlier one."""
-    current, earlier = (matcher.prepare(image) for image in images)
+    current, earlier = (matcher.encode(image) for image in images)
     flow = matcher.match(current, earlier)
     height, width = flow.confidence.shape
     camera = task.camera.scaled(width, height)

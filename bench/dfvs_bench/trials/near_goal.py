@@ -15,7 +15,7 @@ from dfvs_bench.methods.pose_with_depth import pose_with_depth
 from dfvs_bench.trials.run import renderer_of
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, pose_error, so3_exp
-from dfvs_core.matching.matcher import Matcher, follow
+from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.render.renderer import Renderer
 
@@ -51,7 +51,7 @@ def approach(
     noise = SensorNoise.make(camera.size, _NOISE, rng)
     view = renderer.render(camera, T_world_goal, antialias=True)
     depth_m = float(np.median(view.depth_m[view.depth_m > 0.0]))
-    goal = matcher.prepare(noise.apply(view.image, rng))
+    goal = matcher.encode(noise.apply(view.image, rng))
     aside, turn = (v / np.linalg.norm(v) for v in rng.normal(size=(2, 3)))
     flow, times_ms, pose = None, [], None
     for away in _AWAY:
@@ -59,7 +59,7 @@ def approach(
         view = renderer.render(camera, T_world_goal @ T_goal_view, antialias=True)
         image = noise.apply(view.image, rng)
         began = time.perf_counter()
-        flow = follow(matcher, matcher.prepare(image), goal, flow)
+        flow = track_or_match(matcher, matcher.encode(image), goal, flow)
         times_ms.append(1e3 * (time.perf_counter() - began))
         pose = pose_with_depth(flow, view.depth_m, camera)
     if pose is None:

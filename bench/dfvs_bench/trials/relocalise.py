@@ -125,11 +125,11 @@ def relocalise(job: RelocalisationJob) -> list[Relocalisation]:
     found: list[Relocalisation] = []
     for k, drawn in enumerate((job.tasks[0], *job.tasks) if job.tasks else ()):
         task = drawn.task(job.environment)
-        goal = matcher.prepare(renderer.render(camera, task.T_world_goal, antialias=True).image)
+        goal = matcher.encode(renderer.render(camera, task.T_world_goal, antialias=True).image)
         matcher.match(goal, goal)
         view = renderer.render(camera, task.T_world_start, antialias=True)
         began = time.perf_counter()
-        flow = matcher.match(matcher.prepare(view.image), goal)
+        flow = matcher.match(matcher.encode(view.image), goal)
         match_ms = 1e3 * (time.perf_counter() - began)
         if k > 0:
             T_true = invert_pose(task.T_world_start) @ task.T_world_goal

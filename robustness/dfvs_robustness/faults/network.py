@@ -16,14 +16,8 @@ import numpy as np
 import onnx
 from onnx import TensorProto, helper, numpy_helper
 
-from dfvs_core.messages.manifest import (
-    MANIFEST_NAME,
-    FlowOutput,
-    Graph,
-    Manifest,
-    PictureInput,
-    sha256,
-)
+from dfvs_core.messages.manifest import MANIFEST_NAME, Graph, Manifest, sha256
+from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
 
 WIDTH, HEIGHT = 160, 120
 _FILE = "pair.onnx"
@@ -179,7 +173,7 @@ def write_bundle(folder: Path) -> Path:
         format="dfvs-bundle/2",
         name="faulty-ramp",
         kind="pair",
-        input=PictureInput(WIDTH, HEIGHT),
+        input=ImageInput(WIDTH, HEIGHT),
         graphs={"pair": Graph(_FILE, ("current", "other"), ("flow",))},
         files={_FILE: sha256(data)},
         licence="Apache-2.0",

@@ -22,7 +22,7 @@ from dfvs_core.gate.events import (
     LandedState,
     LocalPosition,
     ModeRequest,
-    Order,
+    OperatorCommand,
     OtherServices,
     ParametersRead,
     Report,
@@ -128,7 +128,9 @@ class Surroundings:
             events.append(odd_event(self._now_ns, dice))
         if dice.chance(0.05):
             self._shuffle(events)
-        goals = [e.argument for e in events if isinstance(e, Order) and e.action is Action.GOAL]
+        goals = [
+            e.argument for e in events if isinstance(e, OperatorCommand) and e.action is Action.GOAL
+        ]
         self._ordered_goal = goals[-1] if goals else None
         return self._now_ns, tuple(events)
 
@@ -209,11 +211,11 @@ class Surroundings:
             OtherServices(now, *world.others),
         ]
 
-    def _order(self, now: int) -> Order:
+    def _order(self, now: int) -> OperatorCommand:
         dice = self._dice
         if dice.chance(0.9):
-            return Order(now, Action.ENGAGE)
-        return Order(now, dice.pick(tuple(Action)), dice.pick(GOALS))
+            return OperatorCommand(now, Action.ENGAGE)
+        return OperatorCommand(now, dice.pick(tuple(Action)), dice.pick(GOALS))
 
     def _report(self) -> PerceptionReport:
         world, dice = self._world, self._dice

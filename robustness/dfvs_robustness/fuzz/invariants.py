@@ -13,7 +13,7 @@ from dfvs_core.gate.events import (
     GateOutput,
     Heartbeat,
     ModeRequest,
-    Order,
+    OperatorCommand,
     VehicleMode,
 )
 from dfvs_core.gate.limits import ZERO, BodyVelocity
@@ -95,7 +95,7 @@ class InvariantChecker:
                 self._armed = event.armed
             if isinstance(event, Heartbeat | CurrentMode):
                 self._hear_mode(event.mode, is_ordered)
-            elif isinstance(event, Order) and event.action is Action.ENGAGE:
+            elif isinstance(event, OperatorCommand) and event.action is Action.ENGAGE:
                 self._taken_over = False
                 is_ordered = True
         at = self.state
@@ -130,7 +130,7 @@ class InvariantChecker:
         self, events: Sequence[Event], output: GateOutput, now_ns: int, state: GateState
     ) -> None:
         """Expect reports about the goal that the operator changed to, and a new check for it."""
-        orders = [e for e in events if isinstance(e, Order)]
+        orders = [e for e in events if isinstance(e, OperatorCommand)]
         goals = [order.argument for order in orders if order.action is Action.GOAL]
         is_accepted = bool(goals) and not output.refusal
         stood = self.state in (GateState.HOLD, GateState.DONE)  # nothing refuses a goal there
@@ -162,7 +162,9 @@ class InvariantChecker:
             if change.target is GateState.DONE and self._reached_ns is None:
                 self._reached_ns = now_ns
         elif change.target is GateState.PREFLIGHT and at in ENDED:
-            orders = [e for e in events if isinstance(e, Order) and e.action is Action.ENGAGE]
+            orders = [
+                e for e in events if isinstance(e, OperatorCommand) and e.action is Action.ENGAGE
+            ]
             _demand(bool(orders), "I5", f"left {at} without an operator's order")
 
     def _check_engaging(self, now_ns: int) -> None:

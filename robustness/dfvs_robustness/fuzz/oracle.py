@@ -23,7 +23,7 @@ from dfvs_core.gate.events import (
     Heartbeat,
     LandedState,
     LocalPosition,
-    Order,
+    OperatorCommand,
     OtherServices,
     ParametersRead,
     Report,
@@ -102,7 +102,7 @@ class Evidence:
             case Stop():
                 self.faults.append("told to stop")
                 self._is_stopped = True
-            case Order() if event.action in (Action.HOLD, Action.ABORT):
+            case OperatorCommand() if event.action in (Action.HOLD, Action.ABORT):
                 self.faults.append(f"ordered to {event.action}")
             case ParametersRead():
                 self._parameters_ns = t_ns
@@ -171,7 +171,7 @@ class Evidence:
         self.good_capture_ns = None
 
     def engaged(self, now_ns: int) -> None:
-        """Remember where the vehicle is, and when: distance and rivals count from here."""
+        """Remember where the vehicle is, and when: distance and other commanders count from here."""
         self.start_m = self._position_m
         self._engaged_ns = now_ns
 

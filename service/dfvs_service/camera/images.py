@@ -6,7 +6,7 @@ import time
 from pathlib import Path
 
 from dfvs_core.errors import ImageError
-from dfvs_core.messages.image import MAX_PICTURE_BYTES, decode_picture
+from dfvs_core.messages.image import MAX_IMAGE_BYTES, decode_image
 from dfvs_service.camera.source import Shot
 from dfvs_service.camera.spec import PICTURE_SUFFIXES, CameraError
 
@@ -43,7 +43,7 @@ class PictureSource:
         path = self._waiting.pop()
         try:
             with path.open("rb") as file:
-                image = decode_picture(file.read(MAX_PICTURE_BYTES + 1))
+                image = decode_image(file.read(MAX_IMAGE_BYTES + 1))
         except OSError as error:
             raise CameraError(f"cannot read {path} ({error.strerror})") from error
         except ImageError as error:

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.events import Action
-from dfvs_core.messages.goal_command import GoalOrder
-from dfvs_core.messages.image import picture_size
+from dfvs_core.messages.goal_command import GoalCommand
+from dfvs_core.messages.image import image_size
 from dfvs_service.command import give_order
 from dfvs_service.settings.config import ServiceConfig, VehicleSection, ZenohSection
 
@@ -32,7 +32,7 @@ class OrderDesk:
         self._key = key
         self._find = find
 
-    def give(self, vehicle: str, word: str, goal: GoalOrder | None) -> tuple[bool, str]:
+    def give(self, vehicle: str, word: str, goal: GoalCommand | None) -> tuple[bool, str]:
         """Order and wait for the gate's word: whether it was accepted, and why not."""
         try:
             answer = self._give(vehicle, word, goal)
@@ -40,7 +40,7 @@ class OrderDesk:
             return False, f"not sent: {error}"
         return answer.startswith("accepted"), answer
 
-    def _give(self, vehicle: str, word: str, goal: GoalOrder | None) -> str:
+    def _give(self, vehicle: str, word: str, goal: GoalCommand | None) -> str:
         zenoh = self._find(vehicle)
         if zenoh is None or word not in set(Action):
             raise ConfigError(f"order {word!r} for {vehicle!r}", "a known order and vehicle")
@@ -48,6 +48,6 @@ class OrderDesk:
         if (action is Action.GOAL) != (goal is not None):
             raise ConfigError(f"order {word!r} {'without' if goal is None else 'with'} a picture")
         if goal is not None:
-            picture_size(goal.picture)
+            image_size(goal.image)
         config = dataclasses.replace(ServiceConfig(), vehicle=VehicleSection(vehicle), zenoh=zenoh)
         return give_order(config, self._key, action, ORDER_TIMEOUT_S, goal)

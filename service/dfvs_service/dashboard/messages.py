@@ -6,7 +6,7 @@ import json
 import struct
 from typing import Any
 
-from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES, GoalOrder
+from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES, GoalCommand
 
 _LENGTH = struct.Struct("<I")
 _MAX_HEADER_BYTES = 2 * MAX_SIDECAR_BYTES
@@ -38,10 +38,10 @@ def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
     return message if picture is None else message | {_PICTURE: picture}
 
 
-def ordered_goal(message: dict[str, Any]) -> GoalOrder | None:
+def ordered_goal(message: dict[str, Any]) -> GoalCommand | None:
     """Goal that came with an order, or None."""
     picture = message.get(_PICTURE)
     if not isinstance(picture, bytes):
         return None
     sidecar = message.get("sidecar", "")
-    return GoalOrder(picture, sidecar if isinstance(sidecar, str) else "")
+    return GoalCommand(picture, sidecar if isinstance(sidecar, str) else "")

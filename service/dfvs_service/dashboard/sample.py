@@ -11,7 +11,7 @@ import numpy as np
 
 from dfvs_core.errors import WireError
 from dfvs_core.messages.frame import FrameHeader, PixelFormat, decode_frame, decode_header
-from dfvs_core.messages.image import MAX_PICTURE_PIXELS, encode_jpeg, picture_size
+from dfvs_core.messages.image import MAX_IMAGE_PIXELS, encode_jpeg, image_size
 from dfvs_core.perception.flow_grid import decode_flow_grid
 from dfvs_service.dashboard.outbox import PictureKind
 
@@ -93,12 +93,10 @@ def browser_jpeg(payload: bytes, attachment: bytes) -> tuple[FrameHeader, bytes]
     """
     header = decode_header(attachment)
     width, height = header.width, header.height
-    if width * height > MAX_PICTURE_PIXELS:
-        raise WireError(
-            f"frame of {width} x {height} px", f"at most {MAX_PICTURE_PIXELS} px in all"
-        )
+    if width * height > MAX_IMAGE_PIXELS:
+        raise WireError(f"frame of {width} x {height} px", f"at most {MAX_IMAGE_PIXELS} px in all")
     if header.pixel_format is PixelFormat.JPEG:
-        if not payload.startswith(b"\xff\xd8") or picture_size(payload) != (width, height):
+        if not payload.startswith(b"\xff\xd8") or image_size(payload) != (width, height):
             raise WireError(f"the frame is no JPEG of {width} x {height} px")
         return header, payload
     image = decode_frame(payload, header).image

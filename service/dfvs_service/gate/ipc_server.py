@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dfvs_core.errors import WireError
 from dfvs_core.gate.authority import Authority
-from dfvs_core.gate.events import BadReport, Event, Order, OtherServices, Report
+from dfvs_core.gate.events import BadReport, Event, OperatorCommand, OtherServices, Report
 from dfvs_core.messages.link import (
     CommandAnswer,
     ForwardedCommand,
@@ -91,12 +91,12 @@ class Post:
         self.has_seen_frame = self.has_seen_frame or message.t_capture_ns > 0
         return Report(now_ns, message)
 
-    def _judge(self, command: ForwardedCommand, now_ns: int) -> Order | None:
-        verdict = self._authority.judge(command.payload.encode(errors="replace"), now_ns)
+    def _judge(self, command: ForwardedCommand, now_ns: int) -> OperatorCommand | None:
+        verdict = self._authority.evaluate(command.payload.encode(errors="replace"), now_ns)
         if verdict.action is not None:
             self._accepted[verdict.request] = verdict.text
             self._set_result(verdict.text)
-            return Order(now_ns, verdict.action, verdict.argument)
+            return OperatorCommand(now_ns, verdict.action, verdict.argument)
         if verdict.is_repeated:
             self._note("command", f"repeated: {verdict.text}")
         else:

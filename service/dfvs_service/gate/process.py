@@ -216,7 +216,7 @@ class GateProcess:
             command=(post.command_result, post.command_count),
             warnings=(*self._faults, *self._warnings),
         )
-        good = self._machine.sight.good
+        good = self._machine.perception.good
         beat = Beat(
             now_ns,
             status.state,
@@ -253,7 +253,7 @@ class GateProcess:
         if now_ns - self._heard_ns < timeout_s * S:
             return None
         return DfvsError(
-            f"no camera frame within {timeout_s:g} s ({machine.sight.reason})",
+            f"no camera frame within {timeout_s:g} s ({machine.perception.reason})",
             "frames on the camera's Zenoh key",
             "is the camera publishing, and do vehicle.name and the zenoh section agree with it?",
         )

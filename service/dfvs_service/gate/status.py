@@ -6,7 +6,7 @@ import math
 
 from dfvs_core.gate.config import S
 from dfvs_core.gate.machine import GateMachine
-from dfvs_core.gate.vehicle import NEVER, VehiclePicture
+from dfvs_core.gate.vehicle import NEVER, VehicleMonitor
 from dfvs_core.messages.link import GateStatus, VehicleState
 
 _MAX_CAUSE = 300
@@ -15,7 +15,7 @@ _MOST_CARRIED_S = 0.1
 """Positions come less often than attitudes; an older one is not carried on further."""
 
 
-def vehicle_state(vehicle: VehiclePicture) -> VehicleState | None:
+def vehicle_state(vehicle: VehicleMonitor) -> VehicleState | None:
     """Attitude with the newest velocity, and the position carried on to its time.
 
     None until both were heard, and where a number is not finite: the wire carries none of those.
@@ -65,7 +65,7 @@ def gate_status(
         command_result=command[0],
         command_count=command[1],
         warnings=tuple(line[:200] for line in warnings[:_MAX_WARNINGS]),
-        goal=machine.sight.goal,
+        goal=machine.perception.goal,
         since_ns=machine.since_ns,
         battery_age_s=_age_s(vehicle.battery.t_ns, now_ns),
     )

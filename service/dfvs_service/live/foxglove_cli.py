@@ -11,7 +11,7 @@ from collections.abc import Sequence
 from dfvs_common.lifecycle import handle_ending_signals, run_command
 from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
-from dfvs_core.messages.frame_record import Opening
+from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.preparation import require_record_extra
 from dfvs_service.settings.config import ServiceConfig
@@ -76,7 +76,7 @@ def _serve(config: ServiceConfig, port: int) -> int:
     picture, repeat_s = b"", 0.0
     for events in follower.events():
         for message, payload in events:
-            if isinstance(message, Opening):
+            if isinstance(message, SessionHeader):
                 translation, picture, repeat_s = Translation(message), payload, 0.0
             elif translation is None:
                 continue

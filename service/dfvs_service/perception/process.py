@@ -18,7 +18,7 @@ import zenoh
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
-from dfvs_core.messages.goal_command import GoalOrder
+from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import FromGate, GateStatus, PerceptionReport
 from dfvs_core.messages.schema import dump
@@ -127,7 +127,7 @@ class PerceptionProcess:
             frames = session.declare_subscriber(self._intake.key, self._on_frame)
             camera = watch_calibration(session, self._intake, self._doubts.take)
             log.info("listening for frames on %s", self._intake.key)
-            size = self._matcher.prepare(self._goal.image).size
+            size = self._matcher.encode(self._goal.image).size
             log.info("frames are matched at %d x %d px", *reversed(size))
             settle()
             while not self._stopped:
@@ -186,7 +186,7 @@ class PerceptionProcess:
         camera = settings.model() or self._goal.sidecar.camera
         flown = GoalSidecar(camera, mount=settings.mount or Mount())
         try:
-            order = GoalOrder.from_bytes(self._new_goals.take(digest))
+            order = GoalCommand.from_bytes(self._new_goals.take(digest))
             self._goal = ordered_goal(order, flown)
             self._route = RouteFollower(self._config, [self._goal], self._workers)
         except DfvsError as error:

@@ -16,7 +16,7 @@ from typing import Any
 import zenoh
 import zenoh.ext
 
-from dfvs_core.messages.frame_record import Opening, Turn, pack
+from dfvs_core.messages.frame_record import FrameRecord, SessionHeader, pack
 from dfvs_core.messages.topics import Topics
 from dfvs_service.supervisor.watched_thread import start_watched
 
@@ -29,7 +29,7 @@ log = logging.getLogger("dfvs.perception.record")
 
 @dataclass(frozen=True, slots=True)
 class _Parcel:
-    message: Opening | Turn
+    message: SessionHeader | FrameRecord
     payload: bytes
 
     @property
@@ -87,10 +87,10 @@ class TurnFeed:
         """Whether anybody records, or is expected to."""
         return self._wanted
 
-    def offer(self, message: Opening | Turn, payload: bytes = b"") -> None:
+    def offer(self, message: SessionHeader | FrameRecord, payload: bytes = b"") -> None:
         """Hand on a message; a turn that finds the queue full is dropped and counted."""
         parcel = _Parcel(message, payload)
-        is_turn = isinstance(message, Turn)
+        is_turn = isinstance(message, FrameRecord)
         if is_turn and not self._wanted:
             return
         with self._condition:
@@ -120,7 +120,7 @@ class TurnFeed:
     def _publish(self) -> None:
         while (parcel := self._next()) is not None:
             try:
-                if isinstance(parcel.message, Opening):
+                if isinstance(parcel.message, SessionHeader):
                     self._openings.put(pack(parcel.message, parcel.payload))
                     self._await_recorder()
                 elif self._wanted:

@@ -5,7 +5,7 @@ from __future__ import annotations
 from collections.abc import Mapping, Sequence
 from typing import Any
 
-from dfvs_core.messages.frame_record import Opening, Sight, Turn
+from dfvs_core.messages.frame_record import FrameInput, FrameRecord, SessionHeader
 from dfvs_core.messages.link import GateStatus, PerceptionReport
 from dfvs_service.perception.frame_processor import Glance, RawSample
 
@@ -17,13 +17,15 @@ class TurnBook:
         self.next_turn = 0
         self._opening = 0
 
-    def open(self, opening: Opening) -> None:
+    def open(self, opening: SessionHeader) -> None:
         """Take the opening that holds for the turns to come."""
         self._opening = opening.opened_ns
 
-    def silent(self, now_ns: int, heard: Sequence[GateStatus], report: PerceptionReport) -> Turn:
+    def silent(
+        self, now_ns: int, heard: Sequence[GateStatus], report: PerceptionReport
+    ) -> FrameRecord:
         """Turn for which no sample came."""
-        return Turn(self._count(), self._opening, now_ns, tuple(heard), report)
+        return FrameRecord(self._count(), self._opening, now_ns, tuple(heard), report)
 
     def looked(
         self,
@@ -31,10 +33,10 @@ class TurnBook:
         heard: Sequence[GateStatus],
         glance: Glance,
         servo: Mapping[str, Any],
-    ) -> Turn:
+    ) -> FrameRecord:
         """Turn that looked at a sample."""
         outcome = glance.outcome
-        sight = Sight(
+        sight = FrameInput(
             attachment=sample.attachment.hex(),
             t_arrival_ns=sample.t_arrival_ns,
             t_look_ns=glance.t_look_ns,
@@ -42,7 +44,9 @@ class TurnBook:
             stages_ns=dict(glance.stages_ns or {}),
         )
         number, t_ns = self._count(), glance.t_look_ns
-        return Turn(number, self._opening, t_ns, tuple(heard), glance.report, sight, dict(servo))
+        return FrameRecord(
+            number, self._opening, t_ns, tuple(heard), glance.report, sight, dict(servo)
+        )
 
     def _count(self) -> int:
         number, self.next_turn = self.next_turn, self.next_turn + 1

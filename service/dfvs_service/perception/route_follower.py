@@ -13,11 +13,11 @@ from dfvs_core.perception.goal_preview import GoalPreview, GoalView
 from dfvs_core.perception.route import (
     RouteLimits,
     RouteState,
-    follow,
     is_lost,
-    look,
     may_go_on,
-    wants_look,
+    on_preview,
+    on_result,
+    wants_preview,
 )
 from dfvs_core.servo.task import ServoTask
 from dfvs_service.perception.assembly import servo_task
@@ -81,7 +81,9 @@ class RouteFollower:
         """Take in what a frame says about the goal at hand."""
         if self.is_last:
             return
-        self._state = follow(self._state, self._limits, outcome.result, t_ns, engaged=eye.servoing)
+        self._state = on_result(
+            self._state, self._limits, outcome.result, t_ns, engaged=eye.servoing
+        )
         self._is_lost = is_lost(self._state, self._limits, t_ns)
 
     def go_on(self, eye: Eye, t_ns: int) -> bool:
@@ -93,7 +95,7 @@ class RouteFollower:
         if self._look is None or not self._look.done():
             return False
         preview, self._look = self._look.result(), None
-        self._state = look(self._state, self._limits, preview.result, t_ns)
+        self._state = on_preview(self._state, self._limits, preview.result, t_ns)
         if self._ahead is None or not may_go_on(self._state):
             return False
         eye.set_goal(*self._ahead, preview.observation)
@@ -104,7 +106,7 @@ class RouteFollower:
 
     def _begin_look(self, eye: Eye, t_ns: int) -> None:
         """Have a look taken at the next goal, if it is time for one."""
-        if not wants_look(self._state, t_ns):
+        if not wants_preview(self._state, t_ns):
             return
         if self._ahead is None:
             following = self._goals[self.index + 1]

@@ -5,7 +5,7 @@ from __future__ import annotations
 import time
 from typing import Any
 
-from dfvs_core.messages.frame_record import Opening
+from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.goal import Goal
 from dfvs_core.messages.schema import dump
 from dfvs_service.perception.assembly import perception_files
@@ -19,7 +19,7 @@ def make_opening(
     clock: bytes,
     first_turn: int = 0,
     observed_ns: int | None = None,
-) -> Opening:
+) -> SessionHeader:
     """Opening, as of now, of perception's work on a goal.
 
     ``observed_ns`` is :attr:`Pipeline.observed_ns`.
@@ -32,7 +32,7 @@ def make_opening(
     sidecar: dict[str, Any] = dump(goal.sidecar)
     settings: dict[str, Any] = dump(config)
     now_ns = time.monotonic_ns()
-    return Opening(
+    return SessionHeader(
         vehicle=config.vehicle.name,
         first_turn=first_turn,
         opened_ns=now_ns,

@@ -66,11 +66,11 @@ def tracking_time(image: ImageArray, working_width_px: int, tick: Callable[[], i
     Tracking uses no network, so it is the same for every matcher with a working size.
     """
     matcher = classical_matcher(MatchingConfig(working_width_px=working_width_px))
-    goal, view = matcher.prepare(image), np.roll(image, _SHIFT_PX, axis=1)
+    goal, view = matcher.encode(image), np.roll(image, _SHIFT_PX, axis=1)
     still = FlowField(np.zeros((*goal.size, 2), np.float32), np.ones(goal.size, np.float32))
     durations_ns = []
     for _ in range(1 + _FRAMES):
         start_ns = tick()
-        matcher.track(matcher.prepare(view), goal, still)
+        matcher.track(matcher.encode(view), goal, still)
         durations_ns.append(tick() - start_ns)
     return round(statistics.median(durations_ns[1:]))

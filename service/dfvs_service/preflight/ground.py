@@ -12,7 +12,7 @@ import numpy as np
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import MS, Engage, GateTiming
 from dfvs_core.gate.preflight import Check
-from dfvs_core.matching.matcher import Matcher, follow
+from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.messages.goal import Goal
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 from dfvs_service.settings.config import ServiceConfig
@@ -54,11 +54,11 @@ def speed_check(
     """Match the goal with a shifted copy of itself a few times, against the time there is."""
     view = np.roll(goal.image, _SHIFT_PX, axis=1)
     try:
-        wanted = matcher.prepare(goal.image)
+        wanted = matcher.encode(goal.image)
         last, durations, size = None, [], ""
         for _ in range(1 + _FRAMES):
             start_ns = tick()
-            last = follow(matcher, matcher.prepare(view), wanted, last)
+            last = track_or_match(matcher, matcher.encode(view), wanted, last)
             durations.append(tick() - start_ns)
             size = "{1} x {0} px".format(*last.confidence.shape)
     except DfvsError as error:

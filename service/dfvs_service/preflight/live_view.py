@@ -12,7 +12,7 @@ import zenoh
 
 from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.messages.frame_record import Turn, unpack
+from dfvs_core.messages.frame_record import FrameRecord, unpack
 from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.flow_grid import FlowGrid, decode_flow_grid
 from dfvs_service.frame_record_image import turn_image
@@ -44,12 +44,12 @@ class ViewCollector:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._turns: deque[tuple[Turn, bytes]] = deque(maxlen=_TURNS)
-        self._matched: tuple[Turn, bytes, FlowGrid] | None = None
+        self._turns: deque[tuple[FrameRecord, bytes]] = deque(maxlen=_TURNS)
+        self._matched: tuple[FrameRecord, bytes, FlowGrid] | None = None
 
     def add_turn(self, data: bytes) -> None:
         """Take a message of the ``turn`` stream."""
-        turn, payload = unpack(Turn, data)
+        turn, payload = unpack(FrameRecord, data)
         if turn.sight is not None:
             with self._lock:
                 self._turns.append((turn, payload))

@@ -11,7 +11,7 @@ import zenoh
 import zenoh.ext
 
 from dfvs_core.errors import WireError
-from dfvs_core.messages.frame_record import Opening, Turn, unpack
+from dfvs_core.messages.frame_record import FrameRecord, SessionHeader, unpack
 from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.flow_grid import FlowGrid, decode_flow_grid
 
@@ -19,10 +19,10 @@ MAX_WAITING_BYTES = 128 * 1024 * 1024
 _BATCH = 4
 """Few enough that whoever is told to end is asked in time."""
 
-Event = tuple[Opening | Turn | FlowGrid, bytes]
+Event = tuple[SessionHeader | FrameRecord | FlowGrid, bytes]
 """What was told, and the bytes beside it: a goal's picture, or a sample's payload."""
 
-_Kind = type[Opening] | type[Turn] | type[FlowGrid]
+_Kind = type[SessionHeader] | type[FrameRecord] | type[FlowGrid]
 
 
 class TurnListener:
@@ -41,11 +41,12 @@ class TurnListener:
         self._openings: Any = zenoh.ext.declare_advanced_subscriber(
             session,
             topics.telemetry("opening"),
-            lambda sample: self._put(Opening, sample.payload.to_bytes()),
+            lambda sample: self._put(SessionHeader, sample.payload.to_bytes()),
             history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
         )
         self._turns: Any = session.declare_subscriber(
-            topics.telemetry("turn"), lambda sample: self._put(Turn, sample.payload.to_bytes())
+            topics.telemetry("turn"),
+            lambda sample: self._put(FrameRecord, sample.payload.to_bytes()),
         )
         self._flows: Any = session.declare_subscriber(
             topics.telemetry("flow"), lambda sample: self._put(FlowGrid, sample.payload.to_bytes())
@@ -98,13 +99,13 @@ class TurnOrder:
     _MOST_TURNS = 256
 
     def __init__(self) -> None:
-        self._openings: dict[int, tuple[Opening, bytes]] = {}
+        self._openings: dict[int, tuple[SessionHeader, bytes]] = {}
         self._current: int | None = None
-        self._early: deque[tuple[Turn, bytes]] = deque(maxlen=self._MOST_TURNS)
+        self._early: deque[tuple[FrameRecord, bytes]] = deque(maxlen=self._MOST_TURNS)
 
-    def put(self, message: Opening | Turn, payload: bytes) -> Iterator[Event]:
+    def put(self, message: SessionHeader | FrameRecord, payload: bytes) -> Iterator[Event]:
         """Take a message; gives what can be passed on now."""
-        if isinstance(message, Opening):
+        if isinstance(message, SessionHeader):
             self._openings[message.opened_ns] = (message, payload)
             while len(self._openings) > self._MOST_OPENINGS:
                 del self._openings[next(iter(self._openings))]

@@ -10,7 +10,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
-from dfvs_core.messages.frame_record import Opening
+from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.follow import Follower
 from dfvs_service.record.preparation import prepare_folder
@@ -64,7 +64,7 @@ def record(
     recorder = Recorder(folder, name, limits_of(config.record), time.monotonic_ns, _warn)
     for events in follower.events():
         for message, payload in events:
-            if isinstance(message, Opening):
+            if isinstance(message, SessionHeader):
                 recorder.open(message, payload)
             elif isinstance(message, FlowGrid):
                 recorder.add_flow(message)

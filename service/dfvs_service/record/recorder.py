@@ -12,7 +12,7 @@ from collections.abc import Callable, Iterable
 from dataclasses import dataclass
 from pathlib import Path
 
-from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.channels import Message
 from dfvs_service.record.mcap_file import McapFile
@@ -76,7 +76,7 @@ class Recorder:
         self._limits = limits
         self._tick = tick
         self._warn = warn
-        self._opening: tuple[Opening, bytes] | None = None
+        self._opening: tuple[SessionHeader, bytes] | None = None
         self._translation: Translation | None = None
         self._file: McapFile | None = None
         self._written: list[Path] = []
@@ -96,7 +96,7 @@ class Recorder:
         current = 0 if self._file is None else self._file.size_bytes
         return current + sum(map(_size, self._written))
 
-    def open(self, opening: Opening, picture: bytes) -> None:
+    def open(self, opening: SessionHeader, picture: bytes) -> None:
         """Take the opening that holds for the turns to come."""
         if self._opening is not None:
             self._next_turn = opening.first_turn
@@ -105,7 +105,7 @@ class Recorder:
         if self._file is not None:
             self._write(self._translation.opening(picture), first=True)
 
-    def add(self, turn: Turn, payload: bytes) -> None:
+    def add(self, turn: FrameRecord, payload: bytes) -> None:
         """Take a turn; one without its opening cannot be told apart from noise and is dropped."""
         if self._translation is None:
             self.counts.dropped += 1
@@ -215,7 +215,7 @@ def _size(path: Path) -> int:
         return 0
 
 
-def _notes(opening: Opening) -> dict[str, dict[str, str]]:
+def _notes(opening: SessionHeader) -> dict[str, dict[str, str]]:
     """Metadata of a file: what somebody asks first who finds it."""
     return {
         "dfvs": {"vehicle": opening.vehicle, "format": opening.format},

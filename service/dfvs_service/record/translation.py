@@ -12,7 +12,7 @@ from typing import Any
 
 from dfvs_core.errors import WireError
 from dfvs_core.messages.frame import FrameHeader, PixelFormat, decode_header
-from dfvs_core.messages.frame_record import Opening, Sight, Turn
+from dfvs_core.messages.frame_record import FrameInput, FrameRecord, SessionHeader
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.messages.link import GateStatus, PerceptionReport, VehicleState
 from dfvs_core.messages.schema import dump, parse, to_json
@@ -51,7 +51,7 @@ _SERVO_VECTORS = ("velocity_error",)
 class Translation:
     """Messages of one opening and of the turns that follow from it."""
 
-    def __init__(self, opening: Opening) -> None:
+    def __init__(self, opening: SessionHeader) -> None:
         self._opening = opening
         sidecar = parse(GoalSidecar, opening.sidecar)
         camera = parse(CameraSection, opening.settings["camera"])
@@ -82,7 +82,7 @@ class Translation:
         ):
             yield Message(channel, t_ns, opening.first_turn, data)
 
-    def turn(self, turn: Turn, payload: bytes) -> Iterator[Message]:
+    def turn(self, turn: FrameRecord, payload: bytes) -> Iterator[Message]:
         """One turn with its sample's payload."""
         t_ns = self._unix(turn.t_ns)
         self._last = (turn.number, turn.t_ns)
@@ -129,7 +129,7 @@ class Translation:
             path = foxglove_messages.path(t_ns, self._path.positions_m)
             yield Message(channels.PATH, t_ns, number, path)
 
-    def _picture(self, sight: Sight, payload: bytes, t_ns: int, number: int) -> Message:
+    def _picture(self, sight: FrameInput, payload: bytes, t_ns: int, number: int) -> Message:
         """Sample as it came; where not even its header can be read, as bare bytes."""
         try:
             header = decode_header(bytes.fromhex(sight.attachment))

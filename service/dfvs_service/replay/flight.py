@@ -7,7 +7,7 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_core.matching.matcher import Matcher
-from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_service.flights.records import StateChange
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 from dfvs_service.perception.build import build_versions
@@ -60,7 +60,7 @@ class FlightReplay:
         """What became of the newest sample, None before the first one."""
         return None if self._rerunner is None else self._rerunner.glance
 
-    def open(self, opening: Opening, picture: bytes) -> None:
+    def open(self, opening: SessionHeader, picture: bytes) -> None:
         """Build perception for the turns to come.
 
         Raises
@@ -83,7 +83,7 @@ class FlightReplay:
         depth = depth_network(config)
         self._rerunner = Rerunner(opening, picture, config, self._matcher[1], depth)
 
-    def turn(self, turn: Turn, payload: bytes) -> Rerun | None:
+    def turn(self, turn: FrameRecord, payload: bytes) -> Rerun | None:
         """Run one turn again; None for one that saw nothing."""
         if self._rerunner is None:
             return None
@@ -107,7 +107,7 @@ def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> 
     states = StateLog(0)
     for entry in read_recording(paths):
         payload = b"" if entry.payload is None else entry.payload
-        if isinstance(entry.message, Opening):
+        if isinstance(entry.message, SessionHeader):
             if not states.start_ns:
                 states = StateLog(entry.message.opened_ns)
             flight.open(entry.message, payload)

@@ -5,15 +5,15 @@ from __future__ import annotations
 from collections.abc import Mapping
 from typing import Any
 
-from dfvs_core.messages.frame_record import Opening
-from dfvs_core.messages.schema import dump
+from dfvs_core.messages.frame_record import SessionHeader
+from dfvs_core.messages.schema import dump, with_present_names
 from dfvs_service.settings.config import ServiceConfig
 
 _SHOWN_CHARACTERS = 24
 
 
 def reasons_to_differ(
-    opening: Opening,
+    opening: SessionHeader,
     config: ServiceConfig,
     model: Mapping[str, str],
     build: Mapping[str, str],
@@ -34,7 +34,10 @@ def reasons_to_differ(
     ]
     if dict(model) != opening.model:
         reasons.append("the model's files are others")
-    now, then = _relevant(dump(config)), _relevant(opening.settings)
+    now, then = (
+        _relevant(dump(config)),
+        _relevant(with_present_names(ServiceConfig, opening.settings)),
+    )
     reasons += [f"the settings of [{name}] are others" for name in now if now[name] != then[name]]
     return tuple(reasons)
 

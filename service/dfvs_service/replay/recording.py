@@ -13,7 +13,7 @@ from mcap.records import Channel, Message
 
 from dfvs_core.errors import WireError
 from dfvs_core.gate.config import S
-from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.link import GateStatus
 from dfvs_core.messages.schema import from_json
 from dfvs_service.flights.records import StateChange
@@ -25,13 +25,13 @@ from dfvs_service.record.reading import RecordingError, open_records
 class Entry:
     """An opening or a turn, with the bytes beside it: a goal's PNG, or a sample's payload."""
 
-    message: Opening | Turn
+    message: SessionHeader | FrameRecord
     payload: bytes | None = None
 
     @property
     def is_whole(self) -> bool:
         """Whether the bytes that belong to it were found."""
-        needs = isinstance(self.message, Opening) or self.message.sight is not None
+        needs = isinstance(self.message, SessionHeader) or self.message.sight is not None
         return self.payload is not None or not needs
 
 
@@ -46,7 +46,7 @@ def read_recording(paths: Sequence[Path]) -> Iterator[Entry]:
     opened_ns: int | None = None
     for path in sorted(paths):
         for entry in _entries(path):
-            if isinstance(entry.message, Opening):
+            if isinstance(entry.message, SessionHeader):
                 if entry.message.opened_ns == opened_ns:
                     continue
                 opened_ns = entry.message.opened_ns
@@ -78,9 +78,9 @@ def _entries(path: Path) -> Iterator[Entry]:
         yield entry
 
 
-_MESSAGES: dict[str, type[Opening] | type[Turn]] = {
-    channels.OPENING.topic: Opening,
-    channels.TURN.topic: Turn,
+_MESSAGES: dict[str, type[SessionHeader] | type[FrameRecord]] = {
+    channels.OPENING.topic: SessionHeader,
+    channels.TURN.topic: FrameRecord,
 }
 _PAYLOADS = {
     channels.GOAL_IMAGE.topic: CompressedImage,

@@ -15,12 +15,12 @@ from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Matcher, Prepared
-from dfvs_core.messages.frame_record import Opening, Sight, Turn
+from dfvs_core.matching.matcher import ImageFeatures, Matcher
+from dfvs_core.messages.frame_record import FrameInput, FrameRecord, SessionHeader
 from dfvs_core.messages.goal import Goal, GoalSidecar
-from dfvs_core.messages.image import decode_picture
+from dfvs_core.messages.image import decode_image
 from dfvs_core.messages.link import PerceptionReport
-from dfvs_core.messages.schema import parse
+from dfvs_core.messages.schema import parse, with_present_names
 from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
 from dfvs_service.perception.frame_processor import Glance, RawSample
 from dfvs_service.record.reading import RecordingError
@@ -31,11 +31,11 @@ from dfvs_service.settings.config import ServiceConfig
 class Rerun:
     """One frame, as it was in flight and as it is now.
 
-    ``stages_ns`` holds how long matching and all of the look took now; ``Turn.sight.stages_ns``
+    ``stages_ns`` holds how long matching and all of the look took now; ``FrameInput.stages_ns``
     says so for then.
     """
 
-    turn: Turn
+    turn: FrameRecord
     report: PerceptionReport
     stages_ns: dict[str, int]
 
@@ -61,17 +61,17 @@ class TimedMatcher:
         self._tick = tick
         self.spent_ns = 0
 
-    def prepare(self, image: ImageArray) -> Prepared:
+    def encode(self, image: ImageArray) -> ImageFeatures:
         """See :class:`Matcher`."""
         start_ns = self._tick()
-        prepared = self._matcher.prepare(image)
+        prepared = self._matcher.encode(image)
         self.spent_ns += self._tick() - start_ns
         return prepared
 
     def match(
         self,
-        current: Prepared,
-        other: Prepared,
+        current: ImageFeatures,
+        other: ImageFeatures,
         *,
         excluded: Sequence[FlowField] = (),
     ) -> FlowField:
@@ -81,7 +81,9 @@ class TimedMatcher:
         self.spent_ns += self._tick() - start_ns
         return flow
 
-    def track(self, current: Prepared, other: Prepared, predicted: FlowField) -> FlowField | None:
+    def track(
+        self, current: ImageFeatures, other: ImageFeatures, predicted: FlowField
+    ) -> FlowField | None:
         """See :class:`Matcher`."""
         start_ns = self._tick()
         flow = self._matcher.track(current, other, predicted)
@@ -89,7 +91,7 @@ class TimedMatcher:
         return flow
 
 
-def recorded_settings(opening: Opening) -> ServiceConfig:
+def recorded_settings(opening: SessionHeader) -> ServiceConfig:
     """Settings of the flight.
 
     Raises
@@ -98,14 +100,14 @@ def recorded_settings(opening: Opening) -> ServiceConfig:
         If this version does not know them.
     """
     try:
-        return parse(ServiceConfig, opening.settings)
+        return parse(ServiceConfig, with_present_names(ServiceConfig, opening.settings))
     except DfvsError as error:
         raise RecordingError(
             f"the recorded settings cannot be used: {error}", "a recording of this version"
         ) from error
 
 
-def recorded_goal(opening: Opening, picture: bytes) -> Goal:
+def recorded_goal(opening: SessionHeader, picture: bytes) -> Goal:
     """Goal of an opening, from its PNG.
 
     Raises
@@ -113,7 +115,7 @@ def recorded_goal(opening: Opening, picture: bytes) -> Goal:
     DfvsError
         If picture or sidecar cannot be read.
     """
-    return Goal(decode_picture(picture), parse(GoalSidecar, opening.sidecar))
+    return Goal(decode_image(picture), parse(GoalSidecar, opening.sidecar))
 
 
 class Rerunner:
@@ -134,7 +136,7 @@ class Rerunner:
 
     def __init__(
         self,
-        opening: Opening,
+        opening: SessionHeader,
         picture: bytes,
         config: ServiceConfig,
         matcher: Matcher,
@@ -148,7 +150,7 @@ class Rerunner:
         self.glance: Glance | None = None
         """What became of the newest sample."""
 
-    def set_goal(self, opening: Opening, picture: bytes, config: ServiceConfig) -> None:
+    def set_goal(self, opening: SessionHeader, picture: bytes, config: ServiceConfig) -> None:
         """Go on to the goal of an opening that follows in the same flight."""
         goal = recorded_goal(opening, picture)
         task, view = servo_task(config, goal), self._eye.prepare(goal)
@@ -157,7 +159,7 @@ class Rerunner:
             preview = self._eye.evaluate_next_goal(task, view, opening.observed_ns)
         self._eye.set_goal(task, view, None if preview is None else preview().observation)
 
-    def turn(self, turn: Turn, payload: bytes) -> Rerun | None:
+    def turn(self, turn: FrameRecord, payload: bytes) -> Rerun | None:
         """Run one turn again; None for one that saw nothing."""
         for status in turn.heard:
             self._eye.heed(status)
@@ -171,7 +173,7 @@ class Rerunner:
         self.glance = glance
         return Rerun(turn, glance.report, {"match": match_ns, "look": look_ns, "depth": depth_ns})
 
-    def _set_back(self, sight: Sight, payload: bytes) -> RawSample:
+    def _set_back(self, sight: FrameInput, payload: bytes) -> RawSample:
         """Put the clocks to the times of then."""
         self._look.now_ns = sight.t_look_ns
         self._servo.now_ns = sight.t_look_ns if sight.t_servo_ns is None else sight.t_servo_ns

@@ -19,7 +19,7 @@ from dfvs_core.gate.events import (
 )
 from dfvs_core.gate.replay import Step, read_start, read_steps
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.messages.image import decode_picture
+from dfvs_core.messages.image import decode_image
 from dfvs_service.flights import layout
 from dfvs_service.flights.records import read_lines, read_summary
 from dfvs_service.report.flight import BLACK_BOX, Flight, FlightView
@@ -94,7 +94,7 @@ class BlackBoxFlight:
 def _add_step(builder: SeriesBuilder, step: Step) -> None:
     for event in step.events:
         _add_event(builder, event)
-    velocity = step.said.get("v")
+    velocity = step.encoded.get("v")
     if isinstance(velocity, list) and len(velocity) == 4:
         forward, right, down, yaw_rate = velocity
         builder.add_setpoint(step.t_ns, (forward, right, down, yaw_rate))
@@ -137,7 +137,7 @@ def _telemetry(folder: Path, stream: str) -> Iterator[dict[str, Any]]:
 
 def _image(path: Path) -> ImageArray | None:
     try:
-        return decode_picture(path.read_bytes())
+        return decode_image(path.read_bytes())
     except (OSError, DfvsError):
         return None
 

@@ -11,8 +11,8 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import S
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.warping import flow_at_size
-from dfvs_core.messages.frame_record import Opening, Turn
-from dfvs_core.messages.image import decode_picture
+from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
+from dfvs_core.messages.image import decode_image
 from dfvs_core.messages.link import GateStatus
 from dfvs_service.flights.records import FlightSummary, StateChange
 from dfvs_service.frame_record_image import turn_image
@@ -55,7 +55,7 @@ class RecordedFlight:
         """
         reader = _Reader()
         for entry in read_recording(self._paths):
-            if isinstance(entry.message, Opening):
+            if isinstance(entry.message, SessionHeader):
                 reader.open(entry.message, entry.payload or b"")
             else:
                 reader.add(entry.message)
@@ -73,7 +73,7 @@ class RecordedFlight:
         start_ns: int | None = None
         for entry in read_recording(self._paths):
             message, payload = entry.message, entry.payload or b""
-            if isinstance(message, Opening):
+            if isinstance(message, SessionHeader):
                 start_ns = message.opened_ns if start_ns is None else start_ns
                 replay = self._opened(replay, message, payload)
                 continue
@@ -84,7 +84,7 @@ class RecordedFlight:
                 yield _view((message.t_ns - start_ns) / S, image, replay)
 
     def _opened(
-        self, replay: FlightReplay | None, opening: Opening, picture: bytes
+        self, replay: FlightReplay | None, opening: SessionHeader, picture: bytes
     ) -> FlightReplay | None:
         """Go on with an opening's goal, model and settings, or without flow where it cannot be."""
         if replay is None:
@@ -102,21 +102,21 @@ class _Reader:
     """Takes openings and turns, oldest first."""
 
     def __init__(self) -> None:
-        self._openings: list[Opening] = []
+        self._openings: list[SessionHeader] = []
         self._goals: list[tuple[float, ImageArray]] = []
         self._builder = SeriesBuilder(0)
         self._states = StateLog(0)
         self._warnings: dict[str, None] = {}
         self._end_ns = 0
 
-    def open(self, opening: Opening, picture: bytes) -> None:
+    def open(self, opening: SessionHeader, picture: bytes) -> None:
         if not self._openings:
             self._builder = SeriesBuilder(opening.opened_ns)
             self._states = StateLog(opening.opened_ns)
         self._openings.append(opening)
-        self._goals.append((self._s(opening.opened_ns), decode_picture(picture)))
+        self._goals.append((self._s(opening.opened_ns), decode_image(picture)))
 
-    def add(self, turn: Turn) -> None:
+    def add(self, turn: FrameRecord) -> None:
         self._end_ns = turn.t_ns
         for status in turn.heard:
             self._hear(status)

@@ -12,7 +12,7 @@ import numpy as np
 from dfvs_core.errors import WireError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame import PixelFormat
-from dfvs_core.messages.image import MAX_PICTURE_PIXELS, picture_size
+from dfvs_core.messages.image import MAX_IMAGE_PIXELS, image_size
 
 _MAX_SIDE_PX = 65_535
 
@@ -127,9 +127,9 @@ def from_image(message: Any) -> Pixels:
 
 def _check_size(width: int, height: int) -> None:
     sides = min(width, height), max(width, height)
-    if sides[0] < 1 or sides[1] > _MAX_SIDE_PX or width * height > MAX_PICTURE_PIXELS:
+    if sides[0] < 1 or sides[1] > _MAX_SIDE_PX or width * height > MAX_IMAGE_PIXELS:
         raise WireError(
-            f"ROS 2 image of {width} x {height} px", f"at most {MAX_PICTURE_PIXELS} px in all"
+            f"ROS 2 image of {width} x {height} px", f"at most {MAX_IMAGE_PIXELS} px in all"
         )
 
 
@@ -144,7 +144,7 @@ def from_compressed(message: Any) -> Pixels:
         If it is too large or carries no time.
     """
     payload = message.data.tobytes()
-    width, height = picture_size(payload)
+    width, height = image_size(payload)
     _check_size(width, height)
     is_png = payload.startswith(b"\x89PNG")
     pixel_format = PixelFormat.PNG if is_png else PixelFormat.JPEG

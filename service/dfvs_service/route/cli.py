@@ -12,7 +12,7 @@ from pathlib import Path
 from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import Frame, decode_frame, decode_header
-from dfvs_core.perception.route_recording import TeachLimits
+from dfvs_core.perception.route_recording import RouteRecordingLimits
 from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.route.recording import Event, RouteTeacher, prepare_route_folder, taught_settings
 from dfvs_service.settings.config import ServiceConfig
@@ -62,13 +62,15 @@ def run(words: Sequence[str]) -> int:
     prepare_route_folder(arguments.out)
     stop = threading.Event()
     handle_ending_signals(lambda *_: stop.set())
-    limits = TeachLimits(overlap=arguments.overlap)
+    limits = RouteRecordingLimits(overlap=arguments.overlap)
     count = _teach(config, arguments.out, limits, stop)
     print(f"{count} goals in {arguments.out}")
     return EXIT_OK if count else EXIT_NOTHING
 
 
-def _teach(config: ServiceConfig, folder: Path, limits: TeachLimits, stop: threading.Event) -> int:
+def _teach(
+    config: ServiceConfig, folder: Path, limits: RouteRecordingLimits, stop: threading.Event
+) -> int:
     """Teach until stopped; returns the number of goals."""
     # Zenoh, MAVSDK and the matcher take their time to load.
     from dfvs_service.perception.assembly import Clocks, flow_matcher

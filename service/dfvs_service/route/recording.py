@@ -13,7 +13,7 @@ from dfvs_core.matching.matcher import Matcher
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, Mount
 from dfvs_core.messages.link import GateStatus, VehicleState
-from dfvs_core.perception.route_recording import Lesson, TeachLimits, judge
+from dfvs_core.perception.route_recording import KeyframeDecision, RouteRecordingLimits, evaluate
 from dfvs_core.perception.vehicle_history import VehicleHistory
 from dfvs_core.servo.config import BY_NETWORK
 from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
@@ -45,7 +45,7 @@ class RouteTeacher:
     matcher : Matcher
         The one that is to fly the route later.
     clocks : Clocks
-    limits : TeachLimits
+    limits : RouteRecordingLimits
     """
 
     def __init__(
@@ -54,7 +54,7 @@ class RouteTeacher:
         folder: Path,
         matcher: Matcher,
         clocks: Clocks,
-        limits: TeachLimits,
+        limits: RouteRecordingLimits,
     ) -> None:
         self._config = config
         self._folder = folder
@@ -84,11 +84,11 @@ class RouteTeacher:
             return Event.NOTHING
         result = glance.outcome.result
         self._full_overlap = max(self._full_overlap, result.overlap)
-        lesson = judge(result, self._limits, self._full_overlap)
-        if lesson is Lesson.LOST:
+        lesson = evaluate(result, self._limits, self._full_overlap)
+        if lesson is KeyframeDecision.LOST:
             return Event.LOST
         self._last = glance.frame
-        if lesson is Lesson.DUE and self._save(glance.frame):
+        if lesson is KeyframeDecision.DUE and self._save(glance.frame):
             return Event.SAVED
         return Event.NOTHING
 

@@ -6,7 +6,7 @@ import threading
 from collections import deque
 
 from dfvs_core.gate.events import VehicleEvent
-from dfvs_core.gate.vehicle import VehiclePicture
+from dfvs_core.gate.vehicle import VehicleMonitor
 from dfvs_core.messages.link import VehicleState
 from dfvs_service.gate.status import vehicle_state
 
@@ -18,7 +18,7 @@ class VehicleWatch:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._picture = VehiclePicture()
+        self._picture = VehicleMonitor()
         self._heard: deque[VehicleState] = deque(maxlen=_KEPT)
 
     def connect(self, url: str, timeout_s: float) -> None:
@@ -38,7 +38,7 @@ class VehicleWatch:
     def take(self, event: VehicleEvent) -> None:
         """Take an event, on any thread."""
         with self._lock:
-            self._picture.take(event)
+            self._picture.update(event)
             state = vehicle_state(self._picture)
             if state is not None and (not self._heard or state.t_ns > self._heard[-1].t_ns):
                 self._heard.append(state)

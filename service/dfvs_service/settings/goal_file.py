@@ -8,8 +8,8 @@ from pathlib import Path
 from dfvs_core.errors import ConfigError, DfvsError, ImageError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.goal import Goal, GoalSidecar
-from dfvs_core.messages.goal_command import GoalOrder
-from dfvs_core.messages.image import MAX_PICTURE_BYTES, decode_picture
+from dfvs_core.messages.goal_command import GoalCommand
+from dfvs_core.messages.image import MAX_IMAGE_BYTES, decode_image
 from dfvs_service.settings.runtime import RuntimeFolder
 
 
@@ -35,13 +35,13 @@ def read_image(path: str | Path) -> ImageArray:
     """
     try:
         with open(path, "rb") as file:
-            data = file.read(MAX_PICTURE_BYTES + 1)
+            data = file.read(MAX_IMAGE_BYTES + 1)
     except OSError as error:
         raise ImageError(
             f"cannot read the image {path} ({error.strerror})", "a PNG or JPEG file"
         ) from error
     try:
-        return decode_picture(data)
+        return decode_image(data)
     except ImageError as error:
         raise ImageError(f"the image {path} cannot be used: {error}") from error
 
@@ -139,7 +139,7 @@ def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
     return Goal(image, sidecar)
 
 
-def goal_order(picture: Path) -> GoalOrder:
+def goal_order(picture: Path) -> GoalCommand:
     """Goal picture and its sidecar as they are sent to a running service.
 
     Raises
@@ -152,10 +152,10 @@ def goal_order(picture: Path) -> GoalOrder:
     image, sidecar = read_image(picture), read_sidecar(picture)
     if sidecar is not None:
         checked_goal(picture, image, sidecar)
-    return GoalOrder(picture.read_bytes(), "" if sidecar is None else sidecar.to_json())
+    return GoalCommand(picture.read_bytes(), "" if sidecar is None else sidecar.to_json())
 
 
-def ordered_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:
+def ordered_goal(order: GoalCommand, flown: GoalSidecar) -> Goal:
     """Goal of an order that was found signed; what its sidecar lacks is as ``flown`` says.
 
     Raises
@@ -165,7 +165,7 @@ def ordered_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:
     ConfigError
         If the sidecar cannot be used.
     """
-    image = decode_picture(order.picture)
+    image = decode_image(order.image)
     sidecar = GoalSidecar.from_json(order.sidecar, flown) if order.sidecar else flown
     if sidecar.camera.size != flown.camera.size:
         raise ImageError(

@@ -120,7 +120,7 @@ class Parent:
         self._next_ping_ns = self._next_show_ns = 0
         self._stop_requested = False
         self._stop_by_s: float | None = None
-        self.is_heard = True
+        self.has_heartbeat = True
         """Whether all that was said has reached the terminal, once ``run`` has ended."""
         self._code: int | None = None
 
@@ -248,7 +248,7 @@ class Parent:
         if black_box is not None:
             _end(black_box, until_s)
             self._pass_on_errors()
-        self.is_heard = self._narrator.close(_LAST_WORDS_S)
+        self.has_heartbeat = self._narrator.close(_LAST_WORDS_S)
         self._socket.close()
 
     def _pass_on_errors(self) -> None:
@@ -286,6 +286,6 @@ def supervise(parent: Parent) -> int:
     """Run a parent that ends in an orderly way when it is told to; returns its exit code."""
     handle_ending_signals(parent.stop)
     code = parent.run()
-    if not parent.is_heard:
+    if not parent.has_heartbeat:
         os._exit(code)  # the interpreter's end would wait for a terminal that takes nothing
     return code

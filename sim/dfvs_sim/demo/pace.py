@@ -40,13 +40,13 @@ def match_ms() -> float:
     """Time to follow the goal in an image of the largest size, ms: median of a few."""
     matcher = load_matcher(DEFAULT_MATCHER, service_threads())
     image = _image()
-    goal = matcher.prepare(image)
+    goal = matcher.encode(image)
     moved = np.roll(image, _SHIFT_PX, axis=1)
-    flow = matcher.match(matcher.prepare(moved), goal)
+    flow = matcher.match(matcher.encode(moved), goal)
     times = []
     for _ in range(_FRAMES):
         begin = time.perf_counter()
-        matcher.track(matcher.prepare(moved), goal, flow)
+        matcher.track(matcher.encode(moved), goal, flow)
         times.append(time.perf_counter() - begin)
     return 1000.0 * float(np.median(times))
 

@@ -18,7 +18,7 @@ import numpy as np
 from dfvs_core.errors import DfvsError, ImageError
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.poses import rotation_from_quaternion
-from dfvs_core.messages.image import decode_picture
+from dfvs_core.messages.image import decode_image
 from dfvs_sim.scene.frames import ned_from_gltf
 from dfvs_sim.scene.glb_accessor import Document, read_accessor, read_view
 from dfvs_sim.scene.mesh import NO_TEXTURE, Int32Array, Scene, SceneError
@@ -273,7 +273,7 @@ def _texture(document: Document, texture: dict[str, Any]) -> Texture:
             f"a texture lies outside the file ({str(image.get('uri', ''))[:40]!r})",
             "pictures embedded in the .glb",
         )
-    pixels = decode_picture(read_view(document, image["bufferView"]), MAX_TEXTURE_PIXELS)
+    pixels = decode_image(read_view(document, image["bufferView"]), MAX_TEXTURE_PIXELS)
     samplers = document.json.get("samplers", [])
     sampler = samplers[texture["sampler"]] if "sampler" in texture else {}
     return Texture(

@@ -8,7 +8,7 @@ from dashboard_server import Server
 from loopback import free_endpoint
 from telemetry_vehicle import TelemetryVehicle
 
-from dfvs_core.messages.goal_command import GoalOrder
+from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import encode_jpeg
 
 sync_api = pytest.importorskip("playwright.sync_api")
@@ -257,7 +257,7 @@ def test_an_operator_changes_the_goal_to_a_picture_with_its_sidecar(server, fiel
     page.page.set_input_files("#goal-files", files)
     page.page.click("#confirm-ok")
     page.wait("() => document.getElementById('answer').textContent === 'accepted: goal'")
-    assert field.swift.goals[-1] == GoalOrder(picture, sidecar)
+    assert field.swift.goals[-1] == GoalCommand(picture, sidecar)
     field.swift.enter("SERVO", "good data")
 
 
@@ -279,7 +279,7 @@ def test_an_operator_takes_the_view_as_the_goal_with_the_attitude_of_its_capture
     finally:
         field.swift.enter("SERVO", "good data")
     order = field.swift.goals[-1]
-    assert order.picture in [encode_jpeg(view) for view in field.swift.views]
+    assert order.image in [encode_jpeg(view) for view in field.swift.views]
     attitude = json.loads(order.sidecar)
     assert attitude == {"roll_rad": pytest.approx(0.06), "pitch_rad": pytest.approx(-0.04)}
 

@@ -127,11 +127,11 @@ def assert_ages(look, flight, *, lost_s=0.0):
 
     for source, text in zip(("view", "results", "state", "flow"), look["links"], strict=False):
         assert text == (
-            f"{flight.age(source) + lost_s:.1f} s" if is_heard(flight, source) else "never"
+            f"{flight.age(source) + lost_s:.1f} s" if has_heartbeat(flight, source) else "never"
         )
 
 
-def is_heard(flight, source):
+def has_heartbeat(flight, source):
     return flight.is_seen or source == "state"
 
 

@@ -136,7 +136,7 @@ def test_a_network_of_two_pictures_agrees_with_torch_and_runs_in_the_service(
     assert found.holds
     write_bundle(tmp_path / "pair", bundle)
     matcher = load_matcher(str(tmp_path / "pair"), threads=1)
-    field = matcher.match(matcher.prepare(first), matcher.prepare(second))
+    field = matcher.match(matcher.encode(first), matcher.encode(second))
     assert field.flow.shape == (64, 96, 2)
     assert np.abs(field.flow).max() > 1.0  # zeros would agree too
     assert "RANDOM" in bundle.manifest.origin

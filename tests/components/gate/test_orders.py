@@ -12,7 +12,7 @@ from loopback import free_endpoint
 from dfvs_core.gate.authority import Authority
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import GoalSidecar
-from dfvs_core.messages.goal_command import GoalOrder
+from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.topics import Topics
 from dfvs_service import cli
@@ -59,7 +59,7 @@ class Service:
         if self.lost > 0:
             self.lost -= 1
             return
-        verdict = self.authority.judge(command.payload.encode(), time.monotonic_ns())
+        verdict = self.authority.evaluate(command.payload.encode(), time.monotonic_ns())
         if not verdict.is_repeated:
             self.arguments.append(verdict.argument)
             self.results.append(verdict.text)
@@ -154,8 +154,8 @@ def test_a_new_goal_arrives_with_its_sidecar_under_one_signature(
     picture.with_suffix(".json").write_text(sidecar.to_json())
     assert order(endpoint, key_file, "goal", "--goal", str(picture)) == 0
     assert service.results == ["accepted: goal"]
-    arrived = GoalOrder.from_bytes(service.store.take(service.arguments[0]))
-    assert arrived == GoalOrder(picture.read_bytes(), sidecar.to_json())
+    arrived = GoalCommand.from_bytes(service.store.take(service.arguments[0]))
+    assert arrived == GoalCommand(picture.read_bytes(), sidecar.to_json())
     assert ordered_goal(arrived, sidecar).sidecar == sidecar
 
 

@@ -32,7 +32,7 @@ def moved_by(shift_px):
 @pytest.mark.parametrize("name", ["classical", "dfvs-flow"])
 def test_the_window_that_is_known_to_be_wrong_is_excluded(name, pictures):
     matcher = load_matcher(name, threads=1)
-    current, goal = (matcher.prepare(view) for view in pictures)
+    current, goal = (matcher.encode(view) for view in pictures)
 
     def matched(excluded):
         field = matcher.match(current, goal, excluded=excluded)

@@ -10,7 +10,8 @@ from lucas_kanade_network import HEIGHT, WIDTH, network, write_bundle
 from onnx import TensorProto, helper, numpy_helper
 
 from dfvs_core.errors import ModelError
-from dfvs_core.messages.manifest import PictureInput, sha256
+from dfvs_core.messages.manifest import sha256
+from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_core.messages.schema import dump
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import bundle_folder, load_matcher, model_files
@@ -66,7 +67,7 @@ def rewrite(folder, model):
 def test_classical_is_built_in():
     matcher = load_matcher("classical")
     picture = np.random.default_rng(6).integers(0, 256, (HEIGHT, WIDTH, 3), dtype=np.uint8)
-    field = matcher.match(matcher.prepare(picture), matcher.prepare(picture))
+    field = matcher.match(matcher.encode(picture), matcher.encode(picture))
     assert np.median(np.abs(field.flow)) < 0.1
     assert model_files("classical") == {}
 
@@ -135,7 +136,7 @@ def test_a_file_is_no_bundle(bundle):
 
 
 def test_a_network_of_another_size_than_declared_is_refused(tmp_path):
-    other = dump(PictureInput(WIDTH // 2, HEIGHT // 2))
+    other = dump(ImageInput(WIDTH // 2, HEIGHT // 2))
     text = refusal(write_bundle(tmp_path / "b", input=other))
     assert "(1, 3, 120, 160)" in text
     assert "(1, 3, 60, 80)" in text
@@ -316,7 +317,7 @@ def test_tensors_of_two_graphs_that_are_not_as_announced_are_refused(
 
 
 def test_an_encoder_for_images_of_another_size_than_declared_is_refused(tmp_path):
-    size = dump(PictureInput(grid_network.WIDTH // 2, grid_network.HEIGHT, channels="grey"))
+    size = dump(ImageInput(grid_network.WIDTH // 2, grid_network.HEIGHT, channels="grey"))
     text = refusal(grid_network.write_bundle(tmp_path, input=size))
     assert "takes [('tensor(float)', (1, 1, 64, 96))]" in text
     assert "expected tensor(float) of (1, 1, 64, 48)" in text

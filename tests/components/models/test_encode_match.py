@@ -182,6 +182,6 @@ def test_plain_images_give_no_flow(network):
     plain = grey(*SIZE)
     assert all((matches.confidence < 0.5).all() for matches in match(network, plain, plain))
     matcher = load_matcher("dfvs-flow", threads=1)
-    field = matcher.match(matcher.prepare(plain), matcher.prepare(plain))
+    field = matcher.match(matcher.encode(plain), matcher.encode(plain))
     assert field.is_finite()
     assert field.confidence.max() == 0.0

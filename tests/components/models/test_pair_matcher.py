@@ -8,7 +8,7 @@ from textured_wall import Wall, exact_flow, texture, turned
 
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.classical import classical_matcher
-from dfvs_core.messages.manifest import FlowOutput
+from dfvs_core.messages.network_tensors import FlowOutput
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import load_matcher
 from dfvs_models.onnx_session import Execution, OnnxGraph
@@ -25,7 +25,7 @@ def matcher(tmp_path_factory):
 
 
 def match(matcher, a, b):
-    return matcher.match(matcher.prepare(a), matcher.prepare(b))
+    return matcher.match(matcher.encode(a), matcher.encode(b))
 
 
 def small(picture):
@@ -85,7 +85,7 @@ def test_motion_beyond_the_network_gives_little_confidence(matcher, wall):
 
 
 def test_a_rejected_flow_is_not_found_again(matcher, wall):
-    a, b = (matcher.prepare(wall.picture(H)) for H in (None, turned(shift=(4.0, -2.0))))
+    a, b = (matcher.encode(wall.picture(H)) for H in (None, turned(shift=(4.0, -2.0))))
     found = matcher.match(a, b)
     assert np.mean(found.confidence > 0.5) > 0.7
     assert matcher.match(a, b, excluded=[found]).confidence.max() == 0.0
@@ -126,7 +126,7 @@ def test_the_same_pictures_give_the_same_bits(matcher, wall):
 
 
 def test_pictures_prepared_by_the_classical_matcher_are_refused(matcher, wall):
-    foreign = classical_matcher().prepare(wall.picture())
+    foreign = classical_matcher().encode(wall.picture())
     with pytest.raises(ImageError, match="another matcher"):
         matcher.match(foreign, foreign)
 

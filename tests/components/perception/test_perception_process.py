@@ -29,7 +29,7 @@ from dfvs_core.messages.frame import (
     encode_frame,
 )
 from dfvs_core.messages.goal import GoalSidecar
-from dfvs_core.messages.goal_command import GoalOrder, goal_digest
+from dfvs_core.messages.goal_command import GoalCommand, goal_digest
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import (
     GateStatus,
@@ -107,7 +107,7 @@ class Rig:
 
     def offer(self, picture):
         """Keep a new goal as the operator link does; its digest."""
-        data = GoalOrder(picture).to_bytes()
+        data = GoalCommand(picture).to_bytes()
         digest = goal_digest(data)
         self.new_goals.keep(digest, data)
         return digest

@@ -19,7 +19,7 @@ from recorded_flight import fly
 from started_commands import Command, Started, zenoh_words
 from textured_wall import texture
 
-from dfvs_core.messages.frame_record import Opening
+from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.image import encode_png
 from dfvs_service.record.recorder import Recorder, RecordLimits
 
@@ -42,7 +42,7 @@ def data(tmp_path_factory):
     flight = fly(rng, frames=24)
     recorder = Recorder(folder, "flight", RecordLimits(free_bytes=0), lambda: 0, print)
     for message, payload in flight.events:
-        add = recorder.open if isinstance(message, Opening) else recorder.add
+        add = recorder.open if isinstance(message, SessionHeader) else recorder.add
         add(message, payload)
     recorder.close()
     return folder

@@ -18,9 +18,9 @@ from recorded_flight import CAMERA, fly
 
 from dfvs_core.geometry.poses import rotation_from_quaternion
 from dfvs_core.messages.frame import PixelFormat
-from dfvs_core.messages.frame_record import Opening
+from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.goal import Mount
-from dfvs_core.messages.image import decode_picture
+from dfvs_core.messages.image import decode_image
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.process import free_name
 from dfvs_service.record.reading import RecordingError
@@ -55,7 +55,7 @@ class Desk:
     def take(self, events):
         for message, payload in events:
             self.now_ns += S // 20
-            if isinstance(message, Opening):
+            if isinstance(message, SessionHeader):
                 self.recorder.open(message, payload)
             else:
                 self.recorder.add(message, payload)
@@ -134,7 +134,7 @@ def test_picture_pose_and_calibration_say_what_they_should(tmp_path, flight):
     (path,) = desk.files
     picture = CompressedImage.FromString(messages(path, "/camera/image")[0])
     assert picture.format == "jpeg"
-    assert decode_picture(picture.data).shape == (240, 320, 3)
+    assert decode_image(picture.data).shape == (240, 320, 3)
     calibration = CameraCalibration.FromString(messages(path, "/camera/calibration")[0])
     assert (calibration.width, calibration.height) == CAMERA.size
     # Foxglove counts pixels from the first one's centre.

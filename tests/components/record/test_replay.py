@@ -14,7 +14,7 @@ from mcap.writer import Writer
 from recorded_flight import fly, write_recording
 
 from dfvs_core.messages.frame import PixelFormat
-from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.schema import from_json, to_json
 from dfvs_service.record.reading import open_records
 from dfvs_service.replay.cli import main
@@ -62,7 +62,7 @@ def test_a_flight_at_another_working_size_is_replayed_at_it(tmp_path):
     assert compare(result.frames).is_identical
     events = [
         (dataclasses.replace(m, settings=another_size(m.settings)), payload)
-        if isinstance(m, Opening)
+        if isinstance(m, SessionHeader)
         else (m, payload)
         for m, payload in flight.events
     ]
@@ -86,7 +86,7 @@ def test_a_goal_that_changed_in_flight_changes_in_replay(tmp_path):
 
 def test_a_goal_tracked_from_its_preview_is_replayed_bit_for_bit(tmp_path):
     flight = fly(np.random.default_rng(12), 12, next_goal_at=8, preview_of=5)
-    opening = next(m for m, _ in flight.events if isinstance(m, Opening) and m.first_turn)
+    opening = next(m for m, _ in flight.events if isinstance(m, SessionHeader) and m.first_turn)
     assert opening.observed_ns is not None
     result = rerun(write_recording(tmp_path, flight.events))
     assert result.reasons == ()
@@ -127,7 +127,7 @@ def test_without_the_preview_the_commands_differ(tmp_path):
     """The observation matters, so the session header has to tell its frame."""
     flight = fly(np.random.default_rng(12), 12, next_goal_at=8, preview_of=5)
     events = [
-        (dataclasses.replace(m, observed_ns=None) if isinstance(m, Opening) else m, payload)
+        (dataclasses.replace(m, observed_ns=None) if isinstance(m, SessionHeader) else m, payload)
         for m, payload in flight.events
     ]
     assert not compare(rerun(write_recording(tmp_path, events)).frames).is_identical
@@ -162,7 +162,7 @@ def altered(recording, target, alter):
             elif isinstance(record, Message):
                 data = record.data
                 if topics[record.channel_id] == "/dfvs/turn":
-                    data = to_json(alter(from_json(Turn, data)))
+                    data = to_json(alter(from_json(FrameRecord, data)))
                 writer.add_message(channels[record.channel_id], record.log_time, data, 0)
     writer.finish()
     return target

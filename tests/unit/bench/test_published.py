@@ -7,7 +7,7 @@ from dfvs_bench.methods.method import GoalSight, Sight
 from dfvs_bench.methods.published import PublishedMethod
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import DepthMap, FlowField
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 
 CAMERA = CameraModel.from_horizontal_fov(64, 48, np.radians(90))
 SHAPE = (CAMERA.height, CAMERA.width)
@@ -18,8 +18,8 @@ DEPTH = DepthMap(np.ones(SHAPE, np.float32), np.ones(SHAPE, np.float32))
 class Shift:
     """A matcher that sees everything one pixel to the right."""
 
-    def prepare(self, image):
-        return Prepared(SHAPE)
+    def encode(self, image):
+        return ImageFeatures(SHAPE)
 
     def match(self, current, other, *, excluded=()):
         flow = np.zeros((*SHAPE, 2), np.float32)

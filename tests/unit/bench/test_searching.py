@@ -12,7 +12,7 @@ from dfvs_bench.report.panorama import OUTER_RING_RAD, ring
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, se3_log, so3_log
 from dfvs_core.matching.correspondence import DepthMap, FlowField
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, math.radians(90))
 SHAPE = (CAMERA.height, CAMERA.width)
@@ -36,8 +36,8 @@ class World:
     def make(self):
         return Scripted(self, self.pipelines.pop(0))
 
-    def prepare(self, image):
-        return Prepared(SHAPE)
+    def encode(self, image):
+        return ImageFeatures(SHAPE)
 
     def match(self, current, other, *, excluded=()):
         shift = self.seen.get(self.looked)

@@ -3,7 +3,7 @@ import struct
 
 import pytest
 
-from dfvs_core.messages.goal_command import GoalOrder
+from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_service.dashboard.messages import ordered_goal, read_message
 
 
@@ -24,7 +24,7 @@ def test_other_text_is_an_empty_message(text):
 def test_a_picture_comes_with_what_is_said_of_it():
     message = read_message(None, with_picture({"order": "goal", "sidecar": "{}"}))
     assert message["order"] == "goal"
-    assert ordered_goal(message) == GoalOrder(b"jpeg", "{}")
+    assert ordered_goal(message) == GoalCommand(b"jpeg", "{}")
 
 
 @pytest.mark.parametrize(
@@ -41,4 +41,4 @@ def test_a_picture_cannot_be_smuggled_in_by_text():
 
 def test_a_sidecar_that_is_no_text_is_left_out():
     message = read_message(None, with_picture({"sidecar": [1]}))
-    assert ordered_goal(message) == GoalOrder(b"jpeg", "")
+    assert ordered_goal(message) == GoalCommand(b"jpeg", "")

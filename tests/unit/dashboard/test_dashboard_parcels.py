@@ -6,7 +6,7 @@ import pytest
 from dfvs_core.errors import DfvsError
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.messages.image import decode_picture, encode_png
+from dfvs_core.messages.image import decode_image, encode_png
 from dfvs_core.perception.flow_grid import encode_flow_grid, sample_flow
 from dfvs_service.dashboard.outbox import PictureKind
 from dfvs_service.dashboard.sample import MAX_VIEW_WIDTH, Arrival, unpack
@@ -28,13 +28,13 @@ def test_a_jpeg_is_passed_on_bit_for_bit():
 def test_other_formats_become_jpeg_of_the_same_colours(pixel_format):
     payload, attachment = encode_frame(frame(), pixel_format)
     data = unpack(Arrival("a", "goal", payload, attachment)).content.data
-    assert np.abs(decode_picture(data).astype(int) - frame().image).max() < 12
+    assert np.abs(decode_image(data).astype(int) - frame().image).max() < 12
 
 
 def test_a_large_raw_frame_is_made_smaller():
     payload, attachment = encode_frame(frame(1920, 1080), PixelFormat.RGB8)
     data = unpack(Arrival("a", "camera", payload, attachment)).content.data
-    assert decode_picture(data).shape == (540, MAX_VIEW_WIDTH, 3)
+    assert decode_image(data).shape == (540, MAX_VIEW_WIDTH, 3)
 
 
 def test_a_flow_grid_is_passed_on():

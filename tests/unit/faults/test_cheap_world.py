@@ -54,7 +54,7 @@ def test_the_wall_shows_what_geometry_says(rng):
 
 
 def test_the_network_finds_the_flow(network, ramp):
-    here, goal = (network.prepare(ramp.shoot(pose)) for pose in (HERE, Pose()))
+    here, goal = (network.encode(ramp.shoot(pose)) for pose in (HERE, Pose()))
     field = network.match(here, goal)
     error = np.linalg.norm(field.flow - exact_flow(HERE, Pose()), axis=-1)
     sure = field.confidence > 0.5
@@ -68,7 +68,7 @@ def test_the_network_finds_the_flow(network, ramp):
 def test_the_network_misbehaves_where_the_blue_says_so(network, ramp, what):
     picture = ramp.shoot(HERE)
     picture[:, :, 2] = what.blue
-    field = network.match(network.prepare(picture), network.prepare(ramp.shoot(Pose())))
+    field = network.match(network.encode(picture), network.encode(ramp.shoot(Pose())))
     assert field.confidence.max() < 0.3
     assert field.is_finite()
 

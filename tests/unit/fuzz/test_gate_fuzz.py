@@ -8,16 +8,16 @@ import math
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.gate import flight, machine, perception_monitor, stream
+from dfvs_core.gate import flight, perception_monitor, stream, transitions
 from dfvs_core.gate.config import MS, GateConfig, S
 from dfvs_core.gate.engagement import Engagement
 from dfvs_core.gate.events import Attitude, GateOutput, ModeRequest
 from dfvs_core.gate.initial_response import InitialResponse, Response
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.machine import GateMachine
-from dfvs_core.gate.perception_monitor import Sight
+from dfvs_core.gate.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.preflight import Check
-from dfvs_core.gate.states import GateState
+from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.stream import SetpointStream
 from dfvs_robustness.commands import fuzz
 from dfvs_robustness.fuzz.episode import Life
@@ -129,7 +129,7 @@ def forgets_old_status(old):
 def leaves_an_end_by_itself(old):
     def judge(self):
         if self.state is GateState.RELEASED:
-            self._go(GateState.PREFLIGHT, (machine.Cause.OPERATOR_AGAIN, ""))
+            self._go(GateState.PREFLIGHT, (Cause.OPERATOR_AGAIN, ""))
         old(self)
 
     return judge
@@ -142,22 +142,22 @@ BROKEN = [
     ("I1", SetpointStream, "move", sends_faster),
     ("I1", flight, "cap", lambda old: forever(None)),
     ("I1", flight, "cap", caps_the_flight_alone),
-    ("I1", InitialResponse, "judge", lambda old: forever(Response.CONFIRMED)),
+    ("I1", InitialResponse, "evaluate", lambda old: forever(Response.CONFIRMED)),
     ("I2", SetpointStream, "zero", lambda old: keeps_moving),
     ("I2", GateMachine, "_is_moving", lambda old: property(moves_at_the_goal)),
     ("I3", SetpointStream, "zero", pauses),
-    ("I4", Sight, "stale", lambda old: forever(None)),
+    ("I4", PerceptionMonitor, "stale", lambda old: forever(None)),
     ("I4", flight, "flight_fault", lambda old: forever(None)),
     ("I4", flight, "flight_fault", forgets_old_status),
     ("I4", flight, "_unwatched", lambda old: forever(None)),
-    ("I4", GateMachine, "_blind", lambda old: forever(None)),
+    ("I4", GateMachine, "_invalidate_perception", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", lambda old: forever(None)),
     ("I4", GateMachine, "_hold_servo", holds_in_servo_alone),
     ("I4", perception_monitor, "is_late", lambda old: forever(False)),
-    ("I4", Sight, "mounting_fault", lambda old: forever(None)),
-    ("I5", Engagement, "heed", lambda old: forever(None)),
-    ("I5", GateMachine, "_judge", leaves_an_end_by_itself),
-    ("I6", machine, "sole_commander", lambda old: forever(Check("sole commander", True))),
+    ("I4", PerceptionMonitor, "mounting_fault", lambda old: forever(None)),
+    ("I5", Engagement, "on_heartbeat", lambda old: forever(None)),
+    ("I5", GateMachine, "_evaluate", leaves_an_end_by_itself),
+    ("I6", transitions, "sole_commander", lambda old: forever(Check("sole commander", True))),
     ("I7", GateMachine, "step", looks_at_the_hour),
     ("I8", GateMachine, "step", asks_again),
     ("I9", GateMachine, "step", forgets_to_log),
@@ -182,7 +182,7 @@ def test_a_broken_gate_is_found_out(rule, owner, name, breaking, monkeypatch):
 @pytest.fixture
 def finding(monkeypatch):
     """A violation of a gate that is broken for the whole test."""
-    monkeypatch.setattr(Engagement, "heed", forever(None))
+    monkeypatch.setattr(Engagement, "on_heartbeat", forever(None))
     found = (live((0, number), Tally()) for number in range(40))
     return shrink(next(f for f in found if f is not None and f.rule == "I5"))
 

@@ -9,7 +9,7 @@ from hypothesis import strategies as st
 from signed_commands import signed
 
 from dfvs_core.errors import WireError
-from dfvs_core.gate.authority import MAX_ANSWERS, ROTATION_NS, Authority, Verdict
+from dfvs_core.gate.authority import MAX_ANSWERS, ROTATION_NS, Authority, AuthorityAnswer
 from dfvs_core.gate.command import MAX_COMMAND_BYTES, decode_command, request_id
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
@@ -40,7 +40,7 @@ def altered(data, **changes):
 @pytest.mark.parametrize("action", list(Action))
 def test_an_authentic_order_is_accepted(action):
     gate = authority()
-    verdict = gate.judge(order(gate.challenge(START_NS), action), START_NS)
+    verdict = gate.evaluate(order(gate.challenge(START_NS), action), START_NS)
     assert verdict.action is action
     assert verdict.text == f"accepted: {action}"
     assert verdict.argument == (DIGEST if action is Action.GOAL else "")
@@ -49,17 +49,17 @@ def test_an_authentic_order_is_accepted(action):
 def test_an_order_is_obeyed_once_and_answered_each_time_it_arrives():
     gate = authority()
     data = order(gate.challenge(START_NS))
-    first = gate.judge(data, START_NS)
-    second = gate.judge(data, START_NS + 100 * ROTATION_NS)
-    assert first == Verdict(Action.ENGAGE, "accepted: engage", request=request_id(data))
-    assert second == Verdict(None, first.text, request=first.request, is_repeated=True)
+    first = gate.evaluate(data, START_NS)
+    second = gate.evaluate(data, START_NS + 100 * ROTATION_NS)
+    assert first == AuthorityAnswer(Action.ENGAGE, "accepted: engage", request=request_id(data))
+    assert second == AuthorityAnswer(None, first.text, request=first.request, is_repeated=True)
 
 
 def test_another_command_with_a_used_challenge_is_rejected():
     gate = authority()
     challenge = gate.challenge(START_NS)
-    gate.judge(order(challenge), START_NS)
-    verdict = gate.judge(order(challenge), START_NS)
+    gate.evaluate(order(challenge), START_NS)
+    verdict = gate.evaluate(order(challenge), START_NS)
     assert verdict.action is None
     assert verdict.text == "rejected: its challenge was used or is too old"
 
@@ -69,17 +69,17 @@ def test_every_answer_is_for_the_bytes_that_were_sent():
     data = order(gate.challenge(START_NS))
     forged = altered(data, action="abort")
     for sent in (b"", forged, data, forged):
-        assert gate.judge(sent, START_NS).request == request_id(sent)
+        assert gate.evaluate(sent, START_NS).request == request_id(sent)
     assert len({request_id(data), request_id(forged), request_id(b"")}) == 3
-    assert gate.judge(forged, START_NS).text.startswith("rejected: ")
+    assert gate.evaluate(forged, START_NS).text.startswith("rejected: ")
 
 
 def test_the_answer_that_the_state_machine_gave_is_the_one_that_is_repeated():
     gate = authority()
     data = order(gate.challenge(START_NS))
-    request = gate.judge(data, START_NS).request
+    request = gate.evaluate(data, START_NS).request
     gate.record(request, "rejected: not now")
-    assert gate.judge(data, START_NS).text == "rejected: not now"
+    assert gate.evaluate(data, START_NS).text == "rejected: not now"
 
 
 def test_the_oldest_answers_are_forgotten_and_their_commands_are_rejected():
@@ -87,23 +87,23 @@ def test_the_oldest_answers_are_forgotten_and_their_commands_are_rejected():
     sent = []
     for _ in range(MAX_ANSWERS + 1):
         sent.append(order(gate.challenge(START_NS)))
-        gate.judge(sent[-1], START_NS)
-    assert gate.judge(sent[0], START_NS).text.startswith("rejected: its challenge was used")
-    assert all(gate.judge(data, START_NS).is_repeated for data in sent[1:])
+        gate.evaluate(sent[-1], START_NS)
+    assert gate.evaluate(sent[0], START_NS).text.startswith("rejected: its challenge was used")
+    assert all(gate.evaluate(data, START_NS).is_repeated for data in sent[1:])
 
 
 def test_a_command_without_a_key_is_answered_by_its_id():
-    verdict = authority(key=None).judge(b"x", START_NS)
+    verdict = authority(key=None).evaluate(b"x", START_NS)
     assert verdict.request == request_id(b"x")
 
 
 def test_a_used_challenge_is_replaced_at_once():
     gate = authority()
     first = gate.challenge(START_NS)
-    gate.judge(order(first), START_NS)
+    gate.evaluate(order(first), START_NS)
     second = gate.challenge(START_NS)
     assert second != first
-    assert gate.judge(order(second, Action.ABORT), START_NS).action is Action.ABORT
+    assert gate.evaluate(order(second, Action.ABORT), START_NS).action is Action.ABORT
 
 
 def test_the_challenge_of_the_last_period_is_accepted_once():
@@ -111,14 +111,14 @@ def test_the_challenge_of_the_last_period_is_accepted_once():
     old = gate.challenge(START_NS)
     later = START_NS + ROTATION_NS
     assert gate.challenge(later) != old
-    assert gate.judge(order(old), later).action is Action.ENGAGE
-    assert gate.judge(order(old), later).action is None
+    assert gate.evaluate(order(old), later).action is Action.ENGAGE
+    assert gate.evaluate(order(old), later).action is None
 
 
 def test_a_challenge_lives_ten_seconds_from_when_it_was_drawn():
     gate = authority()
     used_ns = START_NS + 9 * S
-    gate.judge(order(gate.challenge(used_ns)), used_ns)
+    gate.evaluate(order(gate.challenge(used_ns)), used_ns)
     fresh = gate.challenge(used_ns)
     assert gate.challenge(used_ns + 10 * S - 1) == fresh
     assert gate.challenge(used_ns + 10 * S) != fresh
@@ -128,22 +128,22 @@ def test_after_any_accepted_order_no_older_challenge_counts():
     gate = authority()
     old = gate.challenge(START_NS)
     later = START_NS + ROTATION_NS
-    gate.judge(order(gate.challenge(later)), later)
-    assert gate.judge(order(old), later).action is None
+    gate.evaluate(order(gate.challenge(later)), later)
+    assert gate.evaluate(order(old), later).action is None
 
 
 @pytest.mark.parametrize("periods", [2, 3, 1000])
 def test_an_older_challenge_is_too_old(periods):
     gate = authority()
     old = gate.challenge(START_NS)
-    assert gate.judge(order(old), START_NS + periods * ROTATION_NS).action is None
+    assert gate.evaluate(order(old), START_NS + periods * ROTATION_NS).action is None
 
 
 def test_two_periods_one_by_one_make_a_challenge_too_old():
     gate = authority()
     old = gate.challenge(START_NS)
     gate.challenge(START_NS + ROTATION_NS)
-    assert gate.judge(order(old), START_NS + 2 * ROTATION_NS).action is None
+    assert gate.evaluate(order(old), START_NS + 2 * ROTATION_NS).action is None
 
 
 @pytest.mark.parametrize(
@@ -156,7 +156,7 @@ def test_two_periods_one_by_one_make_a_challenge_too_old():
 )
 def test_what_is_not_for_us_is_rejected_with_its_reason(changes, reason):
     gate = authority()
-    verdict = gate.judge(order(**{"challenge": gate.challenge(START_NS), **changes}), START_NS)
+    verdict = gate.evaluate(order(**{"challenge": gate.challenge(START_NS), **changes}), START_NS)
     assert verdict.action is None
     assert reason in verdict.text
 
@@ -168,27 +168,27 @@ def test_a_changed_order_is_rejected_and_uses_nothing_up(field, value):
     gate = authority()
     data = order(gate.challenge(START_NS))
     changed = altered(data, **{field: value})
-    assert gate.judge(changed, START_NS).text == "rejected: wrong signature"
-    assert gate.judge(data, START_NS).action is Action.ENGAGE
+    assert gate.evaluate(changed, START_NS).text == "rejected: wrong signature"
+    assert gate.evaluate(data, START_NS).action is Action.ENGAGE
 
 
 def test_a_signed_order_for_one_goal_is_none_for_another():
     gate = authority()
     data = order(gate.challenge(START_NS), Action.GOAL)
     changed = altered(data, argument=DIGEST[::-1])
-    assert gate.judge(changed, START_NS).text == "rejected: wrong signature"
-    assert gate.judge(data, START_NS).argument == DIGEST
+    assert gate.evaluate(changed, START_NS).text == "rejected: wrong signature"
+    assert gate.evaluate(data, START_NS).argument == DIGEST
 
 
 def test_without_a_key_nothing_is_accepted_and_no_challenge_is_shown():
     gate = authority(key=None)
     assert gate.challenge(START_NS) == ""
-    assert gate.judge(order("challenge0", key=b""), START_NS).action is None
+    assert gate.evaluate(order("challenge0", key=b""), START_NS).action is None
 
 
 @given(st.binary(max_size=200))
 def test_garbage_is_rejected(data):
-    assert authority().judge(data, START_NS).action is None
+    assert authority().evaluate(data, START_NS).action is None
 
 
 @pytest.mark.parametrize(
@@ -224,20 +224,20 @@ def test_the_last_challenge_counts_for_the_whole_next_period():
     gate = authority()
     old = gate.challenge(START_NS)
     now_ns = START_NS + ROTATION_NS + ROTATION_NS // 2
-    assert gate.judge(order(old), now_ns).text == "accepted: engage"
+    assert gate.evaluate(order(old), now_ns).text == "accepted: engage"
 
 
 def test_no_challenge_at_all_is_never_a_right_one():
     gate = authority()
-    verdict = gate.judge(order(""), START_NS)
+    verdict = gate.evaluate(order(""), START_NS)
     assert verdict.action is None
-    gate.judge(order(gate.challenge(START_NS)), START_NS)
-    assert gate.judge(order(""), START_NS).text == verdict.text
+    gate.evaluate(order(gate.challenge(START_NS)), START_NS)
+    assert gate.evaluate(order(""), START_NS).text == verdict.text
 
 
 def test_a_rejection_says_exactly_why():
-    assert authority(None).judge(b"", START_NS).text == "rejected: no command key is configured"
+    assert authority(None).evaluate(b"", START_NS).text == "rejected: no command key is configured"
     gate = authority()
-    assert gate.judge(b"", START_NS).text.startswith("rejected: ")
+    assert gate.evaluate(b"", START_NS).text.startswith("rejected: ")
     text = "rejected: its challenge was used or is too old"
-    assert gate.judge(order("unknown"), START_NS).text == text
+    assert gate.evaluate(order("unknown"), START_NS).text == text

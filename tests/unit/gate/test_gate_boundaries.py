@@ -21,11 +21,11 @@ from dfvs_core.gate.events import (
     VehicleMode,
 )
 from dfvs_core.gate.limits import VelocityLimits
-from dfvs_core.gate.perception_monitor import Sight
+from dfvs_core.gate.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.preflight import failures, preflight
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import (
-    VehiclePicture,
+    VehicleMonitor,
     battery_fault,
     estimate_fault,
     flight_fault,
@@ -38,7 +38,7 @@ CONFIG = GateConfig()
 
 def picture(place=(0.0, 0.0, 0.0), **age_ns):
     """A sound vehicle, its messages as old as said."""
-    vehicle = VehiclePicture()
+    vehicle = VehicleMonitor()
     t_ns = {name: NOW_NS - age for name, age in age_ns.items()}
     for event in (
         Heartbeat(t_ns.get("heartbeat", NOW_NS), VehicleMode.OFFBOARD, armed=True),
@@ -51,7 +51,7 @@ def picture(place=(0.0, 0.0, 0.0), **age_ns):
         ParametersRead(t_ns.get("parameters", NOW_NS)),
         OtherServices(t_ns.get("services", NOW_NS)),
     ):
-        vehicle.take(event)
+        vehicle.update(event)
     return vehicle
 
 
@@ -78,7 +78,7 @@ def test_these_are_the_times_and_limits_that_safety_rests_on():
         "response_ns": 1 * S,
         "response_limit_ns": 6 * S,
         "mode_known_ns": 1500 * MS,
-        "order_valid_ns": 5 * S,
+        "command_valid_ns": 5 * S,
     }
     limits = dataclasses.astuple(VelocityLimits())
     assert limits == pytest.approx((0.5, 0.3, 0.349066, 0.5, 1.047198), abs=1e-6)
@@ -119,7 +119,7 @@ def test_a_lost_link_says_since_when():
 
 
 def test_parameters_read_too_long_ago():
-    sight = Sight(CONFIG.timing)
+    sight = PerceptionMonitor(CONFIG.timing)
     fresh = preflight(picture(parameters=30 * S), sight, CONFIG, NOW_NS)
     stale = preflight(picture(parameters=30 * S + 1), sight, CONFIG, NOW_NS)
     assert "parameters" not in failures(fresh)
@@ -127,13 +127,13 @@ def test_parameters_read_too_long_ago():
 
 
 def test_an_estimator_that_was_never_heard_is_not_valid():
-    assert estimate_fault(VehiclePicture(), CONFIG) == (Cause.ESTIMATOR_INVALID, "none heard yet")
+    assert estimate_fault(VehicleMonitor(), CONFIG) == (Cause.ESTIMATOR_INVALID, "none heard yet")
 
 
 def test_the_battery():
     vehicle = picture()
     assert battery_fault(vehicle, CONFIG) is None
-    vehicle.take(Battery(NOW_NS, 0.1999))
+    vehicle.update(Battery(NOW_NS, 0.1999))
     assert battery_fault(vehicle, CONFIG) == (Cause.BATTERY_LOW, "20% left, 20% needed")
 
 
@@ -141,9 +141,9 @@ def test_the_battery():
 def test_a_jump_of_the_position(step_m, speed_m_s):
     vehicle = picture()
     later_ns = NOW_NS + 100 * MS
-    vehicle.take(LocalPosition(later_ns, (step_m, 0.0, 0.0), (speed_m_s, 0.0, 0.0)))
+    vehicle.update(LocalPosition(later_ns, (step_m, 0.0, 0.0), (speed_m_s, 0.0, 0.0)))
     assert estimate_fault(vehicle, CONFIG) is None
-    vehicle.take(LocalPosition(later_ns, (2 * step_m + 0.01, 0.0, 0.0), (0.0, 0.0, 0.0)))
+    vehicle.update(LocalPosition(later_ns, (2 * step_m + 0.01, 0.0, 0.0), (0.0, 0.0, 0.0)))
     cause, detail = estimate_fault(vehicle, CONFIG)
     assert cause is Cause.ESTIMATOR_JUMP
     assert detail == f"by {step_m + 0.01:.2f} m"
@@ -152,22 +152,22 @@ def test_a_jump_of_the_position(step_m, speed_m_s):
 def test_a_jump_is_judged_by_how_far_the_velocity_could_have_led():
     vehicle = picture()
     slow = (1.0, 0.0, 0.0)
-    vehicle.take(LocalPosition(NOW_NS + 100 * MS, (0.59, 0.0, 0.0), slow))
+    vehicle.update(LocalPosition(NOW_NS + 100 * MS, (0.59, 0.0, 0.0), slow))
     assert estimate_fault(vehicle, CONFIG) is None
-    vehicle.take(LocalPosition(NOW_NS + 200 * MS, (1.21, 0.0, 0.0), slow))
+    vehicle.update(LocalPosition(NOW_NS + 200 * MS, (1.21, 0.0, 0.0), slow))
     assert estimate_fault(vehicle, CONFIG) == (Cause.ESTIMATOR_JUMP, "by 0.52 m")
 
 
 def test_a_jump_back_does_not_undo_a_jump():
     vehicle = picture()
     for x in (3.0, 3.0, 0.0, 0.0):
-        vehicle.take(LocalPosition(NOW_NS, (x, 0.0, 0.0), (0.0, 0.0, 0.0)))
+        vehicle.update(LocalPosition(NOW_NS, (x, 0.0, 0.0), (0.0, 0.0, 0.0)))
     assert estimate_fault(vehicle, CONFIG) == (Cause.ESTIMATOR_JUMP, "by 3.00 m")
 
 
 def test_a_vehicle_that_is_neither_in_the_air_nor_on_the_ground_may_fly_on():
     vehicle = picture()
-    vehicle.take(LandedState(NOW_NS, in_air=False, on_ground=False))
+    vehicle.update(LandedState(NOW_NS, in_air=False, on_ground=False))
     assert flight_fault(vehicle, CONFIG, NOW_NS) is None
 
 
@@ -198,8 +198,8 @@ def test_the_time_for_which_the_goal_is_held_by_vision():
 
 def test_the_age_of_the_last_good_frame():
     report = Rehearsal().report(t_capture_ns=NOW_NS).report
-    sight = Sight(CONFIG.timing)
-    assert sight.take(report, NOW_NS) is None
+    sight = PerceptionMonitor(CONFIG.timing)
+    assert sight.update(report, NOW_NS) is None
     assert sight.stale(NOW_NS + 250 * MS) is None
     assert sight.good is not None
     assert sight.stale(NOW_NS + 250 * MS + 1) == (Cause.FRAME_OLD, "250 ms")
@@ -219,54 +219,54 @@ def test_the_age_of_the_last_good_frame():
 )
 def test_numbers_that_are_just_believed(changes):
     report = Rehearsal().report(t_capture_ns=NOW_NS, **changes).report
-    assert Sight(CONFIG.timing).take(report, NOW_NS) is None
+    assert PerceptionMonitor(CONFIG.timing).update(report, NOW_NS) is None
 
 
 def test_the_overlap():
     config = dataclasses.replace(CONFIG, min_frame_hz=1.0)
-    sight = Sight(CONFIG.timing)
-    sight.take(Rehearsal().report(t_capture_ns=NOW_NS, overlap=0.09).report, NOW_NS)
+    sight = PerceptionMonitor(CONFIG.timing)
+    sight.update(Rehearsal().report(t_capture_ns=NOW_NS, overlap=0.09).report, NOW_NS)
     assert failures(preflight(picture(), sight, config, NOW_NS)) == ""
-    sight.take(Rehearsal().report(t_capture_ns=NOW_NS + 1, overlap=0.0899).report, NOW_NS + 1)
+    sight.update(Rehearsal().report(t_capture_ns=NOW_NS + 1, overlap=0.0899).report, NOW_NS + 1)
     assert "goal: overlap 9%" in failures(preflight(picture(), sight, config, NOW_NS))
 
 
 def test_a_repeated_or_older_capture_is_never_flown_by():
-    sight = Sight(CONFIG.timing)
+    sight = PerceptionMonitor(CONFIG.timing)
     old, new = (
         Rehearsal().report(t_capture_ns=NOW_NS - age_ns, velocity=(speed, 0.0, 0.0, 0.0)).report
         for age_ns, speed in ((50 * MS, 0.4), (20 * MS, 0.2))
     )
-    sight.take(new, NOW_NS)
-    sight.take(old, NOW_NS)
+    sight.update(new, NOW_NS)
+    sight.update(old, NOW_NS)
     assert sight.velocity().forward_m_s == 0.2
-    sight.spoil((Cause.GATE_STALLED, ""))
-    sight.take(new, NOW_NS)
-    sight.take(old, NOW_NS)
+    sight.invalidate((Cause.GATE_STALLED, ""))
+    sight.update(new, NOW_NS)
+    sight.update(old, NOW_NS)
     assert sight.good is None
     assert sight.stale(NOW_NS) == (Cause.GATE_STALLED, "")
 
 
 def test_why_nothing_may_be_flown_by_is_one_line():
-    sight = Sight(CONFIG.timing)
+    sight = PerceptionMonitor(CONFIG.timing)
     assert sight.reason == "no good data: no report yet"
-    sight.spoil((Cause.GATE_STALLED, ""))
+    sight.invalidate((Cause.GATE_STALLED, ""))
     assert sight.reason == "gate stalled"
 
 
 def test_the_rate_of_frames_counts_those_of_the_last_second():
-    sight = Sight(CONFIG.timing)
+    sight = PerceptionMonitor(CONFIG.timing)
     for t_ns in (NOW_NS, NOW_NS + 800 * MS):
-        sight.take(Rehearsal().report(t_capture_ns=t_ns - 100 * MS).report, t_ns)
+        sight.update(Rehearsal().report(t_capture_ns=t_ns - 100 * MS).report, t_ns)
     assert sight.pace(NOW_NS + 1000 * MS - 1) == (2.0, 100 * MS)
     assert sight.pace(NOW_NS + 1000 * MS) == (1.0, 100 * MS)
     assert sight.pace(NOW_NS + 1800 * MS) == (0.0, 0)
 
 
 def test_frames_as_fast_as_needed_pass():
-    sight = Sight(CONFIG.timing)
+    sight = PerceptionMonitor(CONFIG.timing)
     for t_ns in (NOW_NS - 1, NOW_NS):
-        sight.take(Rehearsal().report(t_capture_ns=t_ns).report, NOW_NS)
+        sight.update(Rehearsal().report(t_capture_ns=t_ns).report, NOW_NS)
     for needed, text in ((2.0, ""), (2.001, "frames: 2.0 a second")):
         config = dataclasses.replace(CONFIG, min_frame_hz=needed)
         assert failures(preflight(picture(), sight, config, NOW_NS)).startswith(text)
@@ -298,6 +298,6 @@ def test_the_gate_tells_since_when_it_is_in_its_state():
 )
 def test_faults_of_the_vehicle_word_by_word(event, fault):
     vehicle = picture()
-    vehicle.take(event)
+    vehicle.update(event)
     cause, detail = flight_fault(vehicle, CONFIG, NOW_NS)
     assert f"{cause}: {detail}" == fault

@@ -4,7 +4,7 @@ import pytest
 from gate_rehearsal import Rehearsal, auto_config, pilot_config
 
 from dfvs_core.gate.config import MS, Engage, S
-from dfvs_core.gate.events import Action, ModeRequest, Order, VehicleMode
+from dfvs_core.gate.events import Action, ModeRequest, OperatorCommand, VehicleMode
 from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.states import TRANSITIONS, Cause, GateState
 
@@ -38,7 +38,7 @@ def test_every_change_of_state_is_told_once():
 
 def test_the_first_heartbeat_starts_the_preflight():
     gate = Rehearsal().until(GateState.PREFLIGHT)
-    assert [t.cause for t in gate.transitions] == [Cause.VEHICLE_HEARD]
+    assert [t.cause for t in gate.transitions] == [Cause.HEARTBEAT_RECEIVED]
 
 
 def test_ready_needs_all_checks_passed_for_a_second():
@@ -137,20 +137,20 @@ def test_auto_does_not_engage_in_a_moment_of_a_failing_check():
 def test_command_waits_for_the_operator():
     gate = Rehearsal(COMMAND).until(GateState.READY).run(5.0)
     assert gate.state is GateState.READY
-    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     assert (gate.state, gate.last.cause) == (GateState.ENGAGE, Cause.COMMAND_ENGAGED)
     gate.until(GateState.SERVO)
 
 
 def test_an_order_during_preflight_counts_for_five_seconds():
     gate = Rehearsal(COMMAND).until(GateState.PREFLIGHT)
-    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     gate.until(GateState.ENGAGE)
 
     late = Rehearsal(COMMAND)
     late.sees = False
     late.until(GateState.PREFLIGHT)
-    late.tick(Order(late.now_ns, Action.ENGAGE))
+    late.tick(OperatorCommand(late.now_ns, Action.ENGAGE))
     late.run(5.0)
     late.sees = True
     late.run(10.0)
@@ -159,8 +159,8 @@ def test_an_order_during_preflight_counts_for_five_seconds():
 
 def test_an_order_to_hold_takes_back_the_order_to_engage():
     gate = Rehearsal(COMMAND).until(GateState.PREFLIGHT)
-    gate.tick(Order(gate.now_ns, Action.ENGAGE))
-    gate.tick(Order(gate.now_ns, Action.HOLD))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
     gate.run(5.0)
     assert gate.state is GateState.READY
 
@@ -170,7 +170,7 @@ def test_an_order_does_not_take_the_vehicle_out_of_just_any_mode(mode):
     gate = Rehearsal(COMMAND)
     gate.vehicle.mode = mode
     gate.until(GateState.READY)
-    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     gate.run(1.0)
     assert gate.state is GateState.READY
 

@@ -13,53 +13,53 @@ from dfvs_core.gate.events import (
     Heartbeat,
     LocalPosition,
     ModeRequest,
-    Order,
+    OperatorCommand,
     OtherServices,
     Stop,
     VehicleMode,
     VelocityTarget,
 )
 from dfvs_core.gate.limits import ZERO, BodyVelocity
-from dfvs_core.gate.other_commanders import MAX_ODD_M_S, SEEN_NS, Rivals
-from dfvs_core.gate.perception_monitor import Sight, report_fault
+from dfvs_core.gate.other_commanders import MAX_UNEXPLAINED_M_S, SEEN_NS, OtherCommanders
+from dfvs_core.gate.perception_monitor import PerceptionMonitor, report_fault
 from dfvs_core.gate.states import Cause, GateState
-from dfvs_core.gate.vehicle import VehiclePicture, link_fault
+from dfvs_core.gate.vehicle import VehicleMonitor, link_fault
 
 TIMING = GateTiming()
 
 
-# --- sight, vehicle, rivals -----------------------------------------------------------------
+# --- sight, vehicle, others -----------------------------------------------------------------
 
 
 def test_without_a_good_report_there_is_no_goal_reached_and_no_velocity():
-    sight = Sight(TIMING)
+    sight = PerceptionMonitor(TIMING)
     assert (sight.reached_for_ns(5), sight.velocity()) == (-1, ZERO)
     report = Rehearsal().report(reached=True, t_capture_ns=9 * MS).report
-    sight.take(report, 10 * MS)
+    sight.update(report, 10 * MS)
     assert sight.reached_for_ns(10 * MS) == 0
-    sight.spoil((Cause.GATE_STALLED, ""))
+    sight.invalidate((Cause.GATE_STALLED, ""))
     assert (sight.reached_for_ns(11 * MS), sight.velocity()) == (-1, ZERO)
 
 
 def test_a_link_that_was_never_heard_is_said_to_be_so():
-    vehicle, config = VehiclePicture(), auto_config()
+    vehicle, config = VehicleMonitor(), auto_config()
     assert link_fault(vehicle, config, S) == (Cause.HEARTBEAT_LOST, "none heard yet")
-    vehicle.take(Heartbeat(0, VehicleMode.HOLD, armed=True))
+    vehicle.update(Heartbeat(0, VehicleMode.HOLD, armed=True))
     assert link_fault(vehicle, config, 3 * S) == (Cause.HEARTBEAT_LOST, "last one 3.00 s ago")
 
 
 def is_odd(sent, velocity_m_s, yaw_rad=0.0):
-    rivals = Rivals()
-    rivals.sent(sent, 0)
+    others = OtherCommanders()
+    others.sent(sent, 0)
     for t_ns in (1, 2, 3, 4, 5):
-        rivals.take(VelocityTarget(t_ns, velocity_m_s), yaw_rad)
-        rivals.hear(Heartbeat(t_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
-    return rivals.flight_fault(0) is not None
+        others.update(VelocityTarget(t_ns, velocity_m_s), yaw_rad)
+        others.on_heartbeat(Heartbeat(t_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    return others.flight_fault(0) is not None
 
 
 def test_a_target_is_odd_beyond_its_limit_and_not_at_it():
-    assert not is_odd(ZERO, (MAX_ODD_M_S, 0.0, 0.0))
-    assert is_odd(ZERO, (math.nextafter(MAX_ODD_M_S, 1.0), 0.0, 0.0))
+    assert not is_odd(ZERO, (MAX_UNEXPLAINED_M_S, 0.0, 0.0))
+    assert is_odd(ZERO, (math.nextafter(MAX_UNEXPLAINED_M_S, 1.0), 0.0, 0.0))
 
 
 def test_to_the_right_is_south_of_who_heads_east():
@@ -70,40 +70,40 @@ def test_to_the_right_is_south_of_who_heads_east():
 
 @pytest.mark.parametrize(("late_ns", "is_odd"), [(0, False), (1, True)])
 def test_what_was_sent_half_a_second_ago_still_explains_a_target(late_ns, is_odd):
-    rivals = Rivals()
+    others = OtherCommanders()
     for t_ns, forward_m_s in ((0, 0.5), (10, 0.0), (10 + S // 2 + late_ns, 0.0)):
-        rivals.sent(BodyVelocity(forward_m_s, 0.0, 0.0, 0.0), t_ns)
+        others.sent(BodyVelocity(forward_m_s, 0.0, 0.0, 0.0), t_ns)
     for t_ns in (S, S + 1, S + 2, S + 3, S + 4):
-        rivals.take(VelocityTarget(t_ns, (0.5, 0.0, 0.0)), 0.0)
-        rivals.hear(Heartbeat(t_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
-    assert (rivals.flight_fault(0) is not None) is is_odd
+        others.update(VelocityTarget(t_ns, (0.5, 0.0, 0.0)), 0.0)
+        others.on_heartbeat(Heartbeat(t_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    assert (others.flight_fault(0) is not None) is is_odd
 
 
 def test_a_heartbeat_as_old_as_the_first_odd_target_confirms_nothing():
-    rivals = Rivals()
-    rivals.sent(ZERO, 0)
-    rivals.take(VelocityTarget(5, (1.0, 0.0, 0.0)), 0.0)
-    rivals.hear(Heartbeat(5, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    others = OtherCommanders()
+    others.sent(ZERO, 0)
+    others.update(VelocityTarget(5, (1.0, 0.0, 0.0)), 0.0)
+    others.on_heartbeat(Heartbeat(5, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
     for t_ns in (6, 7, 8, 9):
-        rivals.take(VelocityTarget(t_ns, (1.0, 0.0, 0.0)), 0.0)
-    assert rivals.flight_fault(0) is None
+        others.update(VelocityTarget(t_ns, (1.0, 0.0, 0.0)), 0.0)
+    assert others.flight_fault(0) is None
 
 
 def test_every_other_service_is_named():
-    rivals = Rivals()
-    rivals.take(OtherServices(1, engaged=("a", "b")), 0.0)
-    assert rivals.flight_fault(0) == (Cause.TWO_COMMANDERS, "another service is engaged (a, b)")
+    others = OtherCommanders()
+    others.update(OtherServices(1, engaged=("a", "b")), 0.0)
+    assert others.flight_fault(0) == (Cause.TWO_COMMANDERS, "another service is engaged (a, b)")
 
 
 def test_who_keeps_us_from_engaging_is_named_and_for_exactly_how_long():
-    rivals = Rivals()
-    rivals.take(OtherServices(1, standing_by=("a",), engaged=("b",)), 0.0)
+    others = OtherCommanders()
+    others.update(OtherServices(1, standing_by=("a",), engaged=("b",)), 0.0)
     text = "another service for this vehicle runs (a, b): stop one of them"
-    assert rivals.preflight_fault(2) == text
-    rivals = Rivals()
-    rivals.take(ForeignSetpoint(7, "x"), 0.0)
-    assert rivals.preflight_fault(7 + SEEN_NS) == "somebody else sends setpoints (x)"
-    assert rivals.preflight_fault(8 + SEEN_NS) == ""
+    assert others.preflight_fault(2) == text
+    others = OtherCommanders()
+    others.update(ForeignSetpoint(7, "x"), 0.0)
+    assert others.preflight_fault(7 + SEEN_NS) == "somebody else sends setpoints (x)"
+    assert others.preflight_fault(8 + SEEN_NS) == ""
 
 
 @pytest.mark.parametrize(("age_ms", "is_refused"), [(-5, False), (-6, True)])
@@ -114,9 +114,9 @@ def test_a_report_of_the_future_says_by_how_much(age_ms, is_refused):
 
 
 def test_a_position_that_is_no_number_is_an_endless_jump():
-    vehicle = VehiclePicture()
+    vehicle = VehicleMonitor()
     for t_ns, north_m in ((1, 0.0), (2, math.nan)):
-        vehicle.take(LocalPosition(t_ns, (north_m, 0.0, 0.0), (0.0, 0.0, 0.0)))
+        vehicle.update(LocalPosition(t_ns, (north_m, 0.0, 0.0), (0.0, 0.0, 0.0)))
     assert vehicle.jump_m == math.inf
 
 
@@ -127,7 +127,7 @@ def test_an_order_to_engage_does_not_lengthen_a_hold_that_nobody_ordered():
     gate = Rehearsal().until(GateState.SERVO)
     gate.sees = False
     gate.until(GateState.HOLD).run(2.5)
-    gate.send([Order(gate.now_ns, Action.ENGAGE)])
+    gate.send([OperatorCommand(gate.now_ns, Action.ENGAGE)])
     gate.until(GateState.ABORT, 0.6)
 
 
@@ -136,7 +136,7 @@ def test_a_goal_that_comes_after_an_abort_engages_nobody():
     gate.vehicle.obeys = False
     gate.send([Stop(gate.now_ns, "")])
     assert not gate.machine.stream.is_silent
-    output = gate.send([Order(gate.now_ns, Action.GOAL, "ab" * 32)])
+    output = gate.send([OperatorCommand(gate.now_ns, Action.GOAL, "ab" * 32)])
     assert (gate.state, output.transitions) == (GateState.ABORT, ())
 
 
@@ -144,13 +144,13 @@ def test_a_goal_that_comes_after_the_vehicle_was_handed_over_engages_nobody():
     gate = Rehearsal(auto_config(on_done=OnDone.HOLD), changes={"reached": True})
     gate.until(GateState.DONE).run(1.5)
     assert gate.machine.stream.is_silent
-    gate.send([Order(gate.now_ns, Action.GOAL, "ab" * 32)])
+    gate.send([OperatorCommand(gate.now_ns, Action.GOAL, "ab" * 32)])
     assert gate.state is GateState.DONE
 
 
 def test_a_goal_is_logged_by_the_first_twelve_of_its_digits():
     gate = Rehearsal(pilot_config()).until(GateState.READY)
-    gate.send([Order(gate.now_ns, Action.GOAL, "0123456789abcdef" * 4)])
+    gate.send([OperatorCommand(gate.now_ns, Action.GOAL, "0123456789abcdef" * 4)])
     assert (gate.last.cause, gate.last.detail) == (Cause.OPERATOR_GOAL, "0123456789ab")
 
 
@@ -158,12 +158,12 @@ def test_a_goal_is_logged_by_the_first_twelve_of_its_digits():
 def test_an_order_to_engage_counts_for_exactly_five_seconds(late_ns, engages):
     gate = Rehearsal(auto_config(engage=Engage.COMMAND)).until(GateState.READY)
     gate.vehicle.in_air = False
-    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     ordered_ns = gate.now_ns
     gate.run(4.9)
     assert gate.state is GateState.READY
     gate.vehicle.in_air = True
-    gate.now_ns = ordered_ns + TIMING.order_valid_ns + late_ns
+    gate.now_ns = ordered_ns + TIMING.command_valid_ns + late_ns
     gate.send(gate.nominal())
     assert (gate.state is GateState.ENGAGE) is engages
 
@@ -174,7 +174,7 @@ def test_an_order_to_engage_counts_for_exactly_five_seconds(late_ns, engages):
 def test_a_bad_report_says_why_until_a_good_one_comes():
     gate = Rehearsal().until(GateState.SERVO)
     gate.send([BadReport(gate.now_ns, "rubbish")])
-    assert gate.machine.sight.stale(gate.now_ns) == (Cause.REPORT_REJECTED, "rubbish")
+    assert gate.machine.perception.stale(gate.now_ns) == (Cause.REPORT_REJECTED, "rubbish")
 
 
 def test_ready_bears_failing_checks_for_exactly_half_a_second():
@@ -283,11 +283,11 @@ def test_a_gate_that_was_told_to_stop_takes_no_order_to_engage():
     """In one step with the stop, and after a takeover that the stop finds ended already."""
     gate = Rehearsal(pilot_config()).until(GateState.READY)
     gate.vehicle.mode = VehicleMode.HOLD
-    gate.send([Stop(gate.now_ns, "by SIGTERM"), Order(gate.now_ns, Action.ENGAGE)])
+    gate.send([Stop(gate.now_ns, "by SIGTERM"), OperatorCommand(gate.now_ns, Action.ENGAGE)])
     assert gate.state is GateState.ABORT
     gate.run(3.0)
     assert gate.machine.is_finished
-    output = gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    output = gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     assert (gate.state, output.refusal) == (GateState.ABORT, "rejected: the service is being ended")
 
 
@@ -295,7 +295,7 @@ def test_a_stop_after_a_takeover_is_not_overruled():
     gate = Rehearsal().until(GateState.SERVO)
     gate.beat(mode=VehicleMode.POSITION)
     assert gate.state is GateState.RELEASED
-    gate.tick(Stop(gate.now_ns, "by SIGTERM"), Order(gate.now_ns, Action.ENGAGE))
+    gate.tick(Stop(gate.now_ns, "by SIGTERM"), OperatorCommand(gate.now_ns, Action.ENGAGE))
     gate.run(3.0)
     assert gate.state is GateState.RELEASED
     assert gate.machine.is_finished
@@ -305,7 +305,7 @@ def test_an_order_to_engage_at_the_goal_is_refused_with_what_to_do():
     gate = Rehearsal()
     gate.changes["reached"] = True
     gate.until(GateState.DONE)
-    output = gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    output = gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     assert output.refusal == "rejected: the goal is reached, order another one"
     assert gate.state is GateState.DONE
 
@@ -354,10 +354,10 @@ def test_a_gate_stalls_beyond_its_limit_and_not_at_it(late_ns, state):
 
 def test_the_reasons_of_holds_and_of_disarming_word_by_word():
     gate = Rehearsal().until(GateState.ENGAGE)
-    gate.tick(Order(gate.now_ns, Action.HOLD))
+    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
     gate.until(GateState.HOLD)
     assert gate.machine.reason == "operator ordered to hold"
-    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     gate.until(GateState.SERVO)
     assert gate.machine.reason == "good data"
     gate.beat(armed=False)

@@ -6,14 +6,14 @@ import pytest
 from gate_rehearsal import Rehearsal, auto_config, pilot_config
 
 from dfvs_core.gate.config import OnDone, S
-from dfvs_core.gate.events import Action, Order, VehicleMode
+from dfvs_core.gate.events import Action, OperatorCommand, VehicleMode
 from dfvs_core.gate.states import Cause, GateState
 
 GOAL = "ab" * 32
 
 
 def change_goal(gate, goal=GOAL):
-    return gate.tick(Order(gate.now_ns, Action.GOAL, goal))
+    return gate.tick(OperatorCommand(gate.now_ns, Action.GOAL, goal))
 
 
 def at_goal(config=None):
@@ -30,14 +30,14 @@ def test_what_moves_or_is_about_to_keeps_its_goal(state):
     gate = Rehearsal(auto_config()).until(state)
     output = change_goal(gate)
     assert output.refusal == f"rejected: the goal cannot change in {state}, order hold first"
-    assert gate.machine.sight.goal == ""
+    assert gate.machine.perception.goal == ""
     assert gate.state is state
 
 
 def test_a_vehicle_that_is_being_handed_over_keeps_its_goal():
     gate = at_goal(auto_config(on_done=OnDone.HOLD))
     assert "cannot change in DONE" in change_goal(gate).refusal
-    assert gate.machine.sight.goal == ""
+    assert gate.machine.perception.goal == ""
 
 
 def test_a_ready_gate_goes_back_to_its_checks():
@@ -101,12 +101,12 @@ def test_waiting_at_the_goal_does_not_use_up_the_next_engagements_time():
 def test_a_new_goal_while_holding_waits_for_the_operator_who_ordered_to_hold():
     gate = Rehearsal(auto_config(), error_m=3.0).until(GateState.SERVO).run(3.0)
     assert max(v.speed_m_s for _, v in gate.setpoints) > 0.2  # its check has passed
-    gate.tick(Order(gate.now_ns, Action.HOLD))
+    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
     assert change_goal(gate).refusal == ""
     gate.forget().run(5.0)
     assert gate.state is GateState.HOLD
     assert not gate.moved()
-    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     gate.until(GateState.SERVO, 1.2).run(0.5)
     assert max(v.speed_m_s for _, v in gate.setpoints) <= 0.1 + 1e-9
 
@@ -132,12 +132,12 @@ def test_after_a_takeover_a_new_goal_moves_nothing_until_engaged_again(mode):
     gate.run(3.0)
     assert gate.state is GateState.RELEASED
     assert not gate.setpoints
-    assert gate.machine.sight.goal == GOAL
+    assert gate.machine.perception.goal == GOAL
 
 
 def test_a_goal_that_is_lost_counts_only_if_it_is_the_one_looked_for():
     gate = Rehearsal(auto_config()).until(GateState.SERVO)
-    gate.tick(Order(gate.now_ns, Action.HOLD))
+    gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
     change_goal(gate)
     old = gate.report(lost=True, healthy=False, reason="no progress", goal="")
     gate.send([old])

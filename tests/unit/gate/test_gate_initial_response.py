@@ -11,7 +11,7 @@ from dfvs_core.gate.events import BadReport
 from dfvs_core.gate.initial_response import InitialResponse, Response
 from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.states import Cause, GateState
-from dfvs_core.gate.vehicle import OwnMotion
+from dfvs_core.gate.vehicle import VehicleMotion
 
 TIMING = GateTiming()
 STEP_NS = 20 * MS
@@ -35,8 +35,8 @@ class Motion:
         for _ in range(round(seconds * S / STEP_NS)):
             f, r, d, w = (share * v for v in asked)
             c, s = math.cos(self.yaw_rad), math.sin(self.yaw_rad)
-            own = OwnMotion((c * f - s * r, s * f + c * r, d), self.yaw_rad)
-            self.check.follow(BodyVelocity(*asked), own, self.now_ns)
+            own = VehicleMotion((c * f - s * r, s * f + c * r, d), self.yaw_rad)
+            self.check.integrate(BodyVelocity(*asked), own, self.now_ns)
             self.now_ns += STEP_NS
             self.yaw_rad += w * STEP_NS / S
         return self
@@ -44,7 +44,7 @@ class Motion:
     def see(self, errors=((1.0, 0.3, None),), score=None):
         report = Rehearsal().report(mounting_score=score).report
         for error_m, error_rad, feature in errors:
-            self.check.see(
+            self.check.update(
                 dataclasses.replace(
                     report, error_m=error_m, error_rad=error_rad, feature_error=feature
                 )
@@ -52,7 +52,7 @@ class Motion:
         return self
 
     def judge(self):
-        return self.check.judge(self.now_ns, TIMING)
+        return self.check.evaluate(self.now_ns, TIMING)
 
 
 def ramp(a, b, n=10):
@@ -163,7 +163,7 @@ def test_a_fall_counts_from_exactly_the_least_motion_on(moved, reports):
     for motion, shown in ((value, Response.CONFIRMED), (less, Response.OPEN)):
         check = InitialResponse(0, asked_m=(1.0, 0.0, 0.0), asked_rad=1.0, **{name: motion})
         check.errors.extend(reports)
-        assert check.judge(TIMING.response_ns, TIMING) is shown
+        assert check.evaluate(TIMING.response_ns, TIMING) is shown
 
 
 def test_a_fall_confirms_exactly_when_the_least_time_is_over():
@@ -243,8 +243,8 @@ def test_of_many_reports_the_first_five_and_the_last_are_kept():
 )
 def test_a_missing_response_fails_if_enough_was_asked_for(asked, fails):
     check = InitialResponse(0, **asked)
-    assert check.judge(TIMING.response_limit_ns - 1, TIMING) is Response.OPEN
-    shown = check.judge(TIMING.response_limit_ns, TIMING)
+    assert check.evaluate(TIMING.response_limit_ns - 1, TIMING) is Response.OPEN
+    shown = check.evaluate(TIMING.response_limit_ns, TIMING)
     assert shown is (Response.FAILED if fails else Response.OPEN)
 
 
@@ -296,9 +296,9 @@ def test_where_nothing_was_asked_for_nothing_was_followed():
 
 def test_what_was_asked_and_flown_is_counted_in_the_body_frame():
     check = InitialResponse(0)
-    own = OwnMotion((0.3, 0.0, 0.1), math.pi / 2)  # heads east, drifts north: to its left
+    own = VehicleMotion((0.3, 0.0, 0.1), math.pi / 2)  # heads east, drifts north: to its left
     for t_ns in (0, 50 * MS):
-        check.follow(BodyVelocity(0.1, 0.2, 0.3, 0.4), own, t_ns)
+        check.integrate(BodyVelocity(0.1, 0.2, 0.3, 0.4), own, t_ns)
     assert check.asked_m == pytest.approx((0.005, 0.01, 0.015))
     assert check.asked_rad == pytest.approx(0.02)
     assert check.moved_m == pytest.approx((0.0, -0.015, 0.005))
@@ -307,7 +307,7 @@ def test_what_was_asked_and_flown_is_counted_in_the_body_frame():
 def test_a_pause_counts_for_a_tenth_of_a_second_at_most():
     check = InitialResponse(0)
     for now_ns in (0, 5 * S):
-        check.follow(BodyVelocity(0.1), OwnMotion((0.1, 0.0, 0.0), 0.0), now_ns)
+        check.integrate(BodyVelocity(0.1), VehicleMotion((0.1, 0.0, 0.0), 0.0), now_ns)
     assert check.followed_m == pytest.approx(0.01)
 
 
@@ -316,7 +316,7 @@ def test_a_turn_across_south_is_a_small_one():
     assert motion.check.followed_rad == pytest.approx(0.1)
     check = InitialResponse(0)
     for i, yaw in enumerate((3.1, -3.1)):
-        check.follow(BodyVelocity(0, 0, 0, 0.1), OwnMotion((0, 0, 0), yaw), i * STEP_NS)
+        check.integrate(BodyVelocity(0, 0, 0, 0.1), VehicleMotion((0, 0, 0), yaw), i * STEP_NS)
     assert check.turned_rad == pytest.approx(math.tau - 6.2)
 
 
@@ -379,11 +379,11 @@ def test_a_late_result_shows_nothing_of_the_mounting(age_ms):
     gate = Rehearsal(auto_config()).until(GateState.SERVO).run(0.3)
     gate.sees = False
     gate.run(0.1)
-    seen_ns = gate.machine.sight.last_capture_ns
+    seen_ns = gate.machine.perception.last_capture_ns
     gate.now_ns = seen_ns + MS + age_ms * MS
     gate.send([gate.report(mounting_score=-9.0, t_capture_ns=seen_ns + MS)])
     assert gate.state is GateState.SERVO
-    assert gate.machine.sight.last_capture_ns == seen_ns
+    assert gate.machine.perception.last_capture_ns == seen_ns
 
 
 def test_a_repeated_frame_is_one_observation():
@@ -391,7 +391,7 @@ def test_a_repeated_frame_is_one_observation():
     seen = len(gate.machine._engagement.response.errors)
     for _ in range(5):
         gate.now_ns += MS
-        gate.send([gate.report(t_capture_ns=gate.machine.sight.last_capture_ns)])
+        gate.send([gate.report(t_capture_ns=gate.machine.perception.last_capture_ns)])
     assert len(gate.machine._engagement.response.errors) == seen > 0
 
 

@@ -6,7 +6,7 @@ from gate_rehearsal import Rehearsal, auto_config, pilot_config
 from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import CurrentMode, Heartbeat, ModeRequest, VehicleMode
 from dfvs_core.gate.states import Cause, GateState
-from dfvs_core.gate.vehicle import VehiclePicture
+from dfvs_core.gate.vehicle import VehicleMonitor
 
 
 def test_the_pilots_switch_engages_at_once():
@@ -59,7 +59,7 @@ def test_before_any_heartbeat_it_starts_nothing():
     gate.run(3.0)
     assert gate.state is GateState.IDLE
     gate.beat(mode=VehicleMode.HOLD)
-    assert (gate.state, gate.last.cause) == (GateState.PREFLIGHT, Cause.VEHICLE_HEARD)
+    assert (gate.state, gate.last.cause) == (GateState.PREFLIGHT, Cause.HEARTBEAT_RECEIVED)
 
 
 def test_it_is_no_heartbeat():
@@ -75,10 +75,10 @@ def test_it_is_no_heartbeat():
 
 
 def test_it_changes_nothing_but_the_mode():
-    vehicle = VehiclePicture()
-    vehicle.take(Heartbeat(5 * MS, VehicleMode.POSITION, armed=True, failsafe=True))
-    vehicle.take(CurrentMode(9 * MS, VehicleMode.OFFBOARD))
+    vehicle = VehicleMonitor()
+    vehicle.update(Heartbeat(5 * MS, VehicleMode.POSITION, armed=True, failsafe=True))
+    vehicle.update(CurrentMode(9 * MS, VehicleMode.OFFBOARD))
     assert vehicle.heartbeat == Heartbeat(5 * MS, VehicleMode.OFFBOARD, armed=True, failsafe=True)
     assert vehicle.is_offboard
-    vehicle.take(Heartbeat(12 * MS, VehicleMode.HOLD, armed=False))
+    vehicle.update(Heartbeat(12 * MS, VehicleMode.HOLD, armed=False))
     assert vehicle.heartbeat == Heartbeat(12 * MS, VehicleMode.HOLD, armed=False)

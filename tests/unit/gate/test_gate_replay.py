@@ -22,7 +22,7 @@ from dfvs_core.gate.events import (
     GateOutput,
     Health,
     LocalPosition,
-    Order,
+    OperatorCommand,
     OtherServices,
     Report,
     Stop,
@@ -56,7 +56,7 @@ def eventful_flight():
     gate.vehicle.position_m = (math.nan, 0.0, 0.0)
     gate.until(GateState.ABORT)
     gate.vehicle.position_m, gate.vehicle.mode = (1.0, 2.0, -3.0), VehicleMode.HOLD
-    gate.run(2.0).send([Order(gate.now_ns, Action.ENGAGE)])
+    gate.run(2.0).send([OperatorCommand(gate.now_ns, Action.ENGAGE)])
     gate.until(GateState.SERVO)
     gate.beat(mode=VehicleMode.POSITION)
     assert gate.state is GateState.RELEASED
@@ -108,6 +108,16 @@ def test_a_journal_names_what_was_asked_for():
     assert len(requests) == 1
 
 
+def test_a_journal_with_former_names_is_replayed():
+    gate = Recorded(auto_config(engage=Engage.COMMAND)).run(1.5)
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    text = "".join(gate.lines)
+    for present, former in (("OperatorCommand", "Order"), ("command_valid_ns", "order_valid_ns")):
+        assert present in text
+        text = text.replace(present, former)
+    assert replay(text.splitlines(keepends=True)) == replay(gate.lines)
+
+
 def test_a_gap_and_a_torn_line_end_the_replay():
     gate = Recorded(auto_config()).run(3.0)
     assert gate.setpoints
@@ -130,6 +140,7 @@ def test_a_gap_and_a_torn_line_end_the_replay():
         ["[]\n"],
         ['{"format": "dfvs-gate-journal/9", "t_ns": 1, "config": {}}\n'],
         ['{"format": "dfvs-gate-journal/1", "t_ns": 1, "config": {"max_distance": 1}}\n'],
+        ['{"format": "dfvs-gate-journal/1", "t_ns": 1, "config": []}\n'],
         [encode_start(auto_config(), 1) + "\n", '{"t": 1}\n'],
         [encode_start(auto_config(), 1) + "\n", '{"t": 1, "in": [["Stop", 1]], "out": {}}\n'],
         [encode_start(auto_config(), 1) + "\n", "?\n"],
@@ -161,7 +172,7 @@ EVENTS: list[Event] = [
     Battery(3, None),
     Battery(4, 0.25),
     Health(5, ok=False, detail='a "quoted" ü', can_arm=False),
-    Order(6, Action.GOAL, "ab" * 32),
+    OperatorCommand(6, Action.GOAL, "ab" * 32),
     Stop(7, "by SIGTERM", unsupervised=True),
     VelocityTarget(8, (0.1, 0.2, 0.3)),
     ForeignSetpoint(9, "x"),
@@ -188,7 +199,7 @@ def test_numbers_survive_to_the_last_bit(error_m, velocity, t_ns):
 
 def test_a_refused_order_is_refused_again():
     gate = Recorded(auto_config()).until(GateState.SERVO)
-    gate.tick(Order(gate.now_ns, Action.GOAL, "ab" * 32))
+    gate.tick(OperatorCommand(gate.now_ns, Action.GOAL, "ab" * 32))
     assert '"refusal":"rejected: the goal cannot change' in gate.lines[-1]
     assert replay(gate.lines).difference == ""
     forged = gate.lines[-1].replace("order hold first", "order abort first")

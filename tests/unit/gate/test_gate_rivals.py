@@ -13,7 +13,7 @@ from dfvs_core.gate.events import (
     VelocityTarget,
 )
 from dfvs_core.gate.limits import ZERO, BodyVelocity
-from dfvs_core.gate.other_commanders import ODD_TARGETS, SEEN_NS, Rivals
+from dfvs_core.gate.other_commanders import SEEN_NS, UNEXPLAINED_TARGETS, OtherCommanders
 from dfvs_core.gate.states import Cause, GateState
 
 NO_CHECK = GateTiming(response_ns=0)
@@ -90,7 +90,7 @@ def test_a_velocity_never_asked_for_aborts_once_a_heartbeat_still_shows_offboard
     odd_targets(gate, 20)
     assert gate.state is GateState.SERVO  # it may be a pilot's takeover
     gate.beat()
-    odd_targets(gate, ODD_TARGETS - 1)
+    odd_targets(gate, UNEXPLAINED_TARGETS - 1)
     assert gate.state is GateState.SERVO
     odd_targets(gate, 1)
     assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.TWO_COMMANDERS)
@@ -118,15 +118,15 @@ def test_the_velocity_that_was_asked_for_is_nobody_elses():
 
 def judged(velocity, sent, yaw_rad=0.0, age_ns=0):
     """Whether a target counts as odd, against setpoints of which the last one is older."""
-    rivals = Rivals()
+    others = OtherCommanders()
     now_ns = 10 * S
     for setpoint in sent:
-        rivals.sent(setpoint, now_ns - age_ns)
-    rivals.take(VelocityTarget(now_ns, velocity), yaw_rad)
-    rivals.hear(Heartbeat(now_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
-    for i in range(ODD_TARGETS):
-        rivals.take(VelocityTarget(now_ns + 2 + i, velocity), yaw_rad)
-    return rivals.flight_fault(0) is not None
+        others.sent(setpoint, now_ns - age_ns)
+    others.update(VelocityTarget(now_ns, velocity), yaw_rad)
+    others.on_heartbeat(Heartbeat(now_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    for i in range(UNEXPLAINED_TARGETS):
+        others.update(VelocityTarget(now_ns + 2 + i, velocity), yaw_rad)
+    return others.flight_fault(0) is not None
 
 
 @pytest.mark.parametrize(
@@ -148,15 +148,15 @@ def test_a_target_is_compared_in_the_vehicles_heading(velocity, yaw_rad, is_odd)
 
 @pytest.mark.parametrize(("forward", "is_odd"), [(0.99, False), (0.55, False), (0.5, True)])
 def test_any_setpoint_of_the_last_half_second_explains_a_target(forward, is_odd):
-    rivals = Rivals()
+    others = OtherCommanders()
     for i in range(100):
-        rivals.sent(BodyVelocity(0.01 * i), i * 20 * MS)
+        others.sent(BodyVelocity(0.01 * i), i * 20 * MS)
     now_ns = 99 * 20 * MS
-    rivals.take(VelocityTarget(now_ns, (forward, 0.0, 0.0)), 0.0)
-    rivals.hear(Heartbeat(now_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
-    for i in range(ODD_TARGETS):
-        rivals.take(VelocityTarget(now_ns + 2 + i, (forward, 0.0, 0.0)), 0.0)
-    assert (rivals.flight_fault(0) is not None) is is_odd
+    others.update(VelocityTarget(now_ns, (forward, 0.0, 0.0)), 0.0)
+    others.on_heartbeat(Heartbeat(now_ns + 1, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    for i in range(UNEXPLAINED_TARGETS):
+        others.update(VelocityTarget(now_ns + 2 + i, (forward, 0.0, 0.0)), 0.0)
+    assert (others.flight_fault(0) is not None) is is_odd
 
 
 def test_without_a_setpoint_of_ours_no_target_is_odd():
@@ -164,24 +164,24 @@ def test_without_a_setpoint_of_ours_no_target_is_odd():
 
 
 def test_odd_targets_lapse_when_none_came_for_a_second():
-    rivals = Rivals()
-    rivals.sent(ZERO, 0)
-    rivals.take(VelocityTarget(1, (1.0, 0.0, 0.0)), 0.0)
-    rivals.hear(Heartbeat(2, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
-    rivals.take(VelocityTarget(1 * S + 2, (0.0, 0.0, 0.0)), 0.0)  # a good one, a second later
-    for i in range(ODD_TARGETS):
-        rivals.take(VelocityTarget(1 * S + 3 + i, (1.0, 0.0, 0.0)), 0.0)
-    assert rivals.flight_fault(0) is None
+    others = OtherCommanders()
+    others.sent(ZERO, 0)
+    others.update(VelocityTarget(1, (1.0, 0.0, 0.0)), 0.0)
+    others.on_heartbeat(Heartbeat(2, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    others.update(VelocityTarget(1 * S + 2, (0.0, 0.0, 0.0)), 0.0)  # a good one, a second later
+    for i in range(UNEXPLAINED_TARGETS):
+        others.update(VelocityTarget(1 * S + 3 + i, (1.0, 0.0, 0.0)), 0.0)
+    assert others.flight_fault(0) is None
 
 
 def test_a_good_target_soon_after_an_odd_one_clears_nothing():
     """Between two setpoints of a stranger the autopilot may fly one of ours."""
-    rivals = Rivals()
-    rivals.sent(ZERO, 0)
-    rivals.take(VelocityTarget(1, (1.0, 0.0, 0.0)), 0.0)
-    rivals.hear(Heartbeat(2, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
-    rivals.take(VelocityTarget(1 + S, (0.0, 0.0, 0.0)), 0.0)
-    for i in range(ODD_TARGETS):
-        assert rivals.flight_fault(0) is None
-        rivals.take(VelocityTarget(2 + S + i, (1.0, 0.0, 0.0)), 0.0)
-    assert rivals.flight_fault(0) is not None
+    others = OtherCommanders()
+    others.sent(ZERO, 0)
+    others.update(VelocityTarget(1, (1.0, 0.0, 0.0)), 0.0)
+    others.on_heartbeat(Heartbeat(2, VehicleMode.OFFBOARD, armed=True), is_offboard=True)
+    others.update(VelocityTarget(1 + S, (0.0, 0.0, 0.0)), 0.0)
+    for i in range(UNEXPLAINED_TARGETS):
+        assert others.flight_fault(0) is None
+        others.update(VelocityTarget(2 + S + i, (1.0, 0.0, 0.0)), 0.0)
+    assert others.flight_fault(0) is not None

@@ -13,7 +13,7 @@ from dfvs_core.gate.events import (
     EstimatorState,
     Heartbeat,
     ModeRequest,
-    Order,
+    OperatorCommand,
     Stop,
     VehicleMode,
 )
@@ -54,7 +54,7 @@ def test_setpoints_never_pause_while_engaged():
 
 def test_zero_follows_within_300_ms_of_the_last_good_frame():
     gate = flying()
-    capture_ns = gate.machine.sight.last_capture_ns
+    capture_ns = gate.machine.perception.last_capture_ns
     gate.sees = False
     gate.forget().until(GateState.HOLD)
     zero_ns = next(t for t, v in gate.setpoints if v == ZERO)
@@ -107,7 +107,7 @@ def test_a_report_just_in_time_or_late_does_not_stop(shift_ns):
 
 def test_a_repeated_capture_refreshes_nothing():
     gate = flying()
-    frozen_ns = gate.machine.sight.last_capture_ns
+    frozen_ns = gate.machine.perception.last_capture_ns
     gate.sees = False
     for _ in range(14):
         gate.tick(gate.report(t_capture_ns=frozen_ns))
@@ -399,7 +399,7 @@ def test_a_takeover_silences_the_gate_in_the_same_step(state, mode):
     gate.run(5.0)
     gate.beat(mode=VehicleMode.OFFBOARD)
     gate.run(5.0)
-    gate.send([Stop(gate.now_ns, "by SIGTERM"), Order(gate.now_ns, Action.ABORT)])
+    gate.send([Stop(gate.now_ns, "by SIGTERM"), OperatorCommand(gate.now_ns, Action.ABORT)])
     assert gate.state is GateState.RELEASED
     assert not gate.setpoints
     assert not gate.requests
@@ -456,10 +456,10 @@ def test_the_operator_may_engage_again(state):
     if state is GateState.RELEASED:
         gate.beat(mode=VehicleMode.HOLD)
     else:
-        gate.send([Order(gate.now_ns, Action.ABORT)])
+        gate.send([OperatorCommand(gate.now_ns, Action.ABORT)])
         gate.run(1.0)
     assert gate.state is state
-    gate.forget().send([Order(gate.now_ns, Action.ENGAGE)])
+    gate.forget().send([OperatorCommand(gate.now_ns, Action.ENGAGE)])
     assert (gate.state, gate.last.reason) == (GateState.PREFLIGHT, "operator engages again")
     assert not gate.setpoints
     gate.until(GateState.READY)
@@ -470,14 +470,14 @@ def test_the_operator_may_engage_again(state):
 def test_one_order_engages_again_where_orders_engage():
     config = auto_config(engage=Engage.COMMAND, timing=GateTiming(response_ns=0))
     gate = Rehearsal(config).until(GateState.READY)
-    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     gate.until(GateState.SERVO)
     gate.changes = {"reached": True}
     gate.until(GateState.DONE)
     gate.beat(mode=VehicleMode.HOLD)
     assert gate.machine.has_reached
     gate.run(0.2)
-    gate.tick(Order(gate.now_ns, Action.ENGAGE))
+    gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     gate.until(GateState.ENGAGE)
     assert not gate.machine.has_reached
 
@@ -485,7 +485,7 @@ def test_one_order_engages_again_where_orders_engage():
 def test_engaging_again_must_wait_until_the_abort_is_over():
     gate = in_confirmed(GateState.SERVO)
     gate.vehicle.obeys = False
-    orders = [Order(gate.now_ns, action) for action in (Action.ABORT, Action.ENGAGE)]
+    orders = [OperatorCommand(gate.now_ns, action) for action in (Action.ABORT, Action.ENGAGE)]
     output = gate.send(orders)
     assert gate.state is GateState.ABORT
     assert output.refusal == "rejected: the flight is still being ended, order it again"
@@ -493,17 +493,17 @@ def test_engaging_again_must_wait_until_the_abort_is_over():
 
 def test_the_operator_holds_and_engages_again():
     gate = in_confirmed(GateState.SERVO)
-    gate.send([Order(gate.now_ns, Action.HOLD)])
+    gate.send([OperatorCommand(gate.now_ns, Action.HOLD)])
     assert (gate.state, gate.last.reason) == (GateState.HOLD, "operator ordered to hold")
     gate.run(20.0)
     assert gate.state is GateState.HOLD
-    gate.send([Order(gate.now_ns, Action.ENGAGE)])
+    gate.send([OperatorCommand(gate.now_ns, Action.ENGAGE)])
     gate.until(GateState.SERVO, 0.1)
 
 
 def test_a_hold_ordered_during_engage_holds():
     gate = in_confirmed(GateState.ENGAGE)
-    gate.send([Order(gate.now_ns, Action.HOLD)])
+    gate.send([OperatorCommand(gate.now_ns, Action.HOLD)])
     gate.until(GateState.HOLD)
     assert gate.last.cause is Cause.OPERATOR_HOLD
     assert not gate.moved()
@@ -511,23 +511,23 @@ def test_a_hold_ordered_during_engage_holds():
 
 def test_a_held_gate_that_is_engaged_again_without_data_aborts_after_three_seconds():
     gate = in_confirmed(GateState.SERVO)
-    gate.send([Order(gate.now_ns, Action.HOLD)])
+    gate.send([OperatorCommand(gate.now_ns, Action.HOLD)])
     gate.sees = False
     gate.run(10.0)
     assert gate.state is GateState.HOLD
-    gate.send([Order(gate.now_ns, Action.ENGAGE)])
+    gate.send([OperatorCommand(gate.now_ns, Action.ENGAGE)])
     gate.until(GateState.ABORT, 3.1)
 
 
 def test_an_order_to_engage_while_flying_changes_nothing():
     gate = in_confirmed(GateState.SERVO)
-    gate.send([Order(gate.now_ns, Action.ENGAGE)])
+    gate.send([OperatorCommand(gate.now_ns, Action.ENGAGE)])
     assert gate.state is GateState.SERVO
 
 
 def test_the_operator_aborts():
     gate = in_confirmed(GateState.SERVO)
-    gate.forget().send([Order(gate.now_ns, Action.ABORT)])
+    gate.forget().send([OperatorCommand(gate.now_ns, Action.ABORT)])
     assert (gate.state, gate.last.reason) == (GateState.ABORT, "operator ordered to abort")
     assert gate.requests[0][1] is ModeRequest.HOLD
 

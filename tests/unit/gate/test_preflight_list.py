@@ -19,7 +19,7 @@ from dfvs_core.gate.events import (
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.preflight import Check, failures, sole_commander
 from dfvs_core.gate.states import GateState
-from dfvs_core.gate.vehicle import VehiclePicture
+from dfvs_core.gate.vehicle import VehicleMonitor
 
 LINK = "check vehicle.mavlink, the cable, and that the autopilot streams what is missing"
 ESTIMATOR = (
@@ -185,11 +185,11 @@ def test_others_who_command():
     gate = Rehearsal(pilot_config()).until(GateState.PREFLIGHT)
     gate.beat(mode=gate.vehicle.mode)
     vehicle, now_ns = gate.machine.vehicle, gate.now_ns
-    vehicle.take(ForeignSetpoint(now_ns, "from afar"))
+    vehicle.update(ForeignSetpoint(now_ns, "from afar"))
     detail = "somebody else sends setpoints (from afar)"
     found = sole_commander(vehicle, now_ns, may_be_offboard=False)
     assert found == Check("sole commander", False, detail, COMMANDER)
-    vehicle.take(OtherServices(now_ns, ("a", "b"), ("c",)))
+    vehicle.update(OtherServices(now_ns, ("a", "b"), ("c",)))
     detail = "another service for this vehicle runs (a, b, c): stop one of them"
     found = sole_commander(vehicle, now_ns, may_be_offboard=True)
     assert found == Check("sole commander", False, detail, COMMANDER)
@@ -198,7 +198,7 @@ def test_others_who_command():
 @pytest.mark.parametrize("armed", [True, False])
 @pytest.mark.parametrize("awaited", [True, False])
 def test_offboard_by_somebody_else(armed, awaited):
-    vehicle = VehiclePicture(heartbeat=Heartbeat(0, VehicleMode.OFFBOARD, armed))
+    vehicle = VehicleMonitor(heartbeat=Heartbeat(0, VehicleMode.OFFBOARD, armed))
     found = sole_commander(vehicle, 0, may_be_offboard=awaited)
     detail = "the vehicle is in OFFBOARD, but not by this service"
     bad = Check("sole commander", False, detail, COMMANDER)

@@ -10,7 +10,7 @@ import pytest
 from recorded_flight import fly
 
 from dfvs_core.gate.states import GateState
-from dfvs_core.messages.frame_record import Turn
+from dfvs_core.messages.frame_record import FrameRecord
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.translation import Translation
 
@@ -46,7 +46,7 @@ def channels():
     messages = list(translation.opening(flight.events[0][1]))
     for turn, payload in flight.events[1:]:
         messages += translation.turn(turn, payload)
-    assert isinstance(turn, Turn)
+    assert isinstance(turn, FrameRecord)
     grid = FlowGrid(np.zeros((2, 2, 2), np.float32), np.ones((2, 2), np.float32), 8, 1, 0)
     messages.append(translation.flow(grid))
     return {message.channel.topic: message.channel for message in messages}

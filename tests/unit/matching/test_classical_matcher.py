@@ -9,7 +9,7 @@ from dfvs_core.errors import ImageError
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.confidence import confident_ratio, empty_flow
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Prepared, follow
+from dfvs_core.matching.matcher import ImageFeatures, track_or_match
 
 MATCHER = classical_matcher()
 SURE = np.ones((HEIGHT, WIDTH), np.float32)
@@ -27,7 +27,7 @@ def other_wall():
 
 
 def match(a, b, predicted=None):
-    return follow(MATCHER, MATCHER.prepare(a), MATCHER.prepare(b), predicted)
+    return track_or_match(MATCHER, MATCHER.encode(a), MATCHER.encode(b), predicted)
 
 
 def test_a_picture_matches_itself_without_motion_and_without_doubt(wall):
@@ -140,8 +140,8 @@ def test_the_same_pictures_give_the_same_bits(wall):
 def test_a_good_prediction_gives_the_same_flow_and_spares_the_features(wall):
     truth = exact_flow(FAR)
     relocalised = match(wall.picture(), wall.picture(FAR))
-    current, other = MATCHER.prepare(wall.picture()), MATCHER.prepare(wall.picture(FAR))
-    tracked = follow(MATCHER, current, other, relocalised)
+    current, other = MATCHER.encode(wall.picture()), MATCHER.encode(wall.picture(FAR))
+    tracked = track_or_match(MATCHER, current, other, relocalised)
     visible = inside(truth, margin=8.0)
     difference = np.linalg.norm(tracked.flow - relocalised.flow, axis=-1)[visible]
     assert np.mean(difference < 0.2) > 0.93
@@ -155,12 +155,12 @@ def test_a_good_prediction_gives_the_same_flow_and_spares_the_features(wall):
 
 def test_tracking_follows_a_camera_that_moves_on(wall):
     """Ten frames of 4 px and 1.5 degrees each, every flow the prediction of the next."""
-    goal = MATCHER.prepare(wall.picture())
+    goal = MATCHER.encode(wall.picture())
     field, ratios = None, []
     for k in range(10, 0, -1):
         H_goal_frame = turned(roll_deg=1.5 * k, shift=(4.0 * k, -2.0 * k))
-        frame = MATCHER.prepare(wall.picture(H_goal_frame))
-        field = follow(MATCHER, frame, goal, field)
+        frame = MATCHER.encode(wall.picture(H_goal_frame))
+        field = track_or_match(MATCHER, frame, goal, field)
         ratios.append(confident_ratio(field))
         if k < 10:
             assert "features" not in vars(frame)
@@ -180,9 +180,9 @@ def test_tracking_follows_a_camera_that_moves_on(wall):
     ids=["wrong", "not finite", "of another size", "without confidence"],
 )
 def test_a_useless_prediction_does_not_hold_and_changes_no_bit(wall, predicted):
-    current, other = MATCHER.prepare(wall.picture()), MATCHER.prepare(wall.picture(FAR))
+    current, other = MATCHER.encode(wall.picture()), MATCHER.encode(wall.picture(FAR))
     assert MATCHER.track(current, other, predicted) is None
-    misled = follow(MATCHER, current, other, predicted)
+    misled = track_or_match(MATCHER, current, other, predicted)
     assert misled.flow.tobytes() == MATCHER.match(current, other).flow.tobytes()
 
 
@@ -204,14 +204,14 @@ def test_large_pictures_give_flow_in_px_of_the_working_size(wall):
 
 
 def test_pictures_of_different_sizes_are_refused(wall):
-    small = MATCHER.prepare(np.ascontiguousarray(wall.picture()[:120]))
+    small = MATCHER.encode(np.ascontiguousarray(wall.picture()[:120]))
     with pytest.raises(ImageError, match="320 x 240 and 320 x 120"):
-        MATCHER.match(MATCHER.prepare(wall.picture()), small)
+        MATCHER.match(MATCHER.encode(wall.picture()), small)
 
 
 def test_pictures_of_another_matcher_are_refused(wall):
     with pytest.raises(ImageError, match="another matcher"):
-        MATCHER.match(MATCHER.prepare(wall.picture()), Prepared((HEIGHT, WIDTH)))
+        MATCHER.match(MATCHER.encode(wall.picture()), ImageFeatures((HEIGHT, WIDTH)))
 
 
 @pytest.mark.parametrize(
@@ -226,4 +226,4 @@ def test_pictures_of_another_matcher_are_refused(wall):
 )
 def test_what_is_no_rgb_picture_is_refused(picture):
     with pytest.raises(ImageError):
-        MATCHER.prepare(picture)
+        MATCHER.encode(picture)

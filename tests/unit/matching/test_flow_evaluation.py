@@ -30,7 +30,7 @@ def test_errors_are_averaged_over_visible_pixels_only():
 
 def test_the_more_confident_half_is_scored_by_itself():
     score = score_pair(field([5, 1, 7, 3], [0.1, 0.9, 0.2, 0.8]), truth(), ALL)
-    assert score.sure_half_epe_px == pytest.approx(2.0)
+    assert score.confident_half_epe_px == pytest.approx(2.0)
 
 
 @pytest.mark.parametrize(
@@ -46,18 +46,18 @@ def test_honest_confidence_falls_as_the_error_grows(confidence, correlation):
 def test_sure_pixels_are_wrong_when_far_off_or_not_visible():
     visible = np.array([[True, True, True, False]])
     score = score_pair(field([0, 4, 9, 0], [0.9, 0.9, 0.1, 0.9]), truth(), visible)
-    assert score.sure_share == pytest.approx(3 / 4)
-    assert score.sure_wrong == pytest.approx(2 / 3)
+    assert score.confident_ratio == pytest.approx(3 / 4)
+    assert score.confident_failed == pytest.approx(2 / 3)
 
 
 def test_a_match_that_failed_and_says_so_does_not_count_as_failed_but_sure():
     boasting = score_pair(field([50] * 4, [0.9] * 4), truth(), ALL)
     modest = score_pair(field([50] * 4, [0.1] * 4), truth(), ALL)
     good = score_pair(field([1] * 4, [0.9] * 4), truth(), ALL)
-    assert boasting.failed_but_sure
-    assert not modest.failed_but_sure
+    assert boasting.confident_failures
+    assert not modest.confident_failures
     level = summarise([boasting, modest, good])
-    assert level.failed_but_sure == 1
+    assert level.confident_failures == 1
     assert level.pairs == 3
     assert level.epe_px == pytest.approx(101 / 3)
 

@@ -54,7 +54,7 @@ class Scripted:
     def encode(self, image):
         return None
 
-    def hypotheses(self, current, other, unwanted=None):
+    def hypotheses(self, current, other, exclusion=None):
         return iter(self)
 
 
@@ -79,7 +79,7 @@ def found(pictures, hypotheses):
 
 def match(pictures, points, excluded=()):
     matcher = StagedMatcher(points, CONFIG)
-    return matcher.match(*map(matcher.prepare, pictures), excluded=excluded)
+    return matcher.match(*map(matcher.encode, pictures), excluded=excluded)
 
 
 def shifted(right_px):

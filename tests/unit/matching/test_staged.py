@@ -7,7 +7,7 @@ from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, textu
 
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.staged import StagedMatcher
 
@@ -29,7 +29,7 @@ class KnownPoints:
         self.encoded.append(image.shape)
         return image.shape[1] / WIDTH
 
-    def hypotheses(self, current, other, unwanted=None):
+    def hypotheses(self, current, other, exclusion=None):
         v, u = np.mgrid[8:HEIGHT:12, 8:WIDTH:12].reshape(2, -1)
         kept = inside(TRUTH)[v, u]
         at = np.stack([u, v], axis=1)[kept].astype(float)
@@ -53,13 +53,13 @@ def pictures():
 )
 def test_the_working_size_has_at_most_as_many_pixels_as_320_x_240(size, working_size):
     image = np.zeros((*size, 3), np.uint8)
-    prepared = StagedMatcher(KnownPoints(640)).prepare(image)
+    prepared = StagedMatcher(KnownPoints(640)).encode(image)
     assert prepared.size == working_size
     assert prepared.grey.shape == working_size
 
 
 def test_small_images_are_not_enlarged():
-    prepared = StagedMatcher(KnownPoints(640)).prepare(np.zeros((120, 160, 3), np.uint8))
+    prepared = StagedMatcher(KnownPoints(640)).encode(np.zeros((120, 160, 3), np.uint8))
     assert prepared.size == (120, 160)
 
 
@@ -67,7 +67,7 @@ def test_small_images_are_not_enlarged():
 def test_flow_is_at_the_working_size_whichever_the_points_are_found_at(pictures, width_px):
     points = KnownPoints(width_px)
     matcher = StagedMatcher(points)
-    current, other = map(matcher.prepare, pictures)
+    current, other = map(matcher.encode, pictures)
     field = matcher.match(current, other)
     assert points.encoded == 2 * [(min(width_px, 640) * 3 // 4, min(width_px, 640), 3)]
     assert field.flow.shape == (HEIGHT, WIDTH, 2)
@@ -80,7 +80,7 @@ def test_flow_is_at_the_working_size_whichever_the_points_are_found_at(pictures,
 def test_features_are_encoded_once_and_for_relocalisation_only(pictures):
     points = KnownPoints(320)
     matcher = StagedMatcher(points)
-    current, other = map(matcher.prepare, pictures)
+    current, other = map(matcher.encode, pictures)
     predicted = FlowField(TRUTH.astype(np.float32), np.ones((HEIGHT, WIDTH), np.float32))
     assert matcher.track(current, other, predicted) is not None
     assert points.encoded == []
@@ -93,10 +93,10 @@ def test_features_are_encoded_once_and_for_relocalisation_only(pictures):
 def test_released_features_are_encoded_anew_and_match_alike(pictures):
     points = KnownPoints(320)
     matcher = StagedMatcher(points)
-    current, other = map(matcher.prepare, pictures)
+    current, other = map(matcher.encode, pictures)
     first = matcher.match(current, other)
-    current.slim()
-    current.slim()
+    current.release()
+    current.release()
     assert "features" not in vars(current)
     assert matcher.match(current, other).flow.tobytes() == first.flow.tobytes()
     assert len(points.encoded) == 3
@@ -104,7 +104,7 @@ def test_released_features_are_encoded_anew_and_match_alike(pictures):
 
 def test_an_image_of_another_matcher_is_refused(pictures):
     matcher = StagedMatcher(KnownPoints(320))
-    mine, foreign = matcher.prepare(pictures[0]), Prepared((HEIGHT, WIDTH))
+    mine, foreign = matcher.encode(pictures[0]), ImageFeatures((HEIGHT, WIDTH))
     nothing = FlowField(
         np.zeros((HEIGHT, WIDTH, 2), np.float32), np.zeros((HEIGHT, WIDTH), np.float32)
     )
@@ -119,7 +119,7 @@ def test_images_of_different_working_sizes_are_refused(pictures):
     matcher = StagedMatcher(KnownPoints(320))
     low = np.ascontiguousarray(pictures[1][:240])
     with pytest.raises(ImageError, match="320 x 240 and 453 x 170"):
-        matcher.match(matcher.prepare(pictures[0]), matcher.prepare(low))
+        matcher.match(matcher.encode(pictures[0]), matcher.encode(low))
 
 
 @pytest.mark.parametrize(
@@ -133,4 +133,4 @@ def test_images_of_different_working_sizes_are_refused(pictures):
 )
 def test_what_is_no_rgb_image_is_refused(image):
     with pytest.raises(ImageError):
-        StagedMatcher(KnownPoints(320)).prepare(image)
+        StagedMatcher(KnownPoints(320)).encode(image)

@@ -9,7 +9,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose
 from dfvs_core.matching.confidence import confident_ratio
 from dfvs_core.matching.correspondence import DepthMap, FlowField
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation, TrackingState
 from dfvs_core.servo.config import ServoConfig
@@ -19,7 +19,7 @@ CAMERA = CameraModel.from_horizontal_fov(64, 48, np.radians(90))
 STRIDE = 8
 FRAME_NS = 50_000_000
 WALL_M = 2.0
-FRAME, GOAL = Prepared((48, 64)), Prepared((48, 64))
+FRAME, GOAL = ImageFeatures((48, 64)), ImageFeatures((48, 64))
 DEPTH = DepthMap(np.full((6, 8), WALL_M, np.float32), np.ones((6, 8), np.float32))
 STATES = TrackingState
 

@@ -28,7 +28,7 @@ class Counting:
 
     def __init__(self):
         self._matcher = classical_matcher()
-        self.prepare, self.track = self._matcher.prepare, self._matcher.track
+        self.encode, self.track = self._matcher.encode, self._matcher.track
         self.relocalisations = self.excluded = 0
 
     def match(self, current, other, *, excluded=()):
@@ -99,7 +99,7 @@ def test_another_place_above_the_same_floor_is_never_reached(goal):
 
 def test_without_verification_it_would_have_been_reached(goal, elsewhere):
     """So the two tests above do show what keeps it from that."""
-    reports = fly(pipeline_for(goal, Counting(), min_likeness=0.0), [elsewhere] * 40)
+    reports = fly(pipeline_for(goal, Counting(), min_matched_texture=0.0), [elsewhere] * 40)
     assert reports[-1].reached
 
 

@@ -9,7 +9,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.keyframes import (
@@ -36,7 +36,7 @@ def place(x, yaw=0.0):
 
 def frame(t_ns, T_world_camera):
     inputs = ServoInputs(t_ns, t_ns, NO_FLOW, np.zeros(4))
-    return Keyframe(Prepared((0, 0)), T_world_camera, inputs, ServoState())
+    return Keyframe(ImageFeatures((0, 0)), T_world_camera, inputs, ServoState())
 
 
 def kept(frames):
@@ -105,8 +105,8 @@ class Encoding:
         self.match, self.track = self._matcher.match, self._matcher.track
         self.prepared = []
 
-    def prepare(self, image):
-        self.prepared.append(self._matcher.prepare(image))
+    def encode(self, image):
+        self.prepared.append(self._matcher.encode(image))
         assert len(self.prepared[-1].features.points) > 0
         return self.prepared[-1]
 

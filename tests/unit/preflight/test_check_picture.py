@@ -7,7 +7,7 @@ from hypothesis import strategies as st
 
 from dfvs_core.errors import WireError
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.messages.frame_record import Sight, Turn, pack
+from dfvs_core.messages.frame_record import FrameInput, FrameRecord, pack
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.perception.flow_grid import FlowGrid, encode_flow_grid
 from dfvs_service.preflight.image import draw_picture
@@ -60,8 +60,8 @@ def turn(t_capture_ns, grey):
     still = (0.0, 0.0, 0.0, 0.0)
     report = PerceptionReport(1, t_capture_ns, still, True, False, False, "", 0.0, 0.0, 1.0)
     servo = {"t_capture_ns": t_capture_ns, "error_m": grey / 100.0}
-    sight = Sight(attachment.hex(), t_capture_ns, t_capture_ns)
-    return pack(Turn(1, 0, t_capture_ns, (), report, sight, servo), payload)
+    sight = FrameInput(attachment.hex(), t_capture_ns, t_capture_ns)
+    return pack(FrameRecord(1, 0, t_capture_ns, (), report, sight, servo), payload)
 
 
 def test_flow_is_shown_on_the_very_frame_that_it_is_of():

@@ -89,7 +89,7 @@ class Matcher:
     def tick(self):
         return self.now_ns
 
-    def prepare(self, image):
+    def encode(self, image):
         return image
 
     def match(self, current, wanted, last=None):

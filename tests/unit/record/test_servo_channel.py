@@ -5,7 +5,7 @@ import json
 import pytest
 from box_sight import CAMERA
 
-from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.messages.schema import dump
@@ -20,9 +20,9 @@ UNKNOWN = dict.fromkeys(KNOWN)
 
 def servo_messages(*documents):
     settings = {"camera": dump(CameraSection()), "servo": dump(ServoConfig())}
-    opening = Opening("v", 0, 0, "", 0, {}, {}, settings, dump(GoalSidecar(CAMERA)))
+    opening = SessionHeader("v", 0, 0, "", 0, {}, {}, settings, dump(GoalSidecar(CAMERA)))
     translation = Translation(opening)
-    turns = [Turn(i, 0, i, (), REPORT, servo=servo) for i, servo in enumerate(documents)]
+    turns = [FrameRecord(i, 0, i, (), REPORT, servo=servo) for i, servo in enumerate(documents)]
     messages = [message for turn in turns for message in translation.turn(turn, b"")]
     return [m for m in messages if m.channel.topic == "/perception/servo"]
 

@@ -1,6 +1,6 @@
 """Openings and turns come on two keys; each turn must meet the opening that it follows from."""
 
-from dfvs_core.messages.frame_record import Opening, Turn
+from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_service.record.listener import TurnOrder
 
@@ -8,11 +8,11 @@ REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0
 
 
 def opening(opened_ns, first_turn=0):
-    return Opening("v", first_turn, opened_ns, "", 0, {}, {}, {}, {})
+    return SessionHeader("v", first_turn, opened_ns, "", 0, {}, {}, {}, {})
 
 
 def turn(number, opened_ns):
-    return Turn(number, opened_ns, 0, (), REPORT)
+    return FrameRecord(number, opened_ns, 0, (), REPORT)
 
 
 def given(order, *messages):

@@ -5,7 +5,7 @@ import json
 
 import pytest
 
-from dfvs_core.messages.frame_record import Opening
+from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.messages.schema import dump
 from dfvs_service.replay.identity import reasons_to_differ
 from dfvs_service.settings.config import load_config
@@ -14,7 +14,7 @@ BUILD = {"source": "aa" * 32, "numpy": "2.4.0", "processor": "one"}
 MODEL = {"flow.onnx": "bb" * 32}
 CONFIG = load_config(None, {"flow.model": "models/flow"})
 SETTINGS = json.loads(json.dumps(dump(CONFIG)))
-OPENING = Opening("v", 0, 0, "", 0, BUILD, MODEL, SETTINGS, {})
+OPENING = SessionHeader("v", 0, 0, "", 0, BUILD, MODEL, SETTINGS, {})
 
 
 def other(**flow):

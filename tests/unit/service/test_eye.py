@@ -5,7 +5,7 @@ import pytest
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.link import GateStatus, VehicleState
@@ -25,8 +25,8 @@ class StillMatcher:
     def __init__(self):
         self.share, self.relocalisations = 1.0, 0
 
-    def prepare(self, image):
-        return Prepared(image.shape[:2])
+    def encode(self, image):
+        return ImageFeatures(image.shape[:2])
 
     def match(self, current, other, *, excluded=()):
         self.relocalisations += 1

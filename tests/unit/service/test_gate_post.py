@@ -8,7 +8,7 @@ from signed_commands import signed
 
 from dfvs_core.gate.authority import Authority
 from dfvs_core.gate.command import request_id
-from dfvs_core.gate.events import Action, BadReport, Order, Report
+from dfvs_core.gate.events import Action, BadReport, OperatorCommand, Report
 from dfvs_core.messages.link import (
     CommandAnswer,
     ForwardedCommand,
@@ -67,7 +67,7 @@ def test_garbage_becomes_a_bad_report(post, tmp_path, data):
 def test_only_an_authentic_command_becomes_an_order(post, tmp_path):
     good = signed(KEY, "drone1", Action.HOLD, "c").decode()
     send(tmp_path, to_datagram(ForwardedCommand("\ud800")), to_datagram(ForwardedCommand(good)))
-    assert collected(post) == [Order(42, Action.HOLD)]
+    assert collected(post) == [OperatorCommand(42, Action.HOLD)]
     assert post.command_count == 2
     assert post.command_result == "accepted: hold"
 
@@ -75,7 +75,7 @@ def test_only_an_authentic_command_becomes_an_order(post, tmp_path):
 def test_an_order_for_a_goal_says_which(post, tmp_path):
     data = signed(KEY, "drone1", Action.GOAL, "c", "ab" * 32).decode()
     send(tmp_path, to_datagram(ForwardedCommand(data)))
-    assert collected(post) == [Order(42, Action.GOAL, "ab" * 32)]
+    assert collected(post) == [OperatorCommand(42, Action.GOAL, "ab" * 32)]
 
 
 @pytest.fixture

@@ -10,9 +10,9 @@ from vehicle_in_hand import VehicleInHand
 from dfvs_core.gate.config import GateConfig, GateTiming
 from dfvs_core.gate.events import CurrentMode, Heartbeat, ModeRequest, VehicleMode
 from dfvs_core.gate.limits import BodyVelocity
-from dfvs_core.gate.perception_monitor import Sight
+from dfvs_core.gate.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.preflight import preflight
-from dfvs_core.gate.vehicle import VehiclePicture
+from dfvs_core.gate.vehicle import VehicleMonitor
 from dfvs_core.geometry.poses import quaternion_from_rotation, rotation_from_euler
 from dfvs_service.gate import px4
 from dfvs_sim.vehicle.streams import COMPANION
@@ -133,11 +133,11 @@ def test_the_checks_before_arming_pass_where_health_says_so_and_nowhere_else(ena
     ("fit", "armed", "passes"), [(True, False, True), (False, False, False), (False, True, True)]
 )
 def test_the_health_check_asks_a_disarmed_vehicle_alone_whether_it_can_be_armed(fit, armed, passes):
-    vehicle = VehiclePicture()
-    vehicle.take(Heartbeat(T_NS, VehicleMode.HOLD, armed))
+    vehicle = VehicleMonitor()
+    vehicle.update(Heartbeat(T_NS, VehicleMode.HOLD, armed))
     for event in status(health=0x10200007 if fit else 0x200007):
-        vehicle.take(event)
-    checks = preflight(vehicle, Sight(GateTiming()), GateConfig(), T_NS)
+        vehicle.update(event)
+    checks = preflight(vehicle, PerceptionMonitor(GateTiming()), GateConfig(), T_NS)
     (health,) = [check for check in checks if check.name == "health"]
     assert health.ok is passes
     assert bool(health.detail and health.remedy) is not passes
@@ -145,15 +145,15 @@ def test_the_health_check_asks_a_disarmed_vehicle_alone_whether_it_can_be_armed(
 
 @pytest.mark.parametrize(("ready_after_s", "passes"), [(0.0, True), (1000.0, False)])
 def test_the_stand_in_passes_the_health_check_once_it_can_be_armed(ready_after_s, passes):
-    stand_in, heard = VehicleInHand(ready_after_s=ready_after_s), VehiclePicture()
+    stand_in, heard = VehicleInHand(ready_after_s=ready_after_s), VehicleMonitor()
     stand_in.run(1.5)
     for _, link, message in stand_in.sent:
         if link == COMPANION and message.get_type() == "HEARTBEAT":
-            heard.take(px4.heartbeat(T_NS, message.to_dict()))
+            heard.update(px4.heartbeat(T_NS, message.to_dict()))
         if link == COMPANION and message.get_type() == "SYS_STATUS":
             for event in px4.system_status(T_NS, message.to_dict()):
-                heard.take(event)
-    checks = preflight(heard, Sight(GateTiming()), GateConfig(), T_NS)
+                heard.update(event)
+    checks = preflight(heard, PerceptionMonitor(GateTiming()), GateConfig(), T_NS)
     (health,) = [check for check in checks if check.name == "health"]
     assert health.ok is passes
     assert passes or "before arming" in health.detail

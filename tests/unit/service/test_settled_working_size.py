@@ -8,7 +8,7 @@ import pytest
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_service.perception.assembly import flow_matcher
 from dfvs_service.perception.working_size import choose_working_width, with_working_size
@@ -69,19 +69,19 @@ def test_what_was_measured_is_a_setting_by_which_the_processes_match():
     assert settled.flow.working_width_px == 640
     assert dataclasses.replace(settled, flow=config.flow) == config
     passed_on = config_from_json(settled.to_json())
-    assert flow_matcher(passed_on.flow).prepare(GOAL.image).size == (480, 640)
+    assert flow_matcher(passed_on.flow).encode(GOAL.image).size == (480, 640)
 
 
 def test_a_size_that_is_set_is_not_measured():
     config = settings(working_width_px=400)
     assert with_working_size(config, GOAL, flow_matcher(config.flow), never) is config
-    assert flow_matcher(config.flow).prepare(GOAL.image).size == (300, 400)
+    assert flow_matcher(config.flow).encode(GOAL.image).size == (300, 400)
 
 
 def test_a_matcher_without_a_working_size_is_left_as_it_is():
     class Pair:
-        def prepare(self, image):
-            return Prepared(image.shape[:2])
+        def encode(self, image):
+            return ImageFeatures(image.shape[:2])
 
     config = settings()
     assert with_working_size(config, GOAL, Pair(), never) is config

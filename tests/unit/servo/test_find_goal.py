@@ -9,7 +9,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, pose_error, so3_exp
 from dfvs_core.geometry.robust_weights import NoiseScale
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import Prepared
+from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.pipeline import Pipeline
@@ -113,8 +113,8 @@ class Divided:
     def __init__(self, flow):
         self.flow, self.predictions = flow, []
 
-    def prepare(self, image):
-        return Prepared(image.shape[:2])
+    def encode(self, image):
+        return ImageFeatures(image.shape[:2])
 
     def match(self, current, other, *, excluded=()):
         return self.flow

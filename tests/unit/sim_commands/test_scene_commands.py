@@ -8,7 +8,7 @@ import pytest
 from dfvs_bench.commands import renderer
 from dfvs_core.errors import DfvsError
 from dfvs_core.messages.goal import GoalSidecar
-from dfvs_core.messages.image import decode_picture
+from dfvs_core.messages.image import decode_image
 from dfvs_rooms.commands import room
 from dfvs_sim.commands import goal
 from dfvs_sim.render.renderer import Renderer
@@ -37,7 +37,7 @@ class TestGoal:
         pose = np.array(sidecar.pose_camera).reshape(4, 4)
         np.testing.assert_allclose(pose, camera_pose((0.5, -1.0, -1.3), np.radians(40)))
         expected = Renderer(load_glb(builtin_room_path())).render(sidecar.camera, pose).image
-        np.testing.assert_array_equal(decode_picture(out.read_bytes()), expected)
+        np.testing.assert_array_equal(decode_image(out.read_bytes()), expected)
         assert sorted(p.name for p in tmp_path.iterdir()) == ["goal.json", "goal.png"]
 
     def test_takes_points_in_the_axes_of_the_file(self, tmp_path):
@@ -112,7 +112,7 @@ class TestRoom:
             high - low, [size["north_south"], size["east_west"], size["height"]], atol=0.01
         )
         assert 6.0 <= size["east_west"] <= 10.0
-        preview = decode_picture((tmp_path / "hallway.png").read_bytes())
+        preview = decode_image((tmp_path / "hallway.png").read_bytes())
         assert 20 < preview.mean() < 235
         for view in told["views"].values():
             eye = ned_from_gltf(view["eye_gltf_m"])

@@ -10,7 +10,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.link import VehicleState
-from dfvs_core.perception.route_recording import TeachLimits
+from dfvs_core.perception.route_recording import RouteRecordingLimits
 from dfvs_service.perception.assembly import Clocks
 from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.route.goal_writer import sidecar_of, write_goal
@@ -30,7 +30,7 @@ class Rig:
         config = taught_settings(load_config(None, {}), CAMERA)
         self.now_ns = 5_000 * MS
         clocks = Clocks(CLOCK, lambda: self.now_ns, lambda: self.now_ns)
-        limits = TeachLimits(overlap=0.5, turn_rad=0.35)
+        limits = RouteRecordingLimits(overlap=0.5, turn_rad=0.35)
         self.teacher = RouteTeacher(config, folder, KnowingMatcher(), clocks, limits)
         self.seq = 0
 

@@ -15,7 +15,7 @@ from dfvs_core.messages.frame import (
     decode_header,
     encode_frame,
 )
-from dfvs_core.messages.image import decode_picture, encode_jpeg, encode_png, picture_size
+from dfvs_core.messages.image import decode_image, encode_jpeg, encode_png, image_size
 
 
 @pytest.fixture
@@ -87,7 +87,7 @@ def test_an_image_bomb_is_refused_by_its_header():
     chunk = b"IHDR" + struct.pack(">IIBBBBB", 60000, 60000, 8, 2, 0, 0, 0)
     bomb = b"\x89PNG\r\n\x1a\n" + struct.pack(">I", 13) + chunk + struct.pack(">I", 0) + b"\0" * 99
     with pytest.raises(ImageError, match="60000 x 60000"):
-        decode_picture(bomb)
+        decode_image(bomb)
 
 
 def png_chunk(kind, data):
@@ -99,7 +99,7 @@ def test_a_png_that_unfolds_to_more_than_its_pixels_is_refused(frame):
     head = encode_png(frame.image)[:33]
     bomb = head + png_chunk(b"IDAT", zlib.compress(bytes(1 << 22), 9)) + png_chunk(b"IEND", b"")
     with pytest.raises(ImageError, match="unfolds to more"):
-        decode_picture(bomb)
+        decode_image(bomb)
 
 
 def test_texts_and_profiles_of_a_png_are_not_unfolded(frame):
@@ -107,7 +107,7 @@ def test_texts_and_profiles_of_a_png_are_not_unfolded(frame):
     whole = encode_png(frame.image)
     text = png_chunk(b"zTXt", b"key\0\0" + zlib.compress(bytes(1 << 23), 9))
     began_s = time.thread_time()
-    np.testing.assert_array_equal(decode_picture(whole[:33] + text * 200 + whole[33:]), frame.image)
+    np.testing.assert_array_equal(decode_image(whole[:33] + text * 200 + whole[33:]), frame.image)
     assert time.thread_time() - began_s < 0.2  # 3 s if they were
 
 
@@ -115,13 +115,13 @@ def test_a_png_without_its_end_is_refused(frame):
     whole = encode_png(frame.image)
     for cut in (12, 13, len(whole) // 2):
         with pytest.raises(ImageError, match="cut short"):
-            decode_picture(whole[:-cut])
+            decode_image(whole[:-cut])
 
 
 def test_a_png_of_very_many_chunks_is_refused(frame):
     whole = encode_png(frame.image)
     with pytest.raises(ImageError, match="too many chunks"):
-        decode_picture(whole[:33] + png_chunk(b"tEXt", b"k\0v") * 9000 + whole[33:])
+        decode_image(whole[:33] + png_chunk(b"tEXt", b"k\0v") * 9000 + whole[33:])
 
 
 @pytest.mark.parametrize("flags", [[], [cv2.IMWRITE_PNG_COMPRESSION, 0]])
@@ -131,7 +131,7 @@ def test_every_kind_of_png_is_read(rng, channels, dtype, flags):
     pixels = rng.integers(0, np.iinfo(dtype).max, (48, 64, channels)).astype(dtype)
     ok, data = cv2.imencode(".png", pixels, flags)
     assert ok
-    assert decode_picture(bytes(data)).shape == (48, 64, 3)
+    assert decode_image(bytes(data)).shape == (48, 64, 3)
 
 
 def test_a_jpeg_of_very_many_scans_is_refused(frame):
@@ -139,17 +139,17 @@ def test_a_jpeg_of_very_many_scans_is_refused(frame):
     ok, data = cv2.imencode(".jpg", frame.image, [cv2.IMWRITE_JPEG_PROGRESSIVE, 1])
     assert ok
     progressive = bytes(data)
-    assert decode_picture(progressive).shape == frame.image.shape
+    assert decode_image(progressive).shape == frame.image.shape
     scan = b"\xff\xda\x00\x08\x01\x01\x00\x01\x3f\x00" + bytes(4)
     with pytest.raises(ImageError, match="scans"):
-        decode_picture(progressive[:-2] + scan * 100 + progressive[-2:])
+        decode_image(progressive[:-2] + scan * 100 + progressive[-2:])
 
 
 @pytest.mark.parametrize("marker", [0xC3, 0xC5, 0xC9, 0xCA, 0xCF])
 def test_odd_kinds_of_jpeg_are_refused(frame, marker):
     data = encode_jpeg(frame.image).replace(b"\xff\xc0", bytes([0xFF, marker]), 1)
     with pytest.raises(ImageError, match=f"kind 0x{marker:02X}"):
-        picture_size(data)
+        image_size(data)
 
 
 @pytest.mark.parametrize(
@@ -163,13 +163,13 @@ def test_odd_kinds_of_jpeg_are_refused(frame, marker):
 )
 def test_megabytes_before_a_jpegs_size_are_not_walked_through(filler, reason):
     with pytest.raises(ImageError, match=reason):
-        picture_size(b"\xff\xd8\xff\xe0\x00\x02" + filler)
+        image_size(b"\xff\xd8\xff\xe0\x00\x02" + filler)
 
 
 def test_fill_bytes_before_a_marker_are_passed_over(frame):
     data = encode_jpeg(frame.image)
     at = data.index(b"\xff\xc0")
-    assert picture_size(data[:at] + b"\xff" * 5 + data[at:]) == (64, 48)
+    assert image_size(data[:at] + b"\xff" * 5 + data[at:]) == (64, 48)
 
 
 def test_pixels_stay_where_the_sensor_had_them(frame):
@@ -179,18 +179,18 @@ def test_pixels_stay_where_the_sensor_had_them(frame):
     note = b"Exif\0\0" + tiff
     plain = encode_jpeg(frame.image)
     turned = plain[:2] + b"\xff\xe1" + struct.pack(">H", len(note) + 2) + note + plain[2:]
-    np.testing.assert_array_equal(decode_picture(turned), decode_picture(plain))
+    np.testing.assert_array_equal(decode_image(turned), decode_image(plain))
 
 
 def test_sizes_are_read_from_headers(frame):
-    assert picture_size(encode_png(frame.image)) == (64, 48)
-    assert picture_size(encode_jpeg(frame.image)) == (64, 48)
+    assert image_size(encode_png(frame.image)) == (64, 48)
+    assert image_size(encode_jpeg(frame.image)) == (64, 48)
 
 
 @pytest.mark.parametrize("data", [b"", b"GIF89a....", b"\xff\xd8\xff", b"\x89PNG\r\n\x1a\nshort"])
 def test_what_is_no_picture_is_refused(data):
     with pytest.raises(ImageError):
-        decode_picture(data)
+        decode_image(data)
 
 
 def test_random_bytes_never_do_worse_than_an_error(frame, rng):
@@ -200,7 +200,7 @@ def test_random_bytes_never_do_worse_than_an_error(frame, rng):
         for at in rng.integers(0, len(data), 6):
             data[at] = int(rng.integers(256))
         try:
-            image = decode_picture(bytes(data), max_pixels=64 * 48)
+            image = decode_image(bytes(data), max_pixels=64 * 48)
         except DfvsError:
             continue
         assert image.size <= 64 * 48 * 3

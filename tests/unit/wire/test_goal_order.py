@@ -5,24 +5,25 @@ from hypothesis import given
 from hypothesis import strategies as st
 
 from dfvs_core.errors import WireError
-from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES, GoalOrder, goal_digest
+from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES, GoalCommand, goal_digest
 from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
 
 
 @given(st.binary(max_size=100), st.text(max_size=100))
 def test_a_goal_survives_the_wire(picture, sidecar):
-    order = GoalOrder(picture, sidecar)
-    assert GoalOrder.from_bytes(order.to_bytes()) == order
+    order = GoalCommand(picture, sidecar)
+    assert GoalCommand.from_bytes(order.to_bytes()) == order
 
 
 def test_the_digest_covers_picture_and_sidecar():
-    data = GoalOrder(b"picture", "{}").to_bytes()
+    data = GoalCommand(b"picture", "{}").to_bytes()
     assert goal_digest(data) == hashlib.sha256(data).hexdigest()
-    assert goal_digest(GoalOrder(b"pictur", "e{}").to_bytes()) != goal_digest(data)
+    assert goal_digest(GoalCommand(b"pictur", "e{}").to_bytes()) != goal_digest(data)
 
 
 @pytest.mark.parametrize(
-    "order", [GoalOrder(b" " * MAX_MESSAGE_BYTES), GoalOrder(b"", " " * (MAX_SIDECAR_BYTES + 1))]
+    "order",
+    [GoalCommand(b" " * MAX_MESSAGE_BYTES), GoalCommand(b"", " " * (MAX_SIDECAR_BYTES + 1))],
 )
 def test_what_is_too_large_is_not_made(order):
     with pytest.raises(WireError, match="at most"):
@@ -32,7 +33,7 @@ def test_what_is_too_large_is_not_made(order):
 @given(st.binary(max_size=60) | st.binary(max_size=60).map(lambda data: b"DFVG" + data))
 def test_garbage_is_refused_or_read_whole(data):
     try:
-        order = GoalOrder.from_bytes(data)
+        order = GoalCommand.from_bytes(data)
     except WireError:
         return
     assert order.to_bytes() == data
@@ -43,4 +44,4 @@ def test_garbage_is_refused_or_read_whole(data):
 )
 def test_what_is_no_goal_is_refused(data):
     with pytest.raises(WireError):
-        GoalOrder.from_bytes(data)
+        GoalCommand.from_bytes(data)
