@@ -13,15 +13,15 @@ from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_service.perception.assembly import (
     Clocks,
-    build_eye,
+    build_frame_processor,
     depth_network,
     flow_matcher,
     servo_task,
 )
 from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.perception.messages import servo_document
-from dfvs_service.perception.recorder import TurnBook
-from dfvs_service.perception.session_header import make_opening
+from dfvs_service.perception.recorder import FrameRecorder
+from dfvs_service.perception.session_header import make_session_header
 from dfvs_service.record.recorder import Recorder, RecordLimits
 from dfvs_service.settings.config import load_config
 
@@ -74,11 +74,11 @@ def fly(
     following = Goal(wall.picture(turned(shift=(-20.0, 5.0))), sidecar)
     preview = None
     clock = RunningClock(rng)
-    eye = build_eye(
+    eye = build_frame_processor(
         config, goal, flow_matcher(config.flow), Clocks(CLOCK, clock, clock), depth_network(config)
     )
-    opening = replace(make_opening(config, goal, CLOCK), opened_ns=clock())
-    book = TurnBook()
+    opening = replace(make_session_header(config, goal, CLOCK), opened_ns=clock())
+    book = FrameRecorder()
     book.open(opening)
     events = [(opening, encode_png(goal.image))]
     for i in range(frames):
@@ -86,7 +86,7 @@ def fly(
             observation = None if preview is None else preview().observation
             eye.set_goal(servo_task(config, following), eye.prepare(following), observation)
             opening = replace(
-                make_opening(config, following, CLOCK, book.next_turn, eye.observed_ns),
+                make_session_header(config, following, CLOCK, book.next_turn, eye.observed_ns),
                 opened_ns=clock(),
             )
             book.open(opening)

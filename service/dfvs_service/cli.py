@@ -25,7 +25,7 @@ from dfvs_service.atomic_file import write_atomic
 from dfvs_service.flights.cli import flights
 from dfvs_service.flights.store import flights_folder
 from dfvs_service.preflight.calibration import camera_check
-from dfvs_service.preflight.ports import refuse_taken_mavlink, refuse_taken_zenoh
+from dfvs_service.preflight.ports import require_free_mavlink_port, require_free_zenoh_ports
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.replay_gate import replay_gate
 from dfvs_service.route.cli import run as teach
@@ -38,7 +38,7 @@ from dfvs_service.settings.goal_file import (
     goal_order,
     read_image,
     read_sidecar,
-    route_pictures,
+    route_images,
 )
 from dfvs_service.settings.key_file import create_key, load_key
 from dfvs_service.settings.options import add_settings_options, settings_from
@@ -120,7 +120,7 @@ def _command(words: Sequence[str]) -> int:
         print(f"wrote {arguments.key_file}; give it to the service as gate.command_key_file")
         return EXIT_OK
     # Zenoh is needed here alone, and takes its time to load.
-    from dfvs_service.command import give_order
+    from dfvs_service.command import send_command
 
     config = settings_from(arguments)
     action, picture = Action(arguments.order), arguments.goal
@@ -130,7 +130,7 @@ def _command(words: Sequence[str]) -> int:
             "--goal PICTURE with the order 'goal', and with no other",
         )
     goal = None if picture is None else goal_order(picture)
-    answer = give_order(config, load_key(arguments.key_file), action, arguments.timeout, goal)
+    answer = send_command(config, load_key(arguments.key_file), action, arguments.timeout, goal)
     print(answer)
     return EXIT_OK if answer.startswith("accepted") else EXIT_ENDED
 
@@ -216,7 +216,7 @@ def _fly(words: Sequence[str]) -> int:
         },
     )
     _check_picture(arguments)
-    first, *others = route_pictures(arguments.goal)
+    first, *others = route_images(arguments.goal)
     if arguments.check:
         return _check(config, first, arguments)
     config, goal = _resolve(_with_flights_folder(config), first)
@@ -295,8 +295,8 @@ def _check_commands(config: ServiceConfig) -> None:
 
 def _check_ports(config: ServiceConfig) -> None:
     """Refuse ports of other programs before anything is started: MAVSDK would share its own."""
-    refuse_taken_zenoh(config.zenoh)
-    refuse_taken_mavlink(config.vehicle.mavlink)
+    require_free_zenoh_ports(config.zenoh)
+    require_free_mavlink_port(config.vehicle.mavlink)
 
 
 def _check_camera(config: ServiceConfig, picture: Path, goal: Goal) -> None:

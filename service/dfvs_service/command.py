@@ -26,7 +26,7 @@ _SENDINGS, _GOAL_SENDINGS = 6, 2
 _Document = Mapping[str, Any]
 
 
-class OrderError(DfvsError):
+class CommandError(DfvsError):
     """An order that could not be given, or was not answered."""
 
 
@@ -36,7 +36,7 @@ def operators_zenoh(service: ZenohSection) -> ZenohSection:
     return dataclasses.replace(service, mode="client", connect=endpoints, listen=())
 
 
-def give_order(
+def send_command(
     config: ServiceConfig,
     key: bytes,
     action: Action,
@@ -60,7 +60,7 @@ def give_order(
 
     Raises
     ------
-    OrderError
+    CommandError
         If no service is heard, it accepts no orders, or it does not answer.
     WireError
         If the goal is too large.
@@ -77,14 +77,14 @@ def give_order(
         _answers = _subscribe(session, topics.telemetry("answer"), answers)
         state = _next(states, time.monotonic() + timeout_s)
         if state is None:
-            raise OrderError(
+            raise CommandError(
                 f"nothing is heard on {topics.telemetry('state')}",
                 "a running service",
                 "check --vehicle and the zenoh section of --config",
             )
         challenge = str(state.get("challenge", ""))
         if not challenge:
-            raise OrderError(
+            raise CommandError(
                 f"the service of {config.vehicle.name!r} accepts no commands",
                 "one that was started with gate.command_key_file",
             )
@@ -101,7 +101,7 @@ def give_order(
             while (answer := _next(answers, deadline)) is not None:
                 if answer.get("request") == request_id(order):
                     return str(answer.get("result", ""))
-    raise OrderError(
+    raise CommandError(
         f"the service of {config.vehicle.name!r} did not answer in {timeout_s:g} s",
         "an answer to every command",
         "it may still come to pass: look at the service's state before ordering again",

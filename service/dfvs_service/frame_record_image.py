@@ -8,7 +8,7 @@ from dfvs_core.messages.frame import decode_frame, decode_header
 from dfvs_core.messages.frame_record import Turn
 
 
-def turn_image(turn: Turn, payload: bytes) -> ImageArray | None:
+def record_image(turn: Turn, payload: bytes) -> ImageArray | None:
     """Image (H, W, 3) RGB that a turn looked at; None for nothing that can be decoded."""
     if turn.sight is None:
         return None

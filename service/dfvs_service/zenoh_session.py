@@ -9,7 +9,7 @@ import zenoh
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles, zenoh_settings
-from dfvs_service.preflight.ports import refuse_taken_zenoh
+from dfvs_service.preflight.ports import require_free_zenoh_ports
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.settings.key_file import check_private
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -44,7 +44,7 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
     try:
         return zenoh.open(settings)
     except zenoh.ZError as error:
-        refuse_taken_zenoh(config)
+        require_free_zenoh_ports(config)
         reason = str(error).split(" at /")[0]
         raise ConfigError(
             f"Zenoh cannot be opened: {reason}",

@@ -17,7 +17,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.boards import Board, BoardView, parse_board
 from dfvs_service.camera.calibration import Calibration, calibrate
-from dfvs_service.camera.calibration_report import coverage_picture, report_document
+from dfvs_service.camera.calibration_report import coverage_image, report_document
 from dfvs_service.camera.coverage import Coverage, coverage_of
 from dfvs_service.camera.feed import Feed
 from dfvs_service.camera.options import add_source_options, feed_of, say, source_options
@@ -129,7 +129,7 @@ def _collect(
     """Views of the board, and the pictures' size (width, height) px."""
     spec = parse_source(arguments.source)
     options = source_options(arguments, None)
-    if spec.kind is SourceKind.PICTURES:
+    if spec.kind is SourceKind.IMAGES:
         return _from_pictures(board, spec, options)
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
@@ -141,12 +141,12 @@ def _from_pictures(
     board: Board, spec: SourceSpec, options: SourceOptions
 ) -> tuple[list[BoardView], tuple[int, int]]:
     """Views from all pictures of a folder, which must be of one size."""
-    from dfvs_service.camera.images import picture_paths
+    from dfvs_service.camera.images import image_paths
 
     source = open_source(spec, options)
     views: list[BoardView] = []
     size: tuple[int, int] | None = None
-    for path in picture_paths(spec.place):
+    for path in image_paths(spec.place):
         shot = source.read()
         if shot is None:
             break
@@ -209,7 +209,7 @@ def _write(
     write_calibration(out, calibration.camera, remarks)
     document = json.dumps(report_document(calibration, coverage), indent=2) + "\n"
     replace_file(out.with_suffix(".json"), document.encode())
-    replace_file(out.with_suffix(".png"), encode_png(coverage_picture(views, calibration)))
+    replace_file(out.with_suffix(".png"), encode_png(coverage_image(views, calibration)))
 
 
 def _summary(out: Path, document: dict[str, object]) -> str:

@@ -49,7 +49,7 @@ def report_document(calibration: Calibration, coverage: Coverage) -> dict[str, A
     }
 
 
-def coverage_picture(views: Sequence[BoardView], calibration: Calibration) -> ImageArray:
+def coverage_image(views: Sequence[BoardView], calibration: Calibration) -> ImageArray:
     """Picture (H, W, 3): where corners were seen, and every picture's error as a bar."""
     camera = calibration.camera
     scale = _WIDTH_PX / camera.width

@@ -9,7 +9,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dfvs_service.camera.source import Shot, SourceOptions
+from dfvs_service.camera.source import CapturedImage, SourceOptions
 from dfvs_service.camera.spec import CameraError, SourceKind, SourceLostError, SourceSpec
 
 TIMEOUT_MS = 4000
@@ -55,7 +55,7 @@ class CaptureSource:
         rate_hz = self._capture.get(cv2.CAP_PROP_FPS)
         self.rate_hz = float(rate_hz) if 0 < rate_hz < 1000 else 0.0
 
-    def read(self) -> Shot | None:
+    def read(self) -> CapturedImage | None:
         """Wait for the next picture."""
         if not self._capture.grab():
             self._check_ended()
@@ -69,7 +69,7 @@ class CaptureSource:
             raise CameraError(
                 f"{self._spec} gives pictures of shape {bgr.shape}", "colour with 8 bits"
             )
-        return Shot(np.ascontiguousarray(bgr[:, :, ::-1]), t_ns)
+        return CapturedImage(np.ascontiguousarray(bgr[:, :, ::-1]), t_ns)
 
     def close(self) -> None:
         """Release the device."""

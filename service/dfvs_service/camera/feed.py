@@ -9,7 +9,7 @@ from collections.abc import Callable
 from typing import Protocol
 
 from dfvs_core.errors import DfvsError
-from dfvs_service.camera.source import Shot, Source
+from dfvs_service.camera.source import CapturedImage, Source
 from dfvs_service.camera.spec import SourceLostError
 from dfvs_service.perception.mailbox import Mailbox
 
@@ -26,7 +26,7 @@ class Feed(Protocol):
     ended: bool
     """No more shots will come."""
 
-    def take(self, timeout_s: float) -> Shot | None:
+    def take(self, timeout_s: float) -> CapturedImage | None:
         """Next shot, None if none came within about the timeout."""
 
     def close(self) -> None:
@@ -52,7 +52,7 @@ class LiveFeed:
         self._opener = opener
         self._say = say
         self._retry_s = retry_s
-        self._mailbox: Mailbox[Shot | DfvsError] = Mailbox()
+        self._mailbox: Mailbox[CapturedImage | DfvsError] = Mailbox()
         self._stop = threading.Event()
         self._trouble = ""
         self._thread = threading.Thread(target=self._work, name="camera", daemon=True)
@@ -63,7 +63,7 @@ class LiveFeed:
         """Shots that were replaced by newer ones before they were taken."""
         return self._mailbox.dropped
 
-    def take(self, timeout_s: float) -> Shot | None:
+    def take(self, timeout_s: float) -> CapturedImage | None:
         """Newest shot.
 
         Raises
@@ -124,7 +124,7 @@ class RecordedFeed:
         self._due_s = time.monotonic()
         self.ended = False
 
-    def take(self, timeout_s: float) -> Shot | None:
+    def take(self, timeout_s: float) -> CapturedImage | None:
         """Next shot when it is due.
 
         Raises
@@ -147,7 +147,7 @@ class RecordedFeed:
         time.sleep(max(self._due_s - time.monotonic(), 0.0))
         now_s = time.monotonic()
         self._due_s = max(self._due_s + self._period_s, now_s)
-        return Shot(shot.image, time.monotonic_ns())
+        return CapturedImage(shot.image, time.monotonic_ns())
 
     def close(self) -> None:
         """Close the file."""

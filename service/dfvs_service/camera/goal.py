@@ -22,11 +22,11 @@ from dfvs_service.camera.options import (
     feed_of,
     say,
 )
-from dfvs_service.camera.source import Shot, check_size
+from dfvs_service.camera.source import CapturedImage, check_size
 from dfvs_service.camera.spec import CameraError
-from dfvs_service.route.frame_queue import FrameInbox, known_camera, open_beside
+from dfvs_service.route.frame_queue import FrameQueue, known_camera, open_beside
 from dfvs_service.route.goal_writer import sidecar_of, write_goal
-from dfvs_service.route.vehicle_state import VehicleWatch
+from dfvs_service.route.vehicle_state import VehicleStateListener
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
@@ -79,9 +79,9 @@ def run(words: Sequence[str]) -> int:
         raise ConfigError("--attitude beside --mavlink", "only one of them")
     config = settings_from(arguments)
     camera = calibration_of(arguments) or known_camera(config)
-    watch: VehicleWatch | None = None
+    watch: VehicleStateListener | None = None
     if arguments.mavlink is not None:
-        watch = VehicleWatch()
+        watch = VehicleStateListener()
         watch.connect(arguments.mavlink, config.vehicle.timeout_s)
     with _feed(arguments, config, camera.size) as feed:
         shot, motion = _sharpest(feed, watch, arguments.frames, arguments.timeout)
@@ -123,17 +123,17 @@ def _feed(
             yield feed
         return
     with open_beside(config) as session:
-        inbox = FrameInbox(session, config, say)
+        inbox = FrameQueue(session, config, say)
         say(f"waiting for frames on {inbox.key}")
         yield inbox
 
 
 def _sharpest(
-    feed: Feed, watch: VehicleWatch | None, count: int, timeout_s: float
-) -> tuple[Shot, Motion | None]:
+    feed: Feed, watch: VehicleStateListener | None, count: int, timeout_s: float
+) -> tuple[CapturedImage, Motion | None]:
     """Sharpest of so many pictures, and the vehicle's motion when it was taken."""
     history = VehicleHistory()
-    best: tuple[float, Shot, Motion | None] | None = None
+    best: tuple[float, CapturedImage, Motion | None] | None = None
     seen, deadline = 0, time.monotonic() + timeout_s
     while seen < count and not feed.ended and time.monotonic() < deadline:
         shot = feed.take(_TAKE_S)
@@ -154,7 +154,7 @@ def _sharpest(
     return best[1], best[2]
 
 
-def sharpness_of(shot: Shot) -> float:
+def sharpness_of(shot: CapturedImage) -> float:
     """Variance of the Laplacian: the higher, the sharper."""
     grey = cv2.cvtColor(shot.image, cv2.COLOR_RGB2GRAY)
     return float(cv2.Laplacian(grey, cv2.CV_32F).var())

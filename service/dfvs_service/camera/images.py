@@ -7,11 +7,11 @@ from pathlib import Path
 
 from dfvs_core.errors import ImageError
 from dfvs_core.messages.image import MAX_PICTURE_BYTES, decode_picture
-from dfvs_service.camera.source import Shot
-from dfvs_service.camera.spec import PICTURE_SUFFIXES, CameraError
+from dfvs_service.camera.source import CapturedImage
+from dfvs_service.camera.spec import IMAGE_SUFFIXES, CameraError
 
 
-def picture_paths(place: str) -> list[Path]:
+def image_paths(place: str) -> list[Path]:
     """Pictures of a folder in the order of their names, or the one picture that is named.
 
     Raises
@@ -22,21 +22,21 @@ def picture_paths(place: str) -> list[Path]:
     path = Path(place)
     if path.is_file():
         return [path]
-    paths = sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURE_SUFFIXES)
+    paths = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
     if not paths:
         raise CameraError(f"there are no pictures in {place}", "PNG or JPEG files")
     return paths
 
 
-class PictureSource:
+class ImageSource:
     """Pictures, one after the other; their capture time is when they are read."""
 
     rate_hz = 0.0
 
     def __init__(self, place: str) -> None:
-        self._waiting = picture_paths(place)[::-1]
+        self._waiting = image_paths(place)[::-1]
 
-    def read(self) -> Shot | None:
+    def read(self) -> CapturedImage | None:
         """Next picture, None after the last one."""
         if not self._waiting:
             return None
@@ -48,7 +48,7 @@ class PictureSource:
             raise CameraError(f"cannot read {path} ({error.strerror})") from error
         except ImageError as error:
             raise CameraError(f"the picture {path} cannot be used: {error}") from error
-        return Shot(image, time.monotonic_ns())
+        return CapturedImage(image, time.monotonic_ns())
 
     def close(self) -> None:
         """Nothing is open between two pictures."""

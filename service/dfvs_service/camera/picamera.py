@@ -7,7 +7,7 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_service.camera.source import Shot, SourceOptions
+from dfvs_service.camera.source import CapturedImage, SourceOptions
 from dfvs_service.camera.spec import CameraError, SourceLostError
 
 _DEFAULT_SIZE = (640, 480)
@@ -49,7 +49,7 @@ class PicameraSource:
         except RuntimeError as error:
             raise SourceLostError(f"the Pi camera {number} cannot be started ({error})") from error
 
-    def read(self) -> Shot | None:
+    def read(self) -> CapturedImage | None:
         """Wait for the next picture; its time is that of the sensor's first row."""
         try:
             request = self._camera.capture_request()
@@ -60,7 +60,7 @@ class PicameraSource:
             sensor_ns = int(request.get_metadata()["SensorTimestamp"])
         finally:
             request.release()
-        return Shot(image, monotonic_of_boot_ns(sensor_ns))
+        return CapturedImage(image, monotonic_of_boot_ns(sensor_ns))
 
     def close(self) -> None:
         """Give the camera back."""

@@ -17,7 +17,7 @@ from dfvs_core.messages.schema import to_json
 from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.feed import Feed, Say
 from dfvs_service.camera.reception import ReceptionReport
-from dfvs_service.camera.source import Shot, check_size
+from dfvs_service.camera.source import CapturedImage, check_size
 
 FORMATS = {
     "jpeg": PixelFormat.JPEG,
@@ -85,7 +85,7 @@ class FramePublisher:
         status: object = self._frames.matching_status  # its stub says bool
         return isinstance(status, zenoh.MatchingStatus) and status.matching
 
-    def publish(self, shot: Shot) -> None:
+    def publish(self, shot: CapturedImage) -> None:
         """Publish one shot.
 
         Raises

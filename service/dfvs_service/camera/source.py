@@ -10,7 +10,7 @@ from dfvs_service.camera.spec import CameraError, SourceKind, SourceSpec
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class CapturedImage:
     """A picture (H, W, 3) uint8 RGB; when it was taken, on the monotonic clock."""
 
     image: ImageArray
@@ -37,7 +37,7 @@ class Source(Protocol):
     rate_hz: float
     """Pictures a second that it says to have; 0 where it does not say."""
 
-    def read(self) -> Shot | None:
+    def read(self) -> CapturedImage | None:
         """Wait for the next picture; None at the end of a recording.
 
         Raises
@@ -66,16 +66,16 @@ def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
         from dfvs_service.camera.picamera import PicameraSource
 
         return PicameraSource(int(spec.place), options)
-    if spec.kind is SourceKind.PICTURES:
-        from dfvs_service.camera.images import PictureSource
+    if spec.kind is SourceKind.IMAGES:
+        from dfvs_service.camera.images import ImageSource
 
-        return PictureSource(spec.place)
+        return ImageSource(spec.place)
     from dfvs_service.camera.capture import CaptureSource
 
     return CaptureSource(spec, options)
 
 
-def check_size(shot: Shot, wanted: tuple[int, int] | None, who: str) -> None:
+def check_size(shot: CapturedImage, wanted: tuple[int, int] | None, who: str) -> None:
     """Refuse a picture of another size than the one that was asked for.
 
     Raises

@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dfvs_core.errors import DfvsError
 
-PICTURE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg"})
+IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg"})
 
 _DEVICE = re.compile(r"(?:/dev/video)?(\d+)")
 _PICAMERA = re.compile(r"picamera2?(?::(\d+))?")
@@ -32,7 +32,7 @@ class SourceKind(enum.StrEnum):
     GSTREAMER = "GStreamer pipeline"
     PICAMERA = "Picamera2"
     VIDEO = "video file"
-    PICTURES = "pictures"
+    IMAGES = "pictures"
 
 
 LIVE = frozenset({SourceKind.V4L2, SourceKind.STREAM, SourceKind.GSTREAMER, SourceKind.PICAMERA})
@@ -75,8 +75,8 @@ def parse_source(text: str) -> SourceSpec:
         is_folder, is_file = path.is_dir(), path.is_file()
     except OSError as error:
         raise CameraError(f"the source {text[:200]!r} cannot be read ({error.strerror})") from error
-    if is_folder or (is_file and path.suffix.lower() in PICTURE_SUFFIXES):
-        return SourceSpec(SourceKind.PICTURES, text)
+    if is_folder or (is_file and path.suffix.lower() in IMAGE_SUFFIXES):
+        return SourceSpec(SourceKind.IMAGES, text)
     if is_file:
         return SourceSpec(SourceKind.VIDEO, text)
     raise CameraError(

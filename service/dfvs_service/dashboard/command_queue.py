@@ -9,15 +9,15 @@ from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import GoalOrder
 from dfvs_core.messages.image import picture_size
-from dfvs_service.command import give_order
+from dfvs_service.command import send_command
 from dfvs_service.settings.config import ServiceConfig, VehicleSection, ZenohSection
 
-ORDER_TIMEOUT_S = 3.0
+COMMAND_TIMEOUT_S = 3.0
 
 FindEndpoint = Callable[[str], ZenohSection | None]
 
 
-class OrderDesk:
+class CommandQueue:
     """Gives orders to vehicles; blocks, so it is called on worker threads.
 
     Parameters
@@ -50,4 +50,4 @@ class OrderDesk:
         if goal is not None:
             picture_size(goal.picture)
         config = dataclasses.replace(ServiceConfig(), vehicle=VehicleSection(vehicle), zenoh=zenoh)
-        return give_order(config, self._key, action, ORDER_TIMEOUT_S, goal)
+        return send_command(config, self._key, action, COMMAND_TIMEOUT_S, goal)

@@ -10,7 +10,7 @@ from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES, GoalOrder
 
 _LENGTH = struct.Struct("<I")
 _MAX_HEADER_BYTES = 2 * MAX_SIDECAR_BYTES
-_PICTURE = "picture"
+_IMAGE = "picture"
 
 
 def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
@@ -34,13 +34,13 @@ def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
         return {}
     if not isinstance(message, dict):
         return {}
-    message.pop(_PICTURE, None)
-    return message if picture is None else message | {_PICTURE: picture}
+    message.pop(_IMAGE, None)
+    return message if picture is None else message | {_IMAGE: picture}
 
 
-def ordered_goal(message: dict[str, Any]) -> GoalOrder | None:
+def commanded_goal(message: dict[str, Any]) -> GoalOrder | None:
     """Goal that came with an order, or None."""
-    picture = message.get(_PICTURE)
+    picture = message.get(_IMAGE)
     if not isinstance(picture, bytes):
         return None
     sidecar = message.get("sidecar", "")

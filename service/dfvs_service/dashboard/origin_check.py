@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from dfvs_service.dashboard.address import PublicAddress
 
 
-class Doorkeeper:
+class OriginCheckMiddleware:
     """Refuses requests for other hosts and from other origins; adds headers to every answer.
 
     Parameters

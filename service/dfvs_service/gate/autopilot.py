@@ -36,7 +36,7 @@ from dfvs_core.gate.events import ModeRequest, VehicleEvent
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_service.gate import px4
 from dfvs_service.gate.failsafe import LOSS_ACTION, LOSS_TIME, judge_failsafe
-from dfvs_service.preflight.ports import refuse_taken_mavlink
+from dfvs_service.preflight.ports import require_free_mavlink_port
 
 AUTOPILOT_COMPONENT = 1
 _POLL_S = 0.5
@@ -100,7 +100,7 @@ class Autopilot:
         VehicleError
             If the connection cannot be opened or no autopilot is heard in time.
         """
-        refuse_taken_mavlink(url)
+        require_free_mavlink_port(url)
         kind = ComponentType.COMPANION_COMPUTER
         self._mavsdk = Mavsdk(Configuration.create_with_component_type(kind))
         result = self._mavsdk.add_any_connection(url)

@@ -11,7 +11,7 @@ from dfvs_core.gate.events import Event
 MAX_WAITING = 4096
 
 
-class Inbox:
+class EventQueue:
     """Queue that wakes a ``select``; the oldest event is dropped when it is full.
 
     ``put`` never blocks and may be called from any thread and from a signal handler.

@@ -10,7 +10,7 @@ from dfvs_core.gate.events import Stop
 SILENCE_NS = 1 * S
 
 
-class Lifeline:
+class ParentWatchdog:
     """Bytes mean that the parent lives; the pipe's end, or a second without any, that it does not.
 
     Parameters

@@ -44,12 +44,12 @@ class CommandFilter:
         self.dropped = 0
         """Commands that were not passed on."""
 
-    def take_command(self, payload: bytes, now_ns: int) -> ForwardedCommand | None:
+    def receive_command(self, payload: bytes, now_ns: int) -> ForwardedCommand | None:
         """Message for the gate about a command; None where it is dropped."""
         with self._lock:
             return self._forward(payload, now_ns)
 
-    def take_goal(self, goal: bytes, command: bytes, now_ns: int) -> ForwardedCommand | None:
+    def receive_goal(self, goal: bytes, command: bytes, now_ns: int) -> ForwardedCommand | None:
         """Message for the gate about a new goal that came with its command; None where dropped."""
         with self._lock:
             if not self._goal_rate.admits(now_ns):

@@ -26,7 +26,7 @@ _REPEAT_NS = 1_000_000_000
 _MAX_NAMES = 8
 
 
-class Lease:
+class NameLease:
     """Our tokens, and those of others.
 
     Parameters

@@ -27,7 +27,7 @@ class View:
 
 
 @dataclass(frozen=True, slots=True)
-class Film:
+class Video:
     """A film: address for the page's player, name of the file beside the page, start in s."""
 
     source: str
@@ -69,7 +69,7 @@ class Page:
     tables : tuple of Table
     texts : tuple of (str, str)
         Long texts, which open on a click, with their titles.
-    film : Film or None
+    film : Video or None
     note : str
         What has to be known of the views.
     """
@@ -86,7 +86,7 @@ class Page:
     path: str = ""
     tables: tuple[Table, ...] = ()
     texts: tuple[tuple[str, str], ...] = ()
-    film: Film | None = None
+    film: Video | None = None
     note: str = ""
 
 

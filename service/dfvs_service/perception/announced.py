@@ -13,7 +13,7 @@ import zenoh.ext
 from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity
-from dfvs_service.perception.frame_source import Intake, disagreement, make_intake
+from dfvs_service.perception.frame_source import FrameSource, disagreement, make_frame_source
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.zenoh_session import open_session
 
@@ -46,8 +46,8 @@ class CameraDoubts:
             print(f"warning: {problem}", file=sys.stderr, flush=True)
 
 
-def watch_calibration(
-    session: zenoh.Session, intake: Intake, on_camera: OnCamera
+def subscribe_calibration(
+    session: zenoh.Session, intake: FrameSource, on_camera: OnCamera
 ) -> zenoh.ext.AdvancedSubscriber[None]:
     """Call back, on Zenoh's thread, for every calibration or what is wrong with it.
 
@@ -100,11 +100,13 @@ def await_camera(
     """
     if config.camera.announced_s <= 0:
         return None
-    intake = make_intake(config, clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii")))
+    intake = make_frame_source(
+        config, clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+    )
     heard: queue.Queue[CameraModel | DfvsError] = queue.Queue()
     with open_link(config) as session:
         # Closing the session ends the subscription; the reference keeps it until then.
-        _subscriber = watch_calibration(session, intake, heard.put)
+        _subscriber = subscribe_calibration(session, intake, heard.put)
         try:
             announced = heard.get(timeout=config.camera.announced_s)
         except queue.Empty:

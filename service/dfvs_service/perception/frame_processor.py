@@ -31,7 +31,7 @@ class RawSample:
 
 
 @dataclass(frozen=True, slots=True)
-class Glance:
+class ProcessedFrame:
     """What became of one sample: a report always, frame and outcome where it was usable.
 
     ``t_look_ns`` is the time at which the frame's age was judged.
@@ -44,7 +44,7 @@ class Glance:
     stages_ns: dict[str, int] | None = None
 
 
-class Eye:
+class FrameProcessor:
     """Judges samples, keeps the vehicle's history, and runs the pipeline on good frames.
 
     Parameters
@@ -76,7 +76,7 @@ class Eye:
         if status.vehicle is not None:
             self._history.add(status.vehicle)
 
-    def look(self, sample: RawSample) -> Glance:
+    def look(self, sample: RawSample) -> ProcessedFrame:
         """Work on one sample; whatever is wrong with it becomes the report's reason."""
         t_start = self._tick()
         came = admit(self._guard, sample.payload, sample.attachment, self._expected, t_start)
@@ -96,7 +96,7 @@ class Eye:
             **outcome.stages_ns,
             "capture_to_report": self._tick() - frame.t_capture_ns,
         }
-        return Glance(outcome.report, t_start, frame, outcome, stages)
+        return ProcessedFrame(outcome.report, t_start, frame, outcome, stages)
 
     @property
     def servoing(self) -> bool:
@@ -128,9 +128,9 @@ class Eye:
         """Learn from the last frame what may wait until its report was sent; time taken, ns."""
         return self._pipeline.update_depth()
 
-    def _refuse(self, t_look_ns: int, seq: int, t_capture_ns: int, reason: str) -> Glance:
+    def _refuse(self, t_look_ns: int, seq: int, t_capture_ns: int, reason: str) -> ProcessedFrame:
         self.refused += 1
-        return Glance(unhealthy_report(seq, max(t_capture_ns, 0), reason), t_look_ns)
+        return ProcessedFrame(unhealthy_report(seq, max(t_capture_ns, 0), reason), t_look_ns)
 
 
 def unhealthy_report(seq: int, t_capture_ns: int, reason: str) -> PerceptionReport:

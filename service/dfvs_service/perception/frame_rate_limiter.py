@@ -10,7 +10,7 @@ BAD_FRAME_RATE = Rate(per_s=5.0, burst=5)
 """So many are let in all the same, so that perception says what is wrong with them."""
 
 
-class FrameDoor:
+class FrameRateLimiter:
     """Judges frames by their header alone; called from one thread.
 
     Parameters

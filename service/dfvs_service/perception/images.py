@@ -20,7 +20,7 @@ _THUMBNAIL_WIDTH = 240
 """Width of the black box's views, px."""
 
 
-class Pictures:
+class TelemetryImages:
     """Makes notes of pictures and flow; called on the telemetry thread.
 
     Parameters

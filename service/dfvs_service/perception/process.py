@@ -27,28 +27,33 @@ from dfvs_service.flight_feed import FlightFeed
 from dfvs_service.gate_link import GateLink
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.pace import Pace
-from dfvs_service.perception.announced import CameraDoubts, watch_calibration
+from dfvs_service.perception.announced import CameraDoubts, subscribe_calibration
 from dfvs_service.perception.assembly import (
     Clocks,
-    build_eye,
+    build_frame_processor,
     depth_network,
     flow_matcher,
     servo_task,
 )
-from dfvs_service.perception.frame_processor import Eye, Glance, RawSample, unhealthy_report
-from dfvs_service.perception.frame_rate_limiter import FrameDoor
-from dfvs_service.perception.frame_source import make_intake
-from dfvs_service.perception.images import Pictures
+from dfvs_service.perception.frame_processor import (
+    FrameProcessor,
+    ProcessedFrame,
+    RawSample,
+    unhealthy_report,
+)
+from dfvs_service.perception.frame_rate_limiter import FrameRateLimiter
+from dfvs_service.perception.frame_source import make_frame_source
+from dfvs_service.perception.images import TelemetryImages
 from dfvs_service.perception.latency import LatencyWindow
 from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
-from dfvs_service.perception.preallocation import settle
-from dfvs_service.perception.record_publisher import TurnFeed
-from dfvs_service.perception.recorder import TurnBook
+from dfvs_service.perception.preallocation import preallocate
+from dfvs_service.perception.record_publisher import RecordPublisher
+from dfvs_service.perception.recorder import FrameRecorder
 from dfvs_service.perception.route_follower import RouteFollower
-from dfvs_service.perception.session_header import make_opening
+from dfvs_service.perception.session_header import make_session_header
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.goal_file import ordered_goal
+from dfvs_service.settings.goal_file import commanded_goal
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry
 from dfvs_service.zenoh_session import inner_zenoh, open_session
@@ -89,12 +94,12 @@ class PerceptionProcess:
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._latency = LatencyWindow()
         self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
-        self._intake = make_intake(config, self._clock)
+        self._intake = make_frame_source(config, self._clock)
         self._goal = goal = goals[0]
         camera = config.camera.model() or goal.sidecar.camera
         self._doubts = CameraDoubts(camera)
         is_ours = config.camera.source == "dfvs"
-        self._door = FrameDoor(camera.size, time.monotonic_ns()) if is_ours else None
+        self._door = FrameRateLimiter(camera.size, time.monotonic_ns()) if is_ours else None
         self._matcher = flow_matcher(config.flow)
         self._depth = depth_network(config)
         self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look-ahead")
@@ -103,14 +108,16 @@ class PerceptionProcess:
         self._eye = self._build_eye(goal)
         self._last_frame_ns = time.monotonic_ns()
         told = config.telemetry
-        self._pictures = Pictures(self._clock, config.servo.min_confidence, told.preview_quality)
+        self._pictures = TelemetryImages(
+            self._clock, config.servo.min_confidence, told.preview_quality
+        )
         self._preview_pace = Pace.of_rate(told.preview_hz)
         self._flow_pace = Pace.of_rate(told.flow_hz)
         self._thumbnail_pace = Pace(_THUMBNAIL_PERIOD_NS if config.black_box.enabled else 0)
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
         self._collection_pace = Pace(_COLLECTION_PERIOD_NS)
         self._frames = 0
-        self._book = TurnBook()
+        self._book = FrameRecorder()
         self._stopped = False
 
     def run(self) -> None:
@@ -121,15 +128,15 @@ class PerceptionProcess:
         with session:
             telemetry = Telemetry(session, self._topics, self._gate.report, self._flight_feed.put)
             patience_s = _RECORDER_PATIENCE_S if self._config.record.folder else 0.0
-            feed = TurnFeed(session, self._topics, self._gate.report, patience_s)
+            feed = RecordPublisher(session, self._topics, self._gate.report, patience_s)
             telemetry.offer_json("config", dump(self._config))
             self._tell_goal(telemetry, feed)
             frames = session.declare_subscriber(self._intake.key, self._on_frame)
-            camera = watch_calibration(session, self._intake, self._doubts.take)
+            camera = subscribe_calibration(session, self._intake, self._doubts.take)
             log.info("listening for frames on %s", self._intake.key)
             size = self._matcher.prepare(self._goal.image).size
             log.info("frames are matched at %d x %d px", *reversed(size))
-            settle()
+            preallocate()
             while not self._stopped:
                 self._turn(telemetry, feed)
             del frames, camera
@@ -162,14 +169,14 @@ class PerceptionProcess:
             time.sleep(_LINK_PAUSE_S)
         return None
 
-    def _build_eye(self, goal: Goal) -> Eye:
+    def _build_eye(self, goal: Goal) -> FrameProcessor:
         clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)
-        return build_eye(self._config, goal, self._matcher, clocks, self._depth)
+        return build_frame_processor(self._config, goal, self._matcher, clocks, self._depth)
 
-    def _tell_goal(self, telemetry: Telemetry, feed: TurnFeed) -> None:
+    def _tell_goal(self, telemetry: Telemetry, feed: RecordPublisher) -> None:
         """Tell recorders with what the turns from here on work, and everybody the goal."""
-        opening = make_opening(
-            self._config, self._goal, self._clock, self._book.next_turn, self._eye.observed_ns
+        opening = make_session_header(
+            self._config, self._goal, self._clock, self._book.next_record, self._eye.observed_ns
         )
         self._book.open(opening)
         feed.offer(opening, encode_png(self._goal.image))
@@ -179,7 +186,7 @@ class PerceptionProcess:
         telemetry.offer_json("route", where)
         telemetry.offer_json("build", {"versions": opening.build, "model": opening.model})
 
-    def _change_goal(self, digest: str, telemetry: Telemetry, feed: TurnFeed) -> None:
+    def _change_goal(self, digest: str, telemetry: Telemetry, feed: RecordPublisher) -> None:
         """Look for the goal that the gate accepted; one that is unusable is none, and said so."""
         self._goal_digest, self._goal_flaw = digest, ""
         settings = self._config.camera
@@ -187,7 +194,7 @@ class PerceptionProcess:
         flown = GoalSidecar(camera, mount=settings.mount or Mount())
         try:
             order = GoalOrder.from_bytes(self._new_goals.take(digest))
-            self._goal = ordered_goal(order, flown)
+            self._goal = commanded_goal(order, flown)
             self._route = RouteFollower(self._config, [self._goal], self._workers)
         except DfvsError as error:
             self._goal_flaw = f"the new goal cannot be used: {error}"
@@ -209,7 +216,7 @@ class PerceptionProcess:
         if isinstance(message, GateStatus):
             self._heard.append(message)
 
-    def _turn(self, telemetry: Telemetry, feed: TurnFeed) -> None:
+    def _turn(self, telemetry: Telemetry, feed: RecordPublisher) -> None:
         sample = self._next_sample()
         heard = self._read_gate()
         if heard and heard[-1].goal != self._goal_digest:
@@ -237,7 +244,7 @@ class PerceptionProcess:
         report = self._route.amend(report)
         self._gate.send(dataclasses.replace(report, goal=self._goal_digest))
 
-    def _go_on(self, glance: Glance, telemetry: Telemetry, feed: TurnFeed) -> None:
+    def _go_on(self, glance: ProcessedFrame, telemetry: Telemetry, feed: RecordPublisher) -> None:
         """Go on to the next goal of the route once it is in sight."""
         if glance.frame is None or glance.outcome is None:
             return
@@ -267,7 +274,7 @@ class PerceptionProcess:
         except DfvsError as error:
             return f"the frame cannot be read: {error}"
 
-    def _tell(self, telemetry: Telemetry, glance: Glance) -> dict[str, Any]:
+    def _tell(self, telemetry: Telemetry, glance: ProcessedFrame) -> dict[str, Any]:
         """Hand one frame's results to the telemetry thread; return its servo document."""
         now_ns = time.monotonic_ns()
         frame, outcome = glance.frame, glance.outcome

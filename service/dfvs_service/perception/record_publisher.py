@@ -28,7 +28,7 @@ log = logging.getLogger("dfvs.perception.record")
 
 
 @dataclass(frozen=True, slots=True)
-class _Parcel:
+class _QueuedRecord:
     message: Opening | Turn
     payload: bytes
 
@@ -37,7 +37,7 @@ class _Parcel:
         return _TURN_BYTES + len(self.payload)
 
 
-class TurnFeed:
+class RecordPublisher:
     """Publishes openings (kept for recorders that join later) and turns.
 
     Parameters
@@ -59,7 +59,7 @@ class TurnFeed:
     ) -> None:
         self._patience_s = patience_s
         self._condition = threading.Condition()
-        self._waiting: deque[_Parcel] = deque()
+        self._waiting: deque[_QueuedRecord] = deque()
         self._waiting_bytes = 0
         self._closed = False
         self.dropped = 0
@@ -89,16 +89,16 @@ class TurnFeed:
 
     def offer(self, message: Opening | Turn, payload: bytes = b"") -> None:
         """Hand on a message; a turn that finds the queue full is dropped and counted."""
-        parcel = _Parcel(message, payload)
+        queued = _QueuedRecord(message, payload)
         is_turn = isinstance(message, Turn)
         if is_turn and not self._wanted:
             return
         with self._condition:
-            if is_turn and self._waiting_bytes + parcel.weight > MAX_WAITING_BYTES:
+            if is_turn and self._waiting_bytes + queued.weight > MAX_WAITING_BYTES:
                 self.dropped += 1
                 return
-            self._waiting.append(parcel)
-            self._waiting_bytes += parcel.weight
+            self._waiting.append(queued)
+            self._waiting_bytes += queued.weight
             self._condition.notify()
 
     def close(self, timeout_s: float = 0.25) -> None:
@@ -118,13 +118,13 @@ class TurnFeed:
             self._heard.set()
 
     def _publish(self) -> None:
-        while (parcel := self._next()) is not None:
+        while (queued := self._next()) is not None:
             try:
-                if isinstance(parcel.message, Opening):
-                    self._openings.put(pack(parcel.message, parcel.payload))
+                if isinstance(queued.message, Opening):
+                    self._openings.put(pack(queued.message, queued.payload))
                     self._await_recorder()
                 elif self._wanted:
-                    self._turns.put(pack(parcel.message, parcel.payload))
+                    self._turns.put(pack(queued.message, queued.payload))
             except zenoh.ZError as error:
                 log.warning("turn not published: %s", error)
 
@@ -141,12 +141,12 @@ class TurnFeed:
                 self._wanted = self._has_recorder()
             self._patience_s = 0.0
 
-    def _next(self) -> _Parcel | None:
+    def _next(self) -> _QueuedRecord | None:
         with self._condition:
             while not self._waiting and not self._closed:
                 self._condition.wait()
             if not self._waiting:
                 return None
-            parcel = self._waiting.popleft()
-            self._waiting_bytes -= parcel.weight
-            return parcel
+            queued = self._waiting.popleft()
+            self._waiting_bytes -= queued.weight
+            return queued

@@ -7,14 +7,14 @@ from typing import Any
 
 from dfvs_core.messages.frame_record import Opening, Sight, Turn
 from dfvs_core.messages.link import GateStatus, PerceptionReport
-from dfvs_service.perception.frame_processor import Glance, RawSample
+from dfvs_service.perception.frame_processor import ProcessedFrame, RawSample
 
 
-class TurnBook:
+class FrameRecorder:
     """Numbers turns from 0, without gaps, and remembers which opening holds."""
 
     def __init__(self) -> None:
-        self.next_turn = 0
+        self.next_record = 0
         self._opening = 0
 
     def open(self, opening: Opening) -> None:
@@ -29,7 +29,7 @@ class TurnBook:
         self,
         sample: RawSample,
         heard: Sequence[GateStatus],
-        glance: Glance,
+        glance: ProcessedFrame,
         servo: Mapping[str, Any],
     ) -> Turn:
         """Turn that looked at a sample."""
@@ -45,5 +45,5 @@ class TurnBook:
         return Turn(number, self._opening, t_ns, tuple(heard), glance.report, sight, dict(servo))
 
     def _count(self) -> int:
-        number, self.next_turn = self.next_turn, self.next_turn + 1
+        number, self.next_record = self.next_record, self.next_record + 1
         return number

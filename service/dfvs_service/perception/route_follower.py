@@ -21,7 +21,7 @@ from dfvs_core.perception.route import (
 )
 from dfvs_core.servo.task import ServoTask
 from dfvs_service.perception.assembly import servo_task
-from dfvs_service.perception.frame_processor import Eye
+from dfvs_service.perception.frame_processor import FrameProcessor
 from dfvs_service.settings.config import ServiceConfig
 
 
@@ -77,14 +77,14 @@ class RouteFollower:
             )
         return dataclasses.replace(report, reached=False)
 
-    def follow(self, eye: Eye, outcome: FrameResult, t_ns: int) -> None:
+    def follow(self, eye: FrameProcessor, outcome: FrameResult, t_ns: int) -> None:
         """Take in what a frame says about the goal at hand."""
         if self.is_last:
             return
         self._state = follow(self._state, self._limits, outcome.result, t_ns, engaged=eye.servoing)
         self._is_lost = is_lost(self._state, self._limits, t_ns)
 
-    def go_on(self, eye: Eye, t_ns: int) -> bool:
+    def go_on(self, eye: FrameProcessor, t_ns: int) -> bool:
         """Look for the next goal if it is time; tell whether it has become the goal at hand."""
         if self.is_last:
             return False
@@ -102,7 +102,7 @@ class RouteFollower:
         self._state = RouteState(engaged_since_ns=self._state.engaged_since_ns)
         return True
 
-    def _begin_look(self, eye: Eye, t_ns: int) -> None:
+    def _begin_look(self, eye: FrameProcessor, t_ns: int) -> None:
         """Have a look taken at the next goal, if it is time for one."""
         if not wants_look(self._state, t_ns):
             return

@@ -13,7 +13,7 @@ from dfvs_service.perception.build import build_versions
 from dfvs_service.settings.config import ServiceConfig
 
 
-def make_opening(
+def make_session_header(
     config: ServiceConfig,
     goal: Goal,
     clock: bytes,

@@ -21,7 +21,7 @@ from dfvs_service.preflight.ground import (
     model_check,
     speed_check,
 )
-from dfvs_service.preflight.image import draw_picture
+from dfvs_service.preflight.image import draw_image
 from dfvs_service.preflight.live_view import LiveView
 from dfvs_service.preflight.report import CheckReport
 from dfvs_service.preflight.stream import stream_check
@@ -75,7 +75,7 @@ def check_everything(
     finally:
         view = None if live is None else live.close()
     if show is not None and view is not None:
-        show(draw_picture(goal.image, view, config.servo.min_confidence))
+        show(draw_image(goal.image, view, config.servo.min_confidence))
     checks = (*first, speed, *_settings_checks(config), *found)
     return CheckReport(config.vehicle.name, checks)
 

@@ -35,7 +35,7 @@ _NAME_PX = 84
 _STRIDE_PX = 40
 
 
-def draw_picture(goal: ImageArray, view: View, min_confidence: float) -> ImageArray:
+def draw_image(goal: ImageArray, view: View, min_confidence: float) -> ImageArray:
     """Picture (H, W, 3) RGB, with units at every number.
 
     Parameters

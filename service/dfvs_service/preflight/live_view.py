@@ -15,7 +15,7 @@ from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame_record import Turn, unpack
 from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.flow_grid import FlowGrid, decode_flow_grid
-from dfvs_service.frame_record_image import turn_image
+from dfvs_service.frame_record_image import record_image
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
@@ -47,7 +47,7 @@ class ViewCollector:
         self._turns: deque[tuple[Turn, bytes]] = deque(maxlen=_TURNS)
         self._matched: tuple[Turn, bytes, FlowGrid] | None = None
 
-    def add_turn(self, data: bytes) -> None:
+    def add_record(self, data: bytes) -> None:
         """Take a message of the ``turn`` stream."""
         turn, payload = unpack(Turn, data)
         if turn.sight is not None:
@@ -69,8 +69,8 @@ class ViewCollector:
             newest = self._turns[-1] if self._turns else None
         if matched is not None:
             turn, payload, grid = matched
-            return View(turn_image(turn, payload), grid, turn.servo)
-        return View() if newest is None else View(turn_image(*newest), None, newest[0].servo)
+            return View(record_image(turn, payload), grid, turn.servo)
+        return View() if newest is None else View(record_image(*newest), None, newest[0].servo)
 
 
 class LiveView:
@@ -102,7 +102,7 @@ class LiveView:
         if session is None:
             return
         with session:
-            takers = {"turn": self._views.add_turn, "flow": self._views.add_flow}
+            takers = {"turn": self._views.add_record, "flow": self._views.add_flow}
             subscribers = [
                 session.declare_subscriber(self._topics.telemetry(name), _taker(take))
                 for name, take in takers.items()

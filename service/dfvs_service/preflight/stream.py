@@ -13,7 +13,7 @@ from dfvs_core.messages.frame import decode_header
 from dfvs_core.messages.goal import Goal
 from dfvs_service.perception.announced import open_as_service
 from dfvs_service.perception.frame_processor import RawSample
-from dfvs_service.route.frame_queue import FrameInbox
+from dfvs_service.route.frame_queue import FrameQueue
 from dfvs_service.settings.config import ServiceConfig
 
 _PATIENCE_NS = 4 * S
@@ -41,7 +41,7 @@ def stream_check(config: ServiceConfig, goal: Goal) -> Check:
     """
     refusals: list[str] = []
     with open_as_service(config) as session:
-        inbox = FrameInbox(session, config, refusals.append)
+        inbox = FrameQueue(session, config, refusals.append)
         stream = listen(lambda: inbox.take_sample(_TAKE_S), time.monotonic_ns)
         inbox.close()
     if stream is None and refusals:

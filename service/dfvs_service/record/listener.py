@@ -25,7 +25,7 @@ Event = tuple[Opening | Turn | FlowGrid, bytes]
 _Kind = type[Opening] | type[Turn] | type[FlowGrid]
 
 
-class TurnListener:
+class RecordListener:
     """Takes in what perception tells, and keeps it until it is asked for.
 
     The callbacks only queue: a Zenoh thread that waits would hold up its whole session.
@@ -36,7 +36,7 @@ class TurnListener:
         self._waiting: deque[tuple[_Kind, bytes]] = deque()
         self._waiting_bytes = 0
         self.dropped = 0
-        self._order = TurnOrder()
+        self._order = RecordSequencer()
         # Zenoh's subscribers carry no types where they are undeclared.
         self._openings: Any = zenoh.ext.declare_advanced_subscriber(
             session,
@@ -88,7 +88,7 @@ class TurnListener:
             self._condition.notify()
 
 
-class TurnOrder:
+class RecordSequencer:
     """Gives every opening right before the first turn that it holds for.
 
     The two come on different keys, so either may overtake the other.

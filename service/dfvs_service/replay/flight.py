@@ -11,7 +11,7 @@ from dfvs_core.messages.frame_record import Opening, Turn
 from dfvs_service.flights.records import StateChange
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 from dfvs_service.perception.build import build_versions
-from dfvs_service.perception.frame_processor import Glance
+from dfvs_service.perception.frame_processor import ProcessedFrame
 from dfvs_service.replay.identity import reasons_to_differ
 from dfvs_service.replay.recording import StateLog, read_recording
 from dfvs_service.replay.rerun import Rerun, Rerunner, recorded_settings, with_trial
@@ -56,7 +56,7 @@ class FlightReplay:
         self.reasons: dict[str, None] = {}
 
     @property
-    def glance(self) -> Glance | None:
+    def glance(self) -> ProcessedFrame | None:
         """What became of the newest sample, None before the first one."""
         return None if self._rerunner is None else self._rerunner.glance
 

@@ -21,8 +21,8 @@ from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.image import decode_picture
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.messages.schema import parse
-from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
-from dfvs_service.perception.frame_processor import Glance, RawSample
+from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
+from dfvs_service.perception.frame_processor import ProcessedFrame, RawSample
 from dfvs_service.record.reading import RecordingError
 from dfvs_service.settings.config import ServiceConfig
 
@@ -144,8 +144,8 @@ class Rerunner:
         self._look, self._servo = _Clock(), _Clock()
         clocks = Clocks(bytes.fromhex(opening.clock), self._look, self._servo)
         self._timed = TimedMatcher(matcher, time.monotonic_ns)
-        self._eye = build_eye(config, goal, self._timed, clocks, depth)
-        self.glance: Glance | None = None
+        self._eye = build_frame_processor(config, goal, self._timed, clocks, depth)
+        self.glance: ProcessedFrame | None = None
         """What became of the newest sample."""
 
     def set_goal(self, opening: Opening, picture: bytes, config: ServiceConfig) -> None:

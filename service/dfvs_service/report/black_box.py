@@ -37,7 +37,7 @@ class BlackBoxFlight:
         Of the flight.
     """
 
-    film_rate_hz = 2
+    video_rate_hz = 2
     note = (
         "The black box keeps one small view a second, and no flow: the film and the views are made "
         "of those. A recording (MCAP) has them all."

@@ -108,7 +108,7 @@ class FlightSource(Protocol):
         ...
 
     @property
-    def film_rate_hz(self) -> int:
+    def video_rate_hz(self) -> int:
         """Frames a second that do the views justice."""
         ...
 

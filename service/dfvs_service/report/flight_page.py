@@ -13,11 +13,11 @@ import numpy as np
 
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_service.page.charts import Curve, Plot, Samples, path_chart
-from dfvs_service.page.page import Film, Page, Table, View, render
+from dfvs_service.page.page import Page, Table, Video, View, render
 from dfvs_service.report.flight import BLACK_BOX, Flight, FlightSource, FlightView
 from dfvs_service.report.series import Fault, FlightSeries
-from dfvs_service.report.thumbnails import Album, collect
-from dfvs_service.report.video import FilmWriter
+from dfvs_service.report.thumbnails import Thumbnails, collect
+from dfvs_service.report.video import VideoWriter
 
 MAX_EMBEDDED_BYTES = 24_000_000
 """A larger film stays a file beside the page."""
@@ -51,7 +51,7 @@ def make_report(
         If the film cannot be written or the views cannot be read.
     """
     film_path.unlink(missing_ok=True)
-    with _film(film_path, flight, source.film_rate_hz) as film:
+    with _film(film_path, flight, source.video_rate_hz) as film:
 
         def take(view: FlightView) -> None:
             film.add(view)
@@ -63,16 +63,16 @@ def make_report(
 
 
 @contextlib.contextmanager
-def _film(path: Path, flight: Flight, rate_hz: int) -> Iterator[FilmWriter]:
-    """Film that leaves nothing behind where it was not brought to its end."""
-    film = FilmWriter(path, flight, rate_hz)
+def _film(path: Path, flight: Flight, rate_hz: int) -> Iterator[VideoWriter]:
+    """Video that leaves nothing behind where it was not brought to its end."""
+    film = VideoWriter(path, flight, rate_hz)
     try:
         yield film
     finally:
         film.abandon()
 
 
-def _page(flight: Flight, album: Album, film: Path | None, note: str) -> Page:
+def _page(flight: Flight, album: Thumbnails, film: Path | None, note: str) -> Page:
     series = flight.series
     return Page(
         title=flight.summary.name,
@@ -95,11 +95,11 @@ def _page(flight: Flight, album: Album, film: Path | None, note: str) -> Page:
     )
 
 
-def _embedded(path: Path, from_s: float) -> Film:
+def _embedded(path: Path, from_s: float) -> Video:
     source = path.name
     if path.stat().st_size <= MAX_EMBEDDED_BYTES:
         source = "data:video/mp4;base64," + base64.b64encode(path.read_bytes()).decode()
-    return Film(source, path.name, from_s)
+    return Video(source, path.name, from_s)
 
 
 def _tone(flight: Flight) -> str:
@@ -193,7 +193,7 @@ def _told_and_flown(series: FlightSeries, number: int) -> tuple[Curve, ...]:
     )
 
 
-def _views(flight: Flight, album: Album) -> tuple[View, ...]:
+def _views(flight: Flight, album: Thumbnails) -> tuple[View, ...]:
     """Goal, last view, and what is left between them."""
     goal, last = flight.goal_at(math.inf), album.last
     views = [] if goal is None else [View("Goal", goal)]

@@ -15,7 +15,7 @@ from dfvs_core.messages.frame_record import Opening, Turn
 from dfvs_core.messages.image import decode_picture
 from dfvs_core.messages.link import GateStatus
 from dfvs_service.flights.records import FlightSummary, StateChange
-from dfvs_service.frame_record_image import turn_image
+from dfvs_service.frame_record_image import record_image
 from dfvs_service.replay.flight import FlightReplay, Trial
 from dfvs_service.replay.recording import StateLog, read_recording
 from dfvs_service.report.flight import RECORDING, Flight, FlightView
@@ -34,7 +34,7 @@ class RecordedFlight:
         Files of the recording.
     """
 
-    film_rate_hz = 10
+    video_rate_hz = 10
 
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths = sorted(paths)
@@ -77,7 +77,7 @@ class RecordedFlight:
                 start_ns = message.opened_ns if start_ns is None else start_ns
                 replay = self._opened(replay, message, payload)
                 continue
-            image = turn_image(message, payload)
+            image = record_image(message, payload)
             if replay is not None:
                 replay.turn(message, payload)
             if image is not None and start_ns is not None:

@@ -14,7 +14,7 @@ _STRIP_VIEWS = 6
 
 
 @dataclass(slots=True)
-class Album:
+class Thumbnails:
     """Views at even steps of the way that was left, the last one among them.
 
     The last view is the last one before the vehicle was let go.
@@ -30,7 +30,7 @@ class Album:
 
 def collect(
     flight: Flight, views: Iterable[FlightView], take: Callable[[FlightView], None]
-) -> Album:
+) -> Thumbnails:
     """Go through the views up to the end of what a report shows, and pick some.
 
     Parameters
@@ -41,7 +41,7 @@ def collect(
     take : callable
         Is given every view.
     """
-    album, line, (from_s, to_s) = Album(), flight.line, flight.flown
+    album, line, (from_s, to_s) = Thumbnails(), flight.line, flight.flown
     wanted = _strip_times(flight)
     last: FlightView | None = None
     for view in views:

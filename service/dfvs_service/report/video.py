@@ -44,11 +44,11 @@ _COLOURS = {
 _GREY = (110, 119, 129)
 
 
-class FilmError(ConfigError):
+class VideoError(ConfigError):
     """A film that cannot be written."""
 
 
-class FilmWriter:
+class VideoWriter:
     """Writes the film of a flight, at an even rate and in its own time.
 
     Parameters
@@ -77,7 +77,7 @@ class FilmWriter:
 
         Raises
         ------
-        FilmError
+        VideoError
             If the film cannot be written.
         """
         if self._writer is None:
@@ -91,7 +91,7 @@ class FilmWriter:
 
         Raises
         ------
-        FilmError
+        VideoError
             If it cannot be written.
         """
         self._show_until(self._line.to_s)
@@ -99,11 +99,11 @@ class FilmWriter:
             return False
         self._writer.release()
         if not cv2.VideoCapture(str(self._partial)).isOpened():
-            raise FilmError(f"{self._path} cannot be written", "room on the disk")
+            raise VideoError(f"{self._path} cannot be written", "room on the disk")
         try:
             os.replace(self._partial, self._path)
         except OSError as error:
-            raise FilmError(f"{self._path} cannot be written ({error.strerror})") from error
+            raise VideoError(f"{self._path} cannot be written ({error.strerror})") from error
         return True
 
     def abandon(self) -> None:
@@ -123,7 +123,7 @@ class FilmWriter:
             (_VIEW_WIDTH + _SIDE_WIDTH, self._height),
         )
         if not writer.isOpened():
-            raise FilmError(
+            raise VideoError(
                 f"no film can be written to {self._path}",
                 "a writable folder, and an OpenCV that writes VP9 as its wheels do",
             )

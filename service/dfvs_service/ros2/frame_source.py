@@ -71,7 +71,7 @@ class WallClock:
         return stamp_ns - offset_ns
 
 
-class Ros2Intake:
+class Ros2FrameSource:
     """Rewrites samples of one ROS 2 image topic.
 
     Parameters

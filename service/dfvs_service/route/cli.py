@@ -14,7 +14,12 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import Frame, decode_frame, decode_header
 from dfvs_core.perception.route_recording import TeachLimits
 from dfvs_service.perception.frame_processor import RawSample
-from dfvs_service.route.recording import Event, RouteTeacher, prepare_route_folder, taught_settings
+from dfvs_service.route.recording import (
+    Event,
+    RouteTeacher,
+    prepare_route_folder,
+    route_recording_settings,
+)
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
@@ -63,24 +68,26 @@ def run(words: Sequence[str]) -> int:
     stop = threading.Event()
     handle_ending_signals(lambda *_: stop.set())
     limits = TeachLimits(overlap=arguments.overlap)
-    count = _teach(config, arguments.out, limits, stop)
+    count = _record_route(config, arguments.out, limits, stop)
     print(f"{count} goals in {arguments.out}")
     return EXIT_OK if count else EXIT_NOTHING
 
 
-def _teach(config: ServiceConfig, folder: Path, limits: TeachLimits, stop: threading.Event) -> int:
+def _record_route(
+    config: ServiceConfig, folder: Path, limits: TeachLimits, stop: threading.Event
+) -> int:
     """Teach until stopped; returns the number of goals."""
     # Zenoh, MAVSDK and the matcher take their time to load.
     from dfvs_service.perception.assembly import Clocks, flow_matcher
-    from dfvs_service.route.frame_queue import FrameInbox, known_camera, open_beside
-    from dfvs_service.route.vehicle_state import VehicleWatch
+    from dfvs_service.route.frame_queue import FrameQueue, known_camera, open_beside
+    from dfvs_service.route.vehicle_state import VehicleStateListener
 
-    config = taught_settings(config, known_camera(config))
+    config = route_recording_settings(config, known_camera(config))
     matcher = flow_matcher(config.flow)
-    watch = VehicleWatch()
+    watch = VehicleStateListener()
     watch.connect(config.vehicle.mavlink, config.vehicle.timeout_s)
     with open_beside(config) as session:
-        inbox = FrameInbox(session, config, _say)
+        inbox = FrameQueue(session, config, _say)
         clocks = Clocks(inbox.clock, time.monotonic_ns, time.monotonic_ns)
         teacher = RouteTeacher(config, folder, matcher, clocks, limits)
         _say(f"waiting for frames on {inbox.key}")

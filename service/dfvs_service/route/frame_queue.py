@@ -11,11 +11,11 @@ import zenoh
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity, decode_frame, decode_header
-from dfvs_service.camera.source import Shot
+from dfvs_service.camera.source import CapturedImage
 from dfvs_service.command import operators_zenoh
 from dfvs_service.perception.announced import await_camera
 from dfvs_service.perception.frame_processor import RawSample
-from dfvs_service.perception.frame_source import make_intake
+from dfvs_service.perception.frame_source import make_frame_source
 from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.settings.calibration_file import with_calibration
 from dfvs_service.settings.config import ServiceConfig
@@ -56,7 +56,7 @@ def known_camera(config: ServiceConfig) -> CameraModel:
     return camera
 
 
-class FrameInbox:
+class FrameQueue:
     """Takes frames from Zenoh, of our own cameras or of ROS 2.
 
     Parameters
@@ -74,7 +74,7 @@ class FrameInbox:
         self, session: zenoh.Session, config: ServiceConfig, say: Callable[[str], None]
     ) -> None:
         self.clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
-        self._intake = make_intake(config, self.clock)
+        self._intake = make_frame_source(config, self.clock)
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._say = say
         self._told = ""
@@ -103,7 +103,7 @@ class FrameInbox:
             self._complain(error)
             return None
 
-    def take(self, timeout_s: float) -> Shot | None:
+    def take(self, timeout_s: float) -> CapturedImage | None:
         """Newest frame, decoded."""
         sample = self.take_sample(timeout_s)
         if sample is None:
@@ -113,7 +113,7 @@ class FrameInbox:
         except DfvsError as error:
             self._complain(error)
             return None
-        return Shot(frame.image, frame.t_capture_ns)
+        return CapturedImage(frame.image, frame.t_capture_ns)
 
     def close(self) -> None:
         """Listen no more."""

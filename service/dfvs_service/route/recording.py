@@ -16,8 +16,8 @@ from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.route_recording import Lesson, TeachLimits, judge
 from dfvs_core.perception.vehicle_history import VehicleHistory
 from dfvs_core.servo.config import BY_NETWORK
-from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
-from dfvs_service.perception.frame_processor import Eye, RawSample
+from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
+from dfvs_service.perception.frame_processor import FrameProcessor, RawSample
 from dfvs_service.route.goal_writer import sidecar_of, write_goal
 from dfvs_service.settings.config import ServiceConfig
 
@@ -62,7 +62,7 @@ class RouteTeacher:
         self._clocks = clocks
         self._limits = limits
         self._history = VehicleHistory()
-        self._eye: Eye | None = None
+        self._eye: FrameProcessor | None = None
         self._last: Frame | None = None
         self._full_overlap = 0.0
         self.count = 0
@@ -107,7 +107,7 @@ class RouteTeacher:
         write_goal(self._folder / f"{self.count:03d}.png", frame.image, sidecar)
         goal = Goal(frame.image, sidecar)
         if self._eye is None:
-            self._eye = build_eye(self._config, goal, self._matcher, self._clocks)
+            self._eye = build_frame_processor(self._config, goal, self._matcher, self._clocks)
         else:
             self._eye.set_goal(servo_task(self._config, goal), self._eye.prepare(goal))
         self._last, self._full_overlap = None, 0.0
@@ -131,7 +131,7 @@ def prepare_route_folder(folder: Path) -> None:
         raise ConfigError(f"{folder} holds pictures already", "an empty folder for the new route")
 
 
-def taught_settings(config: ServiceConfig, camera: CameraModel) -> ServiceConfig:
+def route_recording_settings(config: ServiceConfig, camera: CameraModel) -> ServiceConfig:
     """Settings with the camera's intrinsics filled in; teaching needs no depth by a network."""
     section = dataclasses.replace(
         config.camera,

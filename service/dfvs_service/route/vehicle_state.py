@@ -13,7 +13,7 @@ from dfvs_service.gate.status import vehicle_state
 _KEPT = 256
 
 
-class VehicleWatch:
+class VehicleStateListener:
     """Keeps the states that were heard until they are asked for."""
 
     def __init__(self) -> None:

@@ -102,10 +102,10 @@ def load_goals(runtime: RuntimeFolder) -> list[Goal]:
     DfvsError
         If one of them cannot be used.
     """
-    return [load_goal(picture) for picture in (runtime.goal_picture, *runtime.later_goals())]
+    return [load_goal(picture) for picture in (runtime.goal_image, *runtime.later_goals())]
 
 
-def route_pictures(places: Sequence[Path]) -> list[Path]:
+def route_images(places: Sequence[Path]) -> list[Path]:
     """Pictures of a route: those that are named, and in place of a folder those in it, by name.
 
     Raises
@@ -155,7 +155,7 @@ def goal_order(picture: Path) -> GoalOrder:
     return GoalOrder(picture.read_bytes(), "" if sidecar is None else sidecar.to_json())
 
 
-def ordered_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:
+def commanded_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:
     """Goal of an order that was found signed; what its sidecar lacks is as ``flown`` says.
 
     Raises

@@ -32,7 +32,7 @@ class RuntimeFolder:
         return self.path / "config.json"
 
     @property
-    def goal_picture(self) -> Path:
+    def goal_image(self) -> Path:
         """Goal as PNG; its sidecar lies beside it."""
         return self.path / "goal.png"
 

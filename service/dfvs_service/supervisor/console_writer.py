@@ -13,14 +13,14 @@ import threading
 from collections.abc import Callable
 
 from dfvs_service.supervisor.console import Display
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.heartbeat import Heartbeat
 
 _MOST_LINES = 256
 _MOST_STATES = 8
 """So many wait at most before states are left out: the next one tells more."""
 
 
-class Narrator:
+class ConsoleWriter:
     """A display that never blocks."""
 
     def __init__(self, display: Display) -> None:
@@ -29,10 +29,10 @@ class Narrator:
         self._thread = threading.Thread(target=self._run, name="narrator", daemon=True)
         self._thread.start()
 
-    def show(self, beat: Beat) -> None:
+    def show(self, heartbeat: Heartbeat) -> None:
         """Show a state, unless others wait already."""
         if self._todo.qsize() < _MOST_STATES:
-            self._put(lambda: self._display.show(beat))
+            self._put(lambda: self._display.show(heartbeat))
 
     def say(self, line: str) -> None:
         """Show a line."""

@@ -25,7 +25,7 @@ class Watch:
         self._looked_ns = now_ns
         self._heard = False
 
-    def beat(self, now_ns: int) -> None:
+    def heartbeat(self, now_ns: int) -> None:
         """Take a heartbeat that was received now."""
         self._heard = True
         self._alive_ns = now_ns

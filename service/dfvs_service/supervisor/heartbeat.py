@@ -9,7 +9,7 @@ from dfvs_core.messages.schema import from_json, to_json
 
 
 @dataclass(frozen=True, slots=True)
-class Beat:
+class Heartbeat:
     """Sign of life of the gate's loop, with what the user may want to see of it."""
 
     t_ns: int
@@ -27,7 +27,7 @@ class Beat:
         return to_json(self)
 
     @classmethod
-    def from_bytes(cls, data: bytes) -> Beat:
+    def from_bytes(cls, data: bytes) -> Heartbeat:
         """Read a datagram.
 
         Raises

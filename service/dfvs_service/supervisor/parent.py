@@ -29,9 +29,9 @@ from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.child import Child
 from dfvs_service.supervisor.console import Display
-from dfvs_service.supervisor.console_writer import Narrator
+from dfvs_service.supervisor.console_writer import ConsoleWriter
 from dfvs_service.supervisor.hang_detector import MS, Watch
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.heartbeat import Heartbeat
 from dfvs_service.supervisor.priority import prefer_this_process
 from dfvs_service.supervisor.systemd_notify import Notifier
 
@@ -75,7 +75,7 @@ def prepare_runtime(
     runtime.config.write_text(config.to_json(), encoding="utf-8")
     for old in runtime.later_goals():
         old.unlink()
-    _put_goal(runtime.goal_picture, goal)
+    _put_goal(runtime.goal_image, goal)
     for number, following in enumerate(later, start=1):
         _put_goal(runtime.later_goal(number), following)
     inner = (runtime.gate_socket, runtime.perception_socket, runtime.link_socket)
@@ -94,7 +94,7 @@ class Parent:
     """Starts the processes in a prepared runtime folder, and watches over them."""
 
     def __init__(self, runtime: RuntimeFolder, programs: Programs, display: Display) -> None:
-        self._narrator = Narrator(display)
+        self._console = ConsoleWriter(display)
         self._log = Journal(runtime.service_log)
         self._gate_address = str(runtime.gate_socket)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
@@ -115,7 +115,7 @@ class Parent:
         prefer_this_process()  # after the start of the children, which would inherit it
         self._notifier = Notifier(os.environ)
         self._watch = Watch(time.monotonic_ns())
-        self._beat = Beat(0, str(GateState.IDLE), "starting")
+        self._heartbeat = Heartbeat(0, str(GateState.IDLE), "starting")
         self._told: set[str] = set()
         self._next_ping_ns = self._next_show_ns = 0
         self._stop_requested = False
@@ -174,7 +174,7 @@ class Parent:
                 child.ping()
         if now_ns >= self._next_show_ns:
             self._next_show_ns = now_ns + _SHOW_NS
-            self._narrator.show(self._beat)
+            self._console.show(self._heartbeat)
             self._pass_on_errors()
             self._check_needed("perception", self._perception)
             self._check_needed("the operator link", self._link)
@@ -186,9 +186,9 @@ class Parent:
         """Take the gate's heartbeats; return at the latest after one look's time."""
         with contextlib.suppress(TimeoutError):
             data = self._socket.recv(65536)
-            self._watch.beat(time.monotonic_ns())
+            self._watch.heartbeat(time.monotonic_ns())
             with contextlib.suppress(WireError):
-                self._beat = Beat.from_bytes(data)
+                self._heartbeat = Heartbeat.from_bytes(data)
 
     def _check_needed(self, name: str, child: Child) -> None:
         """End a service that lacks a process, once nothing is flown any more."""
@@ -196,7 +196,7 @@ class Parent:
         if code is None:
             return
         self._say(f"warning: {name} {child.describe_end()}")
-        if self._beat.state not in ENGAGED:
+        if self._heartbeat.state not in ENGAGED:
             self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_ENDED
             self._stop_requested = True
 
@@ -240,7 +240,7 @@ class Parent:
         for child in self._children.values():
             if child is not black_box:
                 _end(child, until_s)
-        self._narrator.show(self._beat)
+        self._console.show(self._heartbeat)
         self._pass_on_errors()
         self._report_end()
         self._log.add(time.monotonic_ns(), "end", code=self._exit_code)
@@ -248,12 +248,12 @@ class Parent:
         if black_box is not None:
             _end(black_box, until_s)
             self._pass_on_errors()
-        self.is_heard = self._narrator.close(_LAST_WORDS_S)
+        self.is_heard = self._console.close(_LAST_WORDS_S)
         self._socket.close()
 
     def _pass_on_errors(self) -> None:
         """Show the children's errors and warnings, and the gate's advice, once each."""
-        for line in self._beat.warnings:
+        for line in self._heartbeat.warnings:
             self._say(f"warning: {line}")
         for name, child in self._children.items():
             say = self._say_of_recorder if name in _LOSSES else self._say
@@ -265,7 +265,7 @@ class Parent:
         if line not in self._told:
             self._told.add(line)
             self._log.add(time.monotonic_ns(), "told", text=line)
-            self._narrator.say(line)
+            self._console.say(line)
 
 
 def _end(child: Child, until_s: float) -> None:

@@ -8,7 +8,7 @@ import pytest
 
 from dfvs_service.camera.feed import LiveFeed, RecordedFeed
 from dfvs_service.camera.publisher import RateReport
-from dfvs_service.camera.source import Shot
+from dfvs_service.camera.source import CapturedImage
 from dfvs_service.camera.spec import CameraError, SourceLostError
 
 
@@ -25,7 +25,7 @@ class Script:
         item = self._items.pop(0) if self._items else None
         if isinstance(item, Exception):
             raise item
-        return None if item is None else Shot(np.full((4, 4, 3), item, np.uint8), item)
+        return None if item is None else CapturedImage(np.full((4, 4, 3), item, np.uint8), item)
 
     def close(self):
         self.closed += 1

@@ -2,7 +2,7 @@
 
 from dfvs_core.messages.frame_record import Opening, Turn
 from dfvs_core.messages.link import PerceptionReport
-from dfvs_service.record.listener import TurnOrder
+from dfvs_service.record.listener import RecordSequencer
 
 REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0)
 
@@ -21,11 +21,11 @@ def given(order, *messages):
 
 def test_turns_wait_for_their_opening():
     early, late = turn(0, 10), turn(1, 10)
-    assert given(TurnOrder(), early, late, opening(10)) == [opening(10), early, late]
+    assert given(RecordSequencer(), early, late, opening(10)) == [opening(10), early, late]
 
 
 def test_an_opening_is_passed_on_once_and_only_with_its_first_turn():
-    order = TurnOrder()
+    order = RecordSequencer()
     assert given(order, opening(10), opening(10)) == []
     assert given(order, turn(0, 10), opening(10), turn(1, 10)) == [
         opening(10),
@@ -35,7 +35,7 @@ def test_an_opening_is_passed_on_once_and_only_with_its_first_turn():
 
 
 def test_an_opening_that_overtakes_turns_of_the_one_before_waits_for_its_own():
-    order = TurnOrder()
+    order = RecordSequencer()
     given(order, opening(10), turn(0, 10))
     assert given(order, opening(20, 2), turn(1, 10), turn(2, 20)) == [
         turn(1, 10),
@@ -45,13 +45,13 @@ def test_an_opening_that_overtakes_turns_of_the_one_before_waits_for_its_own():
 
 
 def test_a_service_that_was_started_anew_is_told_apart():
-    order = TurnOrder()
+    order = RecordSequencer()
     given(order, opening(10), turn(0, 10), turn(1, 10))
     assert given(order, turn(0, 99), opening(99)) == [opening(99), turn(0, 99)]
 
 
 def test_turns_whose_opening_never_comes_do_not_pile_up():
-    order = TurnOrder()
+    order = RecordSequencer()
     given(order, *(turn(number, 10) for number in range(10_000)))
     passed_on = given(order, opening(10))
     assert len(passed_on) == 257

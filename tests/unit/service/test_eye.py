@@ -12,7 +12,7 @@ from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
-from dfvs_service.perception.frame_processor import Eye, RawSample
+from dfvs_service.perception.frame_processor import FrameProcessor, RawSample
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
 MS = 1_000_000
@@ -52,7 +52,7 @@ class Rig:
         task = ServoTask(ServoConfig(), CAMERA, goal.sidecar, Mount())
         self.matcher = StillMatcher()
         pipeline = Pipeline(task, self.matcher, goal, lambda: self.now_ns)
-        self.eye = Eye(CAMERA, pipeline, CLOCK, lambda: self.now_ns)
+        self.eye = FrameProcessor(CAMERA, pipeline, CLOCK, lambda: self.now_ns)
 
     def hear_vehicle(self, state="SERVO"):
         for back_ms in (60, 40, 20, 0):

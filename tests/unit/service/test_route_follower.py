@@ -11,7 +11,7 @@ from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.keyframes import HORIZON_NS
-from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
+from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
 from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.settings.config import load_config
@@ -38,7 +38,7 @@ class Rig:
         self.now_ns = 5_000 * MS
         clocks = Clocks(CLOCK, lambda: self.now_ns, lambda: self.now_ns)
         self.matcher = CountingMatcher()
-        self.eye = build_eye(self.config, self.goals[0], self.matcher, clocks)
+        self.eye = build_frame_processor(self.config, self.goals[0], self.matcher, clocks)
         self.route = RouteFollower(self.config, self.goals, AtOnce())
         self.state = "SERVO"
         self.seq = 0

@@ -14,9 +14,14 @@ from dfvs_core.perception.route_recording import TeachLimits
 from dfvs_service.perception.assembly import Clocks
 from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.route.goal_writer import sidecar_of, write_goal
-from dfvs_service.route.recording import Event, RouteTeacher, prepare_route_folder, taught_settings
+from dfvs_service.route.recording import (
+    Event,
+    RouteTeacher,
+    prepare_route_folder,
+    route_recording_settings,
+)
 from dfvs_service.settings.config import load_config
-from dfvs_service.settings.goal_file import load_goal, route_pictures
+from dfvs_service.settings.goal_file import load_goal, route_images
 
 
 def decoded(sample):
@@ -27,7 +32,7 @@ class Rig:
     """A teacher with clock and vehicle in hand."""
 
     def __init__(self, folder):
-        config = taught_settings(load_config(None, {}), CAMERA)
+        config = route_recording_settings(load_config(None, {}), CAMERA)
         self.now_ns = 5_000 * MS
         clocks = Clocks(CLOCK, lambda: self.now_ns, lambda: self.now_ns)
         limits = TeachLimits(overlap=0.5, turn_rad=0.35)
@@ -56,7 +61,7 @@ class Rig:
 def headings(folder):
     """Headings of the goals of a route, in degrees, by the pictures' first pixels."""
     found = []
-    for path in route_pictures([folder]):
+    for path in route_images([folder]):
         high, low = load_goal(path).image[0, 0, :2]
         found.append((int(high) * 256 + int(low)) * 0.01)
     return found
@@ -73,7 +78,7 @@ def test_a_goal_is_taken_whenever_the_last_one_leaves_the_view(tmp_path):
     assert taken[-1] == 74.0
     # 0.35 rad are 20 degrees; two degrees are between the frames.
     assert all(20.0 < step <= 23.0 for step in np.diff(taken)[:-1])
-    assert [path.name for path in route_pictures([tmp_path])][:2] == ["001.png", "002.png"]
+    assert [path.name for path in route_images([tmp_path])][:2] == ["001.png", "002.png"]
 
 
 def test_sidecars_tell_attitude_lens_and_time(tmp_path):
@@ -126,10 +131,10 @@ def test_a_goal_is_written_whole_or_not_at_all(tmp_path):
 def test_the_pictures_of_a_route_come_by_name_or_in_the_order_given(tmp_path):
     for name in ("b.png", "a.JPG", "c.json"):
         (tmp_path / name).write_bytes(b"")
-    assert [p.name for p in route_pictures([tmp_path])] == ["a.JPG", "b.png"]
-    assert [p.name for p in route_pictures([tmp_path / "b.png", tmp_path])] == [
+    assert [p.name for p in route_images([tmp_path])] == ["a.JPG", "b.png"]
+    assert [p.name for p in route_images([tmp_path / "b.png", tmp_path])] == [
         *("b.png", "a.JPG", "b.png")
     ]
     (tmp_path / "empty").mkdir()
     with pytest.raises(ConfigError, match="is empty"):
-        route_pictures([tmp_path / "empty"])
+        route_images([tmp_path / "empty"])
