@@ -67,7 +67,7 @@ def perceive(bundle: Path, pictures: list[np.ndarray]) -> tuple[list[PerceptionR
     for seq, picture in enumerate(pictures[:-1], 1):
         sample = _sample(eye, picture, seq)
         start = time.perf_counter()
-        reports.append(eye.look(sample).report)
+        reports.append(eye.process(sample).report)
         times_ms.append(1e3 * (time.perf_counter() - start))
     return reports, float(np.median(times_ms))
 
@@ -77,7 +77,7 @@ def _sample(eye: FrameProcessor, picture: np.ndarray, seq: int) -> RawSample:
     now_ns = time.monotonic_ns()
     for back_ns in (60_000_000, 30_000_000, 0):
         state = VehicleState(now_ns - back_ns, 0.0, 0.0, 0.0, (0.0,) * 3, (0.0,) * 3)
-        eye.heed(GateStatus("SERVO", "", state))
+        eye.on_gate_status(GateStatus("SERVO", "", state))
     frame = Frame(picture, now_ns - 5_000_000, seq)
     payload, attachment = encode_frame(frame, PixelFormat.RGB8, CLOCK)
     return RawSample(payload, attachment, now_ns)

@@ -93,10 +93,10 @@ def fly(
             events.append((opening, encode_png(following.image)))
         heard = [status_at(clock, i, k) for k in range(3)]
         for status in heard:
-            eye.heed(status)
+            eye.on_gate_status(status)
         if i % 7 == 6:
-            report = eye.look(RawSample(b"", b"", clock())).report
-            events.append((book.silent(clock(), heard, report), b""))
+            report = eye.process(RawSample(b"", b"", clock())).report
+            events.append((book.without_sample(clock(), heard, report), b""))
             continue
         left_px = 24.0 - i
         picture = wall.picture(turned(shift=(left_px, 0.3 * left_px)))
@@ -106,10 +106,10 @@ def fly(
         if i == 4:
             payload, attachment = b"rubbish", b"of any kind"
         sample = RawSample(payload, attachment, clock())
-        glance = eye.look(sample)
-        outcome = glance.outcome
+        glance = eye.process(sample)
+        outcome = glance.frame_result
         servo = servo_document(glance.frame, outcome, clock(), glance.stages_ns) if outcome else {}
-        events.append((book.looked(sample, heard, glance, servo), payload))
+        events.append((book.with_sample(sample, heard, glance, servo), payload))
         eye.update_depth()
         if i == preview_of:
             preview = eye.evaluate_next_goal(servo_task(config, following), eye.prepare(following))

@@ -35,7 +35,7 @@ from dfvs_service.settings.config_text import markdown_table, toml_text
 from dfvs_service.settings.exposure import exposure_warnings
 from dfvs_service.settings.goal_file import (
     checked_goal,
-    goal_order,
+    goal_command,
     read_image,
     read_sidecar,
     route_images,
@@ -129,7 +129,7 @@ def _command(words: Sequence[str]) -> int:
             f"order {arguments.order!r} {'without' if picture is None else 'with'} --goal",
             "--goal PICTURE with the order 'goal', and with no other",
         )
-    goal = None if picture is None else goal_order(picture)
+    goal = None if picture is None else goal_command(picture)
     answer = send_command(config, load_key(arguments.key_file), action, arguments.timeout, goal)
     print(answer)
     return EXIT_OK if answer.startswith("accepted") else EXIT_ENDED

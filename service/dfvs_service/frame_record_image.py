@@ -8,11 +8,11 @@ from dfvs_core.messages.frame import decode_frame, decode_header
 from dfvs_core.messages.frame_record import Turn
 
 
-def record_image(turn: Turn, payload: bytes) -> ImageArray | None:
+def record_image(record: Turn, payload: bytes) -> ImageArray | None:
     """Image (H, W, 3) RGB that a turn looked at; None for nothing that can be decoded."""
-    if turn.sight is None:
+    if record.sight is None:
         return None
     try:
-        return decode_frame(payload, decode_header(bytes.fromhex(turn.sight.attachment))).image
+        return decode_frame(payload, decode_header(bytes.fromhex(record.sight.attachment))).image
     except DfvsError:
         return None

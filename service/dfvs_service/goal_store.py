@@ -38,7 +38,7 @@ class GoalStore:
         for old in kept[:-MAX_KEPT_GOALS]:
             old.unlink(missing_ok=True)
 
-    def take(self, digest: str) -> bytes:
+    def pop(self, digest: str) -> bytes:
         """Give away the goal that the gate accepted.
 
         Raises

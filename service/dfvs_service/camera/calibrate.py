@@ -20,12 +20,12 @@ from dfvs_service.camera.calibration import Calibration, calibrate
 from dfvs_service.camera.calibration_report import coverage_image, report_document
 from dfvs_service.camera.coverage import Coverage, coverage_of
 from dfvs_service.camera.feed import Feed
-from dfvs_service.camera.options import add_source_options, feed_of, say, source_options
+from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
 from dfvs_service.camera.source import SourceOptions, open_source
 from dfvs_service.camera.spec import CameraError, SourceKind, SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import replace_file, write_calibration
 
-_TAKE_S = 0.25
+_RECEIVE_S = 0.25
 _NEW_SHARE = 0.06
 """A live picture is kept if the board moved by this share of the image's width since the last."""
 
@@ -72,8 +72,8 @@ def run_board(words: Sequence[str]) -> int:
     if not 50 <= arguments.dpi <= 1200:
         raise ConfigError(f"--dpi is {arguments.dpi}", "50 to 1200")
     square_px = round(board.spec.square_m / 0.0254 * arguments.dpi)
-    picture = board.draw(square_px, square_px // 2)
-    replace_file(arguments.out, encode_png(np.repeat(picture[:, :, None], 3, axis=2)))
+    image = board.draw(square_px, square_px // 2)
+    replace_file(arguments.out, encode_png(np.repeat(image[:, :, None], 3, axis=2)))
     side_mm = square_px / arguments.dpi * 25.4
     print(
         f"wrote {arguments.out}: print at {arguments.dpi} dpi; a square must measure "
@@ -130,14 +130,14 @@ def _collect(
     spec = parse_source(arguments.source)
     options = source_options(arguments, None)
     if spec.kind is SourceKind.IMAGES:
-        return _from_pictures(board, spec, options)
+        return _from_images(board, spec, options)
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     with contextlib.closing(feed_of(arguments, None)) as feed:
         return _from_feed(board, feed, stop)
 
 
-def _from_pictures(
+def _from_images(
     board: Board, spec: SourceSpec, options: SourceOptions
 ) -> tuple[list[BoardView], tuple[int, int]]:
     """Views from all pictures of a folder, which must be of one size."""
@@ -147,17 +147,17 @@ def _from_pictures(
     views: list[BoardView] = []
     size: tuple[int, int] | None = None
     for path in image_paths(spec.place):
-        shot = source.read()
-        if shot is None:
+        captured = source.read()
+        if captured is None:
             break
-        height, width = shot.image.shape[:2]
+        height, width = captured.image.shape[:2]
         if size not in (None, (width, height)):
             raise CameraError(
                 f"{path} has {width} x {height} px", f"{size}, the size of those before it"
             )
         size = (width, height)
-        view = board.find(shot.image, path.name)
-        say(f"{path.name}: {'no board' if view is None else f'{len(view.pixels)} corners'}")
+        view = board.find(captured.image, path.name)
+        log(f"{path.name}: {'no board' if view is None else f'{len(view.pixels)} corners'}")
         if view is not None:
             views.append(view)
     return views, size or (0, 0)
@@ -170,19 +170,19 @@ def _from_feed(
     views: list[BoardView] = []
     size = (0, 0)
     while not stop.is_set() and not feed.ended and len(views) < _MOST_VIEWS:
-        shot = feed.take(_TAKE_S)
-        if shot is None:
+        captured = feed.receive(_RECEIVE_S)
+        if captured is None:
             continue
-        size = (shot.image.shape[1], shot.image.shape[0])
-        view = board.find(shot.image, f"picture {len(views) + 1}")
+        size = (captured.image.shape[1], captured.image.shape[0])
+        view = board.find(captured.image, f"picture {len(views) + 1}")
         if view is None or not _is_new(view, views, size[0]):
             continue
         views.append(view)
         missing = coverage_of(views, size).advice()
         if not missing:
-            say(f"picture {len(views)}: enough")
+            log(f"picture {len(views)}: enough")
             break
-        say(f"picture {len(views)}: {'; '.join(missing[:2])}")
+        log(f"picture {len(views)}: {'; '.join(missing[:2])}")
     return views, size
 
 

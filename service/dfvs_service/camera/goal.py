@@ -20,7 +20,7 @@ from dfvs_service.camera.options import (
     add_source_options,
     calibration_of,
     feed_of,
-    say,
+    log,
 )
 from dfvs_service.camera.source import CapturedImage, check_size
 from dfvs_service.camera.spec import CameraError
@@ -31,7 +31,7 @@ from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 ZENOH = "zenoh"
-_TAKE_S = 0.25
+_RECEIVE_S = 0.25
 _EPILOG = """\
 examples:
   dfvs-camera goal --source 0 --calibration camera.toml --mavlink udpin://127.0.0.1:14540 \\
@@ -79,19 +79,19 @@ def run(words: Sequence[str]) -> int:
         raise ConfigError("--attitude beside --mavlink", "only one of them")
     config = settings_from(arguments)
     camera = calibration_of(arguments) or known_camera(config)
-    watch: VehicleStateListener | None = None
+    listener: VehicleStateListener | None = None
     if arguments.mavlink is not None:
-        watch = VehicleStateListener()
-        watch.connect(arguments.mavlink, config.vehicle.timeout_s)
+        listener = VehicleStateListener()
+        listener.connect(arguments.mavlink, config.vehicle.timeout_s)
     with _feed(arguments, config, camera.size) as feed:
-        shot, motion = _sharpest(feed, watch, arguments.frames, arguments.timeout)
-    check_size(shot, camera.size, "the source")
-    if watch is None:
+        captured, motion = _sharpest(feed, listener, arguments.frames, arguments.timeout)
+    check_size(captured, camera.size, "the source")
+    if listener is None:
         motion = given
         if given is None:
-            say("the vehicle counts as level: neither --mavlink nor --attitude was given")
+            log("the vehicle counts as level: neither --mavlink nor --attitude was given")
     sidecar = sidecar_of(camera, config.camera.mount or Mount(), motion)
-    write_goal(arguments.out, shot.image, sidecar)
+    write_goal(arguments.out, captured.image, sidecar)
     print(f"wrote {arguments.out} and {arguments.out.with_suffix('.json')}")
     return 0
 
@@ -123,38 +123,38 @@ def _feed(
             yield feed
         return
     with open_beside(config) as session:
-        inbox = FrameQueue(session, config, say)
-        say(f"waiting for frames on {inbox.key}")
-        yield inbox
+        frames = FrameQueue(session, config, log)
+        log(f"waiting for frames on {frames.key}")
+        yield frames
 
 
 def _sharpest(
-    feed: Feed, watch: VehicleStateListener | None, count: int, timeout_s: float
+    feed: Feed, listener: VehicleStateListener | None, count: int, timeout_s: float
 ) -> tuple[CapturedImage, Motion | None]:
     """Sharpest of so many pictures, and the vehicle's motion when it was taken."""
     history = VehicleHistory()
     best: tuple[float, CapturedImage, Motion | None] | None = None
     seen, deadline = 0, time.monotonic() + timeout_s
     while seen < count and not feed.ended and time.monotonic() < deadline:
-        shot = feed.take(_TAKE_S)
-        for state in [] if watch is None else watch.heard():
+        captured = feed.receive(_RECEIVE_S)
+        for state in [] if listener is None else listener.new_states():
             history.add(state)
-        if shot is None:
+        if captured is None:
             continue
-        motion = history.at(shot.t_capture_ns)
-        if watch is not None and motion is None:
+        motion = history.at(captured.t_capture_ns)
+        if listener is not None and motion is None:
             continue
         seen += 1
-        sharpness = sharpness_of(shot)
+        sharpness = sharpness_of(captured)
         if best is None or sharpness > best[0]:
-            best = sharpness, shot, motion
+            best = sharpness, captured, motion
     if best is None:
-        missing = "picture" if watch is None else "picture with a known attitude"
+        missing = "picture" if listener is None else "picture with a known attitude"
         raise CameraError(f"no {missing} within {timeout_s:g} s", "a camera that works")
     return best[1], best[2]
 
 
-def sharpness_of(shot: CapturedImage) -> float:
+def sharpness_of(captured: CapturedImage) -> float:
     """Variance of the Laplacian: the higher, the sharper."""
-    grey = cv2.cvtColor(shot.image, cv2.COLOR_RGB2GRAY)
+    grey = cv2.cvtColor(captured.image, cv2.COLOR_RGB2GRAY)
     return float(cv2.Laplacian(grey, cv2.CV_32F).var())

@@ -28,10 +28,10 @@ from dfvs_service.zenoh_session import open_session
 _SIZE = re.compile(r"(\d{2,4})x(\d{2,4})")
 _RETRY_S = 1.0
 
-Say = Callable[[str], None]
+Log = Callable[[str], None]
 
 
-def say(text: str) -> None:
+def log(text: str) -> None:
     """Tell the user something on standard error."""
     print(f"camera: {text}", file=sys.stderr, flush=True)
 
@@ -118,7 +118,7 @@ def open_feed(spec: SourceSpec, options: SourceOptions, *, loop: bool) -> Feed:
         return open_source(spec, options)
 
     if spec.is_live:
-        return LiveFeed(opener, say)
+        return LiveFeed(opener, log)
     return RecordedFeed(opener, options.rate_hz, loop=loop)
 
 
@@ -164,7 +164,7 @@ def open_patiently(section: ZenohSection, stop: threading.Event) -> zenoh.Sessio
             if section.mode != "client":
                 raise
             if not told:
-                say(f"{error}; trying again every {_RETRY_S:g} s")
+                log(f"{error}; trying again every {_RETRY_S:g} s")
                 told = True
             time.sleep(_RETRY_S)
     return None

@@ -19,8 +19,8 @@ from dfvs_service.camera.options import (
     calibration_of,
     cameras_zenoh,
     feed_of,
+    log,
     open_patiently,
-    say,
     source_options,
 )
 from dfvs_service.camera.publisher import (
@@ -93,8 +93,8 @@ def run(words: Sequence[str]) -> int:
             return 0
         with session:
             publisher = FramePublisher(session, options)
-            say(f"publishing on {Topics(options.vehicle).camera}")
-            publish_feed(feed, publisher, options, stop, say)
+            log(f"publishing on {Topics(options.vehicle).camera}")
+            publish_feed(feed, publisher, options, stop, log)
     if arguments.json:
         summary = {
             "frames": publisher.count,

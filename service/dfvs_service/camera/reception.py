@@ -4,7 +4,7 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dfvs_service.camera.feed import Say
+from dfvs_service.camera.feed import Log
 from dfvs_service.camera.spec import CameraError
 
 _PATIENCE_S = 2.0
@@ -30,14 +30,14 @@ class ReceptionReport:
         Without a subscriber for so long the camera ends.
     """
 
-    say: Say
+    log: Log
     key: str
     lost_s: float
     required_s: float | None = None
     is_received: bool = False
     is_told: bool = False
 
-    def look(self, now_s: float, *, is_received: bool) -> None:
+    def update(self, now_s: float, *, is_received: bool) -> None:
         """Take whether there is a subscriber now.
 
         Raises
@@ -47,7 +47,7 @@ class ReceptionReport:
         """
         if is_received:
             if self.is_told:
-                self.say(f"{self.key} has a subscriber")
+                self.log(f"{self.key} has a subscriber")
             self.is_received, self.is_told = True, False
             return
         if self.is_received:
@@ -59,4 +59,4 @@ class ReceptionReport:
             )
         if alone_s >= _PATIENCE_S and not self.is_told:
             self.is_told = True
-            self.say(f"nobody receives {self.key}: {_REMEDY}")
+            self.log(f"nobody receives {self.key}: {_REMEDY}")

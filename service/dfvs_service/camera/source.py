@@ -75,7 +75,7 @@ def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
     return CaptureSource(spec, options)
 
 
-def check_size(shot: CapturedImage, wanted: tuple[int, int] | None, who: str) -> None:
+def check_size(captured: CapturedImage, wanted: tuple[int, int] | None, who: str) -> None:
     """Refuse a picture of another size than the one that was asked for.
 
     Raises
@@ -83,7 +83,7 @@ def check_size(shot: CapturedImage, wanted: tuple[int, int] | None, who: str) ->
     CameraError
         If it has another size.
     """
-    height, width = shot.image.shape[:2]
+    height, width = captured.image.shape[:2]
     if wanted is not None and (width, height) != wanted:
         raise CameraError(
             f"{who} gives pictures of {width} x {height} px",

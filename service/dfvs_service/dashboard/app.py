@@ -57,7 +57,7 @@ class Dashboard:
 
     async def run(self) -> None:
         """Receive and tell until cancelled."""
-        self._bridge = AsyncBridge(asyncio.get_running_loop(), self.hub.take)
+        self._bridge = AsyncBridge(asyncio.get_running_loop(), self.hub.on_samples)
         self._receivers = [self._receiver(link, self._bridge) for link in self._links]
         for receiver in self._receivers:
             receiver.start()

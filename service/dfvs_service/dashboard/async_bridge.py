@@ -43,7 +43,7 @@ class AsyncBridge:
         self._documents: deque[Arrival] = deque(maxlen=_MAX_DOCUMENTS)
         self._closed = False
         self._taken = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="dashboard-courier", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="dashboard-bridge", daemon=True)
         self._thread.start()
 
     def deliver(self, arrival: Arrival) -> None:

@@ -112,7 +112,7 @@ class ClientSession:
     def _welcome(self) -> dict[str, Any]:
         return {
             "role": self._role.name.lower(),
-            "can_order": self._role is Role.OPERATOR and self._context.command_queue is not None,
+            "can_command": self._role is Role.OPERATOR and self._context.command_queue is not None,
             "accepts_operators": self._context.tokens.operator is not None,
             "needs_token": not self._context.tokens.is_open,
             "columns": {"servo": SERVO_COLUMNS, "path": PATH_COLUMNS},

@@ -80,7 +80,7 @@ class Hub:
             outbox.show(kind, image)
         self._publish_subscriptions()
 
-    def take(self, samples: Iterable[Sample]) -> None:
+    def on_samples(self, samples: Iterable[Sample]) -> None:
         """Take what came from vehicles; what does not follow its schema is counted and dropped."""
         for sample in samples:
             try:
@@ -116,7 +116,7 @@ class Hub:
             self._images.setdefault(model.name, {})[sample.content.kind] = message
             self._show(model.name, sample.content.kind, message)
         else:
-            self._publish(model.name, model.take(sample.stream, sample.content, now))
+            self._publish(model.name, model.on_document(sample.stream, sample.content, now))
 
     def _publish(self, vehicle: str, update: Update) -> None:
         outboxes = self._watching(vehicle)

@@ -19,14 +19,14 @@ def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
     ``data`` is the length of a header (uint32, little-endian), the header as JSON, and a picture,
     which is put into the message beside what the header says.
     """
-    picture = None
+    image = None
     if data is not None:
         if len(data) < _LENGTH.size:
             return {}
         end = _LENGTH.size + _LENGTH.unpack_from(data)[0]
         if end > min(len(data), _MAX_HEADER_BYTES):
             return {}
-        header, picture = data[_LENGTH.size : end], data[end:]
+        header, image = data[_LENGTH.size : end], data[end:]
         text = header.decode(errors="replace")
     try:
         message = json.loads(text or "")
@@ -35,13 +35,13 @@ def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
     if not isinstance(message, dict):
         return {}
     message.pop(_IMAGE, None)
-    return message if picture is None else message | {_IMAGE: picture}
+    return message if image is None else message | {_IMAGE: image}
 
 
 def commanded_goal(message: dict[str, Any]) -> GoalOrder | None:
     """Goal that came with an order, or None."""
-    picture = message.get(_IMAGE)
-    if not isinstance(picture, bytes):
+    image = message.get(_IMAGE)
+    if not isinstance(image, bytes):
         return None
     sidecar = message.get("sidecar", "")
-    return GoalOrder(picture, sidecar if isinstance(sidecar, str) else "")
+    return GoalOrder(image, sidecar if isinstance(sidecar, str) else "")

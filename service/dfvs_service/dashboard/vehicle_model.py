@@ -74,7 +74,7 @@ class VehicleModel:
         self._path: deque[list[Any]] = deque(maxlen=_KEPT_ROWS)
         self._transitions: deque[Update] = deque(maxlen=_KEPT_TRANSITIONS)
 
-    def take(self, stream: str, document: object, now: Moment) -> Update:
+    def on_document(self, stream: str, document: object, now: Moment) -> Update:
         """Take a document of a stream; returns what is new to the page.
 
         Raises

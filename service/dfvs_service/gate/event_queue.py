@@ -33,7 +33,7 @@ class EventQueue:
         with contextlib.suppress(BlockingIOError):
             os.write(self._writer, b"!")
 
-    def take(self) -> list[Event]:
+    def drain(self) -> list[Event]:
         """All events that wait, oldest first."""
         with contextlib.suppress(BlockingIOError):
             while os.read(self._reader, 4096):

@@ -108,7 +108,7 @@ class GateProcess:
         self._warnings: tuple[str, ...] = ()
         self._fatal: DfvsError | None = None
         self._stopping = False
-        self._heard_ns: int | None = None
+        self._waiting_since_ns: int | None = None
         self._selector = selectors.DefaultSelector()
         for source in (self._event_queue, self._ipc, self._parent_watchdog):
             self._selector.register(source, selectors.EVENT_READ)
@@ -157,11 +157,11 @@ class GateProcess:
             self._inputs.add(now_ns, events, output)
             if now_ns >= next_tick:
                 next_tick = max(next_tick + TICK_NS, now_ns - TICK_NS)
-                self._tell(now_ns)
+                self._publish(now_ns)
             code = self._ending(now_ns)
             if code is not None:
                 self._journal.add(now_ns, "end", code=code, state=str(self._machine.state))
-                self._tell(now_ns)
+                self._publish(now_ns)
                 return code
 
     def close(self) -> None:
@@ -172,8 +172,8 @@ class GateProcess:
     def _collect(self, wait_s: float) -> list[Event]:
         """Wait for something to arrive; return all that has, as events."""
         self._selector.select(wait_s)
-        events = [*self._event_queue.take(), *self._ipc.collect(time.monotonic_ns)]
-        if (stop := self._parent_watchdog.heed(time.monotonic_ns())) is not None:
+        events = [*self._event_queue.drain(), *self._ipc.collect(time.monotonic_ns)]
+        if (stop := self._parent_watchdog.poll(time.monotonic_ns())) is not None:
             self._stopping = True
             self._selector.unregister(self._parent_watchdog)
             events.append(stop)
@@ -183,9 +183,9 @@ class GateProcess:
         return events
 
     def _warn(self, event: ParametersRead) -> None:
-        told, self._warnings = self._warnings, (*event.refusals, *event.advice)
+        previous, self._warnings = self._warnings, (*event.refusals, *event.advice)
         for line in self._warnings:
-            if line not in told:
+            if line not in previous:
                 self._journal.add(event.t_ns, "warning", text=line)
 
     def _apply(self, output: GateOutput, link: AutopilotLink, now_ns: int) -> None:
@@ -206,7 +206,7 @@ class GateProcess:
                 detail=change.detail,
             )
 
-    def _tell(self, now_ns: int) -> None:
+    def _publish(self, now_ns: int) -> None:
         """Send the state to perception and the operator link, and a heartbeat to the parent."""
         ipc = self._ipc
         status = gate_status(
@@ -249,8 +249,10 @@ class GateProcess:
         machine, timeout_s = self._machine, self._config.camera.timeout_s
         if self._ipc.has_seen_frame or machine.state is not GateState.PREFLIGHT:
             return None
-        self._heard_ns = now_ns if self._heard_ns is None else self._heard_ns
-        if now_ns - self._heard_ns < timeout_s * S:
+        self._waiting_since_ns = (
+            now_ns if self._waiting_since_ns is None else self._waiting_since_ns
+        )
+        if now_ns - self._waiting_since_ns < timeout_s * S:
             return None
         return DfvsError(
             f"no camera frame within {timeout_s:g} s ({machine.sight.reason})",

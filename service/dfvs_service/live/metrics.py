@@ -98,7 +98,7 @@ class FlightMetrics:
         )
         registry.register(self)
 
-    def heard(self, stream: str, document: object) -> None:
+    def on_document(self, stream: str, document: object) -> None:
         """Take a document of the streams ``state``, ``servo`` or ``timing``, from any thread."""
         if not isinstance(document, Mapping):
             with self._lock:

@@ -86,7 +86,7 @@ class Page:
     path: str = ""
     tables: tuple[Table, ...] = ()
     texts: tuple[tuple[str, str], ...] = ()
-    film: Video | None = None
+    video: Video | None = None
     note: str = ""
 
 

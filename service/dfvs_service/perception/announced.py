@@ -35,7 +35,7 @@ class CameraDoubts:
         self._camera = camera
         self._told: set[str] = set()
 
-    def take(self, announced: CameraModel | DfvsError) -> None:
+    def on_camera(self, announced: CameraModel | DfvsError) -> None:
         """Take an announcement, on any thread; what is wrong goes to standard error."""
         if isinstance(announced, DfvsError):
             problem = str(announced)
@@ -47,7 +47,7 @@ class CameraDoubts:
 
 
 def subscribe_calibration(
-    session: zenoh.Session, intake: FrameSource, on_camera: OnCamera
+    session: zenoh.Session, source: FrameSource, on_camera: OnCamera
 ) -> zenoh.ext.AdvancedSubscriber[None]:
     """Call back, on Zenoh's thread, for every calibration or what is wrong with it.
 
@@ -56,7 +56,7 @@ def subscribe_calibration(
 
     def on_sample(sample: zenoh.Sample) -> None:
         try:
-            camera = intake.camera(sample.payload.to_bytes())
+            camera = source.camera(sample.payload.to_bytes())
         except DfvsError as error:
             on_camera(error)
             return
@@ -65,7 +65,7 @@ def subscribe_calibration(
 
     return zenoh.ext.declare_advanced_subscriber(
         session,
-        intake.calibration_key,
+        source.calibration_key,
         on_sample,
         history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
     )
@@ -100,15 +100,15 @@ def await_camera(
     """
     if config.camera.announced_s <= 0:
         return None
-    intake = make_frame_source(
+    source = make_frame_source(
         config, clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
     )
-    heard: queue.Queue[CameraModel | DfvsError] = queue.Queue()
+    announcements: queue.Queue[CameraModel | DfvsError] = queue.Queue()
     with open_link(config) as session:
         # Closing the session ends the subscription; the reference keeps it until then.
-        _subscriber = subscribe_calibration(session, intake, heard.put)
+        _subscriber = subscribe_calibration(session, source, announcements.put)
         try:
-            announced = heard.get(timeout=config.camera.announced_s)
+            announced = announcements.get(timeout=config.camera.announced_s)
         except queue.Empty:
             return None
     if isinstance(announced, DfvsError):

@@ -40,7 +40,7 @@ class ProcessedFrame:
     report: PerceptionReport
     t_look_ns: int
     frame: Frame | None = None
-    outcome: FrameResult | None = None
+    frame_result: FrameResult | None = None
     stages_ns: dict[str, int] | None = None
 
 
@@ -65,22 +65,24 @@ class FrameProcessor:
         self._expected = Expected(camera, clock)
         self._pipeline = pipeline
         self._tick = tick
-        self._guard = GuardState()
+        self._validator_state = GuardState()
         self._history = VehicleHistory()
         self._servoing = False
         self.refused = 0
 
-    def heed(self, status: GateStatus) -> None:
+    def on_gate_status(self, status: GateStatus) -> None:
         """Take in the gate's state and the vehicle's."""
         self._servoing = status.state in SERVO_STATES
         if status.vehicle is not None:
             self._history.add(status.vehicle)
 
-    def look(self, sample: RawSample) -> ProcessedFrame:
+    def process(self, sample: RawSample) -> ProcessedFrame:
         """Work on one sample; whatever is wrong with it becomes the report's reason."""
         t_start = self._tick()
-        came = admit(self._guard, sample.payload, sample.attachment, self._expected, t_start)
-        self._guard, frame = came.state, came.frame
+        came = admit(
+            self._validator_state, sample.payload, sample.attachment, self._expected, t_start
+        )
+        self._validator_state, frame = came.state, came.frame
         if frame is None:
             return self._refuse(t_start, came.seq, came.t_capture_ns, came.reason)
         motion = self._history.at(frame.t_capture_ns)
@@ -88,15 +90,15 @@ class FrameProcessor:
             reason = "the vehicle's attitude at capture is not known"
             return self._refuse(t_start, frame.seq, frame.t_capture_ns, reason)
         t_decoded = self._tick()
-        outcome = self._pipeline.process_frame(frame, motion, self._servoing)
+        frame_result = self._pipeline.process_frame(frame, motion, self._servoing)
         stages = {
             "transport": sample.t_arrival_ns - frame.t_capture_ns,
             "wait": t_start - sample.t_arrival_ns,
             "decode": t_decoded - t_start,
-            **outcome.stages_ns,
+            **frame_result.stages_ns,
             "capture_to_report": self._tick() - frame.t_capture_ns,
         }
-        return ProcessedFrame(outcome.report, t_start, frame, outcome, stages)
+        return ProcessedFrame(frame_result.report, t_start, frame, frame_result, stages)
 
     @property
     def servoing(self) -> bool:

@@ -21,7 +21,7 @@ from dfvs_core.messages.topics import Topics
 from dfvs_service.supervisor.watched_thread import start_watched
 
 MAX_WAITING_BYTES = 64 * 1024 * 1024
-_TURN_BYTES = 4096
+_RECORD_BYTES = 4096
 """What a turn weighs besides its payload."""
 
 log = logging.getLogger("dfvs.perception.record")
@@ -34,7 +34,7 @@ class _QueuedRecord:
 
     @property
     def weight(self) -> int:
-        return _TURN_BYTES + len(self.payload)
+        return _RECORD_BYTES + len(self.payload)
 
 
 class RecordPublisher:
@@ -65,22 +65,22 @@ class RecordPublisher:
         self.dropped = 0
         # Without its opening no turn can be read. This thread may block, up to the lease of a
         # recorder that hangs; the queue then drops.
-        self._openings = zenoh.ext.declare_advanced_publisher(
+        self._headers = zenoh.ext.declare_advanced_publisher(
             session,
             topics.telemetry("opening"),
             congestion_control=zenoh.CongestionControl.BLOCK,
             cache=zenoh.ext.CacheConfig(max_samples=1),
             publisher_detection=True,
         )
-        self._turns = session.declare_publisher(
+        self._records = session.declare_publisher(
             topics.telemetry("turn"),
             congestion_control=zenoh.CongestionControl.BLOCK,
             priority=zenoh.Priority.DATA_LOW,
         )
-        self._heard = threading.Event()
-        self._listener = self._turns.declare_matching_listener(self._on_matching)
+        self._has_matched = threading.Event()
+        self._listener = self._records.declare_matching_listener(self._on_matching)
         self._wanted = patience_s > 0 or self._has_recorder()
-        self._thread = start_watched("turn-feed", self._publish, report)
+        self._thread = start_watched("record-publisher", self._publish, report)
 
     @property
     def wanted(self) -> bool:
@@ -90,11 +90,11 @@ class RecordPublisher:
     def offer(self, message: Opening | Turn, payload: bytes = b"") -> None:
         """Hand on a message; a turn that finds the queue full is dropped and counted."""
         queued = _QueuedRecord(message, payload)
-        is_turn = isinstance(message, Turn)
-        if is_turn and not self._wanted:
+        is_record = isinstance(message, Turn)
+        if is_record and not self._wanted:
             return
         with self._condition:
-            if is_turn and self._waiting_bytes + queued.weight > MAX_WAITING_BYTES:
+            if is_record and self._waiting_bytes + queued.weight > MAX_WAITING_BYTES:
                 self.dropped += 1
                 return
             self._waiting.append(queued)
@@ -106,7 +106,7 @@ class RecordPublisher:
         with self._condition:
             self._closed = True
             self._condition.notify()
-        self._heard.set()
+        self._has_matched.set()
         self._thread.join(timeout_s)
         if self.dropped:
             log.warning("%d turns were not handed to the recorder in time", self.dropped)
@@ -115,28 +115,28 @@ class RecordPublisher:
         """Zenoh's thread: a first recorder has come, or the last one has gone."""
         self._wanted = status.matching
         if status.matching:
-            self._heard.set()
+            self._has_matched.set()
 
     def _publish(self) -> None:
         while (queued := self._next()) is not None:
             try:
                 if isinstance(queued.message, Opening):
-                    self._openings.put(pack(queued.message, queued.payload))
+                    self._headers.put(pack(queued.message, queued.payload))
                     self._await_recorder()
                 elif self._wanted:
-                    self._turns.put(pack(queued.message, queued.payload))
+                    self._records.put(pack(queued.message, queued.payload))
             except zenoh.ZError as error:
                 log.warning("turn not published: %s", error)
 
     def _has_recorder(self) -> bool:
         # Zenoh's own type hint says bool, which it is not.
-        status: Any = self._turns.matching_status
+        status: Any = self._records.matching_status
         return bool(status.matching)
 
     def _await_recorder(self) -> None:
         """Wait, once, for the recorder that is expected."""
         if self._patience_s > 0:
-            if not self._heard.wait(self._patience_s):
+            if not self._has_matched.wait(self._patience_s):
                 log.warning("no recorder came within %g s", self._patience_s)
                 self._wanted = self._has_recorder()
             self._patience_s = 0.0

@@ -15,34 +15,38 @@ class FrameRecorder:
 
     def __init__(self) -> None:
         self.next_record = 0
-        self._opening = 0
+        self._header_ns = 0
 
-    def open(self, opening: Opening) -> None:
+    def open(self, header: Opening) -> None:
         """Take the opening that holds for the turns to come."""
-        self._opening = opening.opened_ns
+        self._header_ns = header.opened_ns
 
-    def silent(self, now_ns: int, heard: Sequence[GateStatus], report: PerceptionReport) -> Turn:
+    def without_sample(
+        self, now_ns: int, statuses: Sequence[GateStatus], report: PerceptionReport
+    ) -> Turn:
         """Turn for which no sample came."""
-        return Turn(self._count(), self._opening, now_ns, tuple(heard), report)
+        return Turn(self._count(), self._header_ns, now_ns, tuple(statuses), report)
 
-    def looked(
+    def with_sample(
         self,
         sample: RawSample,
-        heard: Sequence[GateStatus],
-        glance: ProcessedFrame,
+        statuses: Sequence[GateStatus],
+        processed: ProcessedFrame,
         servo: Mapping[str, Any],
     ) -> Turn:
         """Turn that looked at a sample."""
-        outcome = glance.outcome
+        frame_result = processed.frame_result
         sight = Sight(
             attachment=sample.attachment.hex(),
             t_arrival_ns=sample.t_arrival_ns,
-            t_look_ns=glance.t_look_ns,
-            t_servo_ns=None if outcome is None else outcome.now_ns,
-            stages_ns=dict(glance.stages_ns or {}),
+            t_look_ns=processed.t_look_ns,
+            t_servo_ns=None if frame_result is None else frame_result.now_ns,
+            stages_ns=dict(processed.stages_ns or {}),
         )
-        number, t_ns = self._count(), glance.t_look_ns
-        return Turn(number, self._opening, t_ns, tuple(heard), glance.report, sight, dict(servo))
+        number, t_ns = self._count(), processed.t_look_ns
+        return Turn(
+            number, self._header_ns, t_ns, tuple(statuses), processed.report, sight, dict(servo)
+        )
 
     def _count(self) -> int:
         number, self.next_record = self.next_record, self.next_record + 1

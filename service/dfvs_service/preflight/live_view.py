@@ -19,7 +19,7 @@ from dfvs_service.frame_record_image import record_image
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
-_TURNS = 16
+_RECORDS = 16
 """Turns that are kept until the flow of one of them arrives: flow comes at 10 Hz, frames faster."""
 _PAUSE_S = 0.1
 
@@ -44,32 +44,32 @@ class ViewCollector:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._turns: deque[tuple[Turn, bytes]] = deque(maxlen=_TURNS)
+        self._records: deque[tuple[Turn, bytes]] = deque(maxlen=_RECORDS)
         self._matched: tuple[Turn, bytes, FlowGrid] | None = None
 
     def add_record(self, data: bytes) -> None:
         """Take a message of the ``turn`` stream."""
-        turn, payload = unpack(Turn, data)
-        if turn.sight is not None:
+        record, payload = unpack(Turn, data)
+        if record.sight is not None:
             with self._lock:
-                self._turns.append((turn, payload))
+                self._records.append((record, payload))
 
     def add_flow(self, data: bytes) -> None:
         """Take a message of the ``flow`` stream."""
         grid = decode_flow_grid(data)
         with self._lock:
-            for turn, payload in self._turns:
-                if turn.servo.get("t_capture_ns") == grid.t_capture_ns:
-                    self._matched = turn, payload, grid
+            for record, payload in self._records:
+                if record.servo.get("t_capture_ns") == grid.t_capture_ns:
+                    self._matched = record, payload, grid
 
     def view(self) -> View:
         """Best view so far."""
         with self._lock:
             matched = self._matched
-            newest = self._turns[-1] if self._turns else None
+            newest = self._records[-1] if self._records else None
         if matched is not None:
-            turn, payload, grid = matched
-            return View(record_image(turn, payload), grid, turn.servo)
+            record, payload, grid = matched
+            return View(record_image(record, payload), grid, record.servo)
         return View() if newest is None else View(record_image(*newest), None, newest[0].servo)
 
 

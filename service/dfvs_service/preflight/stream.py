@@ -19,7 +19,7 @@ from dfvs_service.settings.config import ServiceConfig
 _PATIENCE_NS = 4 * S
 """For the first frame: a camera that lost its service connects again within seconds."""
 _LISTEN_NS = S
-_TAKE_S = 0.05
+_RECEIVE_S = 0.05
 _NAME = "stream"
 
 
@@ -41,11 +41,11 @@ def stream_check(config: ServiceConfig, goal: Goal) -> Check:
     """
     refusals: list[str] = []
     with open_as_service(config) as session:
-        inbox = FrameQueue(session, config, refusals.append)
-        stream = listen(lambda: inbox.take_sample(_TAKE_S), time.monotonic_ns)
-        inbox.close()
+        frames = FrameQueue(session, config, refusals.append)
+        stream = listen(lambda: frames.receive_sample(_RECEIVE_S), time.monotonic_ns)
+        frames.close()
     if stream is None and refusals:
-        return Check(_NAME, False, refusals[0], f"see what publishes on {inbox.key}")
+        return Check(_NAME, False, refusals[0], f"see what publishes on {frames.key}")
     camera = config.camera.model() or goal.sidecar.camera
     return judge(stream, camera.size, config.gate.min_frame_hz)
 

@@ -56,7 +56,7 @@ class Observer:
             self.is_done = True
             self.end()
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Keep a line."""
         self.lines.append(line)
 

@@ -55,8 +55,10 @@ FLOW = _foxglove("/camera/flow", ImageAnnotations)
 GATE_LOG = _foxglove("/gate/log", Log)
 TRANSFORMS = _foxglove("/tf", FrameTransforms)
 
-OPENING = Channel("/dfvs/opening", "json", "dfvs.Opening", "jsonschema", b'{"type":"object"}')
-TURN = Channel("/dfvs/turn", "json", "dfvs.Turn", "jsonschema", b'{"type":"object"}')
+SESSION_HEADER = Channel(
+    "/dfvs/opening", "json", "dfvs.Opening", "jsonschema", b'{"type":"object"}'
+)
+FRAME_RECORD = Channel("/dfvs/turn", "json", "dfvs.Turn", "jsonschema", b'{"type":"object"}')
 UNREADABLE = Channel("/dfvs/unreadable_sample", "application/octet-stream")
 
 

@@ -66,10 +66,10 @@ def _record(words: Sequence[str]) -> int:
         print(json.dumps(dataclasses.asdict(summary)))
     else:
         print(
-            f"{counts.turns} turns, {summary.size_bytes / 1e6:.1f} MB in {summary.folder}/"
+            f"{counts.records} turns, {summary.size_bytes / 1e6:.1f} MB in {summary.folder}/"
             f"{summary.name}-*.mcap; {counts.missing} missing, {counts.dropped} dropped"
         )
-    return EXIT_OK if counts.turns else EXIT_NOTHING
+    return EXIT_OK if counts.records else EXIT_NOTHING
 
 
 def _recover(words: Sequence[str]) -> int:

@@ -45,7 +45,7 @@ class Follower:
         with session:
             listener = RecordListener(session, Topics(self._config.vehicle.name))
             while not self._stopped:
-                yield listener.take(_WAIT_S)
+                yield listener.receive(_WAIT_S)
                 self.dropped = listener.dropped
             yield from _rest(listener)
             listener.close()
@@ -64,5 +64,5 @@ class Follower:
 def _rest(listener: RecordListener) -> Iterator[list[Event]]:
     """What is still under way."""
     deadline = time.monotonic() + _DRAIN_S
-    while time.monotonic() < deadline and (events := listener.take(_WAIT_S)):
+    while time.monotonic() < deadline and (events := listener.receive(_WAIT_S)):
         yield events

@@ -36,22 +36,22 @@ class RecordListener:
         self._waiting: deque[tuple[_Kind, bytes]] = deque()
         self._waiting_bytes = 0
         self.dropped = 0
-        self._order = RecordSequencer()
+        self._sequencer = RecordSequencer()
         # Zenoh's subscribers carry no types where they are undeclared.
-        self._openings: Any = zenoh.ext.declare_advanced_subscriber(
+        self._headers: Any = zenoh.ext.declare_advanced_subscriber(
             session,
             topics.telemetry("opening"),
             lambda sample: self._put(Opening, sample.payload.to_bytes()),
             history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
         )
-        self._turns: Any = session.declare_subscriber(
+        self._records: Any = session.declare_subscriber(
             topics.telemetry("turn"), lambda sample: self._put(Turn, sample.payload.to_bytes())
         )
         self._flows: Any = session.declare_subscriber(
             topics.telemetry("flow"), lambda sample: self._put(FlowGrid, sample.payload.to_bytes())
         )
 
-    def take(self, timeout_s: float) -> list[Event]:
+    def receive(self, timeout_s: float) -> list[Event]:
         """Some of what came since, in order; waits at most so long for something to come."""
         with self._condition:
             if not self._waiting:
@@ -65,7 +65,7 @@ class RecordListener:
                 if issubclass(kind, FlowGrid):
                     events.append((decode_flow_grid(data), b""))
                 else:
-                    events += self._order.put(*unpack(kind, data))
+                    events += self._sequencer.put(*unpack(kind, data))
             except WireError:
                 self.dropped += 1
         return events
@@ -73,8 +73,8 @@ class RecordListener:
     def close(self) -> None:
         """Stop listening; what was not taken counts as dropped."""
         self.dropped += len(self._waiting)
-        self._openings.undeclare()
-        self._turns.undeclare()
+        self._headers.undeclare()
+        self._records.undeclare()
         self._flows.undeclare()
 
     def _put(self, kind: _Kind, data: bytes) -> None:
@@ -94,28 +94,28 @@ class RecordSequencer:
     The two come on different keys, so either may overtake the other.
     """
 
-    _MOST_OPENINGS = 8
-    _MOST_TURNS = 256
+    _MAX_HEADERS = 8
+    _MAX_EARLY_RECORDS = 256
 
     def __init__(self) -> None:
-        self._openings: dict[int, tuple[Opening, bytes]] = {}
+        self._headers: dict[int, tuple[Opening, bytes]] = {}
         self._current: int | None = None
-        self._early: deque[tuple[Turn, bytes]] = deque(maxlen=self._MOST_TURNS)
+        self._early: deque[tuple[Turn, bytes]] = deque(maxlen=self._MAX_EARLY_RECORDS)
 
     def put(self, message: Opening | Turn, payload: bytes) -> Iterator[Event]:
         """Take a message; gives what can be passed on now."""
         if isinstance(message, Opening):
-            self._openings[message.opened_ns] = (message, payload)
-            while len(self._openings) > self._MOST_OPENINGS:
-                del self._openings[next(iter(self._openings))]
+            self._headers[message.opened_ns] = (message, payload)
+            while len(self._headers) > self._MAX_HEADERS:
+                del self._headers[next(iter(self._headers))]
         else:
             self._early.append((message, payload))
         while self._early and self._is_known(self._early[0][0].opening):
-            turn, data = self._early.popleft()
-            if turn.opening != self._current:
-                self._current = turn.opening
-                yield self._openings[turn.opening]
-            yield turn, data
+            record, data = self._early.popleft()
+            if record.opening != self._current:
+                self._current = record.opening
+                yield self._headers[record.opening]
+            yield record, data
 
-    def _is_known(self, opening: int) -> bool:
-        return opening == self._current or opening in self._openings
+    def _is_known(self, header: int) -> bool:
+        return header == self._current or header in self._headers

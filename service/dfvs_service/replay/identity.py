@@ -13,7 +13,7 @@ _SHOWN_CHARACTERS = 24
 
 
 def reasons_to_differ(
-    opening: Opening,
+    header: Opening,
     config: ServiceConfig,
     model: Mapping[str, str],
     build: Mapping[str, str],
@@ -28,13 +28,13 @@ def reasons_to_differ(
         Of the replay: settings, the matcher's files with their SHA-256, versions.
     """
     reasons = [
-        f"{name} is {_short(build.get(name))}, was {_short(opening.build.get(name))}"
-        for name in sorted({*build, *opening.build})
-        if build.get(name) != opening.build.get(name)
+        f"{name} is {_short(build.get(name))}, was {_short(header.build.get(name))}"
+        for name in sorted({*build, *header.build})
+        if build.get(name) != header.build.get(name)
     ]
-    if dict(model) != opening.model:
+    if dict(model) != header.model:
         reasons.append("the model's files are others")
-    now, then = _relevant(dump(config)), _relevant(opening.settings)
+    now, then = _relevant(dump(config)), _relevant(header.settings)
     reasons += [f"the settings of [{name}] are others" for name in now if now[name] != then[name]]
     return tuple(reasons)
 

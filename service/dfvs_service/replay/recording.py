@@ -79,8 +79,8 @@ def _entries(path: Path) -> Iterator[Entry]:
 
 
 _MESSAGES: dict[str, type[Opening] | type[Turn]] = {
-    channels.OPENING.topic: Opening,
-    channels.TURN.topic: Turn,
+    channels.SESSION_HEADER.topic: Opening,
+    channels.FRAME_RECORD.topic: Turn,
 }
 _PAYLOADS = {
     channels.GOAL_IMAGE.topic: CompressedImage,
@@ -101,11 +101,11 @@ def _begin(path: Path, topic: str, data: bytes) -> Entry:
 
 
 def _payload(topic: str, data: bytes) -> bytes | None:
-    picture = _PAYLOADS[topic]
-    if picture is None:
+    image = _PAYLOADS[topic]
+    if image is None:
         return data
     try:
-        return picture.FromString(data).data
+        return image.FromString(data).data
     except DecodeError:
         return None
 

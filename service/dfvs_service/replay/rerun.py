@@ -35,14 +35,14 @@ class Rerun:
     says so for then.
     """
 
-    turn: Turn
+    record: Turn
     report: PerceptionReport
     stages_ns: dict[str, int]
 
     @property
     def is_identical(self) -> bool:
         """Whether the gate would have been told the very same."""
-        return self.report == self.turn.report
+        return self.report == self.record.report
 
 
 @dataclass(slots=True)
@@ -89,7 +89,7 @@ class TimedMatcher:
         return flow
 
 
-def recorded_settings(opening: Opening) -> ServiceConfig:
+def recorded_settings(header: Opening) -> ServiceConfig:
     """Settings of the flight.
 
     Raises
@@ -98,14 +98,14 @@ def recorded_settings(opening: Opening) -> ServiceConfig:
         If this version does not know them.
     """
     try:
-        return parse(ServiceConfig, opening.settings)
+        return parse(ServiceConfig, header.settings)
     except DfvsError as error:
         raise RecordingError(
             f"the recorded settings cannot be used: {error}", "a recording of this version"
         ) from error
 
 
-def recorded_goal(opening: Opening, picture: bytes) -> Goal:
+def recorded_goal(header: Opening, image: bytes) -> Goal:
     """Goal of an opening, from its PNG.
 
     Raises
@@ -113,7 +113,7 @@ def recorded_goal(opening: Opening, picture: bytes) -> Goal:
     DfvsError
         If picture or sidecar cannot be read.
     """
-    return Goal(decode_picture(picture), parse(GoalSidecar, opening.sidecar))
+    return Goal(decode_picture(image), parse(GoalSidecar, header.sidecar))
 
 
 class Rerunner:
@@ -134,42 +134,46 @@ class Rerunner:
 
     def __init__(
         self,
-        opening: Opening,
-        picture: bytes,
+        header: Opening,
+        image: bytes,
         config: ServiceConfig,
         matcher: Matcher,
         depth: DepthEstimator | None,
     ) -> None:
-        goal = recorded_goal(opening, picture)
+        goal = recorded_goal(header, image)
         self._look, self._servo = _Clock(), _Clock()
-        clocks = Clocks(bytes.fromhex(opening.clock), self._look, self._servo)
+        clocks = Clocks(bytes.fromhex(header.clock), self._look, self._servo)
         self._timed = TimedMatcher(matcher, time.monotonic_ns)
-        self._eye = build_frame_processor(config, goal, self._timed, clocks, depth)
-        self.glance: ProcessedFrame | None = None
+        self._frame_processor = build_frame_processor(config, goal, self._timed, clocks, depth)
+        self.processed: ProcessedFrame | None = None
         """What became of the newest sample."""
 
-    def set_goal(self, opening: Opening, picture: bytes, config: ServiceConfig) -> None:
+    def set_goal(self, header: Opening, image: bytes, config: ServiceConfig) -> None:
         """Go on to the goal of an opening that follows in the same flight."""
-        goal = recorded_goal(opening, picture)
-        task, view = servo_task(config, goal), self._eye.prepare(goal)
+        goal = recorded_goal(header, image)
+        task, view = servo_task(config, goal), self._frame_processor.prepare(goal)
         preview = None
-        if opening.observed_ns is not None:
-            preview = self._eye.evaluate_next_goal(task, view, opening.observed_ns)
-        self._eye.set_goal(task, view, None if preview is None else preview().observation)
+        if header.observed_ns is not None:
+            preview = self._frame_processor.evaluate_next_goal(task, view, header.observed_ns)
+        self._frame_processor.set_goal(
+            task, view, None if preview is None else preview().observation
+        )
 
-    def turn(self, turn: Turn, payload: bytes) -> Rerun | None:
+    def record(self, record: Turn, payload: bytes) -> Rerun | None:
         """Run one turn again; None for one that saw nothing."""
-        for status in turn.heard:
-            self._eye.heed(status)
-        if turn.sight is None:
+        for status in record.heard:
+            self._frame_processor.on_gate_status(status)
+        if record.sight is None:
             return None
-        sample = self._set_back(turn.sight, payload)
+        sample = self._set_back(record.sight, payload)
         self._timed.spent_ns, start_ns = 0, time.monotonic_ns()
-        glance = self._eye.look(sample)
+        processed = self._frame_processor.process(sample)
         look_ns, match_ns = time.monotonic_ns() - start_ns, self._timed.spent_ns
         depth_ns = self._update_depth()
-        self.glance = glance
-        return Rerun(turn, glance.report, {"match": match_ns, "look": look_ns, "depth": depth_ns})
+        self.processed = processed
+        return Rerun(
+            record, processed.report, {"match": match_ns, "look": look_ns, "depth": depth_ns}
+        )
 
     def _set_back(self, sight: Sight, payload: bytes) -> RawSample:
         """Put the clocks to the times of then."""
@@ -179,7 +183,7 @@ class Rerunner:
 
     def _update_depth(self) -> int:
         start_ns = time.monotonic_ns()
-        self._eye.update_depth()
+        self._frame_processor.update_depth()
         return time.monotonic_ns() - start_ns
 
 

@@ -68,7 +68,7 @@ class VideoWriter:
         self._rate_hz = rate_hz
         self._tick = 0
         self._view: FlightView | None = None
-        self._picture: ImageArray | None = None
+        self._image: ImageArray | None = None
         self._height = 0
         self._writer: cv2.VideoWriter | None = None
 
@@ -84,7 +84,7 @@ class VideoWriter:
             self._begin(view)
             self._view = FlightView(math.nan, np.zeros_like(view.image))
         self._show_until(view.t_s)
-        self._view, self._picture = view, None
+        self._view, self._image = view, None
 
     def close(self) -> bool:
         """Bring the film to its end; tell whether there is one.
@@ -136,9 +136,9 @@ class VideoWriter:
             if now_s >= t_s:
                 return
             self._tick += 1
-            if self._picture is None:
-                self._picture = self._drawn(self._view)
-            self._writer.write(self._frame(self._picture, self._view, now_s)[:, :, ::-1])
+            if self._image is None:
+                self._image = self._drawn(self._view)
+            self._writer.write(self._frame(self._image, self._view, now_s)[:, :, ::-1])
 
     def _drawn(self, view: FlightView) -> ImageArray:
         size = (self._height, _VIEW_WIDTH)
@@ -149,11 +149,11 @@ class VideoWriter:
         flow = flow_at_size(view.flow, size)
         return draw_flow(image, flow, limits.min_confidence, _ARROW_STRIDE_PX)
 
-    def _frame(self, picture: ImageArray, view: FlightView, now_s: float) -> ImageArray:
+    def _frame(self, image: ImageArray, view: FlightView, now_s: float) -> ImageArray:
         """Frame (H, W, 3) RGB of a time."""
         height = self._height
         frame = np.full((height, _VIEW_WIDTH + _SIDE_WIDTH, 3), PAPER, np.uint8)
-        frame[:, :_VIEW_WIDTH] = picture
+        frame[:, :_VIEW_WIDTH] = image
         goal = self._flight.goal_at(now_s)
         top = 0
         if goal is not None:
@@ -165,10 +165,10 @@ class VideoWriter:
         if not age_s <= _OLD_S:
             age = f"view {age_s:.1f} s old" if math.isfinite(age_s) else "no view yet"
             write_text(frame, age, (8, 18), WHITE, shaded=True)
-        self._tell(frame, top, now_s)
+        self._write_numbers(frame, top, now_s)
         return frame
 
-    def _tell(self, frame: ImageArray, top: int, now_s: float) -> None:
+    def _write_numbers(self, frame: ImageArray, top: int, now_s: float) -> None:
         """Write state, time and numbers below the goal."""
         state = self._flight.state_at(now_s)
         x, y = _VIEW_WIDTH + 10, top + 10
@@ -188,7 +188,7 @@ class VideoWriter:
 def _numbers(series: FlightSeries, now_s: float) -> list[tuple[str, str]]:
     """Lines of a frame; the velocities are forward, right and down."""
 
-    def told(value: float, form: str, unit: str) -> str:
+    def number(value: float, form: str, unit: str) -> str:
         return f"{value:{form}} {unit}" if math.isfinite(value) else "--"
 
     def vector(curves: tuple[list[tuple[float, float]], ...]) -> str:
@@ -196,8 +196,8 @@ def _numbers(series: FlightSeries, now_s: float) -> list[tuple[str, str]]:
         return " ".join(f"{v:+.2f}" if math.isfinite(v) else "--" for v in values)
 
     return [
-        ("distance", told(value_at(series.error_m, now_s), ".3f", "m")),
-        ("angle", told(value_at(series.error_deg, now_s), ".1f", "deg")),
+        ("distance", number(value_at(series.error_m, now_s), ".3f", "m")),
+        ("angle", number(value_at(series.error_deg, now_s), ".1f", "deg")),
         ("told, m/s", vector(series.commanded)),
         ("flown, m/s", vector(series.flown)),
     ]

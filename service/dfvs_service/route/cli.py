@@ -16,7 +16,7 @@ from dfvs_core.perception.route_recording import TeachLimits
 from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.route.recording import (
     Event,
-    RouteTeacher,
+    RouteRecorder,
     prepare_route_folder,
     route_recording_settings,
 )
@@ -24,8 +24,8 @@ from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 EXIT_OK, EXIT_NOTHING = 0, 1
-_TAKE_S = 0.25
-_TELL_S = 2.0
+_RECEIVE_S = 0.25
+_REPORT_S = 2.0
 _EPILOG = """\
 example: dfvs-service teach --out route/ --config service.toml
 then:    dfvs-service --goal route/ --config service.toml
@@ -84,31 +84,31 @@ def _record_route(
 
     config = route_recording_settings(config, known_camera(config))
     matcher = flow_matcher(config.flow)
-    watch = VehicleStateListener()
-    watch.connect(config.vehicle.mavlink, config.vehicle.timeout_s)
+    listener = VehicleStateListener()
+    listener.connect(config.vehicle.mavlink, config.vehicle.timeout_s)
     with open_beside(config) as session:
-        inbox = FrameQueue(session, config, _say)
-        clocks = Clocks(inbox.clock, time.monotonic_ns, time.monotonic_ns)
-        teacher = RouteTeacher(config, folder, matcher, clocks, limits)
-        _say(f"waiting for frames on {inbox.key}")
-        told_s = 0.0
+        frames = FrameQueue(session, config, _log)
+        clocks = Clocks(frames.clock, time.monotonic_ns, time.monotonic_ns)
+        recorder = RouteRecorder(config, folder, matcher, clocks, limits)
+        _log(f"waiting for frames on {frames.key}")
+        reported_s = 0.0
         while not stop.is_set():
-            sample = inbox.take_sample(_TAKE_S)
-            teacher.heed(watch.heard())
-            event = Event.NOTHING if sample is None else teacher.look(sample, _decoded)
+            sample = frames.receive_sample(_RECEIVE_S)
+            recorder.on_vehicle_states(listener.new_states())
+            event = Event.NOTHING if sample is None else recorder.process(sample, _decoded)
             if event is Event.SAVED:
-                _say(f"goal {teacher.count}")
-            elif event is Event.LOST and time.monotonic() - told_s > _TELL_S:
-                told_s = time.monotonic()
-                _say(f"goal {teacher.count} is out of sight: fly back to where it was taken")
-        if teacher.finish():
-            _say(f"goal {teacher.count}, the last one")
-    return teacher.count
+                _log(f"goal {recorder.count}")
+            elif event is Event.LOST and time.monotonic() - reported_s > _REPORT_S:
+                reported_s = time.monotonic()
+                _log(f"goal {recorder.count} is out of sight: fly back to where it was taken")
+        if recorder.finish():
+            _log(f"goal {recorder.count}, the last one")
+    return recorder.count
 
 
 def _decoded(sample: RawSample) -> Frame:
     return decode_frame(sample.payload, decode_header(sample.attachment))
 
 
-def _say(text: str) -> None:
+def _log(text: str) -> None:
     print(f"teach: {text}", file=sys.stderr, flush=True)

@@ -71,41 +71,41 @@ class FrameQueue:
     ended = False
 
     def __init__(
-        self, session: zenoh.Session, config: ServiceConfig, say: Callable[[str], None]
+        self, session: zenoh.Session, config: ServiceConfig, log: Callable[[str], None]
     ) -> None:
         self.clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
-        self._intake = make_frame_source(config, self.clock)
+        self._source = make_frame_source(config, self.clock)
         self._mailbox: Mailbox[RawSample] = Mailbox()
-        self._say = say
-        self._told = ""
+        self._log = log
+        self._last_problem = ""
         # The subscription lives as long as the reference to it.
         self._subscriber: zenoh.Subscriber[None] | None = session.declare_subscriber(
-            self._intake.key, self._on_sample
+            self._source.key, self._on_sample
         )
 
     @property
     def key(self) -> str:
         """Where frames are awaited."""
-        return self._intake.key
+        return self._source.key
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
         self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, time.monotonic_ns()))
 
-    def take_sample(self, timeout_s: float) -> RawSample | None:
+    def receive_sample(self, timeout_s: float) -> RawSample | None:
         """Newest sample in our own wire format, None if none came that can be read."""
-        sample = self._mailbox.take(timeout_s)
+        sample = self._mailbox.get(timeout_s)
         if sample is None:
             return None
         try:
-            return self._intake.translate(sample)
+            return self._source.translate(sample)
         except DfvsError as error:
             self._complain(error)
             return None
 
-    def take(self, timeout_s: float) -> CapturedImage | None:
+    def receive(self, timeout_s: float) -> CapturedImage | None:
         """Newest frame, decoded."""
-        sample = self.take_sample(timeout_s)
+        sample = self.receive_sample(timeout_s)
         if sample is None:
             return None
         try:
@@ -120,6 +120,6 @@ class FrameQueue:
         self._subscriber = None
 
     def _complain(self, error: DfvsError) -> None:
-        if str(error) != self._told:
-            self._told = str(error)
-            self._say(f"a frame cannot be read: {error}")
+        if str(error) != self._last_problem:
+            self._last_problem = str(error)
+            self._log(f"a frame cannot be read: {error}")

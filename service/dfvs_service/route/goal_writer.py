@@ -21,7 +21,7 @@ def sidecar_of(camera: CameraModel, mount: Mount, motion: Motion | None) -> Goal
     return GoalSidecar(camera, roll, pitch, mount, taken_at=now)
 
 
-def write_goal(picture: Path, image: ImageArray, sidecar: GoalSidecar) -> None:
+def write_goal(image_path: Path, image: ImageArray, sidecar: GoalSidecar) -> None:
     """Write a goal, its sidecar first: a picture is never without one.
 
     Raises
@@ -29,7 +29,9 @@ def write_goal(picture: Path, image: ImageArray, sidecar: GoalSidecar) -> None:
     ConfigError
         If the name does not end in .png, or a file cannot be written.
     """
-    if picture.suffix.lower() != ".png":
-        raise ConfigError(f"the goal picture is to be {str(picture)!r}", "a name that ends in .png")
-    replace_file(picture.with_suffix(".json"), sidecar.to_json().encode())
-    replace_file(picture, encode_png(image))
+    if image_path.suffix.lower() != ".png":
+        raise ConfigError(
+            f"the goal picture is to be {str(image_path)!r}", "a name that ends in .png"
+        )
+    replace_file(image_path.with_suffix(".json"), sidecar.to_json().encode())
+    replace_file(image_path, encode_png(image))

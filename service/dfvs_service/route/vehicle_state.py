@@ -18,8 +18,8 @@ class VehicleStateListener:
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._picture = VehiclePicture()
-        self._heard: deque[VehicleState] = deque(maxlen=_KEPT)
+        self._vehicle = VehiclePicture()
+        self._states: deque[VehicleState] = deque(maxlen=_KEPT)
 
     def connect(self, url: str, timeout_s: float) -> None:
         """Listen to an autopilot; blocks until it is heard.
@@ -32,20 +32,20 @@ class VehicleStateListener:
         # MAVSDK is needed here alone, and takes its time to load.
         from dfvs_service.gate.autopilot import Autopilot
 
-        self._autopilot = Autopilot(self.take, lambda _kind, _text: None)
+        self._autopilot = Autopilot(self.on_event, lambda _kind, _text: None)
         self._autopilot.connect(url, timeout_s)
 
-    def take(self, event: VehicleEvent) -> None:
+    def on_event(self, event: VehicleEvent) -> None:
         """Take an event, on any thread."""
         with self._lock:
-            self._picture.take(event)
-            state = vehicle_state(self._picture)
-            if state is not None and (not self._heard or state.t_ns > self._heard[-1].t_ns):
-                self._heard.append(state)
+            self._vehicle.take(event)
+            state = vehicle_state(self._vehicle)
+            if state is not None and (not self._states or state.t_ns > self._states[-1].t_ns):
+                self._states.append(state)
 
-    def heard(self) -> list[VehicleState]:
+    def new_states(self) -> list[VehicleState]:
         """States since the last call, oldest first."""
         with self._lock:
-            states = list(self._heard)
-            self._heard.clear()
+            states = list(self._states)
+            self._states.clear()
             return states

@@ -46,7 +46,7 @@ def read_image(path: str | Path) -> ImageArray:
         raise ImageError(f"the image {path} cannot be used: {error}") from error
 
 
-def read_sidecar(picture: Path) -> GoalSidecar | None:
+def read_sidecar(image_path: Path) -> GoalSidecar | None:
     """Sidecar of a goal picture: the same name with ``.json``; None where there is none.
 
     Raises
@@ -54,7 +54,7 @@ def read_sidecar(picture: Path) -> GoalSidecar | None:
     ConfigError
         If it is there but does not follow the format.
     """
-    path = picture.with_suffix(".json")
+    path = image_path.with_suffix(".json")
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -67,7 +67,7 @@ def read_sidecar(picture: Path) -> GoalSidecar | None:
         raise ConfigError(f"the goal's sidecar {path} cannot be used: {error}") from error
 
 
-def load_goal(picture: str | Path) -> Goal:
+def load_goal(image_path: str | Path) -> Goal:
     """Goal from a picture with a sidecar beside it, of the same size.
 
     Raises
@@ -87,11 +87,11 @@ def load_goal(picture: str | Path) -> Goal:
     >>> load_goal("goal.png").sidecar.pitch_rad
     -0.1
     """
-    picture = Path(picture)
-    sidecar = read_sidecar(picture)
+    image_path = Path(image_path)
+    sidecar = read_sidecar(image_path)
     if sidecar is None:
-        raise ConfigError(f"{picture} has no sidecar", f"{picture.with_suffix('.json')}")
-    return checked_goal(picture, read_image(picture), sidecar)
+        raise ConfigError(f"{image_path} has no sidecar", f"{image_path.with_suffix('.json')}")
+    return checked_goal(image_path, read_image(image_path), sidecar)
 
 
 def load_goals(runtime: RuntimeFolder) -> list[Goal]:
@@ -102,7 +102,7 @@ def load_goals(runtime: RuntimeFolder) -> list[Goal]:
     DfvsError
         If one of them cannot be used.
     """
-    return [load_goal(picture) for picture in (runtime.goal_image, *runtime.later_goals())]
+    return [load_goal(image_path) for image_path in (runtime.goal_image, *runtime.later_goals())]
 
 
 def route_images(places: Sequence[Path]) -> list[Path]:
@@ -113,16 +113,16 @@ def route_images(places: Sequence[Path]) -> list[Path]:
     ConfigError
         If a folder holds none.
     """
-    pictures: list[Path] = []
+    paths: list[Path] = []
     for place in places:
-        inside = sorted(p for p in place.iterdir() if _is_picture(p)) if place.is_dir() else [place]
+        inside = sorted(p for p in place.iterdir() if _is_image(p)) if place.is_dir() else [place]
         if not inside:
             raise ConfigError(f"the route folder {place} is empty", "PNG or JPEG files")
-        pictures += inside
-    return pictures
+        paths += inside
+    return paths
 
 
-def _is_picture(path: Path) -> bool:
+def _is_image(path: Path) -> bool:
     return path.suffix.lower() in (".png", ".jpg", ".jpeg")
 
 
@@ -139,7 +139,7 @@ def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
     return Goal(image, sidecar)
 
 
-def goal_order(picture: Path) -> GoalOrder:
+def goal_command(image_path: Path) -> GoalOrder:
     """Goal picture and its sidecar as they are sent to a running service.
 
     Raises
@@ -149,10 +149,10 @@ def goal_order(picture: Path) -> GoalOrder:
     ConfigError
         If the sidecar cannot be used.
     """
-    image, sidecar = read_image(picture), read_sidecar(picture)
+    image, sidecar = read_image(image_path), read_sidecar(image_path)
     if sidecar is not None:
-        checked_goal(picture, image, sidecar)
-    return GoalOrder(picture.read_bytes(), "" if sidecar is None else sidecar.to_json())
+        checked_goal(image_path, image, sidecar)
+    return GoalOrder(image_path.read_bytes(), "" if sidecar is None else sidecar.to_json())
 
 
 def commanded_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:

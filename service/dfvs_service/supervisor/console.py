@@ -38,7 +38,7 @@ class Display(Protocol):
     def show(self, heartbeat: Heartbeat) -> None:
         """Take the newest state."""
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Show a line that must not be lost."""
 
     def close(self) -> None:
@@ -67,7 +67,7 @@ class LiveLine:
         self._stream.flush()
         self._drawn = True
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Print a line above."""
         self._stream.write(f"\r\x1b[K{line}\n" if self._drawn else f"{line}\n")
         self._stream.flush()
@@ -92,9 +92,9 @@ class ChangeLines:
         """Print a line if the state changed."""
         if heartbeat.state != self._last:
             self._last = heartbeat.state
-            self.say(describe(heartbeat))
+            self.log(describe(heartbeat))
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Print a line."""
         self._stream.write(line + "\n")
         self._stream.flush()
@@ -127,7 +127,7 @@ class JsonLines:
         self._stream.write(data[:end].decode(errors="replace"))
         self._stream.flush()
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Print a line beside the log."""
         print(line, file=sys.stderr)
 

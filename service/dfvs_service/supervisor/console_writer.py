@@ -26,7 +26,7 @@ class ConsoleWriter:
     def __init__(self, display: Display) -> None:
         self._display = display
         self._todo: queue.Queue[Callable[[], None] | None] = queue.Queue(_MOST_LINES)
-        self._thread = threading.Thread(target=self._run, name="narrator", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="console-writer", daemon=True)
         self._thread.start()
 
     def show(self, heartbeat: Heartbeat) -> None:
@@ -34,9 +34,9 @@ class ConsoleWriter:
         if self._todo.qsize() < _MOST_STATES:
             self._put(lambda: self._display.show(heartbeat))
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Show a line."""
-        self._put(lambda: self._display.say(line))
+        self._put(lambda: self._display.log(line))
 
     def close(self, timeout_s: float) -> bool:
         """Leave the terminal clean; tell whether all was said in time."""

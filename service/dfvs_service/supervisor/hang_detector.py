@@ -8,7 +8,7 @@ STARTUP_LIMIT_NS = 60_000 * MS
 OWN_PAUSE_NS = 100 * MS
 
 
-class Watch:
+class HangDetector:
     """Judges a process by the time since its last heartbeat.
 
     Before the first one only ``STARTUP_LIMIT_NS`` counts: imports can be slow. A watcher that
@@ -25,7 +25,7 @@ class Watch:
         self._looked_ns = now_ns
         self._heard = False
 
-    def heartbeat(self, now_ns: int) -> None:
+    def on_heartbeat(self, now_ns: int) -> None:
         """Take a heartbeat that was received now."""
         self._heard = True
         self._alive_ns = now_ns

@@ -133,13 +133,13 @@ def test_the_camera_that_publishes_for_the_service_can_be_asked(tmp_path, rng, i
 
 def test_a_watch_keeps_every_state_once_attitude_and_position_are_known():
     watch = VehicleStateListener()
-    watch.take(Attitude(10, 0.1, 0.2, 0.3))
-    assert watch.heard() == []
-    watch.take(LocalPosition(11, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)))
-    watch.take(Attitude(12, 0.2, 0.2, 0.3))
-    watch.take(LocalPosition(13, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)))
-    assert [state.t_ns for state in watch.heard()] == [10, 12]
-    assert watch.heard() == []
+    watch.on_event(Attitude(10, 0.1, 0.2, 0.3))
+    assert watch.new_states() == []
+    watch.on_event(LocalPosition(11, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)))
+    watch.on_event(Attitude(12, 0.2, 0.2, 0.3))
+    watch.on_event(LocalPosition(13, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)))
+    assert [state.t_ns for state in watch.new_states()] == [10, 12]
+    assert watch.new_states() == []
 
 
 def test_sharpness_falls_with_blur(rng):

@@ -119,7 +119,7 @@ class Screen:
         def feed():
             for before_s, parcel in self.parcels(name, flight):
                 self.shift_ns = -round(before_s * S)
-                self.dashboard.hub.take([parcel])
+                self.dashboard.hub.on_samples([parcel])
             self.shift_ns = 0
             self.dashboard.hub.tick({})
             done.set_result(None)

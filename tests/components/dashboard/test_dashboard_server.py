@@ -107,7 +107,7 @@ def test_only_an_operator_s_order_reaches_the_vehicle(server, field):
         assert "may only look" in answers[0]["text"]
     with Browser(server, field.token) as browser:
         browser.watch("swift")
-        assert browser.news["welcome"]["can_order"] is True
+        assert browser.news["welcome"]["can_command"] is True
         browser.say(type="order", order="hold", vehicle="swift")
         answers = browser.hear_until(lambda news: "answers" in news)["answers"]
         assert answers[0]["text"] == "accepted: hold"
@@ -226,6 +226,6 @@ def test_beyond_this_machine_it_is_encrypted_and_shows_nothing_without_a_token(f
         assert closed.value.rcvd.code == 4401
         assert browser.news == {}
         with Browser(server, field.token) as browser:
-            assert browser.watch("swift")["welcome"]["can_order"] is False
+            assert browser.watch("swift")["welcome"]["can_command"] is False
     finally:
         server.kill()

@@ -73,7 +73,7 @@ class Watch:
     def show(self, beat):
         self.beat = beat
 
-    def say(self, line):
+    def log(self, line):
         self.lines.append(line)
 
     def close(self):

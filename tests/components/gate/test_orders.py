@@ -154,7 +154,7 @@ def test_a_new_goal_arrives_with_its_sidecar_under_one_signature(
     picture.with_suffix(".json").write_text(sidecar.to_json())
     assert order(endpoint, key_file, "goal", "--goal", str(picture)) == 0
     assert service.results == ["accepted: goal"]
-    arrived = GoalOrder.from_bytes(service.store.take(service.arguments[0]))
+    arrived = GoalOrder.from_bytes(service.store.pop(service.arguments[0]))
     assert arrived == GoalOrder(picture.read_bytes(), sidecar.to_json())
     assert commanded_goal(arrived, sidecar).sidecar == sidecar
 

@@ -20,10 +20,10 @@ class Rig:
 
     def state(self, vehicle, state="READY"):
         status = GateStatus(state, "tested", None, t_ns=self.now.t_ns)
-        self.hub.take([Sample(vehicle, "state", dump(status))])
+        self.hub.on_samples([Sample(vehicle, "state", dump(status))])
 
     def picture(self, vehicle, kind=ImageKind.VIEW, stream="camera", data=b"jpeg"):
-        self.hub.take([Sample(vehicle, stream, BrowserImage(kind, self.now.t_ns, 1, data))])
+        self.hub.on_samples([Sample(vehicle, stream, BrowserImage(kind, self.now.t_ns, 1, data))])
 
     def browser(self, vehicle=None):
         outbox = Outbox()
@@ -117,7 +117,7 @@ def test_what_cannot_be_read_is_counted_and_harms_nobody(rig):
     rig.state("swift")
     outbox = rig.browser("swift")
     take(outbox)
-    rig.hub.take([Sample("swift", "state", {"state": 3}), Sample("swift", "servo", [])])
+    rig.hub.on_samples([Sample("swift", "state", {"state": 3}), Sample("swift", "servo", [])])
     assert rig.hub.refused == 2
     rig.state("swift", "HOLD")
     assert take(outbox)[0]["state"]["state"] == "HOLD"

@@ -54,7 +54,7 @@ def test_a_flood_of_commands_is_cut_to_the_rate(desk):
 def test_a_goal_waits_unopened_for_the_gates_word(desk, store):
     data, command = goal()
     assert desk.receive_goal(data, command, 0).payload.encode() == command
-    assert store.take(goal_digest(data)) == data
+    assert store.pop(goal_digest(data)) == data
 
 
 @pytest.mark.parametrize(
@@ -70,7 +70,7 @@ def test_a_goal_whose_command_does_not_name_it_is_dropped(desk, store, data, com
     assert desk.receive_goal(data, command, 0) is None
     assert desk.dropped == 1
     with pytest.raises(WireError, match="not here"):
-        store.take(goal_digest(data))
+        store.pop(goal_digest(data))
 
 
 def test_a_goal_that_cannot_be_kept_is_dropped(tmp_path, caplog):
@@ -85,7 +85,7 @@ def test_a_goal_that_was_damaged_on_its_way_is_none(store, tmp_path):
     store.keep(goal_digest(data), data)
     (tmp_path / "goals" / goal_digest(data)).write_bytes(data[:-1])
     with pytest.raises(WireError, match="not here"):
-        store.take(goal_digest(data))
+        store.pop(goal_digest(data))
 
 
 def test_a_flood_of_goals_is_cut_and_holds_no_more_than_a_few(desk, store, tmp_path):
@@ -95,7 +95,7 @@ def test_a_flood_of_goals_is_cut_and_holds_no_more_than_a_few(desk, store, tmp_p
     assert most - 1 <= len(taken) <= most
     assert desk.dropped == 50 - len(taken)
     assert len(list((tmp_path / "goals").iterdir())) == MAX_KEPT_GOALS
-    assert store.take(goal_digest(taken[-1][0])) == taken[-1][0]
+    assert store.pop(goal_digest(taken[-1][0])) == taken[-1][0]
 
 
 def test_a_flood_does_not_fill_the_log(desk, caplog):

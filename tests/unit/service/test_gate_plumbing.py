@@ -31,9 +31,9 @@ def test_an_event_wakes_the_loop_and_waits_in_order():
     for event in events:
         inbox.put(event)
     assert wakes(inbox)
-    assert inbox.take() == events
+    assert inbox.drain() == events
     assert not wakes(inbox)
-    assert inbox.take() == []
+    assert inbox.drain() == []
 
 
 def test_a_full_inbox_drops_the_oldest_and_never_blocks():
@@ -41,7 +41,7 @@ def test_a_full_inbox_drops_the_oldest_and_never_blocks():
     count = 3 * inbox_module.MAX_WAITING + 70_000  # more wake-up bytes than a pipe holds
     for i in range(count):
         inbox.put(Battery(i, 0.5))
-    taken = inbox.take()
+    taken = inbox.drain()
     assert len(taken) == inbox_module.MAX_WAITING
     assert taken[-1].t_ns == count - 1
 
@@ -99,7 +99,7 @@ def test_without_a_terminal_every_change_of_state_is_a_line():
     display = ChangeLines(stream)
     for state in ("IDLE", "IDLE", "READY", "READY", "IDLE"):
         display.show(Heartbeat(1, state, ""))
-    display.say("warning: x")
+    display.log("warning: x")
     display.close()
     assert stream.getvalue() == "IDLE\nREADY\nIDLE\nwarning: x\n"
 
@@ -108,7 +108,7 @@ def test_a_terminal_gets_one_line_that_is_rewritten():
     stream = io.StringIO()
     display = LiveLine(stream, 20)
     display.show(SERVO)
-    display.say("warning: x")
+    display.log("warning: x")
     display.show(SERVO)
     display.close()
     clear = "\r\x1b[K"

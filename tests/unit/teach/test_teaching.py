@@ -16,7 +16,7 @@ from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.route.goal_writer import sidecar_of, write_goal
 from dfvs_service.route.recording import (
     Event,
-    RouteTeacher,
+    RouteRecorder,
     prepare_route_folder,
     route_recording_settings,
 )
@@ -36,7 +36,7 @@ class Rig:
         self.now_ns = 5_000 * MS
         clocks = Clocks(CLOCK, lambda: self.now_ns, lambda: self.now_ns)
         limits = TeachLimits(overlap=0.5, turn_rad=0.35)
-        self.teacher = RouteTeacher(config, folder, KnowingMatcher(), clocks, limits)
+        self.teacher = RouteRecorder(config, folder, KnowingMatcher(), clocks, limits)
         self.seq = 0
 
     def state(self, yaw_deg):
@@ -46,16 +46,16 @@ class Rig:
     def frame(self, yaw_deg, *, heard=True):
         self.now_ns += 50 * MS
         if heard:
-            self.teacher.heed([self.state(yaw_deg)])
+            self.teacher.on_vehicle_states([self.state(yaw_deg)])
         self.now_ns += 50 * MS
         if heard:
-            self.teacher.heed([self.state(yaw_deg)])
+            self.teacher.on_vehicle_states([self.state(yaw_deg)])
         self.seq += 1
         image = picture(yaw_deg)
         image[1, 1] = self.seq % 251
         frame = Frame(image, self.now_ns, self.seq)
         sample = RawSample(*encode_frame(frame, PixelFormat.RGB8, CLOCK), self.now_ns)
-        return self.teacher.look(sample, decoded)
+        return self.teacher.process(sample, decoded)
 
 
 def headings(folder):

@@ -41,7 +41,7 @@ export class Operator {
     });
   }
 
-  welcome({ role, can_order: canOrder, accepts_operators: acceptsOperators, needs_token: needsToken }) {
+  welcome({ role, can_command: canOrder, accepts_operators: acceptsOperators, needs_token: needsToken }) {
     this.#isSignedIn = keptToken() !== "" && (role === "operator" || needsToken);
     byId("operator").hidden = !canOrder;
     byId("sign").hidden = !this.#isSignedIn && !acceptsOperators;

@@ -42,7 +42,7 @@ def servo(**fields):
 
 
 def test_the_state_tells_since_when_it_is_and_keeps_the_challenge_back():
-    news = VehicleModel("a").take("state", status(), NOW)
+    news = VehicleModel("a").on_document("state", status(), NOW)
     assert news["state"]["t_ms"] == 1_000_000.0 - 10
     assert news["state"]["since_ms"] == 1_000_000.0 - 2_010
     assert news["state"]["takes_orders"] is True
@@ -51,16 +51,16 @@ def test_the_state_tells_since_when_it_is_and_keeps_the_challenge_back():
 
 def test_only_a_change_of_state_is_an_event():
     model = VehicleModel("a")
-    assert "transitions" in model.take("state", status("READY"), NOW)
-    assert "transitions" not in model.take("state", status("READY"), NOW)
-    (event,) = model.take("state", status("ABORT"), NOW)["transitions"]
+    assert "transitions" in model.on_document("state", status("READY"), NOW)
+    assert "transitions" not in model.on_document("state", status("READY"), NOW)
+    (event,) = model.on_document("state", status("ABORT"), NOW)["transitions"]
     assert (event["to"], event["cause"]) == ("ABORT", "good data")
     assert [e["to"] for e in model.history()["history"]["transitions"]] == ["READY", "ABORT"]
 
 
 def path_row(model, vehicle, **fields):
     document = status(**fields) | {"vehicle": dump(vehicle)}
-    (row,) = model.take("state", document, NOW)["path"]
+    (row,) = model.on_document("state", document, NOW)["path"]
     return dict(zip(PATH_COLUMNS, row, strict=True))
 
 
@@ -89,16 +89,16 @@ def test_the_flown_yaw_rate_is_between_two_states_that_follow_closely(yaw, after
 
 def test_a_vehicle_that_is_not_heard_any_more_adds_nothing_to_the_path():
     model = VehicleModel("a")
-    model.take("state", status(), NOW)
-    assert "path" not in model.take("state", status(t_ns=9_999 * MS), NOW)
+    model.on_document("state", status(), NOW)
+    assert "path" not in model.on_document("state", status(t_ns=9_999 * MS), NOW)
 
 
 def test_fields_of_a_newer_service_are_passed_over():
-    assert "state" in VehicleModel("a").take("state", status() | {"of_tomorrow": 1}, NOW)
+    assert "state" in VehicleModel("a").on_document("state", status() | {"of_tomorrow": 1}, NOW)
 
 
 def test_a_servo_row_is_stamped_with_its_capture_and_knows_its_delay():
-    (row,) = VehicleModel("a").take("servo", servo(), NOW)["servo"]
+    (row,) = VehicleModel("a").on_document("servo", servo(), NOW)["servo"]
     named = dict(zip(SERVO_COLUMNS, row, strict=True))
     assert named["t_ms"] == 1_000_000.0 - 60
     assert named["delay_ms"] == pytest.approx(40)
@@ -117,9 +117,9 @@ def test_a_servo_row_holds_the_uncertainty_where_it_is_known():
         "velocity_error": [0.1, 0.2, 0.3, 0.0],
     }
     model = VehicleModel("a")
-    (row,) = model.take("servo", servo(**known), NOW)["servo"]
+    (row,) = model.on_document("servo", servo(**known), NOW)["servo"]
     assert known.items() <= dict(zip(SERVO_COLUMNS, row, strict=True)).items()
-    (row,) = model.take("servo", servo(**dict.fromkeys(known)), NOW)["servo"]
+    (row,) = model.on_document("servo", servo(**dict.fromkeys(known)), NOW)["servo"]
     unknown = dict.fromkeys(known) | {"velocity_error": []}
     assert unknown.items() <= dict(zip(SERVO_COLUMNS, row, strict=True)).items()
 
@@ -127,10 +127,12 @@ def test_a_servo_row_holds_the_uncertainty_where_it_is_known():
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 10**400, "x", [1], True, None])
 def test_what_is_no_finite_number_reaches_nobody(value):
     model = VehicleModel("a")
-    news = model.take("servo", servo(depth_m=value, motion=[value], velocity_error=value), NOW)
+    news = model.on_document(
+        "servo", servo(depth_m=value, motion=[value], velocity_error=value), NOW
+    )
     assert dict(zip(SERVO_COLUMNS, news["servo"][0], strict=True))["depth_m"] is None
     timing = {"stages": {"match": {"p50_ms": value, "p99_ms": 1.0}}, "frames": value}
-    assert model.take("timing", timing, NOW)["timing"]["stages"]["match"] == [None, 1.0]
+    assert model.on_document("timing", timing, NOW)["timing"]["stages"]["match"] == [None, 1.0]
     json.dumps(model.history(), allow_nan=False)
 
 
@@ -152,7 +154,7 @@ def test_what_is_no_finite_number_reaches_nobody(value):
 def test_documents_that_follow_no_schema_are_refused(stream, document):
     model = VehicleModel("a")
     with pytest.raises(DfvsError):
-        model.take(stream, document, NOW)
+        model.on_document(stream, document, NOW)
     assert model.history()["history"] == {"servo": [], "path": [], "transitions": []}
 
 
@@ -160,14 +162,14 @@ def test_history_is_bounded():
     model = VehicleModel("a")
     for i in range(4000):
         t_ns = NOW.t_ns + i * 100 * MS
-        model.take("servo", servo(t_capture_ns=t_ns), Moment(t_ns, NOW.wall_ms + i * 100))
+        model.on_document("servo", servo(t_capture_ns=t_ns), Moment(t_ns, NOW.wall_ms + i * 100))
     assert len(model.history()["history"]["servo"]) == 3000
 
 
 def test_the_history_of_results_is_thinned_to_ten_a_second():
     model = VehicleModel("a")
     for i in range(100):
-        model.take("servo", servo(t_capture_ns=NOW.t_ns - (3960 - 40 * i) * MS), NOW)
+        model.on_document("servo", servo(t_capture_ns=NOW.t_ns - (3960 - 40 * i) * MS), NOW)
     assert len(model.history()["history"]["servo"]) == 34
 
 

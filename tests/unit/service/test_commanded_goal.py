@@ -6,7 +6,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.messages.goal_command import GoalOrder
 from dfvs_core.messages.image import encode_png
-from dfvs_service.settings.goal_file import commanded_goal, goal_order
+from dfvs_service.settings.goal_file import commanded_goal, goal_command
 
 CAMERA = CameraModel.from_horizontal_fov(64, 48, 1.0)
 FLOWN = GoalSidecar(CAMERA, mount=Mount(pitch_rad=0.1))
@@ -53,9 +53,9 @@ def test_what_cannot_be_flown_to_is_an_error(order):
 def test_a_picture_is_sent_as_it_is_on_disk(tmp_path):
     path = tmp_path / "b.png"
     path.write_bytes(picture())
-    assert goal_order(path) == GoalOrder(picture())
+    assert goal_command(path) == GoalOrder(picture())
     path.with_suffix(".json").write_text(FLOWN.to_json())
-    assert goal_order(path) == GoalOrder(picture(), FLOWN.to_json())
+    assert goal_command(path) == GoalOrder(picture(), FLOWN.to_json())
     path.write_bytes(picture(32, 24))
     with pytest.raises(DfvsError):
-        goal_order(path)
+        goal_command(path)

@@ -13,9 +13,9 @@ class Terminal:
         self.closed = False
 
     def show(self, beat):
-        self.say(beat.state)
+        self.log(beat.state)
 
-    def say(self, line):
+    def log(self, line):
         self.is_open.wait()
         self.lines.append(line)
 
@@ -27,7 +27,7 @@ def test_words_come_in_their_order_and_the_terminal_is_left_clean():
     terminal = Terminal()
     narrator = ConsoleWriter(terminal)
     narrator.show(Heartbeat(0, "READY", ""))
-    narrator.say("warning: so")
+    narrator.log("warning: so")
     assert narrator.close(5.0)
     assert terminal.lines == ["READY", "warning: so"]
     assert terminal.closed
@@ -39,7 +39,7 @@ def test_a_stopped_terminal_blocks_nobody_and_keeps_what_must_be_said():
     narrator = ConsoleWriter(terminal)
     for number in range(1000):
         narrator.show(Heartbeat(0, f"state {number}", ""))
-    narrator.say("error: the gate hung")
+    narrator.log("error: the gate hung")
     assert not narrator.close(0.01)
     terminal.is_open.set()
     assert narrator.close(5.0)
@@ -52,6 +52,6 @@ def test_a_terminal_that_is_gone_does_not_silence_the_next_word():
     terminal.show = lambda beat: (_ for _ in ()).throw(BrokenPipeError)
     narrator = ConsoleWriter(terminal)
     narrator.show(Heartbeat(0, "READY", ""))
-    narrator.say("still here")
+    narrator.log("still here")
     assert narrator.close(5.0)
     assert terminal.lines == ["still here"]
