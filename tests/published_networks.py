@@ -22,8 +22,9 @@ from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.link import GateStatus, PerceptionReport, VehicleState
 from dfvs_models.catalog import load_matcher
+from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks, build_frame_processor
-from dfvs_service.perception.frame_processor import FrameProcessor, RawSample
+from dfvs_service.perception.frame_processor import FrameProcessor
 from dfvs_service.settings.config import load_config
 
 NETWORKS = (

@@ -11,6 +11,7 @@ from dfvs_core.messages.frame_record import Opening, Turn
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import GateStatus, VehicleState
+from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import (
     Clocks,
     build_frame_processor,
@@ -18,7 +19,6 @@ from dfvs_service.perception.assembly import (
     flow_matcher,
     servo_task,
 )
-from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.perception.messages import servo_document
 from dfvs_service.perception.recorder import FrameRecorder
 from dfvs_service.perception.session_header import make_session_header

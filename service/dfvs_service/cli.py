@@ -3,15 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import fcntl
 import os
-import shutil
 import sys
-import tempfile
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.lifecycle import run_command
@@ -19,32 +13,34 @@ from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, OnDone
 from dfvs_core.gate.events import Action
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.image import encode_png
 from dfvs_service.atomic_file import write_atomic
+from dfvs_service.flight_setup import (
+    check_camera,
+    check_commands,
+    check_ports,
+    display_of,
+    programs_of,
+    resolve,
+    runtime_folder,
+    with_flights_folder,
+    with_model,
+)
 from dfvs_service.flights.cli import flights
-from dfvs_service.flights.store import flights_folder
-from dfvs_service.preflight.calibration import camera_check
-from dfvs_service.preflight.ports import require_free_mavlink_port, require_free_zenoh_ports
-from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.replay_gate import replay_gate
 from dfvs_service.route.cli import run as teach
-from dfvs_service.settings.calibration_file import with_calibration, with_intrinsics
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.config_text import markdown_table, toml_text
 from dfvs_service.settings.exposure import exposure_warnings
 from dfvs_service.settings.goal_file import (
-    checked_goal,
     goal_command,
     read_image,
-    read_sidecar,
     route_images,
 )
 from dfvs_service.settings.key_file import create_key, load_key
 from dfvs_service.settings.options import add_settings_options, settings_from
-from dfvs_service.settings.runtime import RuntimeFolder
-from dfvs_service.supervisor.console import ChangeLines, Display, JsonLines, LiveLine, shows_colours
-from dfvs_service.supervisor.parent import Programs, fly, prepare_runtime
+from dfvs_service.supervisor.console import shows_colours
+from dfvs_service.supervisor.parent import fly, prepare_runtime
 
 EXIT_OK, EXIT_ENDED = 0, 1
 
@@ -201,6 +197,17 @@ def _flight_parser() -> argparse.ArgumentParser:
     return parser
 
 
+def _check_picture(arguments: argparse.Namespace) -> None:
+    """Refuse a picture that could not be written, before the check takes its time."""
+    path = arguments.picture
+    if path is None:
+        return
+    if not arguments.check:
+        raise ConfigError("--picture without --check", "both, or neither")
+    if path.suffix.lower() != ".png" or not os.access(path.parent, os.W_OK):
+        raise ConfigError(f"--picture is {str(path)!r}", "a .png in a folder that can be written")
+
+
 def _fly(words: Sequence[str]) -> int:
     arguments = _flight_parser().parse_args(words)
     config = settings_from(
@@ -219,19 +226,19 @@ def _fly(words: Sequence[str]) -> int:
     first, *others = route_images(arguments.goal)
     if arguments.check:
         return _check(config, first, arguments)
-    config, goal = _resolve(_with_flights_folder(config), first)
-    later = [_resolve(config, picture)[1] for picture in others]
+    config, goal = resolve(with_flights_folder(config), first)
+    later = [resolve(config, picture)[1] for picture in others]
     for picture, each in zip((first, *others), (goal, *later), strict=True):
-        _check_camera(config, picture, each)
-    _check_commands(config)
-    _check_ports(config)
-    config = _with_model(config, goal)
+        check_camera(config, picture, each)
+    check_commands(config)
+    check_ports(config)
+    config = with_model(config, goal)
     for line in exposure_warnings(config):
         print(f"warning: {line}", file=sys.stderr)
-    with _runtime(arguments.runtime_dir) as runtime:
-        _check_ports(config)  # the model took seconds to load
+    with runtime_folder(arguments.runtime_dir) as runtime:
+        check_ports(config)  # the model took seconds to load
         prepare_runtime(runtime, config, goal, later)
-        return fly(runtime, _programs(config), _display(runtime, as_json=arguments.json_log))
+        return fly(runtime, programs_of(config), display_of(runtime, as_json=arguments.json_log))
 
 
 def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) -> int:
@@ -242,12 +249,12 @@ def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) 
     read_image(picture)  # a goal that cannot be read is no cross, but nothing to check by
     drawn: list[ImageArray] = []
     try:
-        config, goal = _resolve(config, picture)
+        config, goal = resolve(config, picture)
     except DfvsError as error:
         report = check_camera_and_model(config, error)
     else:
-        _check_ports(config)
-        with _runtime(arguments.runtime_dir) as runtime:
+        check_ports(config)
+        with runtime_folder(arguments.runtime_dir) as runtime:
             show = None if arguments.picture is None else drawn.append
             report = check_everything(config, goal, runtime, arguments.check_timeout, show=show)
     if drawn:
@@ -257,140 +264,6 @@ def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) 
     colours = shows_colours(sys.stdout, os.environ)
     print(report.to_json() if arguments.json else report.to_text(colours=colours))
     return EXIT_OK if report.ok else EXIT_ENDED
-
-
-def _check_picture(arguments: argparse.Namespace) -> None:
-    """Refuse a picture that could not be written, before the check takes its time."""
-    path = arguments.picture
-    if path is None:
-        return
-    if not arguments.check:
-        raise ConfigError("--picture without --check", "both, or neither")
-    if path.suffix.lower() != ".png" or not os.access(path.parent, os.W_OK):
-        raise ConfigError(f"--picture is {str(path)!r}", "a .png in a folder that can be written")
-
-
-def _resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]:
-    """Settings with all that is known of the camera, and the goal, checked against it."""
-    image, sidecar = read_image(picture), read_sidecar(picture)
-    height, width = image.shape[:2]
-    config = _with_announced(with_calibration(config), sidecar)
-    config, camera = config.with_camera((width, height), sidecar)
-    if sidecar is None:
-        sidecar = GoalSidecar(camera, mount=config.camera.mount or Mount())
-    return config, checked_goal(picture, image, sidecar)
-
-
-def _check_commands(config: ServiceConfig) -> None:
-    """Refuse a key that cannot be used, and to wait for commands that nobody can sign."""
-    if config.gate.command_key_file:
-        load_key(Path(config.gate.command_key_file))
-    elif config.gate.engage is Engage.COMMAND:
-        raise ConfigError(
-            "gate.engage is 'command', but there is no key",
-            "gate.command_key_file",
-            "make one with dfvs-service command new-key, or engage by the pilot's switch",
-        )
-
-
-def _check_ports(config: ServiceConfig) -> None:
-    """Refuse ports of other programs before anything is started: MAVSDK would share its own."""
-    require_free_zenoh_ports(config.zenoh)
-    require_free_mavlink_port(config.vehicle.mavlink)
-
-
-def _check_camera(config: ServiceConfig, picture: Path, goal: Goal) -> None:
-    """Refuse a goal of another camera than the one that flies."""
-    check = camera_check(config, goal)
-    if not check.ok:
-        raise ConfigError(f"goal picture {picture}: {check.detail}", remedy=check.remedy)
-
-
-def _with_announced(config: ServiceConfig, sidecar: GoalSidecar | None) -> ServiceConfig:
-    """Settings with the intrinsics that the camera announces, where nothing else tells them."""
-    if config.camera.announced_s <= 0 or sidecar is not None or config.camera.model() is not None:
-        return config
-    # Zenoh is needed here alone, and takes its time to load.
-    from dfvs_service.perception.announced import await_camera
-
-    camera = await_camera(config)
-    return config if camera is None else with_intrinsics(config, camera)
-
-
-def _with_flights_folder(config: ServiceConfig) -> ServiceConfig:
-    """Settings that name the folder of flights; without a black box where none is known."""
-    if not config.black_box.enabled:
-        return config
-    try:
-        folder = flights_folder(config.black_box, os.environ)
-    except ConfigError as error:
-        print(f"warning: no black box: {error}", file=sys.stderr)
-        return replace(config, black_box=replace(config.black_box, enabled=False))
-    return replace(config, black_box=replace(config.black_box, folder=str(folder)))
-
-
-def _programs(config: ServiceConfig) -> Programs:
-    """Programs of the flight, with a black box, and a recorder where a recording is asked for.
-
-    Raises
-    ------
-    ConfigError
-        If recordings cannot be made here.
-    """
-    programs = Programs()
-    if config.black_box.enabled:
-        programs = replace(programs, black_box=(sys.executable, "-m", "dfvs_service.flights"))
-    if config.record.folder:
-        require_record_extra()
-        prepare_folder(Path(config.record.folder))
-        programs = replace(programs, recorder=(sys.executable, "-m", "dfvs_service.record"))
-    return programs
-
-
-def _with_model(config: ServiceConfig, goal: Goal) -> ServiceConfig:
-    """Settings with a working size, by a model that can be used: the errors come before a start."""
-    # ONNX Runtime is needed here alone, and takes its time to load.
-    from dfvs_service.perception.assembly import depth_network, flow_matcher
-    from dfvs_service.perception.working_size import with_working_size
-
-    depth_network(config)
-    return with_working_size(config, goal, flow_matcher(config.flow), time.monotonic_ns)
-
-
-@contextmanager
-def _runtime(folder: Path | None) -> Iterator[RuntimeFolder]:
-    """Private runtime folder: the given one, kept, or a temporary one."""
-    if folder is None:
-        temporary = Path(tempfile.mkdtemp(prefix="dfvs-"))
-        try:
-            yield RuntimeFolder(temporary)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
-        return
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        lock = (folder / "lock").open("w")
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise ConfigError(
-            f"the runtime folder {folder} is used by another dfvs-service",
-            remedy=f"end it, or choose another folder: --runtime-dir {folder}-2",
-        ) from error
-    except OSError as error:
-        raise ConfigError(
-            f"the runtime folder {folder} cannot be used ({error.strerror})",
-            "a writable folder that no other service uses",
-        ) from error
-    with lock:
-        yield RuntimeFolder(folder)
-
-
-def _display(runtime: RuntimeFolder, *, as_json: bool) -> Display:
-    if as_json:
-        return JsonLines(runtime.gate_log, sys.stdout)
-    if sys.stderr.isatty():
-        return LiveLine(sys.stderr, shutil.get_terminal_size().columns)
-    return ChangeLines(sys.stderr)
 
 
 if __name__ == "__main__":

@@ -3,18 +3,22 @@
 from __future__ import annotations
 
 import dataclasses
+import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import zenoh
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles, zenoh_settings
-from dfvs_service.preflight.ports import require_free_zenoh_ports
+from dfvs_service.ports import require_free_zenoh_ports
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.settings.key_file import check_private
 from dfvs_service.settings.runtime import RuntimeFolder
 
 _PEM = b"-----BEGIN "
+_RETRY_S = 1.0
 
 
 def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.Session:
@@ -93,3 +97,29 @@ def check_files(files: TlsFiles) -> None:
         if begins != _PEM:
             raise ConfigError(f"zenoh.tls.{name} = {str(path)!r} is not PEM", _PEM.decode())
     check_private(Path(files.key))
+
+
+def open_persistently(
+    section: ZenohSection, stop: threading.Event, log: Callable[[str], None]
+) -> zenoh.Session | None:
+    """Open a session, however long its router stays away; None if stopped before.
+
+    ``log`` receives the line that tells of the first failure.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be opened and trying again would not help.
+    """
+    is_reported = False
+    while not stop.is_set():
+        try:
+            return open_session(section)
+        except ConfigError as error:
+            if section.mode != "client":
+                raise
+            if not is_reported:
+                log(f"{error}; trying again every {_RETRY_S:g} s")
+                is_reported = True
+            time.sleep(_RETRY_S)
+    return None

@@ -13,8 +13,8 @@ from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_he
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.route_recording import TeachLimits
+from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks, build_frame_processor
-from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.route.recording import Event, RouteRecorder, route_recording_settings
 from dfvs_service.settings.config import load_config

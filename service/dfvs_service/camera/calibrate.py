@@ -20,8 +20,9 @@ from dfvs_service.camera.calibration import Calibration, calibrate
 from dfvs_service.camera.calibration_report import coverage_image, report_document
 from dfvs_service.camera.coverage import Coverage, coverage_of
 from dfvs_service.camera.feed import Feed
+from dfvs_service.camera.open_source import open_source
 from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
-from dfvs_service.camera.source import SourceOptions, open_source
+from dfvs_service.camera.source import SourceOptions
 from dfvs_service.camera.spec import CameraError, SourceKind, SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import replace_file, write_calibration
 

@@ -9,8 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dfvs_service.camera.source import CapturedImage, SourceOptions
+from dfvs_service.camera.source import SourceOptions
 from dfvs_service.camera.spec import CameraError, SourceKind, SourceLostError, SourceSpec
+from dfvs_service.frames import CapturedImage
 
 TIMEOUT_MS = 4000
 _MOST_AGE_NS = 1_000_000_000

@@ -9,9 +9,10 @@ from collections.abc import Callable
 from typing import Protocol
 
 from dfvs_core.errors import DfvsError
-from dfvs_service.camera.source import CapturedImage, Source
+from dfvs_service.camera.source import Source
 from dfvs_service.camera.spec import SourceLostError
-from dfvs_service.perception.mailbox import Mailbox
+from dfvs_service.frames import CapturedImage
+from dfvs_service.mailbox import Mailbox
 
 RETRY_S = 1.0
 DEFAULT_RATE_HZ = 20.0

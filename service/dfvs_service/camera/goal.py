@@ -22,8 +22,9 @@ from dfvs_service.camera.options import (
     feed_of,
     log,
 )
-from dfvs_service.camera.source import CapturedImage, check_size
+from dfvs_service.camera.source import check_size
 from dfvs_service.camera.spec import CameraError
+from dfvs_service.frames import CapturedImage
 from dfvs_service.route.frame_queue import FrameQueue, known_camera, open_beside
 from dfvs_service.route.goal_writer import sidecar_of, write_goal
 from dfvs_service.route.vehicle_state import VehicleStateListener

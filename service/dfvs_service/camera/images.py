@@ -7,8 +7,8 @@ from pathlib import Path
 
 from dfvs_core.errors import ImageError
 from dfvs_core.messages.image import MAX_PICTURE_BYTES, decode_picture
-from dfvs_service.camera.source import CapturedImage
 from dfvs_service.camera.spec import IMAGE_SUFFIXES, CameraError
+from dfvs_service.frames import CapturedImage
 
 
 def image_paths(place: str) -> list[Path]:

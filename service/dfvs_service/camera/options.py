@@ -7,26 +7,22 @@ import dataclasses
 import os
 import re
 import sys
-import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
-import zenoh
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
-from dfvs_service.camera.source import Source, SourceOptions, open_source
+from dfvs_service.camera.open_source import open_source
+from dfvs_service.camera.source import Source, SourceOptions
 from dfvs_service.camera.spec import SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import read_calibration
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.settings.options import add_settings_options
-from dfvs_service.zenoh_session import open_session
 
 _SIZE = re.compile(r"(\d{2,4})x(\d{2,4})")
-_RETRY_S = 1.0
 
 Log = Callable[[str], None]
 
@@ -146,25 +142,3 @@ def cameras_zenoh(service: ZenohSection, connect: str | None) -> ZenohSection:
     if connect is not None:
         endpoints = (connect,)
     return dataclasses.replace(service, connect=endpoints, listen=())
-
-
-def open_patiently(section: ZenohSection, stop: threading.Event) -> zenoh.Session | None:
-    """Open a session, however long its router stays away; None if stopped before.
-
-    Raises
-    ------
-    ConfigError
-        If it cannot be opened and trying again would not help.
-    """
-    told = False
-    while not stop.is_set():
-        try:
-            return open_session(section)
-        except ConfigError as error:
-            if section.mode != "client":
-                raise
-            if not told:
-                log(f"{error}; trying again every {_RETRY_S:g} s")
-                told = True
-            time.sleep(_RETRY_S)
-    return None

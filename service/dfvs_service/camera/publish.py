@@ -20,7 +20,6 @@ from dfvs_service.camera.options import (
     cameras_zenoh,
     feed_of,
     log,
-    open_patiently,
     source_options,
 )
 from dfvs_service.camera.publisher import (
@@ -30,6 +29,7 @@ from dfvs_service.camera.publisher import (
     publish_feed,
 )
 from dfvs_service.settings.options import settings_from
+from dfvs_service.zenoh_session import open_persistently
 
 _EPILOG = """\
 examples:
@@ -88,7 +88,7 @@ def run(words: Sequence[str]) -> int:
     started_s = time.monotonic()
     with contextlib.closing(feed_of(arguments, options.wanted_size)) as feed:
         section = cameras_zenoh(settings_from(arguments).zenoh, arguments.connect)
-        session = open_patiently(section, stop)
+        session = open_persistently(section, stop, log)
         if session is None:
             return 0
         with session:

@@ -1,20 +1,12 @@
-"""What every source is, and how one is opened."""
+"""Interface of image sources."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Protocol
 
-from dfvs_core.geometry.arrays import ImageArray
-from dfvs_service.camera.spec import CameraError, SourceKind, SourceSpec
-
-
-@dataclass(frozen=True, slots=True)
-class CapturedImage:
-    """A picture (H, W, 3) uint8 RGB; when it was taken, on the monotonic clock."""
-
-    image: ImageArray
-    t_capture_ns: int
+from dfvs_service.camera.spec import CameraError
+from dfvs_service.frames import CapturedImage
 
 
 @dataclass(frozen=True, slots=True)
@@ -50,29 +42,6 @@ class Source(Protocol):
 
     def close(self) -> None:
         """Give the device or file back."""
-
-
-def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
-    """Open a source.
-
-    Raises
-    ------
-    SourceLostError
-        If a live source cannot be reached right now.
-    CameraError
-        If it can never be opened like this.
-    """
-    if spec.kind is SourceKind.PICAMERA:
-        from dfvs_service.camera.picamera import PicameraSource
-
-        return PicameraSource(int(spec.place), options)
-    if spec.kind is SourceKind.IMAGES:
-        from dfvs_service.camera.images import ImageSource
-
-        return ImageSource(spec.place)
-    from dfvs_service.camera.capture import CaptureSource
-
-    return CaptureSource(spec, options)
 
 
 def check_size(captured: CapturedImage, wanted: tuple[int, int] | None, who: str) -> None:

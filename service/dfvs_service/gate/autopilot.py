@@ -36,7 +36,7 @@ from dfvs_core.gate.events import ModeRequest, VehicleEvent
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_service.gate import px4
 from dfvs_service.gate.failsafe import LOSS_ACTION, LOSS_TIME, judge_failsafe
-from dfvs_service.preflight.ports import require_free_mavlink_port
+from dfvs_service.ports import require_free_mavlink_port
 
 AUTOPILOT_COMPONENT = 1
 _POLL_S = 0.5

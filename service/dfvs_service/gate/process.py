@@ -33,12 +33,12 @@ from dfvs_core.gate.states import GateState
 from dfvs_service.gate.event_queue import EventQueue
 from dfvs_service.gate.input_journal import InputJournal
 from dfvs_service.gate.ipc_server import IpcServer
-from dfvs_service.gate.journal import Journal
 from dfvs_service.gate.parent_watchdog import ParentWatchdog
 from dfvs_service.gate.status import gate_status
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.heartbeat import Heartbeat
+from dfvs_service.supervisor.journal import Journal
 from dfvs_service.supervisor.watched_thread import run_watched
 
 TICK_NS = 20 * MS

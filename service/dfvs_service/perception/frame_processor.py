@@ -16,18 +16,10 @@ from dfvs_core.perception.goal_tracker import Observation
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.vehicle_history import VehicleHistory
 from dfvs_core.servo.task import ServoTask
+from dfvs_service.frames import RawSample
 
 SERVO_STATES = frozenset({"SERVO"})
 """States in which the error must fall."""
-
-
-@dataclass(frozen=True, slots=True)
-class RawSample:
-    """A frame as it came: payload, attachment and the time of its arrival."""
-
-    payload: bytes
-    attachment: bytes
-    t_arrival_ns: int
 
 
 @dataclass(frozen=True, slots=True)

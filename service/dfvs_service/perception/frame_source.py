@@ -7,7 +7,7 @@ from typing import Protocol
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.schema import from_json
 from dfvs_core.messages.topics import Topics
-from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.frames import RawSample
 from dfvs_service.settings.config import ServiceConfig
 
 _FOCAL_TOLERANCE = 0.02

@@ -24,8 +24,10 @@ from dfvs_core.messages.link import FromGate, GateStatus, PerceptionReport
 from dfvs_core.messages.schema import dump
 from dfvs_core.messages.topics import Topics
 from dfvs_service.flight_feed import FlightFeed
+from dfvs_service.frames import RawSample
 from dfvs_service.gate_link import GateLink
 from dfvs_service.goal_store import GoalStore
+from dfvs_service.mailbox import Mailbox
 from dfvs_service.pace import Pace
 from dfvs_service.perception.announced import CameraDoubts, subscribe_calibration
 from dfvs_service.perception.assembly import (
@@ -35,17 +37,11 @@ from dfvs_service.perception.assembly import (
     flow_matcher,
     servo_task,
 )
-from dfvs_service.perception.frame_processor import (
-    FrameProcessor,
-    ProcessedFrame,
-    RawSample,
-    unhealthy_report,
-)
+from dfvs_service.perception.frame_processor import FrameProcessor, ProcessedFrame, unhealthy_report
 from dfvs_service.perception.frame_rate_limiter import FrameRateLimiter
 from dfvs_service.perception.frame_source import make_frame_source
 from dfvs_service.perception.images import TelemetryImages
 from dfvs_service.perception.latency import LatencyWindow
-from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.perception.preallocation import preallocate
 from dfvs_service.perception.record_publisher import RecordPublisher

@@ -7,7 +7,8 @@ from typing import Any
 
 from dfvs_core.messages.frame_record import Opening, Sight, Turn
 from dfvs_core.messages.link import GateStatus, PerceptionReport
-from dfvs_service.perception.frame_processor import ProcessedFrame, RawSample
+from dfvs_service.frames import RawSample
+from dfvs_service.perception.frame_processor import ProcessedFrame
 
 
 class FrameRecorder:

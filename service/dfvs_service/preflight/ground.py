@@ -16,7 +16,7 @@ from dfvs_core.matching.matcher import Matcher, follow
 from dfvs_core.messages.goal import Goal
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.exposure import is_private_mavlink
+from dfvs_service.settings.endpoints import is_private_mavlink
 from dfvs_service.settings.key_file import load_key
 
 _FRAMES = 5

@@ -11,8 +11,8 @@ from dfvs_core.gate.config import S
 from dfvs_core.gate.preflight import Check
 from dfvs_core.messages.frame import decode_header
 from dfvs_core.messages.goal import Goal
+from dfvs_service.frames import RawSample
 from dfvs_service.perception.announced import open_as_service
-from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.route.frame_queue import FrameQueue
 from dfvs_service.settings.config import ServiceConfig
 

@@ -21,8 +21,9 @@ from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.image import decode_picture
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.messages.schema import parse
+from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
-from dfvs_service.perception.frame_processor import ProcessedFrame, RawSample
+from dfvs_service.perception.frame_processor import ProcessedFrame
 from dfvs_service.record.reading import RecordingError
 from dfvs_service.settings.config import ServiceConfig
 

@@ -21,11 +21,11 @@ from dfvs_core.messages.ros2 import (
     Ros2Topic,
     decode_attachment,
 )
-from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.frames import RawSample
 from dfvs_service.ros2.camera_info import camera_of
 from dfvs_service.ros2.images import Pixels, from_compressed, from_image
 from dfvs_service.ros2.messages import decode
-from dfvs_service.settings.sections import Ros2CameraSection
+from dfvs_service.settings.camera_section import Ros2CameraSection
 
 MS = 1_000_000
 CLOCK_STEP_NS = 10 * MS

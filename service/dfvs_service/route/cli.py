@@ -13,7 +13,7 @@ from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import Frame, decode_frame, decode_header
 from dfvs_core.perception.route_recording import TeachLimits
-from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.frames import RawSample
 from dfvs_service.route.recording import (
     Event,
     RouteRecorder,

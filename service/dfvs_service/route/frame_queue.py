@@ -11,12 +11,11 @@ import zenoh
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity, decode_frame, decode_header
-from dfvs_service.camera.source import CapturedImage
 from dfvs_service.command import operators_zenoh
+from dfvs_service.frames import CapturedImage, RawSample
+from dfvs_service.mailbox import Mailbox
 from dfvs_service.perception.announced import await_camera
-from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.perception.frame_source import make_frame_source
-from dfvs_service.perception.mailbox import Mailbox
 from dfvs_service.settings.calibration_file import with_calibration
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.zenoh_session import open_session

@@ -16,8 +16,9 @@ from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.route_recording import Lesson, TeachLimits, judge
 from dfvs_core.perception.vehicle_history import VehicleHistory
 from dfvs_core.servo.config import BY_NETWORK
+from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
-from dfvs_service.perception.frame_processor import FrameProcessor, RawSample
+from dfvs_service.perception.frame_processor import FrameProcessor
 from dfvs_service.route.goal_writer import sidecar_of, write_goal
 from dfvs_service.settings.config import ServiceConfig
 

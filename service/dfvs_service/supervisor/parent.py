@@ -24,7 +24,6 @@ from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_core.messages.goal import Goal
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import ServiceFault, to_datagram
-from dfvs_service.gate.journal import Journal
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.child import Child
@@ -32,6 +31,7 @@ from dfvs_service.supervisor.console import Display
 from dfvs_service.supervisor.console_writer import ConsoleWriter
 from dfvs_service.supervisor.hang_detector import MS, HangDetector
 from dfvs_service.supervisor.heartbeat import Heartbeat
+from dfvs_service.supervisor.journal import Journal
 from dfvs_service.supervisor.priority import prefer_this_process
 from dfvs_service.supervisor.systemd_notify import Notifier
 

@@ -18,7 +18,7 @@ from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.camera import cli
 from dfvs_service.camera.goal import sharpness_of
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
-from dfvs_service.camera.source import CapturedImage
+from dfvs_service.frames import CapturedImage
 from dfvs_service.route.vehicle_state import VehicleStateListener
 from dfvs_service.settings.calibration_file import write_calibration
 from dfvs_service.settings.goal_file import load_goal

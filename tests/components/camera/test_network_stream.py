@@ -10,7 +10,8 @@ import pytest
 
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_service.camera.feed import LiveFeed
-from dfvs_service.camera.source import SourceOptions, open_source
+from dfvs_service.camera.open_source import open_source
+from dfvs_service.camera.source import SourceOptions
 from dfvs_service.camera.spec import parse_source
 
 PERIOD_S = 0.03

@@ -7,7 +7,8 @@ import pytest
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.capture import CaptureSource, buffer_time_ns
 from dfvs_service.camera.images import ImageSource
-from dfvs_service.camera.source import CapturedImage, SourceOptions, check_size, open_source
+from dfvs_service.camera.open_source import open_source
+from dfvs_service.camera.source import SourceOptions, check_size
 from dfvs_service.camera.spec import (
     CameraError,
     SourceKind,
@@ -15,6 +16,7 @@ from dfvs_service.camera.spec import (
     SourceSpec,
     parse_source,
 )
+from dfvs_service.frames import CapturedImage
 
 S = 1_000_000_000
 

@@ -9,7 +9,7 @@ import pytest
 from loopback import free_tcp_port
 
 from dfvs_core.errors import ConfigError
-from dfvs_service.preflight.ports import (
+from dfvs_service.ports import (
     LocalPort,
     mavlink_port,
     require_free_mavlink_port,

@@ -10,10 +10,10 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import decode_frame, decode_header
 from dfvs_core.messages.image import encode_jpeg, encode_png
 from dfvs_core.messages.ros2 import Ros2Attachment
-from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.frames import RawSample
 from dfvs_service.ros2.frame_source import ClockReading, Ros2FrameSource
 from dfvs_service.ros2.messages import type_hash
-from dfvs_service.settings.sections import Ros2CameraSection
+from dfvs_service.settings.camera_section import Ros2CameraSection
 
 MS = 1_000_000
 CLOCK = b"c" * 16

@@ -12,7 +12,8 @@ from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
-from dfvs_service.perception.frame_processor import FrameProcessor, RawSample
+from dfvs_service.frames import RawSample
+from dfvs_service.perception.frame_processor import FrameProcessor
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
 MS = 1_000_000

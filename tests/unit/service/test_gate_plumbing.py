@@ -12,10 +12,10 @@ from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.gate.events import Battery
 from dfvs_service.gate import event_queue as inbox_module
 from dfvs_service.gate.event_queue import EventQueue
-from dfvs_service.gate.journal import MAX_WAITING, Journal
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.console import ChangeLines, JsonLines, LiveLine, describe
 from dfvs_service.supervisor.heartbeat import Heartbeat
+from dfvs_service.supervisor.journal import MAX_WAITING, Journal
 
 SERVO = Heartbeat(1, "SERVO", "OFFBOARD confirmed", error_m=0.5, error_rad=0.1)
 

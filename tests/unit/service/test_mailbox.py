@@ -1,6 +1,6 @@
 import threading
 
-from dfvs_service.perception.mailbox import Mailbox
+from dfvs_service.mailbox import Mailbox
 
 
 def test_the_newest_item_wins_and_the_others_are_counted():

@@ -11,8 +11,8 @@ from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.keyframes import HORIZON_NS
+from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
-from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.settings.config import load_config
 

@@ -21,7 +21,7 @@ def goal(tmp_path, rng, monkeypatch):
         raise AssertionError("a process was to be started")
 
     monkeypatch.setattr(cli, "fly", refuse)
-    monkeypatch.setattr(cli, "_check_ports", lambda _config: None)
+    monkeypatch.setattr(cli, "check_ports", lambda _config: None)
     path = tmp_path / "goal.png"
     cv2.imwrite(str(path), rng.integers(0, 255, (48, 64, 3), dtype=np.uint8))
     return path

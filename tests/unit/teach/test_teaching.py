@@ -11,8 +11,8 @@ from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_he
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.link import VehicleState
 from dfvs_core.perception.route_recording import TeachLimits
+from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks
-from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.route.goal_writer import sidecar_of, write_goal
 from dfvs_service.route.recording import (
     Event,
