@@ -1,4 +1,4 @@
-"""``dfvs-service``: fly to a goal picture, give orders to a flight, print the settings."""
+"""``dfvs-service``: fly to a goal image, command a flight, print the settings."""
 
 from __future__ import annotations
 
@@ -96,22 +96,22 @@ def _print_config(words: Sequence[str]) -> int:
     return EXIT_OK
 
 
-# --- orders -----------------------------------------------------------------------------------
+# --- commands ---------------------------------------------------------------------------------
 
 
 def _command(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="dfvs-service command",
-        description="Give a signed order to a running service, or make a key for that.",
+        description="Send a signed command to a running service, or make a key for that.",
         epilog="example: dfvs-service command hold --key-file my.key --vehicle drone1",
     )
-    parser.add_argument("order", choices=["new-key", *(str(action) for action in Action)])
+    parser.add_argument("command", choices=["new-key", *(str(action) for action in Action)])
     parser.add_argument("--key-file", type=Path, required=True, metavar="FILE")
-    parser.add_argument("--goal", type=Path, metavar="PICTURE", help="the new goal, for 'goal'")
+    parser.add_argument("--goal", type=Path, metavar="IMAGE", help="the new goal, for 'goal'")
     parser.add_argument("--timeout", type=float, default=3.0, metavar="S", help="(default: 3)")
     add_settings_options(parser)
     arguments = parser.parse_args(words)
-    if arguments.order == "new-key":
+    if arguments.command == "new-key":
         create_key(arguments.key_file)
         print(f"wrote {arguments.key_file}; give it to the service as gate.command_key_file")
         return EXIT_OK
@@ -119,13 +119,13 @@ def _command(words: Sequence[str]) -> int:
     from dfvs_service.command import send_command
 
     config = settings_from(arguments)
-    action, picture = Action(arguments.order), arguments.goal
-    if (action is Action.GOAL) != (picture is not None):
+    action, goal_path = Action(arguments.command), arguments.goal
+    if (action is Action.GOAL) != (goal_path is not None):
         raise ConfigError(
-            f"order {arguments.order!r} {'without' if picture is None else 'with'} --goal",
-            "--goal PICTURE with the order 'goal', and with no other",
+            f"command {arguments.command!r} {'without' if goal_path is None else 'with'} --goal",
+            "--goal IMAGE with the command 'goal', and with no other",
         )
-    goal = None if picture is None else goal_command(picture)
+    goal = None if goal_path is None else goal_command(goal_path)
     answer = send_command(config, load_key(arguments.key_file), action, arguments.timeout, goal)
     print(answer)
     return EXIT_OK if answer.startswith("accepted") else EXIT_ENDED
@@ -134,10 +134,14 @@ def _command(words: Sequence[str]) -> int:
 # --- flight -----------------------------------------------------------------------------------
 
 
+def _renamed_image(path: str) -> Path:
+    raise argparse.ArgumentTypeError(f"--picture is called --image: --image {path}")
+
+
 def _flight_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dfvs-service",
-        description="Fly a PX4 drone to the view that a goal picture shows.",
+        description="Fly a PX4 drone to the view that a goal image shows.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -146,7 +150,7 @@ def _flight_parser() -> argparse.ArgumentParser:
         type=Path,
         nargs="+",
         required=True,
-        metavar="PICTURE",
+        metavar="IMAGE",
         help="PNG or JPEG; several, or a folder of them, are flown to one after the other",
     )
     add_settings_options(parser)
@@ -183,11 +187,12 @@ def _flight_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--json", action="store_true", help="print the result of --check as JSON")
     parser.add_argument(
-        "--picture",
+        "--image",
         type=Path,
         metavar="FILE.png",
         help="with --check: draw goal, frame, flow and the command that would follow",
     )
+    parser.add_argument("--picture", type=_renamed_image, help=argparse.SUPPRESS)
     parser.add_argument(
         "--runtime-dir", type=Path, metavar="DIR", help="keep sockets and logs here"
     )
@@ -197,15 +202,15 @@ def _flight_parser() -> argparse.ArgumentParser:
     return parser
 
 
-def _check_picture(arguments: argparse.Namespace) -> None:
-    """Refuse a picture that could not be written, before the check takes its time."""
-    path = arguments.picture
+def _check_image(arguments: argparse.Namespace) -> None:
+    """Refuse an image that could not be written, before the check takes its time."""
+    path = arguments.image
     if path is None:
         return
     if not arguments.check:
-        raise ConfigError("--picture without --check", "both, or neither")
+        raise ConfigError("--image without --check", "both, or neither")
     if path.suffix.lower() != ".png" or not os.access(path.parent, os.W_OK):
-        raise ConfigError(f"--picture is {str(path)!r}", "a .png in a folder that can be written")
+        raise ConfigError(f"--image is {str(path)!r}", "a .png in a folder that can be written")
 
 
 def _fly(words: Sequence[str]) -> int:
@@ -222,14 +227,14 @@ def _fly(words: Sequence[str]) -> int:
             "record.folder": None if arguments.record is None else str(arguments.record.absolute()),
         },
     )
-    _check_picture(arguments)
+    _check_image(arguments)
     first, *others = route_images(arguments.goal)
     if arguments.check:
         return _check(config, first, arguments)
     config, goal = resolve(with_flights_folder(config), first)
-    later = [resolve(config, picture)[1] for picture in others]
-    for picture, each in zip((first, *others), (goal, *later), strict=True):
-        check_camera(config, picture, each)
+    later = [resolve(config, goal_path)[1] for goal_path in others]
+    for goal_path, each in zip((first, *others), (goal, *later), strict=True):
+        check_camera(config, goal_path, each)
     check_commands(config)
     check_ports(config)
     config = with_model(config, goal)
@@ -241,26 +246,26 @@ def _fly(words: Sequence[str]) -> int:
         return fly(runtime, programs_of(config), display_of(runtime, as_json=arguments.json_log))
 
 
-def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) -> int:
+def _check(config: ServiceConfig, goal_path: Path, arguments: argparse.Namespace) -> int:
     """Print a table of what is right and what is not; nothing is armed, moved or streamed."""
     # ONNX Runtime is needed here, and takes its time to load.
     from dfvs_service.preflight.check import check_camera_and_model, check_everything
 
-    read_image(picture)  # a goal that cannot be read is no cross, but nothing to check by
+    read_image(goal_path)  # a goal that cannot be read is no cross, but nothing to check by
     drawn: list[ImageArray] = []
     try:
-        config, goal = resolve(config, picture)
+        config, goal = resolve(config, goal_path)
     except DfvsError as error:
         report = check_camera_and_model(config, error)
     else:
         check_ports(config)
         with runtime_folder(arguments.runtime_dir) as runtime:
-            show = None if arguments.picture is None else drawn.append
+            show = None if arguments.image is None else drawn.append
             report = check_everything(config, goal, runtime, arguments.check_timeout, show=show)
     if drawn:
-        write_atomic(arguments.picture, encode_png(drawn[0]))
-    elif arguments.picture is not None:
-        print("warning: no picture, since nothing was seen: correct what fails", file=sys.stderr)
+        write_atomic(arguments.image, encode_png(drawn[0]))
+    elif arguments.image is not None:
+        print("warning: no image, since nothing was seen: correct what fails", file=sys.stderr)
     colours = shows_colours(sys.stdout, os.environ)
     print(report.to_json() if arguments.json else report.to_text(colours=colours))
     return EXIT_OK if report.ok else EXIT_ENDED

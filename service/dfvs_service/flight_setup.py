@@ -33,15 +33,15 @@ from dfvs_service.supervisor.console import ChangeLines, Display, JsonLines, Liv
 from dfvs_service.supervisor.parent import Programs
 
 
-def resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]:
+def resolve(config: ServiceConfig, goal_path: Path) -> tuple[ServiceConfig, Goal]:
     """Settings with all that is known of the camera, and the goal, checked against it."""
-    image, sidecar = read_image(picture), read_sidecar(picture)
+    image, sidecar = read_image(goal_path), read_sidecar(goal_path)
     height, width = image.shape[:2]
     config = _with_announced(with_calibration(config), sidecar)
     config, camera = config.with_camera((width, height), sidecar)
     if sidecar is None:
         sidecar = GoalSidecar(camera, mount=config.camera.mount or Mount())
-    return config, checked_goal(picture, image, sidecar)
+    return config, checked_goal(goal_path, image, sidecar)
 
 
 def check_commands(config: ServiceConfig) -> None:
@@ -62,11 +62,11 @@ def check_ports(config: ServiceConfig) -> None:
     require_free_mavlink_port(config.vehicle.mavlink)
 
 
-def check_camera(config: ServiceConfig, picture: Path, goal: Goal) -> None:
+def check_camera(config: ServiceConfig, goal_path: Path, goal: Goal) -> None:
     """Refuse a goal of another camera than the one that flies."""
     check = camera_check(config, goal)
     if not check.ok:
-        raise ConfigError(f"goal picture {picture}: {check.detail}", remedy=check.remedy)
+        raise ConfigError(f"goal image {goal_path}: {check.detail}", remedy=check.remedy)
 
 
 def _with_announced(config: ServiceConfig, sidecar: GoalSidecar | None) -> ServiceConfig:

@@ -51,9 +51,9 @@ FOV = ("--camera-fov", "70")
         (["--goal", "GOAL", *FOV, "--model", "no-such-model"], ["no-such-model"]),
         (["--goal", "GOAL", *FOV, "--set", "gate.command_key_file=none"], ["new-key"]),
         (["--goal", "GOAL", *FOV, "--engage", "command"], ["command_key_file"]),
-        (["--goal", "GOAL", "--picture", "check.png"], ["--picture without --check"]),
-        (["--goal", "GOAL", "--check", "--picture", "check.jpg"], ["a .png in a folder that"]),
-        (["--goal", "GOAL", "--check", "--picture", "no/check.png"], ["a .png in a folder that"]),
+        (["--goal", "GOAL", "--image", "check.png"], ["--image without --check"]),
+        (["--goal", "GOAL", "--check", "--image", "check.jpg"], ["a .png in a folder that"]),
+        (["--goal", "GOAL", "--check", "--image", "no/check.png"], ["a .png in a folder that"]),
     ],
 )
 def test_what_cannot_be_is_said_in_one_line(words, said, goal, tmp_path, monkeypatch, refused):
