@@ -1,4 +1,4 @@
-"""``dfvs-service command``: sends a signed command over Zenoh and waits for its answer."""
+"""Signed commands over Zenoh, and their answers."""
 
 from __future__ import annotations
 
@@ -61,7 +61,7 @@ def send_command(
     Raises
     ------
     CommandError
-        If no service is heard, it accepts no orders, or it does not answer.
+        If no service is heard, it accepts no commands, or it does not answer.
     WireError
         If the goal is too large.
     """

@@ -1,4 +1,4 @@
-"""The camera's image of a turn of perception."""
+"""Camera image of a frame record."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from dfvs_core.messages.frame_record import Turn
 
 
 def record_image(record: Turn, payload: bytes) -> ImageArray | None:
-    """Image (H, W, 3) RGB that a turn looked at; None for nothing that can be decoded."""
+    """Image (H, W, 3) RGB that a frame record looked at; None for nothing that can be decoded."""
     if record.sight is None:
         return None
     try:

@@ -18,7 +18,7 @@ class RawSample:
 
 @dataclass(frozen=True, slots=True)
 class CapturedImage:
-    """A picture (H, W, 3) uint8 RGB; when it was taken, on the monotonic clock."""
+    """An image (H, W, 3) uint8 RGB; when it was taken, on the monotonic clock."""
 
     image: ImageArray
     t_capture_ns: int

@@ -1,4 +1,4 @@
-"""New goals on their way from the operator link to perception: files in the runtime folder."""
+"""Store of new goals between operator link and perception."""
 
 from __future__ import annotations
 

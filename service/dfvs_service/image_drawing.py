@@ -1,4 +1,4 @@
-"""Text, scaling and the key of the flow, for pictures that people look at."""
+"""Text, scaling and the flow's colour key for images."""
 
 from __future__ import annotations
 

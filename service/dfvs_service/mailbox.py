@@ -1,4 +1,4 @@
-"""A slot for one thing: the newest wins, and whoever is slow never lags behind."""
+"""Mailbox between two threads that keeps the newest item only."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Ports that the service binds on this machine: whether another program has one of them.
+"""Check that the service's local ports are free.
 
 MAVSDK and Zenoh bind for themselves. MAVSDK shares a UDP port with whoever shares it too, and the
 program that bound it last gets the autopilot's messages. Without this check a second service would

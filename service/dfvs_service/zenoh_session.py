@@ -1,4 +1,4 @@
-"""Opening Zenoh sessions, with errors that a user understands."""
+"""Zenoh sessions with errors for users."""
 
 from __future__ import annotations
 

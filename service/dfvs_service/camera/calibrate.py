@@ -28,7 +28,7 @@ from dfvs_service.settings.calibration_file import replace_file, write_calibrati
 
 _RECEIVE_S = 0.25
 _NEW_SHARE = 0.06
-"""A live picture is kept if the board moved by this share of the image's width since the last."""
+"""A live image is kept if the board moved by this share of the image's width since the last."""
 
 _MOST_VIEWS = 60
 _EPILOG = """\
@@ -38,7 +38,7 @@ examples:
   dfvs-camera calibrate --board chessboard:9x6:0.025 --source pictures/ --out camera.toml
 
 It writes camera.toml (for the service's settings), camera.json (report) and camera.png (coverage
-and every picture's error). From a live source, pictures are taken by themselves whenever the board
+and every image's error). From a live source, images are taken by themselves whenever the board
 has moved; Ctrl-C ends with what there is. Exit code: 0 done, 1 done but doubtful, 2 cannot run.
 """
 
@@ -89,7 +89,7 @@ def run(words: Sequence[str]) -> int:
     Raises
     ------
     DfvsError
-        If source, board or output cannot be used, or the pictures fix no camera.
+        If source, board or output cannot be used, or the images fix no camera.
     """
     arguments = _parser().parse_args(words)
     board = Board(parse_board(arguments.board))
@@ -107,7 +107,7 @@ def run(words: Sequence[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dfvs-camera calibrate",
-        description="Find a camera's intrinsics from pictures of a board.",
+        description="Find a camera's intrinsics from images of a board.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -127,7 +127,7 @@ def _parser() -> argparse.ArgumentParser:
 def _collect(
     board: Board, arguments: argparse.Namespace
 ) -> tuple[list[BoardView], tuple[int, int]]:
-    """Views of the board, and the pictures' size (width, height) px."""
+    """Views of the board, and the images' size (width, height) px."""
     spec = parse_source(arguments.source)
     options = source_options(arguments, None)
     if spec.kind is SourceKind.IMAGES:
@@ -141,7 +141,7 @@ def _collect(
 def _from_images(
     board: Board, spec: SourceSpec, options: SourceOptions
 ) -> tuple[list[BoardView], tuple[int, int]]:
-    """Views from all pictures of a folder, which must be of one size."""
+    """Views from all images of a folder, which must be of one size."""
     from dfvs_service.camera.images import image_paths
 
     source = open_source(spec, options)
@@ -175,20 +175,20 @@ def _from_feed(
         if captured is None:
             continue
         size = (captured.image.shape[1], captured.image.shape[0])
-        view = board.find(captured.image, f"picture {len(views) + 1}")
+        view = board.find(captured.image, f"image {len(views) + 1}")
         if view is None or not _is_new(view, views, size[0]):
             continue
         views.append(view)
         missing = coverage_of(views, size).advice()
         if not missing:
-            log(f"picture {len(views)}: enough")
+            log(f"image {len(views)}: enough")
             break
-        log(f"picture {len(views)}: {'; '.join(missing[:2])}")
+        log(f"image {len(views)}: {'; '.join(missing[:2])}")
     return views, size
 
 
 def _is_new(view: BoardView, views: Sequence[BoardView], width: int) -> bool:
-    """Tell whether the board is elsewhere, or tilted otherwise, than in every picture so far."""
+    """Tell whether the board is elsewhere, or tilted otherwise, than in every image so far."""
     outline = _outline(view)
     return all(np.abs(outline - _outline(other)).max() > _NEW_SHARE * width for other in views)
 
@@ -205,7 +205,7 @@ def _write(
     used = sum(view.is_used for view in calibration.views)
     remarks = [
         "Camera calibration by dfvs-camera calibrate (OpenCV " + cv2.__version__ + ")",
-        f"{used} pictures, root mean square reprojection error {calibration.rms_px:.3f} px",
+        f"{used} images, root mean square reprojection error {calibration.rms_px:.3f} px",
     ]
     write_calibration(out, calibration.camera, remarks)
     document = json.dumps(report_document(calibration, coverage), indent=2) + "\n"

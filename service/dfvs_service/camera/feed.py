@@ -1,4 +1,4 @@
-"""Shots at the pace at which they are to be published, live or recorded."""
+"""Paced feeds of captured images, live or recorded."""
 
 from __future__ import annotations
 
@@ -131,7 +131,7 @@ class RecordedFeed:
         Raises
         ------
         DfvsError
-            If a picture cannot be read.
+            If an image cannot be read.
         """
         wait_s = self._due_s - time.monotonic()
         if wait_s > timeout_s:

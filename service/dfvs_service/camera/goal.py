@@ -1,4 +1,4 @@
-"""``dfvs-camera goal``: take a goal picture with its sidecar."""
+"""``dfvs-camera goal``: take a goal image with its sidecar."""
 
 from __future__ import annotations
 
@@ -39,15 +39,15 @@ examples:
       --out goal.png
   dfvs-camera goal --source zenoh --config service.toml --attitude 0,-2.5 --out goal.png
 
---source zenoh takes the picture from the camera that publishes for the service. Of several
-pictures the sharpest is kept. Exit code: 0 done, 2 cannot run.
+--source zenoh takes the image from the camera that publishes for the service. Of several
+images the sharpest is kept. Exit code: 0 done, 2 cannot run.
 """
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dfvs-camera goal",
-        description="Take a goal picture, with a sidecar of calibration, attitude and time.",
+        description="Take a goal image, with a sidecar of calibration, attitude and time.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -57,7 +57,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--mavlink", metavar="URL", help="take the attitude from this autopilot")
     parser.add_argument("--attitude", metavar="ROLL,PITCH", help="or give it, in degrees")
     parser.add_argument(
-        "--frames", type=int, default=5, metavar="N", help="pictures to choose from (default: 5)"
+        "--frames", type=int, default=5, metavar="N", help="images to choose from (default: 5)"
     )
     parser.add_argument("--timeout", type=float, default=20.0, metavar="S", help="(default: 20)")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="PNG to write")
@@ -70,7 +70,7 @@ def run(words: Sequence[str]) -> int:
     Raises
     ------
     DfvsError
-        If there is no picture, no calibration or no attitude.
+        If there is no image, no calibration or no attitude.
     """
     arguments = _parser().parse_args(words)
     if not 1 <= arguments.frames <= 1000:
@@ -118,7 +118,7 @@ def parse_attitude(text: str) -> Motion:
 def _feed(
     arguments: argparse.Namespace, config: ServiceConfig, size: tuple[int, int]
 ) -> Iterator[Feed]:
-    """Pictures of ``--source``, or of the camera that publishes for the service."""
+    """Images of ``--source``, or of the camera that publishes for the service."""
     if arguments.source != ZENOH:
         with contextlib.closing(feed_of(arguments, size)) as feed:
             yield feed
@@ -132,7 +132,7 @@ def _feed(
 def _sharpest(
     feed: Feed, listener: VehicleStateListener | None, count: int, timeout_s: float
 ) -> tuple[CapturedImage, Motion | None]:
-    """Sharpest of so many pictures, and the vehicle's motion when it was taken."""
+    """Sharpest of so many images, and the vehicle's motion when it was taken."""
     history = VehicleHistory()
     best: tuple[float, CapturedImage, Motion | None] | None = None
     seen, deadline = 0, time.monotonic() + timeout_s
@@ -150,7 +150,7 @@ def _sharpest(
         if best is None or sharpness > best[0]:
             best = sharpness, captured, motion
     if best is None:
-        missing = "picture" if listener is None else "picture with a known attitude"
+        missing = "image" if listener is None else "image with a known attitude"
         raise CameraError(f"no {missing} within {timeout_s:g} s", "a camera that works")
     return best[1], best[2]
 

@@ -1,4 +1,4 @@
-"""A picture, or a folder of pictures in the order of their names."""
+"""Image source of one image or a folder of images in the order of their names."""
 
 from __future__ import annotations
 
@@ -12,7 +12,7 @@ from dfvs_service.frames import CapturedImage
 
 
 def image_paths(place: str) -> list[Path]:
-    """Pictures of a folder in the order of their names, or the one picture that is named.
+    """Images of a folder in the order of their names, or the one image that is named.
 
     Raises
     ------
@@ -24,12 +24,12 @@ def image_paths(place: str) -> list[Path]:
         return [path]
     paths = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
     if not paths:
-        raise CameraError(f"there are no pictures in {place}", "PNG or JPEG files")
+        raise CameraError(f"there are no images in {place}", "PNG or JPEG files")
     return paths
 
 
 class ImageSource:
-    """Pictures, one after the other; their capture time is when they are read."""
+    """Images, one after the other; their capture time is when they are read."""
 
     rate_hz = 0.0
 
@@ -37,7 +37,7 @@ class ImageSource:
         self._waiting = image_paths(place)[::-1]
 
     def read(self) -> CapturedImage | None:
-        """Next picture, None after the last one."""
+        """Next image, None after the last one."""
         if not self._waiting:
             return None
         path = self._waiting.pop()
@@ -47,8 +47,8 @@ class ImageSource:
         except OSError as error:
             raise CameraError(f"cannot read {path} ({error.strerror})") from error
         except ImageError as error:
-            raise CameraError(f"the picture {path} cannot be used: {error}") from error
+            raise CameraError(f"the image {path} cannot be used: {error}") from error
         return CapturedImage(image, time.monotonic_ns())
 
     def close(self) -> None:
-        """Nothing is open between two pictures."""
+        """Nothing is open between two images."""

@@ -1,4 +1,4 @@
-"""Options that the camera's commands share: the source, and the way to the service."""
+"""Command-line options shared by the camera's commands."""
 
 from __future__ import annotations
 
@@ -38,10 +38,10 @@ def add_source_options(parser: argparse.ArgumentParser, *, required: bool) -> No
         "--source",
         required=required,
         metavar="SOURCE",
-        help="0 or /dev/video0, rtsp://..., gst:PIPELINE, picamera, a video, picture or folder",
+        help="0 or /dev/video0, rtsp://..., gst:PIPELINE, picamera, a video, image or folder",
     )
-    parser.add_argument("--size", metavar="WxH", help="picture size to ask the camera for, px")
-    parser.add_argument("--rate", type=float, metavar="HZ", help="pictures a second")
+    parser.add_argument("--size", metavar="WxH", help="image size to ask the camera for, px")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="images a second")
     parser.add_argument("--loop", action="store_true", help="repeat a recording for ever")
     parser.add_argument(
         "--latency-ms",
@@ -84,7 +84,7 @@ def source_options(arguments: argparse.Namespace, wanted: tuple[int, int] | None
     """
     rate = arguments.rate
     if rate is not None and not 0.1 <= rate <= 1000:
-        raise ConfigError(f"--rate is {rate:g}", "0.1 to 1000 pictures a second")
+        raise ConfigError(f"--rate is {rate:g}", "0.1 to 1000 images a second")
     if not 0 <= arguments.latency_ms <= 1000:
         raise ConfigError(f"--latency-ms is {arguments.latency_ms:g}", "0 to 1000")
     size = wanted
@@ -102,7 +102,7 @@ def source_options(arguments: argparse.Namespace, wanted: tuple[int, int] | None
 
 
 def open_feed(spec: SourceSpec, options: SourceOptions, *, loop: bool) -> Feed:
-    """Start to take pictures from a source.
+    """Start to take images from a source.
 
     Raises
     ------
@@ -119,7 +119,7 @@ def open_feed(spec: SourceSpec, options: SourceOptions, *, loop: bool) -> Feed:
 
 
 def feed_of(arguments: argparse.Namespace, wanted: tuple[int, int] | None) -> Feed:
-    """Pictures of ``--source``.
+    """Images of ``--source``.
 
     Raises
     ------

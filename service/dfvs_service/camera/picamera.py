@@ -1,4 +1,4 @@
-"""The Raspberry Pi's cameras through Picamera2, which comes with its operating system."""
+"""Image source of the Raspberry Pi's cameras through Picamera2."""
 
 from __future__ import annotations
 
@@ -51,11 +51,11 @@ class PicameraSource:
             raise SourceLostError(f"the Pi camera {number} cannot be started ({error})") from error
 
     def read(self) -> CapturedImage | None:
-        """Wait for the next picture; its time is that of the sensor's first row."""
+        """Wait for the next image; its time is that of the sensor's first row."""
         try:
             request = self._camera.capture_request()
         except RuntimeError as error:
-            raise SourceLostError(f"the Pi camera gives no more pictures ({error})") from error
+            raise SourceLostError(f"the Pi camera gives no more images ({error})") from error
         try:
             image = np.ascontiguousarray(request.make_array("main"))
             sensor_ns = int(request.get_metadata()["SensorTimestamp"])

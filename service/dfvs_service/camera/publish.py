@@ -1,4 +1,4 @@
-"""``dfvs-camera``: publish a camera, a stream, a video or pictures to the service."""
+"""``dfvs-camera``: publish a camera, a stream, a video or images to the service."""
 
 from __future__ import annotations
 
@@ -39,8 +39,8 @@ examples:
 
 other commands:
   dfvs-camera board      draw a calibration board, ready to be printed
-  dfvs-camera calibrate  find the camera's intrinsics from pictures of a board
-  dfvs-camera goal       take a goal picture with its sidecar
+  dfvs-camera calibrate  find the camera's intrinsics from images of a board
+  dfvs-camera goal       take a goal image with its sidecar
 
 A live source that is lost is opened again every second. Exit code: 0 ended, 2 cannot run.
 """
@@ -50,7 +50,7 @@ def parser() -> argparse.ArgumentParser:
     """Options of publishing."""
     made = argparse.ArgumentParser(
         prog="dfvs-camera",
-        description="Publish pictures to the service: JPEG or raw, with the time of capture and "
+        description="Publish images to the service: JPEG or raw, with the time of capture and "
         "the camera's calibration.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,

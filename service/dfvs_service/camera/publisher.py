@@ -1,4 +1,4 @@
-"""Publishing a camera over Zenoh, as perception reads it."""
+"""Publisher of camera frames over Zenoh."""
 
 from __future__ import annotations
 
@@ -48,7 +48,7 @@ class PublishOptions:
 
     @property
     def wanted_size(self) -> tuple[int, int] | None:
-        """Size (width, height) px that every picture must have, None for any."""
+        """Size (width, height) px that every image must have, None for any."""
         return self.size if self.camera is None else self.camera.size
 
 
@@ -126,7 +126,7 @@ class RateReport:
         """Say what there is to be said by now."""
         if now_s - self.last_frame_s > _SILENCE_S and not self.is_silent:
             self.is_silent = True
-            self.log(f"no picture for {now_s - self.last_frame_s:.1f} s")
+            self.log(f"no image for {now_s - self.last_frame_s:.1f} s")
         if now_s < self.next_s:
             return
         if self.count:

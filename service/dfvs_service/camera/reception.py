@@ -1,4 +1,4 @@
-"""Whether anybody receives what the camera publishes."""
+"""Report whether a subscriber receives the camera's frames."""
 
 from __future__ import annotations
 

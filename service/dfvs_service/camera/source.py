@@ -27,15 +27,15 @@ class Source(Protocol):
     """An open source."""
 
     rate_hz: float
-    """Pictures a second that it says to have; 0 where it does not say."""
+    """Images a second that it says to have; 0 where it does not say."""
 
     def read(self) -> CapturedImage | None:
-        """Wait for the next picture; None at the end of a recording.
+        """Wait for the next image; None at the end of a recording.
 
         Raises
         ------
         SourceLostError
-            If a live source gives no more pictures.
+            If a live source gives no more images.
         CameraError
             If what it gives cannot be used.
         """
@@ -45,7 +45,7 @@ class Source(Protocol):
 
 
 def check_size(captured: CapturedImage, wanted: tuple[int, int] | None, who: str) -> None:
-    """Refuse a picture of another size than the one that was asked for.
+    """Refuse an image of another size than the one that was asked for.
 
     Raises
     ------
@@ -55,7 +55,7 @@ def check_size(captured: CapturedImage, wanted: tuple[int, int] | None, who: str
     height, width = captured.image.shape[:2]
     if wanted is not None and (width, height) != wanted:
         raise CameraError(
-            f"{who} gives pictures of {width} x {height} px",
+            f"{who} gives images of {width} x {height} px",
             f"{wanted[0]} x {wanted[1]} px, as --size or the calibration says",
             "choose a size that the camera has",
         )

@@ -1,4 +1,4 @@
-"""What the word after ``--source`` means."""
+"""Specification of an image source: the argument of ``--source``."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ class SourceLostError(DfvsError):
 
 
 class SourceKind(enum.StrEnum):
-    """Where pictures can come from."""
+    """Where images can come from."""
 
     V4L2 = "V4L2 device"
     STREAM = "stream"
@@ -47,7 +47,7 @@ class SourceSpec:
 
     @property
     def is_live(self) -> bool:
-        """Tell whether pictures come at their own pace, and may come back after a loss."""
+        """Tell whether images come at their own pace, and may come back after a loss."""
         return self.kind in LIVE
 
     def __str__(self) -> str:
@@ -82,5 +82,5 @@ def parse_source(text: str) -> SourceSpec:
     raise CameraError(
         f"there is no source {text!r}",
         "a device (0, /dev/video0), URL (rtsp://...), GStreamer pipeline (gst:...), picamera, or "
-        "an existing video, picture or folder of pictures",
+        "an existing video, image or folder of images",
     )

@@ -1,4 +1,4 @@
-"""The web application: the page's files, one WebSocket, and the threads behind them."""
+"""Web application: static files, one WebSocket, and the threads behind them."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""From Zenoh's threads to the event loop: pictures newest first, and never more than one batch.
+"""Async bridge from Zenoh's threads to the event loop, in batches, newest image first.
 
-A loop that is busy is given less to do, not more: pictures that it did not come to are replaced by
+A loop that is busy is given less to do, not more: images that it did not come to are replaced by
 newer ones while they wait here.
 """
 

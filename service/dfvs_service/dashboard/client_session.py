@@ -1,4 +1,4 @@
-"""One browser's connection: who it is, what it watches, and what it orders."""
+"""Client session of one browser: authentication, subscription and commands."""
 
 from __future__ import annotations
 
@@ -38,14 +38,14 @@ log = logging.getLogger("dfvs.dashboard")
 
 @dataclass(frozen=True, slots=True)
 class AppContext:
-    """What all visits share; ``desk`` is None where no orders can be given."""
+    """State shared by all client sessions; ``command_queue`` is None where no commands can be given."""
 
     hub: Hub
     tokens: Tokens
     command_queue: CommandQueue | None
     clock: Clock
     unknown: set[ClientSession] = field(default_factory=set)
-    """Visits that have not shown who they are."""
+    """Sessions that have not shown who they are."""
 
 
 class ClientSession:
@@ -138,7 +138,7 @@ class ClientSession:
                 self._pong(message, self._context.clock())
             elif kind == "watch":
                 self._context.hub.watch(self._outbox, str(message.get("vehicle")))
-            elif kind == "order":
+            elif kind == "command":
                 self._on_command(message)
             else:
                 await self._socket.close(CLOSE_UNREADABLE, "message not understood")
@@ -152,7 +152,7 @@ class ClientSession:
         return read_message(text, None)
 
     async def _next_message(self) -> dict[str, Any]:
-        """Next JSON object, with a picture if one came along; else an empty one."""
+        """Next JSON object, with an image if one came along; else an empty one."""
         return read_message(*await self._next_payload())
 
     async def _next_payload(self) -> tuple[str | None, bytes | None]:
@@ -173,15 +173,15 @@ class ClientSession:
         task.add_done_callback(self._commands.discard)
 
     async def _run_command(self, message: dict[str, Any]) -> None:
-        word, vehicle = str(message.get("order"))[:40], str(message.get("vehicle"))[:80]
+        word, vehicle = str(message.get("command"))[:40], str(message.get("vehicle"))[:80]
         command_queue = self._context.command_queue
         if self._role is not Role.OPERATOR or command_queue is None:
             accepted, text = False, "not sent: this page may only look"
         elif len(self._commands) > MAX_PENDING_COMMANDS:
-            accepted, text = False, "not sent: earlier orders are not answered yet"
+            accepted, text = False, "not sent: earlier commands are not answered yet"
         else:
             goal = commanded_goal(message)
             accepted, text = await asyncio.to_thread(command_queue.give, vehicle, word, goal)
-            log.info("order %s for %s: %s", word, vehicle, text)
-        answer = {"order": word, "vehicle": vehicle, "accepted": accepted, "text": text}
+            log.info("command %s for %s: %s", word, vehicle, text)
+        answer = {"command": word, "vehicle": vehicle, "accepted": accepted, "text": text}
         self._outbox.append("answers", [json.dumps(answer)])

@@ -1,4 +1,4 @@
-"""Orders from the page: signed as ``dfvs-service command`` signs them, and answered in words."""
+"""Command queue of the page: signed commands and their answers."""
 
 from __future__ import annotations
 
@@ -18,7 +18,7 @@ FindEndpoint = Callable[[str], ZenohSection | None]
 
 
 class CommandQueue:
-    """Gives orders to vehicles; blocks, so it is called on worker threads.
+    """Gives commands to vehicles; blocks, so it is called on worker threads.
 
     Parameters
     ----------
@@ -43,10 +43,10 @@ class CommandQueue:
     def _give(self, vehicle: str, word: str, goal: GoalOrder | None) -> str:
         zenoh = self._find(vehicle)
         if zenoh is None or word not in set(Action):
-            raise ConfigError(f"order {word!r} for {vehicle!r}", "a known order and vehicle")
+            raise ConfigError(f"command {word!r} for {vehicle!r}", "a known command and vehicle")
         action = Action(word)
         if (action is Action.GOAL) != (goal is not None):
-            raise ConfigError(f"order {word!r} {'without' if goal is None else 'with'} a picture")
+            raise ConfigError(f"command {word!r} {'without' if goal is None else 'with'} an image")
         if goal is not None:
             picture_size(goal.picture)
         config = dataclasses.replace(ServiceConfig(), vehicle=VehicleSection(vehicle), zenoh=zenoh)

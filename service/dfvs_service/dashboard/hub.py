@@ -1,4 +1,4 @@
-"""Where vehicles and browsers meet: boards on one side, outboxes on the other.
+"""Distribution of vehicle models' updates to the browsers' outboxes.
 
 Everything here runs on the event loop's thread; what arrives on other threads is handed over one
 by one. Every message is encoded once, whatever the number of browsers.
@@ -43,7 +43,7 @@ class Hub:
         self._on_watch = on_watch
         self._models: dict[str, VehicleModel] = {}
         self._images: dict[str, dict[ImageKind, bytes]] = {}
-        """Newest picture of each kind of a vehicle."""
+        """Newest image of each kind of a vehicle."""
         self._watchers: dict[Outbox, str | None] = {}
         self.refused = 0
         """Messages from vehicles that could not be read."""

@@ -1,4 +1,4 @@
-"""What a browser says: JSON objects, and goal pictures with a JSON object before them."""
+"""Messages of a browser: JSON objects, and goal images with a JSON header."""
 
 from __future__ import annotations
 
@@ -10,13 +10,13 @@ from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES, GoalOrder
 
 _LENGTH = struct.Struct("<I")
 _MAX_HEADER_BYTES = 2 * MAX_SIDECAR_BYTES
-_IMAGE = "picture"
+_IMAGE = "image"
 
 
 def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
     """Read a message; what cannot be read is taken for an empty one.
 
-    ``data`` is the length of a header (uint32, little-endian), the header as JSON, and a picture,
+    ``data`` is the length of a header (uint32, little-endian), the header as JSON, and an image,
     which is put into the message beside what the header says.
     """
     image = None
@@ -39,7 +39,7 @@ def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
 
 
 def commanded_goal(message: dict[str, Any]) -> GoalOrder | None:
-    """Goal that came with an order, or None."""
+    """Goal that came with a command, or None."""
     image = message.get(_IMAGE)
     if not isinstance(image, bytes):
         return None

@@ -1,4 +1,4 @@
-"""What waits for one browser: the newest of everything, never a queue of old pictures."""
+"""Outbox of one browser: the newest update of each kind."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping, Sequence
 
 MAX_ROWS = 512
 MAX_UNSEEN = 2
-"""Pictures under way that the browser has not confirmed: more would only grow old in buffers."""
+"""Images under way that the browser has not confirmed: more would only grow old in buffers."""
 
 _PERSONAL = frozenset({"welcome", "pong", "answers"})
 """Update for this browser, whatever vehicle it watches."""
@@ -36,7 +36,7 @@ def encode_image_message(kind: ImageKind, t_ms: float, data: bytes) -> bytes:
 
 
 class Outbox:
-    """One slot for every kind of news and picture; rows of history are gathered in order.
+    """One slot for every kind of update and image; rows of history are gathered in order.
 
     Used on the event loop's thread alone. Values are encoded once, by whoever offers them to all
     outboxes.
@@ -49,10 +49,10 @@ class Outbox:
         self._ready = asyncio.Event()
         self._unseen = 0
         self.overtaken = 0
-        """Pictures that were replaced by a newer one before they could be sent."""
+        """Images that were replaced by a newer one before they could be sent."""
 
     def offer(self, update: Mapping[str, str]) -> None:
-        """Leave news (JSON by key), in place of older news of the same keys."""
+        """Leave an update (JSON by key), in place of older values of the same keys."""
         self._update.update(update)
         self._ready.set()
 
@@ -64,7 +64,7 @@ class Outbox:
         self._ready.set()
 
     def show(self, kind: ImageKind, message: bytes) -> None:
-        """Leave a picture, in place of an older one of the same kind."""
+        """Leave an image, in place of an older one of the same kind."""
         if kind is ImageKind.VIEW and kind in self._images:
             self.overtaken += 1
         self._images[kind] = message
@@ -82,7 +82,7 @@ class Outbox:
         self._images.clear()
 
     async def next(self) -> tuple[str | None, list[bytes]]:
-        """Text and pictures to be sent now; waits until there is something."""
+        """Text and images to be sent now; waits until there is something."""
         while not self._is_worth_sending():
             self._ready.clear()
             await self._ready.wait()

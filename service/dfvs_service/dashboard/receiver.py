@@ -1,4 +1,4 @@
-"""One Zenoh connection: telemetry of every vehicle behind it, and pictures of those watched.
+"""Zenoh subscriptions: telemetry of all vehicles, images of those that are watched.
 
 It runs on a thread of its own, which opens the session (again and again until somebody is there)
 and declares what is wanted. Samples come on Zenoh's threads and are handed on untouched.

@@ -1,4 +1,4 @@
-"""What arrives from vehicles, unpacked: documents from JSON, pictures fit for a browser."""
+"""Samples from vehicles, decoded: JSON documents, and images for a browser."""
 
 from __future__ import annotations
 
@@ -42,7 +42,7 @@ class BrowserImage:
 
 @dataclass(frozen=True, slots=True)
 class Sample:
-    """An arrival that could be read: a picture, or a document from JSON."""
+    """An arrival that could be read: an image, or a document from JSON."""
 
     vehicle: str
     stream: str
@@ -89,7 +89,7 @@ def browser_jpeg(payload: bytes, attachment: bytes) -> tuple[FrameHeader, bytes]
     WireError
         If the attachment is not a frame's, or the sizes disagree or are beyond all use.
     ImageError
-        If the picture cannot be decoded.
+        If the image cannot be decoded.
     """
     header = decode_header(attachment)
     width, height = header.width, header.height

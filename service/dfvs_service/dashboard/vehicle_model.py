@@ -1,4 +1,4 @@
-"""What the dashboard knows of one vehicle: its newest words, its history, and the health of links.
+"""Vehicle model of the dashboard: last telemetry, history, and health of links.
 
 Pure: telemetry and the time go in, news for the page comes out as plain mappings.
 """
@@ -102,7 +102,7 @@ class VehicleModel:
         shown = {key: value for key, value in dump(status).items() if key not in _SECRETS}
         shown["t_ms"] = t_ms
         shown["since_ms"] = t_ms - max(status.t_ns - status.since_ns, 0) * 1e-6
-        shown["takes_orders"] = bool(status.challenge)
+        shown["accepts_commands"] = bool(status.challenge)
         update: Update = {"state": shown}
         if self.status is None or status.state != self.status.state:
             transition = {"t_ms": shown["since_ms"], "to": status.state, "cause": status.cause}
@@ -156,7 +156,7 @@ class VehicleModel:
         return {"settings": self._newest["settings"]}
 
     def on_image(self, stream: str, image: BrowserImage, now: Moment) -> float:
-        """Note a picture of the camera, flow or goal stream; wall-clock time of its stamp, ms."""
+        """Note an image of the camera, flow or goal stream; wall-clock time of its stamp, ms."""
         if stream in self.rates:
             seq = image.seq if stream == "camera" else None
             self.rates[stream].note(now.t_ns, len(image.data), seq)

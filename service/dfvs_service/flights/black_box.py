@@ -1,4 +1,4 @@
-"""The records of one flight on disk.
+"""Writer of one flight's records.
 
 Copies the logs that the processes write to the runtime folder, and keeps what they send. Nobody
 waits for it. What cannot be written is dropped and counted, and tried again every few seconds;

@@ -1,4 +1,4 @@
-"""The folder of all flights: where it lies, what a flight is called, which flights go first."""
+"""Folder of all flights: location, names, and removal of the oldest."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The autopilot, through MAVSDK 4: the only module that knows that library.
+"""Adapter of the autopilot through MAVSDK 4.
 
 Setpoints and mode requests leave as single messages through ``MavlinkDirect``. The ``Offboard``
 plugin is not used: a native thread of it would go on sending the last velocity at 20 Hz while

@@ -1,4 +1,4 @@
-"""Where events of other threads wait for the gate's loop."""
+"""Event queue from other threads to the gate's loop."""
 
 from __future__ import annotations
 

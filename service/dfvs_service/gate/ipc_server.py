@@ -1,4 +1,4 @@
-"""Datagrams of the gate: reports and commands in, states, answers and heartbeats out."""
+"""IPC server of the gate: reports and commands in; states, answers and heartbeats out."""
 
 from __future__ import annotations
 

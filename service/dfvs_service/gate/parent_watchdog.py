@@ -1,4 +1,4 @@
-"""The pipe on which the parent shows that it lives."""
+"""Parent watchdog: a pipe on which the parent shows that it is alive."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The gate process: one loop between perception, autopilot, operator link and parent.
+"""Gate process: one loop between perception, autopilot, operator link and parent.
 
 The loop wakes at 50 Hz and whenever something arrives, steps the state machine, and sends what
 it says. Nothing in the loop waits for anything else.

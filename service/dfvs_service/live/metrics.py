@@ -1,4 +1,4 @@
-"""A flight in Prometheus' terms: latencies, rates, states, drops."""
+"""Prometheus metrics of a flight: latencies, rates, states, losses."""
 
 from __future__ import annotations
 

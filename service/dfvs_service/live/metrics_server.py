@@ -1,4 +1,4 @@
-"""Telemetry from Zenoh, metrics over HTTP."""
+"""HTTP server of metrics from Zenoh telemetry."""
 
 from __future__ import annotations
 

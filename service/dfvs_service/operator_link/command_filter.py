@@ -1,4 +1,4 @@
-"""Filter of incoming commands: limited in rate and size, and passed on for the gate to judge.
+"""Filter of incoming commands by rate and size.
 
 The operator link has no key. It keeps the bytes of a new goal unopened for perception, which reads
 them once the gate has accepted the command for it.

@@ -1,4 +1,4 @@
-"""The lease on a vehicle's name: who stands by to command it, and who does (invariant I6).
+"""Name lease of a vehicle: services that stand by for it or command it (invariant I6).
 
 Every service shows a Zenoh liveliness token that vanishes with it, and a second one while its
 gate is engaged. Whoever sees another service's tokens does not engage; whoever is engaged and

@@ -1,4 +1,4 @@
-"""The operator link process: Zenoh's listening end, state and answers, commands and leases.
+"""Operator link process: Zenoh's listening end, state, answers, commands and name leases.
 
 It does no work that takes time: the state leaves at its rate and commands reach the gate while
 perception is busy, hangs, or is gone. Without a router it owns the service's endpoints, and

@@ -1,4 +1,4 @@
-"""What cameras announce of their calibration."""
+"""Calibration that cameras announce."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Perception put together from settings: the same for a flight and for its replay."""
+"""Assembly of perception from settings, for a flight and for its replay."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What perception makes of raw samples, gate statuses and silence: no socket, no thread."""
+"""Processor of raw samples and gate statuses, without sockets or threads."""
 
 from __future__ import annotations
 
@@ -98,7 +98,7 @@ class FrameProcessor:
         return self._servoing
 
     def prepare(self, goal: Goal) -> GoalView:
-        """Compute once what depends on another goal's picture alone."""
+        """Compute once what depends on another goal's image alone."""
         return self._pipeline.prepare(goal)
 
     @property

@@ -1,4 +1,4 @@
-"""The door for frames, on Zenoh's thread: a flood of bad ones must not crowd out the good."""
+"""Rate limiter of invalid frames, on Zenoh's thread."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whose frames perception works on: our own, or those of ROS 2."""
+"""Frame sources: DFVS cameras or ROS 2."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A picture for people: the current view with the flow to the goal drawn on it."""
+"""Preview image: the current view with the flow to the goal drawn on it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The perception process: one loop between Zenoh, the pipeline and the gate."""
+"""Perception process: one loop between Zenoh, the pipeline and the gate."""
 
 from __future__ import annotations
 
@@ -172,7 +172,7 @@ class PerceptionProcess:
         return build_frame_processor(self._config, goal, self._matcher, clocks, self._depth)
 
     def _publish_goal(self, telemetry: Telemetry, publisher: RecordPublisher) -> None:
-        """Tell recorders with what the turns from here on work, and everybody the goal."""
+        """Tell recorders with what the frame records from here on work, and everybody the goal."""
         header = make_session_header(
             self._config,
             self._goal,
@@ -216,7 +216,7 @@ class PerceptionProcess:
             self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, now_ns))
 
     def _on_gate(self, message: FromGate) -> None:
-        """Thread of the gate's datagrams: keep states until the next turn."""
+        """Thread of the gate's datagrams: keep states until the next step."""
         if isinstance(message, GateStatus):
             self._statuses.append(message)
 
@@ -264,7 +264,7 @@ class PerceptionProcess:
             self._publish_goal(telemetry, publisher)
 
     def _read_gate(self) -> list[GateStatus]:
-        """Take in everything the gate said since the last turn, and return it."""
+        """Take in everything the gate said since the last step, and return it."""
         statuses = []
         while self._statuses:
             statuses.append(self._statuses.popleft())

@@ -1,6 +1,6 @@
-"""Perception's turns on their way to recorders, from a thread of its own.
+"""Publisher of frame records, on its own thread.
 
-The queue is bounded by its bytes: a recorder that is too slow loses turns, which their numbers
+The queue is bounded by its bytes: a recorder that is too slow loses records, which their numbers
 show, and never delays a flight. Nothing is queued while nobody records.
 """
 
@@ -22,7 +22,7 @@ from dfvs_service.supervisor.watched_thread import start_watched
 
 MAX_WAITING_BYTES = 64 * 1024 * 1024
 _RECORD_BYTES = 4096
-"""What a turn weighs besides its payload."""
+"""What a frame record weighs besides its payload."""
 
 log = logging.getLogger("dfvs.perception.record")
 
@@ -38,7 +38,7 @@ class _QueuedRecord:
 
 
 class RecordPublisher:
-    """Publishes openings (kept for recorders that join later) and turns.
+    """Publishes session headers (kept for recorders that join later) and frame records.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class RecordPublisher:
     report : callable
         Takes one line about a failure of the thread, from any thread.
     patience_s : float
-        A recorder is expected: turns wait for it so long after the start, from the first one on.
+        A recorder is expected: records wait so long for it after the start.
     """
 
     def __init__(
@@ -63,8 +63,8 @@ class RecordPublisher:
         self._waiting_bytes = 0
         self._closed = False
         self.dropped = 0
-        # Without its opening no turn can be read. This thread may block, up to the lease of a
-        # recorder that hangs; the queue then drops.
+        # Without its session header no record can be read. This thread may block, up to the
+        # lease of a recorder that hangs; the queue then drops.
         self._headers = zenoh.ext.declare_advanced_publisher(
             session,
             topics.telemetry("opening"),
@@ -88,7 +88,7 @@ class RecordPublisher:
         return self._wanted
 
     def offer(self, message: Opening | Turn, payload: bytes = b"") -> None:
-        """Hand on a message; a turn that finds the queue full is dropped and counted."""
+        """Hand on a message; a frame record that finds the queue full is dropped and counted."""
         queued = _QueuedRecord(message, payload)
         is_record = isinstance(message, Turn)
         if is_record and not self._wanted:
@@ -109,7 +109,7 @@ class RecordPublisher:
         self._has_matched.set()
         self._thread.join(timeout_s)
         if self.dropped:
-            log.warning("%d turns were not handed to the recorder in time", self.dropped)
+            log.warning("%d frame records were not handed to the recorder in time", self.dropped)
 
     def _on_matching(self, status: zenoh.MatchingStatus) -> None:
         """Zenoh's thread: a first recorder has come, or the last one has gone."""

@@ -1,4 +1,4 @@
-"""Keeps the count of perception's turns, and writes down what each of them followed from."""
+"""Numbered frame records of perception's steps."""
 
 from __future__ import annotations
 
@@ -12,14 +12,14 @@ from dfvs_service.perception.frame_processor import ProcessedFrame
 
 
 class FrameRecorder:
-    """Numbers turns from 0, without gaps, and remembers which opening holds."""
+    """Numbers frame records from 0, without gaps, and remembers which session header holds."""
 
     def __init__(self) -> None:
         self.next_record = 0
         self._header_ns = 0
 
     def open(self, header: Opening) -> None:
-        """Take the opening that holds for the turns to come."""
+        """Take the session header that holds for the frame records to come."""
         self._header_ns = header.opened_ns
 
     def without_sample(

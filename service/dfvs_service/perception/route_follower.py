@@ -1,4 +1,4 @@
-"""Goals in a row: looks for the next one, and says when to go on to it."""
+"""Route following: evaluation of the next goal, and the change to it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What a recording has to begin with, so that the flight can be rerun from it."""
+"""Session header of a recording, from which a flight can be rerun."""
 
 from __future__ import annotations
 

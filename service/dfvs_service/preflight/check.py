@@ -1,4 +1,4 @@
-"""The whole check: first what needs nothing but this machine, then camera and vehicle."""
+"""Preflight check: first this machine, then camera and vehicle."""
 
 from __future__ import annotations
 
@@ -51,7 +51,7 @@ def check_everything(
 ) -> CheckReport:
     """Check the live camera, model and settings, then watch camera and vehicle for a while.
 
-    ``show`` takes a picture (H, W, 3) of what was seen; there is none where no model works.
+    ``show`` takes an image (H, W, 3) of what was seen; there is none where no model works.
 
     Raises
     ------

@@ -1,4 +1,4 @@
-"""What can be checked before anything is connected: camera, goal, model, its speed, the network."""
+"""Checks without a connection: camera, goal, model, its speed, network."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ _FRAMES = 5
 _SHIFT_PX = 4
 
 MATCH_BUDGET_NS = GateTiming().frame_age_ns // 2
-"""A frame's result comes after the work on the frame before and its own, and by then the picture
+"""A frame's result comes after the work on the frame before and its own, and by then the image
 must not be older than the gate accepts."""
 
 

@@ -37,7 +37,7 @@ class View:
 
 
 class ViewCollector:
-    """Takes turns and flow grids as they come, from any thread.
+    """Takes frame records and flow grids as they come, from any thread.
 
     A frame with its flow counts more than a newer one without.
     """
@@ -74,7 +74,7 @@ class ViewCollector:
 
 
 class LiveView:
-    """Subscribes to a service's turns and flow, from a thread that waits for its operator link.
+    """Subscribes to frame records and flow, from a thread that waits for its operator link.
 
     Parameters
     ----------

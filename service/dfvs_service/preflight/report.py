@@ -1,4 +1,4 @@
-"""What a check found: a table of marks, or JSON."""
+"""Report of a check: a table or JSON."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Rate and size of the live camera, before anything is started that needs its frames."""
+"""Rate and size of the live camera."""
 
 from __future__ import annotations
 

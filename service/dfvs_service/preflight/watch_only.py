@@ -1,4 +1,4 @@
-"""The service's own processes, run to watch: they judge as before a flight, and send nothing."""
+"""Service processes in watch-only mode, which sends nothing to the vehicle."""
 
 from __future__ import annotations
 

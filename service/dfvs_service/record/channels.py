@@ -1,4 +1,4 @@
-"""Channels of a recording: topic, encoding and schema, as MCAP and Foxglove want them."""
+"""Channels of a recording: topic, encoding and schema for MCAP and Foxglove."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One message; ``t_unix_ns`` is when it became known, ``sequence`` the turn's number."""
+    """One message; ``t_unix_ns`` is when it became known, ``sequence`` its record's number."""
 
     channel: Channel
     t_unix_ns: int

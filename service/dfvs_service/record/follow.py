@@ -1,4 +1,4 @@
-"""Following one vehicle's turns over Zenoh, for as long as somebody wants to."""
+"""Subscription to one vehicle's frame records over Zenoh."""
 
 from __future__ import annotations
 

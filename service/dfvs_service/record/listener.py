@@ -1,4 +1,4 @@
-"""Openings and turns as they come over Zenoh, put in order for whoever records or shows them."""
+"""Listener for session headers and frame records, which puts them in order."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ _BATCH = 4
 """Few enough that whoever is told to end is asked in time."""
 
 Event = tuple[Opening | Turn | FlowGrid, bytes]
-"""What was told, and the bytes beside it: a goal's picture, or a sample's payload."""
+"""What was told, and the bytes beside it: a goal's image, or a sample's payload."""
 
 _Kind = type[Opening] | type[Turn] | type[FlowGrid]
 
@@ -89,7 +89,7 @@ class RecordListener:
 
 
 class RecordSequencer:
-    """Gives every opening right before the first turn that it holds for.
+    """Gives every session header right before the first frame record that it holds for.
 
     The two come on different keys, so either may overtake the other.
     """

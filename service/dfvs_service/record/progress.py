@@ -1,4 +1,4 @@
-"""How a recording goes, on one line of a terminal."""
+"""Progress line of a recording."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ class ProgressLine:
         lost = counts.missing + counts.dropped
         size_mb = recorder.size_bytes / 1e6
         self._stream.write(
-            f"\r\x1b[K{counts.records} turns, {size_mb:.1f} MB, {lost} lost  {where}"
+            f"\r\x1b[K{counts.records} frame records, {size_mb:.1f} MB, {lost} lost  {where}"
         )
         self._stream.flush()
 

@@ -1,4 +1,4 @@
-"""A recording: a row of MCAP files, each of which opens and begins with all it needs.
+"""Recorder of MCAP files, each of which can be read by itself.
 
 Never raises for want of a disk: what cannot be written is dropped and counted, and a new file is
 tried every few seconds.
@@ -36,7 +36,7 @@ class RecordLimits:
 class RecordCounts:
     """What became of what was to be recorded.
 
-    ``missing`` turns never arrived, ``dropped`` ones could not be written, ``files_removed`` made
+    ``missing`` records never arrived, ``dropped`` ones could not be written, ``files_removed`` made
     room for newer ones.
     """
 
@@ -97,7 +97,7 @@ class Recorder:
         return current + sum(map(_size, self._written))
 
     def open(self, header: Opening, image: bytes) -> None:
-        """Take the opening that holds for the turns to come."""
+        """Take the session header that holds for the frame records to come."""
         if self._header is not None:
             self._next_record = header.first_turn
         self._header = (header, image)
@@ -106,7 +106,7 @@ class Recorder:
             self._write(self._translation.header(image), first=True)
 
     def add(self, record: Turn, payload: bytes) -> None:
-        """Take a turn; one without its opening cannot be told apart from noise and is dropped."""
+        """Add a frame record; one without its session header is dropped."""
         if self._translation is None:
             self.counts.dropped += 1
             return
@@ -186,7 +186,7 @@ class Recorder:
     def _pause(self, why: str) -> None:
         """Write nothing for a while; what was written stays."""
         self._retry_ns = self._tick() + _RETRY_NS
-        self._warn(f"recording pauses, {self.counts.dropped} turns dropped so far: {why}")
+        self._warn(f"recording pauses, {self.counts.dropped} frame records dropped so far: {why}")
         if self._file is not None:
             self._written.append(self._file.path)
             self._file.abandon()

@@ -1,6 +1,6 @@
-"""Openings and turns as messages of a recording: what is needed to rerun, and what is to be seen.
+"""Conversion of session headers and frame records to messages of a recording.
 
-``/dfvs/turn`` with the picture of the same sequence number holds all that a replay needs. The
+``/dfvs/turn`` with the image of the same sequence number holds all that a replay needs. The
 other channels say the same in Foxglove's standard schemas and as plain JSON, for people.
 """
 
@@ -49,7 +49,7 @@ _SERVO_VECTORS = ("velocity_error",)
 
 
 class Translation:
-    """Messages of one opening and of the turns that follow from it."""
+    """Messages of one session header and of the frame records that follow from it."""
 
     def __init__(self, header: Opening) -> None:
         self._header = header
@@ -65,9 +65,9 @@ class Translation:
         self._last = (header.first_turn, header.opened_ns)
 
     def header(self, image: bytes, now_unix_ns: int | None = None) -> Iterator[Message]:
-        """Settings, goal picture (PNG), calibration and the frames that stand still.
+        """Settings, goal image (PNG), calibration and the frames that stand still.
 
-        Stamped with the opening's own time, or with another one where they are repeated.
+        Stamped with the session header's own time, or with another one where they are repeated.
         """
         header = self._header
         t_ns = self._unix(header.opened_ns) if now_unix_ns is None else now_unix_ns
@@ -83,7 +83,7 @@ class Translation:
             yield Message(channel, t_ns, header.first_turn, data)
 
     def record(self, record: Turn, payload: bytes) -> Iterator[Message]:
-        """One turn with its sample's payload."""
+        """One frame record with its sample's payload."""
         t_ns = self._unix(record.t_ns)
         self._last = (record.number, record.t_ns)
         yield Message(channels.FRAME_RECORD, t_ns, record.number, to_json(record))
@@ -96,7 +96,7 @@ class Translation:
             yield self._json(self._servo_channel(record.servo), t_ns, record.number, record.servo)
 
     def flow(self, grid: FlowGrid) -> Message:
-        """Flow of a frame, told after the last turn."""
+        """Flow of a frame, told after the last frame record."""
         number, t_ns = self._last
         at_ns = self._unix(grid.t_capture_ns)
         data = foxglove_messages.flow_annotations(at_ns, grid, self._min_confidence)

@@ -1,4 +1,4 @@
-"""A recorded flight beside its replay: what differs, by how much, and how long either took."""
+"""Comparison of a recorded flight with its replay: differences and durations."""
 
 from __future__ import annotations
 
@@ -46,7 +46,7 @@ class FrameDifference:
 class Comparison:
     """All frames, and their sum.
 
-    ``first_difference`` is the turn of the first frame that is not identical; latencies are of
+    ``first_difference`` is the record of the first frame that is not identical; latencies are of
     the stages that both have: matching, and all from decoding to the command.
     """
 

@@ -1,4 +1,4 @@
-"""A whole recording run again: openings, turns, and what cannot be the same."""
+"""Replay of a whole recording, with the reasons why results may differ."""
 
 from __future__ import annotations
 
@@ -40,7 +40,7 @@ class Replay:
 
 
 class FlightReplay:
-    """Reruns the turns of a recording one by one.
+    """Reruns the frame records of a recording one by one.
 
     Parameters
     ----------
@@ -61,7 +61,7 @@ class FlightReplay:
         return None if self._rerunner is None else self._rerunner.processed
 
     def open(self, header: Opening, image: bytes) -> None:
-        """Build perception for the turns to come.
+        """Build perception for the frame records to come.
 
         Raises
         ------
@@ -84,12 +84,14 @@ class FlightReplay:
         self._rerunner = Rerunner(header, image, config, self._matcher[1], depth)
 
     def record(self, record: Turn, payload: bytes) -> Rerun | None:
-        """Run one turn again; None for one that saw nothing."""
+        """Run one frame record again; None for one that saw nothing."""
         if self._rerunner is None:
             return None
         if record.number != self._next_record:
             missing = record.number - self._next_record
-            self.reasons[f"{missing} turns before turn {record.number} were not recorded"] = None
+            self.reasons[
+                f"{missing} frame records before frame record {record.number} were not recorded"
+            ] = None
         self._next_record = record.number + 1
         return self._rerunner.record(record, payload)
 

@@ -1,4 +1,4 @@
-"""Whether a replay must give the same bits as the flight, and if not why not."""
+"""Conditions under which a replay is bit-exact."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ def reasons_to_differ(
 
     Parameters
     ----------
-    opening : Opening
+    header : Opening
         Of the flight.
     config, model, build
         Of the replay: settings, the matcher's files with their SHA-256, versions.

@@ -1,7 +1,7 @@
-"""Perception run again on recorded turns, by recorded times.
+"""Replay of perception on recorded frame records.
 
 Nothing in perception depends on when it runs but the two times by which a frame's age is judged.
-They are part of every turn, so the same code, model and settings give the same reports.
+They are part of every frame record, so the same code, model and settings give the same reports.
 """
 
 from __future__ import annotations
@@ -107,23 +107,23 @@ def recorded_settings(header: Opening) -> ServiceConfig:
 
 
 def recorded_goal(header: Opening, image: bytes) -> Goal:
-    """Goal of an opening, from its PNG.
+    """Goal of a session header, from its PNG.
 
     Raises
     ------
     DfvsError
-        If picture or sidecar cannot be read.
+        If image or sidecar cannot be read.
     """
     return Goal(decode_picture(image), parse(GoalSidecar, header.sidecar))
 
 
 class Rerunner:
-    """Runs perception on the turns that follow an opening.
+    """Runs perception on the frame records that follow a session header.
 
     Parameters
     ----------
-    opening : Opening
-    picture : bytes
+    header : Opening
+    image : bytes
         The goal, PNG.
     config : ServiceConfig
         The recorded one, or what is to be tried in its place.
@@ -150,7 +150,7 @@ class Rerunner:
         """What became of the newest sample."""
 
     def set_goal(self, header: Opening, image: bytes, config: ServiceConfig) -> None:
-        """Go on to the goal of an opening that follows in the same flight."""
+        """Go on to the goal of a session header that follows in the same flight."""
         goal = recorded_goal(header, image)
         task, view = servo_task(config, goal), self._frame_processor.prepare(goal)
         preview = None
@@ -161,7 +161,7 @@ class Rerunner:
         )
 
     def record(self, record: Turn, payload: bytes) -> Rerun | None:
-        """Run one turn again; None for one that saw nothing."""
+        """Run one frame record again; None for one that saw nothing."""
         for status in record.heard:
             self._frame_processor.on_gate_status(status)
         if record.sight is None:

@@ -1,4 +1,4 @@
-"""A flight as a report sees it, whatever it was read from."""
+"""Flight as a report needs it, independent of its source."""
 
 from __future__ import annotations
 

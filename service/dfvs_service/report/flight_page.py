@@ -1,4 +1,4 @@
-"""The page about a flight."""
+"""HTML page of a flight."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ from dfvs_service.report.thumbnails import Thumbnails, collect
 from dfvs_service.report.video import VideoWriter
 
 MAX_EMBEDDED_BYTES = 24_000_000
-"""A larger film stays a file beside the page."""
+"""A larger video stays a file beside the page."""
 
 _TROUBLE = frozenset({"HOLD", "ABORT"})
 _AXES = ("forward", "right", "down")
@@ -32,7 +32,7 @@ def make_report(
     video_path: Path,
     show: Callable[[FlightView], None] = lambda _: None,
 ) -> str:
-    """HTML of a flight with all images in it; its film is written beside it.
+    """HTML of a flight with all images in it; its video is written beside it.
 
     Parameters
     ----------
@@ -41,14 +41,14 @@ def make_report(
     flight : Flight
         What was read of it.
     film_path : Path
-        Takes the film (MP4), which is replaced; none is there for a flight without a view.
+        Takes the video (MP4), which is replaced; none is there for a flight without a view.
     show : callable
-        Is given every view once it is in the film.
+        Is given every view once it is in the video.
 
     Raises
     ------
     DfvsError
-        If the film cannot be written or the views cannot be read.
+        If the video cannot be written or the views cannot be read.
     """
     video_path.unlink(missing_ok=True)
     with _video(video_path, flight, source.video_rate_hz) as video:

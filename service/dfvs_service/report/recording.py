@@ -1,4 +1,4 @@
-"""A flight read from its recording (MCAP); perception runs again on it to give the flow."""
+"""Reader of a flight from its MCAP recording; a replay gives the flow."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class RecordedFlight:
     def _opened(
         self, replay: FlightReplay | None, header: Opening, image: bytes
     ) -> FlightReplay | None:
-        """Go on with an opening's goal, model and settings, or without flow where it cannot be."""
+        """Go on with a session header's goal, model and settings, or without flow."""
         if replay is None:
             return None
         try:
@@ -99,7 +99,7 @@ class RecordedFlight:
 
 
 class _Reader:
-    """Takes openings and turns, oldest first."""
+    """Takes session headers and frame records, oldest first."""
 
     def __init__(self) -> None:
         self._headers: list[Opening] = []

@@ -1,4 +1,4 @@
-"""The views of a flight that its page shows, picked while all of them go by."""
+"""Thumbnails of a flight's views."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A flight's film: the view with its flow, the goal, the gate's state and the numbers of the time.
+"""Video of a flight: view with its flow, goal, gate state and numbers.
 
 VP9 in MP4: of the codecs that browsers play it is the one that OpenCV's wheels can write.
 """
@@ -45,16 +45,16 @@ _GREY = (110, 119, 129)
 
 
 class VideoError(ConfigError):
-    """A film that cannot be written."""
+    """A video that cannot be written."""
 
 
 class VideoWriter:
-    """Writes the film of a flight, at an even rate and in its own time.
+    """Writes the video of a flight, at an even rate and in its own time.
 
     Parameters
     ----------
     path : Path
-        Ends in ``.mp4``; is there once the film is whole.
+        Ends in ``.mp4``; is there once the video is whole.
     flight : Flight
     rate_hz : int
         Frames a second.
@@ -78,7 +78,7 @@ class VideoWriter:
         Raises
         ------
         VideoError
-            If the film cannot be written.
+            If the video cannot be written.
         """
         if self._writer is None:
             self._begin(view)
@@ -87,7 +87,7 @@ class VideoWriter:
         self._view, self._image = view, None
 
     def close(self) -> bool:
-        """Bring the film to its end; tell whether there is one.
+        """Bring the video to its end; tell whether there is one.
 
         Raises
         ------
@@ -124,7 +124,7 @@ class VideoWriter:
         )
         if not writer.isOpened():
             raise VideoError(
-                f"no film can be written to {self._path}",
+                f"no video can be written to {self._path}",
                 "a writable folder, and an OpenCV that writes VP9 as its wheels do",
             )
         self._writer = writer

@@ -1,6 +1,6 @@
-"""A ROS 2 camera as if it were one of ours: every sample is rewritten before it is looked at.
+"""Frame source of a ROS 2 camera, which rewrites samples to the DFVS wire format.
 
-What comes after (age, order, size, frozen pictures, recording) is the same for all cameras.
+What comes after (age, order, size, frozen images, recording) is the same for all cameras.
 """
 
 from __future__ import annotations

@@ -1,4 +1,4 @@
-"""``dfvs-service teach``: record a route of goal pictures from a flight by hand."""
+"""``dfvs-service teach``: record a route of goal images from a flight by hand."""
 
 from __future__ import annotations
 
@@ -39,7 +39,7 @@ recorded, 1 none, 2 cannot run.
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dfvs-service teach",
-        description="Record a route: goal pictures, each of which is seen from the one before.",
+        description="Record a route: goal images, each of which is seen from the one before.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )

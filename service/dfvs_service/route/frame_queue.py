@@ -1,4 +1,4 @@
-"""The newest frame of a vehicle's camera, as perception would get it."""
+"""Newest frame of a vehicle's camera, as perception receives it."""
 
 from __future__ import annotations
 

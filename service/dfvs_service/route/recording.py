@@ -1,4 +1,4 @@
-"""A route while it is being taught: from frames to goals, no socket, no thread."""
+"""Route recording from frames to goals, without sockets or threads."""
 
 from __future__ import annotations
 
@@ -125,7 +125,7 @@ def prepare_route_folder(folder: Path) -> None:
     Raises
     ------
     ConfigError
-        If it cannot be made, or holds pictures already.
+        If it cannot be made, or holds images already.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -133,7 +133,7 @@ def prepare_route_folder(folder: Path) -> None:
     except OSError as error:
         raise ConfigError(f"cannot make the folder {folder} ({error.strerror})") from error
     if not is_empty:
-        raise ConfigError(f"{folder} holds pictures already", "an empty folder for the new route")
+        raise ConfigError(f"{folder} holds images already", "an empty folder for the new route")
 
 
 def route_recording_settings(config: ServiceConfig, camera: CameraModel) -> ServiceConfig:

@@ -1,4 +1,4 @@
-"""The vehicle's states, by listening to its MAVLink stream; nothing is ever asked of it."""
+"""Vehicle states from a MAVLink stream, without requests to the vehicle."""
 
 from __future__ import annotations
 

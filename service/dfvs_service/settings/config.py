@@ -129,7 +129,7 @@ class ServiceConfig:
         Parameters
         ----------
         size : (int, int)
-            Width and height of the goal picture in px, taken where no size is set.
+            Width and height of the goal image in px, taken where no size is set.
         sidecar : GoalSidecar or None
             Gives intrinsics and mounting where none are set.
 

@@ -1,4 +1,4 @@
-"""Reading a goal: the picture, and the sidecar beside it that says how it was taken."""
+"""Reader of a goal's image and sidecar."""
 
 from __future__ import annotations
 
@@ -47,7 +47,7 @@ def read_image(path: str | Path) -> ImageArray:
 
 
 def read_sidecar(image_path: Path) -> GoalSidecar | None:
-    """Sidecar of a goal picture: the same name with ``.json``; None where there is none.
+    """Sidecar of a goal image: the same name with ``.json``; None where there is none.
 
     Raises
     ------
@@ -68,12 +68,12 @@ def read_sidecar(image_path: Path) -> GoalSidecar | None:
 
 
 def load_goal(image_path: str | Path) -> Goal:
-    """Goal from a picture with a sidecar beside it, of the same size.
+    """Goal from an image with a sidecar beside it, of the same size.
 
     Raises
     ------
     ImageError
-        If the picture cannot be read or has another size than its sidecar says.
+        If the image cannot be read or has another size than its sidecar says.
     ConfigError
         If there is no sidecar or it cannot be used.
 
@@ -106,7 +106,7 @@ def load_goals(runtime: RuntimeFolder) -> list[Goal]:
 
 
 def route_images(places: Sequence[Path]) -> list[Path]:
-    """Pictures of a route: those that are named, and in place of a folder those in it, by name.
+    """Images of a route: those that are named, and in place of a folder those in it, by name.
 
     Raises
     ------
@@ -127,7 +127,7 @@ def _is_image(path: Path) -> bool:
 
 
 def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
-    """Goal, after it was found that the picture has the size of its camera.
+    """Goal, after it was found that the image has the size of its camera.
 
     Raises
     ------
@@ -135,17 +135,17 @@ def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
         If it has not.
     """
     remedy = "take the goal with the camera that flies, or correct the camera's settings"
-    sidecar.camera.check_size(image, f"the goal picture {path}", remedy)
+    sidecar.camera.check_size(image, f"the goal image {path}", remedy)
     return Goal(image, sidecar)
 
 
 def goal_command(image_path: Path) -> GoalOrder:
-    """Goal picture and its sidecar as they are sent to a running service.
+    """Goal image and its sidecar as they are sent to a running service.
 
     Raises
     ------
     ImageError
-        If the picture cannot be read, or is not of its sidecar's size.
+        If the image cannot be read, or is not of its sidecar's size.
     ConfigError
         If the sidecar cannot be used.
     """
@@ -161,7 +161,7 @@ def commanded_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:
     Raises
     ------
     ImageError
-        If the picture cannot be read, or is not of the flying camera's size.
+        If the image cannot be read, or is not of the flying camera's size.
     ConfigError
         If the sidecar cannot be used.
     """

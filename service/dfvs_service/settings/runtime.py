@@ -1,4 +1,4 @@
-"""The private folder in which the service's processes meet: settings, goal, sockets, logs."""
+"""Runtime folder of the service's processes: settings, goal, sockets, logs."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the user of a terminal sees of a flight."""
+"""Terminal displays of a flight."""
 
 from __future__ import annotations
 

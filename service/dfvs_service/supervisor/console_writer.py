@@ -1,4 +1,4 @@
-"""Words for the terminal, spoken on a thread of its own.
+"""Console writer on its own thread.
 
 A terminal that is stopped (Ctrl-S), or a pipe that nobody reads, blocks whoever writes to it. The
 parent watches over the gate and must not be blocked; so it hands its words on, and those that

@@ -1,4 +1,4 @@
-"""When a process that must show signs of life has hung: pure, time is passed in."""
+"""Hang detector of a process by its heartbeats."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The parent of the service's processes: starts them, watches the gate, never restarts it.
+"""Parent process: starts the service's processes, supervises the gate, restarts nothing.
 
 A gate that misses its heartbeat is killed; the autopilot's own failsafe then takes over. A
 perception or an operator link that dies is noticed by the gate, which goes to zero and gives the

@@ -1,4 +1,4 @@
-"""Signs of life to systemd (sd_notify), where it started this process and asked for them."""
+"""Notifications to systemd (sd_notify): readiness and watchdog."""
 
 from __future__ import annotations
 

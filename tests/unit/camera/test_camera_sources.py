@@ -117,7 +117,7 @@ def test_a_folder_gives_its_pictures_by_name(tmp_path):
 
 
 def test_an_empty_folder_and_a_damaged_picture_are_named(tmp_path):
-    with pytest.raises(CameraError, match="no pictures in"):
+    with pytest.raises(CameraError, match="no images in"):
         ImageSource(str(tmp_path))
     (tmp_path / "x.jpg").write_bytes(b"\xff\xd8\xff nothing")
     with pytest.raises(CameraError, match=r"x\.jpg cannot be used"):

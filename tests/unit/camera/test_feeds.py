@@ -118,4 +118,4 @@ def test_silence_is_said_once_and_rates_every_five_seconds():
         report.frame(0.1 * i, 2000)
     for t in (4.9, 5.0, 6.0, 8.0, 9.0):
         report.update(t)
-    assert lines == ["10.0 frames a second, 2 kB each", "no picture for 3.1 s"]
+    assert lines == ["10.0 frames a second, 2 kB each", "no image for 3.1 s"]

@@ -22,8 +22,8 @@ def test_other_text_is_an_empty_message(text):
 
 
 def test_a_picture_comes_with_what_is_said_of_it():
-    message = read_message(None, with_picture({"order": "goal", "sidecar": "{}"}))
-    assert message["order"] == "goal"
+    message = read_message(None, with_picture({"command": "goal", "sidecar": "{}"}))
+    assert message["command"] == "goal"
     assert commanded_goal(message) == GoalOrder(b"jpeg", "{}")
 
 
@@ -35,7 +35,7 @@ def test_bytes_that_hold_no_header_are_an_empty_message(data):
 
 
 def test_a_picture_cannot_be_smuggled_in_by_text():
-    message = read_message('{"picture": "abc"}', None)
+    message = read_message('{"image": "abc"}', None)
     assert commanded_goal(message) is None
 
 

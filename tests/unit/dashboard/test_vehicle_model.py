@@ -45,7 +45,7 @@ def test_the_state_tells_since_when_it_is_and_keeps_the_challenge_back():
     news = VehicleModel("a").on_document("state", status(), NOW)
     assert news["state"]["t_ms"] == 1_000_000.0 - 10
     assert news["state"]["since_ms"] == 1_000_000.0 - 2_010
-    assert news["state"]["takes_orders"] is True
+    assert news["state"]["accepts_commands"] is True
     assert "secret" not in json.dumps(news)
 
 

@@ -33,8 +33,8 @@ FOV = ("--camera-fov", "70")
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["command", "goal", "--key-file", "my.key"], ["--goal PICTURE"]),
-        (["command", "hold", "--goal", "GOAL", "--key-file", "my.key"], ["--goal PICTURE"]),
+        (["command", "goal", "--key-file", "my.key"], ["--goal IMAGE"]),
+        (["command", "hold", "--goal", "GOAL", "--key-file", "my.key"], ["--goal IMAGE"]),
         (["command", "hold", "--key-file", "none"], ["cannot read the key file"]),
         (["--goal", "none.png"], ["No such file"]),
         (["--goal", "GOAL"], ["--camera-fov"]),
