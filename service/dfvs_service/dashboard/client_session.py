@@ -38,7 +38,7 @@ log = logging.getLogger("dfvs.dashboard")
 
 @dataclass(frozen=True, slots=True)
 class AppContext:
-    """State shared by all client sessions; ``command_queue`` is None where no commands can be given."""
+    """State shared by all client sessions; ``command_queue`` is None where none can be sent."""
 
     hub: Hub
     tokens: Tokens
