@@ -27,7 +27,7 @@ _Document = Mapping[str, Any]
 
 
 class CommandError(DfvsError):
-    """An order that could not be given, or was not answered."""
+    """Command that could not be sent, or was not answered."""
 
 
 def operators_zenoh(service: ZenohSection) -> ZenohSection:
@@ -43,7 +43,7 @@ def send_command(
     timeout_s: float,
     goal: GoalOrder | None = None,
 ) -> str:
-    """Sign an order with the service's present challenge, send it, and return the service's word.
+    """Sign a command with the service's present challenge, send it, and return the service's word.
 
     Parameters
     ----------
@@ -90,16 +90,16 @@ def send_command(
             )
         nonce = secrets.token_hex(16)
         command = Command(config.vehicle.name, action, challenge, nonce, argument)
-        order = encode_command(key, command)
-        key_expr, payload = (topics.command, order) if goal is None else (topics.new_goal, data)
-        attachment = None if goal is None else order
+        signed = encode_command(key, command)
+        key_expr, payload = (topics.command, signed) if goal is None else (topics.new_goal, data)
+        attachment = None if goal is None else signed
         drop = zenoh.CongestionControl.DROP
         sendings = _SENDINGS if goal is None else _GOAL_SENDINGS
         for _ in range(sendings):
             session.put(key_expr, payload, attachment=attachment, congestion_control=drop)
             deadline = time.monotonic() + timeout_s / sendings
             while (answer := _next(answers, deadline)) is not None:
-                if answer.get("request") == request_id(order):
+                if answer.get("request") == request_id(signed):
                     return str(answer.get("result", ""))
     raise CommandError(
         f"the service of {config.vehicle.name!r} did not answer in {timeout_s:g} s",

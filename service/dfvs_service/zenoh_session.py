@@ -19,6 +19,7 @@ from dfvs_service.settings.runtime import RuntimeFolder
 
 _PEM = b"-----BEGIN "
 _RETRY_S = 1.0
+_LOCAL_RETRY_S = 0.1
 
 
 def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.Session:
@@ -122,4 +123,25 @@ def open_persistently(
                 log(f"{error}; trying again every {_RETRY_S:g} s")
                 is_reported = True
             time.sleep(_RETRY_S)
+    return None
+
+
+def open_within(
+    section: ZenohSection, patience_s: float, is_stopped: Callable[[], bool]
+) -> zenoh.Session | None:
+    """Open a session to a local process that may still be starting; None if stopped before.
+
+    Raises
+    ------
+    ConfigError
+        If it does not answer in time.
+    """
+    deadline = time.monotonic() + patience_s
+    while not is_stopped():
+        try:
+            return open_session(section)
+        except ConfigError:
+            if time.monotonic() > deadline:
+                raise
+        time.sleep(_LOCAL_RETRY_S)
     return None

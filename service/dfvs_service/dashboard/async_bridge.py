@@ -34,15 +34,15 @@ class AsyncBridge:
     """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, take: Callable[[list[Sample]], None]
+        self, loop: asyncio.AbstractEventLoop, on_samples: Callable[[list[Sample]], None]
     ) -> None:
         self._loop = loop
-        self._take = take
+        self._on_samples = on_samples
         self._condition = threading.Condition()
         self._images: dict[tuple[str, str], Arrival] = {}
         self._documents: deque[Arrival] = deque(maxlen=_MAX_DOCUMENTS)
         self._closed = False
-        self._taken = threading.Event()
+        self._is_delivered = threading.Event()
         self._thread = threading.Thread(target=self._run, name="dashboard-bridge", daemon=True)
         self._thread.start()
 
@@ -60,18 +60,18 @@ class AsyncBridge:
         with self._condition:
             self._closed = True
             self._condition.notify()
-        self._taken.set()
+        self._is_delivered.set()
         self._thread.join(2.0)
 
     def _run(self) -> None:
         while (arrivals := self._collect()) is not None:
             samples = [sample for arrival in arrivals if (sample := _read(arrival)) is not None]
-            self._taken.clear()
+            self._is_delivered.clear()
             try:
                 self._loop.call_soon_threadsafe(self._deliver_batch, samples)
             except RuntimeError:  # the loop has ended
                 return
-            self._taken.wait(_PATIENCE_S)
+            self._is_delivered.wait(_PATIENCE_S)
 
     def _collect(self) -> list[Arrival] | None:
         """Everything that waits, documents first; None when closed."""
@@ -85,8 +85,8 @@ class AsyncBridge:
             return arrivals
 
     def _deliver_batch(self, samples: list[Sample]) -> None:
-        self._taken.set()
-        self._take(samples)
+        self._is_delivered.set()
+        self._on_samples(samples)
 
 
 def _read(arrival: Arrival) -> Sample | None:

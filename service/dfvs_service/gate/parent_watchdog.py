@@ -28,7 +28,7 @@ class ParentWatchdog:
         self.is_cut = False
 
     def fileno(self) -> int:
-        """Descriptor that is readable when there is something to heed."""
+        """Descriptor that is readable when there is something to read."""
         return self._descriptor
 
     def poll(self, now_ns: int) -> Stop | None:

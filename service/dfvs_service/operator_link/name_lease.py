@@ -45,18 +45,18 @@ class NameLease:
         self,
         session: zenoh.Session,
         topics: Topics,
-        tell: Callable[[LeaseHolders], None],
+        notify: Callable[[LeaseHolders], None],
         *,
         watches: bool = False,
     ) -> None:
         self.name = secrets.token_hex(4)
         self._liveliness = session.liveliness()
         self._topics = topics
-        self._tell = tell
+        self._notify = notify
         self._lock = threading.Lock()
         self._others: dict[str, set[str]] = {STANDBY: set(), IN_COMMAND: set()}
-        self._told: LeaseHolders | None = None
-        self._told_ns = 0
+        self._notified: LeaseHolders | None = None
+        self._notified_ns = 0
         self._standby = None if watches else self._declare(STANDBY)
         self._in_command: zenoh.LivelinessToken | None = None
         self._subscriber = self._liveliness.declare_subscriber(
@@ -73,12 +73,12 @@ class NameLease:
             self._in_command.undeclare()  # type: ignore[no-untyped-call]
             self._in_command = None
 
-    def tell(self) -> None:
+    def notify(self) -> None:
         """Tell the gate of others: at once of every change, and again every second."""
         holders, now_ns = self.holders(), time.monotonic_ns()
-        if holders != self._told or now_ns - self._told_ns >= _REPEAT_NS:
-            self._told, self._told_ns = holders, now_ns
-            self._tell(holders)
+        if holders != self._notified or now_ns - self._notified_ns >= _REPEAT_NS:
+            self._notified, self._notified_ns = holders, now_ns
+            self._notify(holders)
 
     def holders(self) -> LeaseHolders:
         """Names of the others, sorted; of a crowd only the first few."""

@@ -86,7 +86,7 @@ class OperatorLink:
             while not self._stopped:
                 self._publish_answer(answers)
                 name_lease.show(self._state)
-                name_lease.tell()
+                name_lease.notify()
             name_lease.close()
             del commands, goals
             self._telemetry.close()

@@ -33,7 +33,7 @@ class CameraDoubts:
 
     def __init__(self, camera: CameraModel) -> None:
         self._camera = camera
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
     def on_camera(self, announced: CameraModel | DfvsError) -> None:
         """Take an announcement, on any thread; what is wrong goes to standard error."""
@@ -41,8 +41,8 @@ class CameraDoubts:
             problem = str(announced)
         else:
             problem = disagreement(self._camera, announced)
-        if problem and problem not in self._told and len(self._told) < _MOST_WARNINGS:
-            self._told.add(problem)
+        if problem and problem not in self._reported and len(self._reported) < _MOST_WARNINGS:
+            self._reported.add(problem)
             print(f"warning: {problem}", file=sys.stderr, flush=True)
 
 

@@ -15,7 +15,7 @@ from typing import Any
 
 import zenoh
 
-from dfvs_core.errors import ConfigError, DfvsError
+from dfvs_core.errors import DfvsError
 from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.goal_command import GoalOrder
@@ -52,13 +52,13 @@ from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.goal_file import commanded_goal
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.telemetry import Telemetry
-from dfvs_service.zenoh_session import inner_zenoh, open_session
+from dfvs_service.zenoh_session import inner_zenoh, open_within
 
 _TIMING_PERIOD_NS = 1_000_000_000
 _COLLECTION_PERIOD_NS = 10_000_000_000
 _THUMBNAIL_PERIOD_NS = 1_000_000_000
 _RECORDER_PATIENCE_S = 10.0
-_LINK_PATIENCE_S, _LINK_PAUSE_S = 10.0, 0.1
+_LINK_PATIENCE_S = 10.0
 _KEPT_STATUSES = 256
 
 log = logging.getLogger("dfvs.perception")
@@ -120,7 +120,8 @@ class PerceptionProcess:
 
     def run(self) -> None:
         """Work until told to stop."""
-        session = self._open_session()
+        section = inner_zenoh(self._config.zenoh, self._runtime)
+        session = open_within(section, _LINK_PATIENCE_S, lambda: self._stopped)
         if session is None:
             return
         with session:
@@ -147,25 +148,6 @@ class PerceptionProcess:
     def stop(self, _signal: int, _frame: FrameType | None) -> None:
         """Signal handler: end after the frame at hand."""
         self._stopped = True
-
-    def _open_session(self) -> zenoh.Session | None:
-        """Wait for the operator link or the router; None if told to stop before.
-
-        Raises
-        ------
-        ConfigError
-            If it does not answer in time.
-        """
-        section = inner_zenoh(self._config.zenoh, self._runtime)
-        deadline = time.monotonic() + _LINK_PATIENCE_S
-        while not self._stopped:
-            try:
-                return open_session(section)
-            except ConfigError:
-                if time.monotonic() > deadline:
-                    raise
-            time.sleep(_LINK_PAUSE_S)
-        return None
 
     def _build_frame_processor(self, goal: Goal) -> FrameProcessor:
         clocks = Clocks(self._clock, time.monotonic_ns, time.monotonic_ns)
@@ -195,8 +177,8 @@ class PerceptionProcess:
         camera = settings.model() or self._goal.sidecar.camera
         flown = GoalSidecar(camera, mount=settings.mount or Mount())
         try:
-            order = GoalOrder.from_bytes(self._new_goals.pop(digest))
-            self._goal = commanded_goal(order, flown)
+            command = GoalOrder.from_bytes(self._new_goals.pop(digest))
+            self._goal = commanded_goal(command, flown)
             self._route = RouteFollower(self._config, [self._goal], self._workers)
         except DfvsError as error:
             self._goal_flaw = f"the new goal cannot be used: {error}"

@@ -37,7 +37,7 @@ _ERROR = "error: "
 def check_camera_and_model(config: ServiceConfig, problem: DfvsError) -> CheckReport:
     """Report where camera and goal do not fit together, so that nothing can be started."""
     model, _ = model_check(config)
-    missing = Check("vehicle", False, "not checked", "mend the camera's settings first")
+    missing = Check("vehicle", False, "not checked", "correct the camera's settings first")
     checks = (error_check("camera", problem), model, *_settings_checks(config), missing)
     return CheckReport(config.vehicle.name, checks)
 
@@ -62,7 +62,7 @@ def check_everything(
     model, matcher = model_check(config)
     first = (*camera, model)
     if matcher is None:
-        missing = Check("vehicle", False, "not checked", "mend the model first")
+        missing = Check("vehicle", False, "not checked", "correct the model first")
         return CheckReport(config.vehicle.name, (*first, *_settings_checks(config), missing))
     settled = with_working_size(config, goal, matcher, time.monotonic_ns)
     if settled != config:

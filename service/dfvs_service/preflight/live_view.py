@@ -121,10 +121,10 @@ class LiveView:
 
 
 def _taker(take: Callable[[bytes], None]) -> Callable[[zenoh.Sample], None]:
-    def take_sample(sample: zenoh.Sample) -> None:
+    def receive_sample(sample: zenoh.Sample) -> None:
         try:
             take(sample.payload.to_bytes())
         except WireError:  # of another service's version
             return
 
-    return take_sample
+    return receive_sample

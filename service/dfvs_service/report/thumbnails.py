@@ -17,7 +17,7 @@ _STRIP_VIEWS = 6
 class Thumbnails:
     """Views at even steps of the way that was left, the last one among them.
 
-    The last view is the last one before the vehicle was let go.
+    The last view is the last one before the vehicle was handed back.
     """
 
     strip: list[FlightView] = field(default_factory=list)

@@ -155,8 +155,8 @@ def goal_command(image_path: Path) -> GoalOrder:
     return GoalOrder(image_path.read_bytes(), "" if sidecar is None else sidecar.to_json())
 
 
-def commanded_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:
-    """Goal of an order that was found signed; what its sidecar lacks is as ``flown`` says.
+def commanded_goal(command: GoalOrder, flown: GoalSidecar) -> Goal:
+    """Goal of a command whose signature was verified; what its sidecar lacks is as ``flown`` says.
 
     Raises
     ------
@@ -165,8 +165,8 @@ def commanded_goal(order: GoalOrder, flown: GoalSidecar) -> Goal:
     ConfigError
         If the sidecar cannot be used.
     """
-    image = decode_picture(order.picture)
-    sidecar = GoalSidecar.from_json(order.sidecar, flown) if order.sidecar else flown
+    image = decode_picture(command.picture)
+    sidecar = GoalSidecar.from_json(command.sidecar, flown) if command.sidecar else flown
     if sidecar.camera.size != flown.camera.size:
         raise ImageError(
             f"the new goal is of a camera of {sidecar.camera.width} x {sidecar.camera.height} px",

@@ -23,11 +23,11 @@ class HangDetector:
     def __init__(self, now_ns: int) -> None:
         self._alive_ns = now_ns
         self._looked_ns = now_ns
-        self._heard = False
+        self._has_heartbeat = False
 
     def on_heartbeat(self, now_ns: int) -> None:
         """Take a heartbeat that was received now."""
-        self._heard = True
+        self._has_heartbeat = True
         self._alive_ns = now_ns
 
     def is_overdue(self, now_ns: int) -> bool:
@@ -35,5 +35,5 @@ class HangDetector:
         if now_ns - self._looked_ns > OWN_PAUSE_NS:
             self._alive_ns += now_ns - self._looked_ns
         self._looked_ns = now_ns
-        limit_ns = HEARTBEAT_LIMIT_NS if self._heard else STARTUP_LIMIT_NS
+        limit_ns = HEARTBEAT_LIMIT_NS if self._has_heartbeat else STARTUP_LIMIT_NS
         return now_ns - self._alive_ns > limit_ns

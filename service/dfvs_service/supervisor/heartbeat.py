@@ -23,7 +23,7 @@ class Heartbeat:
     """Preflight list, while not engaged."""
 
     def to_bytes(self) -> bytes:
-        """Datagram of this beat."""
+        """Datagram of this heartbeat."""
         return to_json(self)
 
     @classmethod
@@ -33,6 +33,6 @@ class Heartbeat:
         Raises
         ------
         WireError
-            If it is not a beat.
+            If it is not a heartbeat.
         """
         return from_json(cls, data)

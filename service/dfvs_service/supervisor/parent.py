@@ -256,10 +256,10 @@ class Parent:
         for line in self._heartbeat.warnings:
             self._report(f"warning: {line}")
         for name, child in self._children.items():
-            say = self._report_recorder if name in _LOSSES else self._report
+            report = self._report_recorder if name in _LOSSES else self._report
             for line in child.new_errors():
                 if line.startswith(_NOTABLE):
-                    say(line)
+                    report(line)
 
     def _report(self, line: str) -> None:
         if line not in self._reported:

@@ -85,7 +85,7 @@ def test_a_stream_is_read_lost_and_read_again(lines):
     deadline = time.monotonic() + 20.0
     while not lines and time.monotonic() < deadline:
         feed.receive(0.1)
-    assert "no more pictures" in lines[0]
+    assert "no more images" in lines[0]
     assert "trying again" in lines[0]
     with served(port):
         assert shots(feed, 3)

@@ -78,7 +78,7 @@ def test_a_flight_is_recorded_from_its_first_turn_though_the_recorder_comes_late
         recorder.kill()
         feed.close()
     assert recorder.returncode == 0, errors
-    assert f"{len(flight.records)} turns" in out
+    assert f"{len(flight.turns)} records, " in out
     assert "0 missing, 0 dropped" in out
     (path,) = tmp_path.glob("*.mcap")
     with path.open("rb") as file:
@@ -103,7 +103,7 @@ def test_killed_without_warning_it_leaves_all_but_the_last_chunk(service, flight
     entries = list(read_recording([path]))
     turns = [entry.message for entry in entries[1:]]
     assert len(turns) > 2
-    assert turns == flight.records[: len(turns)]
+    assert turns == flight.turns[: len(turns)]
 
 
 def test_who_joins_in_the_middle_is_told_with_what_the_turns_work(service, flight, tmp_path):
@@ -123,14 +123,14 @@ def test_who_joins_in_the_middle_is_told_with_what_the_turns_work(service, fligh
         feed.close()
     entries = [entry.message for entry in read_recording(list(tmp_path.glob("*.mcap")))]
     assert entries[0] == flight.opening
-    assert entries[1:] == flight.records[4:]
+    assert entries[1:] == flight.turns[4:]
 
 
 def test_a_recorder_that_never_comes_costs_a_bounded_memory_and_no_time(service, flight):
     session, _ = service
     feed = RecordPublisher(session, TOPICS, print, patience_s=60.0)
     feed_all(feed, flight.events[:1])
-    turn, payload = flight.records[0], bytes(1024 * 1024)
+    turn, payload = flight.turns[0], bytes(1024 * 1024)
     start = time.monotonic()
     for _ in range(100):
         feed.offer(turn, payload)
@@ -151,7 +151,7 @@ def test_a_recorder_that_hangs_delays_nobody(service, flight, tmp_path):
     try:
         wait_until(lambda: feed.wanted)
         os.kill(recorder.pid, signal.SIGSTOP)
-        turn, payload = flight.records[0], bytes(1024 * 1024)
+        turn, payload = flight.turns[0], bytes(1024 * 1024)
         longest, last = 0.0, time.monotonic()
         for _ in range(300):
             feed.offer(turn, payload)
@@ -174,7 +174,7 @@ def test_while_nobody_records_nothing_is_kept(service, flight):
     feed = RecordPublisher(session, TOPICS, print)
     assert not feed.wanted
     for _ in range(200):
-        feed.offer(flight.records[0], bytes(1024 * 1024))
+        feed.offer(flight.turns[0], bytes(1024 * 1024))
     assert feed.dropped == 0
     feed.close()
 

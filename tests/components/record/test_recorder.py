@@ -101,7 +101,7 @@ def test_flow_path_and_log_are_in_it_for_people_and_change_nothing_of_a_replay(t
     (drawn,) = ImageAnnotations.FromString(messages(desk.files[0], "/camera/flow")[0]).points
     assert len(drawn.points) == 2 * 2 * 3
     (entry, *_) = [Log.FromString(data) for data in messages(desk.files[0], "/gate/log")]
-    assert entry.message.startswith(flight.records[0].heard[0].state)
+    assert entry.message.startswith(flight.turns[0].heard[0].state)
     path = PosesInFrame.FromString(messages(desk.files[0], "/vehicle/path")[-1])
     assert path.poses[0].position.z == pytest.approx(-1.5)
     assert [message for message, _ in told(desk.files)] == [message for message, _ in flight.events]
@@ -141,7 +141,7 @@ def test_picture_pose_and_calibration_say_what_they_should(tmp_path, flight):
     np.testing.assert_allclose(
         calibration.K, [CAMERA.fx, 0, CAMERA.cx - 0.5, 0, CAMERA.fy, CAMERA.cy - 0.5, 0, 0, 1]
     )
-    vehicle = flight.records[0].heard[0].vehicle
+    vehicle = flight.turns[0].heard[0].vehicle
     pose = PoseInFrame.FromString(messages(path, "/vehicle/pose")[0])
     position = pose.pose.position
     assert (position.x, position.y, position.z) == vehicle.position_m
@@ -166,7 +166,7 @@ def test_the_camera_looks_ahead_in_a_world_whose_z_axis_is_up(tmp_path, flight):
     down = R["world", "ned"] @ [0, 0, 1]
     np.testing.assert_allclose(down, [0, 0, -1], atol=1e-12)
     ahead = R["world", "ned"] @ R["ned", "body"] @ R["body", "camera"] @ [0, 0, 1]
-    yaw = flight.records[0].heard[0].vehicle.yaw_rad
+    yaw = flight.turns[0].heard[0].vehicle.yaw_rad
     np.testing.assert_allclose(ahead[:2], [np.sin(yaw), np.cos(yaw)], atol=2e-3)  # east, north
     np.testing.assert_allclose(R["body", "camera"], Mount().T_body_camera()[:3, :3], atol=1e-12)
 
@@ -191,7 +191,7 @@ def test_a_recording_that_is_too_large_loses_its_oldest_files_and_nothing_else(t
     assert desk.recorder.counts.files_removed > 0
     ours = [path for path in desk.files if path != stranger]
     assert sum(path.stat().st_size for path in ours) < 1_500_000
-    assert told(ours)[-1][0] == large.records[-1]
+    assert told(ours)[-1][0] == large.turns[-1]
     assert stranger.exists()
 
 
@@ -199,7 +199,7 @@ def test_too_little_space_drops_and_says_so_and_goes_on_when_there_is_some(tmp_p
     desk = Desk(tmp_path, RecordLimits(10**9, 10**10, free_bytes=10**18)).take(flight.events)
     counts = desk.recorder.counts
     assert counts.records == 0
-    assert counts.dropped == len(flight.records)
+    assert counts.dropped == len(flight.turns)
     assert "are free" in desk.warnings[0]
     assert len(desk.warnings) == 1
     assert not desk.files

@@ -41,7 +41,7 @@ def test_the_same_build_gives_the_same_commands_bit_for_bit(recording, flight):
     comparison = compare(result.frames)
     assert result.reasons == ()
     assert comparison.is_identical
-    assert len(comparison.frames) == sum(turn.sight is not None for turn in flight.records)
+    assert len(comparison.frames) == sum(turn.sight is not None for turn in flight.turns)
     assert comparison.healthy_both > 8
     speeds = [abs(frame.replayed.velocity[1]) for frame in comparison.frames]
     assert max(speeds) > 0.05  # there was something to be the same
@@ -213,7 +213,7 @@ def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_goes(tmp_path):
     cut.write_bytes(data[: int(0.7 * len(data))])
     comparison = compare(rerun(cut).frames)
     assert comparison.is_identical
-    assert 2 <= len(comparison.frames) < len(flight.records) - 1
+    assert 2 <= len(comparison.frames) < len(flight.turns) - 1
 
 
 def test_other_settings_give_a_report_of_what_differs(recording, tmp_path, capsys):

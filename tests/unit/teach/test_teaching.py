@@ -113,7 +113,7 @@ def test_a_view_without_the_last_goal_is_lost_until_it_is_back(tmp_path):
 def test_a_folder_with_a_route_in_it_is_refused(tmp_path):
     prepare_route_folder(tmp_path / "new")
     write_goal(tmp_path / "new" / "001.png", picture(1.0), sidecar_of(CAMERA, Mount(), None))
-    with pytest.raises(ConfigError, match="holds pictures already"):
+    with pytest.raises(ConfigError, match="holds images already"):
         prepare_route_folder(tmp_path / "new")
 
 
