@@ -24,7 +24,7 @@ from recorded_flight import fly
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_core.messages.topics import Topics
 from dfvs_core.messages.zenoh_settings import zenoh_settings
-from dfvs_service.perception.record_publisher import TurnFeed
+from dfvs_service.perception.record_publisher import RecordPublisher
 
 TURNS, PERIOD_S = 500, 0.02
 
@@ -58,7 +58,7 @@ def main():
     for key, value in zenoh_settings("peer", (), (endpoint,)):
         settings.insert_json5(key, value)
     with zenoh.open(settings) as session, tempfile.TemporaryDirectory() as folder:
-        feed = TurnFeed(session, Topics("bottled"), print)
+        feed = RecordPublisher(session, Topics("bottled"), print)
         feed.offer(*flight.events[0])
         alone_ms = spend(feed, flight.turns[0], payload)
         words = ["--out", str(Path(folder) / "r"), "--vehicle", "bottled"]

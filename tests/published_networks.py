@@ -22,8 +22,9 @@ from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.link import GateStatus, PerceptionReport, VehicleState
 from dfvs_models.catalog import load_matcher
-from dfvs_service.perception.assembly import Clocks, build_eye
-from dfvs_service.perception.frame_processor import Eye, RawSample
+from dfvs_service.frames import RawSample
+from dfvs_service.perception.assembly import Clocks, build_frame_processor
+from dfvs_service.perception.frame_processor import FrameProcessor
 from dfvs_service.settings.config import load_config
 
 NETWORKS = (
@@ -62,22 +63,22 @@ def perceive(bundle: Path, pictures: list[np.ndarray]) -> tuple[list[PerceptionR
     config, _ = load_config(None, overrides).with_camera((CAMERA.width, CAMERA.height), sidecar)
     matcher = load_matcher(config.flow.model, config.flow.threads, config.flow.provider)
     clocks = Clocks(CLOCK, time.monotonic_ns, time.monotonic_ns)
-    eye = build_eye(config, Goal(pictures[-1], sidecar), matcher, clocks)
+    eye = build_frame_processor(config, Goal(pictures[-1], sidecar), matcher, clocks)
     reports, times_ms = [], []
     for seq, picture in enumerate(pictures[:-1], 1):
         sample = _sample(eye, picture, seq)
         start = time.perf_counter()
-        reports.append(eye.look(sample).report)
+        reports.append(eye.process(sample).report)
         times_ms.append(1e3 * (time.perf_counter() - start))
     return reports, float(np.median(times_ms))
 
 
-def _sample(eye: Eye, picture: np.ndarray, seq: int) -> RawSample:
+def _sample(eye: FrameProcessor, picture: np.ndarray, seq: int) -> RawSample:
     """Take a frame now, with vehicle states around it."""
     now_ns = time.monotonic_ns()
     for back_ns in (60_000_000, 30_000_000, 0):
         state = VehicleState(now_ns - back_ns, 0.0, 0.0, 0.0, (0.0,) * 3, (0.0,) * 3)
-        eye.heed(GateStatus("SERVO", "", state))
+        eye.on_gate_status(GateStatus("SERVO", "", state))
     frame = Frame(picture, now_ns - 5_000_000, seq)
     payload, attachment = encode_frame(frame, PixelFormat.RGB8, CLOCK)
     return RawSample(payload, attachment, now_ns)

@@ -11,17 +11,17 @@ from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import GateStatus, VehicleState
+from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import (
     Clocks,
-    build_eye,
+    build_frame_processor,
     depth_network,
     flow_matcher,
     servo_task,
 )
-from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.perception.messages import servo_document
-from dfvs_service.perception.recorder import TurnBook
-from dfvs_service.perception.session_header import make_opening
+from dfvs_service.perception.recorder import FrameRecorder
+from dfvs_service.perception.session_header import make_session_header
 from dfvs_service.record.recorder import Recorder, RecordLimits
 from dfvs_service.settings.config import load_config
 
@@ -74,11 +74,11 @@ def fly(
     following = Goal(wall.picture(turned(shift=(-20.0, 5.0))), sidecar)
     preview = None
     clock = RunningClock(rng)
-    eye = build_eye(
+    eye = build_frame_processor(
         config, goal, flow_matcher(config.flow), Clocks(CLOCK, clock, clock), depth_network(config)
     )
-    opening = replace(make_opening(config, goal, CLOCK), opened_ns=clock())
-    book = TurnBook()
+    opening = replace(make_session_header(config, goal, CLOCK), opened_ns=clock())
+    book = FrameRecorder()
     book.open(opening)
     events = [(opening, encode_png(goal.image))]
     for i in range(frames):
@@ -86,17 +86,17 @@ def fly(
             observation = None if preview is None else preview().observation
             eye.set_goal(servo_task(config, following), eye.prepare(following), observation)
             opening = replace(
-                make_opening(config, following, CLOCK, book.next_turn, eye.observed_ns),
+                make_session_header(config, following, CLOCK, book.next_turn, eye.observed_ns),
                 opened_ns=clock(),
             )
             book.open(opening)
             events.append((opening, encode_png(following.image)))
         heard = [status_at(clock, i, k) for k in range(3)]
         for status in heard:
-            eye.heed(status)
+            eye.on_gate_status(status)
         if i % 7 == 6:
-            report = eye.look(RawSample(b"", b"", clock())).report
-            events.append((book.silent(clock(), heard, report), b""))
+            report = eye.process(RawSample(b"", b"", clock())).report
+            events.append((book.without_sample(clock(), heard, report), b""))
             continue
         left_px = 24.0 - i
         picture = wall.picture(turned(shift=(left_px, 0.3 * left_px)))
@@ -106,10 +106,10 @@ def fly(
         if i == 4:
             payload, attachment = b"rubbish", b"of any kind"
         sample = RawSample(payload, attachment, clock())
-        glance = eye.look(sample)
-        outcome = glance.outcome
+        glance = eye.process(sample)
+        outcome = glance.frame_result
         servo = servo_document(glance.frame, outcome, clock(), glance.stages_ns) if outcome else {}
-        events.append((book.looked(sample, heard, glance, servo), payload))
+        events.append((book.with_sample(sample, heard, glance, servo), payload))
         eye.update_depth()
         if i == preview_of:
             preview = eye.evaluate_next_goal(servo_task(config, following), eye.prepare(following))

@@ -25,7 +25,7 @@ from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.frame_result import FrameResult
 from dfvs_core.perception.goal_tracker import TrackingState
 from dfvs_core.servo.exchange import ServoResult, Status, Uncertainty
-from dfvs_service.perception.images import Pictures
+from dfvs_service.perception.images import TelemetryImages
 from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.key_file import load_key
@@ -117,7 +117,7 @@ class TelemetryVehicle:
         self.pixel_format = pixel_format
         self.state, self.cause = "SERVO", "good data"
         self.since_ns = self.started_ns = time.monotonic_ns()
-        self.pictures = Pictures(CLOCK, 0.3, 70)
+        self.pictures = TelemetryImages(CLOCK, 0.3, 70)
         self.goal, self.views, self.flows = approach()
         self.is_paused = False
         self.mounting_score = 12.3

@@ -1,1 +1,1 @@
-"""The service that flies: its processes, their adapters and command lines."""
+"""Service that flies: its processes, adapters and command lines."""

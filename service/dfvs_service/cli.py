@@ -1,17 +1,11 @@
-"""``dfvs-service``: fly to a goal picture, give orders to a flight, print the settings."""
+"""``dfvs-service``: fly to a goal image, command a flight, print the settings."""
 
 from __future__ import annotations
 
 import argparse
-import fcntl
 import os
-import shutil
 import sys
-import tempfile
-import time
-from collections.abc import Iterator, Sequence
-from contextlib import contextmanager
-from dataclasses import replace
+from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.atomic_file import write_atomic
@@ -21,31 +15,33 @@ from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, OnDone
 from dfvs_core.gate.events import Action
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.image import encode_png
+from dfvs_service.flight_setup import (
+    check_camera,
+    check_commands,
+    check_ports,
+    display_of,
+    programs_of,
+    resolve,
+    runtime_folder,
+    with_flights_folder,
+    with_model,
+)
 from dfvs_service.flights.cli import flights
-from dfvs_service.flights.store import flights_folder
-from dfvs_service.preflight.calibration import camera_check
-from dfvs_service.preflight.ports import refuse_taken_mavlink, refuse_taken_zenoh
-from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.replay_gate import replay_gate
 from dfvs_service.route.cli import run as teach
-from dfvs_service.settings.calibration_file import with_calibration, with_intrinsics
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.config_text import markdown_table, toml_text
 from dfvs_service.settings.exposure import exposure_warnings
 from dfvs_service.settings.goal_file import (
-    checked_goal,
-    goal_order,
+    goal_command,
     read_image,
-    read_sidecar,
-    route_pictures,
+    route_images,
 )
 from dfvs_service.settings.key_file import create_key, load_key
 from dfvs_service.settings.options import add_settings_options, settings_from
-from dfvs_service.settings.runtime import RuntimeFolder
-from dfvs_service.supervisor.console import ChangeLines, Display, JsonLines, LiveLine, shows_colours
-from dfvs_service.supervisor.parent import Programs, fly, prepare_runtime
+from dfvs_service.supervisor.console import shows_colours
+from dfvs_service.supervisor.parent import fly, prepare_runtime
 
 EXIT_OK, EXIT_ENDED = 0, 1
 
@@ -101,37 +97,37 @@ def _print_config(words: Sequence[str]) -> int:
     return EXIT_OK
 
 
-# --- orders -----------------------------------------------------------------------------------
+# --- commands ---------------------------------------------------------------------------------
 
 
 def _command(words: Sequence[str]) -> int:
     parser = argparse.ArgumentParser(
         prog="dfvs-service command",
-        description="Give a signed order to a running service, or make a key for that.",
+        description="Send a signed command to a running service, or make a key for that.",
         epilog="example: dfvs-service command hold --key-file my.key --vehicle drone1",
     )
-    parser.add_argument("order", choices=["new-key", *(str(action) for action in Action)])
+    parser.add_argument("command", choices=["new-key", *(str(action) for action in Action)])
     parser.add_argument("--key-file", type=Path, required=True, metavar="FILE")
-    parser.add_argument("--goal", type=Path, metavar="PICTURE", help="the new goal, for 'goal'")
+    parser.add_argument("--goal", type=Path, metavar="IMAGE", help="the new goal, for 'goal'")
     parser.add_argument("--timeout", type=float, default=3.0, metavar="S", help="(default: 3)")
     add_settings_options(parser)
     arguments = parser.parse_args(words)
-    if arguments.order == "new-key":
+    if arguments.command == "new-key":
         create_key(arguments.key_file)
         print(f"wrote {arguments.key_file}; give it to the service as gate.command_key_file")
         return EXIT_OK
     # Zenoh is needed here alone, and takes its time to load.
-    from dfvs_service.command import give_order
+    from dfvs_service.command import send_command
 
     config = settings_from(arguments)
-    action, picture = Action(arguments.order), arguments.goal
-    if (action is Action.GOAL) != (picture is not None):
+    action, goal_path = Action(arguments.command), arguments.goal
+    if (action is Action.GOAL) != (goal_path is not None):
         raise ConfigError(
-            f"order {arguments.order!r} {'without' if picture is None else 'with'} --goal",
-            "--goal PICTURE with the order 'goal', and with no other",
+            f"command {arguments.command!r} {'without' if goal_path is None else 'with'} --goal",
+            "--goal IMAGE with the command 'goal', and with no other",
         )
-    goal = None if picture is None else goal_order(picture)
-    answer = give_order(config, load_key(arguments.key_file), action, arguments.timeout, goal)
+    goal = None if goal_path is None else goal_command(goal_path)
+    answer = send_command(config, load_key(arguments.key_file), action, arguments.timeout, goal)
     print(answer)
     return EXIT_OK if answer.startswith("accepted") else EXIT_ENDED
 
@@ -139,10 +135,14 @@ def _command(words: Sequence[str]) -> int:
 # --- flight -----------------------------------------------------------------------------------
 
 
+def _renamed_image(path: str) -> Path:
+    raise argparse.ArgumentTypeError(f"--picture is called --image: --image {path}")
+
+
 def _flight_parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dfvs-service",
-        description="Fly a PX4 drone to the view that a goal picture shows.",
+        description="Fly a PX4 drone to the view that a goal image shows.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -152,7 +152,7 @@ def _flight_parser() -> argparse.ArgumentParser:
         type=Path,
         nargs="+",
         required=True,
-        metavar="PICTURE",
+        metavar="IMAGE",
         help="PNG or JPEG; several, or a folder of them, are flown to one after the other",
     )
     add_settings_options(parser)
@@ -189,11 +189,12 @@ def _flight_parser() -> argparse.ArgumentParser:
     )
     parser.add_argument("--json", action="store_true", help="print the result of --check as JSON")
     parser.add_argument(
-        "--picture",
+        "--image",
         type=Path,
         metavar="FILE.png",
         help="with --check: draw goal, frame, flow and the command that would follow",
     )
+    parser.add_argument("--picture", type=_renamed_image, help=argparse.SUPPRESS)
     parser.add_argument(
         "--runtime-dir", type=Path, metavar="DIR", help="keep sockets and logs here"
     )
@@ -201,6 +202,17 @@ def _flight_parser() -> argparse.ArgumentParser:
         "--json-log", action="store_true", help="print the gate's log as JSON lines"
     )
     return parser
+
+
+def _check_image(arguments: argparse.Namespace) -> None:
+    """Refuse an image that could not be written, before the check takes its time."""
+    path = arguments.image
+    if path is None:
+        return
+    if not arguments.check:
+        raise ConfigError("--image without --check", "both, or neither")
+    if path.suffix.lower() != ".png" or not os.access(path.parent, os.W_OK):
+        raise ConfigError(f"--image is {str(path)!r}", "a .png in a folder that can be written")
 
 
 def _fly(words: Sequence[str]) -> int:
@@ -217,182 +229,48 @@ def _fly(words: Sequence[str]) -> int:
             "record.folder": None if arguments.record is None else str(arguments.record.absolute()),
         },
     )
-    _check_picture(arguments)
-    first, *others = route_pictures(arguments.goal)
+    _check_image(arguments)
+    first, *others = route_images(arguments.goal)
     if arguments.check:
         return _check(config, first, arguments)
-    config, goal = _resolve(_with_flights_folder(config), first)
-    later = [_resolve(config, picture)[1] for picture in others]
-    for picture, each in zip((first, *others), (goal, *later), strict=True):
-        _check_camera(config, picture, each)
-    _check_commands(config)
-    _check_ports(config)
-    config = _with_model(config, goal)
+    config, goal = resolve(with_flights_folder(config), first)
+    later = [resolve(config, goal_path)[1] for goal_path in others]
+    for goal_path, each in zip((first, *others), (goal, *later), strict=True):
+        check_camera(config, goal_path, each)
+    check_commands(config)
+    check_ports(config)
+    config = with_model(config, goal)
     for line in exposure_warnings(config):
         print(f"warning: {line}", file=sys.stderr)
-    with _runtime(arguments.runtime_dir) as runtime:
-        _check_ports(config)  # the model took seconds to load
+    with runtime_folder(arguments.runtime_dir) as runtime:
+        check_ports(config)  # the model took seconds to load
         prepare_runtime(runtime, config, goal, later)
-        return fly(runtime, _programs(config), _display(runtime, as_json=arguments.json_log))
+        return fly(runtime, programs_of(config), display_of(runtime, as_json=arguments.json_log))
 
 
-def _check(config: ServiceConfig, picture: Path, arguments: argparse.Namespace) -> int:
+def _check(config: ServiceConfig, goal_path: Path, arguments: argparse.Namespace) -> int:
     """Print a table of what is right and what is not; nothing is armed, moved or streamed."""
     # ONNX Runtime is needed here, and takes its time to load.
     from dfvs_service.preflight.check import check_camera_and_model, check_everything
 
-    read_image(picture)  # a goal that cannot be read is no cross, but nothing to check by
+    read_image(goal_path)  # a goal that cannot be read is no cross, but nothing to check by
     drawn: list[ImageArray] = []
     try:
-        config, goal = _resolve(config, picture)
+        config, goal = resolve(config, goal_path)
     except DfvsError as error:
         report = check_camera_and_model(config, error)
     else:
-        _check_ports(config)
-        with _runtime(arguments.runtime_dir) as runtime:
-            show = None if arguments.picture is None else drawn.append
+        check_ports(config)
+        with runtime_folder(arguments.runtime_dir) as runtime:
+            show = None if arguments.image is None else drawn.append
             report = check_everything(config, goal, runtime, arguments.check_timeout, show=show)
     if drawn:
-        write_atomic(arguments.picture, encode_png(drawn[0]))
-    elif arguments.picture is not None:
-        print("warning: no picture, since nothing was seen: correct what fails", file=sys.stderr)
+        write_atomic(arguments.image, encode_png(drawn[0]))
+    elif arguments.image is not None:
+        print("warning: no image, since nothing was seen: correct what fails", file=sys.stderr)
     colours = shows_colours(sys.stdout, os.environ)
     print(report.to_json() if arguments.json else report.to_text(colours=colours))
     return EXIT_OK if report.ok else EXIT_ENDED
-
-
-def _check_picture(arguments: argparse.Namespace) -> None:
-    """Refuse a picture that could not be written, before the check takes its time."""
-    path = arguments.picture
-    if path is None:
-        return
-    if not arguments.check:
-        raise ConfigError("--picture without --check", "both, or neither")
-    if path.suffix.lower() != ".png" or not os.access(path.parent, os.W_OK):
-        raise ConfigError(f"--picture is {str(path)!r}", "a .png in a folder that can be written")
-
-
-def _resolve(config: ServiceConfig, picture: Path) -> tuple[ServiceConfig, Goal]:
-    """Settings with all that is known of the camera, and the goal, checked against it."""
-    image, sidecar = read_image(picture), read_sidecar(picture)
-    height, width = image.shape[:2]
-    config = _with_announced(with_calibration(config), sidecar)
-    config, camera = config.with_camera((width, height), sidecar)
-    if sidecar is None:
-        sidecar = GoalSidecar(camera, mount=config.camera.mount or Mount())
-    return config, checked_goal(picture, image, sidecar)
-
-
-def _check_commands(config: ServiceConfig) -> None:
-    """Refuse a key that cannot be used, and to wait for commands that nobody can sign."""
-    if config.gate.command_key_file:
-        load_key(Path(config.gate.command_key_file))
-    elif config.gate.engage is Engage.COMMAND:
-        raise ConfigError(
-            "gate.engage is 'command', but there is no key",
-            "gate.command_key_file",
-            "make one with dfvs-service command new-key, or engage by the pilot's switch",
-        )
-
-
-def _check_ports(config: ServiceConfig) -> None:
-    """Refuse ports of other programs before anything is started: MAVSDK would share its own."""
-    refuse_taken_zenoh(config.zenoh)
-    refuse_taken_mavlink(config.vehicle.mavlink)
-
-
-def _check_camera(config: ServiceConfig, picture: Path, goal: Goal) -> None:
-    """Refuse a goal of another camera than the one that flies."""
-    check = camera_check(config, goal)
-    if not check.ok:
-        raise ConfigError(f"goal picture {picture}: {check.detail}", remedy=check.remedy)
-
-
-def _with_announced(config: ServiceConfig, sidecar: GoalSidecar | None) -> ServiceConfig:
-    """Settings with the intrinsics that the camera announces, where nothing else tells them."""
-    if config.camera.announced_s <= 0 or sidecar is not None or config.camera.model() is not None:
-        return config
-    # Zenoh is needed here alone, and takes its time to load.
-    from dfvs_service.perception.announced import await_camera
-
-    camera = await_camera(config)
-    return config if camera is None else with_intrinsics(config, camera)
-
-
-def _with_flights_folder(config: ServiceConfig) -> ServiceConfig:
-    """Settings that name the folder of flights; without a black box where none is known."""
-    if not config.black_box.enabled:
-        return config
-    try:
-        folder = flights_folder(config.black_box, os.environ)
-    except ConfigError as error:
-        print(f"warning: no black box: {error}", file=sys.stderr)
-        return replace(config, black_box=replace(config.black_box, enabled=False))
-    return replace(config, black_box=replace(config.black_box, folder=str(folder)))
-
-
-def _programs(config: ServiceConfig) -> Programs:
-    """Programs of the flight, with a black box, and a recorder where a recording is asked for.
-
-    Raises
-    ------
-    ConfigError
-        If recordings cannot be made here.
-    """
-    programs = Programs()
-    if config.black_box.enabled:
-        programs = replace(programs, black_box=(sys.executable, "-m", "dfvs_service.flights"))
-    if config.record.folder:
-        require_record_extra()
-        prepare_folder(Path(config.record.folder))
-        programs = replace(programs, recorder=(sys.executable, "-m", "dfvs_service.record"))
-    return programs
-
-
-def _with_model(config: ServiceConfig, goal: Goal) -> ServiceConfig:
-    """Settings with a working size, by a model that can be used: the errors come before a start."""
-    # ONNX Runtime is needed here alone, and takes its time to load.
-    from dfvs_service.perception.assembly import depth_network, flow_matcher
-    from dfvs_service.perception.working_size import with_working_size
-
-    depth_network(config)
-    return with_working_size(config, goal, flow_matcher(config.flow), time.monotonic_ns)
-
-
-@contextmanager
-def _runtime(folder: Path | None) -> Iterator[RuntimeFolder]:
-    """Private runtime folder: the given one, kept, or a temporary one."""
-    if folder is None:
-        temporary = Path(tempfile.mkdtemp(prefix="dfvs-"))
-        try:
-            yield RuntimeFolder(temporary)
-        finally:
-            shutil.rmtree(temporary, ignore_errors=True)
-        return
-    try:
-        folder.mkdir(mode=0o700, parents=True, exist_ok=True)
-        lock = (folder / "lock").open("w")
-        fcntl.flock(lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-    except BlockingIOError as error:
-        raise ConfigError(
-            f"the runtime folder {folder} is used by another dfvs-service",
-            remedy=f"end it, or choose another folder: --runtime-dir {folder}-2",
-        ) from error
-    except OSError as error:
-        raise ConfigError(
-            f"the runtime folder {folder} cannot be used ({error.strerror})",
-            "a writable folder that no other service uses",
-        ) from error
-    with lock:
-        yield RuntimeFolder(folder)
-
-
-def _display(runtime: RuntimeFolder, *, as_json: bool) -> Display:
-    if as_json:
-        return JsonLines(runtime.gate_log, sys.stdout)
-    if sys.stderr.isatty():
-        return LiveLine(sys.stderr, shutil.get_terminal_size().columns)
-    return ChangeLines(sys.stderr)
 
 
 if __name__ == "__main__":

@@ -1,4 +1,4 @@
-"""``dfvs-service command``: sends a signed command over Zenoh and waits for its answer."""
+"""Signed commands over Zenoh, and their answers."""
 
 from __future__ import annotations
 
@@ -26,8 +26,8 @@ _SENDINGS, _GOAL_SENDINGS = 6, 2
 _Document = Mapping[str, Any]
 
 
-class OrderError(DfvsError):
-    """An order that could not be given, or was not answered."""
+class CommandError(DfvsError):
+    """Command that could not be sent, or was not answered."""
 
 
 def operators_zenoh(service: ZenohSection) -> ZenohSection:
@@ -36,14 +36,14 @@ def operators_zenoh(service: ZenohSection) -> ZenohSection:
     return dataclasses.replace(service, mode="client", connect=endpoints, listen=())
 
 
-def give_order(
+def send_command(
     config: ServiceConfig,
     key: bytes,
     action: Action,
     timeout_s: float,
     goal: GoalCommand | None = None,
 ) -> str:
-    """Sign an order with the service's present challenge, send it, and return the service's word.
+    """Sign a command with the service's present challenge, send it, and return the service's word.
 
     Parameters
     ----------
@@ -60,8 +60,8 @@ def give_order(
 
     Raises
     ------
-    OrderError
-        If no service is heard, it accepts no orders, or it does not answer.
+    CommandError
+        If no service is heard, it accepts no commands, or it does not answer.
     WireError
         If the goal is too large.
     """
@@ -77,31 +77,31 @@ def give_order(
         _answers = _subscribe(session, topics.telemetry("answer"), answers)
         state = _next(states, time.monotonic() + timeout_s)
         if state is None:
-            raise OrderError(
+            raise CommandError(
                 f"nothing is heard on {topics.telemetry('state')}",
                 "a running service",
                 "check --vehicle and the zenoh section of --config",
             )
         challenge = str(state.get("challenge", ""))
         if not challenge:
-            raise OrderError(
+            raise CommandError(
                 f"the service of {config.vehicle.name!r} accepts no commands",
                 "one that was started with gate.command_key_file",
             )
         nonce = secrets.token_hex(16)
         command = Command(config.vehicle.name, action, challenge, nonce, argument)
-        order = encode_command(key, command)
-        key_expr, payload = (topics.command, order) if goal is None else (topics.new_goal, data)
-        attachment = None if goal is None else order
+        signed = encode_command(key, command)
+        key_expr, payload = (topics.command, signed) if goal is None else (topics.new_goal, data)
+        attachment = None if goal is None else signed
         drop = zenoh.CongestionControl.DROP
         sendings = _SENDINGS if goal is None else _GOAL_SENDINGS
         for _ in range(sendings):
             session.put(key_expr, payload, attachment=attachment, congestion_control=drop)
             deadline = time.monotonic() + timeout_s / sendings
             while (answer := _next(answers, deadline)) is not None:
-                if answer.get("request") == request_id(order):
+                if answer.get("request") == request_id(signed):
                     return str(answer.get("result", ""))
-    raise OrderError(
+    raise CommandError(
         f"the service of {config.vehicle.name!r} did not answer in {timeout_s:g} s",
         "an answer to every command",
         "it may still come to pass: look at the service's state before ordering again",

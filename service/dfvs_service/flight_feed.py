@@ -1,4 +1,4 @@
-"""Telemetry for the black box: datagrams that are sent at once or dropped."""
+"""Non-blocking datagrams of telemetry for the black box."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The camera's image of a turn of perception."""
+"""Camera image of a frame record."""
 
 from __future__ import annotations
 
@@ -8,11 +8,11 @@ from dfvs_core.messages.frame import decode_frame, decode_header
 from dfvs_core.messages.frame_record import FrameRecord
 
 
-def turn_image(turn: FrameRecord, payload: bytes) -> ImageArray | None:
-    """Image (H, W, 3) RGB that a turn looked at; None for nothing that can be decoded."""
-    if turn.sight is None:
+def record_image(record: FrameRecord, payload: bytes) -> ImageArray | None:
+    """Image (H, W, 3) RGB that a frame record looked at; None for nothing that can be decoded."""
+    if record.sight is None:
         return None
     try:
-        return decode_frame(payload, decode_header(bytes.fromhex(turn.sight.attachment))).image
+        return decode_frame(payload, decode_header(bytes.fromhex(record.sight.attachment))).image
     except DfvsError:
         return None

@@ -1,4 +1,4 @@
-"""Datagrams between the gate and another process of the service, on that process's side."""
+"""Client of the gate's IPC server."""
 
 from __future__ import annotations
 

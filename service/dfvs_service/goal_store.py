@@ -1,4 +1,4 @@
-"""New goals on their way from the operator link to perception: files in the runtime folder."""
+"""Store of new goals between operator link and perception."""
 
 from __future__ import annotations
 
@@ -38,7 +38,7 @@ class GoalStore:
         for old in kept[:-MAX_KEPT_GOALS]:
             old.unlink(missing_ok=True)
 
-    def take(self, digest: str) -> bytes:
+    def pop(self, digest: str) -> bytes:
         """Give away the goal that the gate accepted.
 
         Raises

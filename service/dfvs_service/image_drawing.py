@@ -1,4 +1,4 @@
-"""Text, scaling and the key of the flow, for pictures that people look at."""
+"""Text, scaling and the flow's colour key for images."""
 
 from __future__ import annotations
 
@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_service.perception.preview import DOUBTFUL, SURE
+from dfvs_service.perception.preview import CONFIDENT, DOUBTFUL
 
 Colour = tuple[int, int, int]
 
@@ -30,7 +30,7 @@ def draw_flow_key(image: ImageArray, at: tuple[int, int]) -> None:
     """Write three lines that say what the arrows of the flow mean, from (x, y) px on."""
     x, y = at
     write_text(image, "flow to the goal", (x, y), SOFT)
-    for text, colour in (("sure", SURE), ("doubtful", DOUBTFUL)):
+    for text, colour in (("sure", CONFIDENT), ("doubtful", DOUBTFUL)):
         y += LINE_PX
         cv2.arrowedLine(image, (x + 84, y - 4), (x + 110, y - 4), colour, 1, cv2.LINE_AA, 0, 0.35)
         write_text(image, text, (x + 120, y), INK)

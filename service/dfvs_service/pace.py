@@ -1,4 +1,4 @@
-"""How often something may happen."""
+"""Rate limit of a periodic action."""
 
 from __future__ import annotations
 

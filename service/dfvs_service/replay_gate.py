@@ -1,4 +1,4 @@
-"""``dfvs-service replay-gate``: decide a recorded flight again, and compare."""
+"""``dfvs-service replay-gate``: replay of the gate's decisions on a recorded flight."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Telemetry over Zenoh, from a thread of its own: publishing may block, its caller does not."""
+"""Telemetry publisher over Zenoh, on its own thread."""
 
 from __future__ import annotations
 

@@ -1,20 +1,25 @@
-"""Opening Zenoh sessions, with errors that a user understands."""
+"""Zenoh sessions with errors for users."""
 
 from __future__ import annotations
 
 import dataclasses
+import threading
+import time
+from collections.abc import Callable
 from pathlib import Path
 
 import zenoh
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles, zenoh_settings
-from dfvs_service.preflight.ports import refuse_taken_zenoh
+from dfvs_service.ports import require_free_zenoh_ports
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.settings.key_file import check_private
 from dfvs_service.settings.runtime import RuntimeFolder
 
 _PEM = b"-----BEGIN "
+_RETRY_S = 1.0
+_LOCAL_RETRY_S = 0.1
 
 
 def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.Session:
@@ -44,7 +49,7 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
     try:
         return zenoh.open(settings)
     except zenoh.ZError as error:
-        refuse_taken_zenoh(config)
+        require_free_zenoh_ports(config)
         reason = str(error).split(" at /")[0]
         raise ConfigError(
             f"Zenoh cannot be opened: {reason}",
@@ -93,3 +98,50 @@ def check_files(files: TlsFiles) -> None:
         if begins != _PEM:
             raise ConfigError(f"zenoh.tls.{name} = {str(path)!r} is not PEM", _PEM.decode())
     check_private(Path(files.key))
+
+
+def open_persistently(
+    section: ZenohSection, stop: threading.Event, log: Callable[[str], None]
+) -> zenoh.Session | None:
+    """Open a session, however long its router stays away; None if stopped before.
+
+    ``log`` receives the line that tells of the first failure.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be opened and trying again would not help.
+    """
+    is_reported = False
+    while not stop.is_set():
+        try:
+            return open_session(section)
+        except ConfigError as error:
+            if section.mode != "client":
+                raise
+            if not is_reported:
+                log(f"{error}; trying again every {_RETRY_S:g} s")
+                is_reported = True
+            time.sleep(_RETRY_S)
+    return None
+
+
+def open_within(
+    section: ZenohSection, patience_s: float, is_stopped: Callable[[], bool]
+) -> zenoh.Session | None:
+    """Open a session to a local process that may still be starting; None if stopped before.
+
+    Raises
+    ------
+    ConfigError
+        If it does not answer in time.
+    """
+    deadline = time.monotonic() + patience_s
+    while not is_stopped():
+        try:
+            return open_session(section)
+        except ConfigError:
+            if time.monotonic() > deadline:
+                raise
+        time.sleep(_LOCAL_RETRY_S)
+    return None

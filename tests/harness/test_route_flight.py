@@ -13,12 +13,12 @@ from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_he
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.route_recording import RouteRecordingLimits
-from dfvs_service.perception.assembly import Clocks, build_eye
-from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.frames import RawSample
+from dfvs_service.perception.assembly import Clocks, build_frame_processor
 from dfvs_service.perception.route_follower import RouteFollower
-from dfvs_service.route.recording import Event, RouteTeacher, taught_settings
+from dfvs_service.route.recording import Event, RouteRecorder, route_recording_settings
 from dfvs_service.settings.config import load_config
-from dfvs_service.settings.goal_file import load_goal, route_pictures
+from dfvs_service.settings.goal_file import load_goal, route_images
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.demo.cli import DOORWAY_ROUTE
 from dfvs_sim.demo.plan import parse_camera_pose
@@ -117,15 +117,15 @@ def flown(rooms, poses, goals):
     config, _ = load_config(None, {}).with_camera(CAMERA.size, goals[0].sidecar)
     flight = Flight(rooms, poses, goals[0].sidecar.mount)
     clocks = Clocks(CLOCK, lambda: flight.now_ns, lambda: flight.now_ns)
-    eye = build_eye(config, goals[0], classical_matcher(), clocks)
+    eye = build_frame_processor(config, goals[0], classical_matcher(), clocks)
     route = RouteFollower(config, goals, AtOnce())
     outcome = Outcome(flight, route)
     while flight.now_ns < 10**12 + LONGEST_S * 1e9:
-        eye.heed(GateStatus("SERVO", "", flight.state()))
-        glance = eye.look(flight.sample())
+        eye.on_gate_status(GateStatus("SERVO", "", flight.state()))
+        glance = eye.process(flight.sample())
         outcome.reports.append(route.amend(glance.report))
-        if glance.outcome is not None:
-            route.follow(eye, glance.outcome, flight.now_ns)
+        if glance.frame_result is not None:
+            route.follow(eye, glance.frame_result, flight.now_ns)
         eye.update_depth()
         if route.go_on(eye, flight.now_ns):
             outcome.passed.append(pose_error(flight.camera_pose(), poses[route.index]))
@@ -169,19 +169,19 @@ def along(poses, share):
 
 @pytest.mark.slow
 def test_a_route_that_was_taught_by_hand_is_flown_again(rooms, poses, tmp_path):
-    config = taught_settings(load_config(None, {}), CAMERA)
+    config = route_recording_settings(load_config(None, {}), CAMERA)
     pilot = Flight(rooms, poses, GoalSidecar(CAMERA).mount)
     clocks = Clocks(CLOCK, lambda: pilot.now_ns, lambda: pilot.now_ns)
-    teacher = RouteTeacher(config, tmp_path, classical_matcher(), clocks, RouteRecordingLimits())
+    teacher = RouteRecorder(config, tmp_path, classical_matcher(), clocks, RouteRecordingLimits())
     for share in np.linspace(0.0, 1.0, 36):
         pilot.put(along(poses, share))
-        teacher.heed([pilot.state()])
+        teacher.on_vehicle_states([pilot.state()])
         pilot.now_ns += 50_000_000
-        teacher.heed([pilot.state()])
-        event = teacher.look(pilot.sample(), decoded)
+        teacher.on_vehicle_states([pilot.state()])
+        event = teacher.process(pilot.sample(), decoded)
         assert event is not Event.LOST
     assert teacher.finish() or event is Event.SAVED
-    goals = [load_goal(path) for path in route_pictures([tmp_path])]
+    goals = [load_goal(path) for path in route_images([tmp_path])]
     assert 3 <= len(goals) <= 8
     taught = [poses[0]] * (len(goals) + 1)  # where the goals are plays no part in flying by them
     assert_arrived(flown(rooms, taught, goals), poses[-1])

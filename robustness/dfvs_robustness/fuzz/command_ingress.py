@@ -7,7 +7,7 @@ from dataclasses import dataclass, field
 
 from dfvs_core.errors import WireError
 from dfvs_core.gate.admission import CommandAdmission
-from dfvs_core.gate.authority import Authority, Verdict
+from dfvs_core.gate.authority import Authority, AuthorityAnswer
 from dfvs_core.gate.events import Action
 
 KEY = b"k" * 32
@@ -51,7 +51,7 @@ class Passed:
     """A command that reached the gate: its bytes there, and the verdict on them."""
 
     command: bytes
-    verdict: Verdict
+    verdict: AuthorityAnswer
 
 
 class Ingress:
@@ -72,7 +72,7 @@ class Ingress:
         return self.authority.challenge(now_ns)
 
     def take(self, sending: Sending) -> Passed | None:
-        """Verdict on what arrives; None where it does not reach the gate.
+        """AuthorityAnswer on what arrives; None where it does not reach the gate.
 
         A state that forbids to abort stands for the gate's refusals, which replace the answer.
         """
@@ -84,7 +84,7 @@ class Ingress:
         except WireError:
             return None
         data = message.payload.encode(errors="replace")
-        verdict = self.authority.judge(data, sending.t_ns)
+        verdict = self.authority.evaluate(data, sending.t_ns)
         if verdict.action is Action.ABORT:
             self.authority.record(verdict.request, REFUSAL)
         return Passed(data, verdict)

@@ -171,7 +171,7 @@ class Evidence:
         self.good_capture_ns = None
 
     def engaged(self, now_ns: int) -> None:
-        """Remember where the vehicle is, and when: distance and other commanders count from here."""
+        """Start the distance, the time and the search for other commanders here."""
         self.start_m = self._position_m
         self._engaged_ns = now_ns
 

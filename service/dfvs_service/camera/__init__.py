@@ -1,1 +1,1 @@
-"""Cameras: where pictures come from, how they are published, calibrated and taken as goals."""
+"""Image sources, their publication and calibration, and capture of goal images."""

@@ -1,4 +1,4 @@
-"""Calibration boards: what they are, how they look, and where their corners are in a picture."""
+"""Calibration boards: parsing, drawing and corner detection."""
 
 from __future__ import annotations
 
@@ -77,12 +77,12 @@ def parse_board(text: str) -> BoardSpec:
 
 @dataclass(frozen=True, slots=True)
 class BoardView:
-    """A board in one picture.
+    """A board in one image.
 
     Parameters
     ----------
     name : str
-        Of the picture.
+        Of the image.
     points_m : (N, 3) float32
         Corners on the board.
     pixels : (N, 2) float32
@@ -108,7 +108,7 @@ class Board:
             self._detector = cv2.aruco.CharucoDetector(self._charuco)
 
     def find(self, image: ImageArray, name: str) -> BoardView | None:
-        """Corners in a picture (H, W, 3) uint8 RGB; None where too few are seen."""
+        """Corners in an image (H, W, 3) uint8 RGB; None where too few are seen."""
         grey = cv2.cvtColor(image, cv2.COLOR_RGB2GRAY).astype(np.uint8)
         found = self._find_chessboard(grey) if self._charuco is None else self._find_charuco(grey)
         if found is None or len(found[0]) < FEWEST_CORNERS or _on_a_line(found[0]):
@@ -134,7 +134,7 @@ class Board:
         return points.astype(np.float32), np.asarray(corners, np.float32).reshape(-1, 2)
 
     def draw(self, square_px: int, margin_px: int = 0) -> ImageArray:
-        """Picture (H, W) of the board."""
+        """Image (H, W) of the board."""
         spec = self.spec
         size = (spec.columns * square_px + 2 * margin_px, spec.rows * square_px + 2 * margin_px)
         if self._charuco is not None:

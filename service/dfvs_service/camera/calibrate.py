@@ -17,17 +17,18 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.boards import Board, BoardView, parse_board
 from dfvs_service.camera.calibration import Calibration, calibrate
-from dfvs_service.camera.calibration_report import coverage_picture, report_document
+from dfvs_service.camera.calibration_report import coverage_image, report_document
 from dfvs_service.camera.coverage import Coverage, coverage_of
 from dfvs_service.camera.feed import Feed
-from dfvs_service.camera.options import add_source_options, feed_of, say, source_options
-from dfvs_service.camera.source import SourceOptions, open_source
+from dfvs_service.camera.open_source import open_source
+from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
+from dfvs_service.camera.source import SourceOptions
 from dfvs_service.camera.spec import CameraError, SourceKind, SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import replace_file, write_calibration
 
-_TAKE_S = 0.25
+_RECEIVE_S = 0.25
 _NEW_SHARE = 0.06
-"""A live picture is kept if the board moved by this share of the image's width since the last."""
+"""A live image is kept if the board moved by this share of the image's width since the last."""
 
 _MOST_VIEWS = 60
 _EPILOG = """\
@@ -37,7 +38,7 @@ examples:
   dfvs-camera calibrate --board chessboard:9x6:0.025 --source pictures/ --out camera.toml
 
 It writes camera.toml (for the service's settings), camera.json (report) and camera.png (coverage
-and every picture's error). From a live source, pictures are taken by themselves whenever the board
+and every image's error). From a live source, images are taken by themselves whenever the board
 has moved; Ctrl-C ends with what there is. Exit code: 0 done, 1 done but doubtful, 2 cannot run.
 """
 
@@ -72,8 +73,8 @@ def run_board(words: Sequence[str]) -> int:
     if not 50 <= arguments.dpi <= 1200:
         raise ConfigError(f"--dpi is {arguments.dpi}", "50 to 1200")
     square_px = round(board.spec.square_m / 0.0254 * arguments.dpi)
-    picture = board.draw(square_px, square_px // 2)
-    replace_file(arguments.out, encode_png(np.repeat(picture[:, :, None], 3, axis=2)))
+    image = board.draw(square_px, square_px // 2)
+    replace_file(arguments.out, encode_png(np.repeat(image[:, :, None], 3, axis=2)))
     side_mm = square_px / arguments.dpi * 25.4
     print(
         f"wrote {arguments.out}: print at {arguments.dpi} dpi; a square must measure "
@@ -88,7 +89,7 @@ def run(words: Sequence[str]) -> int:
     Raises
     ------
     DfvsError
-        If source, board or output cannot be used, or the pictures fix no camera.
+        If source, board or output cannot be used, or the images fix no camera.
     """
     arguments = _parser().parse_args(words)
     board = Board(parse_board(arguments.board))
@@ -106,7 +107,7 @@ def run(words: Sequence[str]) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dfvs-camera calibrate",
-        description="Find a camera's intrinsics from pictures of a board.",
+        description="Find a camera's intrinsics from images of a board.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -126,38 +127,38 @@ def _parser() -> argparse.ArgumentParser:
 def _collect(
     board: Board, arguments: argparse.Namespace
 ) -> tuple[list[BoardView], tuple[int, int]]:
-    """Views of the board, and the pictures' size (width, height) px."""
+    """Views of the board, and the images' size (width, height) px."""
     spec = parse_source(arguments.source)
     options = source_options(arguments, None)
-    if spec.kind is SourceKind.PICTURES:
-        return _from_pictures(board, spec, options)
+    if spec.kind is SourceKind.IMAGES:
+        return _from_images(board, spec, options)
     stop = threading.Event()
     signal.signal(signal.SIGINT, lambda *_: stop.set())
     with contextlib.closing(feed_of(arguments, None)) as feed:
         return _from_feed(board, feed, stop)
 
 
-def _from_pictures(
+def _from_images(
     board: Board, spec: SourceSpec, options: SourceOptions
 ) -> tuple[list[BoardView], tuple[int, int]]:
-    """Views from all pictures of a folder, which must be of one size."""
-    from dfvs_service.camera.images import picture_paths
+    """Views from all images of a folder, which must be of one size."""
+    from dfvs_service.camera.images import image_paths
 
     source = open_source(spec, options)
     views: list[BoardView] = []
     size: tuple[int, int] | None = None
-    for path in picture_paths(spec.place):
-        shot = source.read()
-        if shot is None:
+    for path in image_paths(spec.place):
+        captured = source.read()
+        if captured is None:
             break
-        height, width = shot.image.shape[:2]
+        height, width = captured.image.shape[:2]
         if size not in (None, (width, height)):
             raise CameraError(
                 f"{path} has {width} x {height} px", f"{size}, the size of those before it"
             )
         size = (width, height)
-        view = board.find(shot.image, path.name)
-        say(f"{path.name}: {'no board' if view is None else f'{len(view.pixels)} corners'}")
+        view = board.find(captured.image, path.name)
+        log(f"{path.name}: {'no board' if view is None else f'{len(view.pixels)} corners'}")
         if view is not None:
             views.append(view)
     return views, size or (0, 0)
@@ -170,24 +171,24 @@ def _from_feed(
     views: list[BoardView] = []
     size = (0, 0)
     while not stop.is_set() and not feed.ended and len(views) < _MOST_VIEWS:
-        shot = feed.take(_TAKE_S)
-        if shot is None:
+        captured = feed.receive(_RECEIVE_S)
+        if captured is None:
             continue
-        size = (shot.image.shape[1], shot.image.shape[0])
-        view = board.find(shot.image, f"picture {len(views) + 1}")
+        size = (captured.image.shape[1], captured.image.shape[0])
+        view = board.find(captured.image, f"image {len(views) + 1}")
         if view is None or not _is_new(view, views, size[0]):
             continue
         views.append(view)
         missing = coverage_of(views, size).advice()
         if not missing:
-            say(f"picture {len(views)}: enough")
+            log(f"image {len(views)}: enough")
             break
-        say(f"picture {len(views)}: {'; '.join(missing[:2])}")
+        log(f"image {len(views)}: {'; '.join(missing[:2])}")
     return views, size
 
 
 def _is_new(view: BoardView, views: Sequence[BoardView], width: int) -> bool:
-    """Tell whether the board is elsewhere, or tilted otherwise, than in every picture so far."""
+    """Tell whether the board is elsewhere, or tilted otherwise, than in every image so far."""
     outline = _outline(view)
     return all(np.abs(outline - _outline(other)).max() > _NEW_SHARE * width for other in views)
 
@@ -204,12 +205,12 @@ def _write(
     used = sum(view.is_used for view in calibration.views)
     remarks = [
         "Camera calibration by dfvs-camera calibrate (OpenCV " + cv2.__version__ + ")",
-        f"{used} pictures, root mean square reprojection error {calibration.rms_px:.3f} px",
+        f"{used} images, root mean square reprojection error {calibration.rms_px:.3f} px",
     ]
     write_calibration(out, calibration.camera, remarks)
     document = json.dumps(report_document(calibration, coverage), indent=2) + "\n"
     replace_file(out.with_suffix(".json"), document.encode())
-    replace_file(out.with_suffix(".png"), encode_png(coverage_picture(views, calibration)))
+    replace_file(out.with_suffix(".png"), encode_png(coverage_image(views, calibration)))
 
 
 def _summary(out: Path, document: dict[str, object]) -> str:

@@ -1,4 +1,4 @@
-"""A camera's intrinsics from pictures of a board: pure."""
+"""Estimation of a camera's intrinsics from images of a calibration board."""
 
 from __future__ import annotations
 
@@ -29,7 +29,7 @@ _COEFFICIENTS = {"pinhole": 0, "plumb_bob": 5, "rational": 8}
 
 @dataclass(frozen=True, slots=True)
 class ViewError:
-    """How well one picture fits: root mean square reprojection error in px."""
+    """How well one image fits: root mean square reprojection error in px."""
 
     name: str
     error_px: float
@@ -39,7 +39,7 @@ class ViewError:
 
 @dataclass(frozen=True, slots=True)
 class Calibration:
-    """Result: the camera, root mean square error in px, every picture's, and uncertainties in px.
+    """Result: the camera, root mean square error in px, every image's, and uncertainties in px.
 
     ``deviations_px`` are the standard deviations of fx, fy, cx, cy.
     """
@@ -60,17 +60,17 @@ class Calibration:
             lines.append("the focal length is uncertain by more than 1 %: tilt the board more")
         left_out = sum(not view.is_used for view in self.views)
         if left_out:
-            lines.append(f"{left_out} pictures did not fit and were left out")
+            lines.append(f"{left_out} images did not fit and were left out")
         return lines
 
 
 def calibrate(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> Calibration:
-    """Fit a camera to pictures of (width, height) px; one that does not fit is left out, once.
+    """Fit a camera to images of (width, height) px; one that does not fit is left out, once.
 
     Raises
     ------
     ConfigError
-        If there are too few pictures, or they fix no camera.
+        If there are too few images, or they fix no camera.
     """
     first = _fit(views, size, lens)
     limit = max(_OUTLIER * float(np.median(first.errors_px)), _OUTLIER_PX)
@@ -95,7 +95,7 @@ class _Fit:
 def _fit(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> _Fit:
     if len(views) < FEWEST_VIEWS:
         raise ConfigError(
-            f"{len(views)} usable pictures of the board",
+            f"{len(views)} usable images of the board",
             f"{FEWEST_VIEWS} or more",
             "take more, with the whole board sharp and well lit, and check --board",
         )
@@ -110,10 +110,10 @@ def _fit(views: Sequence[BoardView], size: tuple[int, int], lens: Lens) -> _Fit:
         )
     except cv2.error as error:
         raise ConfigError(
-            f"the pictures fix no camera ({error.err})", "boards at different tilts"
+            f"the images fix no camera ({error.err})", "boards at different tilts"
         ) from error
     if not np.isfinite(rms):
-        raise ConfigError("the pictures fix no camera", "boards at different tilts")
+        raise ConfigError("the images fix no camera", "boards at different tilts")
     coefficients = np.asarray(distortion).reshape(-1)[: _COEFFICIENTS[lens]]
     camera = CameraModel(
         size[0],

@@ -1,4 +1,4 @@
-"""What a calibration leaves behind: figures as a document, and a picture of the coverage."""
+"""Report of a calibration: figures as a document, and an image of the coverage."""
 
 from __future__ import annotations
 
@@ -49,8 +49,8 @@ def report_document(calibration: Calibration, coverage: Coverage) -> dict[str, A
     }
 
 
-def coverage_picture(views: Sequence[BoardView], calibration: Calibration) -> ImageArray:
-    """Picture (H, W, 3): where corners were seen, and every picture's error as a bar."""
+def coverage_image(views: Sequence[BoardView], calibration: Calibration) -> ImageArray:
+    """Image (H, W, 3): where corners were seen, and every image's error as a bar."""
     camera = calibration.camera
     scale = _WIDTH_PX / camera.width
     plan = np.full((round(camera.height * scale), _WIDTH_PX, 3), _PAPER, np.uint8)
@@ -90,7 +90,7 @@ def _title(calibration: Calibration) -> ImageArray:
 
 
 def _bars(calibration: Calibration) -> ImageArray:
-    """Reprojection error of every picture."""
+    """Reprojection error of every image."""
     strip = np.full((_BAR_PX * len(calibration.views), _WIDTH_PX, 3), _PAPER, np.uint8)
     greatest = max(max(view.error_px for view in calibration.views), 1e-6)
     for i, view in enumerate(calibration.views):

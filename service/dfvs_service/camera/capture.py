@@ -1,4 +1,4 @@
-"""V4L2 devices, network streams, GStreamer pipelines and video files, all through OpenCV."""
+"""Image sources through OpenCV: V4L2, network streams, GStreamer pipelines, video files."""
 
 from __future__ import annotations
 
@@ -9,8 +9,9 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dfvs_service.camera.source import Shot, SourceOptions
+from dfvs_service.camera.source import SourceOptions
 from dfvs_service.camera.spec import CameraError, SourceKind, SourceLostError, SourceSpec
+from dfvs_service.frames import CapturedImage
 
 TIMEOUT_MS = 4000
 _MOST_AGE_NS = 1_000_000_000
@@ -55,8 +56,8 @@ class CaptureSource:
         rate_hz = self._capture.get(cv2.CAP_PROP_FPS)
         self.rate_hz = float(rate_hz) if 0 < rate_hz < 1000 else 0.0
 
-    def read(self) -> Shot | None:
-        """Wait for the next picture."""
+    def read(self) -> CapturedImage | None:
+        """Wait for the next image."""
         if not self._capture.grab():
             self._check_ended()
             return None
@@ -67,9 +68,9 @@ class CaptureSource:
             return None
         if bgr.ndim != 3 or bgr.shape[2] != 3 or bgr.dtype != np.uint8:
             raise CameraError(
-                f"{self._spec} gives pictures of shape {bgr.shape}", "colour with 8 bits"
+                f"{self._spec} gives images of shape {bgr.shape}", "colour with 8 bits"
             )
-        return Shot(np.ascontiguousarray(bgr[:, :, ::-1]), t_ns)
+        return CapturedImage(np.ascontiguousarray(bgr[:, :, ::-1]), t_ns)
 
     def close(self) -> None:
         """Release the device."""
@@ -84,7 +85,7 @@ class CaptureSource:
     def _check_ended(self) -> None:
         """A recording may end; a camera may not."""
         if self._spec.is_live:
-            raise SourceLostError(f"{self._spec} gives no more pictures")
+            raise SourceLostError(f"{self._spec} gives no more images")
 
 
 def _opened(spec: SourceSpec, options: SourceOptions) -> cv2.VideoCapture:
@@ -125,7 +126,7 @@ def _open_parameters(spec: SourceSpec) -> list[int]:
 
 
 def _configure(capture: cv2.VideoCapture, options: SourceOptions) -> None:
-    """Compressed over USB, the wanted size and rate, and no queue of old pictures."""
+    """Compressed over USB, the wanted size and rate, and no queue of old images."""
     capture.set(cv2.CAP_PROP_FOURCC, cv2.VideoWriter.fourcc(*"MJPG"))
     if options.size is not None:
         capture.set(cv2.CAP_PROP_FRAME_WIDTH, options.size[0])

@@ -1,4 +1,4 @@
-"""``dfvs-camera``: publish a camera, calibrate it, take goal pictures with it."""
+"""``dfvs-camera``: publish a camera, calibrate it, take goal images with it."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Which parts of the image and which tilts the pictures of a board have covered: pure."""
+"""Coverage of image regions and board tilts by calibration images."""
 
 from __future__ import annotations
 
@@ -16,7 +16,7 @@ COLUMNS, ROWS = 4, 3
 ENOUGH_VIEWS, ENOUGH_CORNERS, ENOUGH_TILTED = 12, 6, 2
 TILT_RAD = np.radians(15.0)
 NEAR_SHARE = 0.25
-"""A board that fills this share of the picture was held near."""
+"""A board that fills this share of the image was held near."""
 
 _PLACES = (
     ("top left", "top", "top", "top right"),
@@ -40,11 +40,11 @@ class Coverage:
     corners : (ROWS, COLUMNS) int
         Corners seen in each cell of the image.
     tilts : mapping
-        Pictures with the board's edge of that name turned away by 15 degrees or more.
+        Images with the board's edge of that name turned away by 15 degrees or more.
     near : int
-        Pictures in which the board fills a quarter of the image or more.
+        Images in which the board fills a quarter of the image or more.
     views : int
-        Pictures with a board.
+        Images with a board.
     """
 
     corners: NDArray[np.int64]
@@ -56,7 +56,7 @@ class Coverage:
         """What is missing, as sentences for the person who holds the board; empty: nothing."""
         lines = []
         if self.views < ENOUGH_VIEWS:
-            lines.append(f"take {ENOUGH_VIEWS - self.views} more pictures")
+            lines.append(f"take {ENOUGH_VIEWS - self.views} more images")
         bare = {
             _PLACES[row][column]: None
             for row in range(ROWS)
@@ -71,12 +71,12 @@ class Coverage:
             if self.tilts[name] < ENOUGH_TILTED
         ]
         if not self.near:
-            lines.append("hold it so near that it fills a quarter of the picture")
+            lines.append("hold it so near that it fills a quarter of the image")
         return lines
 
 
 def coverage_of(views: Sequence[BoardView], size: tuple[int, int]) -> Coverage:
-    """Coverage by pictures of (width, height) px."""
+    """Coverage by images of (width, height) px."""
     width, height = size
     corners = np.zeros((ROWS, COLUMNS), np.int64)
     tilts = dict.fromkeys(_TILTS, 0)
@@ -93,7 +93,7 @@ def coverage_of(views: Sequence[BoardView], size: tuple[int, int]) -> Coverage:
 
 
 def _tilts(view: BoardView, size: tuple[int, int]) -> list[str]:
-    """Edges of the picture at which the board is turned away, by a rough guess of the lens."""
+    """Edges of the image at which the board is turned away, by a rough guess of the lens."""
     x, y = _normal(view, size)
     found = []
     if abs(x) > np.sin(TILT_RAD):

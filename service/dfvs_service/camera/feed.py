@@ -1,4 +1,4 @@
-"""Shots at the pace at which they are to be published, live or recorded."""
+"""Paced feeds of captured images, live or recorded."""
 
 from __future__ import annotations
 
@@ -9,15 +9,16 @@ from collections.abc import Callable
 from typing import Protocol
 
 from dfvs_core.errors import DfvsError
-from dfvs_service.camera.source import Shot, Source
+from dfvs_service.camera.source import Source
 from dfvs_service.camera.spec import SourceLostError
-from dfvs_service.perception.mailbox import Mailbox
+from dfvs_service.frames import CapturedImage
+from dfvs_service.mailbox import Mailbox
 
 RETRY_S = 1.0
 DEFAULT_RATE_HZ = 20.0
 
 Opener = Callable[[], Source]
-Say = Callable[[str], None]
+Log = Callable[[str], None]
 
 
 class Feed(Protocol):
@@ -26,7 +27,7 @@ class Feed(Protocol):
     ended: bool
     """No more shots will come."""
 
-    def take(self, timeout_s: float) -> Shot | None:
+    def receive(self, timeout_s: float) -> CapturedImage | None:
         """Next shot, None if none came within about the timeout."""
 
     def close(self) -> None:
@@ -48,11 +49,11 @@ class LiveFeed:
 
     ended = False
 
-    def __init__(self, opener: Opener, say: Say, retry_s: float = RETRY_S) -> None:
+    def __init__(self, opener: Opener, log: Log, retry_s: float = RETRY_S) -> None:
         self._opener = opener
-        self._say = say
+        self._log = log
         self._retry_s = retry_s
-        self._mailbox: Mailbox[Shot | DfvsError] = Mailbox()
+        self._mailbox: Mailbox[CapturedImage | DfvsError] = Mailbox()
         self._stop = threading.Event()
         self._trouble = ""
         self._thread = threading.Thread(target=self._work, name="camera", daemon=True)
@@ -63,7 +64,7 @@ class LiveFeed:
         """Shots that were replaced by newer ones before they were taken."""
         return self._mailbox.dropped
 
-    def take(self, timeout_s: float) -> Shot | None:
+    def receive(self, timeout_s: float) -> CapturedImage | None:
         """Newest shot.
 
         Raises
@@ -71,7 +72,7 @@ class LiveFeed:
         DfvsError
             If the source cannot be used and trying again would not help.
         """
-        item = self._mailbox.take(timeout_s)
+        item = self._mailbox.get(timeout_s)
         if isinstance(item, DfvsError):
             raise item
         return item
@@ -95,19 +96,19 @@ class LiveFeed:
     def _read_until_lost(self) -> None:
         with contextlib.closing(self._opener()) as source:
             while not self._stop.is_set():
-                shot = source.read()
-                if shot is None:
+                captured = source.read()
+                if captured is None:
                     raise SourceLostError("the source has ended")
-                self._mailbox.put(shot)
+                self._mailbox.put(captured)
                 if self._trouble:
                     self._trouble = ""
-                    self._say("the source is back")
+                    self._log("the source is back")
 
     def _complain(self, problem: str) -> None:
         """Say what is wrong once, not once a second."""
         if problem != self._trouble:
             self._trouble = problem
-            self._say(f"{problem}; trying again every {self._retry_s:g} s")
+            self._log(f"{problem}; trying again every {self._retry_s:g} s")
 
 
 class RecordedFeed:
@@ -124,30 +125,30 @@ class RecordedFeed:
         self._due_s = time.monotonic()
         self.ended = False
 
-    def take(self, timeout_s: float) -> Shot | None:
+    def receive(self, timeout_s: float) -> CapturedImage | None:
         """Next shot when it is due.
 
         Raises
         ------
         DfvsError
-            If a picture cannot be read.
+            If an image cannot be read.
         """
         wait_s = self._due_s - time.monotonic()
         if wait_s > timeout_s:
             time.sleep(timeout_s)
             return None
-        shot = self._source.read()
-        if shot is None and self._loop:
+        captured = self._source.read()
+        if captured is None and self._loop:
             self._source.close()
             self._source = self._opener()
-            shot = self._source.read()
-        if shot is None:
+            captured = self._source.read()
+        if captured is None:
             self.ended = True
             return None
         time.sleep(max(self._due_s - time.monotonic(), 0.0))
         now_s = time.monotonic()
         self._due_s = max(self._due_s + self._period_s, now_s)
-        return Shot(shot.image, time.monotonic_ns())
+        return CapturedImage(captured.image, time.monotonic_ns())
 
     def close(self) -> None:
         """Close the file."""

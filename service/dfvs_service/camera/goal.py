@@ -1,4 +1,4 @@
-"""``dfvs-camera goal``: take a goal picture with its sidecar."""
+"""``dfvs-camera goal``: take a goal image with its sidecar."""
 
 from __future__ import annotations
 
@@ -20,33 +20,34 @@ from dfvs_service.camera.options import (
     add_source_options,
     calibration_of,
     feed_of,
-    say,
+    log,
 )
-from dfvs_service.camera.source import Shot, check_size
+from dfvs_service.camera.source import check_size
 from dfvs_service.camera.spec import CameraError
-from dfvs_service.route.frame_queue import FrameInbox, known_camera, open_beside
+from dfvs_service.frames import CapturedImage
+from dfvs_service.route.frame_queue import FrameQueue, known_camera, open_beside
 from dfvs_service.route.goal_writer import sidecar_of, write_goal
-from dfvs_service.route.vehicle_state import VehicleWatch
+from dfvs_service.route.vehicle_state import VehicleStateListener
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 ZENOH = "zenoh"
-_TAKE_S = 0.25
+_RECEIVE_S = 0.25
 _EPILOG = """\
 examples:
   dfvs-camera goal --source 0 --calibration camera.toml --mavlink udpin://127.0.0.1:14540 \\
       --out goal.png
   dfvs-camera goal --source zenoh --config service.toml --attitude 0,-2.5 --out goal.png
 
---source zenoh takes the picture from the camera that publishes for the service. Of several
-pictures the sharpest is kept. Exit code: 0 done, 2 cannot run.
+--source zenoh takes the image from the camera that publishes for the service. Of several
+images the sharpest is kept. Exit code: 0 done, 2 cannot run.
 """
 
 
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dfvs-camera goal",
-        description="Take a goal picture, with a sidecar of calibration, attitude and time.",
+        description="Take a goal image, with a sidecar of calibration, attitude and time.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -56,7 +57,7 @@ def _parser() -> argparse.ArgumentParser:
     parser.add_argument("--mavlink", metavar="URL", help="take the attitude from this autopilot")
     parser.add_argument("--attitude", metavar="ROLL,PITCH", help="or give it, in degrees")
     parser.add_argument(
-        "--frames", type=int, default=5, metavar="N", help="pictures to choose from (default: 5)"
+        "--frames", type=int, default=5, metavar="N", help="images to choose from (default: 5)"
     )
     parser.add_argument("--timeout", type=float, default=20.0, metavar="S", help="(default: 20)")
     parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="PNG to write")
@@ -69,7 +70,7 @@ def run(words: Sequence[str]) -> int:
     Raises
     ------
     DfvsError
-        If there is no picture, no calibration or no attitude.
+        If there is no image, no calibration or no attitude.
     """
     arguments = _parser().parse_args(words)
     if not 1 <= arguments.frames <= 1000:
@@ -79,19 +80,19 @@ def run(words: Sequence[str]) -> int:
         raise ConfigError("--attitude beside --mavlink", "only one of them")
     config = settings_from(arguments)
     camera = calibration_of(arguments) or known_camera(config)
-    watch: VehicleWatch | None = None
+    listener: VehicleStateListener | None = None
     if arguments.mavlink is not None:
-        watch = VehicleWatch()
-        watch.connect(arguments.mavlink, config.vehicle.timeout_s)
+        listener = VehicleStateListener()
+        listener.connect(arguments.mavlink, config.vehicle.timeout_s)
     with _feed(arguments, config, camera.size) as feed:
-        shot, motion = _sharpest(feed, watch, arguments.frames, arguments.timeout)
-    check_size(shot, camera.size, "the source")
-    if watch is None:
+        captured, motion = _sharpest(feed, listener, arguments.frames, arguments.timeout)
+    check_size(captured, camera.size, "the source")
+    if listener is None:
         motion = given
         if given is None:
-            say("the vehicle counts as level: neither --mavlink nor --attitude was given")
+            log("the vehicle counts as level: neither --mavlink nor --attitude was given")
     sidecar = sidecar_of(camera, config.camera.mount or Mount(), motion)
-    write_goal(arguments.out, shot.image, sidecar)
+    write_goal(arguments.out, captured.image, sidecar)
     print(f"wrote {arguments.out} and {arguments.out.with_suffix('.json')}")
     return 0
 
@@ -117,44 +118,44 @@ def parse_attitude(text: str) -> Motion:
 def _feed(
     arguments: argparse.Namespace, config: ServiceConfig, size: tuple[int, int]
 ) -> Iterator[Feed]:
-    """Pictures of ``--source``, or of the camera that publishes for the service."""
+    """Images of ``--source``, or of the camera that publishes for the service."""
     if arguments.source != ZENOH:
         with contextlib.closing(feed_of(arguments, size)) as feed:
             yield feed
         return
     with open_beside(config) as session:
-        inbox = FrameInbox(session, config, say)
-        say(f"waiting for frames on {inbox.key}")
-        yield inbox
+        frames = FrameQueue(session, config, log)
+        log(f"waiting for frames on {frames.key}")
+        yield frames
 
 
 def _sharpest(
-    feed: Feed, watch: VehicleWatch | None, count: int, timeout_s: float
-) -> tuple[Shot, Motion | None]:
-    """Sharpest of so many pictures, and the vehicle's motion when it was taken."""
+    feed: Feed, listener: VehicleStateListener | None, count: int, timeout_s: float
+) -> tuple[CapturedImage, Motion | None]:
+    """Sharpest of so many images, and the vehicle's motion when it was taken."""
     history = VehicleHistory()
-    best: tuple[float, Shot, Motion | None] | None = None
+    best: tuple[float, CapturedImage, Motion | None] | None = None
     seen, deadline = 0, time.monotonic() + timeout_s
     while seen < count and not feed.ended and time.monotonic() < deadline:
-        shot = feed.take(_TAKE_S)
-        for state in [] if watch is None else watch.heard():
+        captured = feed.receive(_RECEIVE_S)
+        for state in [] if listener is None else listener.new_states():
             history.add(state)
-        if shot is None:
+        if captured is None:
             continue
-        motion = history.at(shot.t_capture_ns)
-        if watch is not None and motion is None:
+        motion = history.at(captured.t_capture_ns)
+        if listener is not None and motion is None:
             continue
         seen += 1
-        sharpness = sharpness_of(shot)
+        sharpness = sharpness_of(captured)
         if best is None or sharpness > best[0]:
-            best = sharpness, shot, motion
+            best = sharpness, captured, motion
     if best is None:
-        missing = "picture" if watch is None else "picture with a known attitude"
+        missing = "image" if listener is None else "image with a known attitude"
         raise CameraError(f"no {missing} within {timeout_s:g} s", "a camera that works")
     return best[1], best[2]
 
 
-def sharpness_of(shot: Shot) -> float:
+def sharpness_of(captured: CapturedImage) -> float:
     """Variance of the Laplacian: the higher, the sharper."""
-    grey = cv2.cvtColor(shot.image, cv2.COLOR_RGB2GRAY)
+    grey = cv2.cvtColor(captured.image, cv2.COLOR_RGB2GRAY)
     return float(cv2.Laplacian(grey, cv2.CV_32F).var())

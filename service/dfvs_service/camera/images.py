@@ -1,4 +1,4 @@
-"""A picture, or a folder of pictures in the order of their names."""
+"""Image source of one image or a folder of images in the order of their names."""
 
 from __future__ import annotations
 
@@ -7,12 +7,12 @@ from pathlib import Path
 
 from dfvs_core.errors import ImageError
 from dfvs_core.messages.image import MAX_IMAGE_BYTES, decode_image
-from dfvs_service.camera.source import Shot
-from dfvs_service.camera.spec import PICTURE_SUFFIXES, CameraError
+from dfvs_service.camera.spec import IMAGE_SUFFIXES, CameraError
+from dfvs_service.frames import CapturedImage
 
 
-def picture_paths(place: str) -> list[Path]:
-    """Pictures of a folder in the order of their names, or the one picture that is named.
+def image_paths(place: str) -> list[Path]:
+    """Images of a folder in the order of their names, or the one image that is named.
 
     Raises
     ------
@@ -22,22 +22,22 @@ def picture_paths(place: str) -> list[Path]:
     path = Path(place)
     if path.is_file():
         return [path]
-    paths = sorted(p for p in path.iterdir() if p.suffix.lower() in PICTURE_SUFFIXES)
+    paths = sorted(p for p in path.iterdir() if p.suffix.lower() in IMAGE_SUFFIXES)
     if not paths:
-        raise CameraError(f"there are no pictures in {place}", "PNG or JPEG files")
+        raise CameraError(f"there are no images in {place}", "PNG or JPEG files")
     return paths
 
 
-class PictureSource:
-    """Pictures, one after the other; their capture time is when they are read."""
+class ImageSource:
+    """Images, one after the other; their capture time is when they are read."""
 
     rate_hz = 0.0
 
     def __init__(self, place: str) -> None:
-        self._waiting = picture_paths(place)[::-1]
+        self._waiting = image_paths(place)[::-1]
 
-    def read(self) -> Shot | None:
-        """Next picture, None after the last one."""
+    def read(self) -> CapturedImage | None:
+        """Next image, None after the last one."""
         if not self._waiting:
             return None
         path = self._waiting.pop()
@@ -47,8 +47,8 @@ class PictureSource:
         except OSError as error:
             raise CameraError(f"cannot read {path} ({error.strerror})") from error
         except ImageError as error:
-            raise CameraError(f"the picture {path} cannot be used: {error}") from error
-        return Shot(image, time.monotonic_ns())
+            raise CameraError(f"the image {path} cannot be used: {error}") from error
+        return CapturedImage(image, time.monotonic_ns())
 
     def close(self) -> None:
-        """Nothing is open between two pictures."""
+        """Nothing is open between two images."""

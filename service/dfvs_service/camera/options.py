@@ -1,4 +1,4 @@
-"""Options that the camera's commands share: the source, and the way to the service."""
+"""Command-line options shared by the camera's commands."""
 
 from __future__ import annotations
 
@@ -7,31 +7,27 @@ import dataclasses
 import os
 import re
 import sys
-import threading
-import time
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
-import zenoh
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
-from dfvs_service.camera.source import Source, SourceOptions, open_source
+from dfvs_service.camera.open_source import open_source
+from dfvs_service.camera.source import Source, SourceOptions
 from dfvs_service.camera.spec import SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import read_calibration
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.settings.options import add_settings_options
-from dfvs_service.zenoh_session import open_session
 
 _SIZE = re.compile(r"(\d{2,4})x(\d{2,4})")
-_RETRY_S = 1.0
 
-Say = Callable[[str], None]
+Log = Callable[[str], None]
 
 
-def say(text: str) -> None:
+def log(text: str) -> None:
     """Tell the user something on standard error."""
     print(f"camera: {text}", file=sys.stderr, flush=True)
 
@@ -42,10 +38,10 @@ def add_source_options(parser: argparse.ArgumentParser, *, required: bool) -> No
         "--source",
         required=required,
         metavar="SOURCE",
-        help="0 or /dev/video0, rtsp://..., gst:PIPELINE, picamera, a video, picture or folder",
+        help="0 or /dev/video0, rtsp://..., gst:PIPELINE, picamera, a video, image or folder",
     )
-    parser.add_argument("--size", metavar="WxH", help="picture size to ask the camera for, px")
-    parser.add_argument("--rate", type=float, metavar="HZ", help="pictures a second")
+    parser.add_argument("--size", metavar="WxH", help="image size to ask the camera for, px")
+    parser.add_argument("--rate", type=float, metavar="HZ", help="images a second")
     parser.add_argument("--loop", action="store_true", help="repeat a recording for ever")
     parser.add_argument(
         "--latency-ms",
@@ -88,7 +84,7 @@ def source_options(arguments: argparse.Namespace, wanted: tuple[int, int] | None
     """
     rate = arguments.rate
     if rate is not None and not 0.1 <= rate <= 1000:
-        raise ConfigError(f"--rate is {rate:g}", "0.1 to 1000 pictures a second")
+        raise ConfigError(f"--rate is {rate:g}", "0.1 to 1000 images a second")
     if not 0 <= arguments.latency_ms <= 1000:
         raise ConfigError(f"--latency-ms is {arguments.latency_ms:g}", "0 to 1000")
     size = wanted
@@ -106,7 +102,7 @@ def source_options(arguments: argparse.Namespace, wanted: tuple[int, int] | None
 
 
 def open_feed(spec: SourceSpec, options: SourceOptions, *, loop: bool) -> Feed:
-    """Start to take pictures from a source.
+    """Start to take images from a source.
 
     Raises
     ------
@@ -118,12 +114,12 @@ def open_feed(spec: SourceSpec, options: SourceOptions, *, loop: bool) -> Feed:
         return open_source(spec, options)
 
     if spec.is_live:
-        return LiveFeed(opener, say)
+        return LiveFeed(opener, log)
     return RecordedFeed(opener, options.rate_hz, loop=loop)
 
 
 def feed_of(arguments: argparse.Namespace, wanted: tuple[int, int] | None) -> Feed:
-    """Pictures of ``--source``.
+    """Images of ``--source``.
 
     Raises
     ------
@@ -146,25 +142,3 @@ def cameras_zenoh(service: ZenohSection, connect: str | None) -> ZenohSection:
     if connect is not None:
         endpoints = (connect,)
     return dataclasses.replace(service, connect=endpoints, listen=())
-
-
-def open_patiently(section: ZenohSection, stop: threading.Event) -> zenoh.Session | None:
-    """Open a session, however long its router stays away; None if stopped before.
-
-    Raises
-    ------
-    ConfigError
-        If it cannot be opened and trying again would not help.
-    """
-    told = False
-    while not stop.is_set():
-        try:
-            return open_session(section)
-        except ConfigError as error:
-            if section.mode != "client":
-                raise
-            if not told:
-                say(f"{error}; trying again every {_RETRY_S:g} s")
-                told = True
-            time.sleep(_RETRY_S)
-    return None

@@ -1,4 +1,4 @@
-"""The Raspberry Pi's cameras through Picamera2, which comes with its operating system."""
+"""Image source of the Raspberry Pi's cameras through Picamera2."""
 
 from __future__ import annotations
 
@@ -7,8 +7,9 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_service.camera.source import Shot, SourceOptions
+from dfvs_service.camera.source import SourceOptions
 from dfvs_service.camera.spec import CameraError, SourceLostError
+from dfvs_service.frames import CapturedImage
 
 _DEFAULT_SIZE = (640, 480)
 
@@ -49,18 +50,18 @@ class PicameraSource:
         except RuntimeError as error:
             raise SourceLostError(f"the Pi camera {number} cannot be started ({error})") from error
 
-    def read(self) -> Shot | None:
-        """Wait for the next picture; its time is that of the sensor's first row."""
+    def read(self) -> CapturedImage | None:
+        """Wait for the next image; its time is that of the sensor's first row."""
         try:
             request = self._camera.capture_request()
         except RuntimeError as error:
-            raise SourceLostError(f"the Pi camera gives no more pictures ({error})") from error
+            raise SourceLostError(f"the Pi camera gives no more images ({error})") from error
         try:
             image = np.ascontiguousarray(request.make_array("main"))
             sensor_ns = int(request.get_metadata()["SensorTimestamp"])
         finally:
             request.release()
-        return Shot(image, monotonic_of_boot_ns(sensor_ns))
+        return CapturedImage(image, monotonic_of_boot_ns(sensor_ns))
 
     def close(self) -> None:
         """Give the camera back."""

@@ -1,4 +1,4 @@
-"""``dfvs-camera``: publish a camera, a stream, a video or pictures to the service."""
+"""``dfvs-camera``: publish a camera, a stream, a video or images to the service."""
 
 from __future__ import annotations
 
@@ -20,8 +20,7 @@ from dfvs_service.camera.options import (
     calibration_of,
     cameras_zenoh,
     feed_of,
-    open_patiently,
-    say,
+    log,
     source_options,
 )
 from dfvs_service.camera.publisher import (
@@ -31,6 +30,7 @@ from dfvs_service.camera.publisher import (
     publish_feed,
 )
 from dfvs_service.settings.options import settings_from
+from dfvs_service.zenoh_session import open_persistently
 
 _EPILOG = """\
 examples:
@@ -40,8 +40,8 @@ examples:
 
 other commands:
   dfvs-camera board      draw a calibration board, ready to be printed
-  dfvs-camera calibrate  find the camera's intrinsics from pictures of a board
-  dfvs-camera goal       take a goal picture with its sidecar
+  dfvs-camera calibrate  find the camera's intrinsics from images of a board
+  dfvs-camera goal       take a goal image with its sidecar
 
 A live source that is lost is opened again every second. Exit code: 0 ended, 2 cannot run.
 """
@@ -51,7 +51,7 @@ def parser() -> argparse.ArgumentParser:
     """Options of publishing."""
     made = argparse.ArgumentParser(
         prog="dfvs-camera",
-        description="Publish pictures to the service: JPEG or raw, with the time of capture and "
+        description="Publish images to the service: JPEG or raw, with the time of capture and "
         "the camera's calibration.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -90,13 +90,13 @@ def run(words: Sequence[str]) -> int:
     started_s = time.monotonic()
     with contextlib.closing(feed_of(arguments, options.wanted_size)) as feed:
         section = cameras_zenoh(settings_from(arguments).zenoh, arguments.connect)
-        session = open_patiently(section, stop)
+        session = open_persistently(section, stop, log)
         if session is None:
             return 0
         with session:
             publisher = FramePublisher(session, options)
-            say(f"publishing on {Topics(options.vehicle).camera}")
-            publish_feed(feed, publisher, options, stop, say)
+            log(f"publishing on {Topics(options.vehicle).camera}")
+            publish_feed(feed, publisher, options, stop, log)
     if arguments.json:
         summary = {
             "frames": publisher.count,

@@ -1,4 +1,4 @@
-"""Publishing a camera over Zenoh, as perception reads it."""
+"""Publisher of camera frames over Zenoh."""
 
 from __future__ import annotations
 
@@ -15,9 +15,10 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
 from dfvs_core.messages.schema import to_json
 from dfvs_core.messages.topics import Topics
-from dfvs_service.camera.feed import Feed, Say
+from dfvs_service.camera.feed import Feed, Log
 from dfvs_service.camera.reception import ReceptionReport
-from dfvs_service.camera.source import Shot, check_size
+from dfvs_service.camera.source import check_size
+from dfvs_service.frames import CapturedImage
 
 FORMATS = {
     "jpeg": PixelFormat.JPEG,
@@ -27,7 +28,7 @@ FORMATS = {
 }
 _ENCODINGS = {PixelFormat.JPEG: "image/jpeg", PixelFormat.PNG: "image/png"}
 _RAW_ENCODING = "application/octet-stream"
-_TAKE_S = 0.25
+_RECEIVE_S = 0.25
 _REPORT_S = 5.0
 _SILENCE_S = 2.0
 
@@ -47,7 +48,7 @@ class PublishOptions:
 
     @property
     def wanted_size(self) -> tuple[int, int] | None:
-        """Size (width, height) px that every picture must have, None for any."""
+        """Size (width, height) px that every image must have, None for any."""
         return self.size if self.camera is None else self.camera.size
 
 
@@ -85,7 +86,7 @@ class FramePublisher:
         status: object = self._frames.matching_status  # its stub says bool
         return isinstance(status, zenoh.MatchingStatus) and status.matching
 
-    def publish(self, shot: Shot) -> None:
+    def publish(self, captured: CapturedImage) -> None:
         """Publish one shot.
 
         Raises
@@ -93,9 +94,9 @@ class FramePublisher:
         CameraError
             If it has not the size of the calibration.
         """
-        check_size(shot, self._options.wanted_size, "the camera")
+        check_size(captured, self._options.wanted_size, "the camera")
         pixel_format = self._options.pixel_format
-        frame = Frame(shot.image, shot.t_capture_ns, self.count)
+        frame = Frame(captured.image, captured.t_capture_ns, self.count)
         payload, attachment = encode_frame(frame, pixel_format, self._clock, self._options.quality)
         encoding = _ENCODINGS.get(pixel_format, _RAW_ENCODING)
         self._frames.put(payload, encoding=encoding, attachment=attachment)
@@ -107,7 +108,7 @@ class FramePublisher:
 class RateReport:
     """Says how many frames go out, and when they cease to."""
 
-    say: Say
+    log: Log
     next_s: float
     last_frame_s: float
     count: int = 0
@@ -121,16 +122,16 @@ class RateReport:
         self.last_frame_s = now_s
         self.is_silent = False
 
-    def look(self, now_s: float) -> None:
+    def update(self, now_s: float) -> None:
         """Say what there is to be said by now."""
         if now_s - self.last_frame_s > _SILENCE_S and not self.is_silent:
             self.is_silent = True
-            self.say(f"no picture for {now_s - self.last_frame_s:.1f} s")
+            self.log(f"no image for {now_s - self.last_frame_s:.1f} s")
         if now_s < self.next_s:
             return
         if self.count:
             rate, size = self.count / _REPORT_S, self.bytes / self.count
-            self.say(f"{rate:.1f} frames a second, {size / 1000:.0f} kB each")
+            self.log(f"{rate:.1f} frames a second, {size / 1000:.0f} kB each")
         self.next_s = now_s + _REPORT_S
         self.count = self.bytes = 0
 
@@ -140,7 +141,7 @@ def publish_feed(
     publisher: FramePublisher,
     options: PublishOptions,
     stop: threading.Event,
-    say: Callable[[str], None],
+    log: Callable[[str], None],
 ) -> None:
     """Publish until stopped, until the recording ends, or until enough frames went out.
 
@@ -150,17 +151,17 @@ def publish_feed(
         If the source cannot be used, or nobody receives where somebody must.
     """
     now_s = time.monotonic()
-    report = RateReport(say, now_s + _REPORT_S, now_s)
+    report = RateReport(log, now_s + _REPORT_S, now_s)
     key = Topics(options.vehicle).camera
-    reception = ReceptionReport(say, key, now_s, options.required_subscriber_s)
+    reception = ReceptionReport(log, key, now_s, options.required_subscriber_s)
     while not stop.is_set() and not feed.ended:
-        shot = feed.take(_TAKE_S)
-        if shot is not None:
+        captured = feed.receive(_RECEIVE_S)
+        if captured is not None:
             before = publisher.bytes
-            publisher.publish(shot)
+            publisher.publish(captured)
             report.frame(time.monotonic(), publisher.bytes - before)
             if options.max_frames is not None and publisher.count >= options.max_frames:
                 return
         now_s = time.monotonic()
-        report.look(now_s)
-        reception.look(now_s, is_received=publisher.is_received)
+        report.update(now_s)
+        reception.update(now_s, is_received=publisher.is_received)

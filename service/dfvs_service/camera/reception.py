@@ -1,10 +1,10 @@
-"""Whether anybody receives what the camera publishes."""
+"""Report whether a subscriber receives the camera's frames."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 
-from dfvs_service.camera.feed import Say
+from dfvs_service.camera.feed import Log
 from dfvs_service.camera.spec import CameraError
 
 _PATIENCE_S = 2.0
@@ -30,14 +30,14 @@ class ReceptionReport:
         Without a subscriber for so long the camera ends.
     """
 
-    say: Say
+    log: Log
     key: str
     lost_s: float
     required_s: float | None = None
     is_received: bool = False
-    is_told: bool = False
+    is_reported: bool = False
 
-    def look(self, now_s: float, *, is_received: bool) -> None:
+    def update(self, now_s: float, *, is_received: bool) -> None:
         """Take whether there is a subscriber now.
 
         Raises
@@ -46,9 +46,9 @@ class ReceptionReport:
             If there was none for ``required_s``.
         """
         if is_received:
-            if self.is_told:
-                self.say(f"{self.key} has a subscriber")
-            self.is_received, self.is_told = True, False
+            if self.is_reported:
+                self.log(f"{self.key} has a subscriber")
+            self.is_received, self.is_reported = True, False
             return
         if self.is_received:
             self.is_received, self.lost_s = False, now_s
@@ -57,6 +57,6 @@ class ReceptionReport:
             raise CameraError(
                 f"nobody receives {self.key} for {alone_s:.0f} s", "a subscriber", _REMEDY
             )
-        if alone_s >= _PATIENCE_S and not self.is_told:
-            self.is_told = True
-            self.say(f"nobody receives {self.key}: {_REMEDY}")
+        if alone_s >= _PATIENCE_S and not self.is_reported:
+            self.is_reported = True
+            self.log(f"nobody receives {self.key}: {_REMEDY}")

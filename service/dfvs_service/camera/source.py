@@ -1,20 +1,12 @@
-"""What every source is, and how one is opened."""
+"""Interface of image sources."""
 
 from __future__ import annotations
 
 from dataclasses import dataclass
 from typing import Protocol
 
-from dfvs_core.geometry.arrays import ImageArray
-from dfvs_service.camera.spec import CameraError, SourceKind, SourceSpec
-
-
-@dataclass(frozen=True, slots=True)
-class Shot:
-    """A picture (H, W, 3) uint8 RGB; when it was taken, on the monotonic clock."""
-
-    image: ImageArray
-    t_capture_ns: int
+from dfvs_service.camera.spec import CameraError
+from dfvs_service.frames import CapturedImage
 
 
 @dataclass(frozen=True, slots=True)
@@ -35,15 +27,15 @@ class Source(Protocol):
     """An open source."""
 
     rate_hz: float
-    """Pictures a second that it says to have; 0 where it does not say."""
+    """Images a second that it says to have; 0 where it does not say."""
 
-    def read(self) -> Shot | None:
-        """Wait for the next picture; None at the end of a recording.
+    def read(self) -> CapturedImage | None:
+        """Wait for the next image; None at the end of a recording.
 
         Raises
         ------
         SourceLostError
-            If a live source gives no more pictures.
+            If a live source gives no more images.
         CameraError
             If what it gives cannot be used.
         """
@@ -52,41 +44,18 @@ class Source(Protocol):
         """Give the device or file back."""
 
 
-def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
-    """Open a source.
-
-    Raises
-    ------
-    SourceLostError
-        If a live source cannot be reached right now.
-    CameraError
-        If it can never be opened like this.
-    """
-    if spec.kind is SourceKind.PICAMERA:
-        from dfvs_service.camera.picamera import PicameraSource
-
-        return PicameraSource(int(spec.place), options)
-    if spec.kind is SourceKind.PICTURES:
-        from dfvs_service.camera.images import PictureSource
-
-        return PictureSource(spec.place)
-    from dfvs_service.camera.capture import CaptureSource
-
-    return CaptureSource(spec, options)
-
-
-def check_size(shot: Shot, wanted: tuple[int, int] | None, who: str) -> None:
-    """Refuse a picture of another size than the one that was asked for.
+def check_size(captured: CapturedImage, wanted: tuple[int, int] | None, who: str) -> None:
+    """Refuse an image of another size than the one that was asked for.
 
     Raises
     ------
     CameraError
         If it has another size.
     """
-    height, width = shot.image.shape[:2]
+    height, width = captured.image.shape[:2]
     if wanted is not None and (width, height) != wanted:
         raise CameraError(
-            f"{who} gives pictures of {width} x {height} px",
+            f"{who} gives images of {width} x {height} px",
             f"{wanted[0]} x {wanted[1]} px, as --size or the calibration says",
             "choose a size that the camera has",
         )

@@ -1,4 +1,4 @@
-"""What the word after ``--source`` means."""
+"""Specification of an image source: the argument of ``--source``."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dfvs_core.errors import DfvsError
 
-PICTURE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg"})
+IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg"})
 
 _DEVICE = re.compile(r"(?:/dev/video)?(\d+)")
 _PICAMERA = re.compile(r"picamera2?(?::(\d+))?")
@@ -25,14 +25,14 @@ class SourceLostError(DfvsError):
 
 
 class SourceKind(enum.StrEnum):
-    """Where pictures can come from."""
+    """Where images can come from."""
 
     V4L2 = "V4L2 device"
     STREAM = "stream"
     GSTREAMER = "GStreamer pipeline"
     PICAMERA = "Picamera2"
     VIDEO = "video file"
-    PICTURES = "pictures"
+    IMAGES = "pictures"
 
 
 LIVE = frozenset({SourceKind.V4L2, SourceKind.STREAM, SourceKind.GSTREAMER, SourceKind.PICAMERA})
@@ -47,7 +47,7 @@ class SourceSpec:
 
     @property
     def is_live(self) -> bool:
-        """Tell whether pictures come at their own pace, and may come back after a loss."""
+        """Tell whether images come at their own pace, and may come back after a loss."""
         return self.kind in LIVE
 
     def __str__(self) -> str:
@@ -75,12 +75,12 @@ def parse_source(text: str) -> SourceSpec:
         is_folder, is_file = path.is_dir(), path.is_file()
     except OSError as error:
         raise CameraError(f"the source {text[:200]!r} cannot be read ({error.strerror})") from error
-    if is_folder or (is_file and path.suffix.lower() in PICTURE_SUFFIXES):
-        return SourceSpec(SourceKind.PICTURES, text)
+    if is_folder or (is_file and path.suffix.lower() in IMAGE_SUFFIXES):
+        return SourceSpec(SourceKind.IMAGES, text)
     if is_file:
         return SourceSpec(SourceKind.VIDEO, text)
     raise CameraError(
         f"there is no source {text!r}",
         "a device (0, /dev/video0), URL (rtsp://...), GStreamer pipeline (gst:...), picamera, or "
-        "an existing video, picture or folder of pictures",
+        "an existing video, image or folder of images",
     )

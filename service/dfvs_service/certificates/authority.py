@@ -1,4 +1,4 @@
-"""An authority and the certificates that it signs, as PEM files."""
+"""Certificate authority, and the certificates that it signs, as PEM files."""
 
 from __future__ import annotations
 

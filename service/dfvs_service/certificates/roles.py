@@ -1,4 +1,4 @@
-"""Files of all roles in one folder."""
+"""Certificate files of all roles in one folder."""
 
 from __future__ import annotations
 

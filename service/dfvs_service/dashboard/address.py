@@ -1,4 +1,4 @@
-"""Under which names the page may be reached, and what follows from that for browsers."""
+"""Addresses of the dashboard's page, and the origins that they allow."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The web application: the page's files, one WebSocket, and the threads behind them."""
+"""Web application: static files, one WebSocket, and the threads behind them."""
 
 from __future__ import annotations
 
@@ -14,12 +14,12 @@ from starlette.routing import Mount, WebSocketRoute
 from starlette.staticfiles import StaticFiles
 from starlette.websockets import WebSocket
 
-from dfvs_service.dashboard.async_bridge import Courier
-from dfvs_service.dashboard.client_session import House, Visit
+from dfvs_service.dashboard.async_bridge import AsyncBridge
+from dfvs_service.dashboard.client_session import AppContext, ClientSession
 from dfvs_service.dashboard.clock import Moment
-from dfvs_service.dashboard.command_queue import OrderDesk
+from dfvs_service.dashboard.command_queue import CommandQueue
 from dfvs_service.dashboard.hub import MAX_VEHICLES, Clock, Hub
-from dfvs_service.dashboard.origin_check import Doorkeeper
+from dfvs_service.dashboard.origin_check import OriginCheckMiddleware
 from dfvs_service.dashboard.receiver import Receiver
 from dfvs_service.dashboard.sample import Arrival
 from dfvs_service.dashboard.settings import DashboardSettings
@@ -49,16 +49,16 @@ class Dashboard:
         self.hub = Hub(clock, self._watch)
         self._reached_by: dict[str, ZenohSection] = {}
         key = settings.command_key
-        desk = None if key is None else OrderDesk(key, self._reached_by.get)
-        self.house = House(self.hub, settings.tokens, desk, clock)
+        command_queue = None if key is None else CommandQueue(key, self._reached_by.get)
+        self.context = AppContext(self.hub, settings.tokens, command_queue, clock)
         self._links = settings.links
         self._receivers: list[Receiver] = []
-        self._courier: Courier | None = None
+        self._bridge: AsyncBridge | None = None
 
     async def run(self) -> None:
         """Receive and tell until cancelled."""
-        self._courier = Courier(asyncio.get_running_loop(), self.hub.take)
-        self._receivers = [self._receiver(link, self._courier) for link in self._links]
+        self._bridge = AsyncBridge(asyncio.get_running_loop(), self.hub.on_samples)
+        self._receivers = [self._receiver(link, self._bridge) for link in self._links]
         for receiver in self._receivers:
             receiver.start()
         try:
@@ -69,13 +69,13 @@ class Dashboard:
         finally:
             for receiver in self._receivers:
                 await asyncio.to_thread(receiver.close)
-            self._courier.close()
+            self._bridge.close()
 
-    def _receiver(self, link: ZenohSection, courier: Courier) -> Receiver:
+    def _receiver(self, link: ZenohSection, bridge: AsyncBridge) -> Receiver:
         def deliver(arrival: Arrival) -> None:
             if arrival.stream == "state" and len(self._reached_by) < MAX_VEHICLES:
                 self._reached_by[arrival.vehicle] = link
-            courier.deliver(arrival)
+            bridge.deliver(arrival)
 
         return Receiver(link, deliver)
 
@@ -95,13 +95,13 @@ def make_app(dashboard: Dashboard) -> Starlette:
         await asyncio.gather(running, return_exceptions=True)
 
     async def visit(socket: WebSocket) -> None:
-        await Visit(socket, dashboard.house).serve()
+        await ClientSession(socket, dashboard.context).serve()
 
     return Starlette(
         routes=[
             WebSocketRoute("/live", visit),
             Mount("/", StaticFiles(directory=PAGE, html=True)),
         ],
-        middleware=[Middleware(Doorkeeper, address=dashboard.address)],
+        middleware=[Middleware(OriginCheckMiddleware, address=dashboard.address)],
         lifespan=lifespan,
     )

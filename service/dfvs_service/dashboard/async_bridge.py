@@ -1,6 +1,6 @@
-"""From Zenoh's threads to the event loop: pictures newest first, and never more than one batch.
+"""Async bridge from Zenoh's threads to the event loop, in batches, newest image first.
 
-A loop that is busy is given less to do, not more: pictures that it did not come to are replaced by
+A loop that is busy is given less to do, not more: images that it did not come to are replaced by
 newer ones while they wait here.
 """
 
@@ -14,7 +14,7 @@ from collections.abc import Callable
 
 from dfvs_core.errors import DfvsError
 from dfvs_service.dashboard.receiver import SHOWN
-from dfvs_service.dashboard.sample import Arrival, Parcel, unpack
+from dfvs_service.dashboard.sample import Arrival, Sample, unpack
 
 _MAX_DOCUMENTS = 1024
 _PATIENCE_S = 1.0
@@ -22,7 +22,7 @@ _PATIENCE_S = 1.0
 log = logging.getLogger("dfvs.dashboard")
 
 
-class Courier:
+class AsyncBridge:
     """Unpacks arrivals on a thread of its own and hands them over in batches.
 
     Parameters
@@ -34,23 +34,23 @@ class Courier:
     """
 
     def __init__(
-        self, loop: asyncio.AbstractEventLoop, take: Callable[[list[Parcel]], None]
+        self, loop: asyncio.AbstractEventLoop, on_samples: Callable[[list[Sample]], None]
     ) -> None:
         self._loop = loop
-        self._take = take
+        self._on_samples = on_samples
         self._condition = threading.Condition()
-        self._pictures: dict[tuple[str, str], Arrival] = {}
+        self._images: dict[tuple[str, str], Arrival] = {}
         self._documents: deque[Arrival] = deque(maxlen=_MAX_DOCUMENTS)
         self._closed = False
-        self._taken = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="dashboard-courier", daemon=True)
+        self._is_delivered = threading.Event()
+        self._thread = threading.Thread(target=self._run, name="dashboard-bridge", daemon=True)
         self._thread.start()
 
     def deliver(self, arrival: Arrival) -> None:
         """Take an arrival, on any thread; returns at once."""
         with self._condition:
             if arrival.stream in SHOWN:
-                self._pictures[arrival.vehicle, arrival.stream] = arrival
+                self._images[arrival.vehicle, arrival.stream] = arrival
             else:
                 self._documents.append(arrival)
             self._condition.notify()
@@ -60,36 +60,36 @@ class Courier:
         with self._condition:
             self._closed = True
             self._condition.notify()
-        self._taken.set()
+        self._is_delivered.set()
         self._thread.join(2.0)
 
     def _run(self) -> None:
         while (arrivals := self._collect()) is not None:
-            parcels = [parcel for arrival in arrivals if (parcel := _read(arrival)) is not None]
-            self._taken.clear()
+            samples = [sample for arrival in arrivals if (sample := _read(arrival)) is not None]
+            self._is_delivered.clear()
             try:
-                self._loop.call_soon_threadsafe(self._hand_over, parcels)
+                self._loop.call_soon_threadsafe(self._deliver_batch, samples)
             except RuntimeError:  # the loop has ended
                 return
-            self._taken.wait(_PATIENCE_S)
+            self._is_delivered.wait(_PATIENCE_S)
 
     def _collect(self) -> list[Arrival] | None:
         """Everything that waits, documents first; None when closed."""
         with self._condition:
-            self._condition.wait_for(lambda: self._closed or self._pictures or self._documents)
+            self._condition.wait_for(lambda: self._closed or self._images or self._documents)
             if self._closed:
                 return None
-            arrivals = [*self._documents, *self._pictures.values()]
+            arrivals = [*self._documents, *self._images.values()]
             self._documents.clear()
-            self._pictures.clear()
+            self._images.clear()
             return arrivals
 
-    def _hand_over(self, parcels: list[Parcel]) -> None:
-        self._taken.set()
-        self._take(parcels)
+    def _deliver_batch(self, samples: list[Sample]) -> None:
+        self._is_delivered.set()
+        self._on_samples(samples)
 
 
-def _read(arrival: Arrival) -> Parcel | None:
+def _read(arrival: Arrival) -> Sample | None:
     try:
         return unpack(arrival)
     except DfvsError as error:

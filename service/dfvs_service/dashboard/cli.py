@@ -73,8 +73,8 @@ def make_parser() -> argparse.ArgumentParser:
     add("--cert", type=Path, metavar="PEM", help="TLS certificate chain")
     add("--key", type=Path, metavar="PEM", help="its private key")
     add("--viewer-token", type=Path, metavar="FILE", help="token that viewers need")
-    add("--operator-token", type=Path, metavar="FILE", help="token of those who may order")
-    add("--command-key", type=Path, metavar="FILE", help="key that signs the orders")
+    add("--operator-token", type=Path, metavar="FILE", help="token of those who may send commands")
+    add("--command-key", type=Path, metavar="FILE", help="key that signs the commands")
     return parser
 
 
@@ -98,7 +98,7 @@ def _serve(words: Sequence[str]) -> int:
         port=arguments.port,
         ws="websockets-sansio",
         ws_max_size=MAX_MESSAGE_BYTES + MAX_SIDECAR_BYTES,
-        ws_per_message_deflate=False,  # pictures do not get smaller, only later
+        ws_per_message_deflate=False,  # images do not get smaller, only later
         ssl_certfile=arguments.cert,
         ssl_keyfile=arguments.key,
         log_level="warning",

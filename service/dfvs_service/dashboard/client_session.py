@@ -1,4 +1,4 @@
-"""One browser's connection: who it is, what it watches, and what it orders."""
+"""Client session of one browser: authentication, subscription and commands."""
 
 from __future__ import annotations
 
@@ -13,9 +13,9 @@ from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from dfvs_core.messages.link import MOUNTING_SCORE
 from dfvs_service.dashboard.clock import Moment
-from dfvs_service.dashboard.command_queue import OrderDesk
+from dfvs_service.dashboard.command_queue import CommandQueue
 from dfvs_service.dashboard.hub import Clock, Hub
-from dfvs_service.dashboard.messages import ordered_goal, read_message
+from dfvs_service.dashboard.messages import commanded_goal, read_message
 from dfvs_service.dashboard.outbox import Outbox
 from dfvs_service.dashboard.tokens import Role, Tokens
 from dfvs_service.dashboard.vehicle_model import PATH_COLUMNS, SERVO_COLUMNS
@@ -26,7 +26,7 @@ MAX_UNKNOWN = 8
 MAX_HELLO_BYTES = 4096
 HELLO_TIMEOUT_S = 5.0
 WRONG_TOKEN_DELAY_S = 1.0
-MAX_ORDERS_AT_ONCE = 2
+MAX_PENDING_COMMANDS = 2
 
 CLOSE_DENIED = 4401
 CLOSE_FULL = 4429
@@ -37,44 +37,44 @@ log = logging.getLogger("dfvs.dashboard")
 
 
 @dataclass(frozen=True, slots=True)
-class House:
-    """What all visits share; ``desk`` is None where no orders can be given."""
+class AppContext:
+    """State shared by all client sessions; ``command_queue`` is None where none can be sent."""
 
     hub: Hub
     tokens: Tokens
-    desk: OrderDesk | None
+    command_queue: CommandQueue | None
     clock: Clock
-    unknown: set[Visit] = field(default_factory=set)
-    """Visits that have not shown who they are."""
+    unknown: set[ClientSession] = field(default_factory=set)
+    """Sessions that have not shown who they are."""
 
 
-class Visit:
+class ClientSession:
     """Serves one WebSocket until it closes."""
 
-    def __init__(self, socket: WebSocket, house: House) -> None:
+    def __init__(self, socket: WebSocket, context: AppContext) -> None:
         self._socket = socket
-        self._house = house
+        self._context = context
         self._outbox = Outbox()
         self._role = Role.NOBODY
-        self._orders: set[asyncio.Task[None]] = set()
+        self._commands: set[asyncio.Task[None]] = set()
 
     async def serve(self) -> None:
         """Greet, then send and receive at the same time."""
         with contextlib.suppress(WebSocketDisconnect):
             if not await self._admit():
                 return
-            self._house.hub.join(self._outbox)
+            self._context.hub.join(self._outbox)
             sending = asyncio.create_task(self._send())
             try:
                 await self._receive()
             finally:
-                self._house.hub.leave(self._outbox)
+                self._context.hub.leave(self._outbox)
                 sending.cancel()
                 await asyncio.gather(sending, return_exceptions=True)
 
     async def _admit(self) -> bool:
         """Accept the connection and learn who it is, unless too many others are unknown."""
-        unknown = self._house.unknown
+        unknown = self._context.unknown
         if len(unknown) >= MAX_UNKNOWN:
             await self._socket.close(CLOSE_FULL, "too many connections")
             return False
@@ -87,7 +87,7 @@ class Visit:
 
     async def _greet(self) -> bool:
         """Learn who it is; close where it may not look."""
-        if self._house.hub.browsers >= MAX_BROWSERS:
+        if self._context.hub.browsers >= MAX_BROWSERS:
             await self._socket.close(CLOSE_FULL, "too many pages are open")
             return False
         try:
@@ -99,7 +99,7 @@ class Visit:
             await self._socket.close(CLOSE_TOO_LARGE, "the greeting is too long")
             return False
         token = hello.get("token", "") if hello.get("type") == "hello" else ""
-        self._role = self._house.tokens.role_of(token if isinstance(token, str) else "")
+        self._role = self._context.tokens.role_of(token if isinstance(token, str) else "")
         if self._role is Role.NOBODY:
             if token:
                 log.warning("a wrong token was presented")
@@ -112,9 +112,9 @@ class Visit:
     def _welcome(self) -> dict[str, Any]:
         return {
             "role": self._role.name.lower(),
-            "can_order": self._role is Role.OPERATOR and self._house.desk is not None,
-            "accepts_operators": self._house.tokens.operator is not None,
-            "needs_token": not self._house.tokens.is_open,
+            "can_command": self._role is Role.OPERATOR and self._context.command_queue is not None,
+            "accepts_operators": self._context.tokens.operator is not None,
+            "needs_token": not self._context.tokens.is_open,
             "columns": {"servo": SERVO_COLUMNS, "path": PATH_COLUMNS},
             "mounting_score": MOUNTING_SCORE,
         }
@@ -122,11 +122,11 @@ class Visit:
     async def _send(self) -> None:
         with contextlib.suppress(WebSocketDisconnect, RuntimeError):
             while True:
-                text, pictures = await self._outbox.next()
+                text, images = await self._outbox.next()
                 if text is not None:
                     await self._socket.send_text(text)
-                for picture in pictures:
-                    await self._socket.send_bytes(picture)
+                for image in images:
+                    await self._socket.send_bytes(image)
 
     async def _receive(self) -> None:
         while True:
@@ -135,11 +135,11 @@ class Visit:
             if kind == "seen":
                 self._outbox.confirm()
             elif kind == "ping":
-                self._pong(message, self._house.clock())
+                self._pong(message, self._context.clock())
             elif kind == "watch":
-                self._house.hub.watch(self._outbox, str(message.get("vehicle")))
-            elif kind == "order":
-                self._take_order(message)
+                self._context.hub.watch(self._outbox, str(message.get("vehicle")))
+            elif kind == "command":
+                self._on_command(message)
             else:
                 await self._socket.close(CLOSE_UNREADABLE, "message not understood")
                 return
@@ -152,7 +152,7 @@ class Visit:
         return read_message(text, None)
 
     async def _next_message(self) -> dict[str, Any]:
-        """Next JSON object, with a picture if one came along; else an empty one."""
+        """Next JSON object, with an image if one came along; else an empty one."""
         return read_message(*await self._next_payload())
 
     async def _next_payload(self) -> tuple[str | None, bytes | None]:
@@ -167,21 +167,21 @@ class Visit:
         if isinstance(t, int | float):
             self._outbox.offer({"pong": json.dumps({"t": t, "server_ms": now.wall_ms})})
 
-    def _take_order(self, message: dict[str, Any]) -> None:
-        task = asyncio.create_task(self._order(message))
-        self._orders.add(task)
-        task.add_done_callback(self._orders.discard)
+    def _on_command(self, message: dict[str, Any]) -> None:
+        task = asyncio.create_task(self._run_command(message))
+        self._commands.add(task)
+        task.add_done_callback(self._commands.discard)
 
-    async def _order(self, message: dict[str, Any]) -> None:
-        word, vehicle = str(message.get("order"))[:40], str(message.get("vehicle"))[:80]
-        desk = self._house.desk
-        if self._role is not Role.OPERATOR or desk is None:
+    async def _run_command(self, message: dict[str, Any]) -> None:
+        word, vehicle = str(message.get("command"))[:40], str(message.get("vehicle"))[:80]
+        command_queue = self._context.command_queue
+        if self._role is not Role.OPERATOR or command_queue is None:
             accepted, text = False, "not sent: this page may only look"
-        elif len(self._orders) > MAX_ORDERS_AT_ONCE:
-            accepted, text = False, "not sent: earlier orders are not answered yet"
+        elif len(self._commands) > MAX_PENDING_COMMANDS:
+            accepted, text = False, "not sent: earlier commands are not answered yet"
         else:
-            goal = ordered_goal(message)
-            accepted, text = await asyncio.to_thread(desk.give, vehicle, word, goal)
-            log.info("order %s for %s: %s", word, vehicle, text)
-        answer = {"order": word, "vehicle": vehicle, "accepted": accepted, "text": text}
+            goal = commanded_goal(message)
+            accepted, text = await asyncio.to_thread(command_queue.give, vehicle, word, goal)
+            log.info("command %s for %s: %s", word, vehicle, text)
+        answer = {"command": word, "vehicle": vehicle, "accepted": accepted, "text": text}
         self._outbox.append("answers", [json.dumps(answer)])

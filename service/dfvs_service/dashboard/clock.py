@@ -1,4 +1,4 @@
-"""Ages of what vehicles stamped: monotonic times made comparable with this machine's wall clock."""
+"""Ages of vehicles' monotonic stamps by this machine's wall clock."""
 
 from __future__ import annotations
 

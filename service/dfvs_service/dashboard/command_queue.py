@@ -1,4 +1,4 @@
-"""Orders from the page: signed as ``dfvs-service command`` signs them, and answered in words."""
+"""Command queue of the page: signed commands and their answers."""
 
 from __future__ import annotations
 
@@ -9,16 +9,16 @@ from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import image_size
-from dfvs_service.command import give_order
+from dfvs_service.command import send_command
 from dfvs_service.settings.config import ServiceConfig, VehicleSection, ZenohSection
 
-ORDER_TIMEOUT_S = 3.0
+COMMAND_TIMEOUT_S = 3.0
 
 FindEndpoint = Callable[[str], ZenohSection | None]
 
 
-class OrderDesk:
-    """Gives orders to vehicles; blocks, so it is called on worker threads.
+class CommandQueue:
+    """Gives commands to vehicles; blocks, so it is called on worker threads.
 
     Parameters
     ----------
@@ -33,7 +33,7 @@ class OrderDesk:
         self._find = find
 
     def give(self, vehicle: str, word: str, goal: GoalCommand | None) -> tuple[bool, str]:
-        """Order and wait for the gate's word: whether it was accepted, and why not."""
+        """OperatorCommand and wait for the gate's word: whether it was accepted, and why not."""
         try:
             answer = self._give(vehicle, word, goal)
         except DfvsError as error:
@@ -43,11 +43,11 @@ class OrderDesk:
     def _give(self, vehicle: str, word: str, goal: GoalCommand | None) -> str:
         zenoh = self._find(vehicle)
         if zenoh is None or word not in set(Action):
-            raise ConfigError(f"order {word!r} for {vehicle!r}", "a known order and vehicle")
+            raise ConfigError(f"command {word!r} for {vehicle!r}", "a known command and vehicle")
         action = Action(word)
         if (action is Action.GOAL) != (goal is not None):
-            raise ConfigError(f"order {word!r} {'without' if goal is None else 'with'} a picture")
+            raise ConfigError(f"command {word!r} {'without' if goal is None else 'with'} an image")
         if goal is not None:
             image_size(goal.image)
         config = dataclasses.replace(ServiceConfig(), vehicle=VehicleSection(vehicle), zenoh=zenoh)
-        return give_order(config, self._key, action, ORDER_TIMEOUT_S, goal)
+        return send_command(config, self._key, action, COMMAND_TIMEOUT_S, goal)

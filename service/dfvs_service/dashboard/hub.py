@@ -1,4 +1,4 @@
-"""Where vehicles and browsers meet: boards on one side, outboxes on the other.
+"""Distribution of vehicle models' updates to the browsers' outboxes.
 
 Everything here runs on the event loop's thread; what arrives on other threads is handed over one
 by one. Every message is encoded once, whatever the number of browsers.
@@ -13,9 +13,9 @@ from typing import Any
 
 from dfvs_core.errors import DfvsError
 from dfvs_service.dashboard.clock import Moment
-from dfvs_service.dashboard.outbox import Outbox, PictureKind, encode_picture
-from dfvs_service.dashboard.sample import Parcel, Picture
-from dfvs_service.dashboard.vehicle_model import News, VehicleBoard
+from dfvs_service.dashboard.outbox import ImageKind, Outbox, encode_image_message
+from dfvs_service.dashboard.sample import BrowserImage, Sample
+from dfvs_service.dashboard.vehicle_model import Update, VehicleModel
 
 MAX_VEHICLES = 64
 
@@ -41,9 +41,9 @@ class Hub:
     def __init__(self, clock: Clock, on_watch: Watch) -> None:
         self._clock = clock
         self._on_watch = on_watch
-        self._boards: dict[str, VehicleBoard] = {}
-        self._pictures: dict[str, dict[PictureKind, bytes]] = {}
-        """Newest picture of each kind of a vehicle."""
+        self._models: dict[str, VehicleModel] = {}
+        self._images: dict[str, dict[ImageKind, bytes]] = {}
+        """Newest image of each kind of a vehicle."""
         self._watchers: dict[Outbox, str | None] = {}
         self.refused = 0
         """Messages from vehicles that could not be read."""
@@ -53,9 +53,9 @@ class Hub:
         """How many pages are open."""
         return len(self._watchers)
 
-    def board(self, vehicle: str) -> VehicleBoard | None:
+    def model(self, vehicle: str) -> VehicleModel | None:
         """What is known of a vehicle, or None."""
-        return self._boards.get(vehicle)
+        return self._models.get(vehicle)
 
     def join(self, outbox: Outbox) -> None:
         """Serve one more browser; it is told of all vehicles, and watches none yet."""
@@ -65,87 +65,87 @@ class Hub:
     def leave(self, outbox: Outbox) -> None:
         """Serve a browser no longer."""
         self._watchers.pop(outbox, None)
-        self._tell_watched()
+        self._publish_subscriptions()
 
     def watch(self, outbox: Outbox, vehicle: str) -> None:
         """Have a browser watch a vehicle: everything known of it is left in its outbox."""
-        if (board := self._boards.get(vehicle)) is None:
+        if (model := self._models.get(vehicle)) is None:
             return
         self._watchers[outbox] = vehicle
         outbox.forget()
-        links = board.link_news(self._clock())
-        outbox.offer(_encode({"watching": vehicle, **board.history(), **links}))
+        links = model.link_update(self._clock())
+        outbox.offer(_encode({"watching": vehicle, **model.history(), **links}))
         outbox.offer({"vehicles": self._vehicles_json()})
-        for kind, picture in self._pictures.get(vehicle, {}).items():
-            outbox.show(kind, picture)
-        self._tell_watched()
+        for kind, image in self._images.get(vehicle, {}).items():
+            outbox.show(kind, image)
+        self._publish_subscriptions()
 
-    def take(self, parcels: Iterable[Parcel]) -> None:
+    def on_samples(self, samples: Iterable[Sample]) -> None:
         """Take what came from vehicles; what does not follow its schema is counted and dropped."""
-        for parcel in parcels:
+        for sample in samples:
             try:
-                self._read(parcel)
+                self._read(sample)
             except DfvsError as error:
                 self.refused += 1
-                log.debug("%s of %r not read: %s", parcel.stream, parcel.vehicle, error)
+                log.debug("%s of %r not read: %s", sample.stream, sample.vehicle, error)
 
-    def tick(self, extra: News) -> None:
+    def tick(self, extra: Update) -> None:
         """Tell everybody of vehicles and links; to be called once or twice a second."""
         now = self._clock()
         vehicles, common = self._vehicles_json(), _encode(extra)
         for outbox, vehicle in self._watchers.items():
-            news = {"vehicles": vehicles, "overtaken": str(outbox.overtaken), **common}
+            update = {"vehicles": vehicles, "overtaken": str(outbox.overtaken), **common}
             if vehicle is not None:
-                news |= _encode(self._boards[vehicle].link_news(now))
-            outbox.offer(news)
+                update |= _encode(self._models[vehicle].link_update(now))
+            outbox.offer(update)
 
-    def _board_for(self, vehicle: str) -> VehicleBoard | None:
-        if vehicle not in self._boards:
-            if len(self._boards) >= MAX_VEHICLES:
+    def _model_for(self, vehicle: str) -> VehicleModel | None:
+        if vehicle not in self._models:
+            if len(self._models) >= MAX_VEHICLES:
                 return None
-            self._boards[vehicle] = VehicleBoard(vehicle)
-        return self._boards[vehicle]
+            self._models[vehicle] = VehicleModel(vehicle)
+        return self._models[vehicle]
 
-    def _read(self, parcel: Parcel) -> None:
-        board, now = self._board_for(parcel.vehicle), self._clock()
-        if board is None:
+    def _read(self, sample: Sample) -> None:
+        model, now = self._model_for(sample.vehicle), self._clock()
+        if model is None:
             return
-        if isinstance(parcel.content, Picture):
-            t_ms = board.see_picture(parcel.stream, parcel.content, now)
-            message = encode_picture(parcel.content.kind, t_ms, parcel.content.data)
-            self._pictures.setdefault(board.name, {})[parcel.content.kind] = message
-            self._show(board.name, parcel.content.kind, message)
+        if isinstance(sample.content, BrowserImage):
+            t_ms = model.on_image(sample.stream, sample.content, now)
+            message = encode_image_message(sample.content.kind, t_ms, sample.content.data)
+            self._images.setdefault(model.name, {})[sample.content.kind] = message
+            self._show(model.name, sample.content.kind, message)
         else:
-            self._tell(board.name, board.take(parcel.stream, parcel.content, now))
+            self._publish(model.name, model.on_document(sample.stream, sample.content, now))
 
-    def _tell(self, vehicle: str, news: News) -> None:
+    def _publish(self, vehicle: str, update: Update) -> None:
         outboxes = self._watching(vehicle)
         if not outboxes:
             return
-        tables = {key: [_json(row) for row in news[key]] for key in news.keys() & _TABLES}
-        rest = _encode({key: value for key, value in news.items() if key not in _TABLES})
+        tables = {key: [_json(row) for row in update[key]] for key in update.keys() & _TABLES}
+        rest = _encode({key: value for key, value in update.items() if key not in _TABLES})
         for outbox in outboxes:
             outbox.offer(rest)
             for key, rows in tables.items():
                 outbox.append(key, rows)
 
-    def _show(self, vehicle: str, kind: PictureKind, message: bytes) -> None:
+    def _show(self, vehicle: str, kind: ImageKind, message: bytes) -> None:
         for outbox in self._watching(vehicle):
             outbox.show(kind, message)
 
     def _watching(self, vehicle: str) -> list[Outbox]:
         return [outbox for outbox, watched in self._watchers.items() if watched == vehicle]
 
-    def _tell_watched(self) -> None:
+    def _publish_subscriptions(self) -> None:
         self._on_watch(frozenset(name for name in self._watchers.values() if name is not None))
 
     def _vehicles_json(self) -> str:
-        return _json([board.listing() for _, board in sorted(self._boards.items())])
+        return _json([model.listing() for _, model in sorted(self._models.items())])
 
 
 def _json(value: Any) -> str:
     return json.dumps(value, separators=(",", ":"), allow_nan=False)
 
 
-def _encode(news: News) -> dict[str, str]:
-    return {key: _json(value) for key, value in news.items()}
+def _encode(update: Update) -> dict[str, str]:
+    return {key: _json(value) for key, value in update.items()}

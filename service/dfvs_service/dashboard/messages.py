@@ -1,4 +1,4 @@
-"""What a browser says: JSON objects, and goal pictures with a JSON object before them."""
+"""Messages of a browser: JSON objects, and goal images with a JSON header."""
 
 from __future__ import annotations
 
@@ -10,23 +10,23 @@ from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES, GoalCommand
 
 _LENGTH = struct.Struct("<I")
 _MAX_HEADER_BYTES = 2 * MAX_SIDECAR_BYTES
-_PICTURE = "picture"
+_IMAGE = "image"
 
 
 def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
     """Read a message; what cannot be read is taken for an empty one.
 
-    ``data`` is the length of a header (uint32, little-endian), the header as JSON, and a picture,
+    ``data`` is the length of a header (uint32, little-endian), the header as JSON, and an image,
     which is put into the message beside what the header says.
     """
-    picture = None
+    image = None
     if data is not None:
         if len(data) < _LENGTH.size:
             return {}
         end = _LENGTH.size + _LENGTH.unpack_from(data)[0]
         if end > min(len(data), _MAX_HEADER_BYTES):
             return {}
-        header, picture = data[_LENGTH.size : end], data[end:]
+        header, image = data[_LENGTH.size : end], data[end:]
         text = header.decode(errors="replace")
     try:
         message = json.loads(text or "")
@@ -34,14 +34,14 @@ def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
         return {}
     if not isinstance(message, dict):
         return {}
-    message.pop(_PICTURE, None)
-    return message if picture is None else message | {_PICTURE: picture}
+    message.pop(_IMAGE, None)
+    return message if image is None else message | {_IMAGE: image}
 
 
-def ordered_goal(message: dict[str, Any]) -> GoalCommand | None:
-    """Goal that came with an order, or None."""
-    picture = message.get(_PICTURE)
-    if not isinstance(picture, bytes):
+def commanded_goal(message: dict[str, Any]) -> GoalCommand | None:
+    """Goal that came with a command, or None."""
+    image = message.get(_IMAGE)
+    if not isinstance(image, bytes):
         return None
     sidecar = message.get("sidecar", "")
-    return GoalCommand(picture, sidecar if isinstance(sidecar, str) else "")
+    return GoalCommand(image, sidecar if isinstance(sidecar, str) else "")

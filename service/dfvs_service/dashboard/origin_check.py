@@ -1,4 +1,4 @@
-"""ASGI middleware that looks at every request first: Host, Origin, and the headers of answers.
+"""Origin-check middleware (ASGI): Host, Origin, and security headers of answers.
 
 A page on the internet can make a browser talk to 127.0.0.1, by its address or by a name that it
 lets point there (DNS rebinding). So only known names are served, WebSockets are opened for our own
@@ -14,7 +14,7 @@ from starlette.types import ASGIApp, Message, Receive, Scope, Send
 from dfvs_service.dashboard.address import PublicAddress
 
 
-class Doorkeeper:
+class OriginCheckMiddleware:
     """Refuses requests for other hosts and from other origins; adds headers to every answer.
 
     Parameters
@@ -54,7 +54,7 @@ class Doorkeeper:
         if scope["type"] == "websocket":
             return None if is_ours else "only this page may open a connection here"
         if scope["method"] not in ("GET", "HEAD"):
-            return "the page is only read; orders go through its connection"
+            return "the page is only read; commands go through its connection"
         return None if is_ours or not origins else "only this page may ask here"
 
     def _with_headers(self, send: Send) -> Send:

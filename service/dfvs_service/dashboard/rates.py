@@ -1,4 +1,4 @@
-"""How often a stream comes, how much it carries and what is missing from it."""
+"""Rate, bandwidth and losses of a stream."""
 
 from __future__ import annotations
 

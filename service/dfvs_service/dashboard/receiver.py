@@ -1,4 +1,4 @@
-"""One Zenoh connection: telemetry of every vehicle behind it, and pictures of those watched.
+"""Zenoh subscriptions: telemetry of all vehicles, images of those that are watched.
 
 It runs on a thread of its own, which opens the session (again and again until somebody is there)
 and declares what is wanted. Samples come on Zenoh's threads and are handed on untouched.
@@ -86,16 +86,16 @@ class Receiver:
         """Keep the wanted subscriptions until told to stop; Zenoh itself reconnects."""
         always = [self._subscribe(session, f"dfvs/*/{stream}") for stream in TOLD]
         always += [self._subscribe_kept(session, f"dfvs/*/{stream}") for stream in KEPT]
-        pictures: dict[str, list[zenoh.Subscriber[None]]] = {}
+        images: dict[str, list[zenoh.Subscriber[None]]] = {}
         while not self._stopped:
             self._changed.clear()
             watched = self._watched
-            for name in pictures.keys() - watched:
-                for subscriber in pictures.pop(name):
+            for name in images.keys() - watched:
+                for subscriber in images.pop(name):
                     subscriber.undeclare()  # type: ignore[no-untyped-call]
-            for name in watched - pictures.keys():
+            for name in watched - images.keys():
                 keys = [f"dfvs/{name}/{stream}" for stream in SHOWN]
-                pictures[name] = [self._subscribe(session, key) for key in keys]
+                images[name] = [self._subscribe(session, key) for key in keys]
             info = session.info
             self.is_connected = bool(info.routers_zid() or info.peers_zid())
             self._changed.wait(_CHECK_S)

@@ -1,4 +1,4 @@
-"""What arrives from vehicles, unpacked: documents from JSON, pictures fit for a browser."""
+"""Samples from vehicles, decoded: JSON documents, and images for a browser."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dfvs_core.errors import WireError
 from dfvs_core.messages.frame import FrameHeader, PixelFormat, decode_frame, decode_header
 from dfvs_core.messages.image import MAX_IMAGE_PIXELS, encode_jpeg, image_size
 from dfvs_core.perception.flow_grid import decode_flow_grid
-from dfvs_service.dashboard.outbox import PictureKind
+from dfvs_service.dashboard.outbox import ImageKind
 
 MAX_DOCUMENT_BYTES = 64 * 1024
 VIEW_QUALITY = 75
@@ -31,25 +31,25 @@ class Arrival:
 
 
 @dataclass(frozen=True, slots=True)
-class Picture:
+class BrowserImage:
     """JPEG, or flow grid, with the monotonic time of its capture and its number."""
 
-    kind: PictureKind
+    kind: ImageKind
     t_ns: int
     seq: int
     data: bytes
 
 
 @dataclass(frozen=True, slots=True)
-class Parcel:
-    """An arrival that could be read: a picture, or a document from JSON."""
+class Sample:
+    """An arrival that could be read: an image, or a document from JSON."""
 
     vehicle: str
     stream: str
-    content: Picture | Any
+    content: BrowserImage | Any
 
 
-def unpack(arrival: Arrival) -> Parcel:
+def unpack(arrival: Arrival) -> Sample:
     """Read an arrival.
 
     Raises
@@ -57,17 +57,17 @@ def unpack(arrival: Arrival) -> Parcel:
     DfvsError
         If it is not what its stream should carry.
     """
-    return Parcel(arrival.vehicle, arrival.stream, _content(arrival))
+    return Sample(arrival.vehicle, arrival.stream, _content(arrival))
 
 
-def _content(arrival: Arrival) -> Picture | Any:
+def _content(arrival: Arrival) -> BrowserImage | Any:
     if arrival.stream == "flow":
         grid = decode_flow_grid(arrival.payload)
-        return Picture(PictureKind.FLOW, grid.t_capture_ns, grid.seq, arrival.payload)
+        return BrowserImage(ImageKind.FLOW, grid.t_capture_ns, grid.seq, arrival.payload)
     if arrival.stream in ("camera", "goal"):
         header, jpeg = browser_jpeg(arrival.payload, arrival.attachment)
-        kind = PictureKind.GOAL if arrival.stream == "goal" else PictureKind.VIEW
-        return Picture(kind, header.t_capture_ns, header.seq, jpeg)
+        kind = ImageKind.GOAL if arrival.stream == "goal" else ImageKind.VIEW
+        return BrowserImage(kind, header.t_capture_ns, header.seq, jpeg)
     if len(arrival.payload) > MAX_DOCUMENT_BYTES:
         raise WireError(
             f"document of {len(arrival.payload)} bytes", f"at most {MAX_DOCUMENT_BYTES}"
@@ -89,7 +89,7 @@ def browser_jpeg(payload: bytes, attachment: bytes) -> tuple[FrameHeader, bytes]
     WireError
         If the attachment is not a frame's, or the sizes disagree or are beyond all use.
     ImageError
-        If the picture cannot be decoded.
+        If the image cannot be decoded.
     """
     header = decode_header(attachment)
     width, height = header.width, header.height

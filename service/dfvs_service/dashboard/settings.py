@@ -1,4 +1,4 @@
-"""Settings of the dashboard from its command line; what would be open to everybody is refused."""
+"""Settings of the dashboard from its command line; unprotected ones are refused."""
 
 from __future__ import annotations
 
@@ -22,7 +22,7 @@ from dfvs_service.settings.key_file import load_key
 class DashboardSettings:
     """How the dashboard is served.
 
-    ``links`` are the Zenoh connections; ``command_key`` signs orders, None allows none.
+    ``links`` are the Zenoh connections; ``command_key`` signs commands, None allows none.
     """
 
     address: PublicAddress
@@ -45,7 +45,7 @@ def dashboard_settings(arguments: Namespace) -> DashboardSettings:
     if command_key is not None and tokens.operator is None:
         raise ConfigError(
             "--command-key is given without --operator-token",
-            "a token that tells who may order",
+            "a token that tells who may send commands",
             "make one with: dfvs-dashboard new-token --token-file operator.token",
         )
     is_secure = _check_certificate(arguments.cert, arguments.key)

@@ -1,4 +1,4 @@
-"""Who may look and who may order: secrets from files, compared in constant time."""
+"""Access tokens of viewers and operators, compared in constant time."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the dashboard knows of one vehicle: its newest words, its history, and the health of links.
+"""Vehicle model of the dashboard: last telemetry, history, and health of links.
 
 Pure: telemetry and the time go in, news for the page comes out as plain mappings.
 """
@@ -16,9 +16,9 @@ from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.messages.schema import dump, parse
 from dfvs_service.dashboard.clock import Moment, SenderClock
 from dfvs_service.dashboard.rates import StreamRate
-from dfvs_service.dashboard.sample import Picture
+from dfvs_service.dashboard.sample import BrowserImage
 
-News = dict[str, Any]
+Update = dict[str, Any]
 
 _SERVO_NUMBERS = (
     "error_m",
@@ -54,7 +54,7 @@ _COUNTERS = ("frames", "refused", "overtaken")
 _MOST_STAGES = 32
 
 
-class VehicleBoard:
+class VehicleModel:
     """One vehicle as the dashboard sees it.
 
     Parameters
@@ -69,12 +69,12 @@ class VehicleBoard:
         self.rates = {stream: StreamRate() for stream in ("camera", "servo", "state", "flow")}
         self._clock = SenderClock()
         self._vehicle: VehicleState | None = None
-        self._newest: News = {}
+        self._newest: Update = {}
         self._servo: deque[list[Any]] = deque(maxlen=_KEPT_ROWS)
         self._path: deque[list[Any]] = deque(maxlen=_KEPT_ROWS)
-        self._transitions: deque[News] = deque(maxlen=_KEPT_TRANSITIONS)
+        self._transitions: deque[Update] = deque(maxlen=_KEPT_TRANSITIONS)
 
-    def take(self, stream: str, document: object, now: Moment) -> News:
+    def on_document(self, stream: str, document: object, now: Moment) -> Update:
         """Take a document of a stream; returns what is new to the page.
 
         Raises
@@ -85,14 +85,14 @@ class VehicleBoard:
         if not isinstance(document, Mapping):
             raise WireError(f"{stream} telemetry is not a mapping")
         if stream == "state":
-            return self._take_state(document, now)
+            return self._on_state(document, now)
         if stream == "servo":
-            return self._take_servo(document, now)
+            return self._on_servo(document, now)
         if stream == "timing":
-            return self._take_timing(document, now)
-        return self._take_config(document)
+            return self._on_timing(document, now)
+        return self._on_config(document)
 
-    def _take_state(self, document: Mapping[str, Any], now: Moment) -> News:
+    def _on_state(self, document: Mapping[str, Any], now: Moment) -> Update:
         """Take the gate's status."""
         # A newer service may say more than our schema knows.
         known = {key: value for key, value in document.items() if key in _STATUS_FIELDS}
@@ -102,12 +102,12 @@ class VehicleBoard:
         shown = {key: value for key, value in dump(status).items() if key not in _SECRETS}
         shown["t_ms"] = t_ms
         shown["since_ms"] = t_ms - max(status.t_ns - status.since_ns, 0) * 1e-6
-        shown["takes_orders"] = bool(status.challenge)
-        news: News = {"state": shown}
+        shown["accepts_commands"] = bool(status.challenge)
+        update: Update = {"state": shown}
         if self.status is None or status.state != self.status.state:
             transition = {"t_ms": shown["since_ms"], "to": status.state, "cause": status.cause}
             self._transitions.append(transition)
-            news["transitions"] = [transition]
+            update["transitions"] = [transition]
         self.status = status
         self._newest["state"] = shown
         vehicle = status.vehicle
@@ -116,10 +116,10 @@ class VehicleBoard:
             row = [vehicle_ms, *_path_row(vehicle, self._vehicle, status.setpoint)]
             self._vehicle = vehicle
             self._path.append(row)
-            news["path"] = [row]
-        return news
+            update["path"] = [row]
+        return update
 
-    def _take_servo(self, document: Mapping[str, Any], now: Moment) -> News:
+    def _on_servo(self, document: Mapping[str, Any], now: Moment) -> Update:
         """Take one frame's result."""
         t_ns, t_capture_ns = _time(document, "t_ns"), _time(document, "t_capture_ns")
         self.rates["servo"].note(now.t_ns)
@@ -132,7 +132,7 @@ class VehicleBoard:
         self._newest["verdict"] = verdict
         return {"servo": [row], "verdict": verdict}
 
-    def _take_timing(self, document: Mapping[str, Any], now: Moment) -> News:
+    def _on_timing(self, document: Mapping[str, Any], now: Moment) -> Update:
         """Take the latencies of the stages, and what perception counted."""
         stages = {
             str(name)[:40]: [_number(stage.get(key)) for key in ("p50_ms", "p99_ms")]
@@ -143,7 +143,7 @@ class VehicleBoard:
         self._newest["timing"] = {"t_ms": now.wall_ms, "stages": stages, **counters}
         return {"timing": self._newest["timing"]}
 
-    def _take_config(self, document: Mapping[str, Any]) -> News:
+    def _on_config(self, document: Mapping[str, Any]) -> Update:
         """Take the resolved settings; the page shows but a few of them."""
         self._newest["settings"] = {
             "model": str(_inner(document, "flow").get("model", ""))[:200],
@@ -155,20 +155,20 @@ class VehicleBoard:
         }
         return {"settings": self._newest["settings"]}
 
-    def see_picture(self, stream: str, picture: Picture, now: Moment) -> float:
-        """Note a picture of the camera, flow or goal stream; wall-clock time of its stamp, ms."""
+    def on_image(self, stream: str, image: BrowserImage, now: Moment) -> float:
+        """Note an image of the camera, flow or goal stream; wall-clock time of its stamp, ms."""
         if stream in self.rates:
-            seq = picture.seq if stream == "camera" else None
-            self.rates[stream].note(now.t_ns, len(picture.data), seq)
-        return self._clock.wall_ms(picture.t_ns, now)
+            seq = image.seq if stream == "camera" else None
+            self.rates[stream].note(now.t_ns, len(image.data), seq)
+        return self._clock.wall_ms(image.t_ns, now)
 
-    def link_news(self, now: Moment) -> News:
+    def link_update(self, now: Moment) -> Update:
         """Rates and ages of the streams; whether ages are exact."""
         streams = {name: rate.summary(now.t_ns) for name, rate in self.rates.items()}
         link = {"t_ms": now.wall_ms, "streams": streams, "is_foreign_clock": self._clock.is_foreign}
         return {"link": link}
 
-    def history(self) -> News:
+    def history(self) -> Update:
         """Everything that a page needs which has just begun to watch."""
         return {
             **self._newest,
@@ -179,7 +179,7 @@ class VehicleBoard:
             },
         }
 
-    def listing(self) -> News:
+    def listing(self) -> Update:
         """One line for the choice of vehicles: name, newest state, and when it was sent."""
         state = self._newest.get("state", {})
         return {"name": self.name, "state": state.get("state", ""), "t_ms": state.get("t_ms")}

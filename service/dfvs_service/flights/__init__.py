@@ -1,1 +1,1 @@
-"""Black box: the records of every flight, and the commands that list, open and export them."""
+"""Black box: records of every flight, and the commands that list, show and export them."""

@@ -1,4 +1,4 @@
-"""The records of one flight on disk.
+"""Writer of one flight's records.
 
 Copies the logs that the processes write to the runtime folder, and keeps what they send. Nobody
 waits for it. What cannot be written is dropped and counted, and tried again every few seconds;
@@ -178,8 +178,8 @@ class BlackBox:
         }
         write_atomic(folder / layout.HEADER, json.dumps(header).encode() + b"\n")
         write_atomic(folder / layout.SETTINGS, self._config.to_json().encode())
-        for picture in (runtime.goal_picture, *runtime.later_goals()):
-            for source in (picture, picture.with_suffix(".json")):
+        for image_path in (runtime.goal_image, *runtime.later_goals()):
+            for source in (image_path, image_path.with_suffix(".json")):
                 write_atomic(folder / source.name, source.read_bytes())
         sync_folder(self._store.path)
         return self._open_parts(folder)

@@ -1,4 +1,4 @@
-"""A flight as one ZIP file."""
+"""Export of a flight as one ZIP file."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Files of a flight: append-only logs, copies of growing logs, bounded series of files.
+"""File writers of a flight: append-only logs, copies of growing logs, bounded file series.
 
 Whatever was appended outlives the process at once, and a power loss from the next ``sync`` on.
 Every call may raise OSError, except where it says otherwise; an append that failed leaves no part

@@ -1,4 +1,4 @@
-"""Names of the files of a flight."""
+"""File names of a flight's records."""
 
 from __future__ import annotations
 

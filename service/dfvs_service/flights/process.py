@@ -1,4 +1,4 @@
-"""The black box as a process of its own, which nobody waits for."""
+"""Black box process."""
 
 from __future__ import annotations
 

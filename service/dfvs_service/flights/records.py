@@ -1,4 +1,4 @@
-"""Reading a flight, as far as its records go: a crash cuts off the end, never more."""
+"""Reader of a flight's records, which may end early."""
 
 from __future__ import annotations
 

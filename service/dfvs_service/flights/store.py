@@ -1,4 +1,4 @@
-"""The folder of all flights: where it lies, what a flight is called, which flights go first."""
+"""Folder of all flights: location, names, and removal of the oldest."""
 
 from __future__ import annotations
 
@@ -14,7 +14,7 @@ from pathlib import Path
 from typing import IO
 
 from dfvs_core.errors import ConfigError
-from dfvs_service.settings.sections import BlackBoxSection
+from dfvs_service.settings.record_sections import BlackBoxSection
 
 _NAME = re.compile(r"(?P<date>\d{8}T\d{6}Z)-(?P<vehicle>[a-z0-9][a-z0-9_-]*)(\.(?P<number>\d+))?")
 LOCK = "lock"

@@ -1,1 +1,1 @@
-"""The gate process: the only owner of the autopilot."""
+"""Gate process, the only owner of the autopilot."""

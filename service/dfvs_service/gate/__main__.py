@@ -45,7 +45,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     os.environ["TMPDIR"] = str(runtime.gate_scratch)  # MAVSDK leaves folders behind
     gate = GateProcess(config, runtime, key, sys.stdin.fileno())
     signal.signal(signal.SIGTERM, gate.stop)
-    signal.signal(ORPHANED, signal.SIG_IGN)  # the lifeline ends too, and tells it apart
+    signal.signal(ORPHANED, signal.SIG_IGN)  # the parent's pipe ends too, and tells it apart
     autopilot = Autopilot(gate.emit, gate.note, allow_return=config.gate.allow_return)
     vehicle = config.vehicle
     start_autopilot(
@@ -59,7 +59,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def run() -> None:
-    """Run, print what a user can mend as one line, and end without waiting for any thread."""
+    """Run, print what a user can correct as one line, and end without waiting for any thread."""
     try:
         code = main()
     except DfvsError as error:

@@ -1,4 +1,4 @@
-"""The autopilot, through MAVSDK 4: the only module that knows that library.
+"""Adapter of the autopilot through MAVSDK 4.
 
 Setpoints and mode requests leave as single messages through ``MavlinkDirect``. The ``Offboard``
 plugin is not used: a native thread of it would go on sending the last velocity at 20 Hz while
@@ -36,7 +36,7 @@ from dfvs_core.gate.events import ModeRequest, VehicleEvent
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_service.gate import px4
 from dfvs_service.gate.failsafe import LOSS_ACTION, LOSS_TIME, judge_failsafe
-from dfvs_service.preflight.ports import refuse_taken_mavlink
+from dfvs_service.ports import require_free_mavlink_port
 
 AUTOPILOT_COMPONENT = 1
 _POLL_S = 0.5
@@ -78,9 +78,9 @@ class Autopilot:
         """Other systems on this link, by their id: each has a subscription of its own."""
         self._expected: set[Any] = {0}
         """Results of requests for an interval that need not be noted any more."""
-        log_subscribe(self._take_log)
+        log_subscribe(self._on_log)
 
-    def _take_log(self, level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
+    def _on_log(self, level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
         if level >= LogLevel.WARN:
             self._note("mavsdk", px4.plain_text(message))
         return True
@@ -100,7 +100,7 @@ class Autopilot:
         VehicleError
             If the connection cannot be opened or no autopilot is heard in time.
         """
-        refuse_taken_mavlink(url)
+        require_free_mavlink_port(url)
         kind = ComponentType.COMPANION_COMPUTER
         self._mavsdk = Mavsdk(Configuration.create_with_component_type(kind))
         result = self._mavsdk.add_any_connection(url)
@@ -144,14 +144,14 @@ class Autopilot:
             "POSITION_TARGET_LOCAL_NED": px4.velocity_target,
         }
         for name, convert in single.items():
-            self._listen(direct, name, functools.partial(self._take_single, convert))
-        self._listen(direct, "SYS_STATUS", self._take_system_status)
-        self._listen(direct, "COMMAND_ACK", self._take_ack)
+            self._listen(direct, name, functools.partial(self._on_single, convert))
+        self._listen(direct, "SYS_STATUS", self._on_system_status)
+        self._listen(direct, "COMMAND_ACK", self._on_ack)
         self._subscribe_foreign(direct)
 
     def _subscribe_foreign(self, direct: MavlinkDirect) -> None:
         for name in px4.FOREIGN_SETPOINTS:
-            direct.subscribe_message(name, self._take_foreign)
+            direct.subscribe_message(name, self._on_foreign)
 
     def _listen(
         self,
@@ -166,12 +166,12 @@ class Autopilot:
 
         direct.subscribe_message(name, on_message)
 
-    def _take_single(self, convert: _Convert, t_ns: int, fields: Mapping[str, Any]) -> None:
+    def _on_single(self, convert: _Convert, t_ns: int, fields: Mapping[str, Any]) -> None:
         event = convert(t_ns, fields)
         if event is not None:
             self._emit(event)
 
-    def _take_foreign(self, message: MavlinkMessage, _user_data: object) -> None:
+    def _on_foreign(self, message: MavlinkMessage, _user_data: object) -> None:
         """Take a commander's message from whoever sent it: what we send does not come back."""
         sender = (int(message.system_id), int(message.component_id))
         fields = json.loads(message.fields_json)
@@ -181,11 +181,11 @@ class Autopilot:
         if event is not None:
             self._emit(event)
 
-    def _take_system_status(self, t_ns: int, fields: Mapping[str, Any]) -> None:
+    def _on_system_status(self, t_ns: int, fields: Mapping[str, Any]) -> None:
         for event in px4.system_status(t_ns, fields):
             self._emit(event)
 
-    def _take_ack(self, _t_ns: int, fields: Mapping[str, Any]) -> None:
+    def _on_ack(self, _t_ns: int, fields: Mapping[str, Any]) -> None:
         # Only for the log: PX4 acknowledges a mode change twice, and the first one always says
         # yes. What happened is seen in the mode. An interval is refused by an autopilot that does
         # not know the message, such as CURRENT_MODE before PX4 1.15: that is said once.
@@ -204,14 +204,14 @@ class Autopilot:
         """
         next_read_s = time.monotonic()
         while True:
-            self._hear_others()
+            self._receive_from_others()
             if time.monotonic() >= next_read_s:
-                self._ask_for_telemetry()
+                self._request_telemetry()
                 known = self._read_failsafe()
                 next_read_s = time.monotonic() + (_READ_EVERY_S if known else _READ_AGAIN_S)
             time.sleep(_POLL_S)
 
-    def _hear_others(self) -> None:
+    def _receive_from_others(self) -> None:
         """Subscribe to what other systems send: MAVSDK gives a system's own messages alone."""
         systems = [] if self._mavsdk is None else self._mavsdk.get_systems()
         for system in systems:
@@ -220,7 +220,7 @@ class Autopilot:
                 self._others[number] = MavlinkDirect(system)
                 self._subscribe_foreign(self._others[number])
 
-    def _ask_for_telemetry(self) -> None:
+    def _request_telemetry(self) -> None:
         for message_id, interval_us in px4.MESSAGE_INTERVALS_US.items():
             fields = px4.interval_fields(message_id, interval_us, self._system_id)
             self._send("COMMAND_LONG", fields)

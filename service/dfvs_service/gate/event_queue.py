@@ -1,4 +1,4 @@
-"""Where events of other threads wait for the gate's loop."""
+"""Event queue from other threads to the gate's loop."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dfvs_core.gate.events import Event
 MAX_WAITING = 4096
 
 
-class Inbox:
+class EventQueue:
     """Queue that wakes a ``select``; the oldest event is dropped when it is full.
 
     ``put`` never blocks and may be called from any thread and from a signal handler.
@@ -33,7 +33,7 @@ class Inbox:
         with contextlib.suppress(BlockingIOError):
             os.write(self._writer, b"!")
 
-    def take(self) -> list[Event]:
+    def drain(self) -> list[Event]:
         """All events that wait, oldest first."""
         with contextlib.suppress(BlockingIOError):
             while os.read(self._reader, 4096):

@@ -1,4 +1,4 @@
-"""What the autopilot does when setpoints stop: which settings are advised, and which are refused.
+"""Check of PX4's failsafe parameters: advised, and refused values.
 
 A gate that hangs or dies falls silent; from then on only these parameters bring the vehicle to a
 stop.

@@ -1,4 +1,4 @@
-"""Writes the gate's inputs to disk, on a thread: the loop hands over and never waits."""
+"""Journal of the gate's inputs, written by a thread."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Datagrams of the gate: reports and commands in, states, answers and heartbeats out."""
+"""IPC server of the gate: reports and commands in; states, answers and heartbeats out."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ from dfvs_core.messages.link import (
     to_gate,
 )
 from dfvs_service.settings.runtime import RuntimeFolder
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.heartbeat import Heartbeat
 
 _MAX_TEXT = 200
 
 
-class Post:
+class IpcServer:
     """The gate's socket: turns what arrives into events, and never waits for a reader.
 
     Parameters
@@ -105,7 +105,7 @@ class Post:
             self._answer(verdict.request, verdict.text)
         return None
 
-    def settle(self, refusal: str) -> None:
+    def answer_accepted(self, refusal: str) -> None:
         """Answer the commands that the state machine has taken in this step.
 
         ``refusal`` says why the state forbids the last one, empty where it is obeyed.
@@ -127,12 +127,12 @@ class Post:
     def _answer(self, request: str, text: str) -> None:
         self._send(to_datagram(CommandAnswer(request, text[:_MAX_TEXT])), self._runtime.link_socket)
 
-    def send(self, status: GateStatus, beat: Beat) -> None:
+    def send(self, status: GateStatus, heartbeat: Heartbeat) -> None:
         """Send the state to perception and the operator link, and a heartbeat to the parent."""
         data = to_datagram(status)
         self._send(data, self._runtime.perception_socket)
         self._send(data, self._runtime.link_socket)
-        self._send(beat.to_bytes(), self._runtime.parent_socket)
+        self._send(heartbeat.to_bytes(), self._runtime.parent_socket)
 
     def _send(self, data: bytes, address: Path) -> None:
         # A reader that is gone or slow is noticed by other means; the loop never waits for it.

@@ -1,4 +1,4 @@
-"""The gate process: one loop between perception, autopilot, operator link and parent.
+"""Gate process: one loop between perception, autopilot, operator link and parent.
 
 The loop wakes at 50 Hz and whenever something arrives, steps the state machine, and sends what
 it says. Nothing in the loop waits for anything else.
@@ -30,15 +30,15 @@ from dfvs_core.gate.events import (
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import GateState
-from dfvs_service.gate.event_queue import Inbox
+from dfvs_service.gate.event_queue import EventQueue
 from dfvs_service.gate.input_journal import InputJournal
-from dfvs_service.gate.ipc_server import Post
-from dfvs_service.gate.journal import Journal
-from dfvs_service.gate.parent_watchdog import Lifeline
+from dfvs_service.gate.ipc_server import IpcServer
+from dfvs_service.gate.parent_watchdog import ParentWatchdog
 from dfvs_service.gate.status import gate_status
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.heartbeat import Heartbeat
+from dfvs_service.supervisor.journal import Journal
 from dfvs_service.supervisor.watched_thread import run_watched
 
 TICK_NS = 20 * MS
@@ -95,29 +95,29 @@ class GateProcess:
     ) -> None:
         now_ns = time.monotonic_ns()
         self._config = config
-        self._inbox = Inbox()
+        self._event_queue = EventQueue()
         self._journal = Journal(runtime.gate_log)
         self._machine = GateMachine(config.gate_config(), now_ns)
         self._inputs = InputJournal(runtime.gate_inputs, config.gate_config(), now_ns)
         name = config.vehicle.name
         self._authority = Authority(key, name, lambda: secrets.token_hex(16), now_ns)
-        self._post = Post(runtime, self._authority, self.note, self.report)
+        self._ipc = IpcServer(runtime, self._authority, self.note, self.report)
         self._faults: tuple[str, ...] = ()
         """What failed that the flight can do without, one line each."""
-        self._lifeline = Lifeline(parent, now_ns)
+        self._parent_watchdog = ParentWatchdog(parent, now_ns)
         self._warnings: tuple[str, ...] = ()
         self._fatal: DfvsError | None = None
         self._stopping = False
-        self._heard_ns: int | None = None
+        self._waiting_since_ns: int | None = None
         self._selector = selectors.DefaultSelector()
-        for source in (self._inbox, self._post, self._lifeline):
+        for source in (self._event_queue, self._ipc, self._parent_watchdog):
             self._selector.register(source, selectors.EVENT_READ)
 
     # --- other threads and signals --------------------------------------------------------
 
     def emit(self, event: VehicleEvent) -> None:
         """Take an event of the vehicle, from any thread."""
-        self._inbox.put(event)
+        self._event_queue.put(event)
 
     def note(self, kind: str, text: str) -> None:
         """Log a line, from any thread."""
@@ -133,15 +133,15 @@ class GateProcess:
         """End because the vehicle cannot be reached, from any thread."""
         self._fatal = error
 
-    def lose_watch(self, line: str) -> None:
+    def on_watch_ended(self, line: str) -> None:
         """Take the end of the watch over parameters and other commanders, from any thread."""
-        self._inbox.put(WatchEnded(time.monotonic_ns(), line))
+        self._event_queue.put(WatchEnded(time.monotonic_ns(), line))
 
     def stop(self, signal_number: int, _frame: FrameType | None) -> None:
         """Signal handler: bring the vehicle to Hold, then end."""
         name = signal.Signals(signal_number).name
         self._stopping = True
-        self._inbox.put(Stop(time.monotonic_ns(), f"by {name}"))
+        self._event_queue.put(Stop(time.monotonic_ns(), f"by {name}"))
 
     # --- loop -----------------------------------------------------------------------------
 
@@ -157,11 +157,11 @@ class GateProcess:
             self._inputs.add(now_ns, events, output)
             if now_ns >= next_tick:
                 next_tick = max(next_tick + TICK_NS, now_ns - TICK_NS)
-                self._tell(now_ns)
+                self._publish(now_ns)
             code = self._ending(now_ns)
             if code is not None:
                 self._journal.add(now_ns, "end", code=code, state=str(self._machine.state))
-                self._tell(now_ns)
+                self._publish(now_ns)
                 return code
 
     def close(self) -> None:
@@ -172,10 +172,10 @@ class GateProcess:
     def _collect(self, wait_s: float) -> list[Event]:
         """Wait for something to arrive; return all that has, as events."""
         self._selector.select(wait_s)
-        events = [*self._inbox.take(), *self._post.collect(time.monotonic_ns)]
-        if (stop := self._lifeline.heed(time.monotonic_ns())) is not None:
+        events = [*self._event_queue.drain(), *self._ipc.collect(time.monotonic_ns)]
+        if (stop := self._parent_watchdog.poll(time.monotonic_ns())) is not None:
             self._stopping = True
-            self._selector.unregister(self._lifeline)
+            self._selector.unregister(self._parent_watchdog)
             events.append(stop)
         for event in events:
             if isinstance(event, ParametersRead):
@@ -183,9 +183,9 @@ class GateProcess:
         return events
 
     def _warn(self, event: ParametersRead) -> None:
-        told, self._warnings = self._warnings, (*event.refusals, *event.advice)
+        previous, self._warnings = self._warnings, (*event.refusals, *event.advice)
         for line in self._warnings:
-            if line not in told:
+            if line not in previous:
                 self._journal.add(event.t_ns, "warning", text=line)
 
     def _apply(self, output: GateOutput, link: AutopilotLink, now_ns: int) -> None:
@@ -195,7 +195,7 @@ class GateProcess:
         if output.mode_request is not None:
             link.request_mode(output.mode_request)
             self._journal.add(now_ns, "mode_request", mode=str(output.mode_request))
-        self._post.settle(output.refusal)
+        self._ipc.answer_accepted(output.refusal)
         for change in output.transitions:
             self._journal.add(
                 change.t_ns,
@@ -206,18 +206,18 @@ class GateProcess:
                 detail=change.detail,
             )
 
-    def _tell(self, now_ns: int) -> None:
+    def _publish(self, now_ns: int) -> None:
         """Send the state to perception and the operator link, and a heartbeat to the parent."""
-        post = self._post
+        ipc = self._ipc
         status = gate_status(
             self._machine,
             now_ns,
             challenge=self._authority.challenge(now_ns),
-            command=(post.command_result, post.command_count),
+            command=(ipc.command_result, ipc.command_count),
             warnings=(*self._faults, *self._warnings),
         )
         good = self._machine.perception.good
-        beat = Beat(
+        heartbeat = Heartbeat(
             now_ns,
             status.state,
             status.cause,
@@ -227,7 +227,7 @@ class GateProcess:
             status.warnings,
             self._machine.checks() if self._machine.state in _CHECKED else (),
         )
-        post.send(status, beat)
+        ipc.send(status, heartbeat)
 
     # --- the end --------------------------------------------------------------------------
 
@@ -247,10 +247,12 @@ class GateProcess:
     def _startup_problem(self, now_ns: int) -> DfvsError | None:
         """Say that no frame ever came although there was time enough."""
         machine, timeout_s = self._machine, self._config.camera.timeout_s
-        if self._post.has_seen_frame or machine.state is not GateState.PREFLIGHT:
+        if self._ipc.has_seen_frame or machine.state is not GateState.PREFLIGHT:
             return None
-        self._heard_ns = now_ns if self._heard_ns is None else self._heard_ns
-        if now_ns - self._heard_ns < timeout_s * S:
+        self._waiting_since_ns = (
+            now_ns if self._waiting_since_ns is None else self._waiting_since_ns
+        )
+        if now_ns - self._waiting_since_ns < timeout_s * S:
             return None
         return DfvsError(
             f"no camera frame within {timeout_s:g} s ({machine.perception.reason})",
@@ -273,7 +275,7 @@ def start_autopilot(
         except DfvsError as error:
             gate.fail(error)
             return
-        run_watched("autopilot-watch", watch, gate.report, gate.lose_watch)
+        run_watched("autopilot-watch", watch, gate.report, gate.on_watch_ended)
 
     thread = threading.Thread(target=work, name="autopilot-watch", daemon=True)
     thread.start()

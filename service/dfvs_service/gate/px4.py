@@ -1,4 +1,4 @@
-"""How PX4 spells its state in MAVLink messages, taken to the gate's events."""
+"""Conversion of PX4's MAVLink messages to the gate's events."""
 
 from __future__ import annotations
 

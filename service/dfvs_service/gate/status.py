@@ -1,4 +1,4 @@
-"""What the gate tells perception, and through it everybody who listens."""
+"""Gate status for perception and telemetry."""
 
 from __future__ import annotations
 

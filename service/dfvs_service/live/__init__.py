@@ -1,1 +1,1 @@
-"""Live views of a flight for tools that people already have: Foxglove and Prometheus."""
+"""Live telemetry for Foxglove and Prometheus."""

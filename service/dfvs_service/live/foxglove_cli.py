@@ -73,21 +73,21 @@ def _serve(config: ServiceConfig, port: int) -> int:
     follower = Follower(config)
     handle_ending_signals(follower.stop)
     translation: Translation | None = None
-    picture, repeat_s = b"", 0.0
+    image, repeat_s = b"", 0.0
     for events in follower.events():
         for message, payload in events:
             if isinstance(message, SessionHeader):
-                translation, picture, repeat_s = Translation(message), payload, 0.0
+                translation, image, repeat_s = Translation(message), payload, 0.0
             elif translation is None:
                 continue
             elif isinstance(message, FlowGrid):
                 server.show([translation.flow(message)])
             else:
-                server.show(translation.turn(message, payload))
+                server.show(translation.record(message, payload))
         # Whoever connects later sees the goal, too: Foxglove keeps nothing for them.
         if translation is not None and time.monotonic() >= repeat_s:
             repeat_s = time.monotonic() + _REPEAT_S
-            server.show(translation.opening(picture, time.time_ns()))
+            server.show(translation.header(image, time.time_ns()))
     server.close()
     return EXIT_OK
 

@@ -1,4 +1,4 @@
-"""A flight as a live Foxglove connection: the channels of a recording, as they come."""
+"""Live Foxglove server with the channels of a recording."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A flight in Prometheus' terms: latencies, rates, states, drops."""
+"""Prometheus metrics of a flight: latencies, rates, states, losses."""
 
 from __future__ import annotations
 
@@ -86,7 +86,7 @@ class FlightMetrics:
         self._tick = tick
         self._lock = threading.Lock()
         self._documents: dict[str, Mapping[str, Any]] = {}
-        self._heard_ns: dict[str, int] = {}
+        self._received_ns: dict[str, int] = {}
         self._changes: dict[str, int] = {}
         self._unreadable = 0
         self._latency = Histogram(
@@ -98,7 +98,7 @@ class FlightMetrics:
         )
         registry.register(self)
 
-    def heard(self, stream: str, document: object) -> None:
+    def on_document(self, stream: str, document: object) -> None:
         """Take a document of the streams ``state``, ``servo`` or ``timing``, from any thread."""
         if not isinstance(document, Mapping):
             with self._lock:
@@ -107,7 +107,7 @@ class FlightMetrics:
         with self._lock:
             before = self._documents.get(stream, {})
             self._documents[stream] = document
-            self._heard_ns[stream] = self._tick()
+            self._received_ns[stream] = self._tick()
             state = document.get("state")
             if stream == "state" and isinstance(state, str) and state != before.get("state"):
                 self._changes[state] = self._changes.get(state, 0) + 1
@@ -120,7 +120,7 @@ class FlightMetrics:
     def collect(self) -> Iterator[Metric]:
         """Metrics of this moment, for Prometheus' client."""
         with self._lock:
-            documents, heard = dict(self._documents), dict(self._heard_ns)
+            documents, received = dict(self._documents), dict(self._received_ns)
             changes, unreadable = dict(self._changes), self._unreadable
         servo, state = documents.get("servo", {}), documents.get("state", {})
         yield from self._numbers(GaugeMetricFamily, _GAUGES, servo)
@@ -137,7 +137,7 @@ class FlightMetrics:
         for name, count in changes.items():
             transitions.add_metric((self._vehicle, name), count)
         yield transitions
-        yield self._ages(heard)
+        yield self._ages(received)
         bad = CounterMetricFamily(
             "dfvs_telemetry_unreadable", "Telemetry that was not understood.", labels=("vehicle",)
         )
@@ -176,13 +176,13 @@ class FlightMetrics:
                     metric.add_metric((self._vehicle, axis), value)
         return metric
 
-    def _ages(self, heard_ns: Mapping[str, int]) -> Metric:
+    def _ages(self, received_ns: Mapping[str, int]) -> Metric:
         ages = GaugeMetricFamily(
             "dfvs_telemetry_age_seconds",
             "Time since a stream was last heard: everything else here is as old.",
             labels=("vehicle", "stream"),
         )
         now_ns = self._tick()
-        for stream, t_ns in heard_ns.items():
+        for stream, t_ns in received_ns.items():
             ages.add_metric((self._vehicle, stream), (now_ns - t_ns) * 1e-9)
         return ages

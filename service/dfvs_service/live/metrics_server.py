@@ -1,4 +1,4 @@
-"""Telemetry from Zenoh, metrics over HTTP."""
+"""HTTP server of metrics from Zenoh telemetry."""
 
 from __future__ import annotations
 
@@ -74,7 +74,7 @@ def _subscribe(session: zenoh.Session, topics: Topics, metrics: FlightMetrics) -
                 document = json.loads(sample.payload.to_bytes())
             except (ValueError, RecursionError):
                 document = None
-            metrics.heard(stream, document)
+            metrics.on_document(stream, document)
 
         return session.declare_subscriber(topics.telemetry(stream), take)
 

@@ -1,1 +1,1 @@
-"""The operator link process: state and answers out, commands in, whatever perception does."""
+"""Operator link process: state and answers out, commands in."""

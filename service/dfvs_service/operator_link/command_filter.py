@@ -39,7 +39,7 @@ class CommandFilter:
         self.dropped = 0
         """Commands that were not passed on."""
 
-    def take_command(self, payload: bytes, now_ns: int) -> ForwardedCommand | None:
+    def receive_command(self, payload: bytes, now_ns: int) -> ForwardedCommand | None:
         """Message for the gate about a command; None where it is dropped."""
         with self._lock:
             try:
@@ -48,7 +48,7 @@ class CommandFilter:
                 self._drop(str(error), now_ns)
             return None
 
-    def take_goal(self, goal: bytes, command: bytes, now_ns: int) -> ForwardedCommand | None:
+    def receive_goal(self, goal: bytes, command: bytes, now_ns: int) -> ForwardedCommand | None:
         """Message for the gate about a new goal that came with its command; None where dropped."""
         with self._lock:
             try:

@@ -1,4 +1,4 @@
-"""The lease on a vehicle's name: who stands by to command it, and who does (invariant I6).
+"""Name lease of a vehicle: services that stand by for it or command it (invariant I6).
 
 Every service shows a Zenoh liveliness token that vanishes with it, and a second one while its
 gate is engaged. Whoever sees another service's tokens does not engage; whoever is engaged and
@@ -26,7 +26,7 @@ _REPEAT_NS = 1_000_000_000
 _MAX_NAMES = 8
 
 
-class Lease:
+class NameLease:
     """Our tokens, and those of others.
 
     Parameters
@@ -45,18 +45,18 @@ class Lease:
         self,
         session: zenoh.Session,
         topics: Topics,
-        tell: Callable[[LeaseHolders], None],
+        notify: Callable[[LeaseHolders], None],
         *,
         watches: bool = False,
     ) -> None:
         self.name = secrets.token_hex(4)
         self._liveliness = session.liveliness()
         self._topics = topics
-        self._tell = tell
+        self._notify = notify
         self._lock = threading.Lock()
         self._others: dict[str, set[str]] = {STANDBY: set(), IN_COMMAND: set()}
-        self._told: LeaseHolders | None = None
-        self._told_ns = 0
+        self._notified: LeaseHolders | None = None
+        self._notified_ns = 0
         self._standby = None if watches else self._declare(STANDBY)
         self._in_command: zenoh.LivelinessToken | None = None
         self._subscriber = self._liveliness.declare_subscriber(
@@ -73,12 +73,12 @@ class Lease:
             self._in_command.undeclare()  # type: ignore[no-untyped-call]
             self._in_command = None
 
-    def tell(self) -> None:
+    def notify(self) -> None:
         """Tell the gate of others: at once of every change, and again every second."""
         holders, now_ns = self.holders(), time.monotonic_ns()
-        if holders != self._told or now_ns - self._told_ns >= _REPEAT_NS:
-            self._told, self._told_ns = holders, now_ns
-            self._tell(holders)
+        if holders != self._notified or now_ns - self._notified_ns >= _REPEAT_NS:
+            self._notified, self._notified_ns = holders, now_ns
+            self._notify(holders)
 
     def holders(self) -> LeaseHolders:
         """Names of the others, sorted; of a crowd only the first few."""

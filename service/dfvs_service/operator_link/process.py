@@ -1,4 +1,4 @@
-"""The operator link process: Zenoh's listening end, state and answers, commands and leases.
+"""Operator link process: Zenoh's listening end, state, answers, commands and name leases.
 
 It does no work that takes time: the state leaves at its rate and commands reach the gate while
 perception is busy, hangs, or is gone. Without a router it owns the service's endpoints, and
@@ -23,7 +23,7 @@ from dfvs_service.flight_feed import FlightFeed
 from dfvs_service.gate_link import GateLink
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.operator_link.command_filter import CommandFilter
-from dfvs_service.operator_link.name_lease import Lease
+from dfvs_service.operator_link.name_lease import NameLease
 from dfvs_service.pace import Pace
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -82,12 +82,12 @@ class OperatorLink:
             commands = session.declare_subscriber(self._topics.command, self._on_command)
             goals = session.declare_subscriber(self._topics.new_goal, self._on_goal)
             watches = self._config.gate.engage is Engage.NEVER
-            lease = Lease(session, self._topics, self._gate.send, watches=watches)
+            name_lease = NameLease(session, self._topics, self._gate.send, watches=watches)
             while not self._stopped:
                 self._publish_answer(answers)
-                lease.show(self._state)
-                lease.tell()
-            lease.close()
+                name_lease.show(self._state)
+                name_lease.notify()
+            name_lease.close()
             del commands, goals
             self._telemetry.close()
         self._flight_feed.close()
@@ -119,13 +119,13 @@ class OperatorLink:
     def _on_command(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: pass an operator's command on; the gate judges it."""
         payload = sample.payload.to_bytes()
-        self._forward(self._filter.take_command(payload, time.monotonic_ns()))
+        self._forward(self._filter.receive_command(payload, time.monotonic_ns()))
 
     def _on_goal(self, sample: zenoh.Sample) -> None:
         """Zenoh's thread: keep a new goal unopened, and let the gate judge its command."""
         signed = b"" if sample.attachment is None else sample.attachment.to_bytes()
         payload = sample.payload.to_bytes()
-        self._forward(self._filter.take_goal(payload, signed, time.monotonic_ns()))
+        self._forward(self._filter.receive_goal(payload, signed, time.monotonic_ns()))
 
     def _forward(self, command: ForwardedCommand | None) -> None:
         if command is not None:

@@ -1,4 +1,4 @@
-"""Axes of charts: range, ticks, and where a value lies."""
+"""Axes of charts: range, ticks, and position of a value."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Charts as SVG: curves over time above a line of the gate's states, and a path from above."""
+"""SVG charts: curves over time above a line of the gate's states, and a path from above."""
 
 from __future__ import annotations
 

@@ -1,5 +1,5 @@
 "use strict";
-// One time for all plots and the film: pointing at a plot reads its curves there and seeks the film.
+// One time for all plots and the video: pointing at a plot reads its curves there and seeks the video.
 const charts = [...document.querySelectorAll("svg[data-from]")].map((svg) => {
   const read = Object.fromEntries(Object.entries(svg.dataset).map(([k, v]) => [k, Number(v)]));
   const cursor = svg.querySelector("line").cloneNode();
@@ -16,7 +16,7 @@ const charts = [...document.querySelectorAll("svg[data-from]")].map((svg) => {
   }));
   return { svg, read, cursor, curves };
 });
-const film = document.querySelector("video");
+const video = document.querySelector("video");
 const valueAt = ({ read }, y) => {
   const share = (read.bottom - y) / (read.bottom - read.top);
   return read.log ? read.low * (read.high / read.low) ** share : read.low + share * (read.high - read.low);
@@ -40,7 +40,7 @@ for (const { svg, read } of charts) {
     const x = (event.clientX - box.left) / box.width * svg.viewBox.baseVal.width;
     const t = read.from + (x - read.left) / (read.right - read.left) * (read.to - read.from);
     show(t);
-    if (film && film.paused) film.currentTime = Math.max(t - Number(film.dataset.from), 0);
+    if (video && video.paused) video.currentTime = Math.max(t - Number(video.dataset.from), 0);
   });
 }
-if (film) film.addEventListener("timeupdate", () => { if (!film.paused) show(film.currentTime + Number(film.dataset.from)); });
+if (video) video.addEventListener("timeupdate", () => { if (!video.paused) show(video.currentTime + Number(video.dataset.from)); });

@@ -1,4 +1,4 @@
-"""What a page about a flight holds, and its HTML."""
+"""Content of a flight's page, and its HTML."""
 
 from __future__ import annotations
 
@@ -27,8 +27,8 @@ class View:
 
 
 @dataclass(frozen=True, slots=True)
-class Film:
-    """A film: address for the page's player, name of the file beside the page, start in s."""
+class Video:
+    """A video: address for the page's player, name of the file beside the page, start in s."""
 
     source: str
     file: str
@@ -69,7 +69,7 @@ class Page:
     tables : tuple of Table
     texts : tuple of (str, str)
         Long texts, which open on a click, with their titles.
-    film : Film or None
+    video : Video or None
     note : str
         What has to be known of the views.
     """
@@ -86,12 +86,12 @@ class Page:
     path: str = ""
     tables: tuple[Table, ...] = ()
     texts: tuple[tuple[str, str], ...] = ()
-    film: Film | None = None
+    video: Video | None = None
     note: str = ""
 
 
 def render(page: Page) -> str:
-    """HTML that needs nothing else, but for a film that it names as a file beside it."""
+    """HTML that needs nothing else, but for a video that it names as a file beside it."""
     # Jinja2 is of an extra of the installation, and takes its time to load.
     from jinja2 import Environment, PackageLoader, select_autoescape
 

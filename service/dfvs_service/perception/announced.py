@@ -1,4 +1,4 @@
-"""What cameras announce of their calibration."""
+"""Calibration that cameras announce."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import zenoh.ext
 from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity
-from dfvs_service.perception.frame_source import Intake, disagreement, make_intake
+from dfvs_service.perception.frame_source import FrameSource, disagreement, make_frame_source
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.zenoh_session import open_session
 
@@ -33,21 +33,21 @@ class CameraDoubts:
 
     def __init__(self, camera: CameraModel) -> None:
         self._camera = camera
-        self._told: set[str] = set()
+        self._reported: set[str] = set()
 
-    def take(self, announced: CameraModel | DfvsError) -> None:
+    def on_camera(self, announced: CameraModel | DfvsError) -> None:
         """Take an announcement, on any thread; what is wrong goes to standard error."""
         if isinstance(announced, DfvsError):
             problem = str(announced)
         else:
             problem = disagreement(self._camera, announced)
-        if problem and problem not in self._told and len(self._told) < _MOST_WARNINGS:
-            self._told.add(problem)
+        if problem and problem not in self._reported and len(self._reported) < _MOST_WARNINGS:
+            self._reported.add(problem)
             print(f"warning: {problem}", file=sys.stderr, flush=True)
 
 
-def watch_calibration(
-    session: zenoh.Session, intake: Intake, on_camera: OnCamera
+def subscribe_calibration(
+    session: zenoh.Session, source: FrameSource, on_camera: OnCamera
 ) -> zenoh.ext.AdvancedSubscriber[None]:
     """Call back, on Zenoh's thread, for every calibration or what is wrong with it.
 
@@ -56,7 +56,7 @@ def watch_calibration(
 
     def on_sample(sample: zenoh.Sample) -> None:
         try:
-            camera = intake.camera(sample.payload.to_bytes())
+            camera = source.camera(sample.payload.to_bytes())
         except DfvsError as error:
             on_camera(error)
             return
@@ -65,7 +65,7 @@ def watch_calibration(
 
     return zenoh.ext.declare_advanced_subscriber(
         session,
-        intake.calibration_key,
+        source.calibration_key,
         on_sample,
         history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
     )
@@ -100,13 +100,15 @@ def await_camera(
     """
     if config.camera.announced_s <= 0:
         return None
-    intake = make_intake(config, clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii")))
-    heard: queue.Queue[CameraModel | DfvsError] = queue.Queue()
+    source = make_frame_source(
+        config, clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+    )
+    announcements: queue.Queue[CameraModel | DfvsError] = queue.Queue()
     with open_link(config) as session:
         # Closing the session ends the subscription; the reference keeps it until then.
-        _subscriber = watch_calibration(session, intake, heard.put)
+        _subscriber = subscribe_calibration(session, source, announcements.put)
         try:
-            announced = heard.get(timeout=config.camera.announced_s)
+            announced = announcements.get(timeout=config.camera.announced_s)
         except queue.Empty:
             return None
     if isinstance(announced, DfvsError):

@@ -1,4 +1,4 @@
-"""Perception put together from settings: the same for a flight and for its replay."""
+"""Assembly of perception from settings, for a flight and for its replay."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.task import ServoTask
 from dfvs_models.catalog import depth_files, load_depth, load_matcher, model_files
 from dfvs_models.depth import DepthNetwork
-from dfvs_service.perception.frame_processor import Eye
+from dfvs_service.perception.frame_processor import FrameProcessor
 from dfvs_service.settings.config import FlowSection, ServiceConfig
 
 
@@ -74,14 +74,14 @@ def perception_files(config: ServiceConfig) -> dict[str, str]:
     return model_files(config.flow.model) | depth
 
 
-def build_eye(
+def build_frame_processor(
     config: ServiceConfig,
     goal: Goal,
     matcher: Matcher,
     clocks: Clocks,
     depth: DepthEstimator | None = None,
-) -> Eye:
+) -> FrameProcessor:
     """Perception of a goal, with resolved settings; ``depth`` is theirs (:func:`depth_network`)."""
     task = servo_task(config, goal)
     pipeline = Pipeline(task, matcher, goal, clocks.servo, depth)
-    return Eye(task.camera, pipeline, clocks.identity, clocks.look)
+    return FrameProcessor(task.camera, pipeline, clocks.identity, clocks.look)

@@ -1,4 +1,4 @@
-"""What perception's numbers depend on, down to the last bit: code, libraries, processor."""
+"""Versions of code, libraries and processor that perception's results depend on."""
 
 from __future__ import annotations
 

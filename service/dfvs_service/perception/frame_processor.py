@@ -1,4 +1,4 @@
-"""What perception makes of raw samples, gate statuses and silence: no socket, no thread."""
+"""Processor of raw samples and gate statuses, without sockets or threads."""
 
 from __future__ import annotations
 
@@ -16,22 +16,14 @@ from dfvs_core.perception.goal_tracker import Observation
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.vehicle_history import VehicleHistory
 from dfvs_core.servo.task import ServoTask
+from dfvs_service.frames import RawSample
 
 SERVO_STATES = frozenset({"SERVO"})
 """States in which the error must fall."""
 
 
 @dataclass(frozen=True, slots=True)
-class RawSample:
-    """A frame as it came: payload, attachment and the time of its arrival."""
-
-    payload: bytes
-    attachment: bytes
-    t_arrival_ns: int
-
-
-@dataclass(frozen=True, slots=True)
-class Glance:
+class ProcessedFrame:
     """What became of one sample: a report always, frame and outcome where it was usable.
 
     ``t_look_ns`` is the time at which the frame's age was judged.
@@ -40,11 +32,11 @@ class Glance:
     report: PerceptionReport
     t_look_ns: int
     frame: Frame | None = None
-    outcome: FrameResult | None = None
+    frame_result: FrameResult | None = None
     stages_ns: dict[str, int] | None = None
 
 
-class Eye:
+class FrameProcessor:
     """Judges samples, keeps the vehicle's history, and runs the pipeline on good frames.
 
     Parameters
@@ -65,22 +57,24 @@ class Eye:
         self._expected = Expected(camera, clock)
         self._pipeline = pipeline
         self._tick = tick
-        self._guard = GuardState()
+        self._validator_state = GuardState()
         self._history = VehicleHistory()
         self._servoing = False
         self.refused = 0
 
-    def heed(self, status: GateStatus) -> None:
+    def on_gate_status(self, status: GateStatus) -> None:
         """Take in the gate's state and the vehicle's."""
         self._servoing = status.state in SERVO_STATES
         if status.vehicle is not None:
             self._history.add(status.vehicle)
 
-    def look(self, sample: RawSample) -> Glance:
+    def process(self, sample: RawSample) -> ProcessedFrame:
         """Work on one sample; whatever is wrong with it becomes the report's reason."""
         t_start = self._tick()
-        came = admit(self._guard, sample.payload, sample.attachment, self._expected, t_start)
-        self._guard, frame = came.state, came.frame
+        came = admit(
+            self._validator_state, sample.payload, sample.attachment, self._expected, t_start
+        )
+        self._validator_state, frame = came.state, came.frame
         if frame is None:
             return self._refuse(t_start, came.seq, came.t_capture_ns, came.reason)
         motion = self._history.at(frame.t_capture_ns)
@@ -88,15 +82,15 @@ class Eye:
             reason = "the vehicle's attitude at capture is not known"
             return self._refuse(t_start, frame.seq, frame.t_capture_ns, reason)
         t_decoded = self._tick()
-        outcome = self._pipeline.process_frame(frame, motion, self._servoing)
+        frame_result = self._pipeline.process_frame(frame, motion, self._servoing)
         stages = {
             "transport": sample.t_arrival_ns - frame.t_capture_ns,
             "wait": t_start - sample.t_arrival_ns,
             "decode": t_decoded - t_start,
-            **outcome.stages_ns,
+            **frame_result.stages_ns,
             "capture_to_report": self._tick() - frame.t_capture_ns,
         }
-        return Glance(outcome.report, t_start, frame, outcome, stages)
+        return ProcessedFrame(frame_result.report, t_start, frame, frame_result, stages)
 
     @property
     def servoing(self) -> bool:
@@ -104,7 +98,7 @@ class Eye:
         return self._servoing
 
     def prepare(self, goal: Goal) -> GoalView:
-        """Compute once what depends on another goal's picture alone."""
+        """Compute once what depends on another goal's image alone."""
         return self._pipeline.prepare(goal)
 
     @property
@@ -128,9 +122,9 @@ class Eye:
         """Learn from the last frame what may wait until its report was sent; time taken, ns."""
         return self._pipeline.update_depth()
 
-    def _refuse(self, t_look_ns: int, seq: int, t_capture_ns: int, reason: str) -> Glance:
+    def _refuse(self, t_look_ns: int, seq: int, t_capture_ns: int, reason: str) -> ProcessedFrame:
         self.refused += 1
-        return Glance(unhealthy_report(seq, max(t_capture_ns, 0), reason), t_look_ns)
+        return ProcessedFrame(unhealthy_report(seq, max(t_capture_ns, 0), reason), t_look_ns)
 
 
 def unhealthy_report(seq: int, t_capture_ns: int, reason: str) -> PerceptionReport:

@@ -1,4 +1,4 @@
-"""The door for frames, on Zenoh's thread: a flood of bad ones must not crowd out the good."""
+"""Rate limiter of invalid frames, on Zenoh's thread."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ BAD_FRAME_RATE = Rate(per_s=5.0, burst=5)
 """So many are let in all the same, so that perception says what is wrong with them."""
 
 
-class FrameDoor:
+class FrameRateLimiter:
     """Judges frames by their header alone; called from one thread.
 
     Parameters

@@ -1,4 +1,4 @@
-"""Whose frames perception works on: our own, or those of ROS 2."""
+"""Frame sources: DFVS cameras or ROS 2."""
 
 from __future__ import annotations
 
@@ -7,13 +7,13 @@ from typing import Protocol
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.schema import from_json
 from dfvs_core.messages.topics import Topics
-from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.frames import RawSample
 from dfvs_service.settings.config import ServiceConfig
 
 _FOCAL_TOLERANCE = 0.02
 
 
-class Intake(Protocol):
+class FrameSource(Protocol):
     """Where frames and the camera's calibration come from, and what they look like there."""
 
     key: str
@@ -38,7 +38,7 @@ class Intake(Protocol):
         """
 
 
-class OwnIntake:
+class DfvsFrameSource:
     """Frames in our own wire format: nothing to be done."""
 
     def __init__(self, topics: Topics) -> None:
@@ -54,8 +54,8 @@ class OwnIntake:
         return from_json(CameraModel, payload)
 
 
-def make_intake(config: ServiceConfig, clock: bytes) -> Intake:
-    """Intake of the camera that the settings name.
+def make_frame_source(config: ServiceConfig, clock: bytes) -> FrameSource:
+    """FrameSource of the camera that the settings name.
 
     Raises
     ------
@@ -64,11 +64,11 @@ def make_intake(config: ServiceConfig, clock: bytes) -> Intake:
     """
     source = config.camera.source
     if source == "dfvs":
-        return OwnIntake(Topics(config.vehicle.name))
+        return DfvsFrameSource(Topics(config.vehicle.name))
     # rosbags is needed here alone, and is an extra.
-    from dfvs_service.ros2.frame_source import Ros2Intake
+    from dfvs_service.ros2.frame_source import Ros2FrameSource
 
-    return Ros2Intake("rmw" if source == "ros2-rmw" else "bridge", config.camera.ros2, clock)
+    return Ros2FrameSource("rmw" if source == "ros2-rmw" else "bridge", config.camera.ros2, clock)
 
 
 def disagreement(configured: CameraModel, announced: CameraModel) -> str:

@@ -1,4 +1,4 @@
-"""Telemetry for the eyes: the preview, the goal picture and the flow, ready to be published."""
+"""Telemetry images: preview, goal image and flow."""
 
 from __future__ import annotations
 
@@ -20,8 +20,8 @@ _THUMBNAIL_WIDTH = 240
 """Width of the black box's views, px."""
 
 
-class Pictures:
-    """Makes notes of pictures and flow; called on the telemetry thread.
+class TelemetryImages:
+    """Makes notes of images and flow; called on the telemetry thread.
 
     Parameters
     ----------
@@ -51,7 +51,7 @@ class Pictures:
         return self._jpeg(Frame(small, frame.t_capture_ns, frame.seq), _THUMBNAIL_QUALITY)
 
     def goal(self, image: ImageArray, t_ns: int) -> Note:
-        """JPEG of the goal picture (H, W, 3), stamped with the time of publishing."""
+        """JPEG of the goal image (H, W, 3), stamped with the time of publishing."""
         return self._jpeg(Frame(image, t_ns, 0), _GOAL_QUALITY)
 
     def flow(self, frame: Frame, flow: FlowField) -> Note:

@@ -12,16 +12,16 @@ from dfvs_core.servo.exchange import Uncertainty
 
 
 def servo_document(
-    frame: Frame, outcome: FrameResult, t_ns: int, stages_ns: Mapping[str, int]
+    frame: Frame, frame_result: FrameResult, t_ns: int, stages_ns: Mapping[str, int]
 ) -> dict[str, Any]:
     """One frame's result; lengths in m, angles in rad, px where the name says so."""
-    result = outcome.result
+    result = frame_result.result
     return {
         "t_ns": t_ns,
         "t_capture_ns": frame.t_capture_ns,
         "seq": frame.seq,
         "status": result.status.name,
-        "reason": "" if outcome.report.healthy else result.status.value,
+        "reason": "" if frame_result.report.healthy else result.status.value,
         "velocity": [float(v) for v in result.velocity],
         "motion": [float(v) for v in result.motion],
         "error_m": _number(result.error_m),
@@ -33,25 +33,25 @@ def servo_document(
         "condition": _number(result.condition),
         "depth_m": result.depth_m,
         "reached": bool(result.reached),
-        "tracking": outcome.tracking.value,
+        "tracking": frame_result.tracking.value,
         "mounting_score": result.mounting_score,
         **_uncertainty(result.uncertainty),
         "stages_ms": {name: duration * 1e-6 for name, duration in stages_ns.items()},
     }
 
 
-def _uncertainty(told: Uncertainty | None) -> dict[str, Any]:
+def _uncertainty(uncertainty: Uncertainty | None) -> dict[str, Any]:
     """What is known of the estimator's own errors; null where nothing is."""
-    if told is None:
+    if uncertainty is None:
         names = ("error_spread_m", "scale_spread", "odometry_error_m_s", "mean_error_m")
         return {**dict.fromkeys((*names, "mean_error_spread_m")), "velocity_error": None}
     return {
-        "error_spread_m": _number(told.error_m),
-        "scale_spread": _number(told.scale),
-        "odometry_error_m_s": _number(told.velocity_error_m_s),
-        "mean_error_m": _number(told.mean_error_m),
-        "mean_error_spread_m": _number(told.spread_m),
-        "velocity_error": [float(v) for v in told.velocity_error],
+        "error_spread_m": _number(uncertainty.error_m),
+        "scale_spread": _number(uncertainty.scale),
+        "odometry_error_m_s": _number(uncertainty.velocity_error_m_s),
+        "mean_error_m": _number(uncertainty.mean_error_m),
+        "mean_error_spread_m": _number(uncertainty.spread_m),
+        "velocity_error": [float(v) for v in uncertainty.velocity_error],
     }
 
 

@@ -17,7 +17,7 @@ RESERVE_MB = 48
 """More than was ever seen in use at once above what perception starts with."""
 
 
-def settle() -> None:
+def preallocate() -> None:
     """Take the memory that is needed later, and tell Python that what there is now stays.
 
     What is reserved stays resident as long as the C library keeps free memory, see

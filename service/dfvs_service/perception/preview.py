@@ -1,4 +1,4 @@
-"""A picture for people: the current view with the flow to the goal drawn on it."""
+"""Preview image: the current view with the flow to the goal drawn on it."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.servo.points import sample_grid
 
 ARROW_STRIDE_PX = 16
-SURE = (64, 235, 96)
+CONFIDENT = (64, 235, 96)
 DOUBTFUL = (255, 176, 32)
 _OUTLINE = (0, 0, 0)
 
@@ -30,7 +30,7 @@ def draw_flow(
     for start, end, confidence in zip(starts, ends, samples.confidence.reshape(-1), strict=True):
         if confidence < min_confidence:
             continue
-        colour = SURE if confidence > 0.5 * (1.0 + min_confidence) else DOUBTFUL
+        colour = CONFIDENT if confidence > 0.5 * (1.0 + min_confidence) else DOUBTFUL
         a = (int(start[0]), int(start[1]))
         b = (int(np.clip(end[0], -999, 9999)), int(np.clip(end[1], -999, 9999)))
         if a == b:

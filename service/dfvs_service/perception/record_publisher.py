@@ -1,6 +1,6 @@
-"""Perception's turns on their way to recorders, from a thread of its own.
+"""Publisher of frame records, on its own thread.
 
-The queue is bounded by its bytes: a recorder that is too slow loses turns, which their numbers
+The queue is bounded by its bytes: a recorder that is too slow loses records, which their numbers
 show, and never delays a flight. Nothing is queued while nobody records.
 """
 
@@ -21,24 +21,24 @@ from dfvs_core.messages.topics import Topics
 from dfvs_service.supervisor.watched_thread import start_watched
 
 MAX_WAITING_BYTES = 64 * 1024 * 1024
-_TURN_BYTES = 4096
-"""What a turn weighs besides its payload."""
+_RECORD_BYTES = 4096
+"""What a frame record weighs besides its payload."""
 
 log = logging.getLogger("dfvs.perception.record")
 
 
 @dataclass(frozen=True, slots=True)
-class _Parcel:
+class _QueuedRecord:
     message: SessionHeader | FrameRecord
     payload: bytes
 
     @property
     def weight(self) -> int:
-        return _TURN_BYTES + len(self.payload)
+        return _RECORD_BYTES + len(self.payload)
 
 
-class TurnFeed:
-    """Publishes openings (kept for recorders that join later) and turns.
+class RecordPublisher:
+    """Publishes session headers (kept for recorders that join later) and frame records.
 
     Parameters
     ----------
@@ -47,7 +47,7 @@ class TurnFeed:
     report : callable
         Takes one line about a failure of the thread, from any thread.
     patience_s : float
-        A recorder is expected: turns wait for it so long after the start, from the first one on.
+        A recorder is expected: records wait so long for it after the start.
     """
 
     def __init__(
@@ -59,28 +59,28 @@ class TurnFeed:
     ) -> None:
         self._patience_s = patience_s
         self._condition = threading.Condition()
-        self._waiting: deque[_Parcel] = deque()
+        self._waiting: deque[_QueuedRecord] = deque()
         self._waiting_bytes = 0
         self._closed = False
         self.dropped = 0
-        # Without its opening no turn can be read. This thread may block, up to the lease of a
-        # recorder that hangs; the queue then drops.
-        self._openings = zenoh.ext.declare_advanced_publisher(
+        # Without its session header no record can be read. This thread may block, up to the
+        # lease of a recorder that hangs; the queue then drops.
+        self._headers = zenoh.ext.declare_advanced_publisher(
             session,
             topics.telemetry("opening"),
             congestion_control=zenoh.CongestionControl.BLOCK,
             cache=zenoh.ext.CacheConfig(max_samples=1),
             publisher_detection=True,
         )
-        self._turns = session.declare_publisher(
+        self._records = session.declare_publisher(
             topics.telemetry("turn"),
             congestion_control=zenoh.CongestionControl.BLOCK,
             priority=zenoh.Priority.DATA_LOW,
         )
-        self._heard = threading.Event()
-        self._listener = self._turns.declare_matching_listener(self._on_matching)
+        self._has_matched = threading.Event()
+        self._listener = self._records.declare_matching_listener(self._on_matching)
         self._wanted = patience_s > 0 or self._has_recorder()
-        self._thread = start_watched("turn-feed", self._publish, report)
+        self._thread = start_watched("record-publisher", self._publish, report)
 
     @property
     def wanted(self) -> bool:
@@ -88,17 +88,17 @@ class TurnFeed:
         return self._wanted
 
     def offer(self, message: SessionHeader | FrameRecord, payload: bytes = b"") -> None:
-        """Hand on a message; a turn that finds the queue full is dropped and counted."""
-        parcel = _Parcel(message, payload)
-        is_turn = isinstance(message, FrameRecord)
-        if is_turn and not self._wanted:
+        """Hand on a message; a frame record that finds the queue full is dropped and counted."""
+        queued = _QueuedRecord(message, payload)
+        is_record = isinstance(message, FrameRecord)
+        if is_record and not self._wanted:
             return
         with self._condition:
-            if is_turn and self._waiting_bytes + parcel.weight > MAX_WAITING_BYTES:
+            if is_record and self._waiting_bytes + queued.weight > MAX_WAITING_BYTES:
                 self.dropped += 1
                 return
-            self._waiting.append(parcel)
-            self._waiting_bytes += parcel.weight
+            self._waiting.append(queued)
+            self._waiting_bytes += queued.weight
             self._condition.notify()
 
     def close(self, timeout_s: float = 0.25) -> None:
@@ -106,47 +106,47 @@ class TurnFeed:
         with self._condition:
             self._closed = True
             self._condition.notify()
-        self._heard.set()
+        self._has_matched.set()
         self._thread.join(timeout_s)
         if self.dropped:
-            log.warning("%d turns were not handed to the recorder in time", self.dropped)
+            log.warning("%d frame records were not handed to the recorder in time", self.dropped)
 
     def _on_matching(self, status: zenoh.MatchingStatus) -> None:
         """Zenoh's thread: a first recorder has come, or the last one has gone."""
         self._wanted = status.matching
         if status.matching:
-            self._heard.set()
+            self._has_matched.set()
 
     def _publish(self) -> None:
-        while (parcel := self._next()) is not None:
+        while (queued := self._next()) is not None:
             try:
-                if isinstance(parcel.message, SessionHeader):
-                    self._openings.put(pack(parcel.message, parcel.payload))
+                if isinstance(queued.message, SessionHeader):
+                    self._headers.put(pack(queued.message, queued.payload))
                     self._await_recorder()
                 elif self._wanted:
-                    self._turns.put(pack(parcel.message, parcel.payload))
+                    self._records.put(pack(queued.message, queued.payload))
             except zenoh.ZError as error:
                 log.warning("turn not published: %s", error)
 
     def _has_recorder(self) -> bool:
         # Zenoh's own type hint says bool, which it is not.
-        status: Any = self._turns.matching_status
+        status: Any = self._records.matching_status
         return bool(status.matching)
 
     def _await_recorder(self) -> None:
         """Wait, once, for the recorder that is expected."""
         if self._patience_s > 0:
-            if not self._heard.wait(self._patience_s):
+            if not self._has_matched.wait(self._patience_s):
                 log.warning("no recorder came within %g s", self._patience_s)
                 self._wanted = self._has_recorder()
             self._patience_s = 0.0
 
-    def _next(self) -> _Parcel | None:
+    def _next(self) -> _QueuedRecord | None:
         with self._condition:
             while not self._waiting and not self._closed:
                 self._condition.wait()
             if not self._waiting:
                 return None
-            parcel = self._waiting.popleft()
-            self._waiting_bytes -= parcel.weight
-            return parcel
+            queued = self._waiting.popleft()
+            self._waiting_bytes -= queued.weight
+            return queued

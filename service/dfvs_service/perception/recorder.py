@@ -1,4 +1,4 @@
-"""Keeps the count of perception's turns, and writes down what each of them followed from."""
+"""Numbered frame records of perception's steps."""
 
 from __future__ import annotations
 
@@ -7,47 +7,48 @@ from typing import Any
 
 from dfvs_core.messages.frame_record import FrameInput, FrameRecord, SessionHeader
 from dfvs_core.messages.link import GateStatus, PerceptionReport
-from dfvs_service.perception.frame_processor import Glance, RawSample
+from dfvs_service.frames import RawSample
+from dfvs_service.perception.frame_processor import ProcessedFrame
 
 
-class TurnBook:
-    """Numbers turns from 0, without gaps, and remembers which opening holds."""
+class FrameRecorder:
+    """Numbers frame records from 0, without gaps, and remembers which session header holds."""
 
     def __init__(self) -> None:
-        self.next_turn = 0
-        self._opening = 0
+        self.next_record = 0
+        self._header_ns = 0
 
-    def open(self, opening: SessionHeader) -> None:
-        """Take the opening that holds for the turns to come."""
-        self._opening = opening.opened_ns
+    def open(self, header: SessionHeader) -> None:
+        """Take the session header that holds for the frame records to come."""
+        self._header_ns = header.opened_ns
 
-    def silent(
-        self, now_ns: int, heard: Sequence[GateStatus], report: PerceptionReport
+    def without_sample(
+        self, now_ns: int, statuses: Sequence[GateStatus], report: PerceptionReport
     ) -> FrameRecord:
-        """Turn for which no sample came."""
-        return FrameRecord(self._count(), self._opening, now_ns, tuple(heard), report)
+        """Frame record for which no sample came."""
+        return FrameRecord(self._count(), self._header_ns, now_ns, tuple(statuses), report)
 
-    def looked(
+    def with_sample(
         self,
         sample: RawSample,
-        heard: Sequence[GateStatus],
-        glance: Glance,
+        statuses: Sequence[GateStatus],
+        processed: ProcessedFrame,
         servo: Mapping[str, Any],
     ) -> FrameRecord:
-        """Turn that looked at a sample."""
-        outcome = glance.outcome
+        """Frame record of a sample."""
+        frame_result = processed.frame_result
         sight = FrameInput(
             attachment=sample.attachment.hex(),
             t_arrival_ns=sample.t_arrival_ns,
-            t_look_ns=glance.t_look_ns,
-            t_servo_ns=None if outcome is None else outcome.now_ns,
-            stages_ns=dict(glance.stages_ns or {}),
+            t_look_ns=processed.t_look_ns,
+            t_servo_ns=None if frame_result is None else frame_result.now_ns,
+            stages_ns=dict(processed.stages_ns or {}),
         )
-        number, t_ns = self._count(), glance.t_look_ns
+        number, t_ns = self._count(), processed.t_look_ns
         return FrameRecord(
-            number, self._opening, t_ns, tuple(heard), glance.report, sight, dict(servo)
+            number, self._header_ns, t_ns, tuple(statuses), processed.report, sight, dict(servo)
         )
 
     def _count(self) -> int:
-        number, self.next_turn = self.next_turn, self.next_turn + 1
+        number, self.next_record = self.next_record, self.next_record + 1
         return number

@@ -1,4 +1,4 @@
-"""Goals in a row: looks for the next one, and says when to go on to it."""
+"""Route following: evaluation of the next goal, and the change to it."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from dfvs_core.perception.route import (
 )
 from dfvs_core.servo.task import ServoTask
 from dfvs_service.perception.assembly import servo_task
-from dfvs_service.perception.frame_processor import Eye
+from dfvs_service.perception.frame_processor import FrameProcessor
 from dfvs_service.settings.config import ServiceConfig
 
 
@@ -47,7 +47,7 @@ class RouteFollower:
         self._state = RouteState()
         self._workers = workers
         self._ahead: tuple[ServoTask, GoalView] | None = None
-        self._look: Future[GoalPreview] | None = None
+        self._evaluation: Future[GoalPreview] | None = None
         self._is_lost = False
         self.index = 0
 
@@ -77,40 +77,40 @@ class RouteFollower:
             )
         return dataclasses.replace(report, reached=False)
 
-    def follow(self, eye: Eye, outcome: FrameResult, t_ns: int) -> None:
+    def follow(self, processor: FrameProcessor, frame_result: FrameResult, t_ns: int) -> None:
         """Take in what a frame says about the goal at hand."""
         if self.is_last:
             return
         self._state = on_result(
-            self._state, self._limits, outcome.result, t_ns, engaged=eye.servoing
+            self._state, self._limits, frame_result.result, t_ns, engaged=processor.servoing
         )
         self._is_lost = is_lost(self._state, self._limits, t_ns)
 
-    def go_on(self, eye: Eye, t_ns: int) -> bool:
+    def go_on(self, processor: FrameProcessor, t_ns: int) -> bool:
         """Look for the next goal if it is time; tell whether it has become the goal at hand."""
         if self.is_last:
             return False
-        if self._look is None:
-            self._begin_look(eye, t_ns)
-        if self._look is None or not self._look.done():
+        if self._evaluation is None:
+            self._begin_evaluation(processor, t_ns)
+        if self._evaluation is None or not self._evaluation.done():
             return False
-        preview, self._look = self._look.result(), None
+        preview, self._evaluation = self._evaluation.result(), None
         self._state = on_preview(self._state, self._limits, preview.result, t_ns)
         if self._ahead is None or not may_go_on(self._state):
             return False
-        eye.set_goal(*self._ahead, preview.observation)
+        processor.set_goal(*self._ahead, preview.observation)
         self.index += 1
         self._ahead = None
         self._state = RouteState(engaged_since_ns=self._state.engaged_since_ns)
         return True
 
-    def _begin_look(self, eye: Eye, t_ns: int) -> None:
+    def _begin_evaluation(self, processor: FrameProcessor, t_ns: int) -> None:
         """Have a look taken at the next goal, if it is time for one."""
         if not wants_preview(self._state, t_ns):
             return
         if self._ahead is None:
             following = self._goals[self.index + 1]
-            self._ahead = servo_task(self._config, following), eye.prepare(following)
-        preview = eye.evaluate_next_goal(*self._ahead)
+            self._ahead = servo_task(self._config, following), processor.prepare(following)
+        preview = processor.evaluate_next_goal(*self._ahead)
         if preview is not None:
-            self._look = self._workers.submit(preview)
+            self._evaluation = self._workers.submit(preview)

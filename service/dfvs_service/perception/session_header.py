@@ -1,4 +1,4 @@
-"""What a recording has to begin with, so that the flight can be rerun from it."""
+"""Session header of a recording, from which a flight can be rerun."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dfvs_service.perception.build import build_versions
 from dfvs_service.settings.config import ServiceConfig
 
 
-def make_opening(
+def make_session_header(
     config: ServiceConfig,
     goal: Goal,
     clock: bytes,

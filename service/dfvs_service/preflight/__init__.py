@@ -1,1 +1,1 @@
-"""``dfvs-service --check``: everything that must be right, looked at without moving anything."""
+"""Preflight check (``dfvs-service --check``), which moves nothing."""

@@ -1,4 +1,4 @@
-"""Whether the camera that flies is the one that took the goal."""
+"""Check that the flying camera's calibration agrees with the goal's."""
 
 from __future__ import annotations
 

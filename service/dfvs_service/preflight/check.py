@@ -1,4 +1,4 @@
-"""The whole check: first what needs nothing but this machine, then camera and vehicle."""
+"""Preflight check: first this machine, then camera and vehicle."""
 
 from __future__ import annotations
 
@@ -21,7 +21,7 @@ from dfvs_service.preflight.ground import (
     model_check,
     speed_check,
 )
-from dfvs_service.preflight.image import draw_picture
+from dfvs_service.preflight.image import draw_image
 from dfvs_service.preflight.live_view import LiveView
 from dfvs_service.preflight.report import CheckReport
 from dfvs_service.preflight.stream import stream_check
@@ -37,7 +37,7 @@ _ERROR = "error: "
 def check_camera_and_model(config: ServiceConfig, problem: DfvsError) -> CheckReport:
     """Report where camera and goal do not fit together, so that nothing can be started."""
     model, _ = model_check(config)
-    missing = Check("vehicle", False, "not checked", "mend the camera's settings first")
+    missing = Check("vehicle", False, "not checked", "correct the camera's settings first")
     checks = (error_check("camera", problem), model, *_settings_checks(config), missing)
     return CheckReport(config.vehicle.name, checks)
 
@@ -51,7 +51,7 @@ def check_everything(
 ) -> CheckReport:
     """Check the live camera, model and settings, then watch camera and vehicle for a while.
 
-    ``show`` takes a picture (H, W, 3) of what was seen; there is none where no model works.
+    ``show`` takes an image (H, W, 3) of what was seen; there is none where no model works.
 
     Raises
     ------
@@ -62,7 +62,7 @@ def check_everything(
     model, matcher = model_check(config)
     first = (*camera, model)
     if matcher is None:
-        missing = Check("vehicle", False, "not checked", "mend the model first")
+        missing = Check("vehicle", False, "not checked", "correct the model first")
         return CheckReport(config.vehicle.name, (*first, *_settings_checks(config), missing))
     settled = with_working_size(config, goal, matcher, time.monotonic_ns)
     if settled != config:
@@ -75,7 +75,7 @@ def check_everything(
     finally:
         view = None if live is None else live.close()
     if show is not None and view is not None:
-        show(draw_picture(goal.image, view, config.servo.min_confidence))
+        show(draw_image(goal.image, view, config.servo.min_confidence))
     checks = (*first, speed, *_settings_checks(config), *found)
     return CheckReport(config.vehicle.name, checks)
 

@@ -1,4 +1,4 @@
-"""What can be checked before anything is connected: camera, goal, model, its speed, the network."""
+"""Checks without a connection: camera, goal, model, its speed, network."""
 
 from __future__ import annotations
 
@@ -16,14 +16,14 @@ from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.messages.goal import Goal
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.settings.exposure import is_private_mavlink
+from dfvs_service.settings.endpoints import is_private_mavlink
 from dfvs_service.settings.key_file import load_key
 
 _FRAMES = 5
 _SHIFT_PX = 4
 
 MATCH_BUDGET_NS = GateTiming().frame_age_ns // 2
-"""A frame's result comes after the work on the frame before and its own, and by then the picture
+"""A frame's result comes after the work on the frame before and its own, and by then the image
 must not be older than the gate accepts."""
 
 

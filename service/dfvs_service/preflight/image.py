@@ -1,4 +1,4 @@
-"""One picture of a check: goal, frame with the flow to the goal, and the command that follows."""
+"""Check image: goal, frame with the flow to the goal, and the resulting command."""
 
 from __future__ import annotations
 
@@ -35,14 +35,14 @@ _NAME_PX = 84
 _STRIDE_PX = 40
 
 
-def draw_picture(goal: ImageArray, view: View, min_confidence: float) -> ImageArray:
-    """Picture (H, W, 3) RGB, with units at every number.
+def draw_image(goal: ImageArray, view: View, min_confidence: float) -> ImageArray:
+    """Image (H, W, 3) RGB, with units at every number.
 
     Parameters
     ----------
     goal : (H, W, 3) uint8
     view : View
-        Frame, flow and servo document; what is missing is named in the picture.
+        Frame, flow and servo document; what is missing is named in the image.
     min_confidence : float
         Flow of less confidence is not drawn.
     """

@@ -15,11 +15,11 @@ from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame_record import FrameRecord, unpack
 from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.flow_grid import FlowGrid, decode_flow_grid
-from dfvs_service.frame_record_image import turn_image
+from dfvs_service.frame_record_image import record_image
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
-_TURNS = 16
+_RECORDS = 16
 """Turns that are kept until the flow of one of them arrives: flow comes at 10 Hz, frames faster."""
 _PAUSE_S = 0.1
 
@@ -37,44 +37,44 @@ class View:
 
 
 class ViewCollector:
-    """Takes turns and flow grids as they come, from any thread.
+    """Takes frame records and flow grids as they come, from any thread.
 
     A frame with its flow counts more than a newer one without.
     """
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._turns: deque[tuple[FrameRecord, bytes]] = deque(maxlen=_TURNS)
+        self._records: deque[tuple[FrameRecord, bytes]] = deque(maxlen=_RECORDS)
         self._matched: tuple[FrameRecord, bytes, FlowGrid] | None = None
 
-    def add_turn(self, data: bytes) -> None:
+    def add_record(self, data: bytes) -> None:
         """Take a message of the ``turn`` stream."""
-        turn, payload = unpack(FrameRecord, data)
-        if turn.sight is not None:
+        record, payload = unpack(FrameRecord, data)
+        if record.sight is not None:
             with self._lock:
-                self._turns.append((turn, payload))
+                self._records.append((record, payload))
 
     def add_flow(self, data: bytes) -> None:
         """Take a message of the ``flow`` stream."""
         grid = decode_flow_grid(data)
         with self._lock:
-            for turn, payload in self._turns:
-                if turn.servo.get("t_capture_ns") == grid.t_capture_ns:
-                    self._matched = turn, payload, grid
+            for record, payload in self._records:
+                if record.servo.get("t_capture_ns") == grid.t_capture_ns:
+                    self._matched = record, payload, grid
 
     def view(self) -> View:
         """Best view so far."""
         with self._lock:
             matched = self._matched
-            newest = self._turns[-1] if self._turns else None
+            newest = self._records[-1] if self._records else None
         if matched is not None:
-            turn, payload, grid = matched
-            return View(turn_image(turn, payload), grid, turn.servo)
-        return View() if newest is None else View(turn_image(*newest), None, newest[0].servo)
+            record, payload, grid = matched
+            return View(record_image(record, payload), grid, record.servo)
+        return View() if newest is None else View(record_image(*newest), None, newest[0].servo)
 
 
 class LiveView:
-    """Subscribes to a service's turns and flow, from a thread that waits for its operator link.
+    """Subscribes to frame records and flow, from a thread that waits for its operator link.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ class LiveView:
         if session is None:
             return
         with session:
-            takers = {"turn": self._views.add_turn, "flow": self._views.add_flow}
+            takers = {"turn": self._views.add_record, "flow": self._views.add_flow}
             subscribers = [
                 session.declare_subscriber(self._topics.telemetry(name), _taker(take))
                 for name, take in takers.items()
@@ -121,10 +121,10 @@ class LiveView:
 
 
 def _taker(take: Callable[[bytes], None]) -> Callable[[zenoh.Sample], None]:
-    def take_sample(sample: zenoh.Sample) -> None:
+    def receive_sample(sample: zenoh.Sample) -> None:
         try:
             take(sample.payload.to_bytes())
         except WireError:  # of another service's version
             return
 
-    return take_sample
+    return receive_sample

@@ -1,4 +1,4 @@
-"""What a check found: a table of marks, or JSON."""
+"""Report of a check: a table or JSON."""
 
 from __future__ import annotations
 
@@ -79,15 +79,15 @@ class CheckReport:
         counts = dict.fromkeys(Status, 0)
         for check in self.checks:
             counts[self.status(check)] += 1
-        told = []
+        summary = []
         if counts[Status.FAILURE]:
-            told.append(f"{counts[Status.FAILURE]} of {len(self.checks)} checks fail")
+            summary.append(f"{counts[Status.FAILURE]} of {len(self.checks)} checks fail")
         if counts[Status.WAITING]:
-            told.append(f"{counts[Status.WAITING]} waiting")
+            summary.append(f"{counts[Status.WAITING]} waiting")
         if counts[Status.WARNING]:
             plural = "s" if counts[Status.WARNING] > 1 else ""
-            told.append(f"{counts[Status.WARNING]} warning{plural}")
-        return ", ".join(told if not self.ok else ["all checks pass", *told])
+            summary.append(f"{counts[Status.WARNING]} warning{plural}")
+        return ", ".join(summary if not self.ok else ["all checks pass", *summary])
 
     def to_json(self) -> str:
         """Document for machines."""

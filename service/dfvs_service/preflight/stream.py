@@ -1,4 +1,4 @@
-"""Rate and size of the live camera, before anything is started that needs its frames."""
+"""Rate and size of the live camera."""
 
 from __future__ import annotations
 
@@ -11,15 +11,15 @@ from dfvs_core.gate.config import S
 from dfvs_core.gate.preflight import Check
 from dfvs_core.messages.frame import decode_header
 from dfvs_core.messages.goal import Goal
+from dfvs_service.frames import RawSample
 from dfvs_service.perception.announced import open_as_service
-from dfvs_service.perception.frame_processor import RawSample
-from dfvs_service.route.frame_queue import FrameInbox
+from dfvs_service.route.frame_queue import FrameQueue
 from dfvs_service.settings.config import ServiceConfig
 
 _PATIENCE_NS = 4 * S
 """For the first frame: a camera that lost its service connects again within seconds."""
 _LISTEN_NS = S
-_TAKE_S = 0.05
+_RECEIVE_S = 0.05
 _NAME = "stream"
 
 
@@ -41,11 +41,11 @@ def stream_check(config: ServiceConfig, goal: Goal) -> Check:
     """
     refusals: list[str] = []
     with open_as_service(config) as session:
-        inbox = FrameInbox(session, config, refusals.append)
-        stream = listen(lambda: inbox.take_sample(_TAKE_S), time.monotonic_ns)
-        inbox.close()
+        frames = FrameQueue(session, config, refusals.append)
+        stream = listen(lambda: frames.receive_sample(_RECEIVE_S), time.monotonic_ns)
+        frames.close()
     if stream is None and refusals:
-        return Check(_NAME, False, refusals[0], f"see what publishes on {inbox.key}")
+        return Check(_NAME, False, refusals[0], f"see what publishes on {frames.key}")
     camera = config.camera.model() or goal.sidecar.camera
     return judge(stream, camera.size, config.gate.min_frame_hz)
 

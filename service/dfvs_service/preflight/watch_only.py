@@ -1,4 +1,4 @@
-"""The service's own processes, run to watch: they judge as before a flight, and send nothing."""
+"""Service processes in watch-only mode, which sends nothing to the vehicle."""
 
 from __future__ import annotations
 
@@ -10,7 +10,7 @@ from dfvs_core.gate.config import Engage
 from dfvs_core.gate.preflight import Check
 from dfvs_core.gate.states import GateState
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.heartbeat import Heartbeat
 
 _FOR_EVER_S = 600.0
 
@@ -45,18 +45,18 @@ class Observer:
         self.end: Callable[[], None] = lambda: None
         """Called once, when enough was seen."""
 
-    def show(self, beat: Beat) -> None:
+    def show(self, heartbeat: Heartbeat) -> None:
         """Take the newest state; all checks have passed for a second when it is READY."""
         if self.is_done:
             return
-        if beat.checks:
-            self.checks = beat.checks
-        ready = beat.state == str(GateState.READY)
+        if heartbeat.checks:
+            self.checks = heartbeat.checks
+        ready = heartbeat.state == str(GateState.READY)
         if ready or self._clock() >= self._deadline_s:
             self.is_done = True
             self.end()
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Keep a line."""
         self.lines.append(line)
 

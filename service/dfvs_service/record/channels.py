@@ -1,4 +1,4 @@
-"""Channels of a recording: topic, encoding and schema, as MCAP and Foxglove want them."""
+"""Channels of a recording: topic, encoding and schema for MCAP and Foxglove."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class Channel:
 
 @dataclass(frozen=True, slots=True)
 class Message:
-    """One message; ``t_unix_ns`` is when it became known, ``sequence`` the turn's number."""
+    """One message; ``t_unix_ns`` is when it became known, ``sequence`` its record's number."""
 
     channel: Channel
     t_unix_ns: int
@@ -55,8 +55,10 @@ FLOW = _foxglove("/camera/flow", ImageAnnotations)
 GATE_LOG = _foxglove("/gate/log", Log)
 TRANSFORMS = _foxglove("/tf", FrameTransforms)
 
-OPENING = Channel("/dfvs/opening", "json", "dfvs.Opening", "jsonschema", b'{"type":"object"}')
-TURN = Channel("/dfvs/turn", "json", "dfvs.Turn", "jsonschema", b'{"type":"object"}')
+SESSION_HEADER = Channel(
+    "/dfvs/opening", "json", "dfvs.Opening", "jsonschema", b'{"type":"object"}'
+)
+FRAME_RECORD = Channel("/dfvs/turn", "json", "dfvs.Turn", "jsonschema", b'{"type":"object"}')
 UNREADABLE = Channel("/dfvs/unreadable_sample", "application/octet-stream")
 
 

@@ -1,4 +1,4 @@
-"""``dfvs-record``: record a running service's flight as MCAP, or mend a recording."""
+"""``dfvs-record``: record a running service's flight as MCAP, or repair a recording."""
 
 from __future__ import annotations
 
@@ -68,10 +68,10 @@ def _record(words: Sequence[str]) -> int:
         print(json.dumps(dataclasses.asdict(summary)))
     else:
         print(
-            f"{counts.turns} turns, {summary.size_bytes / 1e6:.1f} MB in {summary.folder}/"
+            f"{counts.records} records, {summary.size_bytes / 1e6:.1f} MB in {summary.folder}/"
             f"{summary.name}-*.mcap; {counts.missing} missing, {counts.dropped} dropped"
         )
-    return EXIT_OK if counts.turns else EXIT_NOTHING
+    return EXIT_OK if counts.records else EXIT_NOTHING
 
 
 def _recover(words: Sequence[str]) -> int:

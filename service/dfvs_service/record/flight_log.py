@@ -1,4 +1,4 @@
-"""Lines for people about what the gate does, from the states that it tells."""
+"""Log lines about state changes of the gate."""
 
 from __future__ import annotations
 

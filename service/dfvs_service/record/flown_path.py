@@ -1,4 +1,4 @@
-"""Path of the vehicle, thinned so that a flight of any length stays small."""
+"""Thinned path of the vehicle, of bounded size."""
 
 from __future__ import annotations
 

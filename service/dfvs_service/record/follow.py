@@ -1,4 +1,4 @@
-"""Following one vehicle's turns over Zenoh, for as long as somebody wants to."""
+"""Subscription to one vehicle's frame records over Zenoh."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ import zenoh
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.topics import Topics
 from dfvs_service.command import operators_zenoh
-from dfvs_service.record.listener import Event, TurnListener
+from dfvs_service.record.listener import Event, RecordListener
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.zenoh_session import open_session
 
@@ -43,9 +43,9 @@ class Follower:
         if session is None:
             return
         with session:
-            listener = TurnListener(session, Topics(self._config.vehicle.name))
+            listener = RecordListener(session, Topics(self._config.vehicle.name))
             while not self._stopped:
-                yield listener.take(_WAIT_S)
+                yield listener.receive(_WAIT_S)
                 self.dropped = listener.dropped
             yield from _rest(listener)
             listener.close()
@@ -61,8 +61,8 @@ class Follower:
         return None
 
 
-def _rest(listener: TurnListener) -> Iterator[list[Event]]:
+def _rest(listener: RecordListener) -> Iterator[list[Event]]:
     """What is still under way."""
     deadline = time.monotonic() + _DRAIN_S
-    while time.monotonic() < deadline and (events := listener.take(_WAIT_S)):
+    while time.monotonic() < deadline and (events := listener.receive(_WAIT_S)):
         yield events

@@ -133,11 +133,11 @@ def log(t_ns: int, name: str, entry: Entry) -> bytes:
 
 def pose(t_ns: int, vehicle: VehicleState) -> bytes:
     """``foxglove.PoseInFrame`` of the body, by the autopilot's position and attitude."""
-    turn = _quaternion(_R_ned_body(vehicle))
+    rotation = _quaternion(_R_ned_body(vehicle))
     message = PoseInFrame(
         timestamp=_time(t_ns),
         frame_id="ned",
-        pose=Pose(position=_vector(vehicle.position_m), orientation=turn),
+        pose=Pose(position=_vector(vehicle.position_m), orientation=rotation),
     )
     return message.SerializeToString()
 

@@ -1,4 +1,4 @@
-"""Openings and turns as they come over Zenoh, put in order for whoever records or shows them."""
+"""Listener for session headers and frame records, which puts them in order."""
 
 from __future__ import annotations
 
@@ -20,12 +20,12 @@ _BATCH = 4
 """Few enough that whoever is told to end is asked in time."""
 
 Event = tuple[SessionHeader | FrameRecord | FlowGrid, bytes]
-"""What was told, and the bytes beside it: a goal's picture, or a sample's payload."""
+"""What was told, and the bytes beside it: a goal's image, or a sample's payload."""
 
 _Kind = type[SessionHeader] | type[FrameRecord] | type[FlowGrid]
 
 
-class TurnListener:
+class RecordListener:
     """Takes in what perception tells, and keeps it until it is asked for.
 
     The callbacks only queue: a Zenoh thread that waits would hold up its whole session.
@@ -36,15 +36,15 @@ class TurnListener:
         self._waiting: deque[tuple[_Kind, bytes]] = deque()
         self._waiting_bytes = 0
         self.dropped = 0
-        self._order = TurnOrder()
+        self._sequencer = RecordSequencer()
         # Zenoh's subscribers carry no types where they are undeclared.
-        self._openings: Any = zenoh.ext.declare_advanced_subscriber(
+        self._headers: Any = zenoh.ext.declare_advanced_subscriber(
             session,
             topics.telemetry("opening"),
             lambda sample: self._put(SessionHeader, sample.payload.to_bytes()),
             history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
         )
-        self._turns: Any = session.declare_subscriber(
+        self._records: Any = session.declare_subscriber(
             topics.telemetry("turn"),
             lambda sample: self._put(FrameRecord, sample.payload.to_bytes()),
         )
@@ -52,7 +52,7 @@ class TurnListener:
             topics.telemetry("flow"), lambda sample: self._put(FlowGrid, sample.payload.to_bytes())
         )
 
-    def take(self, timeout_s: float) -> list[Event]:
+    def receive(self, timeout_s: float) -> list[Event]:
         """Some of what came since, in order; waits at most so long for something to come."""
         with self._condition:
             if not self._waiting:
@@ -66,7 +66,7 @@ class TurnListener:
                 if issubclass(kind, FlowGrid):
                     events.append((decode_flow_grid(data), b""))
                 else:
-                    events += self._order.put(*unpack(kind, data))
+                    events += self._sequencer.put(*unpack(kind, data))
             except WireError:
                 self.dropped += 1
         return events
@@ -74,8 +74,8 @@ class TurnListener:
     def close(self) -> None:
         """Stop listening; what was not taken counts as dropped."""
         self.dropped += len(self._waiting)
-        self._openings.undeclare()
-        self._turns.undeclare()
+        self._headers.undeclare()
+        self._records.undeclare()
         self._flows.undeclare()
 
     def _put(self, kind: _Kind, data: bytes) -> None:
@@ -89,34 +89,34 @@ class TurnListener:
             self._condition.notify()
 
 
-class TurnOrder:
-    """Gives every opening right before the first turn that it holds for.
+class RecordSequencer:
+    """Gives every session header right before the first frame record that it holds for.
 
     The two come on different keys, so either may overtake the other.
     """
 
-    _MOST_OPENINGS = 8
-    _MOST_TURNS = 256
+    _MAX_HEADERS = 8
+    _MAX_EARLY_RECORDS = 256
 
     def __init__(self) -> None:
-        self._openings: dict[int, tuple[SessionHeader, bytes]] = {}
+        self._headers: dict[int, tuple[SessionHeader, bytes]] = {}
         self._current: int | None = None
-        self._early: deque[tuple[FrameRecord, bytes]] = deque(maxlen=self._MOST_TURNS)
+        self._early: deque[tuple[FrameRecord, bytes]] = deque(maxlen=self._MAX_EARLY_RECORDS)
 
     def put(self, message: SessionHeader | FrameRecord, payload: bytes) -> Iterator[Event]:
         """Take a message; gives what can be passed on now."""
         if isinstance(message, SessionHeader):
-            self._openings[message.opened_ns] = (message, payload)
-            while len(self._openings) > self._MOST_OPENINGS:
-                del self._openings[next(iter(self._openings))]
+            self._headers[message.opened_ns] = (message, payload)
+            while len(self._headers) > self._MAX_HEADERS:
+                del self._headers[next(iter(self._headers))]
         else:
             self._early.append((message, payload))
         while self._early and self._is_known(self._early[0][0].opening):
-            turn, data = self._early.popleft()
-            if turn.opening != self._current:
-                self._current = turn.opening
-                yield self._openings[turn.opening]
-            yield turn, data
+            record, data = self._early.popleft()
+            if record.opening != self._current:
+                self._current = record.opening
+                yield self._headers[record.opening]
+            yield record, data
 
-    def _is_known(self, opening: int) -> bool:
-        return opening == self._current or opening in self._openings
+    def _is_known(self, header: int) -> bool:
+        return header == self._current or header in self._headers

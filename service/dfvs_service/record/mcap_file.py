@@ -1,4 +1,4 @@
-"""One MCAP file: every chunk that was finished survives a crash, and a power cut soon after."""
+"""MCAP file whose finished chunks survive a crash."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class McapFile:
         self.path = path
         self._file = path.open("xb")
         self._channels: dict[Channel, int] = {}
-        # LZ4 costs little and takes the JSON, not the pictures, to a quarter.
+        # LZ4 costs little and takes the JSON, not the images, to a quarter.
         # Half of mcap's methods carry no types.
         self._writer: Any = Writer(self._file, CHUNK_BYTES, CompressionType.LZ4)
         self._writer.start("", _LIBRARY)

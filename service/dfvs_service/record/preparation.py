@@ -1,4 +1,4 @@
-"""What has to be there before anything is recorded: libraries, and a folder."""
+"""Requirements of a recording: libraries and a folder."""
 
 from __future__ import annotations
 

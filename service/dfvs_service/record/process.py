@@ -1,4 +1,4 @@
-"""The recorder as a process of its own: Zenoh in, MCAP files out, nobody waits for it."""
+"""Recorder process: Zenoh in, MCAP files out."""
 
 from __future__ import annotations
 
@@ -75,7 +75,7 @@ def record(
     counts = recorder.counts
     counts.missing += follower.dropped
     if counts.missing or counts.dropped:
-        _warn(f"the recording lacks {counts.missing + counts.dropped} turns")
+        _warn(f"the recording lacks {counts.missing + counts.dropped} frame records")
     return RecordSummary(str(folder), name, recorder.size_bytes, counts)
 
 

@@ -1,4 +1,4 @@
-"""How a recording goes, on one line of a terminal."""
+"""Progress line of a recording."""
 
 from __future__ import annotations
 
@@ -22,7 +22,9 @@ class ProgressLine:
         where = "waiting for a flight" if path is None else path.name
         lost = counts.missing + counts.dropped
         size_mb = recorder.size_bytes / 1e6
-        self._stream.write(f"\r\x1b[K{counts.turns} turns, {size_mb:.1f} MB, {lost} lost  {where}")
+        self._stream.write(
+            f"\r\x1b[K{counts.records} frame records, {size_mb:.1f} MB, {lost} lost  {where}"
+        )
         self._stream.flush()
 
     def close(self) -> None:

@@ -1,4 +1,4 @@
-"""Reading MCAP files front to back, as far as they go: a crash cuts off the end, never more."""
+"""Reader of MCAP files, which may be cut off."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A recording: a row of MCAP files, each of which opens and begins with all it needs.
+"""Recorder of MCAP files, each of which can be read by itself.
 
 Never raises for want of a disk: what cannot be written is dropped and counted, and a new file is
 tried every few seconds.
@@ -36,11 +36,11 @@ class RecordLimits:
 class RecordCounts:
     """What became of what was to be recorded.
 
-    ``missing`` turns never arrived, ``dropped`` ones could not be written, ``files_removed`` made
+    ``missing`` records never arrived, ``dropped`` ones could not be written, ``files_removed`` made
     room for newer ones.
     """
 
-    turns: int = 0
+    records: int = 0
     missing: int = 0
     dropped: int = 0
     files_removed: int = 0
@@ -76,12 +76,12 @@ class Recorder:
         self._limits = limits
         self._tick = tick
         self._warn = warn
-        self._opening: tuple[SessionHeader, bytes] | None = None
+        self._header: tuple[SessionHeader, bytes] | None = None
         self._translation: Translation | None = None
         self._file: McapFile | None = None
         self._written: list[Path] = []
         self._begun = 0
-        self._next_turn: int | None = None
+        self._next_record: int | None = None
         self._next_sync_ns = self._retry_ns = 0
         self.counts = RecordCounts()
 
@@ -96,28 +96,28 @@ class Recorder:
         current = 0 if self._file is None else self._file.size_bytes
         return current + sum(map(_size, self._written))
 
-    def open(self, opening: SessionHeader, picture: bytes) -> None:
-        """Take the opening that holds for the turns to come."""
-        if self._opening is not None:
-            self._next_turn = opening.first_turn
-        self._opening = (opening, picture)
-        self._translation = Translation(opening)
+    def open(self, header: SessionHeader, image: bytes) -> None:
+        """Take the session header that holds for the frame records to come."""
+        if self._header is not None:
+            self._next_record = header.first_turn
+        self._header = (header, image)
+        self._translation = Translation(header)
         if self._file is not None:
-            self._write(self._translation.opening(picture), first=True)
+            self._write(self._translation.header(image), first=True)
 
-    def add(self, turn: FrameRecord, payload: bytes) -> None:
-        """Take a turn; one without its opening cannot be told apart from noise and is dropped."""
+    def add(self, record: FrameRecord, payload: bytes) -> None:
+        """Add a frame record; one without its session header is dropped."""
         if self._translation is None:
             self.counts.dropped += 1
             return
-        if self._next_turn is not None and turn.number > self._next_turn:
-            self.counts.missing += turn.number - self._next_turn
-        self._next_turn = turn.number + 1
+        if self._next_record is not None and record.number > self._next_record:
+            self.counts.missing += record.number - self._next_record
+        self._next_record = record.number + 1
         if self._file is None and not self._begin():
             self.counts.dropped += 1
             return
-        if self._write(self._translation.turn(turn, payload)):
-            self.counts.turns += 1
+        if self._write(self._translation.record(record, payload)):
+            self.counts.records += 1
         else:
             self.counts.dropped += 1
 
@@ -157,21 +157,21 @@ class Recorder:
 
     def _begin(self) -> bool:
         """Begin the next file; tell whether there is one."""
-        if self._opening is None or self._translation is None or self._tick() < self._retry_ns:
+        if self._header is None or self._translation is None or self._tick() < self._retry_ns:
             return False
         if not self._has_room():
             self._pause(f"less than {self._limits.free_bytes // MB} MB are free")
             return False
-        opening, picture = self._opening
+        header, image = self._header
         path = self._folder / f"{self._name}-{self._begun:03d}.mcap"
         try:
-            self._file = McapFile(path, _notes(opening))
+            self._file = McapFile(path, _notes(header))
         except OSError as error:
             self._pause(f"{path}: {error.strerror}")
             return False
         self._begun += 1
         self._make_room()
-        return self._write(self._translation.opening(picture), first=True)
+        return self._write(self._translation.header(image), first=True)
 
     def _finish(self) -> None:
         if self._file is None:
@@ -186,7 +186,7 @@ class Recorder:
     def _pause(self, why: str) -> None:
         """Write nothing for a while; what was written stays."""
         self._retry_ns = self._tick() + _RETRY_NS
-        self._warn(f"recording pauses, {self.counts.dropped} turns dropped so far: {why}")
+        self._warn(f"recording pauses, {self.counts.dropped} frame records dropped so far: {why}")
         if self._file is not None:
             self._written.append(self._file.path)
             self._file.abandon()
@@ -215,10 +215,10 @@ def _size(path: Path) -> int:
         return 0
 
 
-def _notes(opening: SessionHeader) -> dict[str, dict[str, str]]:
+def _notes(header: SessionHeader) -> dict[str, dict[str, str]]:
     """Metadata of a file: what somebody asks first who finds it."""
     return {
-        "dfvs": {"vehicle": opening.vehicle, "format": opening.format},
-        "dfvs.build": opening.build,
-        "dfvs.model": {"name": str(opening.settings["flow"]["model"]), **opening.model},
+        "dfvs": {"vehicle": header.vehicle, "format": header.format},
+        "dfvs.build": header.build,
+        "dfvs.model": {"name": str(header.settings["flow"]["model"]), **header.model},
     }

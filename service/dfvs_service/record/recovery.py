@@ -1,4 +1,4 @@
-"""Giving a recording that was cut short its index."""
+"""Repair of the index of a recording that was cut off."""
 
 from __future__ import annotations
 

@@ -1,6 +1,6 @@
-"""Openings and turns as messages of a recording: what is needed to rerun, and what is to be seen.
+"""Conversion of session headers and frame records to messages of a recording.
 
-``/dfvs/turn`` with the picture of the same sequence number holds all that a replay needs. The
+``/dfvs/turn`` with the image of the same sequence number holds all that a replay needs. The
 other channels say the same in Foxglove's standard schemas and as plain JSON, for people.
 """
 
@@ -49,54 +49,54 @@ _SERVO_VECTORS = ("velocity_error",)
 
 
 class Translation:
-    """Messages of one opening and of the turns that follow from it."""
+    """Messages of one session header and of the frame records that follow from it."""
 
-    def __init__(self, opening: SessionHeader) -> None:
-        self._opening = opening
-        sidecar = parse(GoalSidecar, opening.sidecar)
-        camera = parse(CameraSection, opening.settings["camera"])
+    def __init__(self, header: SessionHeader) -> None:
+        self._header = header
+        sidecar = parse(GoalSidecar, header.sidecar)
+        camera = parse(CameraSection, header.settings["camera"])
         self._camera = camera.model() or sidecar.camera
         self._mount = camera.mount or Mount()
-        self._min_confidence = float(opening.settings["servo"]["min_confidence"])
+        self._min_confidence = float(header.settings["servo"]["min_confidence"])
         self._servo: Channel | None = None
         self._log = FlightLog()
         self._path, self._path_pace = FlownPath(), Pace.of_rate(_PATH_HZ)
         self._is_path_new = False
-        self._last = (opening.first_turn, opening.opened_ns)
+        self._last = (header.first_turn, header.opened_ns)
 
-    def opening(self, picture: bytes, now_unix_ns: int | None = None) -> Iterator[Message]:
-        """Settings, goal picture (PNG), calibration and the frames that stand still.
+    def header(self, image: bytes, now_unix_ns: int | None = None) -> Iterator[Message]:
+        """Settings, goal image (PNG), calibration and the frames that stand still.
 
-        Stamped with the opening's own time, or with another one where they are repeated.
+        Stamped with the session header's own time, or with another one where they are repeated.
         """
-        opening = self._opening
-        t_ns = self._unix(opening.opened_ns) if now_unix_ns is None else now_unix_ns
-        goal = foxglove_messages.compressed_image(t_ns, "goal", picture, "png")
+        header = self._header
+        t_ns = self._unix(header.opened_ns) if now_unix_ns is None else now_unix_ns
+        goal = foxglove_messages.compressed_image(t_ns, "goal", image, "png")
         calibration = foxglove_messages.calibration(t_ns, self._camera)
         transforms = foxglove_messages.still_transforms(t_ns, self._mount)
         for channel, data in (
-            (channels.OPENING, to_json(opening)),
+            (channels.SESSION_HEADER, to_json(header)),
             (channels.GOAL_IMAGE, goal),
             (channels.CALIBRATION, calibration),
             (channels.TRANSFORMS, transforms),
         ):
-            yield Message(channel, t_ns, opening.first_turn, data)
+            yield Message(channel, t_ns, header.first_turn, data)
 
-    def turn(self, turn: FrameRecord, payload: bytes) -> Iterator[Message]:
-        """One turn with its sample's payload."""
-        t_ns = self._unix(turn.t_ns)
-        self._last = (turn.number, turn.t_ns)
-        yield Message(channels.TURN, t_ns, turn.number, to_json(turn))
-        for status in turn.heard:
-            yield from self._status(status, turn.number)
-        yield self._json(REPORT, t_ns, turn.number, dump(turn.report))
-        if turn.sight is not None:
-            yield self._picture(turn.sight, payload, t_ns, turn.number)
-        if turn.servo:
-            yield self._json(self._servo_channel(turn.servo), t_ns, turn.number, turn.servo)
+    def record(self, record: FrameRecord, payload: bytes) -> Iterator[Message]:
+        """One frame record with its sample's payload."""
+        t_ns = self._unix(record.t_ns)
+        self._last = (record.number, record.t_ns)
+        yield Message(channels.FRAME_RECORD, t_ns, record.number, to_json(record))
+        for status in record.heard:
+            yield from self._status(status, record.number)
+        yield self._json(REPORT, t_ns, record.number, dump(record.report))
+        if record.sight is not None:
+            yield self._image(record.sight, payload, t_ns, record.number)
+        if record.servo:
+            yield self._json(self._servo_channel(record.servo), t_ns, record.number, record.servo)
 
     def flow(self, grid: FlowGrid) -> Message:
-        """Flow of a frame, told after the last turn."""
+        """Flow of a frame, told after the last frame record."""
         number, t_ns = self._last
         at_ns = self._unix(grid.t_capture_ns)
         data = foxglove_messages.flow_annotations(at_ns, grid, self._min_confidence)
@@ -129,16 +129,16 @@ class Translation:
             path = foxglove_messages.path(t_ns, self._path.positions_m)
             yield Message(channels.PATH, t_ns, number, path)
 
-    def _picture(self, sight: FrameInput, payload: bytes, t_ns: int, number: int) -> Message:
+    def _image(self, sight: FrameInput, payload: bytes, t_ns: int, number: int) -> Message:
         """Sample as it came; where not even its header can be read, as bare bytes."""
         try:
             header = decode_header(bytes.fromhex(sight.attachment))
         except WireError:
             return Message(channels.UNREADABLE, t_ns, number, payload)
-        channel, data = self._image(header, payload)
+        channel, data = self._encoded(header, payload)
         return Message(channel, t_ns, number, data)
 
-    def _image(self, header: FrameHeader, payload: bytes) -> tuple[Channel, bytes]:
+    def _encoded(self, header: FrameHeader, payload: bytes) -> tuple[Channel, bytes]:
         t_ns = self._unix(header.t_capture_ns)
         compressed = _COMPRESSED.get(header.pixel_format)
         if compressed is not None:
@@ -160,4 +160,4 @@ class Translation:
 
     def _unix(self, t_ns: int) -> int:
         """Unix time of a monotonic one; MCAP knows no negative times."""
-        return max(t_ns + self._opening.unix_offset_ns, 0)
+        return max(t_ns + self._header.unix_offset_ns, 0)

@@ -1,1 +1,1 @@
-"""Perception run again on a recorded flight."""
+"""Replay of perception on a recorded flight."""

@@ -1,4 +1,4 @@
-"""A recorded flight beside its replay: what differs, by how much, and how long either took."""
+"""Comparison of a recorded flight with its replay: differences and durations."""
 
 from __future__ import annotations
 
@@ -31,7 +31,7 @@ class FrameDifference:
     unless both would have been flown by.
     """
 
-    turn: int
+    record: int
     t_ns: int
     identical: bool
     recorded: PerceptionReport
@@ -46,7 +46,7 @@ class FrameDifference:
 class Comparison:
     """All frames, and their sum.
 
-    ``first_difference`` is the turn of the first frame that is not identical; latencies are of
+    ``first_difference`` is the record of the first frame that is not identical; latencies are of
     the stages that both have: matching, and all from decoding to the command.
     """
 
@@ -80,7 +80,7 @@ class Spread:
 def compare(reruns: Sequence[Rerun]) -> Comparison:
     """Compare every frame of a replay with what was recorded of it."""
     frames = tuple(_difference(rerun) for rerun in reruns)
-    different = [frame.turn for frame in frames if not frame.identical]
+    different = [frame.record for frame in frames if not frame.identical]
     both = sum(f.recorded.healthy and f.replayed.healthy for f in frames)
     return Comparison(
         frames=frames,
@@ -98,8 +98,8 @@ def compare(reruns: Sequence[Rerun]) -> Comparison:
 
 
 def _difference(rerun: Rerun) -> FrameDifference:
-    then, now = rerun.turn.report, rerun.report
-    common = (rerun.turn.number, rerun.turn.t_ns, rerun.is_identical, then, now)
+    then, now = rerun.record.report, rerun.report
+    common = (rerun.record.number, rerun.record.t_ns, rerun.is_identical, then, now)
     if not (then.healthy and now.healthy):
         return FrameDifference(*common, None, None, None, None)
     away = [b - a for a, b in zip(then.velocity, now.velocity, strict=True)]
@@ -122,10 +122,12 @@ def _spread(values: Sequence[float | None]) -> Spread | None:
 
 def _latency(reruns: Sequence[Rerun]) -> dict[str, Percentiles]:
     """Percentiles over the frames that went all the way in flight and in replay."""
-    whole = [r for r in reruns if r.turn.sight is not None and "servo" in r.turn.sight.stages_ns]
+    whole = [
+        r for r in reruns if r.record.sight is not None and "servo" in r.record.sight.stages_ns
+    ]
     if not whole:
         return {}
-    flown = [r.turn.sight.stages_ns for r in whole if r.turn.sight is not None]
+    flown = [r.record.sight.stages_ns for r in whole if r.record.sight is not None]
     return {
         "match_recorded": _percentiles([sum(s[k] for k in MATCH_STAGES) for s in flown]),
         "match_replayed": _percentiles([r.stages_ns["match"] for r in whole]),

@@ -1,4 +1,4 @@
-"""A comparison as JSON, and files that are written whole or not at all."""
+"""Comparison as JSON, and atomic output files."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""A whole recording run again: openings, turns, and what cannot be the same."""
+"""Replay of a whole recording, with the reasons why results may differ."""
 
 from __future__ import annotations
 
@@ -11,7 +11,7 @@ from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_service.flights.records import StateChange
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
 from dfvs_service.perception.build import build_versions
-from dfvs_service.perception.frame_processor import Glance
+from dfvs_service.perception.frame_processor import ProcessedFrame
 from dfvs_service.replay.identity import reasons_to_differ
 from dfvs_service.replay.recording import StateLog, read_recording
 from dfvs_service.replay.rerun import Rerun, Rerunner, recorded_settings, with_trial
@@ -40,7 +40,7 @@ class Replay:
 
 
 class FlightReplay:
-    """Reruns the turns of a recording one by one.
+    """Reruns the frame records of a recording one by one.
 
     Parameters
     ----------
@@ -52,46 +52,48 @@ class FlightReplay:
         self._rerunner: Rerunner | None = None
         self._matcher: tuple[FlowSection, Matcher] | None = None
         self._build = build_versions()
-        self._next_turn = 0
+        self._next_record = 0
         self.reasons: dict[str, None] = {}
 
     @property
-    def glance(self) -> Glance | None:
+    def processed(self) -> ProcessedFrame | None:
         """What became of the newest sample, None before the first one."""
-        return None if self._rerunner is None else self._rerunner.glance
+        return None if self._rerunner is None else self._rerunner.processed
 
-    def open(self, opening: SessionHeader, picture: bytes) -> None:
-        """Build perception for the turns to come.
+    def open(self, header: SessionHeader, image: bytes) -> None:
+        """Build perception for the frame records to come.
 
         Raises
         ------
         DfvsError
             If settings or model cannot be used.
         """
-        config = with_trial(recorded_settings(opening), self._trial.settings, self._trial.model)
-        if opening.first_turn == 0:
-            self._next_turn = 0
+        config = with_trial(recorded_settings(header), self._trial.settings, self._trial.model)
+        if header.first_turn == 0:
+            self._next_record = 0
         flow = config.flow
         model = perception_files(config)
-        for reason in reasons_to_differ(opening, config, model, self._build):
+        for reason in reasons_to_differ(header, config, model, self._build):
             self.reasons[reason] = None
-        if self._rerunner is not None and opening.first_turn > 0:
-            self._rerunner.set_goal(opening, picture, config)
+        if self._rerunner is not None and header.first_turn > 0:
+            self._rerunner.set_goal(header, image, config)
             return
         if self._matcher is None or self._matcher[0] != flow:
             self._matcher = (flow, flow_matcher(flow))
         depth = depth_network(config)
-        self._rerunner = Rerunner(opening, picture, config, self._matcher[1], depth)
+        self._rerunner = Rerunner(header, image, config, self._matcher[1], depth)
 
-    def turn(self, turn: FrameRecord, payload: bytes) -> Rerun | None:
-        """Run one turn again; None for one that saw nothing."""
+    def record(self, record: FrameRecord, payload: bytes) -> Rerun | None:
+        """Run one frame record again; None for one that saw nothing."""
         if self._rerunner is None:
             return None
-        if turn.number != self._next_turn:
-            missing = turn.number - self._next_turn
-            self.reasons[f"{missing} turns before turn {turn.number} were not recorded"] = None
-        self._next_turn = turn.number + 1
-        return self._rerunner.turn(turn, payload)
+        if record.number != self._next_record:
+            missing = record.number - self._next_record
+            self.reasons[
+                f"{missing} frame records before frame record {record.number} were not recorded"
+            ] = None
+        self._next_record = record.number + 1
+        return self._rerunner.record(record, payload)
 
 
 def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> Replay:
@@ -114,7 +116,7 @@ def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> 
             continue
         for status in entry.message.heard:
             states.add(status)
-        rerun = flight.turn(entry.message, payload)
+        rerun = flight.record(entry.message, payload)
         if rerun is not None:
             frames.append(rerun)
             show(len(frames))

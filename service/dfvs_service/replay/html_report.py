@@ -1,4 +1,4 @@
-"""A comparison as a page like a flight's report: numbers, and curves above the gate's states."""
+"""HTML report of a comparison."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Whether a replay must give the same bits as the flight, and if not why not."""
+"""Conditions under which a replay is bit-exact."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ _SHOWN_CHARACTERS = 24
 
 
 def reasons_to_differ(
-    opening: SessionHeader,
+    header: SessionHeader,
     config: ServiceConfig,
     model: Mapping[str, str],
     build: Mapping[str, str],
@@ -22,21 +22,21 @@ def reasons_to_differ(
 
     Parameters
     ----------
-    opening : Opening
+    header : SessionHeader
         Of the flight.
     config, model, build
         Of the replay: settings, the matcher's files with their SHA-256, versions.
     """
     reasons = [
-        f"{name} is {_short(build.get(name))}, was {_short(opening.build.get(name))}"
-        for name in sorted({*build, *opening.build})
-        if build.get(name) != opening.build.get(name)
+        f"{name} is {_short(build.get(name))}, was {_short(header.build.get(name))}"
+        for name in sorted({*build, *header.build})
+        if build.get(name) != header.build.get(name)
     ]
-    if dict(model) != opening.model:
+    if dict(model) != header.model:
         reasons.append("the model's files are others")
     now, then = (
         _relevant(dump(config)),
-        _relevant(with_present_names(ServiceConfig, opening.settings)),
+        _relevant(with_present_names(ServiceConfig, header.settings)),
     )
     reasons += [f"the settings of [{name}] are others" for name in now if now[name] != then[name]]
     return tuple(reasons)

@@ -1,4 +1,4 @@
-"""Openings and turns, read back from the files of a recording."""
+"""Reader of session headers and frame records from a recording's files."""
 
 from __future__ import annotations
 
@@ -23,7 +23,7 @@ from dfvs_service.record.reading import RecordingError, open_records
 
 @dataclass(frozen=True, slots=True)
 class Entry:
-    """An opening or a turn, with the bytes beside it: a goal's PNG, or a sample's payload."""
+    """Session header or frame record, and its bytes: a goal's PNG, or a sample's payload."""
 
     message: SessionHeader | FrameRecord
     payload: bytes | None = None
@@ -36,7 +36,7 @@ class Entry:
 
 
 def read_recording(paths: Sequence[Path]) -> Iterator[Entry]:
-    """Entries of a recording's files in their order; an opening that a file repeats comes once.
+    """Entries of a recording's files in order; a repeated session header comes once.
 
     Raises
     ------
@@ -51,7 +51,9 @@ def read_recording(paths: Sequence[Path]) -> Iterator[Entry]:
                     continue
                 opened_ns = entry.message.opened_ns
             elif opened_ns is None:
-                raise RecordingError(f"{path} holds turns without an opening", "a whole recording")
+                raise RecordingError(
+                    f"{path} holds frame records without a session header", "a whole recording"
+                )
             yield entry
     if opened_ns is None:
         raise RecordingError(f"{paths[0]} holds no flight", "a file of dfvs-record")
@@ -79,8 +81,8 @@ def _entries(path: Path) -> Iterator[Entry]:
 
 
 _MESSAGES: dict[str, type[SessionHeader] | type[FrameRecord]] = {
-    channels.OPENING.topic: SessionHeader,
-    channels.TURN.topic: FrameRecord,
+    channels.SESSION_HEADER.topic: SessionHeader,
+    channels.FRAME_RECORD.topic: FrameRecord,
 }
 _PAYLOADS = {
     channels.GOAL_IMAGE.topic: CompressedImage,
@@ -101,11 +103,11 @@ def _begin(path: Path, topic: str, data: bytes) -> Entry:
 
 
 def _payload(topic: str, data: bytes) -> bytes | None:
-    picture = _PAYLOADS[topic]
-    if picture is None:
+    image = _PAYLOADS[topic]
+    if image is None:
         return data
     try:
-        return picture.FromString(data).data
+        return image.FromString(data).data
     except DecodeError:
         return None
 

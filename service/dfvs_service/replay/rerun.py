@@ -1,7 +1,7 @@
-"""Perception run again on recorded turns, by recorded times.
+"""Replay of perception on recorded frame records.
 
 Nothing in perception depends on when it runs but the two times by which a frame's age is judged.
-They are part of every turn, so the same code, model and settings give the same reports.
+They are part of every frame record, so the same code, model and settings give the same reports.
 """
 
 from __future__ import annotations
@@ -21,8 +21,9 @@ from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.image import decode_image
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.messages.schema import parse, with_present_names
-from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
-from dfvs_service.perception.frame_processor import Glance, RawSample
+from dfvs_service.frames import RawSample
+from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
+from dfvs_service.perception.frame_processor import ProcessedFrame
 from dfvs_service.record.reading import RecordingError
 from dfvs_service.settings.config import ServiceConfig
 
@@ -35,14 +36,14 @@ class Rerun:
     says so for then.
     """
 
-    turn: FrameRecord
+    record: FrameRecord
     report: PerceptionReport
     stages_ns: dict[str, int]
 
     @property
     def is_identical(self) -> bool:
         """Whether the gate would have been told the very same."""
-        return self.report == self.turn.report
+        return self.report == self.record.report
 
 
 @dataclass(slots=True)
@@ -91,7 +92,7 @@ class TimedMatcher:
         return flow
 
 
-def recorded_settings(opening: SessionHeader) -> ServiceConfig:
+def recorded_settings(header: SessionHeader) -> ServiceConfig:
     """Settings of the flight.
 
     Raises
@@ -100,31 +101,31 @@ def recorded_settings(opening: SessionHeader) -> ServiceConfig:
         If this version does not know them.
     """
     try:
-        return parse(ServiceConfig, with_present_names(ServiceConfig, opening.settings))
+        return parse(ServiceConfig, with_present_names(ServiceConfig, header.settings))
     except DfvsError as error:
         raise RecordingError(
             f"the recorded settings cannot be used: {error}", "a recording of this version"
         ) from error
 
 
-def recorded_goal(opening: SessionHeader, picture: bytes) -> Goal:
-    """Goal of an opening, from its PNG.
+def recorded_goal(header: SessionHeader, image: bytes) -> Goal:
+    """Goal of a session header, from its PNG.
 
     Raises
     ------
     DfvsError
-        If picture or sidecar cannot be read.
+        If image or sidecar cannot be read.
     """
-    return Goal(decode_image(picture), parse(GoalSidecar, opening.sidecar))
+    return Goal(decode_image(image), parse(GoalSidecar, header.sidecar))
 
 
 class Rerunner:
-    """Runs perception on the turns that follow an opening.
+    """Runs perception on the frame records that follow a session header.
 
     Parameters
     ----------
-    opening : Opening
-    picture : bytes
+    header : SessionHeader
+    image : bytes
         The goal, PNG.
     config : ServiceConfig
         The recorded one, or what is to be tried in its place.
@@ -136,42 +137,46 @@ class Rerunner:
 
     def __init__(
         self,
-        opening: SessionHeader,
-        picture: bytes,
+        header: SessionHeader,
+        image: bytes,
         config: ServiceConfig,
         matcher: Matcher,
         depth: DepthEstimator | None,
     ) -> None:
-        goal = recorded_goal(opening, picture)
+        goal = recorded_goal(header, image)
         self._look, self._servo = _Clock(), _Clock()
-        clocks = Clocks(bytes.fromhex(opening.clock), self._look, self._servo)
+        clocks = Clocks(bytes.fromhex(header.clock), self._look, self._servo)
         self._timed = TimedMatcher(matcher, time.monotonic_ns)
-        self._eye = build_eye(config, goal, self._timed, clocks, depth)
-        self.glance: Glance | None = None
+        self._frame_processor = build_frame_processor(config, goal, self._timed, clocks, depth)
+        self.processed: ProcessedFrame | None = None
         """What became of the newest sample."""
 
-    def set_goal(self, opening: SessionHeader, picture: bytes, config: ServiceConfig) -> None:
-        """Go on to the goal of an opening that follows in the same flight."""
-        goal = recorded_goal(opening, picture)
-        task, view = servo_task(config, goal), self._eye.prepare(goal)
+    def set_goal(self, header: SessionHeader, image: bytes, config: ServiceConfig) -> None:
+        """Go on to the goal of a session header that follows in the same flight."""
+        goal = recorded_goal(header, image)
+        task, view = servo_task(config, goal), self._frame_processor.prepare(goal)
         preview = None
-        if opening.observed_ns is not None:
-            preview = self._eye.evaluate_next_goal(task, view, opening.observed_ns)
-        self._eye.set_goal(task, view, None if preview is None else preview().observation)
+        if header.observed_ns is not None:
+            preview = self._frame_processor.evaluate_next_goal(task, view, header.observed_ns)
+        self._frame_processor.set_goal(
+            task, view, None if preview is None else preview().observation
+        )
 
-    def turn(self, turn: FrameRecord, payload: bytes) -> Rerun | None:
-        """Run one turn again; None for one that saw nothing."""
-        for status in turn.heard:
-            self._eye.heed(status)
-        if turn.sight is None:
+    def record(self, record: FrameRecord, payload: bytes) -> Rerun | None:
+        """Run one frame record again; None for one that saw nothing."""
+        for status in record.heard:
+            self._frame_processor.on_gate_status(status)
+        if record.sight is None:
             return None
-        sample = self._set_back(turn.sight, payload)
+        sample = self._set_back(record.sight, payload)
         self._timed.spent_ns, start_ns = 0, time.monotonic_ns()
-        glance = self._eye.look(sample)
+        processed = self._frame_processor.process(sample)
         look_ns, match_ns = time.monotonic_ns() - start_ns, self._timed.spent_ns
         depth_ns = self._update_depth()
-        self.glance = glance
-        return Rerun(turn, glance.report, {"match": match_ns, "look": look_ns, "depth": depth_ns})
+        self.processed = processed
+        return Rerun(
+            record, processed.report, {"match": match_ns, "look": look_ns, "depth": depth_ns}
+        )
 
     def _set_back(self, sight: FrameInput, payload: bytes) -> RawSample:
         """Put the clocks to the times of then."""
@@ -181,7 +186,7 @@ class Rerunner:
 
     def _update_depth(self) -> int:
         start_ns = time.monotonic_ns()
-        self._eye.update_depth()
+        self._frame_processor.update_depth()
         return time.monotonic_ns() - start_ns
 
 

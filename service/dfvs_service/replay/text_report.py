@@ -1,4 +1,4 @@
-"""A comparison in words, for a terminal."""
+"""Text report of a comparison."""
 
 from __future__ import annotations
 

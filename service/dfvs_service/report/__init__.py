@@ -1,1 +1,1 @@
-"""Reports of flights as HTML pages that need nothing else."""
+"""Self-contained HTML reports of flights."""

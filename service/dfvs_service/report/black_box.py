@@ -1,4 +1,4 @@
-"""A flight read from the folder that its black box kept."""
+"""Reader of a flight from its black box."""
 
 from __future__ import annotations
 
@@ -37,9 +37,9 @@ class BlackBoxFlight:
         Of the flight.
     """
 
-    film_rate_hz = 2
+    video_rate_hz = 2
     note = (
-        "The black box keeps one small view a second, and no flow: the film and the views are made "
+        "The black box keeps one small view a second, and no flow: video and views are made "
         "of those. A recording (MCAP) has them all."
     )
 

@@ -1,4 +1,4 @@
-"""``dfvs-report``: a flight's page and film, from its black box or its recording."""
+"""``dfvs-report``: a flight's page and video, from its black box or its recording."""
 
 from __future__ import annotations
 
@@ -52,7 +52,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dfvs-report",
-        description="Make an HTML page and a film (MP4) of a flight: verdict, views, path, states, "
+        description="Make HTML page and video (MP4) of a flight: verdict, views, path, states, "
         "distances, velocities, timing, faults and settings. The page needs nothing else.",
         epilog=_EXAMPLE,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -75,7 +75,7 @@ def _parser() -> argparse.ArgumentParser:
         "--film",
         type=Path,
         metavar="FILE",
-        help="film, replaced if it exists (default: the page's name, but .mp4)",
+        help="video, replaced if it exists (default: the page's name, but .mp4)",
     )
     add(
         "--truth",
@@ -92,10 +92,10 @@ def _write(arguments: argparse.Namespace) -> int:
     require_page_extra("dfvs-report")
     source = _source(arguments)
     page = arguments.out or Path(f"{source.name}.html")
-    film = arguments.film or page.with_suffix(".mp4")
-    if film.suffix != ".mp4" or page.absolute() == film.absolute():
-        raise ConfigError(f"the film is to be {film}", "a name that ends in .mp4")
-    for path in (page, film):
+    video = arguments.film or page.with_suffix(".mp4")
+    if video.suffix != ".mp4" or page.absolute() == video.absolute():
+        raise ConfigError(f"the video is to be {video}", "a name that ends in .mp4")
+    for path in (page, video):
         if not path.absolute().parent.is_dir():
             raise ConfigError(f"cannot write {path}", "an existing folder")
     # Jinja2 and OpenCV take their time to load.
@@ -106,7 +106,7 @@ def _write(arguments: argparse.Namespace) -> int:
     if arguments.truth is not None:
         add_truth(flight, arguments.truth)
     progress = _Progress(flight.line.to_s)
-    text = make_report(source, flight, film, progress.show)
+    text = make_report(source, flight, video, progress.show)
     progress.close()
     try:
         write_atomic(page, text.encode())
@@ -114,7 +114,7 @@ def _write(arguments: argparse.Namespace) -> int:
         raise ConfigError(
             f"{page} cannot be written ({error.strerror})", "a folder that exists and is writable"
         ) from error
-    written = [path for path in (page, film) if path.exists()]
+    written = [path for path in (page, video) if path.exists()]
     if arguments.json:
         files = [str(path) for path in written]
         print(json.dumps({"name": source.name, "verdict": flight.summary.verdict, "files": files}))
@@ -133,7 +133,7 @@ def _source(arguments: argparse.Namespace) -> FlightSource:
 
 
 class _Progress:
-    """Shows on one line of a terminal how far the film is."""
+    """Shows on one line of a terminal how far the video is."""
 
     def __init__(self, to_s: float) -> None:
         self._shown = sys.stderr.isatty()

@@ -1,4 +1,4 @@
-"""A flight as a report sees it, whatever it was read from."""
+"""Flight as a report needs it, independent of its source."""
 
 from __future__ import annotations
 
@@ -17,7 +17,7 @@ BLACK_BOX, RECORDING = "black box", "recording"
 """Sources of a flight."""
 
 _LEAD_S = 3.0
-"""A report shows so long before the vehicle was engaged, and after it was let go."""
+"""A report shows so long before the vehicle was engaged, and after it was handed back."""
 _NEVER_ENGAGED_S = 60.0
 _ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
 
@@ -61,7 +61,7 @@ class Flight:
 
     @property
     def flown(self) -> tuple[float, float]:
-        """When the vehicle was engaged and when it was let go; the last minute where never."""
+        """When the vehicle was engaged and when it was handed back; the last minute where never."""
         states, end_s = self.summary.states, self.summary.duration_s
         engaged = [i for i, change in enumerate(states) if change.state in _ENGAGED]
         if not engaged:
@@ -108,7 +108,7 @@ class FlightSource(Protocol):
         ...
 
     @property
-    def film_rate_hz(self) -> int:
+    def video_rate_hz(self) -> int:
         """Frames a second that do the views justice."""
         ...
 

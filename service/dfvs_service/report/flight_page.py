@@ -1,4 +1,4 @@
-"""The page about a flight."""
+"""HTML page of a flight."""
 
 from __future__ import annotations
 
@@ -13,14 +13,14 @@ import numpy as np
 
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_service.page.charts import Curve, Plot, Samples, path_chart
-from dfvs_service.page.page import Film, Page, Table, View, render
+from dfvs_service.page.page import Page, Table, Video, View, render
 from dfvs_service.report.flight import BLACK_BOX, Flight, FlightSource, FlightView
 from dfvs_service.report.series import Fault, FlightSeries
-from dfvs_service.report.thumbnails import Album, collect
-from dfvs_service.report.video import FilmWriter
+from dfvs_service.report.thumbnails import Thumbnails, collect
+from dfvs_service.report.video import VideoWriter
 
 MAX_EMBEDDED_BYTES = 24_000_000
-"""A larger film stays a file beside the page."""
+"""A larger video stays a file beside the page."""
 
 _TROUBLE = frozenset({"HOLD", "ABORT"})
 _AXES = ("forward", "right", "down")
@@ -29,10 +29,10 @@ _AXES = ("forward", "right", "down")
 def make_report(
     source: FlightSource,
     flight: Flight,
-    film_path: Path,
+    video_path: Path,
     show: Callable[[FlightView], None] = lambda _: None,
 ) -> str:
-    """HTML of a flight with all images in it; its film is written beside it.
+    """HTML of a flight with all images in it; its video is written beside it.
 
     Parameters
     ----------
@@ -41,38 +41,38 @@ def make_report(
     flight : Flight
         What was read of it.
     film_path : Path
-        Takes the film (MP4), which is replaced; none is there for a flight without a view.
+        Takes the video (MP4), which is replaced; none is there for a flight without a view.
     show : callable
-        Is given every view once it is in the film.
+        Is given every view once it is in the video.
 
     Raises
     ------
     DfvsError
-        If the film cannot be written or the views cannot be read.
+        If the video cannot be written or the views cannot be read.
     """
-    film_path.unlink(missing_ok=True)
-    with _film(film_path, flight, source.film_rate_hz) as film:
+    video_path.unlink(missing_ok=True)
+    with _video(video_path, flight, source.video_rate_hz) as video:
 
-        def take(view: FlightView) -> None:
-            film.add(view)
+        def on_view(view: FlightView) -> None:
+            video.add(view)
             show(view)
 
-        album = collect(flight, source.views(), take)
-        is_filmed = film.close()
-    return render(_page(flight, album, film_path if is_filmed else None, source.note))
+        thumbnails = collect(flight, source.views(), on_view)
+        has_video = video.close()
+    return render(_page(flight, thumbnails, video_path if has_video else None, source.note))
 
 
 @contextlib.contextmanager
-def _film(path: Path, flight: Flight, rate_hz: int) -> Iterator[FilmWriter]:
-    """Film that leaves nothing behind where it was not brought to its end."""
-    film = FilmWriter(path, flight, rate_hz)
+def _video(path: Path, flight: Flight, rate_hz: int) -> Iterator[VideoWriter]:
+    """Video that leaves nothing behind where it was not brought to its end."""
+    video = VideoWriter(path, flight, rate_hz)
     try:
-        yield film
+        yield video
     finally:
-        film.abandon()
+        video.abandon()
 
 
-def _page(flight: Flight, album: Album, film: Path | None, note: str) -> Page:
+def _page(flight: Flight, thumbnails: Thumbnails, video: Path | None, note: str) -> Page:
     series = flight.series
     return Page(
         title=flight.summary.name,
@@ -82,24 +82,24 @@ def _page(flight: Flight, album: Album, film: Path | None, note: str) -> Page:
         figures=_figures(flight),
         charts=_charts(flight),
         line=flight.line,
-        views=_views(flight, album),
-        strip=tuple(View(_caption(flight, view), view.image) for view in album.strip),
+        views=_views(flight, thumbnails),
+        strip=tuple(View(_caption(flight, view), view.image) for view in thumbnails.strip),
         path=path_chart(_flown_path(flight)),
-        tables=(_states(flight), _faults(flight), _told(flight), _timing(flight, series)),
+        tables=(_states(flight), _faults(flight), _messages(flight), _timing(flight, series)),
         texts=(
             ("Settings, angles in rad", flight.settings),
             ("Versions of code, libraries and model", flight.build),
         ),
-        film=None if film is None else _embedded(film, flight.line.from_s),
-        note=note if album.strip else "",
+        video=None if video is None else _embedded(video, flight.line.from_s),
+        note=note if thumbnails.strip else "",
     )
 
 
-def _embedded(path: Path, from_s: float) -> Film:
+def _embedded(path: Path, from_s: float) -> Video:
     source = path.name
     if path.stat().st_size <= MAX_EMBEDDED_BYTES:
         source = "data:video/mp4;base64," + base64.b64encode(path.read_bytes()).decode()
-    return Film(source, path.name, from_s)
+    return Video(source, path.name, from_s)
 
 
 def _tone(flight: Flight) -> str:
@@ -151,12 +151,12 @@ def _charts(flight: Flight) -> tuple[tuple[str, Plot], ...]:
     in_m = None if limits is None else limits.tolerance_m
     in_deg = None if limits is None else math.degrees(limits.tolerance_rad)
     pairs = [
-        (f"Velocity {axis}", Plot("m/s", _told_and_flown(series, number)))
+        (f"Velocity {axis}", Plot("m/s", _commanded_and_flown(series, number)))
         for number, axis in enumerate(_AXES)
     ]
     in_degrees = [
         Curve(c.style, c.name, [(t, math.degrees(v)) for t, v in c.samples])
-        for c in _told_and_flown(series, 3)
+        for c in _commanded_and_flown(series, 3)
     ]
     position = (
         Curve("flown", "distance from the first position", series.from_start_m),
@@ -186,16 +186,16 @@ def _errors(estimated: Samples, true: Samples) -> tuple[Curve, ...]:
     return (*curves, Curve("third", "true, of the simulation", true)) if true else curves
 
 
-def _told_and_flown(series: FlightSeries, number: int) -> tuple[Curve, ...]:
+def _commanded_and_flown(series: FlightSeries, number: int) -> tuple[Curve, ...]:
     return (
         Curve("commanded", "commanded", series.commanded[number]),
         Curve("flown", "flown", series.flown[number]),
     )
 
 
-def _views(flight: Flight, album: Album) -> tuple[View, ...]:
+def _views(flight: Flight, thumbnails: Thumbnails) -> tuple[View, ...]:
     """Goal, last view, and what is left between them."""
-    goal, last = flight.goal_at(math.inf), album.last
+    goal, last = flight.goal_at(math.inf), thumbnails.last
     views = [] if goal is None else [View("Goal", goal)]
     if last is not None:
         views.append(View(f"Last view under control, {_caption(flight, last)}", last.image))
@@ -252,7 +252,7 @@ def _faults(flight: Flight) -> Table:
     return Table("Faults", head, rows, head[:3], "None in the time of the plots.")
 
 
-def _told(flight: Flight) -> Table:
+def _messages(flight: Flight) -> Table:
     return Table("Errors and warnings", ("text",), tuple((text,) for text in flight.summary.told))
 
 

@@ -1,4 +1,4 @@
-"""A flight read from its recording (MCAP); perception runs again on it to give the flow."""
+"""Reader of a flight from its MCAP recording; a replay gives the flow."""
 
 from __future__ import annotations
 
@@ -15,7 +15,7 @@ from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.image import decode_image
 from dfvs_core.messages.link import GateStatus
 from dfvs_service.flights.records import FlightSummary, StateChange
-from dfvs_service.frame_record_image import turn_image
+from dfvs_service.frame_record_image import record_image
 from dfvs_service.replay.flight import FlightReplay, Trial
 from dfvs_service.replay.recording import StateLog, read_recording
 from dfvs_service.report.flight import RECORDING, Flight, FlightView
@@ -34,7 +34,7 @@ class RecordedFlight:
         Files of the recording.
     """
 
-    film_rate_hz = 10
+    video_rate_hz = 10
 
     def __init__(self, paths: Sequence[Path]) -> None:
         self._paths = sorted(paths)
@@ -77,20 +77,20 @@ class RecordedFlight:
                 start_ns = message.opened_ns if start_ns is None else start_ns
                 replay = self._opened(replay, message, payload)
                 continue
-            image = turn_image(message, payload)
+            image = record_image(message, payload)
             if replay is not None:
-                replay.turn(message, payload)
+                replay.record(message, payload)
             if image is not None and start_ns is not None:
                 yield _view((message.t_ns - start_ns) / S, image, replay)
 
     def _opened(
-        self, replay: FlightReplay | None, opening: SessionHeader, picture: bytes
+        self, replay: FlightReplay | None, header: SessionHeader, image: bytes
     ) -> FlightReplay | None:
-        """Go on with an opening's goal, model and settings, or without flow where it cannot be."""
+        """Go on with a session header's goal, model and settings, or without flow."""
         if replay is None:
             return None
         try:
-            replay.open(opening, picture)
+            replay.open(header, image)
         except DfvsError as error:
             self.note = _NO_FLOW.format(error.problem)
             return None
@@ -99,32 +99,32 @@ class RecordedFlight:
 
 
 class _Reader:
-    """Takes openings and turns, oldest first."""
+    """Takes session headers and frame records, oldest first."""
 
     def __init__(self) -> None:
-        self._openings: list[SessionHeader] = []
+        self._headers: list[SessionHeader] = []
         self._goals: list[tuple[float, ImageArray]] = []
         self._builder = SeriesBuilder(0)
         self._states = StateLog(0)
         self._warnings: dict[str, None] = {}
         self._end_ns = 0
 
-    def open(self, opening: SessionHeader, picture: bytes) -> None:
-        if not self._openings:
-            self._builder = SeriesBuilder(opening.opened_ns)
-            self._states = StateLog(opening.opened_ns)
-        self._openings.append(opening)
-        self._goals.append((self._s(opening.opened_ns), decode_image(picture)))
+    def open(self, header: SessionHeader, image: bytes) -> None:
+        if not self._headers:
+            self._builder = SeriesBuilder(header.opened_ns)
+            self._states = StateLog(header.opened_ns)
+        self._headers.append(header)
+        self._goals.append((self._s(header.opened_ns), decode_image(image)))
 
-    def add(self, turn: FrameRecord) -> None:
-        self._end_ns = turn.t_ns
-        for status in turn.heard:
-            self._hear(status)
-        self._builder.add_report(turn.t_ns, turn.report)
-        if turn.servo:
-            self._builder.add_servo(turn.servo)
+    def add(self, record: FrameRecord) -> None:
+        self._end_ns = record.t_ns
+        for status in record.heard:
+            self._on_status(status)
+        self._builder.add_report(record.t_ns, record.report)
+        if record.servo:
+            self._builder.add_servo(record.servo)
 
-    def _hear(self, status: GateStatus) -> None:
+    def _on_status(self, status: GateStatus) -> None:
         self._states.add(status)
         self._warnings |= dict.fromkeys(f"warning: {text}" for text in status.warnings)
         if status.t_ns:
@@ -135,7 +135,7 @@ class _Reader:
             self._builder.add_position(vehicle.t_ns, vehicle.position_m, vehicle.velocity_m_s)
 
     def flight(self, name: str, paths: Sequence[Path]) -> Flight:
-        first, last = self._openings[0], self._openings[-1]
+        first, last = self._headers[0], self._headers[-1]
         states = tuple(self._states.changes)
         started_s = (first.opened_ns + first.unix_offset_ns) / S
         summary = FlightSummary(
@@ -163,7 +163,7 @@ class _Reader:
         )
 
     def _s(self, t_ns: int) -> float:
-        return (t_ns - self._openings[0].opened_ns) / S
+        return (t_ns - self._headers[0].opened_ns) / S
 
 
 def _is_reached(states: Sequence[StateChange]) -> bool:
@@ -180,8 +180,8 @@ def _verdict(states: Sequence[StateChange]) -> str:
 
 
 def _view(t_s: float, image: ImageArray, replay: FlightReplay | None) -> FlightView:
-    glance = None if replay is None else replay.glance
-    if glance is None or glance.outcome is None or not glance.report.healthy:
+    processed = None if replay is None else replay.processed
+    if processed is None or processed.frame_result is None or not processed.report.healthy:
         return FlightView(t_s, image)
     height, width = image.shape[:2]
-    return FlightView(t_s, image, flow_at_size(glance.outcome.flow, (height, width)))
+    return FlightView(t_s, image, flow_at_size(processed.frame_result.flow, (height, width)))

@@ -1,4 +1,4 @@
-"""Time series of a flight, built up from what its records say."""
+"""Time series of a flight from its records."""
 
 from __future__ import annotations
 
@@ -132,7 +132,7 @@ class SeriesBuilder:
         _append(series.error_deg, t_s, math.degrees(report.error_rad) if is_seen else math.nan)
         _append(series.overlap, t_s, report.overlap if is_seen else math.nan)
         if not is_seen:
-            self.add_fault(t_ns, report.reason or "no frame that may be flown by")
+            self.add_fault(t_ns, report.reason or "no valid frame")
 
     def add_fault(self, t_ns: int, text: str) -> None:
         """Take a fault; one that goes on is one fault."""

@@ -1,4 +1,4 @@
-"""Opening the records of a flight: the folder of a black box, or the files of a recording."""
+"""Selection of a flight's reader: black box or MCAP recording."""
 
 from __future__ import annotations
 

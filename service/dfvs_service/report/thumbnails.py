@@ -1,4 +1,4 @@
-"""The views of a flight that its page shows, picked while all of them go by."""
+"""Thumbnails of a flight's views."""
 
 from __future__ import annotations
 
@@ -14,10 +14,10 @@ _STRIP_VIEWS = 6
 
 
 @dataclass(slots=True)
-class Album:
+class Thumbnails:
     """Views at even steps of the way that was left, the last one among them.
 
-    The last view is the last one before the vehicle was let go.
+    The last view is the last one before the vehicle was handed back.
     """
 
     strip: list[FlightView] = field(default_factory=list)
@@ -29,8 +29,8 @@ class Album:
 
 
 def collect(
-    flight: Flight, views: Iterable[FlightView], take: Callable[[FlightView], None]
-) -> Album:
+    flight: Flight, views: Iterable[FlightView], on_view: Callable[[FlightView], None]
+) -> Thumbnails:
     """Go through the views up to the end of what a report shows, and pick some.
 
     Parameters
@@ -41,22 +41,22 @@ def collect(
     take : callable
         Is given every view.
     """
-    album, line, (from_s, to_s) = Album(), flight.line, flight.flown
+    thumbnails, line, (from_s, to_s) = Thumbnails(), flight.line, flight.flown
     wanted = _strip_times(flight)
     last: FlightView | None = None
     for view in views:
         if view.t_s > line.to_s:
             break
-        take(view)
+        on_view(view)
         if view.t_s > to_s:
             continue
         last = view
         if wanted and view.t_s >= max(wanted[0], from_s):
-            album.strip.append(view)
+            thumbnails.strip.append(view)
             wanted = [t_s for t_s in wanted if t_s > view.t_s]
-    if last is not None and album.last is not last:
-        album.strip = [*album.strip[: _STRIP_VIEWS - 1], last]
-    return album
+    if last is not None and thumbnails.last is not last:
+        thumbnails.strip = [*thumbnails.strip[: _STRIP_VIEWS - 1], last]
+    return thumbnails
 
 
 def _strip_times(flight: Flight) -> list[float]:

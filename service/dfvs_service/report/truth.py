@@ -1,4 +1,4 @@
-"""True errors of a simulated flight, which its simulation knows."""
+"""True errors of a simulated flight."""
 
 from __future__ import annotations
 

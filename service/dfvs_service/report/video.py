@@ -1,4 +1,4 @@
-"""A flight's film: the view with its flow, the goal, the gate's state and the numbers of the time.
+"""Video of a flight: view with its flow, goal, gate state and numbers.
 
 VP9 in MP4: of the codecs that browsers play it is the one that OpenCV's wheels can write.
 """
@@ -44,17 +44,17 @@ _COLOURS = {
 _GREY = (110, 119, 129)
 
 
-class FilmError(ConfigError):
-    """A film that cannot be written."""
+class VideoError(ConfigError):
+    """A video that cannot be written."""
 
 
-class FilmWriter:
-    """Writes the film of a flight, at an even rate and in its own time.
+class VideoWriter:
+    """Writes the video of a flight, at an even rate and in its own time.
 
     Parameters
     ----------
     path : Path
-        Ends in ``.mp4``; is there once the film is whole.
+        Ends in ``.mp4``; is there once the video is whole.
     flight : Flight
     rate_hz : int
         Frames a second.
@@ -68,7 +68,7 @@ class FilmWriter:
         self._rate_hz = rate_hz
         self._tick = 0
         self._view: FlightView | None = None
-        self._picture: ImageArray | None = None
+        self._image: ImageArray | None = None
         self._height = 0
         self._writer: cv2.VideoWriter | None = None
 
@@ -77,21 +77,21 @@ class FilmWriter:
 
         Raises
         ------
-        FilmError
-            If the film cannot be written.
+        VideoError
+            If the video cannot be written.
         """
         if self._writer is None:
             self._begin(view)
             self._view = FlightView(math.nan, np.zeros_like(view.image))
         self._show_until(view.t_s)
-        self._view, self._picture = view, None
+        self._view, self._image = view, None
 
     def close(self) -> bool:
-        """Bring the film to its end; tell whether there is one.
+        """Bring the video to its end; tell whether there is one.
 
         Raises
         ------
-        FilmError
+        VideoError
             If it cannot be written.
         """
         self._show_until(self._line.to_s)
@@ -99,11 +99,11 @@ class FilmWriter:
             return False
         self._writer.release()
         if not cv2.VideoCapture(str(self._partial)).isOpened():
-            raise FilmError(f"{self._path} cannot be written", "room on the disk")
+            raise VideoError(f"{self._path} cannot be written", "room on the disk")
         try:
             os.replace(self._partial, self._path)
         except OSError as error:
-            raise FilmError(f"{self._path} cannot be written ({error.strerror})") from error
+            raise VideoError(f"{self._path} cannot be written ({error.strerror})") from error
         return True
 
     def abandon(self) -> None:
@@ -123,8 +123,8 @@ class FilmWriter:
             (_VIEW_WIDTH + _SIDE_WIDTH, self._height),
         )
         if not writer.isOpened():
-            raise FilmError(
-                f"no film can be written to {self._path}",
+            raise VideoError(
+                f"no video can be written to {self._path}",
                 "a writable folder, and an OpenCV that writes VP9 as its wheels do",
             )
         self._writer = writer
@@ -136,9 +136,9 @@ class FilmWriter:
             if now_s >= t_s:
                 return
             self._tick += 1
-            if self._picture is None:
-                self._picture = self._drawn(self._view)
-            self._writer.write(self._frame(self._picture, self._view, now_s)[:, :, ::-1])
+            if self._image is None:
+                self._image = self._drawn(self._view)
+            self._writer.write(self._frame(self._image, self._view, now_s)[:, :, ::-1])
 
     def _drawn(self, view: FlightView) -> ImageArray:
         size = (self._height, _VIEW_WIDTH)
@@ -149,11 +149,11 @@ class FilmWriter:
         flow = flow_at_size(view.flow, size)
         return draw_flow(image, flow, limits.min_confidence, _ARROW_STRIDE_PX)
 
-    def _frame(self, picture: ImageArray, view: FlightView, now_s: float) -> ImageArray:
+    def _frame(self, image: ImageArray, view: FlightView, now_s: float) -> ImageArray:
         """Frame (H, W, 3) RGB of a time."""
         height = self._height
         frame = np.full((height, _VIEW_WIDTH + _SIDE_WIDTH, 3), PAPER, np.uint8)
-        frame[:, :_VIEW_WIDTH] = picture
+        frame[:, :_VIEW_WIDTH] = image
         goal = self._flight.goal_at(now_s)
         top = 0
         if goal is not None:
@@ -165,10 +165,10 @@ class FilmWriter:
         if not age_s <= _OLD_S:
             age = f"view {age_s:.1f} s old" if math.isfinite(age_s) else "no view yet"
             write_text(frame, age, (8, 18), WHITE, shaded=True)
-        self._tell(frame, top, now_s)
+        self._write_numbers(frame, top, now_s)
         return frame
 
-    def _tell(self, frame: ImageArray, top: int, now_s: float) -> None:
+    def _write_numbers(self, frame: ImageArray, top: int, now_s: float) -> None:
         """Write state, time and numbers below the goal."""
         state = self._flight.state_at(now_s)
         x, y = _VIEW_WIDTH + 10, top + 10
@@ -188,7 +188,7 @@ class FilmWriter:
 def _numbers(series: FlightSeries, now_s: float) -> list[tuple[str, str]]:
     """Lines of a frame; the velocities are forward, right and down."""
 
-    def told(value: float, form: str, unit: str) -> str:
+    def number(value: float, form: str, unit: str) -> str:
         return f"{value:{form}} {unit}" if math.isfinite(value) else "--"
 
     def vector(curves: tuple[list[tuple[float, float]], ...]) -> str:
@@ -196,8 +196,8 @@ def _numbers(series: FlightSeries, now_s: float) -> list[tuple[str, str]]:
         return " ".join(f"{v:+.2f}" if math.isfinite(v) else "--" for v in values)
 
     return [
-        ("distance", told(value_at(series.error_m, now_s), ".3f", "m")),
-        ("angle", told(value_at(series.error_deg, now_s), ".1f", "deg")),
+        ("distance", number(value_at(series.error_m, now_s), ".3f", "m")),
+        ("angle", number(value_at(series.error_deg, now_s), ".1f", "deg")),
         ("told, m/s", vector(series.commanded)),
         ("flown, m/s", vector(series.flown)),
     ]

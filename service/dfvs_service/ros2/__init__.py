@@ -1,1 +1,1 @@
-"""ROS 2 without ROS: cameras and telemetry in its messages, over Zenoh."""
+"""ROS 2 interface over Zenoh, without a ROS installation."""

@@ -1,4 +1,4 @@
-"""sensor_msgs CameraInfo to our camera model."""
+"""Conversion of sensor_msgs/CameraInfo to a camera model."""
 
 from __future__ import annotations
 

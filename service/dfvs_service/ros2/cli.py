@@ -77,13 +77,13 @@ def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading
     if not 0 <= arguments.domain <= 232:
         raise ConfigError(f"--domain is {arguments.domain}", "0 to 232")
     # rosbags and Zenoh take their time to load, and rosbags is an extra.
-    from dfvs_service.camera.options import open_patiently
     from dfvs_service.command import operators_zenoh
     from dfvs_service.ros2.relay import Relay
+    from dfvs_service.zenoh_session import open_persistently
 
     link: Ros2Link = arguments.link
     with contextlib.ExitStack() as stack:
-        service = open_patiently(operators_zenoh(config.zenoh), stop)
+        service = open_persistently(operators_zenoh(config.zenoh), stop, _log)
         if service is None:
             return
         ros = stack.enter_context(service)
@@ -91,7 +91,7 @@ def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading
             section = dataclasses.replace(
                 config.zenoh, mode="client", connect=(arguments.ros,), listen=()
             )
-            other = open_patiently(section, stop)
+            other = open_persistently(section, stop, _log)
             if other is None:
                 return
             ros = stack.enter_context(other)
@@ -99,6 +99,10 @@ def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading
         names = ", ".join(f"/{publisher.topic.plain}" for publisher in relay.publishers)
         print(f"publishing {names}", file=sys.stderr, flush=True)
         stop.wait()
+
+
+def _log(line: str) -> None:
+    print(f"ros2: {line}", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

@@ -1,6 +1,6 @@
-"""A ROS 2 camera as if it were one of ours: every sample is rewritten before it is looked at.
+"""Frame source of a ROS 2 camera, which rewrites samples to the DFVS wire format.
 
-What comes after (age, order, size, frozen pictures, recording) is the same for all cameras.
+What comes after (age, order, size, frozen images, recording) is the same for all cameras.
 """
 
 from __future__ import annotations
@@ -21,11 +21,11 @@ from dfvs_core.messages.ros2 import (
     Ros2Topic,
     decode_attachment,
 )
-from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.frames import RawSample
 from dfvs_service.ros2.camera_info import camera_of
 from dfvs_service.ros2.images import Pixels, from_compressed, from_image
 from dfvs_service.ros2.messages import decode
-from dfvs_service.settings.sections import Ros2CameraSection
+from dfvs_service.settings.camera_section import Ros2CameraSection
 
 MS = 1_000_000
 CLOCK_STEP_NS = 10 * MS
@@ -71,7 +71,7 @@ class WallClock:
         return stamp_ns - offset_ns
 
 
-class Ros2Intake:
+class Ros2FrameSource:
     """Rewrites samples of one ROS 2 image topic.
 
     Parameters

@@ -1,4 +1,4 @@
-"""sensor_msgs Image and CompressedImage to frames of our own wire format."""
+"""Conversion of sensor_msgs Image and CompressedImage to the DFVS wire format."""
 
 from __future__ import annotations
 
@@ -19,7 +19,7 @@ _MAX_SIDE_PX = 65_535
 
 @dataclass(frozen=True, slots=True)
 class Pixels:
-    """A picture's bytes in our wire format, its size in px and when it was taken by wall clock."""
+    """An image's bytes in our wire format, its size in px and when it was taken by wall clock."""
 
     payload: bytes
     pixel_format: PixelFormat

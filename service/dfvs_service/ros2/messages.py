@@ -1,4 +1,4 @@
-"""CDR to messages and back, by rosbags."""
+"""CDR serialisation of ROS 2 messages through rosbags."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""Takes the service's telemetry from Zenoh and publishes it as ROS 2 messages."""
+"""Relay of the service's telemetry from Zenoh to ROS 2 messages."""
 
 from __future__ import annotations
 

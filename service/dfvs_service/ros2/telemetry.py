@@ -1,4 +1,4 @@
-"""The service's telemetry as ROS 2 messages: pure, documents in, messages out.
+"""Conversion of telemetry documents to ROS 2 messages.
 
 ROS counts forward, left, up (REP 103) where we count forward, right, down.
 """

@@ -1,1 +1,1 @@
-"""Taking goals: one picture by hand, or a route from a flight."""
+"""Capture of goals: one image, or a route from a flight by hand."""

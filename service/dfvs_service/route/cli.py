@@ -1,4 +1,4 @@
-"""``dfvs-service teach``: record a route of goal pictures from a flight by hand."""
+"""``dfvs-service teach``: record a route of goal images from a flight by hand."""
 
 from __future__ import annotations
 
@@ -13,14 +13,19 @@ from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import Frame, decode_frame, decode_header
 from dfvs_core.perception.route_recording import RouteRecordingLimits
-from dfvs_service.perception.frame_processor import RawSample
-from dfvs_service.route.recording import Event, RouteTeacher, prepare_route_folder, taught_settings
+from dfvs_service.frames import RawSample
+from dfvs_service.route.recording import (
+    Event,
+    RouteRecorder,
+    prepare_route_folder,
+    route_recording_settings,
+)
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 EXIT_OK, EXIT_NOTHING = 0, 1
-_TAKE_S = 0.25
-_TELL_S = 2.0
+_RECEIVE_S = 0.25
+_REPORT_S = 2.0
 _EPILOG = """\
 example: dfvs-service teach --out route/ --config service.toml
 then:    dfvs-service --goal route/ --config service.toml
@@ -34,7 +39,7 @@ recorded, 1 none, 2 cannot run.
 def _parser() -> argparse.ArgumentParser:
     parser = argparse.ArgumentParser(
         prog="dfvs-service teach",
-        description="Record a route: goal pictures, each of which is seen from the one before.",
+        description="Record a route: goal images, each of which is seen from the one before.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
@@ -63,47 +68,47 @@ def run(words: Sequence[str]) -> int:
     stop = threading.Event()
     handle_ending_signals(lambda *_: stop.set())
     limits = RouteRecordingLimits(overlap=arguments.overlap)
-    count = _teach(config, arguments.out, limits, stop)
+    count = _record_route(config, arguments.out, limits, stop)
     print(f"{count} goals in {arguments.out}")
     return EXIT_OK if count else EXIT_NOTHING
 
 
-def _teach(
+def _record_route(
     config: ServiceConfig, folder: Path, limits: RouteRecordingLimits, stop: threading.Event
 ) -> int:
     """Teach until stopped; returns the number of goals."""
     # Zenoh, MAVSDK and the matcher take their time to load.
     from dfvs_service.perception.assembly import Clocks, flow_matcher
-    from dfvs_service.route.frame_queue import FrameInbox, known_camera, open_beside
-    from dfvs_service.route.vehicle_state import VehicleWatch
+    from dfvs_service.route.frame_queue import FrameQueue, known_camera, open_beside
+    from dfvs_service.route.vehicle_state import VehicleStateListener
 
-    config = taught_settings(config, known_camera(config))
+    config = route_recording_settings(config, known_camera(config))
     matcher = flow_matcher(config.flow)
-    watch = VehicleWatch()
-    watch.connect(config.vehicle.mavlink, config.vehicle.timeout_s)
+    listener = VehicleStateListener()
+    listener.connect(config.vehicle.mavlink, config.vehicle.timeout_s)
     with open_beside(config) as session:
-        inbox = FrameInbox(session, config, _say)
-        clocks = Clocks(inbox.clock, time.monotonic_ns, time.monotonic_ns)
-        teacher = RouteTeacher(config, folder, matcher, clocks, limits)
-        _say(f"waiting for frames on {inbox.key}")
-        told_s = 0.0
+        frames = FrameQueue(session, config, _log)
+        clocks = Clocks(frames.clock, time.monotonic_ns, time.monotonic_ns)
+        recorder = RouteRecorder(config, folder, matcher, clocks, limits)
+        _log(f"waiting for frames on {frames.key}")
+        reported_s = 0.0
         while not stop.is_set():
-            sample = inbox.take_sample(_TAKE_S)
-            teacher.heed(watch.heard())
-            event = Event.NOTHING if sample is None else teacher.look(sample, _decoded)
+            sample = frames.receive_sample(_RECEIVE_S)
+            recorder.on_vehicle_states(listener.new_states())
+            event = Event.NOTHING if sample is None else recorder.process(sample, _decoded)
             if event is Event.SAVED:
-                _say(f"goal {teacher.count}")
-            elif event is Event.LOST and time.monotonic() - told_s > _TELL_S:
-                told_s = time.monotonic()
-                _say(f"goal {teacher.count} is out of sight: fly back to where it was taken")
-        if teacher.finish():
-            _say(f"goal {teacher.count}, the last one")
-    return teacher.count
+                _log(f"goal {recorder.count}")
+            elif event is Event.LOST and time.monotonic() - reported_s > _REPORT_S:
+                reported_s = time.monotonic()
+                _log(f"goal {recorder.count} is out of sight: fly back to where it was taken")
+        if recorder.finish():
+            _log(f"goal {recorder.count}, the last one")
+    return recorder.count
 
 
 def _decoded(sample: RawSample) -> Frame:
     return decode_frame(sample.payload, decode_header(sample.attachment))
 
 
-def _say(text: str) -> None:
+def _log(text: str) -> None:
     print(f"teach: {text}", file=sys.stderr, flush=True)

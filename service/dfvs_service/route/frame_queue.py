@@ -1,4 +1,4 @@
-"""The newest frame of a vehicle's camera, as perception would get it."""
+"""Newest frame of a vehicle's camera, as perception receives it."""
 
 from __future__ import annotations
 
@@ -11,12 +11,11 @@ import zenoh
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity, decode_frame, decode_header
-from dfvs_service.camera.source import Shot
 from dfvs_service.command import operators_zenoh
+from dfvs_service.frames import CapturedImage, RawSample
+from dfvs_service.mailbox import Mailbox
 from dfvs_service.perception.announced import await_camera
-from dfvs_service.perception.frame_processor import RawSample
-from dfvs_service.perception.frame_source import make_intake
-from dfvs_service.perception.mailbox import Mailbox
+from dfvs_service.perception.frame_source import make_frame_source
 from dfvs_service.settings.calibration_file import with_calibration
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.zenoh_session import open_session
@@ -56,7 +55,7 @@ def known_camera(config: ServiceConfig) -> CameraModel:
     return camera
 
 
-class FrameInbox:
+class FrameQueue:
     """Takes frames from Zenoh, of our own cameras or of ROS 2.
 
     Parameters
@@ -71,41 +70,41 @@ class FrameInbox:
     ended = False
 
     def __init__(
-        self, session: zenoh.Session, config: ServiceConfig, say: Callable[[str], None]
+        self, session: zenoh.Session, config: ServiceConfig, log: Callable[[str], None]
     ) -> None:
         self.clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
-        self._intake = make_intake(config, self.clock)
+        self._source = make_frame_source(config, self.clock)
         self._mailbox: Mailbox[RawSample] = Mailbox()
-        self._say = say
-        self._told = ""
+        self._log = log
+        self._last_problem = ""
         # The subscription lives as long as the reference to it.
         self._subscriber: zenoh.Subscriber[None] | None = session.declare_subscriber(
-            self._intake.key, self._on_sample
+            self._source.key, self._on_sample
         )
 
     @property
     def key(self) -> str:
         """Where frames are awaited."""
-        return self._intake.key
+        return self._source.key
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         attachment = b"" if sample.attachment is None else sample.attachment.to_bytes()
         self._mailbox.put(RawSample(sample.payload.to_bytes(), attachment, time.monotonic_ns()))
 
-    def take_sample(self, timeout_s: float) -> RawSample | None:
+    def receive_sample(self, timeout_s: float) -> RawSample | None:
         """Newest sample in our own wire format, None if none came that can be read."""
-        sample = self._mailbox.take(timeout_s)
+        sample = self._mailbox.get(timeout_s)
         if sample is None:
             return None
         try:
-            return self._intake.translate(sample)
+            return self._source.translate(sample)
         except DfvsError as error:
             self._complain(error)
             return None
 
-    def take(self, timeout_s: float) -> Shot | None:
+    def receive(self, timeout_s: float) -> CapturedImage | None:
         """Newest frame, decoded."""
-        sample = self.take_sample(timeout_s)
+        sample = self.receive_sample(timeout_s)
         if sample is None:
             return None
         try:
@@ -113,13 +112,13 @@ class FrameInbox:
         except DfvsError as error:
             self._complain(error)
             return None
-        return Shot(frame.image, frame.t_capture_ns)
+        return CapturedImage(frame.image, frame.t_capture_ns)
 
     def close(self) -> None:
         """Listen no more."""
         self._subscriber = None
 
     def _complain(self, error: DfvsError) -> None:
-        if str(error) != self._told:
-            self._told = str(error)
-            self._say(f"a frame cannot be read: {error}")
+        if str(error) != self._last_problem:
+            self._last_problem = str(error)
+            self._log(f"a frame cannot be read: {error}")

@@ -1,4 +1,4 @@
-"""A goal's two files: the picture, and the sidecar that says how it was taken."""
+"""Writer of a goal's image and sidecar."""
 
 from __future__ import annotations
 
@@ -15,21 +15,23 @@ from dfvs_service.settings.calibration_file import replace_file
 
 
 def sidecar_of(camera: CameraModel, mount: Mount, motion: Motion | None) -> GoalSidecar:
-    """Sidecar of a picture that is taken now; without a motion the vehicle counts as level."""
+    """Sidecar of an image that is taken now; without a motion the vehicle counts as level."""
     now = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
     roll, pitch = (0.0, 0.0) if motion is None else (motion.roll_rad, motion.pitch_rad)
     return GoalSidecar(camera, roll, pitch, mount, taken_at=now)
 
 
-def write_goal(picture: Path, image: ImageArray, sidecar: GoalSidecar) -> None:
-    """Write a goal, its sidecar first: a picture is never without one.
+def write_goal(image_path: Path, image: ImageArray, sidecar: GoalSidecar) -> None:
+    """Write a goal, its sidecar first: an image is never without one.
 
     Raises
     ------
     ConfigError
         If the name does not end in .png, or a file cannot be written.
     """
-    if picture.suffix.lower() != ".png":
-        raise ConfigError(f"the goal picture is to be {str(picture)!r}", "a name that ends in .png")
-    replace_file(picture.with_suffix(".json"), sidecar.to_json().encode())
-    replace_file(picture, encode_png(image))
+    if image_path.suffix.lower() != ".png":
+        raise ConfigError(
+            f"the goal image is to be {str(image_path)!r}", "a name that ends in .png"
+        )
+    replace_file(image_path.with_suffix(".json"), sidecar.to_json().encode())
+    replace_file(image_path, encode_png(image))

@@ -1,4 +1,4 @@
-"""A route while it is being taught: from frames to goals, no socket, no thread."""
+"""Route recording from frames to goals, without sockets or threads."""
 
 from __future__ import annotations
 
@@ -16,12 +16,13 @@ from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.route_recording import KeyframeDecision, RouteRecordingLimits, evaluate
 from dfvs_core.perception.vehicle_history import VehicleHistory
 from dfvs_core.servo.config import BY_NETWORK
-from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
-from dfvs_service.perception.frame_processor import Eye, RawSample
+from dfvs_service.frames import RawSample
+from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
+from dfvs_service.perception.frame_processor import FrameProcessor
 from dfvs_service.route.goal_writer import sidecar_of, write_goal
 from dfvs_service.settings.config import ServiceConfig
 
-_TEACHING = "TEACHING"
+_ROUTE_RECORDING = "ROUTE_RECORDING"
 """Not a state of the gate: the vehicle follows its pilot, and no progress is asked for."""
 
 
@@ -33,7 +34,7 @@ class Event(enum.Enum):
     LOST = "lost"
 
 
-class RouteTeacher:
+class RouteRecorder:
     """Saves a goal whenever the last one leaves the view.
 
     Parameters
@@ -62,33 +63,33 @@ class RouteTeacher:
         self._clocks = clocks
         self._limits = limits
         self._history = VehicleHistory()
-        self._eye: Eye | None = None
+        self._frame_processor: FrameProcessor | None = None
         self._last: Frame | None = None
         self._full_overlap = 0.0
         self.count = 0
 
-    def heed(self, states: Sequence[VehicleState]) -> None:
+    def on_vehicle_states(self, states: Sequence[VehicleState]) -> None:
         """Take in what the vehicle said."""
         for state in states:
             self._history.add(state)
-            if self._eye is not None:
-                self._eye.heed(GateStatus(_TEACHING, "", state))
+            if self._frame_processor is not None:
+                self._frame_processor.on_gate_status(GateStatus(_ROUTE_RECORDING, "", state))
 
-    def look(self, sample: RawSample, decode: Callable[[RawSample], Frame]) -> Event:
+    def process(self, sample: RawSample, decode: Callable[[RawSample], Frame]) -> Event:
         """Work on one frame; ``decode`` is used for the first one alone."""
-        if self._eye is None:
+        if self._frame_processor is None:
             frame = decode(sample)
             return Event.NOTHING if not self._save(frame) else Event.SAVED
-        glance = self._eye.look(sample)
-        if glance.frame is None or glance.outcome is None:
+        processed = self._frame_processor.process(sample)
+        if processed.frame is None or processed.frame_result is None:
             return Event.NOTHING
-        result = glance.outcome.result
+        result = processed.frame_result.result
         self._full_overlap = max(self._full_overlap, result.overlap)
-        lesson = evaluate(result, self._limits, self._full_overlap)
-        if lesson is KeyframeDecision.LOST:
+        decision = evaluate(result, self._limits, self._full_overlap)
+        if decision is KeyframeDecision.LOST:
             return Event.LOST
-        self._last = glance.frame
-        if lesson is KeyframeDecision.DUE and self._save(glance.frame):
+        self._last = processed.frame
+        if decision is KeyframeDecision.DUE and self._save(processed.frame):
             return Event.SAVED
         return Event.NOTHING
 
@@ -106,10 +107,14 @@ class RouteTeacher:
         self.count += 1
         write_goal(self._folder / f"{self.count:03d}.png", frame.image, sidecar)
         goal = Goal(frame.image, sidecar)
-        if self._eye is None:
-            self._eye = build_eye(self._config, goal, self._matcher, self._clocks)
+        if self._frame_processor is None:
+            self._frame_processor = build_frame_processor(
+                self._config, goal, self._matcher, self._clocks
+            )
         else:
-            self._eye.set_goal(servo_task(self._config, goal), self._eye.prepare(goal))
+            self._frame_processor.set_goal(
+                servo_task(self._config, goal), self._frame_processor.prepare(goal)
+            )
         self._last, self._full_overlap = None, 0.0
         return True
 
@@ -120,7 +125,7 @@ def prepare_route_folder(folder: Path) -> None:
     Raises
     ------
     ConfigError
-        If it cannot be made, or holds pictures already.
+        If it cannot be made, or holds images already.
     """
     try:
         folder.mkdir(parents=True, exist_ok=True)
@@ -128,11 +133,11 @@ def prepare_route_folder(folder: Path) -> None:
     except OSError as error:
         raise ConfigError(f"cannot make the folder {folder} ({error.strerror})") from error
     if not is_empty:
-        raise ConfigError(f"{folder} holds pictures already", "an empty folder for the new route")
+        raise ConfigError(f"{folder} holds images already", "an empty folder for the new route")
 
 
-def taught_settings(config: ServiceConfig, camera: CameraModel) -> ServiceConfig:
-    """Settings with the camera's intrinsics filled in; teaching needs no depth by a network."""
+def route_recording_settings(config: ServiceConfig, camera: CameraModel) -> ServiceConfig:
+    """Settings with the camera's intrinsics filled in, and without a depth network."""
     section = dataclasses.replace(
         config.camera,
         calibration_file="",

@@ -1,4 +1,4 @@
-"""The vehicle's states, by listening to its MAVLink stream; nothing is ever asked of it."""
+"""Vehicle states from a MAVLink stream, without requests to the vehicle."""
 
 from __future__ import annotations
 
@@ -13,13 +13,13 @@ from dfvs_service.gate.status import vehicle_state
 _KEPT = 256
 
 
-class VehicleWatch:
+class VehicleStateListener:
     """Keeps the states that were heard until they are asked for."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
-        self._picture = VehicleMonitor()
-        self._heard: deque[VehicleState] = deque(maxlen=_KEPT)
+        self._vehicle = VehicleMonitor()
+        self._states: deque[VehicleState] = deque(maxlen=_KEPT)
 
     def connect(self, url: str, timeout_s: float) -> None:
         """Listen to an autopilot; blocks until it is heard.
@@ -32,20 +32,20 @@ class VehicleWatch:
         # MAVSDK is needed here alone, and takes its time to load.
         from dfvs_service.gate.autopilot import Autopilot
 
-        self._autopilot = Autopilot(self.take, lambda _kind, _text: None)
+        self._autopilot = Autopilot(self.on_event, lambda _kind, _text: None)
         self._autopilot.connect(url, timeout_s)
 
-    def take(self, event: VehicleEvent) -> None:
+    def on_event(self, event: VehicleEvent) -> None:
         """Take an event, on any thread."""
         with self._lock:
-            self._picture.update(event)
-            state = vehicle_state(self._picture)
-            if state is not None and (not self._heard or state.t_ns > self._heard[-1].t_ns):
-                self._heard.append(state)
+            self._vehicle.update(event)
+            state = vehicle_state(self._vehicle)
+            if state is not None and (not self._states or state.t_ns > self._states[-1].t_ns):
+                self._states.append(state)
 
-    def heard(self) -> list[VehicleState]:
+    def new_states(self) -> list[VehicleState]:
         """States since the last call, oldest first."""
         with self._lock:
-            states = list(self._heard)
-            self._heard.clear()
+            states = list(self._states)
+            self._states.clear()
             return states

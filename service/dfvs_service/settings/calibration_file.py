@@ -1,4 +1,4 @@
-"""A camera's calibration as a settings file: what ``dfvs-camera calibrate`` writes.
+"""Calibration of a camera as a settings file.
 
 It holds the ``[camera]`` section of the service's settings and nothing else, so it can be given
 as ``--config``, copied into a larger file, or named there as ``camera.calibration_file``.

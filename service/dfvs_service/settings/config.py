@@ -17,16 +17,14 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.messages.schema import dump, in_degrees, parse, to_text
 from dfvs_core.servo.config import ServoConfig
+from dfvs_service.settings.camera_section import CameraSection
+from dfvs_service.settings.record_sections import BlackBoxSection, RecordSection, TelemetrySection
 from dfvs_service.settings.sections import (
-    BlackBoxSection,
-    CameraSection,
     DepthSection,
     FlowSection,
     GateSection,
     LimitsSection,
-    RecordSection,
     RouteSection,
-    TelemetrySection,
     VehicleSection,
     ZenohSection,
 )
@@ -131,7 +129,7 @@ class ServiceConfig:
         Parameters
         ----------
         size : (int, int)
-            Width and height of the goal picture in px, taken where no size is set.
+            Width and height of the goal image in px, taken where no size is set.
         sidecar : GoalSidecar or None
             Gives intrinsics and mounting where none are set.
 

@@ -1,4 +1,4 @@
-"""Settings as users see them, angles in degrees: commented TOML to start from, and a table."""
+"""Settings as commented TOML and as a table, angles in degrees."""
 
 from __future__ import annotations
 

@@ -1,33 +1,9 @@
-"""What of a connection leaves this machine unprotected."""
+"""Warnings about connections that leave this machine unprotected."""
 
 from __future__ import annotations
 
-from typing import TYPE_CHECKING
-
-if TYPE_CHECKING:
-    from dfvs_service.settings.config import ServiceConfig
-
-_ENCRYPTED = ("tls", "quic")
-_LOCAL = ("unixsock-stream", "unixpipe")
-
-
-def is_encrypted(endpoint: str) -> bool:
-    """Tell whether a Zenoh endpoint needs certificates."""
-    return endpoint.partition("/")[0] in _ENCRYPTED
-
-
-def is_private(endpoint: str) -> bool:
-    """Tell whether a Zenoh endpoint is encrypted or stays on this machine."""
-    protocol, _, rest = endpoint.partition("/")
-    if protocol in (*_ENCRYPTED, *_LOCAL):
-        return True
-    return _is_loopback(rest.split("#")[0].split("?")[0])
-
-
-def is_private_mavlink(url: str) -> bool:
-    """Tell whether a MAVLink connection is a serial line or stays on this machine."""
-    scheme, _, rest = url.partition("://")
-    return scheme.startswith("serial") or _is_loopback(rest)
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.endpoints import is_private_mavlink
 
 
 def exposure_warnings(config: ServiceConfig) -> tuple[str, ...]:
@@ -43,10 +19,3 @@ def exposure_warnings(config: ServiceConfig) -> tuple[str, ...]:
             "on that network can command the autopilot"
         )
     return tuple(lines)
-
-
-def _is_loopback(address: str) -> bool:
-    host = address.rsplit(":", 1)[0].strip("[]")
-    parts = host.split(".")
-    v4 = len(parts) == 4 and parts[0] == "127" and all(part.isdecimal() for part in parts)
-    return v4 or host in ("localhost", "::1")

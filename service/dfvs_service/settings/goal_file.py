@@ -1,4 +1,4 @@
-"""Reading a goal: the picture, and the sidecar beside it that says how it was taken."""
+"""Reader of a goal's image and sidecar."""
 
 from __future__ import annotations
 
@@ -46,15 +46,15 @@ def read_image(path: str | Path) -> ImageArray:
         raise ImageError(f"the image {path} cannot be used: {error}") from error
 
 
-def read_sidecar(picture: Path) -> GoalSidecar | None:
-    """Sidecar of a goal picture: the same name with ``.json``; None where there is none.
+def read_sidecar(image_path: Path) -> GoalSidecar | None:
+    """Sidecar of a goal image: the same name with ``.json``; None where there is none.
 
     Raises
     ------
     ConfigError
         If it is there but does not follow the format.
     """
-    path = picture.with_suffix(".json")
+    path = image_path.with_suffix(".json")
     try:
         text = path.read_text(encoding="utf-8")
     except FileNotFoundError:
@@ -67,13 +67,13 @@ def read_sidecar(picture: Path) -> GoalSidecar | None:
         raise ConfigError(f"the goal's sidecar {path} cannot be used: {error}") from error
 
 
-def load_goal(picture: str | Path) -> Goal:
-    """Goal from a picture with a sidecar beside it, of the same size.
+def load_goal(image_path: str | Path) -> Goal:
+    """Goal from an image with a sidecar beside it, of the same size.
 
     Raises
     ------
     ImageError
-        If the picture cannot be read or has another size than its sidecar says.
+        If the image cannot be read or has another size than its sidecar says.
     ConfigError
         If there is no sidecar or it cannot be used.
 
@@ -87,11 +87,11 @@ def load_goal(picture: str | Path) -> Goal:
     >>> load_goal("goal.png").sidecar.pitch_rad
     -0.1
     """
-    picture = Path(picture)
-    sidecar = read_sidecar(picture)
+    image_path = Path(image_path)
+    sidecar = read_sidecar(image_path)
     if sidecar is None:
-        raise ConfigError(f"{picture} has no sidecar", f"{picture.with_suffix('.json')}")
-    return checked_goal(picture, read_image(picture), sidecar)
+        raise ConfigError(f"{image_path} has no sidecar", f"{image_path.with_suffix('.json')}")
+    return checked_goal(image_path, read_image(image_path), sidecar)
 
 
 def load_goals(runtime: RuntimeFolder) -> list[Goal]:
@@ -102,32 +102,32 @@ def load_goals(runtime: RuntimeFolder) -> list[Goal]:
     DfvsError
         If one of them cannot be used.
     """
-    return [load_goal(picture) for picture in (runtime.goal_picture, *runtime.later_goals())]
+    return [load_goal(image_path) for image_path in (runtime.goal_image, *runtime.later_goals())]
 
 
-def route_pictures(places: Sequence[Path]) -> list[Path]:
-    """Pictures of a route: those that are named, and in place of a folder those in it, by name.
+def route_images(places: Sequence[Path]) -> list[Path]:
+    """Images of a route: those that are named, and in place of a folder those in it, by name.
 
     Raises
     ------
     ConfigError
         If a folder holds none.
     """
-    pictures: list[Path] = []
+    paths: list[Path] = []
     for place in places:
-        inside = sorted(p for p in place.iterdir() if _is_picture(p)) if place.is_dir() else [place]
+        inside = sorted(p for p in place.iterdir() if _is_image(p)) if place.is_dir() else [place]
         if not inside:
             raise ConfigError(f"the route folder {place} is empty", "PNG or JPEG files")
-        pictures += inside
-    return pictures
+        paths += inside
+    return paths
 
 
-def _is_picture(path: Path) -> bool:
+def _is_image(path: Path) -> bool:
     return path.suffix.lower() in (".png", ".jpg", ".jpeg")
 
 
 def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
-    """Goal, after it was found that the picture has the size of its camera.
+    """Goal, after it was found that the image has the size of its camera.
 
     Raises
     ------
@@ -135,38 +135,38 @@ def checked_goal(path: Path, image: ImageArray, sidecar: GoalSidecar) -> Goal:
         If it has not.
     """
     remedy = "take the goal with the camera that flies, or correct the camera's settings"
-    sidecar.camera.check_size(image, f"the goal picture {path}", remedy)
+    sidecar.camera.check_size(image, f"the goal image {path}", remedy)
     return Goal(image, sidecar)
 
 
-def goal_order(picture: Path) -> GoalCommand:
-    """Goal picture and its sidecar as they are sent to a running service.
+def goal_command(image_path: Path) -> GoalCommand:
+    """Goal image and its sidecar as they are sent to a running service.
 
     Raises
     ------
     ImageError
-        If the picture cannot be read, or is not of its sidecar's size.
+        If the image cannot be read, or is not of its sidecar's size.
     ConfigError
         If the sidecar cannot be used.
     """
-    image, sidecar = read_image(picture), read_sidecar(picture)
+    image, sidecar = read_image(image_path), read_sidecar(image_path)
     if sidecar is not None:
-        checked_goal(picture, image, sidecar)
-    return GoalCommand(picture.read_bytes(), "" if sidecar is None else sidecar.to_json())
+        checked_goal(image_path, image, sidecar)
+    return GoalCommand(image_path.read_bytes(), "" if sidecar is None else sidecar.to_json())
 
 
-def ordered_goal(order: GoalCommand, flown: GoalSidecar) -> Goal:
-    """Goal of an order that was found signed; what its sidecar lacks is as ``flown`` says.
+def commanded_goal(command: GoalCommand, flown: GoalSidecar) -> Goal:
+    """Goal of a command whose signature was verified; what its sidecar lacks is as ``flown`` says.
 
     Raises
     ------
     ImageError
-        If the picture cannot be read, or is not of the flying camera's size.
+        If the image cannot be read, or is not of the flying camera's size.
     ConfigError
         If the sidecar cannot be used.
     """
-    image = decode_image(order.image)
-    sidecar = GoalSidecar.from_json(order.sidecar, flown) if order.sidecar else flown
+    image = decode_image(command.image)
+    sidecar = GoalSidecar.from_json(command.sidecar, flown) if command.sidecar else flown
     if sidecar.camera.size != flown.camera.size:
         raise ImageError(
             f"the new goal is of a camera of {sidecar.camera.width} x {sidecar.camera.height} px",

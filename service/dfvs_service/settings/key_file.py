@@ -1,4 +1,4 @@
-"""The secret key of signed commands, in a file that only its owner can read."""
+"""Secret key of signed commands, in a file private to its owner."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The options by which every command of the service takes its settings."""
+"""Settings options of the service's command lines."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""The private folder in which the service's processes meet: settings, goal, sockets, logs."""
+"""Runtime folder of the service's processes: settings, goal, sockets, logs."""
 
 from __future__ import annotations
 
@@ -32,7 +32,7 @@ class RuntimeFolder:
         return self.path / "config.json"
 
     @property
-    def goal_picture(self) -> Path:
+    def goal_image(self) -> Path:
         """Goal as PNG; its sidecar lies beside it."""
         return self.path / "goal.png"
 

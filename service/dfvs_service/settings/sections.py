@@ -1,23 +1,19 @@
-"""Sections of the service's settings: one frozen dataclass each, angles in rad."""
+"""Settings sections of vehicle, link, perception, gate and route; angles in rad."""
 
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from typing import Literal
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.config import Engage, GateConfig, OnDone, S
 from dfvs_core.gate.limits import VelocityLimits
-from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.schema import setting
 from dfvs_core.messages.topics import Topics
 from dfvs_core.messages.zenoh_settings import TlsFiles
 from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
-from dfvs_service.settings.exposure import is_encrypted, is_private
-
-CameraSource = Literal["dfvs", "ros2-rmw", "ros2-bridge"]
+from dfvs_service.settings.endpoints import is_encrypted, is_private
 
 _LEAST_WORKING_WIDTH_PX = 64
 _VELOCITY = VelocityLimits()
@@ -39,75 +35,6 @@ class VehicleSection:
     def __post_init__(self) -> None:
         """Refuse a name that no Zenoh key can hold."""
         Topics(self.name)
-
-
-@dataclass(frozen=True, slots=True)
-class Ros2CameraSection:
-    """A camera of ROS 2, where ``camera.source`` names one of its links."""
-
-    topic: str = setting("camera/image_raw", "image topic, with its namespaces")
-    compressed: bool = setting(False, "true: the topic carries CompressedImage, not Image")
-    info_topic: str = setting("", "CameraInfo's topic; empty: camera_info beside the image topic")
-    domain: int = setting(0, "ROS domain (rmw_zenoh only)", low=0, high=232)
-
-
-@dataclass(frozen=True, slots=True)
-class CameraSection:
-    """The camera that flies; what is not set is taken from the goal and its sidecar."""
-
-    source: CameraSource = setting(
-        "dfvs",
-        "whose frames: dfvs (dfvs-camera), ros2-rmw (rmw_zenoh) or ros2-bridge "
-        "(zenoh-bridge-ros2dds)",
-    )
-    width: int | None = setting(None, "width of the frames, px", low=16, high=8192)
-    height: int | None = setting(None, "height of the frames, px", low=16, high=8192)
-    horizontal_fov_rad: float | None = setting(
-        None, "horizontal field of view of a pinhole camera", low=0.05, high=3.1
-    )
-    fx: float | None = setting(None, "focal length, px", low=1.0)
-    fy: float | None = setting(None, "focal length, px", low=1.0)
-    cx: float | None = setting(None, "principal point, px; first pixel's centre is 0.5", low=0.0)
-    cy: float | None = setting(None, "principal point, px; first pixel's centre is 0.5", low=0.0)
-    distortion: tuple[float, ...] = setting((), "OpenCV's k1, k2, p1, p2[, k3[, k4, k5, k6]]")
-    timeout_s: float = setting(
-        15.0, "give up if no frame arrives for so long after the start, s", low=1.0, high=600.0
-    )
-    calibration_file: str = setting(
-        "", "file of dfvs-camera calibrate, in place of the intrinsics above; empty: none"
-    )
-    announced_s: float = setting(
-        0.0,
-        "wait so long for the camera to announce its calibration where none is known; 0: do not",
-        low=0.0,
-        high=60.0,
-    )
-    ros2: Ros2CameraSection = field(default_factory=Ros2CameraSection)
-    mount: Mount | None = None
-
-    def model(self) -> CameraModel | None:
-        """Camera model of these settings, None where they hold no intrinsics.
-
-        Raises
-        ------
-        ConfigError
-            If intrinsics are given in part, or twice.
-        """
-        fx, fy, cx, cy = self.fx, self.fy, self.cx, self.cy
-        given = sum(value is not None for value in (fx, fy, cx, cy))
-        if self.horizontal_fov_rad is None and not given and not self.distortion:
-            return None
-        if self.width is None or self.height is None:
-            raise ConfigError("camera has intrinsics but no size", "camera.width and camera.height")
-        if self.horizontal_fov_rad is not None:
-            if given or self.distortion:
-                raise ConfigError(
-                    "camera has both horizontal_fov_deg and other intrinsics", "only one of them"
-                )
-            return CameraModel.from_horizontal_fov(self.width, self.height, self.horizontal_fov_rad)
-        if fx is None or fy is None or cx is None or cy is None:
-            raise ConfigError("camera has only some intrinsics", "all of fx, fy, cx, cy")
-        return CameraModel(self.width, self.height, fx, fy, cx, cy, self.distortion)
 
 
 @dataclass(frozen=True, slots=True)
@@ -285,65 +212,3 @@ class RouteSection:
     min_overlap: float = setting(
         0.2, "share of the view that must show the next goal", low=0.05, high=1.0
     )
-
-
-@dataclass(frozen=True, slots=True)
-class TelemetrySection:
-    """What the service publishes."""
-
-    state_hz: float = setting(10.0, "rate of the state", low=0.1, high=50.0)
-    preview_hz: float = setting(5.0, "rate of the preview picture; 0: none", low=0.0, high=30.0)
-    preview_quality: int = setting(70, "JPEG quality of the preview", low=1, high=100)
-    flow_hz: float = setting(
-        10.0, "rate of the flow for the dashboard; 0: none", low=0.0, high=30.0
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class RecordSection:
-    """Recordings of flights; see docs/how-to/recording.md."""
-
-    folder: str = setting("", "where recordings go; empty: none are made")
-    max_file_mb: float = setting(
-        1000.0, "size at which the next file of a recording begins, MB", low=1.0, high=100_000.0
-    )
-    max_total_mb: float = setting(
-        20_000.0,
-        "size of a recording beyond which its oldest file goes",
-        low=2.0,
-        high=10_000_000.0,
-    )
-    min_free_mb: float = setting(
-        500.0, "free space that is left on the disk: no more is written", low=0.0, high=1_000_000.0
-    )
-
-
-@dataclass(frozen=True, slots=True)
-class BlackBoxSection:
-    """Records of every flight, always on; see docs/how-to/recording.md."""
-
-    enabled: bool = setting(True, "false: flights leave no records")
-    folder: str = setting(
-        "", "where flights go; empty: $STATE_DIRECTORY/flights, or ~/.local/state/dfvs/flights"
-    )
-    max_flight_mb: float = setting(
-        500.0, "largest size of one flight, MB", low=10.0, high=100_000.0
-    )
-    max_total_mb: float = setting(
-        5000.0,
-        "size of all flights beyond which the oldest go",
-        low=10.0,
-        high=10_000_000.0,
-    )
-    min_free_mb: float = setting(
-        200.0, "free space that is left on the disk: no more is written", low=0.0, high=1_000_000.0
-    )
-
-    def __post_init__(self) -> None:
-        """Refuse a flight that could be larger than all of them."""
-        if self.max_flight_mb > self.max_total_mb:
-            raise ConfigError(
-                f"black_box.max_flight_mb = {self.max_flight_mb:g} is more than "
-                f"black_box.max_total_mb = {self.max_total_mb:g}",
-                "one flight to be no larger than all flights",
-            )

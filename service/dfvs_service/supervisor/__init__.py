@@ -1,1 +1,1 @@
-"""The parent process, and what its children share with it."""
+"""Parent process, and utilities shared with its children."""

@@ -1,4 +1,4 @@
-"""A child process with a pipe that shows it that its parent lives, and a file for its errors."""
+"""Child process with a parent-watchdog pipe and an error file."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ STEADY_HEAP = {
 }
 """glibc's limits, fixed: left alone they follow the largest block that was freed so far.
 
-Arrays then move between heap and mappings whenever a larger picture came by, and the heap was seen
+Arrays then move between heap and mappings whenever a larger image came by, and the heap was seen
 to grow in steps. NumPy asks for huge pages where an array has 4 MB: the kernel then makes some of
 the heap resident whole, whenever it comes by. There is one heap for all threads, and what it took
 once is kept, see ``dfvs_service.perception.preallocation``.

@@ -1,4 +1,4 @@
-"""Entry of the service's child processes: ``python -m dfvs_service.NAME --runtime DIR``."""
+"""Entry point of child processes: ``python -m dfvs_service.NAME --runtime DIR``."""
 
 from __future__ import annotations
 

@@ -1,4 +1,4 @@
-"""What the user of a terminal sees of a flight."""
+"""Terminal displays of a flight."""
 
 from __future__ import annotations
 
@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import Protocol, TextIO
 
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.heartbeat import Heartbeat
 
 
 class Colour(enum.IntEnum):
@@ -35,22 +35,22 @@ def shows_colours(stream: TextIO, environment: Mapping[str, str]) -> bool:
 class Display(Protocol):
     """Shows how the flight goes."""
 
-    def show(self, beat: Beat) -> None:
+    def show(self, heartbeat: Heartbeat) -> None:
         """Take the newest state."""
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Show a line that must not be lost."""
 
     def close(self) -> None:
         """Leave the terminal clean."""
 
 
-def describe(beat: Beat) -> str:
+def describe(heartbeat: Heartbeat) -> str:
     """One line about a state."""
     error = ""
-    if beat.error_m is not None and beat.error_rad is not None:
-        error = f"  error {beat.error_m:6.3f} m {math.degrees(beat.error_rad):5.1f}°"
-    return f"{beat.state:<9}{error}  {beat.cause}".rstrip()
+    if heartbeat.error_m is not None and heartbeat.error_rad is not None:
+        error = f"  error {heartbeat.error_m:6.3f} m {math.degrees(heartbeat.error_rad):5.1f}°"
+    return f"{heartbeat.state:<9}{error}  {heartbeat.cause}".rstrip()
 
 
 class LiveLine:
@@ -61,13 +61,13 @@ class LiveLine:
         self._width = width
         self._drawn = False
 
-    def show(self, beat: Beat) -> None:
+    def show(self, heartbeat: Heartbeat) -> None:
         """Rewrite the line."""
-        self._stream.write(f"\r\x1b[K{describe(beat)[: self._width - 1]}")
+        self._stream.write(f"\r\x1b[K{describe(heartbeat)[: self._width - 1]}")
         self._stream.flush()
         self._drawn = True
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Print a line above."""
         self._stream.write(f"\r\x1b[K{line}\n" if self._drawn else f"{line}\n")
         self._stream.flush()
@@ -88,13 +88,13 @@ class ChangeLines:
         self._stream = stream
         self._last = ""
 
-    def show(self, beat: Beat) -> None:
+    def show(self, heartbeat: Heartbeat) -> None:
         """Print a line if the state changed."""
-        if beat.state != self._last:
-            self._last = beat.state
-            self.say(describe(beat))
+        if heartbeat.state != self._last:
+            self._last = heartbeat.state
+            self.log(describe(heartbeat))
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Print a line."""
         self._stream.write(line + "\n")
         self._stream.flush()
@@ -111,9 +111,9 @@ class JsonLines:
         self._stream = stream
         self._read = 0
 
-    def show(self, beat: Beat) -> None:
+    def show(self, heartbeat: Heartbeat) -> None:
         """Pass on what the gate logged since."""
-        del beat
+        del heartbeat
         self._pass_on()
 
     def _pass_on(self) -> None:
@@ -127,7 +127,7 @@ class JsonLines:
         self._stream.write(data[:end].decode(errors="replace"))
         self._stream.flush()
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Print a line beside the log."""
         print(line, file=sys.stderr)
 

@@ -1,4 +1,4 @@
-"""Words for the terminal, spoken on a thread of its own.
+"""Console writer on its own thread.
 
 A terminal that is stopped (Ctrl-S), or a pipe that nobody reads, blocks whoever writes to it. The
 parent watches over the gate and must not be blocked; so it hands its words on, and those that
@@ -13,30 +13,30 @@ import threading
 from collections.abc import Callable
 
 from dfvs_service.supervisor.console import Display
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.heartbeat import Heartbeat
 
 _MOST_LINES = 256
 _MOST_STATES = 8
 """So many wait at most before states are left out: the next one tells more."""
 
 
-class Narrator:
+class ConsoleWriter:
     """A display that never blocks."""
 
     def __init__(self, display: Display) -> None:
         self._display = display
         self._todo: queue.Queue[Callable[[], None] | None] = queue.Queue(_MOST_LINES)
-        self._thread = threading.Thread(target=self._run, name="narrator", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="console-writer", daemon=True)
         self._thread.start()
 
-    def show(self, beat: Beat) -> None:
+    def show(self, heartbeat: Heartbeat) -> None:
         """Show a state, unless others wait already."""
         if self._todo.qsize() < _MOST_STATES:
-            self._put(lambda: self._display.show(beat))
+            self._put(lambda: self._display.show(heartbeat))
 
-    def say(self, line: str) -> None:
+    def log(self, line: str) -> None:
         """Show a line."""
-        self._put(lambda: self._display.say(line))
+        self._put(lambda: self._display.log(line))
 
     def close(self, timeout_s: float) -> bool:
         """Leave the terminal clean; tell whether all was said in time."""

@@ -1,4 +1,4 @@
-"""When a process that must show signs of life has hung: pure, time is passed in."""
+"""Hang detector of a process by its heartbeats."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ STARTUP_LIMIT_NS = 60_000 * MS
 OWN_PAUSE_NS = 100 * MS
 
 
-class Watch:
+class HangDetector:
     """Judges a process by the time since its last heartbeat.
 
     Before the first one only ``STARTUP_LIMIT_NS`` counts: imports can be slow. A watcher that
@@ -23,11 +23,11 @@ class Watch:
     def __init__(self, now_ns: int) -> None:
         self._alive_ns = now_ns
         self._looked_ns = now_ns
-        self._heard = False
+        self._has_heartbeat = False
 
-    def beat(self, now_ns: int) -> None:
+    def on_heartbeat(self, now_ns: int) -> None:
         """Take a heartbeat that was received now."""
-        self._heard = True
+        self._has_heartbeat = True
         self._alive_ns = now_ns
 
     def is_overdue(self, now_ns: int) -> bool:
@@ -35,5 +35,5 @@ class Watch:
         if now_ns - self._looked_ns > OWN_PAUSE_NS:
             self._alive_ns += now_ns - self._looked_ns
         self._looked_ns = now_ns
-        limit_ns = HEARTBEAT_LIMIT_NS if self._heard else STARTUP_LIMIT_NS
+        limit_ns = HEARTBEAT_LIMIT_NS if self._has_heartbeat else STARTUP_LIMIT_NS
         return now_ns - self._alive_ns > limit_ns

@@ -9,7 +9,7 @@ from dfvs_core.messages.schema import from_json, to_json
 
 
 @dataclass(frozen=True, slots=True)
-class Beat:
+class Heartbeat:
     """Sign of life of the gate's loop, with what the user may want to see of it."""
 
     t_ns: int
@@ -23,16 +23,16 @@ class Beat:
     """Preflight list, while not engaged."""
 
     def to_bytes(self) -> bytes:
-        """Datagram of this beat."""
+        """Datagram of this heartbeat."""
         return to_json(self)
 
     @classmethod
-    def from_bytes(cls, data: bytes) -> Beat:
+    def from_bytes(cls, data: bytes) -> Heartbeat:
         """Read a datagram.
 
         Raises
         ------
         WireError
-            If it is not a beat.
+            If it is not a heartbeat.
         """
         return from_json(cls, data)

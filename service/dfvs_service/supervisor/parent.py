@@ -1,4 +1,4 @@
-"""The parent of the service's processes: starts them, watches the gate, never restarts it.
+"""Parent process: starts the service's processes, supervises the gate, restarts nothing.
 
 A gate that misses its heartbeat is killed; the autopilot's own failsafe then takes over. A
 perception or an operator link that dies is noticed by the gate, which goes to zero and gives the
@@ -24,20 +24,20 @@ from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_core.messages.goal import Goal
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import ServiceFault, to_datagram
-from dfvs_service.gate.journal import Journal
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.child import Child
 from dfvs_service.supervisor.console import Display
-from dfvs_service.supervisor.console_writer import Narrator
-from dfvs_service.supervisor.hang_detector import MS, Watch
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.console_writer import ConsoleWriter
+from dfvs_service.supervisor.hang_detector import MS, HangDetector
+from dfvs_service.supervisor.heartbeat import Heartbeat
+from dfvs_service.supervisor.journal import Journal
 from dfvs_service.supervisor.priority import prefer_this_process
 from dfvs_service.supervisor.systemd_notify import Notifier
 
 EXIT_ENDED, EXIT_CANNOT_RUN = 1, 2
 
-_LOOK_S = 0.02
+_POLL_S = 0.02
 _PING_NS = 100 * MS
 _SHOW_NS = 200 * MS
 _STOP_LIMIT_S = 1.6
@@ -45,7 +45,7 @@ _END_LIMIT_S = 1.95
 """From the request to stop until nothing runs any more; the gate's own time comes first."""
 _LEAST_END_S = 0.15
 _QUIET_END_S = 0.8
-_LAST_WORDS_S = 0.3
+_CONSOLE_END_S = 0.3
 _NOTABLE = ("error: ", "warning: ")
 _MAX_FAULT = 200
 _LOSSES = {
@@ -75,7 +75,7 @@ def prepare_runtime(
     runtime.config.write_text(config.to_json(), encoding="utf-8")
     for old in runtime.later_goals():
         old.unlink()
-    _put_goal(runtime.goal_picture, goal)
+    _put_goal(runtime.goal_image, goal)
     for number, following in enumerate(later, start=1):
         _put_goal(runtime.later_goal(number), following)
     inner = (runtime.gate_socket, runtime.perception_socket, runtime.link_socket)
@@ -85,42 +85,42 @@ def prepare_runtime(
         path.unlink(missing_ok=True)
 
 
-def _put_goal(picture: Path, goal: Goal) -> None:
-    picture.write_bytes(encode_png(goal.image))
-    picture.with_suffix(".json").write_text(goal.sidecar.to_json(), encoding="utf-8")
+def _put_goal(image_path: Path, goal: Goal) -> None:
+    image_path.write_bytes(encode_png(goal.image))
+    image_path.with_suffix(".json").write_text(goal.sidecar.to_json(), encoding="utf-8")
 
 
 class Parent:
     """Starts the processes in a prepared runtime folder, and watches over them."""
 
     def __init__(self, runtime: RuntimeFolder, programs: Programs, display: Display) -> None:
-        self._narrator = Narrator(display)
+        self._console = ConsoleWriter(display)
         self._log = Journal(runtime.service_log)
         self._gate_address = str(runtime.gate_socket)
         self._socket = socket.socket(socket.AF_UNIX, socket.SOCK_DGRAM)
         self._socket.bind(str(runtime.parent_socket))
-        self._socket.settimeout(_LOOK_S)
-        place = ("--runtime", str(runtime.path))
-        self._gate = Child((*programs.gate, *place), runtime.stderr("gate"))
-        self._perception = Child((*programs.perception, *place), runtime.stderr("perception"))
-        self._link = Child((*programs.link, *place), runtime.stderr("operator_link"))
+        self._socket.settimeout(_POLL_S)
+        options = ("--runtime", str(runtime.path))
+        self._gate = Child((*programs.gate, *options), runtime.stderr("gate"))
+        self._perception = Child((*programs.perception, *options), runtime.stderr("perception"))
+        self._link = Child((*programs.link, *options), runtime.stderr("operator_link"))
         self._children = {"gate": self._gate, "perception": self._perception}
         if programs.recorder:
-            recorder = Child((*programs.recorder, *place), runtime.stderr("recorder"))
+            recorder = Child((*programs.recorder, *options), runtime.stderr("recorder"))
             self._children["recorder"] = recorder
         self._children["operator link"] = self._link  # late: others send through it
         if programs.black_box:
-            black_box = Child((*programs.black_box, *place), runtime.stderr("black-box"))
+            black_box = Child((*programs.black_box, *options), runtime.stderr("black-box"))
             self._children["black box"] = black_box
         prefer_this_process()  # after the start of the children, which would inherit it
         self._notifier = Notifier(os.environ)
-        self._watch = Watch(time.monotonic_ns())
-        self._beat = Beat(0, str(GateState.IDLE), "starting")
-        self._told: set[str] = set()
+        self._hang_detector = HangDetector(time.monotonic_ns())
+        self._heartbeat = Heartbeat(0, str(GateState.IDLE), "starting")
+        self._reported: set[str] = set()
         self._next_ping_ns = self._next_show_ns = 0
         self._stop_requested = False
         self._stop_by_s: float | None = None
-        self.has_heartbeat = True
+        self.is_all_shown = True
         """Whether all that was said has reached the terminal, once ``run`` has ended."""
         self._code: int | None = None
 
@@ -135,7 +135,7 @@ class Parent:
         self._notifier.ready()
         try:
             while self._gate.code is None:
-                self._turn()
+                self._step()
         finally:
             self._notifier.stopping()
             self._end_all()
@@ -155,15 +155,15 @@ class Parent:
         code = self._gate.code
         if code is not None and code < 0 and self._code is None and not self._stop_requested:
             end = self._gate.describe_end()
-            self._say(f"error: the gate {end}; the autopilot's failsafe has the vehicle")
+            self._report(f"error: the gate {end}; the autopilot's failsafe has the vehicle")
 
-    def _turn(self) -> None:
+    def _step(self) -> None:
         self._listen()
         now_ns = time.monotonic_ns()
-        if self._watch.is_overdue(now_ns):
+        if self._hang_detector.is_overdue(now_ns):
             self._gate.kill()
             self._code = EXIT_ENDED
-            self._say(
+            self._report(
                 "error: the gate hung and was killed; the autopilot's failsafe has the vehicle"
             )
             return
@@ -174,7 +174,7 @@ class Parent:
                 child.ping()
         if now_ns >= self._next_show_ns:
             self._next_show_ns = now_ns + _SHOW_NS
-            self._narrator.show(self._beat)
+            self._console.show(self._heartbeat)
             self._pass_on_errors()
             self._check_needed("perception", self._perception)
             self._check_needed("the operator link", self._link)
@@ -186,17 +186,17 @@ class Parent:
         """Take the gate's heartbeats; return at the latest after one look's time."""
         with contextlib.suppress(TimeoutError):
             data = self._socket.recv(65536)
-            self._watch.beat(time.monotonic_ns())
+            self._hang_detector.on_heartbeat(time.monotonic_ns())
             with contextlib.suppress(WireError):
-                self._beat = Beat.from_bytes(data)
+                self._heartbeat = Heartbeat.from_bytes(data)
 
     def _check_needed(self, name: str, child: Child) -> None:
         """End a service that lacks a process, once nothing is flown any more."""
         code = child.code
         if code is None:
             return
-        self._say(f"warning: {name} {child.describe_end()}")
-        if self._beat.state not in ENGAGED:
+        self._report(f"warning: {name} {child.describe_end()}")
+        if self._heartbeat.state not in ENGAGED:
             self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_ENDED
             self._stop_requested = True
 
@@ -205,16 +205,16 @@ class Parent:
         for name, loss in _LOSSES.items():
             child = self._children.get(name)
             if child is not None and child.code is not None:
-                self._say_of_recorder(f"warning: the {name} {child.describe_end()}; {loss}")
+                self._report_recorder(f"warning: the {name} {child.describe_end()}; {loss}")
 
-    def _say_of_recorder(self, line: str) -> None:
+    def _report_recorder(self, line: str) -> None:
         """Say a warning of recorder or black box, and have the gate show it to operators."""
-        if line not in self._told:
+        if line not in self._reported:
             text = line.partition(": ")[2][:_MAX_FAULT]
             with contextlib.suppress(OSError):  # a gate that is gone shows nothing
                 datagram = to_datagram(ServiceFault(text))
                 self._socket.sendto(datagram, self._gate_address)
-        self._say(line)
+        self._report(line)
 
     def _stop_gate(self) -> None:
         """Let the gate bring the vehicle to Hold; kill it if that takes too long."""
@@ -229,7 +229,7 @@ class Parent:
         if self._gate.code is None:
             self._gate.kill()
             self._code = EXIT_ENDED
-            self._say("error: the gate did not end in time and was killed")
+            self._report("error: the gate did not end in time and was killed")
 
     def _end_all(self) -> None:
         """Leave no process behind, and no error unsaid."""
@@ -240,7 +240,7 @@ class Parent:
         for child in self._children.values():
             if child is not black_box:
                 _end(child, until_s)
-        self._narrator.show(self._beat)
+        self._console.show(self._heartbeat)
         self._pass_on_errors()
         self._report_end()
         self._log.add(time.monotonic_ns(), "end", code=self._exit_code)
@@ -248,24 +248,24 @@ class Parent:
         if black_box is not None:
             _end(black_box, until_s)
             self._pass_on_errors()
-        self.has_heartbeat = self._narrator.close(_LAST_WORDS_S)
+        self.is_all_shown = self._console.close(_CONSOLE_END_S)
         self._socket.close()
 
     def _pass_on_errors(self) -> None:
         """Show the children's errors and warnings, and the gate's advice, once each."""
-        for line in self._beat.warnings:
-            self._say(f"warning: {line}")
+        for line in self._heartbeat.warnings:
+            self._report(f"warning: {line}")
         for name, child in self._children.items():
-            say = self._say_of_recorder if name in _LOSSES else self._say
+            report = self._report_recorder if name in _LOSSES else self._report
             for line in child.new_errors():
                 if line.startswith(_NOTABLE):
-                    say(line)
+                    report(line)
 
-    def _say(self, line: str) -> None:
-        if line not in self._told:
-            self._told.add(line)
+    def _report(self, line: str) -> None:
+        if line not in self._reported:
+            self._reported.add(line)
             self._log.add(time.monotonic_ns(), "told", text=line)
-            self._narrator.say(line)
+            self._console.log(line)
 
 
 def _end(child: Child, until_s: float) -> None:
@@ -286,6 +286,6 @@ def supervise(parent: Parent) -> int:
     """Run a parent that ends in an orderly way when it is told to; returns its exit code."""
     handle_ending_signals(parent.stop)
     code = parent.run()
-    if not parent.has_heartbeat:
+    if not parent.is_all_shown:
         os._exit(code)  # the interpreter's end would wait for a terminal that takes nothing
     return code

@@ -1,4 +1,4 @@
-"""Priority of the processes that must be on time: the gate and the parent that watches it."""
+"""Real-time priority of the gate and its parent."""
 
 from __future__ import annotations
 

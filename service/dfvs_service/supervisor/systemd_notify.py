@@ -1,4 +1,4 @@
-"""Signs of life to systemd (sd_notify), where it started this process and asked for them."""
+"""Notifications to systemd (sd_notify): readiness and watchdog."""
 
 from __future__ import annotations
 
@@ -25,21 +25,21 @@ class Notifier:
 
     def ready(self) -> None:
         """Say that the service is up."""
-        self._tell("READY=1")
+        self._send("READY=1")
 
     def alive(self) -> None:
         """Say that the service is alive."""
-        self._tell("WATCHDOG=1")
+        self._send("WATCHDOG=1")
 
     def stopping(self) -> None:
         """Say that the service is about to end."""
-        self._tell("STOPPING=1")
+        self._send("STOPPING=1")
 
     def close(self) -> None:
         """Say nothing more."""
         self._socket.close()
 
-    def _tell(self, text: str) -> None:
+    def _send(self, text: str) -> None:
         # Whoever does not listen must not end a flight.
         if self._address:
             with contextlib.suppress(OSError):

@@ -1,4 +1,4 @@
-"""Threads that do not end silently: a failure is reported and the work started once more."""
+"""Threads that report a failure and restart their work once."""
 
 from __future__ import annotations
 

@@ -18,8 +18,8 @@ from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.camera import cli
 from dfvs_service.camera.goal import sharpness_of
 from dfvs_service.camera.publisher import FramePublisher, PublishOptions
-from dfvs_service.camera.source import Shot
-from dfvs_service.route.vehicle_state import VehicleWatch
+from dfvs_service.frames import CapturedImage
+from dfvs_service.route.vehicle_state import VehicleStateListener
 from dfvs_service.settings.calibration_file import write_calibration
 from dfvs_service.settings.goal_file import load_goal
 
@@ -104,7 +104,7 @@ def camera_publishing(endpoint, image):
 
         def work():
             while not stop.wait(0.05):
-                publisher.publish(Shot(image, time.monotonic_ns()))
+                publisher.publish(CapturedImage(image, time.monotonic_ns()))
 
         thread = threading.Thread(target=work)
         thread.start()
@@ -132,17 +132,17 @@ def test_the_camera_that_publishes_for_the_service_can_be_asked(tmp_path, rng, i
 
 
 def test_a_watch_keeps_every_state_once_attitude_and_position_are_known():
-    watch = VehicleWatch()
-    watch.take(Attitude(10, 0.1, 0.2, 0.3))
-    assert watch.heard() == []
-    watch.take(LocalPosition(11, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)))
-    watch.take(Attitude(12, 0.2, 0.2, 0.3))
-    watch.take(LocalPosition(13, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)))
-    assert [state.t_ns for state in watch.heard()] == [10, 12]
-    assert watch.heard() == []
+    watch = VehicleStateListener()
+    watch.on_event(Attitude(10, 0.1, 0.2, 0.3))
+    assert watch.new_states() == []
+    watch.on_event(LocalPosition(11, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)))
+    watch.on_event(Attitude(12, 0.2, 0.2, 0.3))
+    watch.on_event(LocalPosition(13, (1.0, 2.0, 3.0), (0.1, 0.2, 0.3)))
+    assert [state.t_ns for state in watch.new_states()] == [10, 12]
+    assert watch.new_states() == []
 
 
 def test_sharpness_falls_with_blur(rng):
     image = rng.integers(0, 255, (48, 64, 3)).astype(np.uint8)
     blurred = cv2.GaussianBlur(image, (5, 5), 1.5)
-    assert sharpness_of(Shot(image, 0)) > 4 * sharpness_of(Shot(blurred, 0))
+    assert sharpness_of(CapturedImage(image, 0)) > 4 * sharpness_of(CapturedImage(blurred, 0))

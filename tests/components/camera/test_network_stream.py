@@ -10,7 +10,8 @@ import pytest
 
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_service.camera.feed import LiveFeed
-from dfvs_service.camera.source import SourceOptions, open_source
+from dfvs_service.camera.open_source import open_source
+from dfvs_service.camera.source import SourceOptions
 from dfvs_service.camera.spec import parse_source
 
 PERIOD_S = 0.03
@@ -58,7 +59,7 @@ def served(port=0):
 def shots(feed, count, within_s=20.0):
     taken, deadline = [], time.monotonic() + within_s
     while len(taken) < count and time.monotonic() < deadline:
-        shot = feed.take(0.2)
+        shot = feed.receive(0.2)
         if shot is not None:
             taken.append(shot)
     return taken
@@ -83,8 +84,8 @@ def test_a_stream_is_read_lost_and_read_again(lines):
         assert times == sorted(set(times))
     deadline = time.monotonic() + 20.0
     while not lines and time.monotonic() < deadline:
-        feed.take(0.1)
-    assert "no more pictures" in lines[0]
+        feed.receive(0.1)
+    assert "no more images" in lines[0]
     assert "trying again" in lines[0]
     with served(port):
         assert shots(feed, 3)

@@ -16,10 +16,10 @@ from dfvs_core.messages.schema import dump
 from dfvs_service.dashboard.address import PublicAddress
 from dfvs_service.dashboard.app import Dashboard, make_app
 from dfvs_service.dashboard.clock import Moment
-from dfvs_service.dashboard.sample import Arrival, Parcel, unpack
+from dfvs_service.dashboard.sample import Arrival, Sample, unpack
 from dfvs_service.dashboard.settings import DashboardSettings
 from dfvs_service.dashboard.tokens import Tokens
-from dfvs_service.perception.images import Pictures
+from dfvs_service.perception.images import TelemetryImages
 from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.settings.config import load_config
 
@@ -76,7 +76,7 @@ class Screen:
         self.t_ns, self.wall_ms = time.monotonic_ns(), time.time() * 1e3
         self.shift_ns = 0
         self.port = free_tcp_port()
-        self.pictures = Pictures(CLOCK, 0.3, 70)
+        self.pictures = TelemetryImages(CLOCK, 0.3, 70)
         self.start()
 
     @property
@@ -119,7 +119,7 @@ class Screen:
         def feed():
             for before_s, parcel in self.parcels(name, flight):
                 self.shift_ns = -round(before_s * S)
-                self.dashboard.hub.take([parcel])
+                self.dashboard.hub.on_samples([parcel])
             self.shift_ns = 0
             self.dashboard.hub.tick({})
             done.set_result(None)
@@ -136,7 +136,7 @@ class Screen:
 
         start = self.pictures.goal(goal, self.t_ns - FLIGHT_S * S)
         yield FLIGHT_S, unpack(self.picture(name, "goal", start))
-        yield FLIGHT_S, Parcel(name, "config", dump(load_config(None, {})))
+        yield FLIGHT_S, Sample(name, "config", dump(load_config(None, {})))
         for step in range(round(FLIGHT_S / STEP_S) + 1):
             before_s = FLIGHT_S - step * STEP_S
             t_ns = self.t_ns - round(before_s * S)
@@ -150,12 +150,12 @@ class Screen:
             if before_s >= flight.age("results"):
                 result = approach_result(frame, left, flow, 12.3, flight.knows_uncertainty)
                 document = servo_document(frame, result, t_ns + 45_000_000, {})
-                yield before_s, Parcel(name, "servo", document)
+                yield before_s, Sample(name, "servo", document)
             if before_s >= flight.age("timing") and step % 5 == 0:
                 stages = {"match": {"p50_ms": 25.1, "p99_ms": 41.7, "max_ms": 50.0}}
                 yield (
                     before_s,
-                    Parcel(name, "timing", timing_document(stages, t_ns, {"frames": step})),
+                    Sample(name, "timing", timing_document(stages, t_ns, {"frames": step})),
                 )
             if is_last("view", before_s):
                 payload, attachment = encode_frame(frame, PixelFormat.JPEG, CLOCK)
@@ -185,4 +185,4 @@ class Screen:
         )
         vehicle = dataclasses.replace(status.vehicle, t_ns=t_ns - round(late_s * S))
         fields = {"vehicle": vehicle} | flight.fields
-        return Parcel(name, "state", dump(dataclasses.replace(status, **fields)))
+        return Sample(name, "state", dump(dataclasses.replace(status, **fields)))

@@ -169,7 +169,7 @@ def test_old_data_are_called_old_and_new_ones_clear_that(server, field, open_pag
         assert "Nothing heard since" in page.text("cause")
         assert page.page.title().startswith("STALE")
         page.wait("() => !document.getElementById('view-notice').hidden")
-        assert "NO NEW PICTURE" in page.text("view-notice")
+        assert "NO NEW IMAGE" in page.text("view-notice")
     finally:
         field.swift.is_paused = False
     page.wait("() => document.getElementById('state').textContent === 'SERVO'")
@@ -187,7 +187,7 @@ def test_may_be_flown_is_green_only_while_it_is_true(field, open_page):
     try:
         watch(page, "swift")
         page.wait(GOOD)
-        assert page.text("verdict") == "✓ may be flown"
+        assert page.text("verdict") == "✓ valid"
         field.swift.enter("ABORT", "goal lost")
         page.wait(NOT_GOOD, "the gate is in ABORT")
         field.swift.enter("SERVO", "good data")
@@ -271,7 +271,7 @@ def test_an_operator_takes_the_view_as_the_goal_with_the_attitude_of_its_capture
     field.swift.enter("HOLD", "operator ordered to hold")
     try:
         page.page.click("#take-view:enabled")
-        assert page.page.get_attribute("#confirm-picture", "src").startswith("blob:")
+        assert page.page.get_attribute("#confirm-image", "src").startswith("blob:")
         page.page.click("#confirm-cancel")
         page.page.click("#take-view:enabled")
         page.page.click("#confirm-ok")

@@ -84,8 +84,8 @@ def test_a_browser_is_told_state_results_and_pictures_of_the_vehicle_it_watches(
 
 def test_vehicles_of_several_endpoints_stand_in_one_list(server, field):
     with Browser(server) as browser:
-        assert browser.watch("heron")["state"]["takes_orders"] is False
-        assert browser.watch("swift")["state"]["takes_orders"] is True
+        assert browser.watch("heron")["state"]["accepts_commands"] is False
+        assert browser.watch("swift")["state"]["accepts_commands"] is True
 
 
 def test_a_browser_that_confirms_nothing_is_sent_no_further_views(server, field):
@@ -101,14 +101,14 @@ def test_only_an_operator_s_order_reaches_the_vehicle(server, field):
     given = len(field.swift.orders)
     with Browser(server) as browser:
         browser.watch("swift")
-        browser.say(type="order", order="abort", vehicle="swift")
+        browser.say(type="command", command="abort", vehicle="swift")
         answers = browser.hear_until(lambda news: "answers" in news)["answers"]
         assert answers[0]["accepted"] is False
         assert "may only look" in answers[0]["text"]
     with Browser(server, field.token) as browser:
         browser.watch("swift")
-        assert browser.news["welcome"]["can_order"] is True
-        browser.say(type="order", order="hold", vehicle="swift")
+        assert browser.news["welcome"]["can_command"] is True
+        browser.say(type="command", command="hold", vehicle="swift")
         answers = browser.hear_until(lambda news: "answers" in news)["answers"]
         assert answers[0]["text"] == "accepted: hold"
         browser.hear_until(lambda news: news["state"]["state"] == "HOLD")
@@ -121,7 +121,7 @@ def test_orders_that_do_not_exist_go_nowhere(server, field, order):
     given = len(field.swift.orders)
     with Browser(server, field.token) as browser:
         browser.watch("swift")
-        browser.say(type="order", order=order, vehicle="swift")
+        browser.say(type="command", command=order, vehicle="swift")
         answers = browser.hear_until(lambda news: "answers" in news)["answers"]
         assert answers[0]["accepted"] is False
     assert len(field.swift.orders) == given
@@ -226,6 +226,6 @@ def test_beyond_this_machine_it_is_encrypted_and_shows_nothing_without_a_token(f
         assert closed.value.rcvd.code == 4401
         assert browser.news == {}
         with Browser(server, field.token) as browser:
-            assert browser.watch("swift")["welcome"]["can_order"] is False
+            assert browser.watch("swift")["welcome"]["can_command"] is False
     finally:
         server.kill()

@@ -14,7 +14,7 @@ import sys
 import time
 from pathlib import Path
 
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.heartbeat import Heartbeat
 
 
 def main() -> None:
@@ -39,7 +39,7 @@ def main() -> None:
         if late and args.crash:
             os.kill(os.getpid(), signal.SIGKILL)
         if not (late and args.hang):
-            beat = Beat(time.monotonic_ns(), args.state, "", warnings=("a parameter is odd",))
+            beat = Heartbeat(time.monotonic_ns(), args.state, "", warnings=("a parameter is odd",))
             out.sendto(beat.to_bytes(), str(args.runtime / "parent.sock"))
         time.sleep(0.02)
 

@@ -73,7 +73,7 @@ class Watch:
     def show(self, beat):
         self.beat = beat
 
-    def say(self, line):
+    def log(self, line):
         self.lines.append(line)
 
     def close(self):
@@ -197,7 +197,7 @@ def test_a_good_vehicle_gets_ticks_only_and_nothing_is_sent_to_it(goal, views, t
     endpoint = free_endpoint()
     with hovering_vehicle(tmp_path) as vehicle, camera_running(endpoint, views[0]):
         picture = tmp_path / "check.png"
-        words = ("--check-timeout", "40", "--json", "--picture", str(picture))
+        words = ("--check-timeout", "40", "--json", "--image", str(picture))
         done = run_check(goal, vehicle.port, endpoint, *words)
         assert (done.returncode, done.stderr) == (0, "")
         document = json.loads(done.stdout)

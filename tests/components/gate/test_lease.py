@@ -7,7 +7,7 @@ from loopback import free_endpoint
 
 from dfvs_core.messages.link import LeaseHolders
 from dfvs_core.messages.topics import Topics
-from dfvs_service.operator_link.name_lease import Lease
+from dfvs_service.operator_link.name_lease import NameLease
 from dfvs_service.settings.config import load_config
 from dfvs_service.zenoh_session import open_session
 
@@ -35,9 +35,9 @@ def wait_for(lease, standing_by, engaged):
 
 def test_two_services_see_each_other_come_engage_and_go(sessions):
     told = []
-    first = Lease(sessions[0], TOPICS, told.append)
+    first = NameLease(sessions[0], TOPICS, told.append)
     first.tell()
-    second = Lease(sessions[1], TOPICS, told.append)
+    second = NameLease(sessions[1], TOPICS, told.append)
     wait_for(first, (second.name,), ())
     wait_for(second, (first.name,), ())
     first.show("SERVO")
@@ -50,28 +50,28 @@ def test_two_services_see_each_other_come_engage_and_go(sessions):
 
 
 def test_a_service_that_ends_without_a_word_holds_no_lease(sessions):
-    first = Lease(sessions[0], TOPICS, lambda _: None)
-    second = Lease(sessions[1], TOPICS, lambda _: None)
+    first = NameLease(sessions[0], TOPICS, lambda _: None)
+    second = NameLease(sessions[1], TOPICS, lambda _: None)
     wait_for(first, (second.name,), ())
     sessions[1].close()
     wait_for(first, (), ())
 
 
 def test_services_of_other_vehicles_do_not_matter(sessions):
-    first = Lease(sessions[0], TOPICS, lambda _: None)
-    other = Lease(sessions[1], Topics("stork"), lambda _: None)
-    third = Lease(sessions[1], TOPICS, lambda _: None)
+    first = NameLease(sessions[0], TOPICS, lambda _: None)
+    other = NameLease(sessions[1], Topics("stork"), lambda _: None)
+    third = NameLease(sessions[1], TOPICS, lambda _: None)
     wait_for(first, (third.name,), ())
     assert other.holders() == LeaseHolders()
 
 
 def test_the_gate_is_told_of_a_change_at_once_and_again_every_second(sessions):
     told = []
-    first = Lease(sessions[0], TOPICS, told.append)
+    first = NameLease(sessions[0], TOPICS, told.append)
     first.tell()
     first.tell()
     assert told == [LeaseHolders()]
-    second = Lease(sessions[1], TOPICS, lambda _: None)
+    second = NameLease(sessions[1], TOPICS, lambda _: None)
     wait_for(first, (second.name,), ())
     first.tell()
     first.tell()

@@ -19,7 +19,7 @@ from dfvs_service import cli
 from dfvs_service.goal_store import GoalStore
 from dfvs_service.operator_link.command_filter import CommandFilter
 from dfvs_service.settings.config import load_config
-from dfvs_service.settings.goal_file import ordered_goal
+from dfvs_service.settings.goal_file import commanded_goal
 from dfvs_service.settings.key_file import create_key, load_key
 from dfvs_service.zenoh_session import open_session
 
@@ -49,11 +49,11 @@ class Service:
         self.thread.start()
 
     def on_command(self, sample):
-        self.judge(self.desk.take_command(sample.payload.to_bytes(), time.monotonic_ns()))
+        self.judge(self.desk.receive_command(sample.payload.to_bytes(), time.monotonic_ns()))
 
     def on_goal(self, sample):
         signed = sample.attachment.to_bytes()
-        self.judge(self.desk.take_goal(sample.payload.to_bytes(), signed, time.monotonic_ns()))
+        self.judge(self.desk.receive_goal(sample.payload.to_bytes(), signed, time.monotonic_ns()))
 
     def judge(self, command):
         if self.lost > 0:
@@ -154,9 +154,9 @@ def test_a_new_goal_arrives_with_its_sidecar_under_one_signature(
     picture.with_suffix(".json").write_text(sidecar.to_json())
     assert order(endpoint, key_file, "goal", "--goal", str(picture)) == 0
     assert service.results == ["accepted: goal"]
-    arrived = GoalCommand.from_bytes(service.store.take(service.arguments[0]))
+    arrived = GoalCommand.from_bytes(service.store.pop(service.arguments[0]))
     assert arrived == GoalCommand(picture.read_bytes(), sidecar.to_json())
-    assert ordered_goal(arrived, sidecar).sidecar == sidecar
+    assert commanded_goal(arrived, sidecar).sidecar == sidecar
 
 
 def test_an_order_under_the_wrong_key_is_refused(endpoint, key_file, listening, tmp_path, capsys):

@@ -115,7 +115,7 @@ def test_a_stopped_terminal_does_not_stop_the_watch(tmp_path):
         start = time.monotonic()
         assert parent.run() == 1
         assert time.monotonic() - start < 10.0
-        assert not parent.has_heartbeat
+        assert not parent.is_all_shown
         drained = threading.Thread(target=drain, args=(read,))
         drained.start()
     drained.join(5.0)

@@ -21,7 +21,7 @@ from recorded_flight import fly
 from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.flow_grid import FlowGrid, encode_flow_grid
 from dfvs_service.live import foxglove_cli, metrics_cli
-from dfvs_service.perception.record_publisher import TurnFeed
+from dfvs_service.perception.record_publisher import RecordPublisher
 
 TOPICS = Topics("bottled")
 START_S = 30.0
@@ -114,7 +114,7 @@ async def look(url, pictures, topics_asked):
 def test_foxglove_sees_the_flight_on_its_own_schemas(service):
     session, endpoint = service
     flight = fly(np.random.default_rng(3), frames=3)
-    feed = TurnFeed(session, TOPICS, print)
+    feed = RecordPublisher(session, TOPICS, print)
     with Running("dfvs_service.live.foxglove_cli", endpoint) as server:
         assert server.url.startswith("ws://127.0.0.1:")
         until(lambda: feed.wanted, bool)

@@ -16,7 +16,7 @@ from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.topics import Topics
 from dfvs_service.cli import main as service_command
-from dfvs_service.perception.record_publisher import MAX_WAITING_BYTES, TurnFeed
+from dfvs_service.perception.record_publisher import MAX_WAITING_BYTES, RecordPublisher
 from dfvs_service.record.cli import main as record
 from dfvs_service.replay.comparison import compare
 from dfvs_service.replay.flight import Trial, replay
@@ -66,7 +66,7 @@ def test_a_flight_is_recorded_from_its_first_turn_though_the_recorder_comes_late
     service, flight, tmp_path
 ):
     session, endpoint = service
-    feed = TurnFeed(session, TOPICS, print, patience_s=START_S)
+    feed = RecordPublisher(session, TOPICS, print, patience_s=START_S)
     feed_all(feed, flight.events)
     recorder = start_recorder(endpoint, tmp_path)
     try:
@@ -78,7 +78,7 @@ def test_a_flight_is_recorded_from_its_first_turn_though_the_recorder_comes_late
         recorder.kill()
         feed.close()
     assert recorder.returncode == 0, errors
-    assert f"{len(flight.turns)} turns" in out
+    assert f"{len(flight.turns)} records, " in out
     assert "0 missing, 0 dropped" in out
     (path,) = tmp_path.glob("*.mcap")
     with path.open("rb") as file:
@@ -90,7 +90,7 @@ def test_a_flight_is_recorded_from_its_first_turn_though_the_recorder_comes_late
 
 def test_killed_without_warning_it_leaves_all_but_the_last_chunk(service, flight, tmp_path):
     session, endpoint = service
-    feed = TurnFeed(session, TOPICS, print, patience_s=START_S)
+    feed = RecordPublisher(session, TOPICS, print, patience_s=START_S)
     feed_all(feed, flight.events)
     recorder = start_recorder(endpoint, tmp_path)
     try:
@@ -108,7 +108,7 @@ def test_killed_without_warning_it_leaves_all_but_the_last_chunk(service, flight
 
 def test_who_joins_in_the_middle_is_told_with_what_the_turns_work(service, flight, tmp_path):
     session, endpoint = service
-    feed = TurnFeed(session, TOPICS, print)
+    feed = RecordPublisher(session, TOPICS, print)
     feed_all(feed, flight.events[:5])  # nobody listens yet
     recorder = start_recorder(endpoint, tmp_path)
     try:
@@ -128,7 +128,7 @@ def test_who_joins_in_the_middle_is_told_with_what_the_turns_work(service, fligh
 
 def test_a_recorder_that_never_comes_costs_a_bounded_memory_and_no_time(service, flight):
     session, _ = service
-    feed = TurnFeed(session, TOPICS, print, patience_s=60.0)
+    feed = RecordPublisher(session, TOPICS, print, patience_s=60.0)
     feed_all(feed, flight.events[:1])
     turn, payload = flight.turns[0], bytes(1024 * 1024)
     start = time.monotonic()
@@ -145,7 +145,7 @@ def test_a_recorder_that_hangs_delays_nobody(service, flight, tmp_path):
     heard = []
     telemetry = session.declare_publisher(TOPICS.telemetry("servo"))
     subscriber = session.declare_subscriber(TOPICS.telemetry("servo"), heard.append)
-    feed = TurnFeed(session, TOPICS, print)
+    feed = RecordPublisher(session, TOPICS, print)
     feed.offer(*flight.events[0])
     recorder = start_recorder(endpoint, tmp_path)
     try:
@@ -171,7 +171,7 @@ def test_a_recorder_that_hangs_delays_nobody(service, flight, tmp_path):
 
 def test_while_nobody_records_nothing_is_kept(service, flight):
     session, _ = service
-    feed = TurnFeed(session, TOPICS, print)
+    feed = RecordPublisher(session, TOPICS, print)
     assert not feed.wanted
     for _ in range(200):
         feed.offer(flight.turns[0], bytes(1024 * 1024))

@@ -198,7 +198,7 @@ def test_a_recording_that_is_too_large_loses_its_oldest_files_and_nothing_else(t
 def test_too_little_space_drops_and_says_so_and_goes_on_when_there_is_some(tmp_path, flight):
     desk = Desk(tmp_path, RecordLimits(10**9, 10**10, free_bytes=10**18)).take(flight.events)
     counts = desk.recorder.counts
-    assert counts.turns == 0
+    assert counts.records == 0
     assert counts.dropped == len(flight.turns)
     assert "are free" in desk.warnings[0]
     assert len(desk.warnings) == 1
@@ -216,7 +216,7 @@ def test_a_disk_that_is_full_never_stops_the_recorder(tmp_path, large):
         resource.setrlimit(resource.RLIMIT_FSIZE, before)
     counts = desk.recorder.counts
     assert counts.dropped > 0
-    assert counts.turns > 0
+    assert counts.records > 0
     assert any("File too large" in line for line in desk.warnings)
     lost = counts.dropped
     desk.now_ns += 6 * S  # it tries again after a while

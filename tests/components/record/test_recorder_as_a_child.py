@@ -43,7 +43,7 @@ class Said:
     def show(self, beat):
         pass
 
-    def say(self, line):
+    def log(self, line):
         self.lines.append(line)
 
     def close(self):

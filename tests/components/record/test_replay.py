@@ -138,7 +138,7 @@ def test_a_preview_whose_frame_was_not_recorded_is_named_as_the_reason_to_differ
     frame = next(i for i, (m, _) in enumerate(flight.events) if getattr(m, "number", None) == 5)
     events = flight.events[:frame] + flight.events[frame + 1 :]
     result = rerun(write_recording(tmp_path, events))
-    assert result.reasons == ("1 turns before turn 6 were not recorded",)
+    assert result.reasons == ("1 frame records before frame record 6 were not recorded",)
 
 
 def altered(recording, target, alter):
@@ -203,7 +203,7 @@ def test_the_times_of_judgement_matter_so_they_have_to_be_recorded(recording, tm
 def test_turns_that_are_missing_are_named_as_the_reason_to_differ(flight, tmp_path):
     path = write_recording(tmp_path, [*flight.events[:4], *flight.events[9:]])
     result = rerun(path)
-    assert result.reasons == ("5 turns before turn 8 were not recorded",)
+    assert result.reasons == ("5 frame records before frame record 8 were not recorded",)
 
 
 def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_goes(tmp_path):

@@ -10,9 +10,9 @@ from test_relay import peer
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
-from dfvs_service.perception.frame_processor import RawSample
-from dfvs_service.ros2.frame_source import Ros2Intake
-from dfvs_service.settings.sections import Ros2CameraSection
+from dfvs_service.frames import RawSample
+from dfvs_service.ros2.frame_source import Ros2FrameSource
+from dfvs_service.settings.camera_section import Ros2CameraSection
 from dfvs_sim.camera.ros2 import Ros2CameraConfig, Ros2Publisher
 
 CAMERA = CameraModel(64, 48, 50.0, 51.0, 32.5, 24.0, (0.1, -0.2, 0.01, 0.02, 0.0))
@@ -38,7 +38,7 @@ def test_what_the_driver_sends_is_the_frame_that_was_taken(sessions, rng, link, 
     publisher = Ros2Publisher(driver, config)
     compressed = pixel_format in (PixelFormat.PNG, PixelFormat.JPEG)
     section = Ros2CameraSection(config.image.name, compressed, domain=7)
-    intake = Ros2Intake(link, section, CLOCK)
+    intake = Ros2FrameSource(link, section, CLOCK)
     frames, infos = queue.Queue(), queue.Queue()
     subscribers = [
         service.declare_subscriber(intake.key, frames.put),

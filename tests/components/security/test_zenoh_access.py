@@ -24,7 +24,7 @@ from dfvs_service.certificates.authority import (
     write_credentials,
 )
 from dfvs_service.certificates.cli import main
-from dfvs_service.operator_link.name_lease import Lease
+from dfvs_service.operator_link.name_lease import NameLease
 from dfvs_service.settings.config import load_config
 from dfvs_service.zenoh_session import open_session
 
@@ -238,7 +238,7 @@ def test_what_is_kept_reaches_a_dashboard_that_joins_late(hub, folder):
 def test_two_services_of_a_vehicle_see_each_others_lease(hub, folder):
     first = client(hub.endpoint, folder / "service.drone1")
     second = client(hub.endpoint, folder / "service.drone1") if hub.speaker else hub.session
-    leases = [Lease(session, OURS, lambda _: None) for session in (first, second)]
+    leases = [NameLease(session, OURS, lambda _: None) for session in (first, second)]
     assert wait_until(lambda: leases[0].holders().standing_by == (leases[1].name,))
     assert wait_until(lambda: leases[1].holders().standing_by == (leases[0].name,))
     for lease in leases:

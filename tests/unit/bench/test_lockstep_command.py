@@ -6,7 +6,7 @@ from dfvs_bench.cli import main
 
 
 @pytest.mark.parametrize(
-    "words, named",
+    ("words", "named"),
     [
         (["--seeds", "a-3"], "--seeds is 'a-3'"),
         (["--hold", "0"], "--hold is 0"),

@@ -93,7 +93,7 @@ def test_a_picture_that_does_not_fit_is_left_out(found):
 
 
 def test_too_few_pictures_are_refused(found):
-    with pytest.raises(ConfigError, match="4 usable pictures"):
+    with pytest.raises(ConfigError, match="4 usable images"):
         calibrate(found[:4], CAMERA.size, "plumb_bob")
 
 
@@ -111,7 +111,7 @@ def flat_view(centre, tilt_deg=(0.0, 0.0), z=0.6):
 
 def test_advice_names_what_is_missing():
     advice = " | ".join(coverage_of([flat_view((0, 0))], (640, 480)).advice())
-    assert "take 11 more pictures" in advice
+    assert "take 11 more images" in advice
     assert "top left" in advice
     assert "hold it so near" in advice
 
@@ -196,7 +196,7 @@ def test_a_printed_board_is_found_again(tmp_path, capsys):
     [
         (["--board", "charuco:7x5:0.04:0.03", "--out", "x.json"], "ends in .toml"),
         (["--board", "nothing", "--out", "x.toml"], "--board is"),
-        (["--board", "charuco:7x5:0.04:0.03", "--out", "x.toml"], "0 usable pictures"),
+        (["--board", "charuco:7x5:0.04:0.03", "--out", "x.toml"], "0 usable images"),
     ],
 )
 def test_what_cannot_be_calibrated_is_one_line(tmp_path, capsys, words, message):
@@ -225,6 +225,6 @@ def test_from_a_moving_source_only_new_views_are_taken_and_what_is_missing_is_sa
     printed, told = capsys.readouterr()
     count = len(json.loads(printed)["pictures"])
     assert 12 <= count <= len(images)
-    assert "camera: picture 1: " in told
+    assert "camera: image 1: " in told
     assert "more" in told.splitlines()[0]
     assert read_calibration(out).fx == pytest.approx(CAMERA.fx, rel=0.01)

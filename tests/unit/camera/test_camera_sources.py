@@ -6,8 +6,9 @@ import pytest
 
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.capture import CaptureSource, buffer_time_ns
-from dfvs_service.camera.images import PictureSource
-from dfvs_service.camera.source import Shot, SourceOptions, check_size, open_source
+from dfvs_service.camera.images import ImageSource
+from dfvs_service.camera.open_source import open_source
+from dfvs_service.camera.source import SourceOptions, check_size
 from dfvs_service.camera.spec import (
     CameraError,
     SourceKind,
@@ -15,6 +16,7 @@ from dfvs_service.camera.spec import (
     SourceSpec,
     parse_source,
 )
+from dfvs_service.frames import CapturedImage
 
 S = 1_000_000_000
 
@@ -50,8 +52,8 @@ def test_a_word_names_a_source(word, kind, place):
 def test_files_are_told_from_folders_and_pictures(tmp_path, video):
     picture = tmp_path / "a.PNG"
     picture.write_bytes(b"x")
-    assert parse_source(str(tmp_path)).kind is SourceKind.PICTURES
-    assert parse_source(str(picture)).kind is SourceKind.PICTURES
+    assert parse_source(str(tmp_path)).kind is SourceKind.IMAGES
+    assert parse_source(str(picture)).kind is SourceKind.IMAGES
     assert parse_source(str(video)).kind is SourceKind.VIDEO
 
 
@@ -109,17 +111,17 @@ def test_a_video_gives_all_its_pictures_in_order_and_then_ends(video):
 def test_a_folder_gives_its_pictures_by_name(tmp_path):
     for name, level in (("b.png", 200), ("a.png", 100), ("notes.txt", 0)):
         (tmp_path / name).write_bytes(encode_png(np.full((16, 16, 3), level, np.uint8)))
-    source = PictureSource(str(tmp_path))
+    source = ImageSource(str(tmp_path))
     assert [int(source.read().image[0, 0, 0]) for _ in range(2)] == [100, 200]
     assert source.read() is None
 
 
 def test_an_empty_folder_and_a_damaged_picture_are_named(tmp_path):
-    with pytest.raises(CameraError, match="no pictures in"):
-        PictureSource(str(tmp_path))
+    with pytest.raises(CameraError, match="no images in"):
+        ImageSource(str(tmp_path))
     (tmp_path / "x.jpg").write_bytes(b"\xff\xd8\xff nothing")
     with pytest.raises(CameraError, match=r"x\.jpg cannot be used"):
-        PictureSource(str(tmp_path)).read()
+        ImageSource(str(tmp_path)).read()
 
 
 def test_a_driver_s_stamp_is_believed_only_if_it_can_be_true():
@@ -130,7 +132,7 @@ def test_a_driver_s_stamp_is_believed_only_if_it_can_be_true():
 
 
 def test_a_picture_of_another_size_is_refused_with_both_sizes():
-    shot = Shot(np.zeros((48, 64, 3), np.uint8), 0)
+    shot = CapturedImage(np.zeros((48, 64, 3), np.uint8), 0)
     check_size(shot, (64, 48), "the camera")
     check_size(shot, None, "the camera")
     with pytest.raises(CameraError, match=r"64 x 48 px; expected 640 x 480"):

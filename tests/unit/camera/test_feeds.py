@@ -8,8 +8,8 @@ import pytest
 
 from dfvs_service.camera.feed import LiveFeed, RecordedFeed
 from dfvs_service.camera.publisher import RateReport
-from dfvs_service.camera.source import Shot
 from dfvs_service.camera.spec import CameraError, SourceLostError
+from dfvs_service.frames import CapturedImage
 
 
 class Script:
@@ -25,7 +25,7 @@ class Script:
         item = self._items.pop(0) if self._items else None
         if isinstance(item, Exception):
             raise item
-        return None if item is None else Shot(np.full((4, 4, 3), item, np.uint8), item)
+        return None if item is None else CapturedImage(np.full((4, 4, 3), item, np.uint8), item)
 
     def close(self):
         self.closed += 1
@@ -71,15 +71,15 @@ def test_only_the_newest_picture_is_kept():
     deadline = time.monotonic() + 5.0
     while feed.dropped < 2 and time.monotonic() < deadline:
         time.sleep(0.001)
-    assert feed.take(1.0).t_capture_ns == 3
-    assert feed.take(0.0) is None
+    assert feed.receive(1.0).t_capture_ns == 3
+    assert feed.receive(0.0) is None
     feed.close()
 
 
 def test_what_cannot_be_mended_by_trying_again_ends_it():
     feed = LiveFeed(Openings(CameraError("no GStreamer")), lambda _line: None)
     with pytest.raises(CameraError, match="no GStreamer"):
-        feed.take(5.0)
+        feed.receive(5.0)
     feed.close()
 
 
@@ -87,7 +87,7 @@ def taken(feed, count):
     shots = []
     deadline = time.monotonic() + 5.0
     while len(shots) < count and not feed.ended and time.monotonic() < deadline:
-        shot = feed.take(0.1)
+        shot = feed.receive(0.1)
         if shot is not None:
             shots.append(shot)
     return shots
@@ -117,5 +117,5 @@ def test_silence_is_said_once_and_rates_every_five_seconds():
     for i in range(50):
         report.frame(0.1 * i, 2000)
     for t in (4.9, 5.0, 6.0, 8.0, 9.0):
-        report.look(t)
-    assert lines == ["10.0 frames a second, 2 kB each", "no picture for 3.1 s"]
+        report.update(t)
+    assert lines == ["10.0 frames a second, 2 kB each", "no image for 3.1 s"]

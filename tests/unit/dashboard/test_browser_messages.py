@@ -4,7 +4,7 @@ import struct
 import pytest
 
 from dfvs_core.messages.goal_command import GoalCommand
-from dfvs_service.dashboard.messages import ordered_goal, read_message
+from dfvs_service.dashboard.messages import commanded_goal, read_message
 
 
 def with_picture(header, picture=b"jpeg", length=None):
@@ -22,9 +22,9 @@ def test_other_text_is_an_empty_message(text):
 
 
 def test_a_picture_comes_with_what_is_said_of_it():
-    message = read_message(None, with_picture({"order": "goal", "sidecar": "{}"}))
-    assert message["order"] == "goal"
-    assert ordered_goal(message) == GoalCommand(b"jpeg", "{}")
+    message = read_message(None, with_picture({"command": "goal", "sidecar": "{}"}))
+    assert message["command"] == "goal"
+    assert commanded_goal(message) == GoalCommand(b"jpeg", "{}")
 
 
 @pytest.mark.parametrize(
@@ -35,10 +35,10 @@ def test_bytes_that_hold_no_header_are_an_empty_message(data):
 
 
 def test_a_picture_cannot_be_smuggled_in_by_text():
-    message = read_message('{"picture": "abc"}', None)
-    assert ordered_goal(message) is None
+    message = read_message('{"image": "abc"}', None)
+    assert commanded_goal(message) is None
 
 
 def test_a_sidecar_that_is_no_text_is_left_out():
     message = read_message(None, with_picture({"sidecar": [1]}))
-    assert ordered_goal(message) == GoalCommand(b"jpeg", "")
+    assert commanded_goal(message) == GoalCommand(b"jpeg", "")

@@ -8,8 +8,8 @@ from dfvs_core.messages.link import GateStatus
 from dfvs_core.messages.schema import dump
 from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.hub import MAX_VEHICLES, Hub
-from dfvs_service.dashboard.outbox import Outbox, PictureKind
-from dfvs_service.dashboard.sample import Parcel, Picture
+from dfvs_service.dashboard.outbox import ImageKind, Outbox
+from dfvs_service.dashboard.sample import BrowserImage, Sample
 
 
 class Rig:
@@ -20,10 +20,10 @@ class Rig:
 
     def state(self, vehicle, state="READY"):
         status = GateStatus(state, "tested", None, t_ns=self.now.t_ns)
-        self.hub.take([Parcel(vehicle, "state", dump(status))])
+        self.hub.on_samples([Sample(vehicle, "state", dump(status))])
 
-    def picture(self, vehicle, kind=PictureKind.VIEW, stream="camera", data=b"jpeg"):
-        self.hub.take([Parcel(vehicle, stream, Picture(kind, self.now.t_ns, 1, data))])
+    def picture(self, vehicle, kind=ImageKind.VIEW, stream="camera", data=b"jpeg"):
+        self.hub.on_samples([Sample(vehicle, stream, BrowserImage(kind, self.now.t_ns, 1, data))])
 
     def browser(self, vehicle=None):
         outbox = Outbox()
@@ -69,7 +69,7 @@ def test_a_browser_hears_of_the_vehicle_that_it_watches_and_of_no_other(rig):
 def test_who_begins_to_watch_is_told_everything_so_far(rig):
     rig.state("swift", "READY")
     rig.state("swift", "SERVO")
-    rig.picture("swift", PictureKind.GOAL, "goal", b"goal")
+    rig.picture("swift", ImageKind.GOAL, "goal", b"goal")
     news, pictures = take(rig.browser("swift"))
     assert news["watching"] == "swift"
     assert news["state"]["state"] == "SERVO"
@@ -117,7 +117,7 @@ def test_what_cannot_be_read_is_counted_and_harms_nobody(rig):
     rig.state("swift")
     outbox = rig.browser("swift")
     take(outbox)
-    rig.hub.take([Parcel("swift", "state", {"state": 3}), Parcel("swift", "servo", [])])
+    rig.hub.on_samples([Sample("swift", "state", {"state": 3}), Sample("swift", "servo", [])])
     assert rig.hub.refused == 2
     rig.state("swift", "HOLD")
     assert take(outbox)[0]["state"]["state"] == "HOLD"

@@ -8,7 +8,7 @@ from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.image import decode_image, encode_png
 from dfvs_core.perception.flow_grid import encode_flow_grid, sample_flow
-from dfvs_service.dashboard.outbox import PictureKind
+from dfvs_service.dashboard.outbox import ImageKind
 from dfvs_service.dashboard.sample import MAX_VIEW_WIDTH, Arrival, unpack
 
 
@@ -20,7 +20,7 @@ def frame(width=64, height=48):
 def test_a_jpeg_is_passed_on_bit_for_bit():
     payload, attachment = encode_frame(frame(), PixelFormat.JPEG)
     picture = unpack(Arrival("a", "camera", payload, attachment)).content
-    assert (picture.kind, picture.t_ns, picture.seq) == (PictureKind.VIEW, 123, 7)
+    assert (picture.kind, picture.t_ns, picture.seq) == (ImageKind.VIEW, 123, 7)
     assert picture.data is payload
 
 
@@ -41,7 +41,7 @@ def test_a_flow_grid_is_passed_on():
     flow = FlowField(np.zeros((48, 64, 2), np.float32), np.ones((48, 64), np.float32))
     data = encode_flow_grid(sample_flow(flow, 3, 99))
     picture = unpack(Arrival("a", "flow", data, b"")).content
-    assert (picture.kind, picture.t_ns, picture.data) == (PictureKind.FLOW, 99, data)
+    assert (picture.kind, picture.t_ns, picture.data) == (ImageKind.FLOW, 99, data)
 
 
 def test_documents_are_read_from_json():

@@ -4,7 +4,7 @@ import pytest
 from starlette.responses import PlainTextResponse
 
 from dfvs_service.dashboard.address import LOOPBACK_NAMES, PublicAddress
-from dfvs_service.dashboard.origin_check import Doorkeeper
+from dfvs_service.dashboard.origin_check import OriginCheckMiddleware
 
 HERE = PublicAddress.of(LOOPBACK_NAMES, 8470, secure=False)
 OUR_HOST = ("host", "127.0.0.1:8470")
@@ -30,7 +30,7 @@ def ask(*headers, kind="http", method="GET", address=HERE):
 
     raw = [(name.encode(), value.encode()) for name, value in headers]
     scope = {"type": kind, "method": method, "path": "/", "headers": raw}
-    asyncio.run(Doorkeeper(hello, address)(scope, receive, send))
+    asyncio.run(OriginCheckMiddleware(hello, address)(scope, receive, send))
     return sent[0]
 
 

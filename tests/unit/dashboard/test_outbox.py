@@ -4,7 +4,13 @@ import struct
 
 import pytest
 
-from dfvs_service.dashboard.outbox import MAX_ROWS, MAX_UNSEEN, Outbox, PictureKind, encode_picture
+from dfvs_service.dashboard.outbox import (
+    MAX_ROWS,
+    MAX_UNSEEN,
+    ImageKind,
+    Outbox,
+    encode_image_message,
+)
 
 
 def take(outbox):
@@ -44,7 +50,7 @@ def test_rows_are_gathered_in_order_and_the_oldest_go():
 def test_a_newer_view_takes_the_place_of_one_that_waits():
     outbox = Outbox()
     for picture in (b"old", b"new"):
-        outbox.show(PictureKind.VIEW, picture)
+        outbox.show(ImageKind.VIEW, picture)
     assert take(outbox) == (None, [b"new"])
     assert outbox.overtaken == 1
 
@@ -52,12 +58,12 @@ def test_a_newer_view_takes_the_place_of_one_that_waits():
 def test_views_wait_until_earlier_ones_are_confirmed_and_other_news_do_not():
     outbox = Outbox()
     for i in range(MAX_UNSEEN):
-        outbox.show(PictureKind.VIEW, bytes([i]))
+        outbox.show(ImageKind.VIEW, bytes([i]))
         assert take(outbox)[1] == [bytes([i])]
-    outbox.show(PictureKind.VIEW, b"waits")
+    outbox.show(ImageKind.VIEW, b"waits")
     assert is_silent(outbox)
     outbox.offer({"state": "1"})
-    outbox.show(PictureKind.FLOW, b"flow")
+    outbox.show(ImageKind.FLOW, b"flow")
     assert take(outbox) == ('{"state":1}', [b"flow"])
     outbox.confirm()
     assert take(outbox)[1] == [b"waits"]
@@ -67,7 +73,7 @@ def test_a_browser_that_turns_away_is_sent_nothing_old():
     outbox = Outbox()
     outbox.offer({"state": "1"})
     outbox.append("servo", ["1"])
-    outbox.show(PictureKind.VIEW, b"x")
+    outbox.show(ImageKind.VIEW, b"x")
     outbox.forget()
     assert is_silent(outbox)
 
@@ -85,18 +91,18 @@ def test_confirmations_that_nothing_was_sent_for_earn_no_credit():
     for _ in range(50):
         outbox.confirm()
     for i in range(MAX_UNSEEN):
-        outbox.show(PictureKind.VIEW, bytes([i]))
+        outbox.show(ImageKind.VIEW, bytes([i]))
         take(outbox)
-    outbox.show(PictureKind.VIEW, b"waits")
+    outbox.show(ImageKind.VIEW, b"waits")
     assert is_silent(outbox)
 
 
 def test_a_picture_message_is_kind_time_and_data():
-    message = encode_picture(PictureKind.VIEW, 1234.5, b"jpeg")
+    message = encode_image_message(ImageKind.VIEW, 1234.5, b"jpeg")
     assert struct.unpack("<Bd", message[:9]) == (1, 1234.5)
     assert message[9:] == b"jpeg"
 
 
-@pytest.mark.parametrize("kind", list(PictureKind))
+@pytest.mark.parametrize("kind", list(ImageKind))
 def test_every_kind_fits_its_byte(kind):
-    assert encode_picture(kind, 0.0, b"")[0] == kind
+    assert encode_image_message(kind, 0.0, b"")[0] == kind

@@ -6,7 +6,7 @@ import pytest
 
 from dfvs_core.errors import ConfigError
 from dfvs_service.flights.store import FlightStore, flights_folder, is_running
-from dfvs_service.settings.sections import BlackBoxSection
+from dfvs_service.settings.record_sections import BlackBoxSection
 
 T_S = 1_700_000_000.0
 

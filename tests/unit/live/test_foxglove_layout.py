@@ -43,9 +43,9 @@ def channels():
     """Channels by topic, as a flight gives them."""
     flight = fly(np.random.default_rng(3), frames=3)
     translation = Translation(flight.opening)
-    messages = list(translation.opening(flight.events[0][1]))
+    messages = list(translation.header(flight.events[0][1]))
     for turn, payload in flight.events[1:]:
-        messages += translation.turn(turn, payload)
+        messages += translation.record(turn, payload)
     assert isinstance(turn, FrameRecord)
     grid = FlowGrid(np.zeros((2, 2, 2), np.float32), np.ones((2, 2), np.float32), 8, 1, 0)
     messages.append(translation.flow(grid))

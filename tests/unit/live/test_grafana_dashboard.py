@@ -31,11 +31,11 @@ def served():
     registry = CollectorRegistry()
     metrics = FlightMetrics("drone1", registry, lambda: 0)
     status = GateStatus("SERVO", "", None, battery=0.8, heartbeat_age_s=0.1, distance_m=1.0)
-    metrics.heard("state", dump(status))
+    metrics.on_document("state", dump(status))
     servo = dict.fromkeys(SERVO, 0.5) | {"stages_ms": {"capture_to_report": 60.0}}
-    metrics.heard("servo", servo | {"velocity_error": [0.0, 0.0, 0.0, 0.0]})
+    metrics.on_document("servo", servo | {"velocity_error": [0.0, 0.0, 0.0, 0.0]})
     counters = {"frames": 1, "refused": 0, "overtaken": 0}
-    metrics.heard("timing", json.loads(json.dumps(timing_document({}, 0, counters))))
+    metrics.on_document("timing", json.loads(json.dumps(timing_document({}, 0, counters))))
     labels = {}
     for family in text_string_to_metric_families(generate_latest(registry).decode()):
         for sample in family.samples:

@@ -34,7 +34,7 @@ def board():
 
 def test_every_frame_s_stages_are_counted_in_seconds(board):
     for duration_ms in (4.0, 6.0, 260.0):
-        board.metrics.heard("servo", {"stages_ms": {"match": duration_ms}})
+        board.metrics.on_document("servo", {"stages_ms": {"match": duration_ms}})
     stage = {"stage": "match", "vehicle": "drone1"}
     assert board.value("dfvs_frame_stage_seconds_count", **stage) == 3
     assert board.value("dfvs_frame_stage_seconds_sum", **stage) == pytest.approx(0.27)
@@ -44,7 +44,7 @@ def test_every_frame_s_stages_are_counted_in_seconds(board):
 
 def test_exactly_one_state_is_one_and_entries_are_counted(board):
     for state in ("READY", "READY", "SERVO", "HOLD", "SERVO"):
-        board.metrics.heard("state", {"state": state})
+        board.metrics.on_document("state", {"state": state})
     assert board.value("dfvs_gate_state", state="SERVO") == 1
     assert sum(board.value("dfvs_gate_state")) == 1
     assert board.value("dfvs_gate_entries_total", state="SERVO") == 2
@@ -52,15 +52,17 @@ def test_exactly_one_state_is_one_and_entries_are_counted(board):
 
 
 def test_frames_and_drops_are_counters(board):
-    board.metrics.heard("timing", {"frames": 90, "refused": 3, "overtaken": 2})
+    board.metrics.on_document("timing", {"frames": 90, "refused": 3, "overtaken": 2})
     assert board.value("dfvs_frames_total") == 90
     assert board.value("dfvs_frames_refused_total") == 3
     assert board.value("dfvs_frames_overtaken_total") == 2
 
 
 def test_what_is_unknown_is_left_out_rather_than_zero(board):
-    board.metrics.heard("state", {"state": "READY", "battery": None, "setpoint": [0.1, 0, 0, 0]})
-    board.metrics.heard("servo", {"error_m": None, "error_rad": 0.2})
+    board.metrics.on_document(
+        "state", {"state": "READY", "battery": None, "setpoint": [0.1, 0, 0, 0]}
+    )
+    board.metrics.on_document("servo", {"error_m": None, "error_rad": 0.2})
     assert board.value("dfvs_battery_ratio") == []
     assert board.value("dfvs_error_meters") == []
     assert board.value("dfvs_error_radians") == 0.2
@@ -86,15 +88,15 @@ def test_uncertainty_is_told_where_it_is_known(board):
         "dfvs_mounting_score": -7.5,
         "dfvs_velocity_error_meters_per_second": [0.1, 0.2, 0.3],
     }
-    board.metrics.heard("servo", known)
+    board.metrics.on_document("servo", known)
     assert {name: board.value(name) for name in names} == names
     assert board.value("dfvs_velocity_error_meters_per_second", axis="down") == 0.3
-    board.metrics.heard("servo", dict.fromkeys(known))
+    board.metrics.on_document("servo", dict.fromkeys(known))
     assert all(board.value(name) == [] for name in names)
 
 
 def test_how_old_everything_is_can_be_seen(board):
-    board.metrics.heard("state", {"state": "READY"})
+    board.metrics.on_document("state", {"state": "READY"})
     board.now_ns = 7 * S
     assert board.value("dfvs_telemetry_age_seconds", stream="state") == 7
 
@@ -115,9 +117,9 @@ def test_how_old_everything_is_can_be_seen(board):
 )
 def test_telemetry_that_is_none_does_no_harm(board, document):
     for stream in ("state", "servo", "timing"):
-        board.metrics.heard(stream, document)
+        board.metrics.on_document(stream, document)
     assert board.value("dfvs_telemetry_unreadable_total") == (
         0 if isinstance(document, dict) else 3
     )
-    board.metrics.heard("servo", {"stages_ms": {"match": "soon", "servo": 3.0}})
+    board.metrics.on_document("servo", {"stages_ms": {"match": "soon", "servo": 3.0}})
     assert board.value("dfvs_frame_stage_seconds_count", stage="servo") == 1

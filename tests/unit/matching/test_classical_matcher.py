@@ -12,7 +12,7 @@ from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import ImageFeatures, track_or_match
 
 MATCHER = classical_matcher()
-SURE = np.ones((HEIGHT, WIDTH), np.float32)
+CONFIDENT = np.ones((HEIGHT, WIDTH), np.float32)
 FAR = turned(roll_deg=35.0, zoom=1.25, shift=(30.0, -20.0), perspective=(4e-4, -3e-4))
 
 
@@ -172,8 +172,8 @@ def test_tracking_follows_a_camera_that_moves_on(wall):
 @pytest.mark.parametrize(
     "predicted",
     [
-        FlowField(np.full((HEIGHT, WIDTH, 2), 25.0, np.float32), SURE),
-        FlowField(np.full((HEIGHT, WIDTH, 2), np.nan, np.float32), SURE),
+        FlowField(np.full((HEIGHT, WIDTH, 2), 25.0, np.float32), CONFIDENT),
+        FlowField(np.full((HEIGHT, WIDTH, 2), np.nan, np.float32), CONFIDENT),
         FlowField(np.zeros((60, 80, 2), np.float32), np.ones((60, 80), np.float32)),
         empty_flow((HEIGHT, WIDTH)),
     ],

@@ -19,7 +19,7 @@ FALSE = turned(roll_deg=-30.0, shift=(-40.0, 30.0))
 TRUTH = exact_flow(TRUE)
 VISIBLE = inside(TRUTH, margin=8.0)
 PERIOD_PX = 80
-SURE = np.ones((HEIGHT, WIDTH), np.float32)
+CONFIDENT = np.ones((HEIGHT, WIDTH), np.float32)
 
 
 def hypothesis(motion, count):
@@ -83,7 +83,7 @@ def match(pictures, points, excluded=()):
 
 
 def shifted(right_px):
-    return FlowField(np.full((HEIGHT, WIDTH, 2), (right_px, 0.0), np.float32), SURE)
+    return FlowField(np.full((HEIGHT, WIDTH, 2), (right_px, 0.0), np.float32), CONFIDENT)
 
 
 def is_right(field):

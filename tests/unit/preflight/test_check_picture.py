@@ -10,7 +10,7 @@ from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.frame_record import FrameInput, FrameRecord, pack
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.perception.flow_grid import FlowGrid, encode_flow_grid
-from dfvs_service.preflight.image import draw_picture
+from dfvs_service.preflight.image import draw_image
 from dfvs_service.preflight.live_view import View, ViewCollector
 
 GOAL = np.full((60, 80, 3), 128, np.uint8)
@@ -33,11 +33,11 @@ def colours(picture):
     ("confidence", "arrows"), [(1.0, (True, False)), (0.55, (False, True)), (0.1, (False, False))]
 )
 def test_arrows_say_how_sure_the_flow_is(confidence, arrows):
-    assert colours(draw_picture(GOAL, View(GOAL, grid(confidence)), 0.5)) == arrows
+    assert colours(draw_image(GOAL, View(GOAL, grid(confidence)), 0.5)) == arrows
 
 
 def test_goal_and_frame_stand_side_by_side_above_the_numbers():
-    picture = draw_picture(GOAL, View(GOAL // 2), 0.5)
+    picture = draw_image(GOAL, View(GOAL // 2), 0.5)
     assert picture[180, 240].tolist() == [128, 128, 128]
     assert picture[180, -240].tolist() == [64, 64, 64]
     assert picture.shape[0] > 360 + 60
@@ -51,7 +51,7 @@ def test_goal_and_frame_stand_side_by_side_above_the_numbers():
     )
 )
 def test_any_servo_document_and_no_frame_give_a_picture(servo):
-    assert draw_picture(GOAL, View(None, None, servo), 0.5).ndim == 3
+    assert draw_image(GOAL, View(None, None, servo), 0.5).ndim == 3
 
 
 def turn(t_capture_ns, grey):
@@ -67,7 +67,7 @@ def turn(t_capture_ns, grey):
 def test_flow_is_shown_on_the_very_frame_that_it_is_of():
     views = ViewCollector()
     for number in (1, 2, 3):
-        views.add_turn(turn(number * MS, 50 * number))
+        views.add_record(turn(number * MS, 50 * number))
     assert views.view().image[0, 0, 0] == 150
     assert views.view().flow is None
     views.add_flow(encode_flow_grid(grid(1.0, 2 * MS)))
@@ -78,4 +78,4 @@ def test_flow_is_shown_on_the_very_frame_that_it_is_of():
 
 def test_what_is_no_message_is_refused():
     with pytest.raises(WireError):
-        ViewCollector().add_turn(b"turn")
+        ViewCollector().add_record(b"turn")

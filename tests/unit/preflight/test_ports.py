@@ -9,11 +9,11 @@ import pytest
 from loopback import free_tcp_port
 
 from dfvs_core.errors import ConfigError
-from dfvs_service.preflight.ports import (
+from dfvs_service.ports import (
     LocalPort,
     mavlink_port,
-    refuse_taken_mavlink,
-    refuse_taken_zenoh,
+    require_free_mavlink_port,
+    require_free_zenoh_ports,
     zenoh_port,
 )
 from dfvs_service.settings.config import ZenohSection
@@ -77,12 +77,12 @@ def test_the_port_at_which_mavsdk_listens(url, port):
 def test_a_port_of_another_program_is_taken_though_that_one_would_share_it(kind, shares):
     with bound(kind, shares=shares) as number:
         port = LocalPort(kind, "127.0.0.1", number)
-        assert port.is_taken()
-        assert LocalPort(kind, "localhost", number).is_taken()
-        assert LocalPort(kind, "0.0.0.0", number).is_taken()
+        assert port.is_in_use()
+        assert LocalPort(kind, "localhost", number).is_in_use()
+        assert LocalPort(kind, "0.0.0.0", number).is_in_use()
         other = UDP if kind is TCP else TCP
-        assert not LocalPort(other, "127.0.0.1", number).is_taken()
-    assert not port.is_taken()
+        assert not LocalPort(other, "127.0.0.1", number).is_in_use()
+    assert not port.is_in_use()
 
 
 def test_a_port_of_a_connection_that_was_closed_is_free():
@@ -92,24 +92,24 @@ def test_a_port_of_a_connection_that_was_closed_is_free():
         with socket.create_connection(("127.0.0.1", number)):
             accepted, _ = server.accept()
             accepted.close()  # the end that closes first waits
-    assert not LocalPort(TCP, "127.0.0.1", number).is_taken()
+    assert not LocalPort(TCP, "127.0.0.1", number).is_in_use()
 
 
 @pytest.mark.parametrize("host", ["192.0.2.1", "no-such-host.invalid"])
 def test_an_address_that_cannot_be_bound_is_left_to_those_who_bind_it(host):
-    assert not LocalPort(TCP, host, free_tcp_port()).is_taken()
+    assert not LocalPort(TCP, host, free_tcp_port()).is_in_use()
 
 
 def test_the_next_free_port_leaves_out_those_that_are_taken():
     with bound(UDP) as first, contextlib.suppress(OSError), bound(UDP, port=first + 1):
         found = LocalPort(UDP, "127.0.0.1", first).next_free()
         assert found > first + 1
-        assert not LocalPort(UDP, "127.0.0.1", found).is_taken()
+        assert not LocalPort(UDP, "127.0.0.1", found).is_in_use()
 
 
 def test_after_the_last_port_any_free_one_is_found():
     found = LocalPort(TCP, "127.0.0.1", 65535).next_free()
-    assert not LocalPort(TCP, "127.0.0.1", found).is_taken()
+    assert not LocalPort(TCP, "127.0.0.1", found).is_in_use()
 
 
 def test_a_taken_zenoh_port_comes_with_a_setting_that_works():
@@ -117,26 +117,26 @@ def test_a_taken_zenoh_port_comes_with_a_setting_that_works():
     with bound(TCP) as number:
         listen = (f"tcp/127.0.0.1:{free}", f"tcp/127.0.0.1:{number}")
         with pytest.raises(ConfigError, match=f"TCP port {number} is taken") as refused:
-            refuse_taken_zenoh(ZenohSection(listen=listen))
+            require_free_zenoh_ports(ZenohSection(listen=listen))
         assert len(str(refused.value).splitlines()) == 1
         setting = re.search(r"--set 'zenoh\.(.*?)'", refused.value.remedy).group(1)
         proposed = tomllib.loads(setting)["listen"]
         assert proposed[0] == listen[0]
-        assert not zenoh_port(proposed[1]).is_taken()
-        refuse_taken_zenoh(ZenohSection(listen=tuple(proposed)))
+        assert not zenoh_port(proposed[1]).is_in_use()
+        require_free_zenoh_ports(ZenohSection(listen=tuple(proposed)))
 
 
 def test_a_client_of_a_router_listens_on_nothing():
     with bound(TCP) as number:
         place = (f"tcp/127.0.0.1:{number}",)
-        refuse_taken_zenoh(ZenohSection("client", place, place))
+        require_free_zenoh_ports(ZenohSection("client", place, place))
 
 
 def test_a_taken_mavlink_port_comes_with_a_connection_that_works():
     with bound(UDP, shares=True) as number:
         with pytest.raises(ConfigError, match=f"UDP port {number} is taken") as refused:
-            refuse_taken_mavlink(f"udpin://127.0.0.1:{number}")
+            require_free_mavlink_port(f"udpin://127.0.0.1:{number}")
         proposed = refused.value.remedy.rsplit("--mavlink ", 1)[1]
         assert proposed.startswith("udpin://127.0.0.1:")
-        refuse_taken_mavlink(proposed)
-    refuse_taken_mavlink(f"udpin://127.0.0.1:{number}")
+        require_free_mavlink_port(proposed)
+    require_free_mavlink_port(f"udpin://127.0.0.1:{number}")

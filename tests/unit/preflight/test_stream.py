@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
-from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.frames import RawSample
 from dfvs_service.preflight.stream import Stream, judge, listen
 
 MS = 1_000_000

@@ -2,7 +2,7 @@ from dfvs_core.gate.config import Engage
 from dfvs_core.gate.preflight import Check
 from dfvs_service.preflight.watch_only import Observer, watching
 from dfvs_service.settings.config import load_config
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.heartbeat import Heartbeat
 
 LIST = (Check("link", False, "none heard yet", "check it"),)
 
@@ -24,13 +24,13 @@ def observer(timeout_s=10.0):
 
 def test_it_ends_as_soon_as_all_checks_have_passed():
     watch, _, ends = observer()
-    watch.show(Beat(0, "PREFLIGHT", "", checks=LIST))
+    watch.show(Heartbeat(0, "PREFLIGHT", "", checks=LIST))
     assert not ends
     passed = (Check("link", True),)
-    watch.show(Beat(0, "READY", "", checks=passed))
+    watch.show(Heartbeat(0, "READY", "", checks=passed))
     assert watch.is_done
     assert watch.checks == passed
-    watch.show(Beat(0, "ABORT", ""))
+    watch.show(Heartbeat(0, "ABORT", ""))
     assert watch.checks == passed
     assert ends == [0.0]
 
@@ -38,9 +38,9 @@ def test_it_ends_as_soon_as_all_checks_have_passed():
 def test_it_ends_with_the_crosses_there_are_when_the_time_is_up():
     watch, now, ends = observer(10.0)
     now[0] = 9.9
-    watch.show(Beat(0, "PREFLIGHT", "", checks=LIST))
+    watch.show(Heartbeat(0, "PREFLIGHT", "", checks=LIST))
     assert not ends
     now[0] = 10.0
-    watch.show(Beat(0, "PREFLIGHT", "", checks=LIST))
+    watch.show(Heartbeat(0, "PREFLIGHT", "", checks=LIST))
     assert watch.is_done
     assert watch.checks == LIST

@@ -23,7 +23,7 @@ def servo_messages(*documents):
     opening = SessionHeader("v", 0, 0, "", 0, {}, {}, settings, dump(GoalSidecar(CAMERA)))
     translation = Translation(opening)
     turns = [FrameRecord(i, 0, i, (), REPORT, servo=servo) for i, servo in enumerate(documents)]
-    messages = [message for turn in turns for message in translation.turn(turn, b"")]
+    messages = [message for turn in turns for message in translation.record(turn, b"")]
     return [m for m in messages if m.channel.topic == "/perception/servo"]
 
 

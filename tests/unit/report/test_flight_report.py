@@ -220,7 +220,7 @@ def test_the_command_takes_a_name_or_a_folder(filmed, tmp_path, monkeypatch, cap
         (["20000101T000000Z-drone1"], "there is no flight"),
         (["/no/such/folder"], "there is no folder"),
         (["latest", "--out", "/no/such/folder/x.html"], "cannot write /no/such/folder/x.html"),
-        (["latest", "--film", "film.avi"], "the film is to be film.avi"),
+        (["latest", "--film", "film.avi"], "the video is to be film.avi"),
         (["latest", "--truth", "/no/such/file"], "cannot be read from /no/such/file"),
         (["latest", "20000101T000000Z-drone1"], "2 flights"),
         (["/no/such/recording.mcap"], "cannot read /no/such/recording.mcap"),
@@ -271,7 +271,7 @@ def test_faults_of_frames_that_follow_each_other_are_one_line(flight):
     write_inputs(flight, [*bad, (7, [report(7, 1, healthy=False)])])
     faults = BlackBoxFlight(flight).read().series.faults
     assert [(f.from_s, f.to_s, f.count) for f in faults] == [(5.0, 5.4, 5), (7.0, 7.0, 1)]
-    assert flight_page(flight).count("no frame that may be flown by") == 2
+    assert flight_page(flight).count("no valid frame") == 2
 
 
 def test_the_truth_of_a_simulation_is_drawn_beside_the_estimate(flight, tmp_path, monkeypatch):
@@ -291,7 +291,7 @@ def test_a_film_that_cannot_be_encoded_leaves_nothing_behind(filmed, tmp_path, m
     monkeypatch.chdir(tmp_path)
     monkeypatch.setattr("dfvs_service.report.video._CODEC", "none")
     assert main(["latest", "--out", "x.html"]) == 2
-    assert "no film can be written to x.mp4" in capsys.readouterr().err
+    assert "no video can be written to x.mp4" in capsys.readouterr().err
     assert [path.name for path in tmp_path.iterdir() if path.is_file()] == []
 
 

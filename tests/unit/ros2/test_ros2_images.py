@@ -10,10 +10,10 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import decode_frame, decode_header
 from dfvs_core.messages.image import encode_jpeg, encode_png
 from dfvs_core.messages.ros2 import Ros2Attachment
-from dfvs_service.perception.frame_processor import RawSample
-from dfvs_service.ros2.frame_source import ClockReading, Ros2Intake
+from dfvs_service.frames import RawSample
+from dfvs_service.ros2.frame_source import ClockReading, Ros2FrameSource
 from dfvs_service.ros2.messages import type_hash
-from dfvs_service.settings.sections import Ros2CameraSection
+from dfvs_service.settings.camera_section import Ros2CameraSection
 
 MS = 1_000_000
 CLOCK = b"c" * 16
@@ -27,7 +27,7 @@ class Rig:
     def __init__(self, *, compressed=False, link="rmw"):
         self.now = NOW
         section = Ros2CameraSection(topic="drone1/camera/image_raw", compressed=compressed)
-        self.intake = Ros2Intake(link, section, CLOCK, lambda: self.now)
+        self.intake = Ros2FrameSource(link, section, CLOCK, lambda: self.now)
 
     def frame(self, payload, attachment=b""):
         sample = self.intake.translate(RawSample(payload, attachment, NOW.monotonic_ns))

@@ -31,22 +31,22 @@ def desk(store):
 
 
 def test_a_command_is_passed_on_untouched(desk):
-    assert desk.take_command(b"for the gate", 0).payload == "for the gate"
+    assert desk.receive_command(b"for the gate", 0).payload == "for the gate"
 
 
 @pytest.mark.parametrize("payload", [b" " * (MAX_COMMAND_BYTES + 1), b"\0" * MAX_COMMAND_BYTES])
 def test_what_would_not_fit_into_a_datagram_to_the_gate_is_dropped(desk, payload):
-    assert desk.take_command(payload, 0) is None
+    assert desk.receive_command(payload, 0) is None
     assert desk.dropped == 1
 
 
 def test_whatever_is_passed_on_fits(desk):
-    message = desk.take_command(b"\xff" * 600, 0)
+    message = desk.receive_command(b"\xff" * 600, 0)
     assert message is None or len(to_datagram(message)) <= MAX_DATAGRAM_BYTES
 
 
 def test_a_flood_of_commands_is_cut_to_the_rate(desk):
-    passed = sum(desk.take_command(b"x", i * S // 1000) is not None for i in range(5000))
+    passed = sum(desk.receive_command(b"x", i * S // 1000) is not None for i in range(5000))
     most = COMMAND_RATE.burst + 5 * COMMAND_RATE.per_s
     assert most - 1 <= passed <= most
     assert desk.dropped == 5000 - passed
@@ -54,8 +54,8 @@ def test_a_flood_of_commands_is_cut_to_the_rate(desk):
 
 def test_a_goal_waits_unopened_for_the_gates_word(desk, store):
     data, command = goal()
-    assert desk.take_goal(data, command, 0).payload.encode() == command
-    assert store.take(goal_digest(data)) == data
+    assert desk.receive_goal(data, command, 0).payload.encode() == command
+    assert store.pop(goal_digest(data)) == data
 
 
 @pytest.mark.parametrize(
@@ -68,16 +68,16 @@ def test_a_goal_waits_unopened_for_the_gates_word(desk, store):
     ids=["another goal's", "none", "of another kind"],
 )
 def test_a_goal_whose_command_does_not_name_it_is_dropped(desk, store, data, command):
-    assert desk.take_goal(data, command, 0) is None
+    assert desk.receive_goal(data, command, 0) is None
     assert desk.dropped == 1
     with pytest.raises(WireError, match="not here"):
-        store.take(goal_digest(data))
+        store.pop(goal_digest(data))
 
 
 def test_a_goal_that_cannot_be_kept_is_dropped(tmp_path, caplog):
     (tmp_path / "file").touch()
     desk = CommandFilter(GoalStore(tmp_path / "file"), 0)
-    assert desk.take_goal(*goal(), 0) is None
+    assert desk.receive_goal(*goal(), 0) is None
     assert "the goal cannot be kept" in caplog.text
 
 
@@ -86,21 +86,21 @@ def test_a_goal_that_was_damaged_on_its_way_is_none(store, tmp_path):
     store.keep(goal_digest(data), data)
     (tmp_path / "goals" / goal_digest(data)).write_bytes(data[:-1])
     with pytest.raises(WireError, match="not here"):
-        store.take(goal_digest(data))
+        store.pop(goal_digest(data))
 
 
 def test_a_flood_of_goals_is_cut_and_holds_no_more_than_a_few(desk, store, tmp_path):
     goals = [goal(i) for i in range(50)]
-    taken = [g for i, g in enumerate(goals) if desk.take_goal(*g, i * S // 10)]
+    taken = [g for i, g in enumerate(goals) if desk.receive_goal(*g, i * S // 10)]
     most = GOAL_RATE.burst + 5 * GOAL_RATE.per_s
     assert most - 1 <= len(taken) <= most
     assert desk.dropped == 50 - len(taken)
     assert len(list((tmp_path / "goals").iterdir())) == MAX_KEPT_GOALS
-    assert store.take(goal_digest(taken[-1][0])) == taken[-1][0]
+    assert store.pop(goal_digest(taken[-1][0])) == taken[-1][0]
 
 
 def test_a_flood_does_not_fill_the_log(desk, caplog):
     for _ in range(1000):
-        desk.take_command(b"x" * 2000, 0)
+        desk.receive_command(b"x" * 2000, 0)
     assert 1 <= len(caplog.records) <= 20
     assert "command dropped: " in caplog.text

@@ -2,7 +2,8 @@ import pytest
 
 from dfvs_core.errors import ConfigError
 from dfvs_service.settings.config import load_config
-from dfvs_service.settings.exposure import exposure_warnings, is_private, is_private_mavlink
+from dfvs_service.settings.endpoints import is_private, is_private_mavlink
+from dfvs_service.settings.exposure import exposure_warnings
 from dfvs_service.zenoh_session import check_files
 
 PEM = "-----BEGIN CERTIFICATE-----\n"

@@ -1,4 +1,4 @@
-"""Inbox, journal, beat, runtime folder and console: what carries things between processes."""
+"""EventQueue, journal, beat, runtime folder and console: what carries things between processes."""
 
 import io
 import json
@@ -11,13 +11,13 @@ import pytest
 from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.gate.events import Battery
 from dfvs_service.gate import event_queue as inbox_module
-from dfvs_service.gate.event_queue import Inbox
-from dfvs_service.gate.journal import MAX_WAITING, Journal
+from dfvs_service.gate.event_queue import EventQueue
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.console import ChangeLines, JsonLines, LiveLine, describe
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.heartbeat import Heartbeat
+from dfvs_service.supervisor.journal import MAX_WAITING, Journal
 
-SERVO = Beat(1, "SERVO", "OFFBOARD confirmed", error_m=0.5, error_rad=0.1)
+SERVO = Heartbeat(1, "SERVO", "OFFBOARD confirmed", error_m=0.5, error_rad=0.1)
 
 
 def wakes(inbox):
@@ -25,23 +25,23 @@ def wakes(inbox):
 
 
 def test_an_event_wakes_the_loop_and_waits_in_order():
-    inbox = Inbox()
+    inbox = EventQueue()
     assert not wakes(inbox)
     events = [Battery(i, 0.5) for i in range(3)]
     for event in events:
         inbox.put(event)
     assert wakes(inbox)
-    assert inbox.take() == events
+    assert inbox.drain() == events
     assert not wakes(inbox)
-    assert inbox.take() == []
+    assert inbox.drain() == []
 
 
 def test_a_full_inbox_drops_the_oldest_and_never_blocks():
-    inbox = Inbox()
+    inbox = EventQueue()
     count = 3 * inbox_module.MAX_WAITING + 70_000  # more wake-up bytes than a pipe holds
     for i in range(count):
         inbox.put(Battery(i, 0.5))
-    taken = inbox.take()
+    taken = inbox.drain()
     assert len(taken) == inbox_module.MAX_WAITING
     assert taken[-1].t_ns == count - 1
 
@@ -75,13 +75,13 @@ def test_a_slow_disk_drops_records_and_blocks_nobody(tmp_path):
 
 
 def test_a_beat_survives_the_wire():
-    assert Beat.from_bytes(SERVO.to_bytes()) == SERVO
+    assert Heartbeat.from_bytes(SERVO.to_bytes()) == SERVO
 
 
 @pytest.mark.parametrize("data", [b"", b"[]", b'{"t_ns": "x"}', b"\xff"])
 def test_what_is_no_beat_is_an_error(data):
     with pytest.raises(WireError):
-        Beat.from_bytes(data)
+        Heartbeat.from_bytes(data)
 
 
 def test_a_runtime_folder_with_too_long_a_name_is_refused(tmp_path):
@@ -91,15 +91,15 @@ def test_a_runtime_folder_with_too_long_a_name_is_refused(tmp_path):
 
 def test_a_state_is_described_in_one_line():
     assert describe(SERVO) == "SERVO      error  0.500 m   5.7°  OFFBOARD confirmed"
-    assert describe(Beat(1, "IDLE", "")) == "IDLE"
+    assert describe(Heartbeat(1, "IDLE", "")) == "IDLE"
 
 
 def test_without_a_terminal_every_change_of_state_is_a_line():
     stream = io.StringIO()
     display = ChangeLines(stream)
     for state in ("IDLE", "IDLE", "READY", "READY", "IDLE"):
-        display.show(Beat(1, state, ""))
-    display.say("warning: x")
+        display.show(Heartbeat(1, state, ""))
+    display.log("warning: x")
     display.close()
     assert stream.getvalue() == "IDLE\nREADY\nIDLE\nwarning: x\n"
 
@@ -108,7 +108,7 @@ def test_a_terminal_gets_one_line_that_is_rewritten():
     stream = io.StringIO()
     display = LiveLine(stream, 20)
     display.show(SERVO)
-    display.say("warning: x")
+    display.log("warning: x")
     display.show(SERVO)
     display.close()
     clear = "\r\x1b[K"

@@ -8,14 +8,14 @@ from dfvs_service.supervisor.child import Child
 FLIGHT = """
 import gc, resource, sys
 import numpy as np
-from dfvs_service.perception.preallocation import settle
+from dfvs_service.perception.preallocation import preallocate
 
 def resident_mb():
     with open("/proc/self/statm") as file:
         return int(file.read().split()[1]) * resource.getpagesize() / 2**20
 
 before = resident_mb()
-settle()
+preallocate()
 settled = resident_mb()
 blocks = [np.ones(300_000, np.uint8) for _ in range(100)]
 flying = resident_mb()

@@ -1,20 +1,20 @@
 import threading
 
-from dfvs_service.perception.mailbox import Mailbox
+from dfvs_service.mailbox import Mailbox
 
 
 def test_the_newest_item_wins_and_the_others_are_counted():
     box = Mailbox()
     for item in range(5):
         box.put(item)
-    assert box.take(0.0) == 4
-    assert box.take(0.0) is None
+    assert box.get(0.0) == 4
+    assert box.get(0.0) is None
     assert box.dropped == 4
 
 
 def test_whoever_waits_is_woken():
     box, taken = Mailbox(), []
-    thread = threading.Thread(target=lambda: taken.append(box.take(5.0)))
+    thread = threading.Thread(target=lambda: taken.append(box.get(5.0)))
     thread.start()
     box.put("frame")
     thread.join(30.0)
@@ -27,5 +27,5 @@ def test_a_slow_reader_is_never_more_than_one_item_behind():
     for burst in range(10):
         for k in range(30):
             box.put((burst, k))
-        seen.append(box.take(0.0))
+        seen.append(box.get(0.0))
     assert seen == [(burst, 29) for burst in range(10)]

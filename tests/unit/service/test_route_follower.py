@@ -11,8 +11,8 @@ from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.keyframes import HORIZON_NS
-from dfvs_service.perception.assembly import Clocks, build_eye, servo_task
-from dfvs_service.perception.frame_processor import RawSample
+from dfvs_service.frames import RawSample
+from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
 from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.settings.config import load_config
 
@@ -38,7 +38,7 @@ class Rig:
         self.now_ns = 5_000 * MS
         clocks = Clocks(CLOCK, lambda: self.now_ns, lambda: self.now_ns)
         self.matcher = CountingMatcher()
-        self.eye = build_eye(self.config, self.goals[0], self.matcher, clocks)
+        self.eye = build_frame_processor(self.config, self.goals[0], self.matcher, clocks)
         self.route = RouteFollower(self.config, self.goals, AtOnce())
         self.state = "SERVO"
         self.seq = 0
@@ -48,16 +48,16 @@ class Rig:
         self.now_ns += 100 * MS
         self.seq += 1
         vehicle = VehicleState(self.now_ns, 0, 0, np.radians(yaw_deg), (0,) * 3, (0,) * 3)
-        self.eye.heed(GateStatus(self.state, "", vehicle))
+        self.eye.on_gate_status(GateStatus(self.state, "", vehicle))
         image = picture(yaw_deg)
         image[1, 1] = self.seq % 251  # a picture that never changes is a frozen camera's
         payload, attachment = encode_frame(
             Frame(image, self.now_ns, self.seq), PixelFormat.RGB8, CLOCK
         )
-        glance = self.eye.look(RawSample(payload, attachment, self.now_ns))
+        glance = self.eye.process(RawSample(payload, attachment, self.now_ns))
         report = self.route.amend(glance.report)
-        if glance.outcome is not None:
-            self.route.follow(self.eye, glance.outcome, self.now_ns)
+        if glance.frame_result is not None:
+            self.route.follow(self.eye, glance.frame_result, self.now_ns)
             self.route.go_on(self.eye, self.now_ns)
         return report
 

@@ -33,7 +33,7 @@ def laid_out(monkeypatch):
         return 0
 
     monkeypatch.setattr(cli, "fly", fly)
-    monkeypatch.setattr(cli, "_check_ports", lambda _config: None)
+    monkeypatch.setattr(cli, "check_ports", lambda _config: None)
     return seen
 
 

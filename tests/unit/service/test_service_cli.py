@@ -21,7 +21,7 @@ def goal(tmp_path, rng, monkeypatch):
         raise AssertionError("a process was to be started")
 
     monkeypatch.setattr(cli, "fly", refuse)
-    monkeypatch.setattr(cli, "_check_ports", lambda _config: None)
+    monkeypatch.setattr(cli, "check_ports", lambda _config: None)
     path = tmp_path / "goal.png"
     cv2.imwrite(str(path), rng.integers(0, 255, (48, 64, 3), dtype=np.uint8))
     return path
@@ -33,8 +33,8 @@ FOV = ("--camera-fov", "70")
 @pytest.mark.parametrize(
     ("words", "said"),
     [
-        (["command", "goal", "--key-file", "my.key"], ["--goal PICTURE"]),
-        (["command", "hold", "--goal", "GOAL", "--key-file", "my.key"], ["--goal PICTURE"]),
+        (["command", "goal", "--key-file", "my.key"], ["--goal IMAGE"]),
+        (["command", "hold", "--goal", "GOAL", "--key-file", "my.key"], ["--goal IMAGE"]),
         (["command", "hold", "--key-file", "none"], ["cannot read the key file"]),
         (["--goal", "none.png"], ["No such file"]),
         (["--goal", "GOAL"], ["--camera-fov"]),
@@ -51,9 +51,9 @@ FOV = ("--camera-fov", "70")
         (["--goal", "GOAL", *FOV, "--model", "no-such-model"], ["no-such-model"]),
         (["--goal", "GOAL", *FOV, "--set", "gate.command_key_file=none"], ["new-key"]),
         (["--goal", "GOAL", *FOV, "--engage", "command"], ["command_key_file"]),
-        (["--goal", "GOAL", "--picture", "check.png"], ["--picture without --check"]),
-        (["--goal", "GOAL", "--check", "--picture", "check.jpg"], ["a .png in a folder that"]),
-        (["--goal", "GOAL", "--check", "--picture", "no/check.png"], ["a .png in a folder that"]),
+        (["--goal", "GOAL", "--image", "check.png"], ["--image without --check"]),
+        (["--goal", "GOAL", "--check", "--image", "check.jpg"], ["a .png in a folder that"]),
+        (["--goal", "GOAL", "--check", "--image", "no/check.png"], ["a .png in a folder that"]),
     ],
 )
 def test_what_cannot_be_is_said_in_one_line(words, said, goal, tmp_path, monkeypatch, refused):

@@ -4,7 +4,7 @@ import pytest
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat
-from dfvs_service.ros2.frame_source import Ros2Intake
+from dfvs_service.ros2.frame_source import Ros2FrameSource
 from dfvs_service.settings.config import load_config, parse_assignment
 from dfvs_sim.demo.cameras import CAMERAS, camera_link
 from dfvs_sim.demo.cli import main
@@ -53,6 +53,6 @@ def test_the_service_is_told_where_the_ros_2_driver_publishes(name):
     words = [word for word in link.service_words if word != "--set"]
     config = load_config(None, dict(parse_assignment(word) for word in words))
     assert config.camera.source == name
-    intake = Ros2Intake(link.ros2.link, config.camera.ros2, b"c" * 16)
+    intake = Ros2FrameSource(link.ros2.link, config.camera.ros2, b"c" * 16)
     assert intake.key == link.ros2.image.key(link.ros2.link)
     assert intake.calibration_key == link.ros2.info.key(link.ros2.link)

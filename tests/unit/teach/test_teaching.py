@@ -11,12 +11,17 @@ from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_he
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.link import VehicleState
 from dfvs_core.perception.route_recording import RouteRecordingLimits
+from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks
-from dfvs_service.perception.frame_processor import RawSample
 from dfvs_service.route.goal_writer import sidecar_of, write_goal
-from dfvs_service.route.recording import Event, RouteTeacher, prepare_route_folder, taught_settings
+from dfvs_service.route.recording import (
+    Event,
+    RouteRecorder,
+    prepare_route_folder,
+    route_recording_settings,
+)
 from dfvs_service.settings.config import load_config
-from dfvs_service.settings.goal_file import load_goal, route_pictures
+from dfvs_service.settings.goal_file import load_goal, route_images
 
 
 def decoded(sample):
@@ -27,11 +32,11 @@ class Rig:
     """A teacher with clock and vehicle in hand."""
 
     def __init__(self, folder):
-        config = taught_settings(load_config(None, {}), CAMERA)
+        config = route_recording_settings(load_config(None, {}), CAMERA)
         self.now_ns = 5_000 * MS
         clocks = Clocks(CLOCK, lambda: self.now_ns, lambda: self.now_ns)
         limits = RouteRecordingLimits(overlap=0.5, turn_rad=0.35)
-        self.teacher = RouteTeacher(config, folder, KnowingMatcher(), clocks, limits)
+        self.teacher = RouteRecorder(config, folder, KnowingMatcher(), clocks, limits)
         self.seq = 0
 
     def state(self, yaw_deg):
@@ -41,22 +46,22 @@ class Rig:
     def frame(self, yaw_deg, *, heard=True):
         self.now_ns += 50 * MS
         if heard:
-            self.teacher.heed([self.state(yaw_deg)])
+            self.teacher.on_vehicle_states([self.state(yaw_deg)])
         self.now_ns += 50 * MS
         if heard:
-            self.teacher.heed([self.state(yaw_deg)])
+            self.teacher.on_vehicle_states([self.state(yaw_deg)])
         self.seq += 1
         image = picture(yaw_deg)
         image[1, 1] = self.seq % 251
         frame = Frame(image, self.now_ns, self.seq)
         sample = RawSample(*encode_frame(frame, PixelFormat.RGB8, CLOCK), self.now_ns)
-        return self.teacher.look(sample, decoded)
+        return self.teacher.process(sample, decoded)
 
 
 def headings(folder):
     """Headings of the goals of a route, in degrees, by the pictures' first pixels."""
     found = []
-    for path in route_pictures([folder]):
+    for path in route_images([folder]):
         high, low = load_goal(path).image[0, 0, :2]
         found.append((int(high) * 256 + int(low)) * 0.01)
     return found
@@ -73,7 +78,7 @@ def test_a_goal_is_taken_whenever_the_last_one_leaves_the_view(tmp_path):
     assert taken[-1] == 74.0
     # 0.35 rad are 20 degrees; two degrees are between the frames.
     assert all(20.0 < step <= 23.0 for step in np.diff(taken)[:-1])
-    assert [path.name for path in route_pictures([tmp_path])][:2] == ["001.png", "002.png"]
+    assert [path.name for path in route_images([tmp_path])][:2] == ["001.png", "002.png"]
 
 
 def test_sidecars_tell_attitude_lens_and_time(tmp_path):
@@ -108,7 +113,7 @@ def test_a_view_without_the_last_goal_is_lost_until_it_is_back(tmp_path):
 def test_a_folder_with_a_route_in_it_is_refused(tmp_path):
     prepare_route_folder(tmp_path / "new")
     write_goal(tmp_path / "new" / "001.png", picture(1.0), sidecar_of(CAMERA, Mount(), None))
-    with pytest.raises(ConfigError, match="holds pictures already"):
+    with pytest.raises(ConfigError, match="holds images already"):
         prepare_route_folder(tmp_path / "new")
 
 
@@ -126,10 +131,10 @@ def test_a_goal_is_written_whole_or_not_at_all(tmp_path):
 def test_the_pictures_of_a_route_come_by_name_or_in_the_order_given(tmp_path):
     for name in ("b.png", "a.JPG", "c.json"):
         (tmp_path / name).write_bytes(b"")
-    assert [p.name for p in route_pictures([tmp_path])] == ["a.JPG", "b.png"]
-    assert [p.name for p in route_pictures([tmp_path / "b.png", tmp_path])] == [
+    assert [p.name for p in route_images([tmp_path])] == ["a.JPG", "b.png"]
+    assert [p.name for p in route_images([tmp_path / "b.png", tmp_path])] == [
         *("b.png", "a.JPG", "b.png")
     ]
     (tmp_path / "empty").mkdir()
     with pytest.raises(ConfigError, match="is empty"):
-        route_pictures([tmp_path / "empty"])
+        route_images([tmp_path / "empty"])

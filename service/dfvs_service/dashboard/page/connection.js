@@ -6,7 +6,7 @@ const PING_PERIOD_MS = 2000;
 const PATIENCE_MS = 6000;
 const DENIED = 4401;
 
-export const PICTURE = Object.freeze({ VIEW: 1, GOAL: 2, FLOW: 3 });
+export const IMAGE = Object.freeze({ VIEW: 1, GOAL: 2, FLOW: 3 });
 const PICTURE_HEADER_BYTES = 9;
 
 /** Wall clock of the server, as seen from here: the quickest of the recent pings counts. */
@@ -40,7 +40,7 @@ class ServerClock {
 export class Connection extends EventTarget {
   #socket = null;
   #waitMs = FIRST_WAIT_MS;
-  #heardMs = 0;
+  #lastReceivedMs = 0;
   #token;
   clock = new ServerClock();
   isOpen = false;
@@ -74,44 +74,44 @@ export class Connection extends EventTarget {
     if (this.#socket?.readyState === WebSocket.OPEN) this.#socket.send(JSON.stringify(message));
   }
 
-  /** Send a goal picture: length of a JSON header (uint32), the header, the picture's bytes. */
-  sendGoal(header, picture) {
+  /** Send a goal image: length of a JSON header (uint32), the header, the image's bytes. */
+  sendGoal(header, image) {
     if (this.#socket?.readyState !== WebSocket.OPEN) return;
-    const words = new TextEncoder().encode(JSON.stringify({ type: "order", order: "goal", ...header }));
+    const headerBytes = new TextEncoder().encode(JSON.stringify({ type: "command", command: "goal", ...header }));
     const length = new Uint8Array(4);
-    new DataView(length.buffer).setUint32(0, words.length, true);
-    this.#socket.send(new Blob([length, words, picture]));
+    new DataView(length.buffer).setUint32(0, headerBytes.length, true);
+    this.#socket.send(new Blob([length, headerBytes, image]));
   }
 
   #greet(socket) {
-    this.#heardMs = performance.now();
+    this.#lastReceivedMs = performance.now();
     socket.send(JSON.stringify({ type: "hello", token: this.#token }));
   }
 
   #take(data) {
-    this.#heardMs = performance.now();
+    this.#lastReceivedMs = performance.now();
     if (typeof data !== "string") {
       this.#takePicture(data);
       return;
     }
-    const news = JSON.parse(data);
-    if (news.welcome) this.#welcomed(news.welcome);
-    if (news.pong) {
-      this.clock.add(news.pong.t, news.pong.server_ms, performance.timeOrigin + performance.now());
+    const update = JSON.parse(data);
+    if (update.welcome) this.#welcomed(update.welcome);
+    if (update.pong) {
+      this.clock.add(update.pong.t, update.pong.server_ms, performance.timeOrigin + performance.now());
     }
-    this.dispatchEvent(new CustomEvent("news", { detail: news }));
+    this.dispatchEvent(new CustomEvent("update", { detail: update }));
   }
 
   #takePicture(buffer) {
     const header = new DataView(buffer);
     const kind = header.getUint8(0);
-    if (kind === PICTURE.VIEW) this.send({ type: "seen" });
-    const picture = {
+    if (kind === IMAGE.VIEW) this.send({ type: "seen" });
+    const image = {
       kind,
       captureMs: header.getFloat64(1, true),
       data: new Uint8Array(buffer, PICTURE_HEADER_BYTES),
     };
-    this.dispatchEvent(new CustomEvent("picture", { detail: picture }));
+    this.dispatchEvent(new CustomEvent("image", { detail: image }));
   }
 
   #welcomed(welcome) {
@@ -138,7 +138,7 @@ export class Connection extends EventTarget {
   /** Ping; a connection that has been silent for long is dead, whatever TCP says. */
   #tend() {
     if (!this.#socket) return;
-    if (this.isOpen && performance.now() - this.#heardMs > PATIENCE_MS) {
+    if (this.isOpen && performance.now() - this.#lastReceivedMs > PATIENCE_MS) {
       const silent = this.#socket;
       this.#lose(silent, { code: 0, reason: "silent" });
       silent.onmessage = null;

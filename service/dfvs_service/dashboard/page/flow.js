@@ -2,7 +2,7 @@
 
 const HEADER_BYTES = 24;
 const STEPS_PER_PX = 16;
-const SURE = "#3cff6e";
+const CONFIDENT = "#3cff6e";
 const DOUBTFUL = "#ffb52e";
 
 /** @returns {{columns, rows, stride, flow: Int16Array, confidence: Uint8Array} | null} */
@@ -23,13 +23,13 @@ export function decodeFlow(bytes) {
 export function drawFlow(context, grid, place) {
   const least = place.minConfidence * 255;
   const sure = (least + 255) / 2;
-  const groups = { [SURE]: new Path2D(), [DOUBTFUL]: new Path2D() };
+  const groups = { [CONFIDENT]: new Path2D(), [DOUBTFUL]: new Path2D() };
   const head = Math.max(3, 0.2 * grid.stride * place.scale);
   for (let row = 1; row < grid.rows; row += 2) {
     for (let column = 1; column < grid.columns; column += 2) {
       const i = row * grid.columns + column;
       if (grid.confidence[i] < least) continue;
-      const path = groups[grid.confidence[i] > sure ? SURE : DOUBTFUL];
+      const path = groups[grid.confidence[i] > sure ? CONFIDENT : DOUBTFUL];
       addArrow(path, arrowAt(grid, column, row, i, place), head);
     }
   }

@@ -73,14 +73,14 @@ function serverOf(gate, ageMs, server) {
   return { text: "live", ok: "yes" };
 }
 
-/** Whether the newest result may be flown by: green only while it is new and the gate may fly. */
+/** Whether the newest result is valid: green only while it is new and the gate may fly. */
 function judged({ verdict, state }, ages, old) {
   if (!verdict) return { text: "", ok: "" };
   if (old.results) return { text: `? result ${duration(ages.results / 1000)} old`, ok: "" };
   if (verdict.status !== "OK") return { text: `✕ ${verdict.reason || verdict.status}`, ok: "no" };
   if (old.state) return { text: "? state of the gate not known", ok: "" };
   if (GROUNDED.has(state.state)) return { text: `image good, the gate is in ${state.state}`, ok: "" };
-  return { text: "✓ may be flown", ok: "yes" };
+  return { text: "✓ valid", ok: "yes" };
 }
 
 /** Text of an age; that of fresh values stays the same, so that nothing flickers. */

@@ -79,7 +79,7 @@ function drawVehicle(context, r, scale) {
   }
 }
 
-/** Attitudes of the last seconds, for the time at which a picture was taken. */
+/** Attitudes of the last seconds, for the time at which an image was taken. */
 export class AttitudeHistory {
   #rows = [];
 

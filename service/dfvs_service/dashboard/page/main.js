@@ -1,4 +1,4 @@
-// The dashboard's page: news from the server to the panels, and the user's choices back.
+// The dashboard's page: updates from the server to the panels, and the user's choices back.
 
 import { Connection } from "./connection.js";
 import { ageText, assess, showAges } from "./freshness.js";
@@ -39,10 +39,10 @@ let mountingLimit = Infinity;
 let refreshes = 0;
 let lostSinceMs = performance.now();
 
-// --- news ------------------------------------------------------------------------------------
+// --- updates -----------------------------------------------------------------------------------
 
 function forget(name) {
-  // After a reconnection the last picture stays until a newer one comes.
+  // After a reconnection the last image stays until a newer one comes.
   if (name !== shown) view.clear();
   shown = name;
   known = { zenoh: known.zenoh, overtaken: known.overtaken };
@@ -114,11 +114,11 @@ function watch(name) {
   connection.send({ type: "watch", vehicle: name });
 }
 
-connection.addEventListener("news", ({ detail: news }) => {
+connection.addEventListener("update", ({ detail: update }) => {
   // In the table's order: what is watched comes before its history.
-  for (const [key, take] of Object.entries(TAKE)) if (key in news) take(news[key]);
+  for (const [key, take] of Object.entries(TAKE)) if (key in update) take(update[key]);
 });
-connection.addEventListener("picture", ({ detail }) => view.take(detail));
+connection.addEventListener("image", ({ detail }) => view.take(detail));
 connection.addEventListener("welcome", ({ detail }) => {
   columns = detail.columns;
   mountingLimit = detail.mounting_score;
@@ -158,12 +158,12 @@ function showView({ ages, old }) {
   const isOld = old.view;
   const age = duration(ages.view / 1000);
   byId("view-notice").hidden = !isOld;
-  say(byId("view-notice"), view.shown ? `NO NEW PICTURE FOR ${age}` : "No picture yet");
+  say(byId("view-notice"), view.shown ? `NO NEW IMAGE FOR ${age}` : "No image yet");
   say(byId("view-facts"), `${view.frames} ${view.frames === 1 ? "frame" : "frames"}, newest ${age} old`);
   const [left, rest] = lengthWithSpread(known.servo?.error_m, known.servo?.error_spread_m);
   const distance = left === DASH || old.results ? "distance to the goal unknown" : `${left} ${rest} to the goal`;
   byId("view").setAttribute("aria-label",
-    !view.shown ? "No picture yet" : `Goal and ${isOld ? "old" : "live"} view; ${distance}`);
+    !view.shown ? "No image yet" : `Goal and ${isOld ? "old" : "live"} view; ${distance}`);
 }
 
 // --- the user's choices -----------------------------------------------------------------------
@@ -199,7 +199,7 @@ const KEYS = {
   1: () => setMode(MODES[0]), 2: () => setMode(MODES[1]), 3: () => setMode(MODES[2]), 4: () => setMode(MODES[3]),
   f: () => setOverlay("flow", !view.showsFlow), c: () => setOverlay("confidence", !view.showsConfidence),
   v: nextVehicle, t: nextTheme,
-  H: () => operator.order("hold"), A: () => operator.order("abort"),
+  H: () => operator.command("hold"), A: () => operator.command("abort"),
   ArrowLeft: () => setMix(Math.max(view.mix - 0.02, 0)), ArrowRight: () => setMix(Math.min(view.mix + 0.02, 1)),
   "?": () => byId("help-dialog").showModal(),
 };

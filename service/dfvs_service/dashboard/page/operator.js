@@ -1,4 +1,4 @@
-// Signing in and giving orders. The server decides what is allowed; the page only hides the rest.
+// Signing in and sending commands. The server decides what is allowed; the page only hides the rest.
 
 import { byId, DEGREES, fixed, timeOfDay } from "./words.js";
 
@@ -20,15 +20,15 @@ export class Operator {
 
   /**
    * @param {Connection} connection
-   * @param currentView `() => {captureMs, data, width, attitude} | null`: picture that is shown, and
+   * @param currentView `() => {captureMs, data, width, attitude} | null`: image that is shown, and
    *   roll and pitch at its capture, null where they are not known
    */
   constructor(connection, currentView) {
     this.#connection = connection;
     this.#currentView = currentView;
     byId("sign").addEventListener("click", () => (this.#isSignedIn ? this.#signOut() : this.ask()));
-    byId("hold").addEventListener("click", () => this.order("hold"));
-    byId("abort").addEventListener("click", () => this.order("abort"));
+    byId("hold").addEventListener("click", () => this.command("hold"));
+    byId("abort").addEventListener("click", () => this.command("abort"));
     byId("engage").addEventListener("click", () => this.#confirmEngage());
     byId("goal").addEventListener("click", () => byId("goal-files").click());
     byId("take-view").addEventListener("click", () => this.#confirmView());
@@ -41,12 +41,12 @@ export class Operator {
     });
   }
 
-  welcome({ role, can_order: canOrder, accepts_operators: acceptsOperators, needs_token: needsToken }) {
+  welcome({ role, can_command: canCommand, accepts_operators: acceptsOperators, needs_token: needsToken }) {
     this.#isSignedIn = keptToken() !== "" && (role === "operator" || needsToken);
-    byId("operator").hidden = !canOrder;
+    byId("operator").hidden = !canCommand;
     byId("sign").hidden = !this.#isSignedIn && !acceptsOperators;
     byId("sign").textContent = this.#isSignedIn ? "Sign out" : "Sign in";
-    if (role === "operator" && !canOrder) this.#answer(false, "signed in, but the server has no key for orders");
+    if (role === "operator" && !canCommand) this.#answer(false, "signed in, but the server has no key for commands");
   }
 
   /** The server let nobody in with this token. */
@@ -71,19 +71,19 @@ export class Operator {
   show(state, old) {
     this.#state = state;
     const isFresh = !old.state;
-    const takesOrders = Boolean(state?.takes_orders) && this.#connection.isOpen;
-    byId("engage").disabled = !takesOrders || !isFresh || !ENGAGEABLE.has(state.state);
-    byId("goal").disabled = !takesOrders || !isFresh || !GOAL_CHANGEABLE.has(state.state);
+    const acceptsCommands = Boolean(state?.accepts_commands) && this.#connection.isOpen;
+    byId("engage").disabled = !acceptsCommands || !isFresh || !ENGAGEABLE.has(state.state);
+    byId("goal").disabled = !acceptsCommands || !isFresh || !GOAL_CHANGEABLE.has(state.state);
     byId("take-view").disabled = byId("goal").disabled || old.view || old.vehicle;
     // Stopping is offered even where the newest state is old: it can do no harm.
-    byId("hold").disabled = byId("abort").disabled = !takesOrders;
-    if (state && !state.takes_orders) this.#hint("this vehicle was started without a command key");
+    byId("hold").disabled = byId("abort").disabled = !acceptsCommands;
+    if (state && !state.accepts_commands) this.#hint("this vehicle was started without a command key");
   }
 
-  order(word) {
+  command(name) {
     if (byId("operator").hidden || !this.#vehicle) return;
-    this.#answer(null, `${word} sent …`);
-    this.#connection.send({ type: "order", order: word, vehicle: this.#vehicle });
+    this.#answer(null, `${name} sent …`);
+    this.#connection.send({ type: "command", command: name, vehicle: this.#vehicle });
   }
 
   answered(answers) {
@@ -93,18 +93,18 @@ export class Operator {
   #confirmEngage() {
     const state = this.#state?.state ?? "unknown";
     this.#confirm("Engage?", `${this.#vehicle} is ${state}. It will fly to its goal by itself.`, null,
-      () => this.order("engage"));
+      () => this.command("engage"));
   }
 
   #confirmGoal(files) {
-    const picture = files.find((file) => !file.name.endsWith(".json"));
+    const image = files.find((file) => !file.name.endsWith(".json"));
     const sidecar = files.find((file) => file.name.endsWith(".json"));
     byId("goal-files").value = "";
-    if (!picture) return;
+    if (!image) return;
     const vehicle = this.#vehicle;
     const taken = sidecar ? `taken as ${sidecar.name} says` : "taken level, by the camera that flies";
-    this.#confirm("Change the goal?", `${picture.name} for ${vehicle}, ${taken}.`, picture, async () => {
-      this.#sendGoal(vehicle, sidecar ? await sidecar.text() : "", await picture.arrayBuffer());
+    this.#confirm("Change the goal?", `${image.name} for ${vehicle}, ${taken}.`, image, async () => {
+      this.#sendGoal(vehicle, sidecar ? await sidecar.text() : "", await image.arrayBuffer());
     });
   }
 
@@ -112,7 +112,7 @@ export class Operator {
   #confirmView() {
     const view = this.#currentView();
     if (!view?.attitude) {
-      this.#answer(false, "not sent: the attitude at the time of this picture is not known");
+      this.#answer(false, "not sent: the attitude at the time of this image is not known");
       return;
     }
     if (this.cameraWidth && view.width !== this.cameraWidth) {
@@ -128,19 +128,19 @@ export class Operator {
       () => this.#sendGoal(vehicle, JSON.stringify(view.attitude), view.data));
   }
 
-  #sendGoal(vehicle, sidecar, picture) {
+  #sendGoal(vehicle, sidecar, image) {
     this.#answer(null, "goal sent …");
-    this.#connection.sendGoal({ vehicle, sidecar }, picture);
+    this.#connection.sendGoal({ vehicle, sidecar }, image);
   }
 
-  #confirm(title, text, picture, onConfirmed) {
+  #confirm(title, text, image, onConfirmed) {
     this.#onConfirmed = onConfirmed;
     byId("confirm-title").textContent = title;
     byId("confirm-text").textContent = text;
-    const image = byId("confirm-picture");
-    URL.revokeObjectURL(image.src);
-    image.hidden = !picture;
-    if (picture) image.src = URL.createObjectURL(picture);
+    const preview = byId("confirm-image");
+    URL.revokeObjectURL(preview.src);
+    preview.hidden = !image;
+    if (image) preview.src = URL.createObjectURL(image);
     byId("confirm-dialog").returnValue = "";
     byId("confirm-dialog").showModal();
   }

@@ -1,6 +1,6 @@
 // Goal and live view on one canvas: beside each other, under a slider, blended, or subtracted.
 
-import { PICTURE } from "./connection.js";
+import { IMAGE } from "./connection.js";
 import { decodeFlow, drawConfidence, drawFlow } from "./flow.js";
 
 const GAP_PX = 6;
@@ -11,7 +11,7 @@ const FLOW_SLACK_MS = 500;
 export class View {
   #canvas;
   #context;
-  #bitmaps = { [PICTURE.VIEW]: null, [PICTURE.GOAL]: null };
+  #bitmaps = { [IMAGE.VIEW]: null, [IMAGE.GOAL]: null };
   #decoding = new Set();
   #waiting = new Map();
   #shown = null;
@@ -45,7 +45,7 @@ export class View {
     this.#letDrag();
   }
 
-  /** Live picture that is shown, `{captureMs, data, width}`: capture by the server's clock in ms, JPEG
+  /** Live image that is shown, `{captureMs, data, width}`: capture by the server's clock in ms, JPEG
    * bytes, px; null before one. */
   get shown() {
     return this.#shown;
@@ -56,21 +56,21 @@ export class View {
     return this.#flowMs;
   }
 
-  /** Which pictures and flow are here to be shown, frames a second and delay from capture to screen
+  /** Which images and flow are here to be shown, frames a second and delay from capture to screen
    * over the last seconds. */
   get stats() {
     const since = performance.now() - 3000;
     const drawn = this.#drawnAt.filter((t) => t > since).length;
     const delays = [...this.#delays].sort((a, b) => a - b);
     const at = (share) => (delays.length ? delays[Math.floor(share * (delays.length - 1))] : null);
-    const has = { view: !!this.#bitmaps[PICTURE.VIEW], goal: !!this.#bitmaps[PICTURE.GOAL], flow: !!this.#flow };
+    const has = { view: !!this.#bitmaps[IMAGE.VIEW], goal: !!this.#bitmaps[IMAGE.GOAL], flow: !!this.#flow };
     const [p50Ms, p99Ms] = drawn ? [at(0.5), at(0.99)] : [null, null];
     return { has, frames: this.frames, fps: drawn / 3, p50Ms, p99Ms };
   }
 
   /** Forget everything: another vehicle is watched. */
   clear() {
-    this.#bitmaps = { [PICTURE.VIEW]: null, [PICTURE.GOAL]: null };
+    this.#bitmaps = { [IMAGE.VIEW]: null, [IMAGE.GOAL]: null };
     this.#shown = null;
     this.#flow = null;
     this.#flowMs = null;
@@ -80,42 +80,42 @@ export class View {
     this.redraw();
   }
 
-  /** Take a picture message; while one is being decoded only the newest of its kind waits. */
-  async take(picture) {
-    if (picture.kind === PICTURE.FLOW) {
-      this.#flow = decodeFlow(picture.data);
-      this.#flowMs = this.#flow && picture.captureMs;
-      // The next frame shows it; without one it is as old as the picture.
+  /** Take an image message; while one is being decoded only the newest of its kind waits. */
+  async take(image) {
+    if (image.kind === IMAGE.FLOW) {
+      this.#flow = decodeFlow(image.data);
+      this.#flowMs = this.#flow && image.captureMs;
+      // The next frame shows it; without one it is as old as the image.
       return;
     }
-    if (this.#decoding.has(picture.kind)) {
-      this.#waiting.set(picture.kind, picture);
+    if (this.#decoding.has(image.kind)) {
+      this.#waiting.set(image.kind, image);
       return;
     }
-    this.#decoding.add(picture.kind);
+    this.#decoding.add(image.kind);
     try {
-      const blob = new Blob([picture.data], { type: "image/jpeg" });
-      this.#show(picture, await createImageBitmap(blob));
+      const blob = new Blob([image.data], { type: "image/jpeg" });
+      this.#show(image, await createImageBitmap(blob));
     } catch {
       // A damaged JPEG is left out; the next one comes soon.
     } finally {
-      this.#decoding.delete(picture.kind);
+      this.#decoding.delete(image.kind);
     }
-    const next = this.#waiting.get(picture.kind);
-    this.#waiting.delete(picture.kind);
+    const next = this.#waiting.get(image.kind);
+    this.#waiting.delete(image.kind);
     if (next) await this.take(next);
   }
 
-  #show(picture, bitmap) {
-    this.#bitmaps[picture.kind]?.close();
-    this.#bitmaps[picture.kind] = bitmap;
-    if (picture.kind === PICTURE.VIEW) {
-      this.#shown = { captureMs: picture.captureMs, data: picture.data, width: bitmap.width };
+  #show(image, bitmap) {
+    this.#bitmaps[image.kind]?.close();
+    this.#bitmaps[image.kind] = bitmap;
+    if (image.kind === IMAGE.VIEW) {
+      this.#shown = { captureMs: image.captureMs, data: image.data, width: bitmap.width };
     }
     // The first one may be of long ago: it says nothing of delays.
-    const isTimed = picture.kind === PICTURE.VIEW && !this.#isFirst;
-    if (picture.kind === PICTURE.VIEW) this.#isFirst = false;
-    this.redraw(isTimed ? picture.captureMs : null);
+    const isTimed = image.kind === IMAGE.VIEW && !this.#isFirst;
+    if (image.kind === IMAGE.VIEW) this.#isFirst = false;
+    this.redraw(isTimed ? image.captureMs : null);
   }
 
   /** Draw at the next animation frame; with a capture time, count it when it is on the screen. */
@@ -143,8 +143,8 @@ export class View {
   }
 
   #draw() {
-    const live = this.#bitmaps[PICTURE.VIEW];
-    const goal = this.#bitmaps[PICTURE.GOAL];
+    const live = this.#bitmaps[IMAGE.VIEW];
+    const goal = this.#bitmaps[IMAGE.GOAL];
     const size = live ?? goal;
     const areas = this.#layOut(size ? size.height / size.width : 0.75);
     const context = this.#context;
@@ -166,7 +166,7 @@ export class View {
     if (this.mode === "slider") this.#handle(areas.live);
   }
 
-  /** Size the canvas for its place on the page, and say where the pictures go. */
+  /** Size the canvas for its place on the page, and say where the images go. */
   #layOut(aspect) {
     const scale = Math.min(window.devicePixelRatio || 1, 2);
     const width = Math.max(Math.round(this.#canvas.parentElement.clientWidth * scale), 2);

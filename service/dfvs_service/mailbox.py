@@ -1,4 +1,4 @@
-"""A slot for one thing: the newest wins, and whoever is slow never lags behind."""
+"""Mailbox between two threads that keeps the newest item only."""
 
 from __future__ import annotations
 
@@ -24,7 +24,7 @@ class Mailbox(Generic[T]):
             self._item = item
             self._condition.notify()
 
-    def take(self, timeout_s: float) -> T | None:
+    def get(self, timeout_s: float) -> T | None:
         """Take the newest item, waiting for one at most so long; None if none came."""
         with self._condition:
             if self._item is None:

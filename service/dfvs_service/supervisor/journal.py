@@ -1,4 +1,4 @@
-"""The gate's log: JSON lines, written by a thread, so that a full disk stops nobody."""
+"""Log of JSON lines, written by a thread."""
 
 from __future__ import annotations
 

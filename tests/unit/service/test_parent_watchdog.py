@@ -3,7 +3,7 @@ import os
 import pytest
 
 from dfvs_core.gate.config import MS, S
-from dfvs_service.gate.parent_watchdog import Lifeline
+from dfvs_service.gate.parent_watchdog import ParentWatchdog
 
 START_NS = 9 * S
 
@@ -17,33 +17,33 @@ def pipe():
 
 def test_signs_of_life_keep_the_gate_going(pipe):
     reader, writer = pipe
-    lifeline, now_ns = Lifeline(reader, START_NS), START_NS
+    lifeline, now_ns = ParentWatchdog(reader, START_NS), START_NS
     for _ in range(50):
         os.write(writer, b".")
         now_ns += 900 * MS
-        assert lifeline.heed(now_ns) is None
-        assert lifeline.heed(now_ns + 50 * MS) is None
+        assert lifeline.poll(now_ns) is None
+        assert lifeline.poll(now_ns + 50 * MS) is None
     os.close(writer)
 
 
 def test_a_second_of_silence_is_an_order_to_stop_given_once(pipe):
     reader, writer = pipe
-    lifeline = Lifeline(reader, START_NS)
-    assert lifeline.heed(START_NS + 1 * S) is None
-    stop = lifeline.heed(START_NS + 1 * S + 1)
+    lifeline = ParentWatchdog(reader, START_NS)
+    assert lifeline.poll(START_NS + 1 * S) is None
+    stop = lifeline.poll(START_NS + 1 * S + 1)
     assert stop is not None
     assert stop.unsupervised
-    assert lifeline.heed(START_NS + 5 * S) is None
+    assert lifeline.poll(START_NS + 5 * S) is None
     os.close(writer)
 
 
 def test_the_end_of_the_pipe_is_an_order_to_stop_at_once(pipe):
     reader, writer = pipe
-    lifeline = Lifeline(reader, START_NS)
+    lifeline = ParentWatchdog(reader, START_NS)
     os.write(writer, b".")
     os.close(writer)
-    assert lifeline.heed(START_NS + 1) is None  # what was written before is read first
-    stop = lifeline.heed(START_NS + 2)
+    assert lifeline.poll(START_NS + 1) is None  # what was written before is read first
+    stop = lifeline.poll(START_NS + 2)
     assert stop is not None
     assert stop.detail == "it has ended"
     assert lifeline.is_cut

@@ -1,4 +1,4 @@
-"""Ports that the service binds on this machine: whether another program has one of them.
+"""Check that the service's local ports are free.
 
 MAVSDK and Zenoh bind for themselves. MAVSDK shares a UDP port with whoever shares it too, and the
 program that bound it last gets the autopilot's messages. Without this check a second service would
@@ -37,7 +37,7 @@ class LocalPort:
     host: str
     port: int
 
-    def is_taken(self) -> bool:
+    def is_in_use(self) -> bool:
         """Tell whether another program has the port; what else is wrong with it does not count."""
         with contextlib.suppress(socket.gaierror):
             places = socket.getaddrinfo(self.host, self.port, type=self.kind)
@@ -47,7 +47,7 @@ class LocalPort:
     def next_free(self) -> int:
         """Port of the same kind that is free at present: one of the next, or any."""
         for port in range(self.port + 1, min(self.port + _NEXT_PORTS, 65535) + 1):
-            if not LocalPort(self.kind, self.host, port).is_taken():
+            if not LocalPort(self.kind, self.host, port).is_in_use():
                 return port
         with socket.socket(socket.AF_INET, self.kind) as probe:
             probe.bind(("", 0))
@@ -72,7 +72,7 @@ def mavlink_port(url: str) -> LocalPort | None:
     return _local_port(_MAVLINK_KINDS.get(scheme), rest)
 
 
-def refuse_taken_zenoh(section: ZenohSection) -> None:
+def require_free_zenoh_ports(section: ZenohSection) -> None:
     """Refuse an endpoint to listen on that another program has.
 
     Raises
@@ -82,7 +82,7 @@ def refuse_taken_zenoh(section: ZenohSection) -> None:
     """
     for endpoint in section.listen if section.mode == "peer" else ():
         port = zenoh_port(endpoint)
-        if port is not None and port.is_taken():
+        if port is not None and port.is_in_use():
             free = _with_free_port(endpoint, port)
             listen = [free if each == endpoint else each for each in section.listen]
             raise ConfigError(
@@ -92,7 +92,7 @@ def refuse_taken_zenoh(section: ZenohSection) -> None:
             )
 
 
-def refuse_taken_mavlink(url: str) -> None:
+def require_free_mavlink_port(url: str) -> None:
     """Refuse a MAVLink connection whose port another program has.
 
     Raises
@@ -101,7 +101,7 @@ def refuse_taken_mavlink(url: str) -> None:
         With the connection that would be right, a free port in it.
     """
     port = mavlink_port(url)
-    if port is not None and port.is_taken():
+    if port is not None and port.is_in_use():
         free = _with_free_port(url, port)
         raise ConfigError(
             f"{port} is taken by another program (maybe another dfvs-service)",

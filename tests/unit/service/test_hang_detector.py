@@ -1,4 +1,9 @@
-from dfvs_service.supervisor.hang_detector import HEARTBEAT_LIMIT_NS, MS, STARTUP_LIMIT_NS, Watch
+from dfvs_service.supervisor.hang_detector import (
+    HEARTBEAT_LIMIT_NS,
+    MS,
+    STARTUP_LIMIT_NS,
+    HangDetector,
+)
 
 START_NS = 77_000 * MS
 LOOK_NS = 20 * MS
@@ -15,30 +20,30 @@ def overdue_after(watch, start_ns, limit_ns):
 
 
 def test_a_process_that_falls_silent_is_overdue_after_300_ms():
-    watch = Watch(START_NS)
+    watch = HangDetector(START_NS)
     watch.is_overdue(START_NS + LOOK_NS)
-    watch.beat(START_NS + LOOK_NS)
+    watch.on_heartbeat(START_NS + LOOK_NS)
     silence_ns = overdue_after(watch, START_NS + LOOK_NS, 1000 * MS)
     assert HEARTBEAT_LIMIT_NS < silence_ns <= HEARTBEAT_LIMIT_NS + LOOK_NS
 
 
 def test_a_process_that_beats_is_never_overdue():
-    watch, now_ns = Watch(START_NS), START_NS
+    watch, now_ns = HangDetector(START_NS), START_NS
     for _ in range(1000):
         now_ns += LOOK_NS
-        watch.beat(now_ns)
+        watch.on_heartbeat(now_ns)
         assert not watch.is_overdue(now_ns)
 
 
 def test_slow_imports_are_no_hang_but_an_endless_start_is():
-    watch = Watch(START_NS)
+    watch = HangDetector(START_NS)
     silence_ns = overdue_after(watch, START_NS, 100_000 * MS)
     assert STARTUP_LIMIT_NS < silence_ns <= STARTUP_LIMIT_NS + LOOK_NS
 
 
 def test_a_watcher_that_was_away_itself_blames_nobody_for_that_time():
-    watch = Watch(START_NS)
-    watch.beat(START_NS)
+    watch = HangDetector(START_NS)
+    watch.on_heartbeat(START_NS)
     back_ns = START_NS + 5000 * MS
     assert not watch.is_overdue(back_ns)
     silence_ns = overdue_after(watch, back_ns, 1000 * MS)

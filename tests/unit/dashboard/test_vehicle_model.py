@@ -8,9 +8,9 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.messages.schema import dump
 from dfvs_service.dashboard.clock import Moment
-from dfvs_service.dashboard.outbox import PictureKind
-from dfvs_service.dashboard.sample import Picture
-from dfvs_service.dashboard.vehicle_model import PATH_COLUMNS, SERVO_COLUMNS, VehicleBoard
+from dfvs_service.dashboard.outbox import ImageKind
+from dfvs_service.dashboard.sample import BrowserImage
+from dfvs_service.dashboard.vehicle_model import PATH_COLUMNS, SERVO_COLUMNS, VehicleModel
 
 MS = 1_000_000
 NOW = Moment(10_000 * MS, 1_000_000.0)
@@ -42,31 +42,31 @@ def servo(**fields):
 
 
 def test_the_state_tells_since_when_it_is_and_keeps_the_challenge_back():
-    news = VehicleBoard("a").take("state", status(), NOW)
+    news = VehicleModel("a").on_document("state", status(), NOW)
     assert news["state"]["t_ms"] == 1_000_000.0 - 10
     assert news["state"]["since_ms"] == 1_000_000.0 - 2_010
-    assert news["state"]["takes_orders"] is True
+    assert news["state"]["accepts_commands"] is True
     assert "secret" not in json.dumps(news)
 
 
 def test_only_a_change_of_state_is_an_event():
-    board = VehicleBoard("a")
-    assert "transitions" in board.take("state", status("READY"), NOW)
-    assert "transitions" not in board.take("state", status("READY"), NOW)
-    (event,) = board.take("state", status("ABORT"), NOW)["transitions"]
+    model = VehicleModel("a")
+    assert "transitions" in model.on_document("state", status("READY"), NOW)
+    assert "transitions" not in model.on_document("state", status("READY"), NOW)
+    (event,) = model.on_document("state", status("ABORT"), NOW)["transitions"]
     assert (event["to"], event["cause"]) == ("ABORT", "good data")
-    assert [e["to"] for e in board.history()["history"]["transitions"]] == ["READY", "ABORT"]
+    assert [e["to"] for e in model.history()["history"]["transitions"]] == ["READY", "ABORT"]
 
 
-def path_row(board, vehicle, **fields):
+def path_row(model, vehicle, **fields):
     document = status(**fields) | {"vehicle": dump(vehicle)}
-    (row,) = board.take("state", document, NOW)["path"]
+    (row,) = model.on_document("state", document, NOW)["path"]
     return dict(zip(PATH_COLUMNS, row, strict=True))
 
 
 def test_a_path_row_holds_position_attitude_and_the_commanded_and_flown_velocity():
-    board = VehicleBoard("a")
-    named = path_row(board, VEHICLE, t_ns=9_995 * MS, setpoint=(0.1, 0.0, 0.0, 0.2))
+    model = VehicleModel("a")
+    named = path_row(model, VEHICLE, t_ns=9_995 * MS, setpoint=(0.1, 0.0, 0.0, 0.2))
     assert named["t_ms"] == 1_000_000.0 - 10  # of the vehicle's own stamp
     assert (named["north_m"], named["east_m"], named["down_m"]) == (1.0, 2.0, -1.5)
     assert (named["roll_rad"], named["pitch_rad"], named["yaw_rad"]) == (0.0, 0.0, 0.5)
@@ -80,25 +80,25 @@ def test_a_path_row_holds_position_attitude_and_the_commanded_and_flown_velocity
     ("yaw", "after_ms", "rate"), [(-3.13, 100, 0.2319), (3.0, 100, -1.3), (3.1, 1500, None)]
 )
 def test_the_flown_yaw_rate_is_between_two_states_that_follow_closely(yaw, after_ms, rate):
-    board = VehicleBoard("a")
-    path_row(board, dataclasses.replace(VEHICLE, yaw_rad=3.13))
+    model = VehicleModel("a")
+    path_row(model, dataclasses.replace(VEHICLE, yaw_rad=3.13))
     later = dataclasses.replace(VEHICLE, yaw_rad=yaw, t_ns=VEHICLE.t_ns + after_ms * MS)
-    flown = path_row(board, later, t_ns=later.t_ns)["flown"]
+    flown = path_row(model, later, t_ns=later.t_ns)["flown"]
     assert flown[3] == (rate if rate is None else pytest.approx(rate, abs=1e-3))
 
 
 def test_a_vehicle_that_is_not_heard_any_more_adds_nothing_to_the_path():
-    board = VehicleBoard("a")
-    board.take("state", status(), NOW)
-    assert "path" not in board.take("state", status(t_ns=9_999 * MS), NOW)
+    model = VehicleModel("a")
+    model.on_document("state", status(), NOW)
+    assert "path" not in model.on_document("state", status(t_ns=9_999 * MS), NOW)
 
 
 def test_fields_of_a_newer_service_are_passed_over():
-    assert "state" in VehicleBoard("a").take("state", status() | {"of_tomorrow": 1}, NOW)
+    assert "state" in VehicleModel("a").on_document("state", status() | {"of_tomorrow": 1}, NOW)
 
 
 def test_a_servo_row_is_stamped_with_its_capture_and_knows_its_delay():
-    (row,) = VehicleBoard("a").take("servo", servo(), NOW)["servo"]
+    (row,) = VehicleModel("a").on_document("servo", servo(), NOW)["servo"]
     named = dict(zip(SERVO_COLUMNS, row, strict=True))
     assert named["t_ms"] == 1_000_000.0 - 60
     assert named["delay_ms"] == pytest.approx(40)
@@ -116,22 +116,24 @@ def test_a_servo_row_holds_the_uncertainty_where_it_is_known():
         "mounting_score": -7.5,
         "velocity_error": [0.1, 0.2, 0.3, 0.0],
     }
-    board = VehicleBoard("a")
-    (row,) = board.take("servo", servo(**known), NOW)["servo"]
+    model = VehicleModel("a")
+    (row,) = model.on_document("servo", servo(**known), NOW)["servo"]
     assert known.items() <= dict(zip(SERVO_COLUMNS, row, strict=True)).items()
-    (row,) = board.take("servo", servo(**dict.fromkeys(known)), NOW)["servo"]
+    (row,) = model.on_document("servo", servo(**dict.fromkeys(known)), NOW)["servo"]
     unknown = dict.fromkeys(known) | {"velocity_error": []}
     assert unknown.items() <= dict(zip(SERVO_COLUMNS, row, strict=True)).items()
 
 
 @pytest.mark.parametrize("value", [float("nan"), float("inf"), 10**400, "x", [1], True, None])
 def test_what_is_no_finite_number_reaches_nobody(value):
-    board = VehicleBoard("a")
-    news = board.take("servo", servo(depth_m=value, motion=[value], velocity_error=value), NOW)
+    model = VehicleModel("a")
+    news = model.on_document(
+        "servo", servo(depth_m=value, motion=[value], velocity_error=value), NOW
+    )
     assert dict(zip(SERVO_COLUMNS, news["servo"][0], strict=True))["depth_m"] is None
     timing = {"stages": {"match": {"p50_ms": value, "p99_ms": 1.0}}, "frames": value}
-    assert board.take("timing", timing, NOW)["timing"]["stages"]["match"] == [None, 1.0]
-    json.dumps(board.history(), allow_nan=False)
+    assert model.on_document("timing", timing, NOW)["timing"]["stages"]["match"] == [None, 1.0]
+    json.dumps(model.history(), allow_nan=False)
 
 
 @pytest.mark.parametrize(
@@ -150,31 +152,31 @@ def test_what_is_no_finite_number_reaches_nobody(value):
     ],
 )
 def test_documents_that_follow_no_schema_are_refused(stream, document):
-    board = VehicleBoard("a")
+    model = VehicleModel("a")
     with pytest.raises(DfvsError):
-        board.take(stream, document, NOW)
-    assert board.history()["history"] == {"servo": [], "path": [], "transitions": []}
+        model.on_document(stream, document, NOW)
+    assert model.history()["history"] == {"servo": [], "path": [], "transitions": []}
 
 
 def test_history_is_bounded():
-    board = VehicleBoard("a")
+    model = VehicleModel("a")
     for i in range(4000):
         t_ns = NOW.t_ns + i * 100 * MS
-        board.take("servo", servo(t_capture_ns=t_ns), Moment(t_ns, NOW.wall_ms + i * 100))
-    assert len(board.history()["history"]["servo"]) == 3000
+        model.on_document("servo", servo(t_capture_ns=t_ns), Moment(t_ns, NOW.wall_ms + i * 100))
+    assert len(model.history()["history"]["servo"]) == 3000
 
 
 def test_the_history_of_results_is_thinned_to_ten_a_second():
-    board = VehicleBoard("a")
+    model = VehicleModel("a")
     for i in range(100):
-        board.take("servo", servo(t_capture_ns=NOW.t_ns - (3960 - 40 * i) * MS), NOW)
-    assert len(board.history()["history"]["servo"]) == 34
+        model.on_document("servo", servo(t_capture_ns=NOW.t_ns - (3960 - 40 * i) * MS), NOW)
+    assert len(model.history()["history"]["servo"]) == 34
 
 
 def test_links_tell_rate_age_and_loss_of_the_camera():
-    board = VehicleBoard("a")
+    model = VehicleModel("a")
     for seq in (1, 2, 4):
-        board.see_picture("camera", Picture(PictureKind.VIEW, NOW.t_ns, seq, b"jpeg"), NOW)
+        model.on_image("camera", BrowserImage(ImageKind.VIEW, NOW.t_ns, seq, b"jpeg"), NOW)
     later = Moment(NOW.t_ns + 500 * MS, NOW.wall_ms + 500)
-    camera = board.link_news(later)["link"]["streams"]["camera"]
+    camera = model.link_update(later)["link"]["streams"]["camera"]
     assert (camera["count"], camera["missing"], camera["age_s"]) == (3, 1, 0.5)

@@ -12,7 +12,8 @@ from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
-from dfvs_service.perception.frame_processor import Eye, RawSample
+from dfvs_service.frames import RawSample
+from dfvs_service.perception.frame_processor import FrameProcessor
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
 MS = 1_000_000
@@ -52,13 +53,13 @@ class Rig:
         task = ServoTask(ServoConfig(), CAMERA, goal.sidecar, Mount())
         self.matcher = StillMatcher()
         pipeline = Pipeline(task, self.matcher, goal, lambda: self.now_ns)
-        self.eye = Eye(CAMERA, pipeline, CLOCK, lambda: self.now_ns)
+        self.eye = FrameProcessor(CAMERA, pipeline, CLOCK, lambda: self.now_ns)
 
     def hear_vehicle(self, state="SERVO"):
         for back_ms in (60, 40, 20, 0):
             t_ns = self.now_ns - back_ms * MS
             vehicle = VehicleState(t_ns, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
-            self.eye.heed(GateStatus(state, "", vehicle))
+            self.eye.on_gate_status(GateStatus(state, "", vehicle))
 
     def sample(self, image=None, t_ns=None, pixel_format=PixelFormat.RGB8, clock=CLOCK):
         self.seq += 1
@@ -77,7 +78,7 @@ def rig(rng):
 def test_a_good_frame_becomes_a_healthy_report(rig):
     sample = rig.sample()
     rig.hear_vehicle()
-    glance = rig.eye.look(sample)
+    glance = rig.eye.process(sample)
     assert glance.report.healthy
     assert glance.report.t_capture_ns == rig.now_ns - 5 * MS
     assert glance.stages_ns["transport"] == 5 * MS
@@ -90,7 +91,7 @@ def test_a_vehicle_that_stays_at_the_goal_has_reached_it_after_the_stop_rule_s_s
         image[0, 0] = k  # else it is a frozen camera's
         sample = rig.sample(image=image)
         rig.hear_vehicle()
-        reached.append(rig.eye.look(sample).report.reached)
+        reached.append(rig.eye.process(sample).report.reached)
     assert not any(reached[:18])  # 50 ms a frame: by then the window of 1 s is not full
     assert reached[-1]
 
@@ -99,14 +100,14 @@ def test_nothing_is_relocalised_after_a_report(rig):
     rig.matcher.share = 0.2
     sample = rig.sample()
     rig.hear_vehicle()
-    assert rig.eye.look(sample).report.healthy
+    assert rig.eye.process(sample).report.healthy
     before = rig.matcher.relocalisations
     rig.eye.update_depth()
     assert rig.matcher.relocalisations == before
 
 
 def test_without_the_vehicle_s_attitude_nothing_is_flown(rig):
-    report = rig.eye.look(rig.sample()).report
+    report = rig.eye.process(rig.sample()).report
     assert not report.healthy
     assert "attitude" in report.reason
 
@@ -155,7 +156,7 @@ def other_clock(rig):
 def test_a_bad_frame_becomes_an_unhealthy_report_with_its_reason(rig, make, reason):
     sample = make(rig)
     rig.hear_vehicle()
-    report = rig.eye.look(sample).report
+    report = rig.eye.process(sample).report
     assert not report.healthy
     assert reason in report.reason
     assert report.velocity == (0.0, 0.0, 0.0, 0.0)
@@ -167,12 +168,12 @@ def test_a_frozen_camera_is_noticed_at_the_third_picture(rig):
     for _ in range(4):
         sample = rig.sample()
         rig.hear_vehicle()
-        healthy.append(rig.eye.look(sample).report.healthy)
+        healthy.append(rig.eye.process(sample).report.healthy)
     assert healthy == [True, True, False, False]
 
 
 def test_a_good_frame_after_bad_ones_is_flown_again(rig):
-    rig.eye.look(black(rig))
+    rig.eye.process(black(rig))
     sample = rig.sample()
     rig.hear_vehicle()
-    assert rig.eye.look(sample).report.healthy
+    assert rig.eye.process(sample).report.healthy

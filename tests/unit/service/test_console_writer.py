@@ -2,8 +2,8 @@
 
 import threading
 
-from dfvs_service.supervisor.console_writer import Narrator
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.console_writer import ConsoleWriter
+from dfvs_service.supervisor.heartbeat import Heartbeat
 
 
 class Terminal:
@@ -13,9 +13,9 @@ class Terminal:
         self.closed = False
 
     def show(self, beat):
-        self.say(beat.state)
+        self.log(beat.state)
 
-    def say(self, line):
+    def log(self, line):
         self.is_open.wait()
         self.lines.append(line)
 
@@ -25,9 +25,9 @@ class Terminal:
 
 def test_words_come_in_their_order_and_the_terminal_is_left_clean():
     terminal = Terminal()
-    narrator = Narrator(terminal)
-    narrator.show(Beat(0, "READY", ""))
-    narrator.say("warning: so")
+    narrator = ConsoleWriter(terminal)
+    narrator.show(Heartbeat(0, "READY", ""))
+    narrator.log("warning: so")
     assert narrator.close(5.0)
     assert terminal.lines == ["READY", "warning: so"]
     assert terminal.closed
@@ -36,10 +36,10 @@ def test_words_come_in_their_order_and_the_terminal_is_left_clean():
 def test_a_stopped_terminal_blocks_nobody_and_keeps_what_must_be_said():
     terminal = Terminal()
     terminal.is_open.clear()
-    narrator = Narrator(terminal)
+    narrator = ConsoleWriter(terminal)
     for number in range(1000):
-        narrator.show(Beat(0, f"state {number}", ""))
-    narrator.say("error: the gate hung")
+        narrator.show(Heartbeat(0, f"state {number}", ""))
+    narrator.log("error: the gate hung")
     assert not narrator.close(0.01)
     terminal.is_open.set()
     assert narrator.close(5.0)
@@ -50,8 +50,8 @@ def test_a_stopped_terminal_blocks_nobody_and_keeps_what_must_be_said():
 def test_a_terminal_that_is_gone_does_not_silence_the_next_word():
     terminal = Terminal()
     terminal.show = lambda beat: (_ for _ in ()).throw(BrokenPipeError)
-    narrator = Narrator(terminal)
-    narrator.show(Beat(0, "READY", ""))
-    narrator.say("still here")
+    narrator = ConsoleWriter(terminal)
+    narrator.show(Heartbeat(0, "READY", ""))
+    narrator.log("still here")
     assert narrator.close(5.0)
     assert terminal.lines == ["still here"]

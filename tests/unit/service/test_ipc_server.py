@@ -17,19 +17,19 @@ from dfvs_core.messages.link import (
     from_gate,
     to_datagram,
 )
-from dfvs_service.gate.ipc_server import Post
+from dfvs_service.gate.ipc_server import IpcServer
 from dfvs_service.settings.runtime import RuntimeFolder
-from dfvs_service.supervisor.heartbeat import Beat
+from dfvs_service.supervisor.heartbeat import Heartbeat
 
 KEY = b"k" * 32
 FAULTS = []
-STATUS, BEAT = GateStatus("IDLE", "", None), Beat(0, "IDLE", "")
+STATUS, BEAT = GateStatus("IDLE", "", None), Heartbeat(0, "IDLE", "")
 
 
 @pytest.fixture
 def post(tmp_path):
     authority = Authority(KEY, "drone1", lambda: "c", 0)
-    return Post(RuntimeFolder(tmp_path), authority, lambda kind, text: None, FAULTS.append)
+    return IpcServer(RuntimeFolder(tmp_path), authority, lambda kind, text: None, FAULTS.append)
 
 
 def send(tmp_path, *datagrams):
@@ -105,9 +105,9 @@ def test_a_command_is_answered_by_its_id_once_the_state_machine_has_taken_it(pos
     send(tmp_path, datagram)
     assert len(collected(post)) == 1
     assert link() == []
-    post.settle("")
+    post.answer_accepted("")
     assert link() == [CommandAnswer(request, "accepted: hold")]
-    post.settle("")
+    post.answer_accepted("")
     assert link() == []
 
 
@@ -115,7 +115,7 @@ def test_a_repeated_command_gets_the_same_answer_and_is_no_order(post, link, tmp
     datagram, request = command()
     send(tmp_path, datagram, datagram)
     assert len(collected(post)) == 1
-    post.settle("rejected: not now")
+    post.answer_accepted("rejected: not now")
     send(tmp_path, datagram)
     assert collected(post) == []
     assert link() == [CommandAnswer(request, "rejected: not now")] * 2
@@ -127,7 +127,7 @@ def test_the_answer_to_one_command_is_not_that_to_another(post, link, tmp_path):
     forged, rejected = command(b"x" * 32, Action.ABORT)
     send(tmp_path, good, forged)
     collected(post)
-    post.settle("")
+    post.answer_accepted("")
     assert set(link()) == {
         CommandAnswer(rejected, "rejected: wrong signature"),
         CommandAnswer(accepted, "accepted: hold"),
@@ -138,7 +138,7 @@ def test_an_order_that_the_state_forbids_is_answered_so(post, link, tmp_path):
     datagram, _ = command()
     send(tmp_path, datagram)
     collected(post)
-    post.settle("rejected: not now" + "!" * 300)
+    post.answer_accepted("rejected: not now" + "!" * 300)
     (answer,) = link()
     assert answer.result == post.command_result
     assert post.command_result.startswith("rejected: not now!")
@@ -146,7 +146,7 @@ def test_an_order_that_the_state_forbids_is_answered_so(post, link, tmp_path):
 
 
 def test_a_refusal_without_a_command_answers_nobody(post, link):
-    post.settle("rejected: not now")
+    post.answer_accepted("rejected: not now")
     assert link() == []
     assert post.command_result == ""
 

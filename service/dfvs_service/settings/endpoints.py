@@ -1,0 +1,32 @@
+"""Encryption and reach of Zenoh endpoints and MAVLink connections."""
+
+from __future__ import annotations
+
+_ENCRYPTED = ("tls", "quic")
+_LOCAL = ("unixsock-stream", "unixpipe")
+
+
+def is_encrypted(endpoint: str) -> bool:
+    """Tell whether a Zenoh endpoint needs certificates."""
+    return endpoint.partition("/")[0] in _ENCRYPTED
+
+
+def is_private(endpoint: str) -> bool:
+    """Tell whether a Zenoh endpoint is encrypted or stays on this machine."""
+    protocol, _, rest = endpoint.partition("/")
+    if protocol in (*_ENCRYPTED, *_LOCAL):
+        return True
+    return _is_loopback(rest.split("#")[0].split("?")[0])
+
+
+def is_private_mavlink(url: str) -> bool:
+    """Tell whether a MAVLink connection is a serial line or stays on this machine."""
+    scheme, _, rest = url.partition("://")
+    return scheme.startswith("serial") or _is_loopback(rest)
+
+
+def _is_loopback(address: str) -> bool:
+    host = address.rsplit(":", 1)[0].strip("[]")
+    parts = host.split(".")
+    v4 = len(parts) == 4 and parts[0] == "127" and all(part.isdecimal() for part in parts)
+    return v4 or host in ("localhost", "::1")
