@@ -11,7 +11,7 @@ from typing import TypeVar
 
 from dfvs_bench.methods.registry import POSE_NETWORKS, chosen_methods, with_bundles
 from dfvs_bench.report.tables import trial_line
-from dfvs_bench.trials.executor import Workforce
+from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.results import TrialRecord
 from dfvs_bench.trials.run import Job, run_jobs, unfinished
 from dfvs_bench.trials.scenes import default_tasks, task_in
@@ -71,22 +71,22 @@ def networks_from(args: argparse.Namespace) -> dict[str, str]:
     return {name: getattr(args, f"{name}_bundle") for name in ("depth", *POSE_NETWORKS)}
 
 
-def add_workforce_options(parser: argparse.ArgumentParser) -> None:
+def add_executor_options(parser: argparse.ArgumentParser) -> None:
     """Add ``--workers`` and ``--dask``."""
     add = parser.add_argument
     add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
     add("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster to use instead")
 
 
-def workforce_from(args: argparse.Namespace) -> Workforce:
-    """Workforce of ``--workers`` and ``--dask``.
+def executor_from(args: argparse.Namespace) -> TrialExecutor:
+    """TrialExecutor of ``--workers`` and ``--dask``.
 
     Raises
     ------
     ConfigError
         If they cannot be.
     """
-    return Workforce(args.workers, args.dask)
+    return TrialExecutor(args.workers, args.dask)
 
 
 def check_outputs(args: argparse.Namespace, *more: str) -> None:
@@ -226,7 +226,7 @@ def named(items: Sequence[_T], names: str | None, name_of: Callable[[_T], str]) 
 
 
 def run_trials(
-    args: argparse.Namespace, jobs: Sequence[Job], workforce: Workforce
+    args: argparse.Namespace, jobs: Sequence[Job], executor: TrialExecutor
 ) -> list[TrialRecord]:
     """Run the jobs that ``--resume`` does not find in ``--runs``; all records, old and new."""
     left, records = unfinished(jobs, args.runs) if args.resume else (jobs, [])
@@ -234,7 +234,7 @@ def run_trials(
         print(f"{len(records)} trials are in {args.runs}", file=sys.stderr, flush=True)
     countdown = Countdown(len(left))
     try:
-        for record in run_jobs(left, args.runs, workforce):
+        for record in run_jobs(left, args.runs, executor):
             records.append(record)
             say(f"{trial_line(record)} {countdown.step()}")
     except (KeyboardInterrupt, SystemExit):

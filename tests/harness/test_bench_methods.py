@@ -11,7 +11,7 @@ from dfvs_bench.methods.method import NO_NETWORKS, Decision, Networks
 from dfvs_bench.methods.pose_regression import PoseRegressionMethod
 from dfvs_bench.methods.registry import METHODS
 from dfvs_bench.trials.task import BenchTask
-from dfvs_bench.trials.trial import goal_sight, run_trial
+from dfvs_bench.trials.trial import goal_observation, run_trial
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_core.matching.classical import classical_matcher
@@ -42,7 +42,7 @@ def task(distance_m, angle_deg, camera=SMALL):
 
 
 def servo(room, name, task, most_iterations, networks=NO_NETWORKS):
-    method = METHODS[name].make(goal_sight(task, room), classical_matcher(), networks)
+    method = METHODS[name].make(goal_observation(task, room), classical_matcher(), networks)
     return run_trial(task, method, room, most_iterations)
 
 
@@ -67,7 +67,7 @@ def test_the_product_s_law_ends_at_the_goal_by_itself(room, name, camera):
 def test_by_a_depth_network_it_ends_at_the_goal_as_soon(room, name, unit):
     """By one whose depth is the true one, in metres or up to a factor."""
     there = task(0.4, 12)
-    z_m = goal_sight(there, room).depth.z_m[::2, ::2]
+    z_m = goal_observation(there, room).depth.z_m[::2, ::2]
     known = bundle((1.0 if unit == "1/m" else 0.3) / z_m, unit=unit)
     trial = servo(room, name, there, 80, Networks(depth=DepthNetwork(known, Execution(1))))
     assert trial.end == "done"
@@ -129,7 +129,7 @@ class KnownPose:
 @pytest.mark.parametrize("unit", ["m", "depth"])
 def test_servoing_by_a_regressed_pose_ends_at_the_goal_whatever_the_bias(room, unit):
     there = task(0.4, 12)
-    goal = goal_sight(there, room)
+    goal = goal_observation(there, room)
     scale = 1.0 if unit == "m" else float(np.median(goal.depth.z_m))
     trial = run_trial(there, KnownPose(goal, unit, scale), room, 120)
     assert trial.end == "done"

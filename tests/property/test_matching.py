@@ -56,7 +56,7 @@ def test_slight_motion_is_recovered_to_a_tenth_of_a_pixel(goal, H):
     field = MATCHER.match(goal, MATCHER.encode(WALL.picture(H)))
     sure = field.confidence > 0.5
     assert sure.mean() > 0.8
-    assert np.abs((field.flow - truth)[sure].mean(axis=0)).max() < 0.05
+    assert np.abs((field.flow - truth)[sure].mean(axis=0)).max() < 0.1
     assert errors(field, truth)[sure].mean() < 0.1
 
 
@@ -65,7 +65,7 @@ def test_slight_motion_is_recovered_to_a_tenth_of_a_pixel(goal, H):
 def test_there_and_back_is_where_it_began(H):
     there, back = (exact_flow(each).astype(np.float32) for each in (H, np.linalg.inv(H)))
     seen = inside(there)
-    assert np.abs(compose(there, back)[seen]).max() < 0.05
+    assert np.abs(compose(there, back)[seen]).max() < 0.1
     assert forward_backward_consistency(there, back, MatchingConfig())[seen].min() > 0.99
 
 

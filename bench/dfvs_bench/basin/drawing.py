@@ -102,15 +102,15 @@ def draw(order: Order) -> tuple[DrawnTask, ...]:
     sees of the goal; of those that follow, only those with overlap, until there are ``count`` of
     these as well. A cell for which the scene is too small has fewer, or none.
     """
-    artist = _Artist(order.environment, order.rng())
-    return tuple(task for cell in order.cells for task in _draw_cell(artist, cell, order))
+    sampler = _Sampler(order.environment, order.rng())
+    return tuple(task for cell in order.cells for task in _draw_cell(sampler, cell, order))
 
 
-def _draw_cell(artist: _Artist, cell: Cell, order: Order) -> list[DrawnTask]:
+def _draw_cell(sampler: _Sampler, cell: Cell, order: Order) -> list[DrawnTask]:
     tasks: list[DrawnTask] = []
     free = overlapping = 0
     name = order.environment.name
-    for T_start, T_goal, overlap in artist.candidates(cell, order.rng(*cell.seed)):
+    for T_start, T_goal, overlap in sampler.candidates(cell, order.rng(*cell.seed)):
         freely, overlaps = free < order.count, overlap >= LEAST_OVERLAP
         if freely or overlaps:
             poses = (_floats(T_start), _floats(T_goal))
@@ -122,7 +122,7 @@ def _draw_cell(artist: _Artist, cell: Cell, order: Order) -> list[DrawnTask]:
     return tasks
 
 
-class _Artist:
+class _Sampler:
     """Draws goals and starts in one scene."""
 
     def __init__(self, environment: Environment, rng: np.random.Generator) -> None:

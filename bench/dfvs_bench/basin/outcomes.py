@@ -9,7 +9,7 @@ from pathlib import Path
 from dfvs_bench.basin.cells import Cell
 from dfvs_bench.basin.drawing import DRAWING_VERSION, DrawnTask, Order, draw
 from dfvs_bench.trials.documents import read_document, write_document
-from dfvs_bench.trials.executor import Workforce
+from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.results import TrialRecord, read_record
 from dfvs_bench.trials.task import same_poses
 from dfvs_core.geometry.camera import CameraModel
@@ -72,7 +72,7 @@ class Outcome:
 
 
 def draw_tasks(
-    orders: Sequence[Order], folder: Path, workforce: Workforce, progress: Callable[[str], None]
+    orders: Sequence[Order], folder: Path, executor: TrialExecutor, progress: Callable[[str], None]
 ) -> BasinTasks:
     """Draw what is ordered and keep it in the folder; what is there from the same order stays.
 
@@ -90,7 +90,7 @@ def draw_tasks(
         if name in kept and replace(kept[name], tasks=()) == place
     }
     left = [order for order in orders if order.environment.name not in done]
-    for name, tasks in workforce.finished(_draw_named, left):
+    for name, tasks in executor.finished(_draw_named, left):
         progress(f"drew {len(tasks)} tasks in {name}")
         done[name] = replace(wanted[name], tasks=tasks)
         write_document(path, BasinTasks(tuple(done[n] for n in wanted if n in done)))

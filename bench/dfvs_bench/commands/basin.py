@@ -28,18 +28,18 @@ from dfvs_bench.basin.figure import basin_figure
 from dfvs_bench.basin.outcomes import BASIN_FILE, Outcome, draw_tasks, read_outcomes
 from dfvs_bench.basin.ratios import summarise, summary_lines, tidy_row
 from dfvs_bench.options import (
+    add_executor_options,
     add_method_options,
     add_task_options,
-    add_workforce_options,
     check_iterations,
     check_outputs,
+    executor_from,
     methods_from,
     named,
     networks_from,
     own_scenes,
     run_trials,
     say,
-    workforce_from,
 )
 from dfvs_bench.report.figures import is_figure_name
 from dfvs_bench.report.tables import write_rows
@@ -78,7 +78,7 @@ def add_parser(subparsers: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_task_options(parser, "tasks.json: its scenes (default: sixteen rooms)", "basin-runs")
-    add_workforce_options(parser)
+    add_executor_options(parser)
     add_method_options(parser, DEFAULT_METHODS)
     add = parser.add_argument
     add("--trials", type=int, default=BATCH, metavar="N", help=f"of each cell (default: {BATCH})")
@@ -104,14 +104,14 @@ def run(args: argparse.Namespace) -> int:
     """
     _check(args)
     began_s = time.monotonic()
-    workforce = workforce_from(args)
+    executor = executor_from(args)
     methods = methods_from(args, DEFAULT_METHODS)
     cells = _cells(args)
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
     environments = _environments(args)
     args.runs.mkdir(parents=True, exist_ok=True)
     jobs = _jobs(args, environments, cells, methods)
-    records = run_trials(args, jobs, workforce)
+    records = run_trials(args, jobs, executor)
     _finish(args, read_outcomes(args.runs, records), time.monotonic() - began_s)
     return 0
 
@@ -162,7 +162,7 @@ def _jobs(
     say(f"{len(cells)} cells of {args.trials} trials, in {len(orders)} environments")
     if not args.resume:
         (args.runs / BASIN_FILE).unlink(missing_ok=True)
-    drawn = draw_tasks(orders, args.runs, workforce_from(args), say)
+    drawn = draw_tasks(orders, args.runs, executor_from(args), say)
     by_name = {place.name: place for place in environments}
     tasks = [task.task(by_name[task.environment]) for task in drawn.tasks]
     return Plan(tasks, methods, args.bundle, args.iterations, networks_from(args)).jobs()

@@ -10,7 +10,7 @@ from typing import Any
 from dfvs_bench.lockstep.calibration import plot_calibration
 from dfvs_bench.lockstep.record import SimulatedFlight, summarise
 from dfvs_bench.lockstep.run import EXACT, SimulatedJob, fly
-from dfvs_bench.trials.executor import Workforce
+from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.provenance import made_with
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.limits import VelocityLimits
@@ -82,7 +82,7 @@ def run(args: argparse.Namespace) -> int:
     jobs = _jobs(args)
     progress = Progress()
     flights: list[SimulatedFlight] = []
-    for flight in Workforce(args.workers).finished(fly, jobs):
+    for flight in TrialExecutor(args.workers).finished(fly, jobs):
         flights.append(flight)
         progress.say(f"{_line(flight)}  ({len(flights)} of {len(jobs)})")
     flights.sort(key=lambda f: f.seed)

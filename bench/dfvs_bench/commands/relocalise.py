@@ -12,7 +12,7 @@ from dfvs_bench.basin.cells import ROTATIONS_DEG, Cell
 from dfvs_bench.basin.drawing import DrawnTask, Order
 from dfvs_bench.basin.environments import Environment, environments_in
 from dfvs_bench.options import own_scenes
-from dfvs_bench.trials.executor import Workforce
+from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.provenance import made_with
 from dfvs_bench.trials.relocalise import (
     STAGES,
@@ -93,11 +93,11 @@ def run(args: argparse.Namespace) -> int:
     cameras = {size: _camera(args, size) for size in args.camera}
     own_scenes(args, [])
     config = replace(without(args.without), working_width_px=args.working_width)
-    workforce = Workforce(args.workers)
+    executor = TrialExecutor(args.workers)
     matchers = list(dict.fromkeys(args.bundle))
     for name in matchers:
         load_matcher(name, args.threads, config=config)  # refuses at once what cannot be used
-    drawn = {size: _draw(args, camera, workforce) for size, camera in cameras.items()}
+    drawn = {size: _draw(args, camera, executor) for size, camera in cameras.items()}
     jobs = [
         RelocalisationJob(_label(name, size, args), name, place, tasks, args.threads, config)
         for name in matchers
@@ -105,7 +105,7 @@ def run(args: argparse.Namespace) -> int:
         for place, tasks in drawn[size]
     ]
     progress, found = Progress(), list[Relocalisation]()
-    for part in workforce.finished(relocalise, jobs):
+    for part in executor.finished(relocalise, jobs):
         found += part
         progress.say(f"{len(found)} of {sum(len(job.tasks) for job in jobs)} pairs")
     figures = summarise(found)
@@ -137,7 +137,7 @@ def _check(args: argparse.Namespace) -> None:
 
 
 def _draw(
-    args: argparse.Namespace, camera: CameraModel, workforce: Workforce
+    args: argparse.Namespace, camera: CameraModel, executor: TrialExecutor
 ) -> list[tuple[Environment, tuple[DrawnTask, ...]]]:
     """Starts in each scene, spread evenly; they do not depend on the camera's size.
 
@@ -155,7 +155,7 @@ def _draw(
         (Order(place, cells, -(-args.trials // len(cells)), args.seed), each + (k < rest))
         for k, place in enumerate(places)
     ]
-    drawn = dict(workforce.finished(_draw_one, [order for order in orders if order[1]]))
+    drawn = dict(executor.finished(_draw_one, [order for order in orders if order[1]]))
     found = [(replace(p, camera=camera), drawn[p.name]) for p in places if drawn.get(p.name)]
     if not found:
         raise ConfigError("no start was found in any scene", "larger scenes with free space")

@@ -9,16 +9,16 @@ from typing import Any
 
 from dfvs_bench.methods.registry import DEFAULT_METHODS, METHODS
 from dfvs_bench.options import (
+    add_executor_options,
     add_method_options,
     add_task_options,
-    add_workforce_options,
     check_iterations,
     check_outputs,
+    executor_from,
     methods_from,
     networks_from,
     run_trials,
     tasks_from,
-    workforce_from,
 )
 from dfvs_bench.report.tables import (
     perturbed_lines,
@@ -70,7 +70,7 @@ def add_parser(subparsers: Any) -> None:
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_task_options(parser, "tasks.json (default: the ten scenes)", "bench-runs")
-    add_workforce_options(parser)
+    add_executor_options(parser)
     add_method_options(parser, DEFAULT_METHODS)
     parser.add_argument(
         "--perturb",
@@ -91,7 +91,7 @@ def run(args: argparse.Namespace) -> int:
     """
     check_outputs(args)
     check_iterations(args)
-    workforce = workforce_from(args)
+    executor = executor_from(args)
     methods = methods_from(args, DEFAULT_METHODS)
     load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
     tasks = tasks_from(args)
@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     settings = (args.bundle, args.iterations, networks_from(args), perturbations)
     jobs = Plan(tasks, methods, *settings).jobs()
     args.runs.mkdir(parents=True, exist_ok=True)
-    records = run_trials(args, jobs, workforce)
+    records = run_trials(args, jobs, executor)
     _finish(args, _in_order(records, tasks, methods), methods, time.monotonic() - began_s)
     return 0
 

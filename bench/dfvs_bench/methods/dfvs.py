@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
-from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalSight, Sight
+from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalObservation, Observation
 from dfvs_bench.methods.odometry import CameraMotion, Odometry
 from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.geometry.arrays import FloatArray
@@ -101,7 +101,7 @@ class PipelineMethod:
     ----------
     config : ServoConfig
         Law and depth source; true depth is handed over for ``depth = "given"`` alone.
-    goal : GoalSight
+    goal : GoalObservation
         Only its picture and intrinsics are used.
     matcher : Matcher
         Source of correspondences.
@@ -113,7 +113,7 @@ class PipelineMethod:
     def __init__(
         self,
         config: ServoConfig,
-        goal: GoalSight,
+        goal: GoalObservation,
         matcher: Matcher,
         network: DepthEstimator | None = None,
         camera: ControlledCamera = _EXACT,
@@ -135,34 +135,34 @@ class PipelineMethod:
         """Whether the last frame should have been at the goal, and does not look like it."""
         return self._is_false_goal
 
-    def decide(self, sight: Sight) -> Decision:
+    def decide(self, observation: Observation) -> Decision:
         """Process one frame; a refused frame keeps the camera where it is."""
-        self._now_ns = (sight.index + 1) * _PERIOD_NS
-        depth = sight.depth if self._task.config.depth == "given" else None
-        frame = Frame(sight.image, self._now_ns, sight.index)
-        result = self._pipeline.process_frame(frame, self._motion(sight), True, depth).result
+        self._now_ns = (observation.index + 1) * _PERIOD_NS
+        depth = observation.depth if self._task.config.depth == "given" else None
+        frame = Frame(observation.image, self._now_ns, observation.index)
+        result = self._pipeline.process_frame(frame, self._motion(observation), True, depth).result
         self._pipeline.update_depth()
         flown = result.status is Status.OK
         self._is_false_goal = result.status is Status.FALSE_GOAL
         self._refused = 0 if flown else self._refused + 1
         given_up = result.status is Status.STUCK or self._refused >= _REFUSALS
         return Decision(
-            T_current_next=se3_exp(self._flown(sight, result.velocity) * FRAME_PERIOD_S),
+            T_current_next=se3_exp(self._flown(observation, result.velocity) * FRAME_PERIOD_S),
             error=result.feature_error_px,
             done=result.reached,
             lost=result.status.value if given_up else "",
         )
 
-    def _flown(self, sight: Sight, asked: FloatArray) -> FloatArray:
+    def _flown(self, observation: Observation, asked: FloatArray) -> FloatArray:
         """Twist (6,) that the camera truly makes of the one that it is asked for."""
         twist = self._drive(asked).copy()
-        twist[:3] -= sight.T_world_camera[:3, :3].T @ self._odometry.velocity_error_m_s
+        twist[:3] -= observation.T_world_camera[:3, :3].T @ self._odometry.velocity_error_m_s
         return twist
 
-    def _motion(self, sight: Sight) -> Motion:
+    def _motion(self, observation: Observation) -> Motion:
         """The camera's own motion as a vehicle state, the camera being the body."""
-        position = sight.T_world_camera[:3, 3]
+        position = observation.T_world_camera[:3, 3]
         last = position if self._last_position_m is None else self._last_position_m
         self._last_position_m = position
-        moved = CameraMotion(sight.T_world_camera, (position - last) / FRAME_PERIOD_S)
+        moved = CameraMotion(observation.T_world_camera, (position - last) / FRAME_PERIOD_S)
         return self._odometry.estimate(moved, self._now_ns)

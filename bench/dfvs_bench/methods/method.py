@@ -20,7 +20,7 @@ FRAME_PERIOD_S = 0.1
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Sight:
+class Observation:
     """What a method may use in one iteration.
 
     Parameters
@@ -42,7 +42,7 @@ class Sight:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class GoalSight:
+class GoalObservation:
     """The goal picture (H, W, 3) RGB, its true depth (H, W), and the camera of both views."""
 
     camera: CameraModel
@@ -75,7 +75,7 @@ class Decision:
 class ServoMethod(Protocol):
     """Leads a free camera to the goal, frame after frame."""
 
-    def decide(self, sight: Sight) -> Decision:
+    def decide(self, observation: Observation) -> Decision:
         """Decide on one frame."""
         ...
 
@@ -109,7 +109,7 @@ class MethodKind:
         Name of the network that regresses poses which it needs, if any.
     """
 
-    make: Callable[[GoalSight, Matcher, Networks], ServoMethod]
+    make: Callable[[GoalObservation, Matcher, Networks], ServoMethod]
     summary: str
     iterations: int
     depth: DepthChoice = "motion"

@@ -11,7 +11,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dfvs_bench.methods.method import Decision, GoalSight, Sight
+from dfvs_bench.methods.method import Decision, GoalObservation, Observation
 from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
 from dfvs_core.geometry.interaction import interaction_matrix
 from dfvs_core.geometry.poses import se3_exp
@@ -33,11 +33,11 @@ class PhotometricMethod:
 
     Parameters
     ----------
-    goal : GoalSight
+    goal : GoalObservation
         Its depth is used.
     """
 
-    def __init__(self, goal: GoalSight) -> None:
+    def __init__(self, goal: GoalObservation) -> None:
         self._goal = _grey(goal.image)
         pixels = goal.camera.grid()[_inner()]
         z_m = goal.depth.z_m[_inner()].astype(np.float64).ravel()
@@ -48,11 +48,11 @@ class PhotometricMethod:
         self._L = L * goal.depth.validity[_inner()].reshape(-1, 1)
         self._H = self._L.T @ self._L
 
-    def decide(self, sight: Sight) -> Decision:
+    def decide(self, observation: Observation) -> Decision:
         """One step of Levenberg and Marquardt."""
-        error = (_grey(sight.image) - self._goal)[_inner()].astype(np.float64).ravel()
+        error = (_grey(observation.image) - self._goal)[_inner()].astype(np.float64).ravel()
         mean_squared = float(np.mean(error * error))
-        damping = _DAMPING_FIRST if sight.index < _DAMPED_FRAMES else _DAMPING_LATER
+        damping = _DAMPING_FIRST if observation.index < _DAMPED_FRAMES else _DAMPING_LATER
         damped = self._H + damping * np.diag(np.diag(self._H))
         twist = -_GAIN * np.linalg.lstsq(damped, self._L.T @ error, rcond=None)[0]
         longest = float(np.abs(twist).max())

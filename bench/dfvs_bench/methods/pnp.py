@@ -13,7 +13,7 @@ import cv2
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_bench.methods.method import Decision, GoalSight, Sight
+from dfvs_bench.methods.method import Decision, GoalObservation, Observation
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose, se3_exp, se3_log
 from dfvs_core.matching.correspondence import DepthMap, FlowField
@@ -40,25 +40,25 @@ class PnpMethod:
 
     Parameters
     ----------
-    goal : GoalSight
+    goal : GoalObservation
         Only its picture and intrinsics are used.
     matcher : Matcher
         Source of correspondences.
     """
 
-    def __init__(self, goal: GoalSight, matcher: Matcher) -> None:
+    def __init__(self, goal: GoalObservation, matcher: Matcher) -> None:
         self._camera = goal.camera
         self._matcher = matcher
         self._goal = matcher.encode(goal.image)
         self._last_flow: FlowField | None = None
         self._failed = 0
 
-    def decide(self, sight: Sight) -> Decision:
+    def decide(self, observation: Observation) -> Decision:
         """A tenth of the way to the goal; without a pose the camera stays."""
         flow = track_or_match(
-            self._matcher, self._matcher.encode(sight.image), self._goal, self._last_flow
+            self._matcher, self._matcher.encode(observation.image), self._goal, self._last_flow
         )
-        T_current_goal = self._goal_pose(flow, sight)
+        T_current_goal = self._goal_pose(flow, observation)
         if T_current_goal is None:
             self._failed += 1
             self._last_flow = None
@@ -72,13 +72,13 @@ class PnpMethod:
         done = bool(distance_m < _AT_GOAL_M and angle_rad < _AT_GOAL_RAD)
         return Decision(se3_exp(_GAIN * twist), error_px, done)
 
-    def _goal_pose(self, flow: FlowField, sight: Sight) -> FloatArray | None:
+    def _goal_pose(self, flow: FlowField, observation: Observation) -> FloatArray | None:
         """Goal camera in the current one (4, 4), or None."""
         flow = flow_at_size(flow, (self._camera.height, self._camera.width))
         samples = sample_grid(flow, STRIDE_PX)
         offset = STRIDE_PX // 2
         grid = (slice(offset, None, STRIDE_PX), slice(offset, None, STRIDE_PX))
-        depth = DepthMap(sight.depth.z_m[grid], sight.depth.validity[grid])
+        depth = DepthMap(observation.depth.z_m[grid], observation.depth.validity[grid])
         points = points_from_flow(samples, depth, self._camera, self._camera)
         valid = depth.validity.ravel() > 0
         points = points.select(valid & (points.weight > LEAST_CONFIDENCE))

@@ -9,7 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dfvs_bench.methods.method import Decision, GoalSight, Sight
+from dfvs_bench.methods.method import Decision, GoalObservation, Observation
 from dfvs_core.errors import ModelError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import se3_exp, se3_log
@@ -29,7 +29,7 @@ class PoseRegressionMethod:
 
     Parameters
     ----------
-    goal : GoalSight
+    goal : GoalObservation
         Its median depth scales a translation that is in depths; else only picture and camera.
     network : PoseRegressor
 
@@ -39,7 +39,7 @@ class PoseRegressionMethod:
         If there is no network.
     """
 
-    def __init__(self, goal: GoalSight, network: PoseRegressor | None) -> None:
+    def __init__(self, goal: GoalObservation, network: PoseRegressor | None) -> None:
         if network is None:
             raise ModelError("no network that regresses poses", "a bundle of the kind 'pose'")
         self._network, self._camera = network, goal.camera
@@ -49,9 +49,9 @@ class PoseRegressionMethod:
         self._to_m: FloatArray = np.array([scale] * 3 + [1.0] * 3)
         self._at_goal = 0
 
-    def decide(self, sight: Sight) -> Decision:
+    def decide(self, observation: Observation) -> Decision:
         """A tenth of the way; done where the goal is said to be here for some frames."""
-        motion = self._motion(self._network.fit(sight.image, self._camera)) * self._to_m
+        motion = self._motion(self._network.fit(observation.image, self._camera)) * self._to_m
         distance_m, angle_rad = (float(np.linalg.norm(part)) for part in (motion[:3], motion[3:]))
         is_here = distance_m < _AT_GOAL_M and angle_rad < _AT_GOAL_RAD
         self._at_goal = self._at_goal + 1 if is_here else 0

@@ -21,7 +21,7 @@ from __future__ import annotations
 
 import numpy as np
 
-from dfvs_bench.methods.method import Decision, GoalSight, Sight
+from dfvs_bench.methods.method import Decision, GoalObservation, Observation
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.interaction import interaction_matrix
@@ -47,13 +47,13 @@ class PublishedMethod:
 
     Parameters
     ----------
-    goal : GoalSight
+    goal : GoalObservation
         Only its picture and intrinsics are used.
     matcher : Matcher
         Source of correspondences.
     """
 
-    def __init__(self, goal: GoalSight, matcher: Matcher) -> None:
+    def __init__(self, goal: GoalObservation, matcher: Matcher) -> None:
         self._goal_image = goal.image.astype(np.float64)
         self._matcher = matcher
         self._goal = matcher.encode(goal.image)
@@ -63,34 +63,34 @@ class PublishedMethod:
         self._flow: FlowField | None = None
         self._R_world_start: FloatArray | None = None
 
-    def decide(self, sight: Sight) -> Decision:
+    def decide(self, observation: Observation) -> Decision:
         """One step of the published loop."""
-        prepared = self._matcher.encode(sight.image)
+        prepared = self._matcher.encode(observation.image)
         self._flow = track_or_match(self._matcher, prepared, self._goal, self._flow)
         flow = _sampled(self._flow.flow) * self._per_px
-        inverse_z = self._inverse_depth(prepared, sight)
+        inverse_z = self._inverse_depth(prepared, observation)
         self._last = prepared
         L = interaction_matrix(self._xy, 1.0 / inverse_z).reshape(-1, 6)
         H = L.T @ L
         damped = H + _MU * np.diag(H)  # a row added to every row, as in the code
         step = np.linalg.lstsq(damped, L.T @ flow.ravel(), rcond=None)[0]
         twist = _STEP_S * _GAIN * np.asarray(step, dtype=np.float64)
-        difference = sight.image.astype(np.float64) - self._goal_image
+        difference = observation.image.astype(np.float64) - self._goal_image
         squared = float(np.mean(np.sum(difference * difference, axis=2)))
         done = squared < _SQUARED_ERROR_AT_GOAL
-        return Decision(self._moved(twist, sight), float(np.sqrt(squared)), done)
+        return Decision(self._moved(twist, observation), float(np.sqrt(squared)), done)
 
-    def _inverse_depth(self, prepared: ImageFeatures, sight: Sight) -> FloatArray:
+    def _inverse_depth(self, prepared: ImageFeatures, observation: Observation) -> FloatArray:
         """What the code takes for 1 / Z of every point (N,)."""
         if self._last is None:
-            return _sampled(sight.depth.z_m).astype(np.float64).ravel()
+            return _sampled(observation.depth.z_m).astype(np.float64).ravel()
         motion_px = _sampled(self._matcher.match(prepared, self._last).flow) * self._per_px
         lengths: FloatArray = np.linalg.norm(motion_px.reshape(-1, 2), axis=1) + 1.0
         return lengths
 
-    def _moved(self, twist: FloatArray, sight: Sight) -> FloatArray:
+    def _moved(self, twist: FloatArray, observation: Observation) -> FloatArray:
         """Motion (4, 4): shifted along the camera's axes, turned about the first camera's."""
-        R = sight.T_world_camera[:3, :3]
+        R = observation.T_world_camera[:3, :3]
         if self._R_world_start is None:
             self._R_world_start = R
         R_start_camera = self._R_world_start.T @ R

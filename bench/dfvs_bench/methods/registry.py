@@ -6,22 +6,22 @@ from collections.abc import Mapping, Sequence
 
 from dfvs_bench.methods import photometric, pnp, pose_regression, published, scan_search, sift
 from dfvs_bench.methods.dfvs import ControlledCamera, LateDrive, PipelineMethod, bench_config
-from dfvs_bench.methods.method import GoalSight, MethodKind, Networks
+from dfvs_bench.methods.method import GoalObservation, MethodKind, Networks
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.servo.config import DepthChoice
 from dfvs_models.catalog import bundle_folder
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 
-_OURS_ITERATIONS = 300
+_DFVS_ITERATIONS = 300
 
 
-def _ours(depth: DepthChoice, summary: str) -> MethodKind:
+def _dfvs(depth: DepthChoice, summary: str) -> MethodKind:
     config = bench_config(depth)
     return MethodKind(
         lambda goal, matcher, networks: PipelineMethod(config, goal, matcher, networks.depth),
         summary,
-        _OURS_ITERATIONS,
+        _DFVS_ITERATIONS,
         depth,
     )
 
@@ -34,7 +34,7 @@ def _late(depth: DepthChoice, grade: EstimateGrade = EstimateGrade.PERFECT) -> M
             config, goal, matcher, networks.depth, ControlledCamera(LateDrive(), grade)
         ),
         f"{depth}-depth on a camera that answers as late as a PX4 vehicle{estimate}",
-        _OURS_ITERATIONS,
+        _DFVS_ITERATIONS,
         depth,
     )
 
@@ -42,7 +42,9 @@ def _late(depth: DepthChoice, grade: EstimateGrade = EstimateGrade.PERFECT) -> M
 def _searching(summary: str) -> MethodKind:
     config = bench_config("motion")
 
-    def make(goal: GoalSight, matcher: Matcher, _networks: Networks) -> scan_search.SearchingMethod:
+    def make(
+        goal: GoalObservation, matcher: Matcher, _networks: Networks
+    ) -> scan_search.SearchingMethod:
         return scan_search.SearchingMethod(
             lambda: PipelineMethod(config, goal, matcher), goal, matcher
         )
@@ -60,19 +62,19 @@ def _regression(name: str, summary: str) -> MethodKind:
 
 
 METHODS: dict[str, MethodKind] = {
-    "true-depth": _ours("given", "the product's law with the true depth"),
-    "motion-depth": _ours("motion", "the product as it flies: depth from its own motion"),
+    "true-depth": _dfvs("given", "the product's law with the true depth"),
+    "motion-depth": _dfvs("motion", "the product as it flies: depth from its own motion"),
     "motion-depth-late": _late("motion"),
     "motion-depth-late-medium": _late("motion", EstimateGrade.MEDIUM),
     "motion-depth-search": _searching("motion-depth that looks around where it finds no goal"),
-    "network-depth": _ours("network", "the product's law with a network's depth of the goal image"),
-    "fused-depth": _ours("fused", "the same, fused with the depth from its own motion"),
+    "network-depth": _dfvs("network", "the product's law with a network's depth of the goal image"),
+    "fused-depth": _dfvs("fused", "the same, fused with the depth from its own motion"),
     "fused-depth-late": _late("fused"),
     "fused-depth-late-medium": _late("fused", EstimateGrade.MEDIUM),
-    "flow-depth": _ours("flow", "the product's law with the paper's depth from flow"),
+    "flow-depth": _dfvs("flow", "the product's law with the paper's depth from flow"),
     "flow-depth-late": _late("flow"),
     "flow-depth-late-medium": _late("flow", EstimateGrade.MEDIUM),
-    "constant-depth": _ours("constant", "the product's law with 3 m everywhere"),
+    "constant-depth": _dfvs("constant", "the product's law with 3 m everywhere"),
     "published": MethodKind(
         lambda goal, matcher, _: published.PublishedMethod(goal, matcher),
         "the law of the paper's published code, with its flow-depth",

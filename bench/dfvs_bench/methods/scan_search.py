@@ -13,7 +13,7 @@ from collections.abc import Callable
 import numpy as np
 
 from dfvs_bench.methods.dfvs import MAX_SPEED_M_S, MAX_TURN_RAD_S, PipelineMethod
-from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalSight, Sight
+from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalObservation, Observation
 from dfvs_bench.report.panorama import Look, Panorama, outer_ring, ring
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose, se3_exp, se3_log
@@ -38,14 +38,14 @@ class SearchingMethod:
     ----------
     make : callable
         Makes the pipeline anew, which remembers nothing.
-    goal : GoalSight
+    goal : GoalObservation
         Only its picture and intrinsics are used.
     matcher : Matcher
         Source of correspondences.
     """
 
     def __init__(
-        self, make: Callable[[], PipelineMethod], goal: GoalSight, matcher: Matcher
+        self, make: Callable[[], PipelineMethod], goal: GoalObservation, matcher: Matcher
     ) -> None:
         self._make = make
         self._matcher = matcher
@@ -61,35 +61,35 @@ class SearchingMethod:
         self._R_ahead_next: FloatArray | None = None
         """What is being turned to; None while servoing."""
 
-    def decide(self, sight: Sight) -> Decision:
+    def decide(self, observation: Observation) -> Decision:
         """Servo, or turn on to the next look."""
         if self._T_world_ahead is None:
-            self._T_world_ahead = sight.T_world_camera
+            self._T_world_ahead = observation.T_world_camera
         if self._R_ahead_next is None:
-            decision = self._inner.decide(sight)
+            decision = self._inner.decide(observation)
             if not (decision.lost or self._inner.is_mistaken):
                 return decision
             self._was_mistaken = self._inner.is_mistaken
             self._R_ahead_next = self._next_direction()
-        return self._turn(sight, self._T_world_ahead)
+        return self._turn(observation, self._T_world_ahead)
 
-    def _turn(self, sight: Sight, T_world_ahead: FloatArray) -> Decision:
+    def _turn(self, observation: Observation, T_world_ahead: FloatArray) -> Decision:
         """Move towards the next direction; where it is reached, look, or servo from there."""
         while self._R_ahead_next is not None:
             T_world_next = T_world_ahead @ make_pose(self._R_ahead_next, np.zeros(3))
-            twist = se3_log(invert_pose(sight.T_world_camera) @ T_world_next)
+            twist = se3_log(invert_pose(observation.T_world_camera) @ T_world_next)
             if np.linalg.norm(twist) > _ARRIVED:
                 return Decision(se3_exp(_within_limits(twist)), math.nan)
             if not self._to_look:
                 self._R_ahead_next, self._inner = None, self._make()
-                return self.decide(sight)
-            self._look(sight)
+                return self.decide(observation)
+            self._look(observation)
             self._R_ahead_next = self._next_direction()
         return Decision(np.eye(4), math.nan, lost=_NOWHERE)
 
-    def _look(self, sight: Sight) -> None:
+    def _look(self, observation: Observation) -> None:
         """Match what is seen in the direction that was due."""
-        field = self._matcher.match(self._matcher.encode(sight.image), self._goal)
+        field = self._matcher.match(self._matcher.encode(observation.image), self._goal)
         look = Look(self._to_look.pop(0), field, confident_ratio(field))
         if self._looks_taken == 0:
             self._followed = look  # straight ahead: what was followed until now

@@ -10,7 +10,7 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
-from dfvs_bench.methods.method import Decision, GoalSight, Sight
+from dfvs_bench.methods.method import Decision, GoalObservation, Observation
 from dfvs_bench.methods.pnp import LEAST_POINTS, perspective_pose
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray
 from dfvs_core.geometry.interaction import interaction_matrix
@@ -32,20 +32,20 @@ class SiftMethod:
 
     Parameters
     ----------
-    goal : GoalSight
+    goal : GoalObservation
         Only its picture and intrinsics are used.
     """
 
-    def __init__(self, goal: GoalSight) -> None:
+    def __init__(self, goal: GoalObservation) -> None:
         self._camera = goal.camera
         self._sift = cv2.SIFT.create(nfeatures=_FEATURES)
         self._goal = _describe(self._sift, goal.image)
         self._failed = 0
 
-    def decide(self, sight: Sight) -> Decision:
+    def decide(self, observation: Observation) -> Decision:
         """One step of the classical law; without enough points the camera stays."""
-        pixels, partners = self._correspondences(sight.image)
-        z_m, known = _depth_at(sight, pixels)
+        pixels, partners = self._correspondences(observation.image)
+        z_m, known = _depth_at(observation, pixels)
         pixels, partners, z_m = pixels[known], partners[known], z_m[known]
         xy, xy_goal = self._camera.normalise(pixels), self._camera.normalise(partners)
         P = np.column_stack([xy, np.ones(len(xy))]) * z_m[:, None]
@@ -86,9 +86,9 @@ def _describe(sift: cv2.SIFT, image: ImageArray) -> tuple[FloatArray, Float32Arr
     return pixels, np.asarray(descriptors, dtype=np.float32)
 
 
-def _depth_at(sight: Sight, pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
+def _depth_at(observation: Observation, pixels: FloatArray) -> tuple[FloatArray, BoolArray]:
     """True depth (N,) m at pixels, and where it is known."""
-    height, width = sight.depth.z_m.shape
+    height, width = observation.depth.z_m.shape
     i = np.clip(pixels[:, 0].astype(np.intp), 0, width - 1)
     j = np.clip(pixels[:, 1].astype(np.intp), 0, height - 1)
-    return sight.depth.z_m[j, i].astype(np.float64), sight.depth.validity[j, i] > 0
+    return observation.depth.z_m[j, i].astype(np.float64), observation.depth.validity[j, i] > 0

@@ -22,7 +22,7 @@ _LOST_WORKERS = frozenset({"BrokenProcessPool", "KilledWorker"})
 
 
 @dataclass(frozen=True, slots=True)
-class Workforce:
+class TrialExecutor:
     """Where jobs are done.
 
     Parameters

@@ -12,7 +12,7 @@ from pathlib import Path
 
 from dfvs_bench.methods.method import Networks
 from dfvs_bench.methods.registry import METHODS
-from dfvs_bench.trials.executor import Workforce
+from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.inputs import input_digest
 from dfvs_bench.trials.perturbation import (
     Disturbance,
@@ -24,7 +24,7 @@ from dfvs_bench.trials.perturbation import (
 from dfvs_bench.trials.results import TrialRecord, fits, git_revision, read_record, record_path
 from dfvs_bench.trials.results import write_record as keep_record
 from dfvs_bench.trials.task import BenchTask
-from dfvs_bench.trials.trial import goal_sight, median_depth_m, run_trial
+from dfvs_bench.trials.trial import goal_observation, median_depth_m, run_trial
 from dfvs_core.matching.matcher import Matcher
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.render.renderer import Renderer
@@ -129,15 +129,15 @@ def unfinished(jobs: Sequence[Job], folder: Path) -> tuple[list[Job], list[Trial
     return left, found
 
 
-def run_jobs(jobs: Sequence[Job], folder: Path, workforce: Workforce) -> Iterator[TrialRecord]:
+def run_jobs(jobs: Sequence[Job], folder: Path, executor: TrialExecutor) -> Iterator[TrialRecord]:
     """Run trials and keep each one's record in the folder, as they come.
 
     Raises
     ------
     DfvsError
-        If a scene, the matcher or the workforce cannot be used.
+        If a scene, the matcher or the executor cannot be used.
     """
-    for record in workforce.finished(run_job, jobs):
+    for record in executor.finished(run_job, jobs):
         keep_record(folder, record)
         yield record
 
@@ -151,7 +151,7 @@ def run_job(job: Job) -> TrialRecord:
 def _make_trial(job: Job) -> TrialRecord:
     started = time.monotonic()
     renderer = renderer_of(job.task.scene)
-    goal, networks = goal_sight(job.task, renderer), _networks(job.method, job.network)
+    goal, networks = goal_observation(job.task, renderer), _networks(job.method, job.network)
     method = METHODS[job.method].make(goal, _matcher(job.matcher), networks)
     disturb: Disturbance = undisturbed
     if job.perturbation is not None:

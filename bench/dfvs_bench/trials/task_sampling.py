@@ -54,20 +54,20 @@ def draw_task(
 
     None where none was found.
     """
-    artist = _Artist(renderer, camera, placing)
+    sampler = _Sampler(renderer, camera, placing)
     for _ in range(_GOALS_TRIED):
-        T_goal = artist.goal(rng)
-        view = None if T_goal is None else artist.good_view(T_goal)
+        T_goal = sampler.goal(rng)
+        view = None if T_goal is None else sampler.good_view(T_goal)
         if T_goal is None or view is None:
             continue
         for _ in range(_STARTS_TRIED):
-            T_start = artist.start(T_goal, view, rng)
+            T_start = sampler.start(T_goal, view, rng)
             if T_start is not None:
                 return T_start, T_goal
     return None
 
 
-class _Artist:
+class _Sampler:
     """Draws goals and starts in one scene."""
 
     def __init__(self, renderer: Renderer, camera: CameraModel, placing: Placing) -> None:

@@ -7,7 +7,13 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 
-from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalSight, ServoMethod, Sight
+from dfvs_bench.methods.method import (
+    FRAME_PERIOD_S,
+    Decision,
+    GoalObservation,
+    Observation,
+    ServoMethod,
+)
 from dfvs_bench.trials.perturbation import Disturbance, undisturbed
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.geometry.arrays import FloatArray
@@ -104,10 +110,10 @@ class Trial:
         return self.path_m / straight_m if straight_m > _NO_WAY_M else None
 
 
-def goal_sight(task: BenchTask, renderer: Renderer) -> GoalSight:
+def goal_observation(task: BenchTask, renderer: Renderer) -> GoalObservation:
     """Take the picture to go to."""
     view = renderer.render(task.camera, task.T_world_goal, antialias=True)
-    return GoalSight(task.camera, view.image, true_depth(view))
+    return GoalObservation(task.camera, view.image, true_depth(view))
 
 
 def run_trial(
@@ -127,7 +133,7 @@ def run_trial(
     reach_m = _DIVERGED_FACTOR * task.initial_error[0] + _DIVERGED_MARGIN_M
     for k in range(most_iterations + 1):
         view = disturb(k, renderer.render(task.camera, T, antialias=True))
-        decision = method.decide(Sight(k, view.image, true_depth(view), T))
+        decision = method.decide(Observation(k, view.image, true_depth(view), T))
         steps.append(_step(task, T, decision))
         if decision.done or decision.lost:
             end = "done" if decision.done else decision.lost

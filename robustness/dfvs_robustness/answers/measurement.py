@@ -18,7 +18,7 @@ from dfvs_core.gate.command import request_id
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_robustness.faults.frame_faults import TEXTURE, goal_out_of_view
-from dfvs_robustness.faults.harness import Rig, Setup
+from dfvs_robustness.faults.harness import Harness, Setup
 from dfvs_robustness.faults.load import busy_cores
 from dfvs_robustness.faults.service import HarnessError, wait_until
 from dfvs_robustness.faults.state_setup import bring_to
@@ -90,33 +90,33 @@ class AnswerTimes:
 class Commander:
     """Sends commands to a rig's service and takes the times of their answers."""
 
-    def __init__(self, rig: Rig) -> None:
-        self._rig = rig
+    def __init__(self, harness: Harness) -> None:
+        self._harness = harness
         self._answers: list[tuple[str, str, int]] = []
-        self._subscriber = rig.session.declare_subscriber(
-            rig.topics.telemetry("answer"), self._on_answer
+        self._subscriber = harness.session.declare_subscriber(
+            harness.topics.telemetry("answer"), self._on_answer
         )
 
     def attempt(self, action: Action, *, goal_in_view: bool) -> Try:
         """Give one command, and judge its answers by what the gate did."""
-        rig = self._rig
-        state, command = rig.state, rig.operator.signed(action)
+        harness = self._harness
+        state, command = harness.state, harness.operator.signed(action)
         request, sent_ns = request_id(command), time.monotonic_ns()
-        rig.operator.send(command)
+        harness.operator.send(command)
         wait_until(lambda: bool(self._of(request)), _ANSWER_S, poll_s=0.02)
         time.sleep(_AFTER_S)
         answers = self._of(request)
         delay_ms = (answers[0][1] - sent_ns) / 1e6 if answers else 1e3 * _ANSWER_S
         problem = _problem(action, [text for text, _ in answers])
         if not problem and not self._obeyed(action, sent_ns):
-            problem = f"the gate went to {rig.state} all the same"
+            problem = f"the gate went to {harness.state} all the same"
         return Try(str(state), str(action), goal_in_view, delay_ms, problem)
 
     def _obeyed(self, action: Action, since_ns: int) -> bool:
         if action is Action.ABORT:
-            return self._rig.state in (S.ABORT, S.RELEASED)
-        targets = [change["target"] for change in self._rig.service.log.transitions(since_ns)]
-        return S.SERVO not in targets and self._rig.state not in (S.SERVO, S.DONE)
+            return self._harness.state in (S.ABORT, S.RELEASED)
+        targets = [change["target"] for change in self._harness.service.log.transitions(since_ns)]
+        return S.SERVO not in targets and self._harness.state not in (S.SERVO, S.DONE)
 
     def _of(self, request: str) -> list[tuple[str, int]]:
         return [(text, t_ns) for name, text, t_ns in self._answers if name == request]
@@ -134,7 +134,7 @@ def _problem(action: Action, answers: list[str]) -> str:
 
 
 def measure_answers(
-    rig: Rig, tries_per_state: int, report: Callable[[Try], None] = lambda _: None
+    harness: Harness, tries_per_state: int, report: Callable[[Try], None] = lambda _: None
 ) -> tuple[Try, ...]:
     """Try hold and abort so often in every state, with every core busy.
 
@@ -143,7 +143,7 @@ def measure_answers(
     HarnessError
         If a state cannot be reached.
     """
-    commander = Commander(rig)
+    commander = Commander(harness)
     tries: list[Try] = []
     for state in S:
         todo = deque(planned_actions(state, tries_per_state))
@@ -151,16 +151,16 @@ def measure_answers(
         while todo:
             before = len(todo)
             try:
-                _go_to(rig, state)
+                _go_to(harness, state)
                 with busy_cores(_BUSY_PER_CORE, _VISIT_S):
                     time.sleep(_SETTLE_S)
-                    while todo and rig.state is state:
+                    while todo and harness.state is state:
                         view = state not in _OUT_OF_VIEW
                         tries.append(commander.attempt(todo[0], goal_in_view=view))
                         todo.popleft()
                         report(tries[-1])
             except HarnessError:
-                rig.stop_service()
+                harness.stop_service()
                 failures += 1
             failures = failures if len(todo) == before else 0
             if failures == _ATTEMPTS:
@@ -177,7 +177,7 @@ def planned_actions(state: GateState, count: int) -> list[Action]:
     return actions
 
 
-def measure_state_rate(rig: Rig, seconds: float) -> StateRate:
+def measure_state_rate(harness: Harness, seconds: float) -> StateRate:
     """Rate and largest gap of the state in PREFLIGHT, the goal out of view, every core busy.
 
     Raises
@@ -187,21 +187,21 @@ def measure_state_rate(rig: Rig, seconds: float) -> StateRate:
     """
     arrivals: list[int] = []
     frames: list[dict[str, Any]] = []
-    _go_to(rig, S.PREFLIGHT)
+    _go_to(harness, S.PREFLIGHT)
     with busy_cores(_BUSY_PER_CORE, seconds + _VISIT_S):
         time.sleep(_SETTLE_S)
-        subscriber = rig.session.declare_subscriber(
-            rig.topics.telemetry("state"), lambda _: arrivals.append(time.monotonic_ns())
+        subscriber = harness.session.declare_subscriber(
+            harness.topics.telemetry("state"), lambda _: arrivals.append(time.monotonic_ns())
         )
-        servo = rig.session.declare_subscriber(
-            rig.topics.telemetry("servo"),
+        servo = harness.session.declare_subscriber(
+            harness.topics.telemetry("servo"),
             lambda sample: frames.append(json.loads(sample.payload.to_bytes())),
         )
         time.sleep(seconds)
         subscriber.undeclare()  # type: ignore[no-untyped-call]
         servo.undeclare()  # type: ignore[no-untyped-call]
-    if len(arrivals) < 2 or not frames or rig.state is not S.PREFLIGHT:
-        raise HarnessError(f"{len(arrivals)} states and {len(frames)} frames in {rig.state}")
+    if len(arrivals) < 2 or not frames or harness.state is not S.PREFLIGHT:
+        raise HarnessError(f"{len(arrivals)} states and {len(frames)} frames in {harness.state}")
     times_s = np.array(arrivals) / 1e9
     rate_hz = (len(times_s) - 1) / (times_s[-1] - times_s[0])
     return StateRate(
@@ -217,16 +217,16 @@ def run_answers(
     folder: Path, tries_per_state: int, seconds: float, report: Callable[[Try], None]
 ) -> AnswerTimes:
     """Both measurements, each with a service of its own below the folder."""
-    rig = Rig(SEARCHING, folder / "rate", seed=0)
+    harness = Harness(SEARCHING, folder / "rate", seed=0)
     try:
-        rate = measure_state_rate(rig, seconds)
+        rate = measure_state_rate(harness, seconds)
     finally:
-        rig.close()
-    rig = Rig(TEXTURE, folder / "answers", seed=0)
+        harness.close()
+    harness = Harness(TEXTURE, folder / "answers", seed=0)
     try:
-        tries = measure_answers(rig, tries_per_state, report)
+        tries = measure_answers(harness, tries_per_state, report)
     finally:
-        rig.close()
+        harness.close()
     cores = os.cpu_count() or 1
     return AnswerTimes(tries, rate, cores * _BUSY_PER_CORE, cores)
 
@@ -234,34 +234,34 @@ def run_answers(
 # --- ways to the states -------------------------------------------------------------------------
 
 
-def _go_to(rig: Rig, state: GateState) -> None:
+def _go_to(harness: Harness, state: GateState) -> None:
     """Bring the gate to the state; in some of them the goal is out of view."""
     if state is S.IDLE:
-        rig.start_service(silent_vehicle=True)
+        harness.start_service(silent_vehicle=True)
     elif state is S.PREFLIGHT:
-        _go_to_preflight(rig)
+        _go_to_preflight(harness)
     elif state is S.ABORT:
-        bring_to(rig, S.READY)
-        rig.operator.order(Action.ABORT)
+        bring_to(harness, S.READY)
+        harness.operator.order(Action.ABORT)
     elif state is S.RELEASED:
-        bring_to(rig, S.SERVO)
-        rig.world.pilot_mode(Mode.HOLD)
+        bring_to(harness, S.SERVO)
+        harness.environment.pilot_mode(Mode.HOLD)
     else:
-        bring_to(rig, state)
+        bring_to(harness, state)
     if state in _OUT_OF_VIEW:
-        goal_out_of_view(rig.camera)
-    rig.await_state(state)
+        goal_out_of_view(harness.camera)
+    harness.await_state(state)
 
 
-def _go_to_preflight(rig: Rig) -> None:
-    rig.heal()
-    rig.ensure_service()
-    goal_out_of_view(rig.camera)
-    if rig.state in ENGAGED:
-        rig.operator.order(Action.ABORT)
-        rig.await_state(S.ABORT, S.RELEASED)
-    if rig.state in (S.ABORT, S.RELEASED):
-        rig.world.pilot_mode(Mode.HOLD)
-        rig.await_heartbeat()
-        rig.operator.order(Action.ENGAGE)
-        rig.operator.order(Action.HOLD)  # takes the command to engage back
+def _go_to_preflight(harness: Harness) -> None:
+    harness.heal()
+    harness.ensure_service()
+    goal_out_of_view(harness.camera)
+    if harness.state in ENGAGED:
+        harness.operator.order(Action.ABORT)
+        harness.await_state(S.ABORT, S.RELEASED)
+    if harness.state in (S.ABORT, S.RELEASED):
+        harness.environment.pilot_mode(Mode.HOLD)
+        harness.await_heartbeat()
+        harness.operator.order(Action.ENGAGE)
+        harness.operator.order(Action.HOLD)  # takes the command to engage back

@@ -9,7 +9,7 @@ from typing import TypeVar
 
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.fuzz.progress import ProgressLine
-from dfvs_robustness.fuzz.run import Outcome, Tally, Target, campaign
+from dfvs_robustness.fuzz.run import Outcome, Tally, Target, run_episodes
 
 T = TypeVar("T", bound=Tally)
 F = TypeVar("F")
@@ -48,7 +48,7 @@ def run_campaign(target: Target[T, F], args: argparse.Namespace) -> tuple[Outcom
         events, found = so_far.tally.events, len(so_far.findings)
         line.show(f"{events:,} of {args.events:,} events, {found} violations")
 
-    outcome = campaign(target, args.events, args.workers, args.seed, tell)
+    outcome = run_episodes(target, args.events, args.workers, args.seed, tell)
     return outcome, time.monotonic() - began_s
 
 

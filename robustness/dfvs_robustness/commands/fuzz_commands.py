@@ -7,7 +7,7 @@ from typing import Any
 
 from dfvs_robustness.commands.fuzz_campaign import add_options, run_campaign, tell_replay
 from dfvs_robustness.fuzz.command_fuzz import COMMANDS, CommandFinding, CommandTally, relive
-from dfvs_robustness.fuzz.command_replay import read_life, write_finding
+from dfvs_robustness.fuzz.command_replay import read_episode, write_finding
 from dfvs_robustness.fuzz.run import Outcome
 from dfvs_sim.options import write_json
 
@@ -45,13 +45,13 @@ def run(args: argparse.Namespace) -> int:
         If an option cannot be used.
     """
     if args.replay is not None:
-        return tell_replay(relive(read_life(args.replay)))
+        return tell_replay(relive(read_episode(args.replay)))
     outcome, wall_s = run_campaign(COMMANDS, args)
     report = figures(outcome, args.seed, wall_s)
     for number, finding in enumerate(outcome.findings):
         path = args.out / f"commands-{finding.rule}-{number}.json"
         write_finding(finding, path)
-        count = len(finding.life.sendings)
+        count = len(finding.episode.sendings)
         print(f"{finding.rule} violated: {finding.text}\n  {count} sendings: {path}")
     _print(report)
     if args.json is not None:
@@ -72,7 +72,7 @@ def figures(
         "events_per_core_second": round(tally.events / max(outcome.busy_s, 1e-9)),
         "outcomes": dict(sorted(tally.outcomes.items())),
         "violations": [
-            {"rule": f.rule, "text": f.text, "sendings": len(f.life.sendings)}
+            {"rule": f.rule, "text": f.text, "sendings": len(f.episode.sendings)}
             for f in outcome.findings
         ],
     }

@@ -7,7 +7,7 @@ from typing import Any
 
 from dfvs_robustness.commands.fuzz_campaign import add_options, run_campaign, tell_replay
 from dfvs_robustness.fuzz.gate_fuzz import GATE, Finding, Tally, relive
-from dfvs_robustness.fuzz.replay import read_life, write_finding
+from dfvs_robustness.fuzz.replay import read_episode, write_finding
 from dfvs_robustness.fuzz.run import Outcome
 from dfvs_sim.options import write_json
 
@@ -44,13 +44,15 @@ def run(args: argparse.Namespace) -> int:
         If an option cannot be used.
     """
     if args.replay is not None:
-        return tell_replay(relive(read_life(args.replay)))
+        return tell_replay(relive(read_episode(args.replay)))
     outcome, wall_s = run_campaign(GATE, args)
     report = figures(outcome, args.seed, wall_s)
     for number, finding in enumerate(outcome.findings):
         path = args.out / f"gate-{finding.rule}-{number}.json"
         write_finding(finding, path)
-        print(f"{finding.rule} violated: {finding.text}\n  {len(finding.life.steps)} steps: {path}")
+        print(
+            f"{finding.rule} violated: {finding.text}\n  {len(finding.episode.steps)} steps: {path}"
+        )
     print(_summary(report))
     if args.json is not None:
         write_json(args.json, report)
@@ -74,7 +76,8 @@ def figures(outcome: Outcome[Tally, Finding], seed: int, wall_s: float) -> dict[
         "transitions": dict(tally.transitions.most_common()),
         "causes": dict(tally.causes.most_common()),
         "violations": [
-            {"rule": f.rule, "text": f.text, "steps": len(f.life.steps)} for f in outcome.findings
+            {"rule": f.rule, "text": f.text, "steps": len(f.episode.steps)}
+            for f in outcome.findings
         ],
     }
 

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
-from dfvs_robustness.soak.mission import Stay, Tour
+from dfvs_robustness.soak.mission import Mission, Stay
 from dfvs_robustness.soak.verdict import MAX_MB_PER_H, document, judge, latency_figures
 from dfvs_sim.demo.flight import FlightError
 from dfvs_sim.demo.pace import AUTO, SIZE_HELP, measured_size
@@ -72,15 +72,15 @@ def run(args: argparse.Namespace) -> int:
     plan = make_plan(renderer, camera_from(args), args.seed, None, [])
     words = tuple(args.service.split())
     stay = Stay(args.out.absolute(), args.minutes, args.rate, words)
-    tour = Tour(plan, stay, lambda text: progress.say(f"  {text}"))
+    mission = Mission(plan, stay, lambda text: progress.say(f"  {text}"))
     began_s, ended = time.monotonic(), ""
     try:
-        tour.run(lambda watch, track: None)
+        mission.run(lambda watch, track: None)
     except FlightError as error:
         ended = str(error)
-        if not tour.legs:
+        if not mission.legs:
             raise
-    report = figures(tour, (time.monotonic() - began_s) / 60.0, ended)
+    report = figures(mission, (time.monotonic() - began_s) / 60.0, ended)
     _print(report)
     write_json(args.out / "soak.json", report)
     if args.json is not None:
@@ -88,7 +88,7 @@ def run(args: argparse.Namespace) -> int:
     return 0 if report["verdict"] == "passed" else 1
 
 
-def figures(tour: Tour, minutes: float, ended: str) -> dict[str, Any]:
+def figures(mission: Mission, minutes: float, ended: str) -> dict[str, Any]:
     """What is written as JSON; plots go beside it.
 
     Raises
@@ -96,28 +96,28 @@ def figures(tour: Tour, minutes: float, ended: str) -> dict[str, Any]:
     ConfigError
         If there are too few samples to tell anything.
     """
-    samples = [] if tour.sampler is None else tour.sampler.samples
+    samples = [] if mission.sampler is None else mission.sampler.samples
     try:
         verdicts = judge(samples)
     except ValueError as error:
         raise ConfigError(f"too short a flight to judge ({error})", "more --minutes") from error
     from dfvs_robustness.soak.plots import write_plots  # matplotlib takes a second to import
 
-    write_plots(samples, tour.folder / "soak.png")
-    is_held = any(hold.is_false for hold in tour.holds)
-    reached = sum(leg.state == "DONE" for leg in tour.legs)
-    all_well = all(v.passed for v in verdicts) and not is_held and reached == len(tour.legs)
+    write_plots(samples, mission.folder / "soak.png")
+    is_held = any(hold.is_false for hold in mission.holds)
+    reached = sum(leg.state == "DONE" for leg in mission.legs)
+    all_well = all(v.passed for v in verdicts) and not is_held and reached == len(mission.legs)
     return {
         "minutes": round(minutes, 2),
-        "legs": len(tour.legs),
+        "legs": len(mission.legs),
         "reached": reached,
-        "holds": [asdict(hold) | {"false": hold.is_false} for hold in tour.holds],
+        "holds": [asdict(hold) | {"false": hold.is_false} for hold in mission.holds],
         "ended_early": ended,
         "limit_mb_per_h": MAX_MB_PER_H,
         "processes": document(verdicts),
         "latency_ms": latency_figures(samples),
         "verdict": "passed" if all_well and not ended else "failed",
-        "flown": [asdict(leg) for leg in tour.legs],
+        "flown": [asdict(leg) for leg in mission.legs],
     }
 
 

@@ -18,7 +18,7 @@ Packet = tuple[bytes, bytes]
 
 
 @dataclass(frozen=True, slots=True)
-class Shot:
+class CapturedFrame:
     """What a script may make samples of: a good picture, its time and number."""
 
     image: ImageArray
@@ -40,7 +40,7 @@ class Shot:
         return encode_frame(frame, self.pixel_format, self.clock if clock is None else clock)
 
 
-Script = Callable[[Shot], list[Packet]]
+Script = Callable[[CapturedFrame], list[Packet]]
 
 
 class ScriptedCamera:
@@ -83,10 +83,10 @@ class ScriptedCamera:
 
     def shoot(self, pose: Pose, t_ns: int) -> None:
         """Take the picture of this moment and publish what is to be published of it."""
-        shot = Shot(self.wall.shoot(pose), t_ns, self._seq, self._format, self._clock)
+        captured = CapturedFrame(self.wall.shoot(pose), t_ns, self._seq, self._format, self._clock)
         self._seq += 1
         script = self.script
-        packets = [shot.packet()] if script is None else script(shot)
+        packets = [captured.packet()] if script is None else script(captured)
         if script is None or self._good_to_come:
             self.good_ns.append(t_ns)
             self._good_to_come = 0

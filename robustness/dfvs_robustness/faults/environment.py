@@ -52,7 +52,7 @@ _PILOT_S, _PILOT_POLL_S = 2.0, 0.05
 Event = dict[str, Any]
 
 
-class World:
+class Environment:
     """Vehicle and camera in real time.
 
     Parameters
@@ -162,7 +162,7 @@ class World:
         """MAV_CMD_INJECT_FAILURE, as the vehicle offers it to a ground station."""
         self.order(mavlink.MAV_CMD_INJECT_FAILURE, unit, kind, instance)
 
-    def mend(self) -> bool:
+    def repair(self) -> bool:
         """Take back what was injected; tell whether the vehicle had to be replaced.
 
         One that fell is replaced by one that hovers, which knows nothing of the streams that the

@@ -9,7 +9,7 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dfvs_core.gate.states import GateState
-from dfvs_robustness.faults.harness import Rig, Setup
+from dfvs_robustness.faults.harness import Harness, Setup
 
 S = GateState
 
@@ -38,7 +38,7 @@ class Reaction(enum.Enum):
 UNFIT = (Reaction.HOLD, Reaction.ABORT, Reaction.ENDED)
 """Reactions to what the checks must refuse, where nothing is engaged yet."""
 
-Inject = Callable[[Rig, np.random.Generator], int | None]
+Inject = Callable[[Harness, np.random.Generator], int | None]
 """Does it; returns when (monotonic ns), None where the last good frame's capture counts."""
 
 

@@ -16,9 +16,9 @@ from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame import PixelFormat, decode_header, encode_header
 from dfvs_core.messages.image import encode_png
-from dfvs_robustness.faults.camera import PERIOD_NS, Packet, Script, ScriptedCamera, Shot
+from dfvs_robustness.faults.camera import PERIOD_NS, CapturedFrame, Packet, Script, ScriptedCamera
 from dfvs_robustness.faults.fault import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
-from dfvs_robustness.faults.harness import Rig, Setup
+from dfvs_robustness.faults.harness import Harness, Setup
 from dfvs_robustness.faults.network import Misbehaviour
 
 S = GateState
@@ -35,29 +35,31 @@ _SIZE_AT, _FORMAT_AT = 8, 5
 def _films(make: Callable[[np.random.Generator], Script], *, first_is_good: bool = False) -> Inject:
     """Let the camera follow a script from its next frame on."""
 
-    def inject(rig: Rig, rng: np.random.Generator) -> None:
-        rig.camera.film(make(rng), first_is_good=first_is_good)
+    def inject(harness: Harness, rng: np.random.Generator) -> None:
+        harness.camera.film(make(rng), first_is_good=first_is_good)
 
     return inject
 
 
-def _sends(change: Callable[[Shot, np.random.Generator], list[Packet]]) -> Inject:
+def _sends(change: Callable[[CapturedFrame, np.random.Generator], list[Packet]]) -> Inject:
     """Let the camera send something else of every shot."""
-    return _films(lambda rng: lambda shot: change(shot, rng))
+    return _films(lambda rng: lambda captured: change(captured, rng))
 
 
 def _shows(change: Callable[[ImageArray], ImageArray]) -> Inject:
     """Let the camera show something else."""
-    return _sends(lambda shot, _: [shot.packet(np.ascontiguousarray(change(shot.image)))])
+    return _sends(
+        lambda captured, _: [captured.packet(np.ascontiguousarray(change(captured.image)))]
+    )
 
 
 def _held(rng: np.random.Generator) -> Script:
     """One picture for ever, with new times."""
     kept: list[ImageArray] = []
 
-    def script(shot: Shot) -> list[Packet]:
-        kept.append(shot.image)
-        return [shot.packet(kept[0])]
+    def script(captured: CapturedFrame) -> list[Packet]:
+        kept.append(captured.image)
+        return [captured.packet(kept[0])]
 
     return script
 
@@ -66,8 +68,8 @@ def _repeated(rng: np.random.Generator) -> Script:
     """One sample for ever."""
     kept: list[Packet] = []
 
-    def script(shot: Shot) -> list[Packet]:
-        kept.append(shot.packet())
+    def script(captured: CapturedFrame) -> list[Packet]:
+        kept.append(captured.packet())
         return [kept[0]]
 
     return script
@@ -76,19 +78,19 @@ def _repeated(rng: np.random.Generator) -> Script:
 def _swapped_order(rng: np.random.Generator) -> Script:
     """Of three times two lie before the one that came before them: five good frames a second."""
     back_ns = itertools.cycle((3 * PERIOD_NS // 2, 5 * PERIOD_NS // 2, 0))
-    return lambda shot: [shot.packet(t_ns=shot.t_ns - next(back_ns))]
+    return lambda captured: [captured.packet(t_ns=captured.t_ns - next(back_ns))]
 
 
-def _damaged(shot: Shot, rng: np.random.Generator) -> list[Packet]:
-    payload, attachment = shot.packet()
+def _damaged(captured: CapturedFrame, rng: np.random.Generator) -> list[Packet]:
+    payload, attachment = captured.packet()
     data = bytearray(payload)
     for at in rng.integers(len(data) // 4, len(data), 20):
         data[at] ^= int(rng.integers(1, 256))
     return [(bytes(data), attachment)]
 
 
-def _cut(shot: Shot, rng: np.random.Generator) -> list[Packet]:
-    payload, attachment = shot.packet()
+def _cut(captured: CapturedFrame, rng: np.random.Generator) -> list[Packet]:
+    payload, attachment = captured.packet()
     return [(payload[: int(rng.integers(0, len(payload)))], attachment)]
 
 
@@ -98,15 +100,15 @@ def _header(attachment: bytes, at: int, code: str, *values: int) -> bytes:
     return bytes(data)
 
 
-def _other_size(shot: Shot, rng: np.random.Generator) -> list[Packet]:
-    height, width = shot.image.shape[:2]
+def _other_size(captured: CapturedFrame, rng: np.random.Generator) -> list[Packet]:
+    height, width = captured.image.shape[:2]
     factor = float(rng.choice([0.5, 2.0, 1.1]))
-    other = cv2.resize(shot.image, (round(width * factor), round(height * factor)))
-    return [shot.packet(np.asarray(other, np.uint8))]
+    other = cv2.resize(captured.image, (round(width * factor), round(height * factor)))
+    return [captured.packet(np.asarray(other, np.uint8))]
 
 
-def _other_format(shot: Shot, rng: np.random.Generator) -> list[Packet]:
-    payload, attachment = shot.packet()
+def _other_format(captured: CapturedFrame, rng: np.random.Generator) -> list[Packet]:
+    payload, attachment = captured.packet()
     return [(payload, _header(attachment, _FORMAT_AT, "B", int(rng.choice([0, 1, 2, 9, 255]))))]
 
 
@@ -120,15 +122,15 @@ def _bombs(rng: np.random.Generator) -> Script:
     payload = _bomb()  # made here: half a second would keep the camera waiting
     checksum = zlib.crc32(payload)
 
-    def script(shot: Shot) -> list[Packet]:
-        said = decode_header(shot.packet()[1])
+    def script(captured: CapturedFrame) -> list[Packet]:
+        said = decode_header(captured.packet()[1])
         header = dataclasses.replace(said, checksum=checksum, pixel_format=PNG)
         return [(payload, encode_header(header))]
 
     return script
 
 
-def _flood(shot: Shot, rng: np.random.Generator) -> list[Packet]:
+def _flood(captured: CapturedFrame, rng: np.random.Generator) -> list[Packet]:
     """Twenty rubbish samples in place of one frame: 400 a second."""
     packets: list[Packet] = []
     for _ in range(20):
@@ -150,7 +152,9 @@ def _elsewhere(image: ImageArray) -> ImageArray:
 
 def goal_out_of_view(camera: ScriptedCamera) -> None:
     """Let the camera show a view that shares nothing with the goal, from its next frame on."""
-    camera.film(lambda shot: [shot.packet(np.ascontiguousarray(_elsewhere(shot.image)))])
+    camera.film(
+        lambda captured: [captured.packet(np.ascontiguousarray(_elsewhere(captured.image)))]
+    )
 
 
 def _misbehaves(what: Misbehaviour) -> Inject:
@@ -175,7 +179,7 @@ def _abort(name: str, what: str, seen_by: str, inject: Inject, limit_ms: float) 
 _UNREADABLE, _UNSURE = "the frame cannot be read", "too little of the view shows the goal"
 _SAYS: dict[str, tuple[str, ...]] = {
     "camera-stops": ("no camera frame",),
-    "camera-freezes": ("repeats the same picture",),
+    "camera-freezes": ("repeats the same image",),
     "frames-repeat": ("not newer than the one before", "old when it arrived"),
     "stamps-old": ("old when it arrived",),
     "stamps-future": ("still to come",),
@@ -184,14 +188,14 @@ _SAYS: dict[str, tuple[str, ...]] = {
     "wrong-size": ("size is not the camera's",),
     "wrong-format": (_UNREADABLE,),
     "wrong-colours": ("red and blue are exchanged",),
-    "black": ("the picture is black",),
-    "saturated": ("the picture is white",),
+    "black": ("the image is black",),
+    "saturated": ("the image is white",),
     "no-contrast": ("no contrast",),
     "corrupt-jpeg": ("checksum",),
     "truncated-jpeg": ("checksum",),
     "image-bomb": (_UNREADABLE, "size is not the camera's"),
     "hostile-frames": (_UNREADABLE,),
-    "no-texture": (_UNSURE, "repeats the same picture"),
+    "no-texture": (_UNSURE, "repeats the same image"),
     "goal-lost": (_UNSURE,),
     "network-nan": (_UNSURE,),
     "network-garbage": (_UNSURE,),

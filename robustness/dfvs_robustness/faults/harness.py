@@ -26,7 +26,7 @@ from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.topics import Topics
 from dfvs_robustness.faults import network
 from dfvs_robustness.faults.camera import ScriptedCamera
-from dfvs_robustness.faults.environment import World
+from dfvs_robustness.faults.environment import Environment
 from dfvs_robustness.faults.records import Run
 from dfvs_robustness.faults.service import KEY, HarnessError, Operator, ServiceProcess, wait_until
 from dfvs_robustness.faults.wall import Pose, Wall, noise_texture, ramp_texture
@@ -68,8 +68,8 @@ class Setup:
     """Model that sees the texture."""
 
 
-class Rig:
-    """World, camera, operator and service of one setup, in a folder of their own."""
+class Harness:
+    """Environment, camera, operator and service of one setup, in a folder of their own."""
 
     def __init__(self, setup: Setup, folder: Path, seed: int) -> None:
         folder.mkdir(parents=True, exist_ok=True)
@@ -81,7 +81,7 @@ class Rig:
         self._mavlink = any_port(socket.SOCK_DGRAM)
         self._zenoh = any_port(socket.SOCK_STREAM)
         self.runs = 0
-        self.world = World(folder / "vehicle.jsonl", self._mavlink, self.rng)
+        self.environment = Environment(folder / "vehicle.jsonl", self._mavlink, self.rng)
         self._stack = contextlib.ExitStack()
         self._router: subprocess.Popen[bytes] | None = None
         if setup.via_router:
@@ -89,7 +89,7 @@ class Rig:
         opened = open_client(self.endpoint) if setup.via_router else open_peer(self.endpoint)
         self.session = self._stack.enter_context(opened)
         self._publisher = self.session.declare_publisher(self.topics.camera)
-        self.world.camera = self._make_camera()
+        self.environment.camera = self._make_camera()
         self._write_goal()
         self.operator = Operator(self.session, self.topics)
         self._tokens: list[Any] = []
@@ -101,13 +101,13 @@ class Rig:
         """Where the vehicle is put; a case gives a generator of its own seed."""
         self._run_from = 0
         self._service: ServiceProcess | None = None
-        self.world.start()
+        self.environment.start()
         self.place_far()
 
     def close(self) -> None:
         """End the service and the world."""
         self.stop_service()
-        self.world.close()
+        self.environment.close()
         self._stack.close()
         self.stop_router()
 
@@ -119,9 +119,9 @@ class Rig:
     @property
     def camera(self) -> ScriptedCamera:
         """The scripted camera."""
-        if self.world.camera is None:
+        if self.environment.camera is None:
             raise HarnessError("the world has no camera")
-        return self.world.camera
+        return self.environment.camera
 
     @property
     def service(self) -> ServiceProcess:
@@ -140,11 +140,11 @@ class Rig:
     def place_far(self) -> None:
         """Put the vehicle somewhere from where the goal is a metre away."""
         back, side, down, yaw = self.places.uniform((0.6, -0.4, -0.2, -0.1), (1.0, 0.4, 0.2, 0.1))
-        self.world.place((-float(back), float(side), float(down)), float(yaw))
+        self.environment.place((-float(back), float(side), float(down)), float(yaw))
 
     def place_at_goal(self) -> None:
         """Put the vehicle where the goal picture was taken."""
-        self.world.place((0.0, 0.0, 0.0), 0.0)
+        self.environment.place((0.0, 0.0, 0.0), 0.0)
 
     def heal(self) -> None:
         """Take back whatever a fault did to the world."""
@@ -154,7 +154,7 @@ class Rig:
         self._tokens.clear()
         if self.setup.via_router and self._router is None:
             self.start_router()
-        if self.world.mend():
+        if self.environment.repair():
             self.stop_service()
 
     def hold_token(self, key: str) -> None:
@@ -178,7 +178,7 @@ class Rig:
 
     def is_moving(self) -> bool:
         """Whether the last setpoint at the vehicle was not nearly zero."""
-        for event in reversed(self.world.events):
+        for event in reversed(self.environment.events):
             if event["kind"] == "setpoint":
                 return math.hypot(*event["velocity"]) > _MOVING_M_S
         return False
@@ -199,10 +199,10 @@ class Rig:
         self.runs += 1
         self.heal()
         self.place_far()
-        self.world.pilot_mode(Mode.HOLD)
+        self.environment.pilot_mode(Mode.HOLD)
         if silent_vehicle:
-            self.world.silence()
-        self._run_from, self.disturbed_ns = len(self.world.events), None
+            self.environment.silence()
+        self._run_from, self.disturbed_ns = len(self.environment.events), None
         self._service = ServiceProcess(self.words(), self.folder / f"run-{self.runs}")
         since_ns = time.monotonic_ns()
         if not wait_until(lambda: self.operator.heard_ns > since_ns, STARTUP_S):
@@ -220,7 +220,7 @@ class Rig:
     def _records(self, service: ServiceProcess) -> Run:
         """Everything that was recorded while a service ran."""
         return Run(
-            self.world.events[self._run_from :],
+            self.environment.events[self._run_from :],
             service.log.transitions(),
             list(self.camera.good_ns),
             service.runtime / "gate-inputs.jsonl",
@@ -261,7 +261,7 @@ class Rig:
             wanted = " or ".join(states)
             raise HarnessError(f"the gate is in {self.state} ({cause}), not in {wanted}")
 
-    def await_sight(self) -> None:
+    def await_goal_in_view(self) -> None:
         """Wait until perception has used a frame of now.
 
         Raises
@@ -279,7 +279,7 @@ class Rig:
         wait_until(
             lambda: any(
                 e["kind"] == "heartbeat_sent" and e["t_ns"] > since_ns
-                for e in self.world.events[-400:]
+                for e in self.environment.events[-400:]
             ),
             2.0,
         )

@@ -9,7 +9,7 @@ from dataclasses import dataclass
 
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_robustness.faults.fault import UNFIT, Fault, Outcome, Reaction
-from dfvs_robustness.faults.harness import Rig
+from dfvs_robustness.faults.harness import Harness
 from dfvs_robustness.faults.records import Event, is_ours, moves
 
 MS = 1_000_000
@@ -36,7 +36,7 @@ _TARGETS = {
 
 
 @dataclass(frozen=True, slots=True)
-class Evidence:
+class Oracle:
     """Everything that was recorded since the fault."""
 
     setpoints: list[Event]
@@ -45,24 +45,24 @@ class Evidence:
     state: GateState
     is_running: bool
     over_ns: int
-    world_late_ns: int = 0
+    environment_late_ns: int = 0
     """Longest time for which the simulated vehicle itself did nothing."""
     must_leave: bool = False
     """The fault lasted long enough in READY for the checks to refuse."""
 
     @classmethod
     def collect(
-        cls, rig: Rig, since_ns: int, over_ns: int, *, must_leave: bool = False
-    ) -> Evidence:
+        cls, harness: Harness, since_ns: int, over_ns: int, *, must_leave: bool = False
+    ) -> Oracle:
         """Read the records of a rig."""
-        recent = [e for e in rig.world.events[-20_000:] if e["t_ns"] >= since_ns]
+        recent = [e for e in harness.environment.events[-20_000:] if e["t_ns"] >= since_ns]
         ours = [e for e in recent if is_ours(e)]
         return cls(
             [e for e in ours if e["kind"] == "setpoint"],
             [e for e in ours if e["kind"] == "mode_command"],
-            rig.service.log.transitions(since_ns),
-            rig.state,
-            rig.service.is_running(),
+            harness.service.log.transitions(since_ns),
+            harness.state,
+            harness.service.is_running(),
             over_ns,
             max((e["by_ns"] for e in recent if e["kind"] == "world_late"), default=0),
             must_leave,
@@ -98,7 +98,7 @@ class Evidence:
         return times[0] if times else None
 
 
-def judge(fault: Fault, state: GateState, seed: int, t0_ns: int, seen: Evidence) -> Outcome:
+def judge(fault: Fault, state: GateState, seed: int, t0_ns: int, seen: Oracle) -> Outcome:
     """Tell whether the reaction was right and in time."""
     if fault.reaction is Reaction.ENDED:
         is_released = seen.into(S.ABORT) is None and seen.into(S.RELEASED) is not None
@@ -111,7 +111,7 @@ def judge(fault: Fault, state: GateState, seed: int, t0_ns: int, seen: Evidence)
     return timed(outcome, fault)
 
 
-def _misnamed(fault: Fault, state: GateState, seen: Evidence) -> str:
+def _misnamed(fault: Fault, state: GateState, seen: Oracle) -> str:
     """Say that the gate reacted, but for another reason than this fault."""
     target = S.PREFLIGHT if state is S.READY else _TARGETS.get(fault.reaction)
     cause = "" if target is None else seen.cause(target)
@@ -131,7 +131,7 @@ def timed(outcome: Outcome, fault: Fault) -> Outcome:
     return dataclasses.replace(outcome, passed=not late, problem=problem)
 
 
-def _reaction(fault: Fault, state: GateState, t0_ns: int, seen: Evidence) -> tuple[int | None, str]:
+def _reaction(fault: Fault, state: GateState, t0_ns: int, seen: Oracle) -> tuple[int | None, str]:
     """When the reaction was complete, and what was wrong with it."""
     stopped_ns = seen.stopped_ns(t0_ns)
     silent_ns = max((s["t_ns"] for s in seen.setpoints), default=t0_ns)
@@ -161,7 +161,7 @@ def _reaction(fault: Fault, state: GateState, t0_ns: int, seen: Evidence) -> tup
     return max(entered_ns, stopped_ns), ""
 
 
-def _exit_problem(state: GateState, seen: Evidence) -> str:
+def _exit_problem(state: GateState, seen: Oracle) -> str:
     """Say what was wrong with an end of the service that was asked for."""
     if seen.is_running:
         return "the service still runs"
@@ -170,7 +170,7 @@ def _exit_problem(state: GateState, seen: Evidence) -> str:
     return "the vehicle was not given back to Hold" if is_offboard and not held else ""
 
 
-def _unfit_problem(seen: Evidence) -> str:
+def _unfit_problem(seen: Oracle) -> str:
     """Say what was wrong with the reaction of checks that must refuse."""
     if seen.must_leave and seen.into(S.PREFLIGHT) is None:
         return f"the checks went on to pass, the gate is in {seen.state}"

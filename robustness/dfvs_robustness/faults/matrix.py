@@ -24,7 +24,7 @@ from dfvs_robustness.faults import invariants
 from dfvs_robustness.faults.case import run_case
 from dfvs_robustness.faults.fault import NO_VERDICT, Fault, Outcome
 from dfvs_robustness.faults.frame_faults import frame_faults
-from dfvs_robustness.faults.harness import Rig, Setup
+from dfvs_robustness.faults.harness import Harness, Setup
 from dfvs_robustness.faults.judging import timed
 from dfvs_robustness.faults.process_faults import process_faults
 from dfvs_robustness.faults.records import Run
@@ -194,30 +194,30 @@ def _work(number: int, todo: Todo, done: Done, until: float) -> None:
 def _run_group(group: list[Case], folder: Path, done: Done, until: float) -> None:
     """Run the cases of one setup in one rig, and check every run of its service."""
     faults = all_faults()
-    rig = Rig(faults[group[0].fault].setup, folder, group[0].seed)
-    rig.on_run_over = lambda run: done.put(Result(violations=_violations(run)))
+    harness = Harness(faults[group[0].fault].setup, folder, group[0].seed)
+    harness.on_run_over = lambda run: done.put(Result(violations=_violations(run)))
     try:
         for case in group:
             if time.monotonic() >= until:
                 return
             fault = faults[case.fault]
-            done.put(Result(outcome=_attempt(rig, fault, GateState(case.state), case.seed)))
+            done.put(Result(outcome=_attempt(harness, fault, GateState(case.state), case.seed)))
             if fault.restarts:
-                rig.stop_service()
+                harness.stop_service()
     finally:
-        rig.close()
+        harness.close()
 
 
-def _attempt(rig: Rig, fault: Fault, state: GateState, seed: int) -> Outcome:
+def _attempt(harness: Harness, fault: Fault, state: GateState, seed: int) -> Outcome:
     """Run a case; a state that is not reached is tried for again with a fresh service."""
     problem = ""
     for attempt in range(1, _ATTEMPTS + 1):
         try:
-            outcome = run_case(rig, fault, state, seed)
+            outcome = run_case(harness, fault, state, seed)
             return dataclasses.replace(outcome, attempts=attempt)
         except Exception as error:  # noqa: BLE001 - whatever the harness fails at is reported
             problem = f"{NO_VERDICT}: {type(error).__name__}, {error}"
-            rig.stop_service()
+            harness.stop_service()
     never = float("inf")
     return Outcome(fault.name, str(state), seed, False, never, "", problem, _ATTEMPTS)
 

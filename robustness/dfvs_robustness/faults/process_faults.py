@@ -12,7 +12,7 @@ import numpy as np
 
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_robustness.faults.fault import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
-from dfvs_robustness.faults.harness import Rig, Setup
+from dfvs_robustness.faults.harness import Harness, Setup
 from dfvs_robustness.faults.load import busy_cores
 
 S = GateState
@@ -28,11 +28,11 @@ ROUTER = Setup(via_router=True)
 def _signals(name: str, number: signal.Signals) -> Inject:
     """Send a signal to one of the service's processes."""
 
-    def inject(rig: Rig, _: np.random.Generator) -> int:
-        pid = rig.service.pid(name)
+    def inject(harness: Harness, _: np.random.Generator) -> int:
+        pid = harness.service.pid(name)
         now_ns = time.monotonic_ns()
         if name == "gate":
-            rig.disturbed_ns = now_ns
+            harness.disturbed_ns = now_ns
         os.kill(pid, number)
         return now_ns
 
@@ -42,14 +42,14 @@ def _signals(name: str, number: signal.Signals) -> Inject:
 def _perception_is(number: signal.Signals) -> Inject:
     """Send a signal to perception; what counts is the last good frame before it."""
 
-    def inject(rig: Rig, _: np.random.Generator) -> int:
-        os.kill(rig.service.pid("perception"), number)
-        return rig.camera.last_good_ns
+    def inject(harness: Harness, _: np.random.Generator) -> int:
+        os.kill(harness.service.pid("perception"), number)
+        return harness.camera.last_good_ns
 
     return inject
 
 
-def _starve(rig: Rig, _: np.random.Generator) -> int:
+def _starve(harness: Harness, _: np.random.Generator) -> int:
     """Keep every core busy twice over, for two seconds."""
     t_ns = time.monotonic_ns()
     with busy_cores(_HOGS, _HOG_S) as hogs:
@@ -58,11 +58,11 @@ def _starve(rig: Rig, _: np.random.Generator) -> int:
     return t_ns
 
 
-def _throttle(rig: Rig, _: np.random.Generator) -> int:
+def _throttle(harness: Harness, _: np.random.Generator) -> int:
     """Let perception run a tenth of the time, as on a processor that is too hot."""
-    pid = rig.service.pid("perception")
+    pid = harness.service.pid("perception")
     end = time.monotonic() + _THROTTLE_S
-    t0_ns = rig.camera.last_good_ns
+    t0_ns = harness.camera.last_good_ns
     with contextlib.suppress(ProcessLookupError):
         while time.monotonic() < end:
             os.kill(pid, signal.SIGSTOP)
@@ -72,16 +72,16 @@ def _throttle(rig: Rig, _: np.random.Generator) -> int:
     return t0_ns
 
 
-def _fill_disk(rig: Rig, _: np.random.Generator) -> int:
+def _fill_disk(harness: Harness, _: np.random.Generator) -> int:
     """Let no file of the gate grow any more."""
-    pid = rig.service.pid("gate")
+    pid = harness.service.pid("gate")
     resource.prlimit(pid, resource.RLIMIT_FSIZE, (0, 0))
     return time.monotonic_ns()
 
 
-def _kill_router(rig: Rig, _: np.random.Generator) -> int:
-    rig.stop_router()
-    return rig.camera.last_good_ns
+def _kill_router(harness: Harness, _: np.random.Generator) -> int:
+    harness.stop_router()
+    return harness.camera.last_good_ns
 
 
 def process_faults() -> tuple[Fault, ...]:

@@ -14,7 +14,7 @@ from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.messages.goal import Mount
 from dfvs_robustness.faults.fault import Fault, Reaction
-from dfvs_robustness.faults.harness import NO_RESPONSE_CHECK, Rig, Setup
+from dfvs_robustness.faults.harness import NO_RESPONSE_CHECK, Harness, Setup
 from dfvs_robustness.faults.service import HarnessError, wait_until
 
 S = GateState
@@ -30,24 +30,24 @@ _STUCK_MS = 9000.0
 and turns, so that the view, levelled by its attitude, comes nearer once or twice at first."""
 
 
-def _ordered(rig: Rig, _: np.random.Generator) -> int:
+def _ordered(harness: Harness, _: np.random.Generator) -> int:
     """Order to engage although the checks do not pass."""
-    rig.operator.order(Action.ENGAGE)
+    harness.operator.order(Action.ENGAGE)
     return time.monotonic_ns()
 
 
-def _frozen_world(rig: Rig, _: np.random.Generator) -> int:
+def _frozen_world(harness: Harness, _: np.random.Generator) -> int:
     """However the vehicle flies, the view stays as it is."""
-    rig.world.pin()
+    harness.environment.pin()
     return time.monotonic_ns()
 
 
-def _initial_motion(rig: Rig, _: np.random.Generator) -> int:
+def _initial_motion(harness: Harness, _: np.random.Generator) -> int:
     """When the vehicle itself, by the truth, began to move in this engagement."""
-    engaged_ns = rig.service.log.transitions()[-1]["t_ns"]
+    engaged_ns = harness.service.log.transitions()[-1]["t_ns"]
 
     def moving() -> list[int]:
-        poses = [e for e in rig.world.events[-3000:] if e["kind"] == "pose"]
+        poses = [e for e in harness.environment.events[-3000:] if e["kind"] == "pose"]
         fast = [e for e in poses if math.hypot(*e["velocity"]) >= _MOVING_M_S]
         return [e["t_ns"] for e in fast if e["t_ns"] >= engaged_ns]
 
@@ -56,15 +56,15 @@ def _initial_motion(rig: Rig, _: np.random.Generator) -> int:
     return moving()[0]
 
 
-def _engaged_ns(rig: Rig) -> int:
+def _engaged_ns(harness: Harness) -> int:
     """When the gate was engaged last."""
-    entered = [t["t_ns"] for t in rig.service.log.transitions() if t["target"] == S.ENGAGE]
+    entered = [t["t_ns"] for t in harness.service.log.transitions() if t["target"] == S.ENGAGE]
     return int(entered[-1])
 
 
-def _flown_far(rig: Rig, _: np.random.Generator) -> int:
+def _flown_far(harness: Harness, _: np.random.Generator) -> int:
     """When the vehicle itself, by the truth, was further from its start than it may be."""
-    engaged_ns, events = _engaged_ns(rig), rig.world.events
+    engaged_ns, events = _engaged_ns(harness), harness.environment.events
     first = next(k for k, e in enumerate(events) if e["t_ns"] >= engaged_ns)
 
     def flown() -> list[dict[str, Any]]:
@@ -81,25 +81,25 @@ def _flown_far(rig: Rig, _: np.random.Generator) -> int:
     return beyond()[0]
 
 
-def _flown_long(rig: Rig, _: np.random.Generator) -> int:
+def _flown_long(harness: Harness, _: np.random.Generator) -> int:
     """When the gate has been engaged for as long as it may be."""
-    end_ns = _engaged_ns(rig) + int(_ENGAGED_S * 1e9)
+    end_ns = _engaged_ns(harness) + int(_ENGAGED_S * 1e9)
     wait_until(lambda: time.monotonic_ns() >= end_ns, _ENGAGED_S)
     return end_ns
 
 
-def _held_long(rig: Rig, _: np.random.Generator) -> int:
+def _held_long(harness: Harness, _: np.random.Generator) -> int:
     """When the goal has been held by vision for as long as it may be."""
-    reached = [t["t_ns"] for t in rig.service.log.transitions() if t["target"] == S.DONE]
+    reached = [t["t_ns"] for t in harness.service.log.transitions() if t["target"] == S.DONE]
     end_ns = int(reached[-1]) + int(_AT_GOAL_S * 1e9)
     wait_until(lambda: time.monotonic_ns() >= end_ns, _AT_GOAL_S)
     return end_ns
 
 
-def _misspelt(rig: Rig, _: np.random.Generator) -> int:
+def _misspelt(harness: Harness, _: np.random.Generator) -> int:
     """Start a second service with a setting that does not exist."""
     t_ns = time.monotonic_ns()
-    words = [*rig.words(), "--set", "gate.hold_seconds=3"]
+    words = [*harness.words(), "--set", "gate.hold_seconds=3"]
     command = [sys.executable, "-m", "dfvs_service.cli", *words]
     result = subprocess.run(command, capture_output=True, timeout=_TYPO_S, check=False)
     told = result.stderr.decode(errors="replace").strip().splitlines()

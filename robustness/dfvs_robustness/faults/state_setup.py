@@ -7,7 +7,7 @@ from collections.abc import Callable
 
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import ENGAGED, Cause, GateState
-from dfvs_robustness.faults.harness import STARTUP_S, STATE_S, Rig
+from dfvs_robustness.faults.harness import STARTUP_S, STATE_S, Harness
 from dfvs_robustness.faults.service import HarnessError, wait_until
 from dfvs_sim.vehicle.modes import Mode
 
@@ -17,7 +17,7 @@ _FRAMES_S = 0.3
 """Until frames from a new place have been looked at."""
 
 
-def bring_to(rig: Rig, state: GateState) -> None:
+def bring_to(harness: Harness, state: GateState) -> None:
     """Heal the world and bring the gate to a state.
 
     Raises
@@ -25,87 +25,89 @@ def bring_to(rig: Rig, state: GateState) -> None:
     HarnessError
         If it does not get there.
     """
-    rig.heal()
-    rig.ensure_service()
-    _WAYS[state](rig)
+    harness.heal()
+    harness.ensure_service()
+    _SETUPS[state](harness)
 
 
-def _disengage(rig: Rig) -> None:
-    if rig.state in ENGAGED:
-        rig.operator.order(Action.ABORT)
-        rig.await_state(S.ABORT, S.RELEASED)
-    rig.world.pilot_mode(Mode.HOLD)
-    rig.await_heartbeat()
-    rig.place_far()
+def _disengage(harness: Harness) -> None:
+    if harness.state in ENGAGED:
+        harness.operator.order(Action.ABORT)
+        harness.await_state(S.ABORT, S.RELEASED)
+    harness.environment.pilot_mode(Mode.HOLD)
+    harness.await_heartbeat()
+    harness.place_far()
 
 
-def _to_preflight(rig: Rig) -> None:
-    rig.await_state(S.PREFLIGHT)
-    if not wait_until(lambda: "no camera frame" not in str(rig.operator.status), STATE_S):
+def _to_preflight(harness: Harness) -> None:
+    harness.await_state(S.PREFLIGHT)
+    if not wait_until(lambda: "no camera frame" not in str(harness.operator.status), STATE_S):
         raise HarnessError("no frame reaches the service")
 
 
-def _to_ready(rig: Rig) -> None:
-    if rig.state in (*ENGAGED, S.ABORT, S.RELEASED):
-        _disengage(rig)
-        rig.operator.order(Action.ENGAGE)
-        rig.operator.order(Action.HOLD)  # takes the order to engage back
+def _to_ready(harness: Harness) -> None:
+    if harness.state in (*ENGAGED, S.ABORT, S.RELEASED):
+        _disengage(harness)
+        harness.operator.order(Action.ENGAGE)
+        harness.operator.order(Action.HOLD)  # takes the order to engage back
     else:
-        rig.await_sight()  # what healed a moment ago may still lead back to PREFLIGHT
-    rig.await_state(S.READY, timeout_s=STARTUP_S)
+        harness.await_goal_in_view()  # what healed a moment ago may still lead back to PREFLIGHT
+    harness.await_state(S.READY, timeout_s=STARTUP_S)
 
 
-def _to_engage(rig: Rig) -> None:
-    if rig.state in (S.IDLE, S.PREFLIGHT):
-        rig.await_state(S.READY, timeout_s=STARTUP_S)
-    elif rig.state is not S.READY:
-        _disengage(rig)
-    rig.operator.order(Action.ENGAGE)
-    rig.await_state(S.ENGAGE)
+def _to_engage(harness: Harness) -> None:
+    if harness.state in (S.IDLE, S.PREFLIGHT):
+        harness.await_state(S.READY, timeout_s=STARTUP_S)
+    elif harness.state is not S.READY:
+        _disengage(harness)
+    harness.operator.order(Action.ENGAGE)
+    harness.await_state(S.ENGAGE)
 
 
-def _to_servo(rig: Rig) -> None:
-    if rig.state is S.SERVO:  # it may be near its goal already
-        rig.operator.order(Action.HOLD)
-        rig.await_state(S.HOLD)
-    if rig.state is S.HOLD:
-        rig.place_far()
-        if _is_held(rig):
-            rig.operator.order(Action.ENGAGE)
+def _to_servo(harness: Harness) -> None:
+    if harness.state is S.SERVO:  # it may be near its goal already
+        harness.operator.order(Action.HOLD)
+        harness.await_state(S.HOLD)
+    if harness.state is S.HOLD:
+        harness.place_far()
+        if _is_held(harness):
+            harness.operator.order(Action.ENGAGE)
     else:
-        _to_engage(rig)
-    rig.await_state(S.SERVO)
-    if not wait_until(rig.is_moving, STATE_S):
-        raise HarnessError(f"nothing moves in {rig.state}")
+        _to_engage(harness)
+    harness.await_state(S.SERVO)
+    if not wait_until(harness.is_moving, STATE_S):
+        raise HarnessError(f"nothing moves in {harness.state}")
 
 
-def _to_hold(rig: Rig) -> None:
-    if not _is_held(rig):
-        _to_servo(rig)
-        rig.operator.order(Action.HOLD)
-    rig.await_state(S.HOLD)
-    rig.await_sight()
+def _to_hold(harness: Harness) -> None:
+    if not _is_held(harness):
+        _to_servo(harness)
+        harness.operator.order(Action.HOLD)
+    harness.await_state(S.HOLD)
+    harness.await_goal_in_view()
 
 
-def _to_done(rig: Rig) -> None:
-    if rig.state is S.DONE:
-        rig.await_sight()
+def _to_done(harness: Harness) -> None:
+    if harness.state is S.DONE:
+        harness.await_goal_in_view()
         return
-    _to_servo(rig)
-    rig.operator.order(Action.HOLD)
-    rig.await_state(S.HOLD)
-    rig.place_at_goal()
+    _to_servo(harness)
+    harness.operator.order(Action.HOLD)
+    harness.await_state(S.HOLD)
+    harness.place_at_goal()
     time.sleep(_FRAMES_S)
-    rig.operator.order(Action.ENGAGE)
-    rig.await_state(S.DONE)
+    harness.operator.order(Action.ENGAGE)
+    harness.await_state(S.DONE)
 
 
-def _is_held(rig: Rig) -> bool:
+def _is_held(harness: Harness) -> bool:
     """Whether the gate holds because it was ordered to."""
-    return rig.state is S.HOLD and rig.service.log.changes[-1]["cause"] == Cause.OPERATOR_HOLD
+    return (
+        harness.state is S.HOLD and harness.service.log.changes[-1]["cause"] == Cause.OPERATOR_HOLD
+    )
 
 
-_WAYS: dict[GateState, Callable[[Rig], None]] = {
+_SETUPS: dict[GateState, Callable[[Harness], None]] = {
     S.PREFLIGHT: _to_preflight,
     S.READY: _to_ready,
     S.ENGAGE: _to_engage,

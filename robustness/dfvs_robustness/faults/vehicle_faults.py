@@ -15,7 +15,7 @@ from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.messages.goal_command import goal_digest
 from dfvs_robustness.faults.environment import BATTERY, GPS
 from dfvs_robustness.faults.fault import ANY_ENGAGED, Fault, Reaction
-from dfvs_robustness.faults.harness import NO_RESPONSE_CHECK, Rig, Setup
+from dfvs_robustness.faults.harness import NO_RESPONSE_CHECK, Harness, Setup
 from dfvs_robustness.faults.records import TELLS_MODE
 from dfvs_robustness.faults.service import KEY, signed, wait_until
 from dfvs_sim.vehicle.modes import Mode
@@ -37,29 +37,29 @@ _FOREIGN_M_S, _ELSEWHERE_M_S = 0.42, 0.4
 """Speed of another commander, and how far it is from ours; below 0.2 m/s nobody could tell."""
 
 
-def _link_lost(rig: Rig, _: np.random.Generator) -> int:
-    rig.world.silence()
+def _link_lost(harness: Harness, _: np.random.Generator) -> int:
+    harness.environment.silence()
     return time.monotonic_ns()
 
 
-def _heartbeat_lost(rig: Rig, _: np.random.Generator) -> int:
-    rig.world.stream("HEARTBEAT", -1.0)
-    beats = [e["t_ns"] for e in rig.world.events[-3000:] if e["kind"] == "heartbeat_sent"]
+def _heartbeat_lost(harness: Harness, _: np.random.Generator) -> int:
+    harness.environment.stream("HEARTBEAT", -1.0)
+    beats = [e["t_ns"] for e in harness.environment.events[-3000:] if e["kind"] == "heartbeat_sent"]
     return int(beats[-1])
 
 
-def _next_told(rig: Rig, since_ns: int, kinds: Sequence[str]) -> int:
+def _next_told(harness: Harness, since_ns: int, kinds: Sequence[str]) -> int:
     """When the first message of these kinds after a time was sent."""
 
     def found() -> list[int]:
-        recent = rig.world.events[-3000:]
+        recent = harness.environment.events[-3000:]
         return [e["t_ns"] for e in recent if e["kind"] in kinds and e["t_ns"] > since_ns]
 
     wait_until(lambda: bool(found()), _HEARTBEAT_S)
     return found()[0]
 
 
-def _taken_over(rig: Rig, rng: np.random.Generator) -> int:
+def _taken_over(harness: Harness, rng: np.random.Generator) -> int:
     modes = [Mode.LAND, Mode.RETURN, Mode.ALTITUDE, Mode.STABILIZED, Mode.POSITION, Mode.HOLD]
     which = int(rng.integers(len(modes)))
 
@@ -71,40 +71,40 @@ def _taken_over(rig: Rig, rng: np.random.Generator) -> int:
         px4.request_mode(mode, now_ns)
         return time.monotonic_ns()
 
-    return _next_told(rig, rig.world.do(take), TELLS_MODE)
+    return _next_told(harness, harness.environment.do(take), TELLS_MODE)
 
 
-def _disarmed(rig: Rig, _: np.random.Generator) -> int:
+def _disarmed(harness: Harness, _: np.random.Generator) -> int:
     since_ns = time.monotonic_ns()
-    rig.world.do(lambda px4, now_ns: px4.disarm(now_ns, "kill switch", force=True))
-    return _next_told(rig, since_ns, ("heartbeat_sent",))
+    harness.environment.do(lambda px4, now_ns: px4.disarm(now_ns, "kill switch", force=True))
+    return _next_told(harness, since_ns, ("heartbeat_sent",))
 
 
-def _estimator_invalid(rig: Rig, _: np.random.Generator) -> int:
-    rig.world.inject(GPS, _OFF)
+def _estimator_invalid(harness: Harness, _: np.random.Generator) -> int:
+    harness.environment.inject(GPS, _OFF)
     return time.monotonic_ns()
 
 
-def _estimator_jumps(rig: Rig, _: np.random.Generator) -> int:
-    rig.world.inject(GPS, _WRONG)
+def _estimator_jumps(harness: Harness, _: np.random.Generator) -> int:
+    harness.environment.inject(GPS, _WRONG)
     return time.monotonic_ns()
 
 
-def _battery_low(rig: Rig, _: np.random.Generator) -> int:
-    rig.world.inject(BATTERY, _OFF)
+def _battery_low(harness: Harness, _: np.random.Generator) -> int:
+    harness.environment.inject(BATTERY, _OFF)
     return time.monotonic_ns()
 
 
 # --- others who command ---------------------------------------------------------------------
 
 
-def _second_service(rig: Rig, _: np.random.Generator) -> int:
-    rig.hold_token(rig.topics.lease("engaged", "second"))
+def _second_service(harness: Harness, _: np.random.Generator) -> int:
+    harness.hold_token(harness.topics.lease("engaged", "second"))
     return time.monotonic_ns()
 
 
-def _service_stands_by(rig: Rig, _: np.random.Generator) -> int:
-    rig.hold_token(rig.topics.lease("standby", "second"))
+def _service_stands_by(harness: Harness, _: np.random.Generator) -> int:
+    harness.hold_token(harness.topics.lease("standby", "second"))
     return time.monotonic_ns()
 
 
@@ -115,63 +115,65 @@ def _foreign_message(forward_m_s: float, right_m_s: float) -> Message:
     )
 
 
-def _foreign_setpoint(rig: Rig, rng: np.random.Generator) -> int:
+def _foreign_setpoint(harness: Harness, rng: np.random.Generator) -> int:
     forward, right = rng.uniform(-0.5, 0.5, 2)
-    rig.world.send_as_other(_foreign_message(float(forward), float(right)))
+    harness.environment.send_as_other(_foreign_message(float(forward), float(right)))
     return time.monotonic_ns()
 
 
-def _foreign_system(rig: Rig, rng: np.random.Generator) -> int:
+def _foreign_system(harness: Harness, rng: np.random.Generator) -> int:
     """Somebody under a system id of their own sends setpoints, at 50 Hz for a while."""
     forward, right = rng.uniform(-0.5, 0.5, 2)
     sender = _STATIONS[int(rng.integers(len(_STATIONS)))]
     t_ns = time.monotonic_ns()
-    while time.monotonic_ns() < t_ns + _STATION_NS and rig.state not in (S.ABORT, S.PREFLIGHT):
-        rig.world.send_as_other(_foreign_message(float(forward), float(right)), sender)
+    while time.monotonic_ns() < t_ns + _STATION_NS and harness.state not in (S.ABORT, S.PREFLIGHT):
+        harness.environment.send_as_other(_foreign_message(float(forward), float(right)), sender)
         time.sleep(_STATION_PERIOD_S)
     return t_ns
 
 
-def _foreign_elsewhere(rig: Rig, rng: np.random.Generator) -> int:
+def _foreign_elsewhere(harness: Harness, rng: np.random.Generator) -> int:
     """Somebody who wants to go elsewhere sends setpoints at 50 Hz on a link of their own."""
-    ours = next(e for e in reversed(rig.world.events) if e["kind"] == "setpoint")["velocity"]
+    ours = next(e for e in reversed(harness.environment.events) if e["kind"] == "setpoint")[
+        "velocity"
+    ]
     off = 0.0
     while off < _ELSEWHERE_M_S:
         angle = rng.uniform(0.0, math.tau)
         forward, right = _FOREIGN_M_S * math.cos(angle), _FOREIGN_M_S * math.sin(angle)
         off = math.dist(ours, (forward, right, 0.0))
-    rig.world.shadow(lambda: _foreign_message(forward, right))
+    harness.environment.shadow(lambda: _foreign_message(forward, right))
     return time.monotonic_ns()
 
 
 # --- hostile commands -----------------------------------------------------------------------
 
 
-def _forged(rig: Rig, rng: np.random.Generator) -> int:
-    for key, vehicle in ((rng.bytes(32), rig.topics.vehicle), (KEY, "another")):
+def _forged(harness: Harness, rng: np.random.Generator) -> int:
+    for key, vehicle in ((rng.bytes(32), harness.topics.vehicle), (KEY, "another")):
         for action in (Action.ABORT, Action.ENGAGE, Action.HOLD):
-            challenge = str(rig.operator.status["challenge"])
-            rig.operator.send(signed(key, vehicle, action, challenge))
-        goal, challenge = rng.bytes(1000), str(rig.operator.status["challenge"])
+            challenge = str(harness.operator.status["challenge"])
+            harness.operator.send(signed(key, vehicle, action, challenge))
+        goal, challenge = rng.bytes(1000), str(harness.operator.status["challenge"])
         command = signed(key, vehicle, Action.GOAL, challenge, goal_digest(goal))
-        rig.operator.send_goal(goal, command)
+        harness.operator.send_goal(goal, command)
     for size in (0, 1, 500, 100_000):
-        rig.operator.send(rng.bytes(size))
+        harness.operator.send(rng.bytes(size))
     return time.monotonic_ns()
 
 
-def _replayed(rig: Rig, _: np.random.Generator) -> int:
+def _replayed(harness: Harness, _: np.random.Generator) -> int:
     """Send the last order again, and new ones with challenges never told, used and expired."""
-    rig.operator.send(rig.operator.last_order)
-    expired = rig.operator.told[:-2][-4:]  # the last but one may still be good
-    for challenge in ("0" * 32, rig.operator.used_challenge, *expired):
-        rig.operator.send(signed(KEY, rig.topics.vehicle, Action.ABORT, challenge))
+    harness.operator.send(harness.operator.last_order)
+    expired = harness.operator.told[:-2][-4:]  # the last but one may still be good
+    for challenge in ("0" * 32, harness.operator.used_challenge, *expired):
+        harness.operator.send(signed(KEY, harness.topics.vehicle, Action.ABORT, challenge))
     return time.monotonic_ns()
 
 
-def _operator_aborts(rig: Rig, _: np.random.Generator) -> int:
+def _operator_aborts(harness: Harness, _: np.random.Generator) -> int:
     t_ns = time.monotonic_ns()
-    rig.operator.order(Action.ABORT)
+    harness.operator.order(Action.ABORT)
     return t_ns
 
 

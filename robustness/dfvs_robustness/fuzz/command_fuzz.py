@@ -12,7 +12,7 @@ from dfvs_robustness.fuzz.command_ingress import CommandLife, Ingress, Passed, S
 from dfvs_robustness.fuzz.command_invariants import CommandChecker
 from dfvs_robustness.fuzz.command_sendings import Sender
 from dfvs_robustness.fuzz.invariants import InvariantError
-from dfvs_robustness.fuzz.random_source import Dice
+from dfvs_robustness.fuzz.random_source import RandomSource
 from dfvs_robustness.fuzz.run import Target
 from dfvs_robustness.fuzz.shrink import shrink_list
 
@@ -44,7 +44,7 @@ class CommandTally:
 class CommandFinding:
     """A life that ended in a violation."""
 
-    life: CommandLife
+    episode: CommandLife
     rule: str
     text: str
 
@@ -78,25 +78,25 @@ def live(seed: tuple[int, int], tally: CommandTally) -> CommandFinding | None:
     CommandFinding or None
         The life up to the sending that violated an invariant.
     """
-    dice = Dice(np.random.default_rng(seed))
-    life = CommandLife(dice.integer(0, 2**50))
-    sender, trial = Sender(dice, life.born_ns), _Trial(life.born_ns)
+    rng = RandomSource(np.random.default_rng(seed))
+    episode = CommandLife(rng.integer(0, 2**50))
+    sender, trial = Sender(rng, episode.born_ns), _Trial(episode.born_ns)
     tally.lives += 1
     try:
         for _ in range(SENDINGS_PER_LIFE):
             challenge = trial.challenge(sender.next_time())
             sending = sender.next(challenge)
-            life.sendings.append(sending)
+            episode.sendings.append(sending)
             tally.see(sending, trial.take(sending, challenge))
     except InvariantError as violation:
-        return CommandFinding(life, violation.rule, violation.text)
+        return CommandFinding(episode, violation.rule, violation.text)
     return None
 
 
-def relive(life: CommandLife) -> InvariantError | None:
+def relive(episode: CommandLife) -> InvariantError | None:
     """Send a life to a new ingress; return the first violation."""
-    trial = _Trial(life.born_ns)
-    for sending in life.sendings:
+    trial = _Trial(episode.born_ns)
+    for sending in episode.sendings:
         try:
             trial.take(sending, trial.challenge(sending.t_ns))
         except InvariantError as violation:
@@ -106,13 +106,13 @@ def relive(life: CommandLife) -> InvariantError | None:
 
 def shrink(finding: CommandFinding) -> CommandFinding:
     """Return a life with as few sendings as still violate the same invariant."""
-    life, rule = finding.life, finding.rule
+    episode, rule = finding.episode, finding.rule
 
     def fails(sendings: list[Sending]) -> bool:
-        violation = relive(dataclasses.replace(life, sendings=sendings))
+        violation = relive(dataclasses.replace(episode, sendings=sendings))
         return violation is not None and violation.rule == rule
 
-    shortest = dataclasses.replace(life, sendings=shrink_list(life.sendings, fails))
+    shortest = dataclasses.replace(episode, sendings=shrink_list(episode.sendings, fails))
     violation = relive(shortest)
     return CommandFinding(shortest, rule, finding.text if violation is None else violation.text)
 

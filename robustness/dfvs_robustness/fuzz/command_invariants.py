@@ -1,14 +1,12 @@
-"""What must hold of every command that arrives, judged anew from its bytes.
+"""Invariants of every command that arrives, evaluated anew from its bytes.
 
-===========  =====================================================================================
-authentic    what is obeyed was signed with the key, for this vehicle, and says what was signed
-fresh        its challenge was told, at most 30 s ago (three periods: a gap hides one), never used
-once         what was obeyed is never obeyed again
-answer       the same bytes get the same answer, as long as it is among the last 64 that count
-obeyed       a command that is signed, new and carries the challenge that is told is obeyed
-rate         20 commands and 2 goals a second pass, besides a burst of 20 and 4
-memory       the whole takes at most 16 KiB
-===========  =====================================================================================
+- authentic: an accepted command was signed with the key, for this vehicle, with this content.
+- fresh: its challenge was published at most 30 s ago (three periods, one may be lost), never used.
+- once: an accepted command is never accepted again.
+- answer: the same bytes get the same answer, as long as it is among the last 64 that count.
+- obeyed: a command that is signed, new and carries the published challenge is accepted.
+- rate: 20 commands and 2 goals a second pass, besides a burst of 20 and 4.
+- memory: the whole takes at most 16 KiB.
 """
 
 from __future__ import annotations

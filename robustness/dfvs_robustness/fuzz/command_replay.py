@@ -13,7 +13,7 @@ REPLAY_FORMAT = "dfvs-command-replay/1"
 
 
 def write_finding(finding: CommandFinding, path: Path) -> None:
-    """Write a finding so that ``read_life`` gives its life back; bytes are hexadecimal.
+    """Write a finding so that ``read_episode`` gives its life back; bytes are hexadecimal.
 
     Raises
     ------
@@ -24,10 +24,10 @@ def write_finding(finding: CommandFinding, path: Path) -> None:
         "format": REPLAY_FORMAT,
         "rule": finding.rule,
         "text": finding.text,
-        "born_ns": finding.life.born_ns,
+        "born_ns": finding.episode.born_ns,
         "sendings": [
             [s.t_ns, s.command.hex(), None if s.goal is None else s.goal.hex(), s.kind]
-            for s in finding.life.sendings
+            for s in finding.episode.sendings
         ],
     }
     try:
@@ -36,7 +36,7 @@ def write_finding(finding: CommandFinding, path: Path) -> None:
         raise ConfigError(f"cannot write {path} ({error.strerror})", "a writable folder") from error
 
 
-def read_life(path: Path) -> CommandLife:
+def read_episode(path: Path) -> CommandLife:
     """Read the life of a finding.
 
     Raises

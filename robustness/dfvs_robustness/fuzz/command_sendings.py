@@ -11,7 +11,7 @@ from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import goal_digest
 from dfvs_core.messages.schema import to_json
 from dfvs_robustness.fuzz.command_ingress import KEY, VEHICLE, Sending
-from dfvs_robustness.fuzz.random_source import Dice
+from dfvs_robustness.fuzz.random_source import RandomSource
 
 _BAD = (
     *("delayed",) * 2,
@@ -44,14 +44,14 @@ class Sender:
 
     Parameters
     ----------
-    dice : Dice
+    rng : RandomSource
         Of all choices.
     born_ns : int
         Monotonic time.
     """
 
-    def __init__(self, dice: Dice, born_ns: int) -> None:
-        self._dice = dice
+    def __init__(self, rng: RandomSource, born_ns: int) -> None:
+        self._rng = rng
         self._now_ns = born_ns
         self._sent: deque[Sending] = deque(maxlen=_REMEMBERED)
         self._goals: deque[Sending] = deque(maxlen=8)
@@ -61,11 +61,11 @@ class Sender:
 
     def next_time(self) -> int:
         """Monotonic time of the next sending, ns."""
-        if self._dice.chance(0.01):
-            self._pace = self._dice.pick(_PACES)
+        if self._rng.chance(0.01):
+            self._pace = self._rng.pick(_PACES)
         _, usual, rare = self._pace
-        gaps = _RARE_GAPS_NS if self._dice.chance(rare) else usual
-        self._now_ns += self._dice.pick(gaps)
+        gaps = _RARE_GAPS_NS if self._rng.chance(rare) else usual
+        self._now_ns += self._rng.pick(gaps)
         return self._now_ns
 
     def next(self, challenge: str) -> Sending:
@@ -75,16 +75,16 @@ class Sender:
         if self._delayed and self._delayed[0][0] <= self._now_ns:
             command = heapq.heappop(self._delayed)[1]
             return self._remember(Sending(self._now_ns, command, None, "late"))
-        kind = self._dice.pick(self._pace[0])
+        kind = self._rng.pick(self._pace[0])
         if kind in ("repeated", "replayed") and self._sent:
             newest = 0 if kind == "replayed" else max(len(self._sent) - 8, 0)
-            old = self._sent[self._dice.integer(newest, len(self._sent) - 1)]
+            old = self._sent[self._rng.integer(newest, len(self._sent) - 1)]
             return Sending(self._now_ns, old.command, old.goal, kind)
         if kind in ("goal", "other goal", "goal repeated"):
             return self._goal(kind, challenge)
         command = self._command(kind, challenge)
         if kind == "delayed":
-            due_ns = self._now_ns + int(_DELAY_NS * self._dice.uniform() ** 3)
+            due_ns = self._now_ns + int(_DELAY_NS * self._rng.uniform() ** 3)
             heapq.heappush(self._delayed, (due_ns, command))
             command = command[: len(command) // 2]
         return self._remember(Sending(self._now_ns, command, None, kind))
@@ -94,15 +94,15 @@ class Sender:
         return sending
 
     def _hexadecimal(self) -> str:
-        high, low = (self._dice.integer(0, 2**32 - 1) for _ in range(2))
+        high, low = (self._rng.integer(0, 2**32 - 1) for _ in range(2))
         return f"{high:016x}{low:016x}"
 
     def _order(self, challenge: str, vehicle: str = VEHICLE) -> Command:
-        return Command(vehicle, self._dice.pick(_ORDERS), challenge, self._hexadecimal())
+        return Command(vehicle, self._rng.pick(_ORDERS), challenge, self._hexadecimal())
 
     def _goal(self, kind: str, challenge: str) -> Sending:
         if kind == "goal repeated" and self._goals:
-            old = self._dice.pick(self._goals)
+            old = self._rng.pick(self._goals)
             return Sending(self._now_ns, old.command, old.goal, kind)
         goal = self._hexadecimal().encode()
         command = Command(VEHICLE, Action.GOAL, challenge, self._hexadecimal(), goal_digest(goal))
@@ -115,11 +115,11 @@ class Sender:
 
     def _command(self, kind: str, challenge: str) -> bytes:
         """Bytes of a command of that kind."""
-        dice = self._dice
+        rng = self._rng
         if kind == "rubbish":
-            return dice.rng.bytes(dice.integer(0, 1200))
+            return rng.rng.bytes(rng.integer(0, 1200))
         if kind == "expired":
-            challenge = dice.pick(self._told)
+            challenge = rng.pick(self._told)
         elif kind == "unknown challenge":
             challenge = self._hexadecimal()
         order = self._order(challenge, "drone2" if kind == "other vehicle" else VEHICLE)
@@ -129,13 +129,13 @@ class Sender:
             other = self._order(challenge)
             return to_json(SignedCommand(other, command_mac(KEY, order)))
         data = encode_command(b"x" * 32 if kind == "other key" else KEY, order)
-        place = dice.integer(0, len(data) - 1)
+        place = rng.integer(0, len(data) - 1)
         if kind == "mangled":
-            return data[:place] + bytes([data[place] ^ 1 << dice.integer(0, 7)]) + data[place + 1 :]
+            return data[:place] + bytes([data[place] ^ 1 << rng.integer(0, 7)]) + data[place + 1 :]
         if kind == "truncated":
             return data[:place]
         if kind == "extended":
-            return data + b" " * dice.integer(1, 8)
+            return data + b" " * rng.integer(1, 8)
         if kind == "oversized":
-            return data + b" " * dice.integer(1024, 4096)
+            return data + b" " * rng.integer(1024, 4096)
         return data

@@ -30,7 +30,7 @@ from dfvs_core.gate.events import (
     WatchEnded,
 )
 from dfvs_core.messages.link import PerceptionReport
-from dfvs_robustness.fuzz.random_source import Dice
+from dfvs_robustness.fuzz.random_source import RandomSource
 
 Triple = tuple[float, float, float]
 
@@ -44,7 +44,7 @@ _ODD_SHIFTS_NS = (-(10**19), -S, -1, 0, 1, S, 10**19)
 
 
 @dataclass(slots=True)
-class World:
+class Environment:
     """How everything around a gate behaves just now; fresh, it all is well."""
 
     mode: VehicleMode = VehicleMode.HOLD
@@ -85,64 +85,66 @@ class World:
     tick_ns: int = 60 * MS
 
 
-def calm(world: World, dice: Dice) -> World:
+def calm(environment: Environment, rng: RandomSource) -> Environment:
     """Return a world in which all is well again; mode and place stay what they are."""
-    return World(
-        mode=world.mode,
-        tells_mode=dice.chance(0.7),
-        position_m=world.position_m if _is_finite(world.position_m) else (1.0, 2.0, -3.0),
-        yaw_rad=world.yaw_rad if math.isfinite(world.yaw_rad) else 0.0,
-        reached=dice.chance(0.3),
-        tick_ns=dice.pick((20, 45, 60, 90, 120)) * MS,
-        asked=_velocity(dice),
+    return Environment(
+        mode=environment.mode,
+        tells_mode=rng.chance(0.7),
+        position_m=environment.position_m
+        if _is_finite(environment.position_m)
+        else (1.0, 2.0, -3.0),
+        yaw_rad=environment.yaw_rad if math.isfinite(environment.yaw_rad) else 0.0,
+        reached=rng.chance(0.3),
+        tick_ns=rng.pick((20, 45, 60, 90, 120)) * MS,
+        asked=_velocity(rng),
     )
 
 
-def disturbed(world: World, dice: Dice) -> World:
+def disturbed(environment: Environment, rng: RandomSource) -> Environment:
     """Return a world in which one more thing is wrong, until it is calmed."""
-    kind = dice.pick((_vehicle, _vehicle, _sight, _sight, _numbers, _telemetry, _rivals))
-    return kind(world, dice)
+    kind = rng.pick((_vehicle, _vehicle, _sight, _sight, _numbers, _telemetry, _other_commanders))
+    return kind(environment, rng)
 
 
-def _vehicle(world: World, dice: Dice) -> World:
+def _vehicle(environment: Environment, rng: RandomSource) -> Environment:
     changes = (
-        {"mode": dice.pick(MODES)},
+        {"mode": rng.pick(MODES)},
         {"mode": VehicleMode.OFFBOARD},
-        {"armed": dice.chance(0.5)},
-        {"in_air": False, "on_ground": dice.chance(0.5)},
-        {"battery": dice.pick((None, 0.1, 0.2, math.nan))},
+        {"armed": rng.chance(0.5)},
+        {"in_air": False, "on_ground": rng.chance(0.5)},
+        {"battery": rng.pick((None, 0.1, 0.2, math.nan))},
         {"failsafe": True},
         {"obeys": False},
     )
-    return replace(world, **dice.pick(changes))  # type: ignore[arg-type]
+    return replace(environment, **rng.pick(changes))  # type: ignore[arg-type]
 
 
-def _sight(world: World, dice: Dice) -> World:
+def _sight(environment: Environment, rng: RandomSource) -> Environment:
     changes = (
         {"sees": False},
-        {"latency_ns": dice.integer(-30, 400) * MS},
-        {"latency_ns": dice.integer(190, 260) * MS},
+        {"latency_ns": rng.integer(-30, 400) * MS},
+        {"latency_ns": rng.integer(190, 260) * MS},
         {"report_healthy": False},
         {"lost": True},
         {"falls": False, "error_m": 5.0},
-        {"overlap": dice.between(0.0, 0.2)},
-        {"reached": not world.reached},
-        {"error_m": dice.pick(_ODD_NUMBERS)},
-        {"mounting_score": dice.pick((None, 50.0, 6.0, -5.0, -50.0, *_ODD_NUMBERS))},
+        {"overlap": rng.between(0.0, 0.2)},
+        {"reached": not environment.reached},
+        {"error_m": rng.pick(_ODD_NUMBERS)},
+        {"mounting_score": rng.pick((None, 50.0, 6.0, -5.0, -50.0, *_ODD_NUMBERS))},
     )
-    return replace(world, **dice.pick(changes))  # type: ignore[arg-type]
+    return replace(environment, **rng.pick(changes))  # type: ignore[arg-type]
 
 
-def _numbers(world: World, dice: Dice) -> World:
-    if dice.chance(0.3):
-        return replace(world, asked=_velocity(dice))
-    asked = list(world.asked)
-    asked[dice.integer(0, 3)] = dice.pick(_ODD_NUMBERS)
-    return replace(world, asked=(asked[0], asked[1], asked[2], asked[3]))
+def _numbers(environment: Environment, rng: RandomSource) -> Environment:
+    if rng.chance(0.3):
+        return replace(environment, asked=_velocity(rng))
+    asked = list(environment.asked)
+    asked[rng.integer(0, 3)] = rng.pick(_ODD_NUMBERS)
+    return replace(environment, asked=(asked[0], asked[1], asked[2], asked[3]))
 
 
-def _telemetry(world: World, dice: Dice) -> World:
-    north, east, down = world.position_m
+def _telemetry(environment: Environment, rng: RandomSource) -> Environment:
+    north, east, down = environment.position_m
     changes = (
         {"beats": False},
         {"tells_mode": False},
@@ -152,31 +154,31 @@ def _telemetry(world: World, dice: Dice) -> World:
         {"roll_rad": math.nan},
         {"estimator_valid": False},
         {"healthy": False},
-        {"yaw_rad": dice.pick((math.nan, 3.0, -3.1, 0.0))},
+        {"yaw_rad": rng.pick((math.nan, 3.0, -3.1, 0.0))},
         {"follows": math.nan},
-        {"position_m": (north + dice.between(-3.0, 3.0), east, down)},
-        {"follows": dice.pick((0.0, 0.3, -1.0, 3.0))},
-        {"tick_ns": dice.pick((1, 150, 151, 400)) * MS},
+        {"position_m": (north + rng.between(-3.0, 3.0), east, down)},
+        {"follows": rng.pick((0.0, 0.3, -1.0, 3.0))},
+        {"tick_ns": rng.pick((1, 150, 151, 400)) * MS},
     )
-    return replace(world, **dice.pick(changes))  # type: ignore[arg-type]
+    return replace(environment, **rng.pick(changes))  # type: ignore[arg-type]
 
 
-def _rivals(world: World, dice: Dice) -> World:
+def _other_commanders(environment: Environment, rng: RandomSource) -> Environment:
     changes = (
         {"others": (("another",), ())},
         {"others": ((), ("another",))},
-        {"foreign_m_s": dice.pick((0.3, -1.0, math.nan))},
+        {"foreign_m_s": rng.pick((0.3, -1.0, math.nan))},
     )
-    return replace(world, **dice.pick(changes))  # type: ignore[arg-type]
+    return replace(environment, **rng.pick(changes))  # type: ignore[arg-type]
 
 
-def _velocity(dice: Dice) -> tuple[float, float, float, float]:
-    scale = dice.pick((0.02, 0.2, 1.0))
+def _velocity(rng: RandomSource) -> tuple[float, float, float, float]:
+    scale = rng.pick((0.02, 0.2, 1.0))
     return (
-        dice.between(-scale, scale),
-        dice.between(-scale, scale),
-        dice.between(-scale, scale),
-        dice.between(-scale, scale),
+        rng.between(-scale, scale),
+        rng.between(-scale, scale),
+        rng.between(-scale, scale),
+        rng.between(-scale, scale),
     )
 
 
@@ -184,68 +186,68 @@ def _is_finite(triple: Triple) -> bool:
     return all(map(math.isfinite, triple))
 
 
-def odd_event(now_ns: int, dice: Dice) -> Event:
+def odd_event(now_ns: int, rng: RandomSource) -> Event:
     """Any event at all, with any stamp and any numbers."""
     t_ns = now_ns + (
-        dice.integer(-400 * MS, 50 * MS) if dice.chance(0.7) else dice.pick(_ODD_SHIFTS_NS)
+        rng.integer(-400 * MS, 50 * MS) if rng.chance(0.7) else rng.pick(_ODD_SHIFTS_NS)
     )
-    return dice.pick(_ODD_EVENTS)(t_ns, dice)
+    return rng.pick(_ODD_EVENTS)(t_ns, rng)
 
 
-def _landed_state(t_ns: int, dice: Dice) -> LandedState:
-    flies = dice.chance(0.7)
-    return LandedState(t_ns, flies, not flies and dice.chance(0.5))
+def _landed_state(t_ns: int, rng: RandomSource) -> LandedState:
+    flies = rng.chance(0.7)
+    return LandedState(t_ns, flies, not flies and rng.chance(0.5))
 
 
-def _stop(t_ns: int, dice: Dice) -> Event:
+def _stop(t_ns: int, rng: RandomSource) -> Event:
     """Seldom: nothing moves any more in a life that was told to stop."""
-    if dice.chance(0.8):
+    if rng.chance(0.8):
         return BadReport(t_ns, "garbage")
-    return Stop(t_ns, "told to", dice.chance(0.5))
+    return Stop(t_ns, "told to", rng.chance(0.5))
 
 
-_ODD_EVENTS: tuple[Callable[[int, Dice], Event], ...] = (
-    lambda t, dice: Heartbeat(t, dice.pick(MODES), dice.chance(0.8), dice.chance(0.1)),
-    lambda t, dice: CurrentMode(t, dice.pick(MODES)),
-    lambda t, dice: Attitude(t, *_triple(dice)),
-    lambda t, dice: LocalPosition(t, _triple(dice), _triple(dice)),
+_ODD_EVENTS: tuple[Callable[[int, RandomSource], Event], ...] = (
+    lambda t, rng: Heartbeat(t, rng.pick(MODES), rng.chance(0.8), rng.chance(0.1)),
+    lambda t, rng: CurrentMode(t, rng.pick(MODES)),
+    lambda t, rng: Attitude(t, *_triple(rng)),
+    lambda t, rng: LocalPosition(t, _triple(rng), _triple(rng)),
     _landed_state,
-    lambda t, dice: Battery(t, None if dice.chance(0.2) else _number(dice)),
-    lambda t, dice: Health(t, dice.chance(0.7), can_arm=dice.chance(0.7)),
-    lambda t, dice: EstimatorState(t, dice.chance(0.7)),
-    lambda t, dice: ParametersRead(t),
-    lambda t, dice: BadReport(t, "garbage"),
-    lambda t, dice: OperatorCommand(t, dice.pick(_ACTIONS), dice.pick(GOALS)),
-    lambda t, dice: VelocityTarget(t, _triple(dice)),
-    lambda t, dice: ForeignSetpoint(t, "from elsewhere"),
-    lambda t, dice: OtherServices(t, *dice.pick(((), (("another",),), ((), ("another",))))),
-    lambda t, dice: WatchEnded(t, "failed") if dice.chance(0.1) else ParametersRead(t),
+    lambda t, rng: Battery(t, None if rng.chance(0.2) else _number(rng)),
+    lambda t, rng: Health(t, rng.chance(0.7), can_arm=rng.chance(0.7)),
+    lambda t, rng: EstimatorState(t, rng.chance(0.7)),
+    lambda t, rng: ParametersRead(t),
+    lambda t, rng: BadReport(t, "garbage"),
+    lambda t, rng: OperatorCommand(t, rng.pick(_ACTIONS), rng.pick(GOALS)),
+    lambda t, rng: VelocityTarget(t, _triple(rng)),
+    lambda t, rng: ForeignSetpoint(t, "from elsewhere"),
+    lambda t, rng: OtherServices(t, *rng.pick(((), (("another",),), ((), ("another",))))),
+    lambda t, rng: WatchEnded(t, "failed") if rng.chance(0.1) else ParametersRead(t),
     _stop,
-    lambda t, dice: Report(t, odd_report(t, dice)),
+    lambda t, rng: Report(t, odd_report(t, rng)),
 )
 
 
-def odd_report(t_ns: int, dice: Dice) -> PerceptionReport:
+def odd_report(t_ns: int, rng: RandomSource) -> PerceptionReport:
     """Return a report with any numbers."""
     return PerceptionReport(
-        seq=dice.integer(-5, 5),
-        t_capture_ns=t_ns + dice.pick((-(10**19), -S, -250 * MS, -40 * MS, -1, 0, 6 * MS, 10**19)),
-        velocity=(_number(dice), _number(dice), _number(dice), _number(dice)),
-        healthy=dice.chance(0.8),
-        reached=dice.chance(0.3),
-        lost=dice.chance(0.1),
+        seq=rng.integer(-5, 5),
+        t_capture_ns=t_ns + rng.pick((-(10**19), -S, -250 * MS, -40 * MS, -1, 0, 6 * MS, 10**19)),
+        velocity=(_number(rng), _number(rng), _number(rng), _number(rng)),
+        healthy=rng.chance(0.8),
+        reached=rng.chance(0.3),
+        lost=rng.chance(0.1),
         reason="",
-        error_m=_number(dice),
-        error_rad=_number(dice),
-        overlap=_number(dice),
-        feature_error=None if dice.chance(0.5) else _number(dice),
-        mounting_score=None if dice.chance(0.5) else 10.0 * _number(dice),
+        error_m=_number(rng),
+        error_rad=_number(rng),
+        overlap=_number(rng),
+        feature_error=None if rng.chance(0.5) else _number(rng),
+        mounting_score=None if rng.chance(0.5) else 10.0 * _number(rng),
     )
 
 
-def _number(dice: Dice) -> float:
-    return dice.between(-0.5, 1.5) if dice.chance(0.9) else dice.pick(_ODD_NUMBERS)
+def _number(rng: RandomSource) -> float:
+    return rng.between(-0.5, 1.5) if rng.chance(0.9) else rng.pick(_ODD_NUMBERS)
 
 
-def _triple(dice: Dice) -> Triple:
-    return _number(dice), _number(dice), _number(dice)
+def _triple(rng: RandomSource) -> Triple:
+    return _number(rng), _number(rng), _number(rng)

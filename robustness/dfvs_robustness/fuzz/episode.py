@@ -32,15 +32,15 @@ from dfvs_core.gate.events import (
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.gate.states import ENDED, GateState
 from dfvs_core.messages.link import PerceptionReport
-from dfvs_robustness.fuzz.disturbances import GOALS, World, calm, disturbed, odd_event
-from dfvs_robustness.fuzz.random_source import Dice
+from dfvs_robustness.fuzz.disturbances import GOALS, Environment, calm, disturbed, odd_event
+from dfvs_robustness.fuzz.random_source import RandomSource
 
 Step = tuple[int, tuple[Event, ...]]
 """Monotonic time in ns and the events of one call of the gate."""
 
 
 @dataclass(frozen=True, slots=True)
-class Life:
+class Episode:
     """Everything that a gate was told: enough to live it again."""
 
     config: GateConfig
@@ -56,21 +56,21 @@ class Life:
 _FLYING = tuple(e for e in Engage if e is not Engage.NEVER)
 
 
-def draw_config(dice: Dice) -> GateConfig:
+def draw_config(rng: RandomSource) -> GateConfig:
     """Draw a configuration; half of them with short times, so that more happens in a life."""
-    speed = dice.pick((0.25, 1.0, 1.0))
+    speed = rng.pick((0.25, 1.0, 1.0))
     config = GateConfig(
-        velocity=VelocityLimits(dice.between(0.1, 1.0), dice.between(0.1, 0.6)),
-        reduced_speed_m_s=dice.pick((0.02, 0.1, 0.5)),
-        max_distance_m=dice.pick((0.5, 5.0, 5.0)),
-        max_engaged_ns=dice.pick((4, 30, 120)) * S,
-        hold_visual_ns=dice.pick((2, 10, 300)) * S,
-        min_battery=dice.pick((0.0, 0.2, 0.2)),
+        velocity=VelocityLimits(rng.between(0.1, 1.0), rng.between(0.1, 0.6)),
+        reduced_speed_m_s=rng.pick((0.02, 0.1, 0.5)),
+        max_distance_m=rng.pick((0.5, 5.0, 5.0)),
+        max_engaged_ns=rng.pick((4, 30, 120)) * S,
+        hold_visual_ns=rng.pick((2, 10, 300)) * S,
+        min_battery=rng.pick((0.0, 0.2, 0.2)),
         # "never" only checks and moves nothing: seldom drawn, so that most lives fly
-        engage=Engage.NEVER if dice.chance(0.05) else dice.pick(_FLYING),
-        on_done=dice.pick(tuple(OnDone)),
+        engage=Engage.NEVER if rng.chance(0.05) else rng.pick(_FLYING),
+        on_done=rng.pick(tuple(OnDone)),
     )
-    if dice.chance(0.5):
+    if rng.chance(0.5):
         return config
     usual = config.timing
     timing = dataclasses.replace(
@@ -80,7 +80,7 @@ def draw_config(dice: Dice) -> GateConfig:
         good_data_ns=int(usual.good_data_ns * speed),
         reached_ns=int(usual.reached_ns * speed),
         hold_ns=int(usual.hold_ns * speed),
-        response_ns=dice.pick((0, int(usual.response_ns * speed))),
+        response_ns=rng.pick((0, int(usual.response_ns * speed))),
         response_limit_ns=int(usual.response_limit_ns * speed),
     )
     return dataclasses.replace(config, timing=timing)
@@ -93,19 +93,19 @@ class Surroundings:
     ----------
     config : GateConfig
         The gate's, which tells how it is engaged.
-    dice : Dice
+    rng : RandomSource
         Draws all that is random.
     t_ns : int
         Monotonic time of the start.
     """
 
-    def __init__(self, config: GateConfig, dice: Dice, t_ns: int) -> None:
+    def __init__(self, config: GateConfig, rng: RandomSource, t_ns: int) -> None:
         self._config = config
         holds_visually = config.on_done is OnDone.HOLD_VISUAL
         self._ended = ENDED - {GateState.DONE} if holds_visually else ENDED
-        self._dice = dice
+        self._rng = rng
         self._now_ns = t_ns
-        self._world = calm(World(), dice)
+        self._environment = calm(Environment(), rng)
         self._beat_ns = self._capture_ns = self._slow_ns = t_ns - 10 * S
         self._seq = 0
         self._flown_m_s = (0.0, 0.0, 0.0)
@@ -115,18 +115,18 @@ class Surroundings:
 
     def next(self, state: GateState) -> Step:
         """Time and events of the next step of a gate that is in this state."""
-        dice, world = self._dice, self._world
+        rng, environment = self._rng, self._environment
         self._advance()
-        if dice.chance(0.02):
-            world = disturbed(world, dice)
-        elif dice.chance(0.06 if world.tells_status else 0.01):  # two seconds count there
-            world = calm(world, dice)
-        self._world = world
+        if rng.chance(0.02):
+            environment = disturbed(environment, rng)
+        elif rng.chance(0.06 if environment.tells_status else 0.01):  # two seconds count there
+            environment = calm(environment, rng)
+        self._environment = environment
         self._people(state)
         events = self._nominal(state)
-        if dice.chance(0.01):
-            events.append(odd_event(self._now_ns, dice))
-        if dice.chance(0.05):
+        if rng.chance(0.01):
+            events.append(odd_event(self._now_ns, rng))
+        if rng.chance(0.05):
             self._shuffle(events)
         goals = [
             e.argument for e in events if isinstance(e, OperatorCommand) and e.action is Action.GOAL
@@ -134,110 +134,117 @@ class Surroundings:
         self._ordered_goal = goals[-1] if goals else None
         return self._now_ns, tuple(events)
 
-    def heed(self, output: GateOutput) -> None:
+    def on_heartbeat(self, output: GateOutput) -> None:
         """Let the vehicle follow a mode request and fly what was set, and perception a new goal."""
-        world = self._world
-        if output.mode_request is not None and world.obeys and self._dice.chance(0.9):
+        environment = self._environment
+        if output.mode_request is not None and environment.obeys and self._rng.chance(0.9):
             hold = output.mode_request is ModeRequest.HOLD
-            world.mode = VehicleMode.HOLD if hold else VehicleMode.OFFBOARD
+            environment.mode = VehicleMode.HOLD if hold else VehicleMode.OFFBOARD
         if self._ordered_goal is not None and not output.refusal:
             self._wanted_goal = self._ordered_goal
         if (v := output.setpoint) is None:
             return
-        if world.falls and world.error_m > 0.0:
-            world.error_m *= 0.97
-        k, dt_s = world.follows, world.tick_ns / S
-        c, s = math.cos(world.yaw_rad), math.sin(world.yaw_rad)
+        if environment.falls and environment.error_m > 0.0:
+            environment.error_m *= 0.97
+        k, dt_s = environment.follows, environment.tick_ns / S
+        c, s = math.cos(environment.yaw_rad), math.sin(environment.yaw_rad)
         north, east = c * v.forward_m_s - s * v.right_m_s, s * v.forward_m_s + c * v.right_m_s
-        self._flown_m_s = (north + world.foreign_m_s, east, v.down_m_s)
-        world.velocity_m_s = (k * north, k * east, k * v.down_m_s)
-        x, y, z = (p + u * dt_s for p, u in zip(world.position_m, world.velocity_m_s, strict=True))
-        world.position_m = (x, y, z)
-        world.yaw_rad += k * v.yaw_rad_s * dt_s
+        self._flown_m_s = (north + environment.foreign_m_s, east, v.down_m_s)
+        environment.velocity_m_s = (k * north, k * east, k * v.down_m_s)
+        x, y, z = (
+            p + u * dt_s
+            for p, u in zip(environment.position_m, environment.velocity_m_s, strict=True)
+        )
+        environment.position_m = (x, y, z)
+        environment.yaw_rad += k * v.yaw_rad_s * dt_s
 
     def _advance(self) -> None:
-        dice = self._dice
-        self._now_ns += self._world.tick_ns
-        if dice.chance(0.005):
+        rng = self._rng
+        self._now_ns += self._environment.tick_ns
+        if rng.chance(0.005):
             leaps_ns = (-S, -MS, 0, 149 * MS, 151 * MS, S, 3 * S, 10 * S)
-            self._now_ns += dice.pick(leaps_ns) + dice.integer(-MS, MS)
+            self._now_ns += rng.pick(leaps_ns) + rng.integer(-MS, MS)
 
     def _people(self, state: GateState) -> None:
         """Let the pilot bring the vehicle to where the gate may be engaged."""
-        dice, world = self._dice, self._world
-        offboard = world.mode is VehicleMode.OFFBOARD
-        if state is GateState.READY and self._config.engage is Engage.PILOT and dice.chance(0.3):
-            world.mode = VehicleMode.OFFBOARD
-        elif state in self._ended and dice.chance(0.2):
-            world.mode = VehicleMode.HOLD
-        elif state is GateState.PREFLIGHT and dice.chance(0.1):
-            world.armed, world.in_air, world.on_ground = True, True, False
+        rng, environment = self._rng, self._environment
+        offboard = environment.mode is VehicleMode.OFFBOARD
+        if state is GateState.READY and self._config.engage is Engage.PILOT and rng.chance(0.3):
+            environment.mode = VehicleMode.OFFBOARD
+        elif state in self._ended and rng.chance(0.2):
+            environment.mode = VehicleMode.HOLD
+        elif state is GateState.PREFLIGHT and rng.chance(0.1):
+            environment.armed, environment.in_air, environment.on_ground = True, True, False
             if offboard:
-                world.mode = VehicleMode.HOLD
+                environment.mode = VehicleMode.HOLD
 
     def _nominal(self, state: GateState) -> list[Event]:
         """Everything that arrives in one step."""
-        world, now = self._world, self._now_ns
+        environment, now = self._environment, self._now_ns
         events: list[Event] = []
-        if world.sees:
+        if environment.sees:
             events.append(Report(now, self._report()))
-        if world.tells_attitude:
-            events.append(Attitude(now, world.roll_rad, 0.0, world.yaw_rad))
-        if world.tells_position:
-            events.append(LocalPosition(now, world.position_m, world.velocity_m_s))
-        if world.beats and now - self._beat_ns >= 300 * MS:
+        if environment.tells_attitude:
+            events.append(Attitude(now, environment.roll_rad, 0.0, environment.yaw_rad))
+        if environment.tells_position:
+            events.append(LocalPosition(now, environment.position_m, environment.velocity_m_s))
+        if environment.beats and now - self._beat_ns >= 300 * MS:
             self._beat_ns = now
-            events.append(Heartbeat(now, world.mode, world.armed, world.failsafe))
-        if world.tells_mode and world.mode is not self._told_mode and self._dice.chance(0.7):
-            self._told_mode = world.mode
-            events.append(CurrentMode(now, world.mode))
-        if world.mode is VehicleMode.OFFBOARD and self._dice.chance(0.3):
+            events.append(Heartbeat(now, environment.mode, environment.armed, environment.failsafe))
+        if (
+            environment.tells_mode
+            and environment.mode is not self._told_mode
+            and self._rng.chance(0.7)
+        ):
+            self._told_mode = environment.mode
+            events.append(CurrentMode(now, environment.mode))
+        if environment.mode is VehicleMode.OFFBOARD and self._rng.chance(0.3):
             events.append(VelocityTarget(now, self._flown_m_s))
-        if world.tells_status and now - self._slow_ns >= 700 * MS:
+        if environment.tells_status and now - self._slow_ns >= 700 * MS:
             self._slow_ns = now
             events += self._slow(now)
-        if self._dice.chance(0.15 if state in {*self._ended, GateState.READY} else 0.01):
+        if self._rng.chance(0.15 if state in {*self._ended, GateState.READY} else 0.01):
             events.append(self._order(now))
         return events
 
     def _slow(self, now: int) -> list[Event]:
-        world = self._world
+        environment = self._environment
         return [
-            LandedState(now, world.in_air, world.on_ground),
-            Battery(now, world.battery),
-            Health(now, world.healthy),
-            EstimatorState(now, world.estimator_valid),
+            LandedState(now, environment.in_air, environment.on_ground),
+            Battery(now, environment.battery),
+            Health(now, environment.healthy),
+            EstimatorState(now, environment.estimator_valid),
             ParametersRead(now),
-            OtherServices(now, *world.others),
+            OtherServices(now, *environment.others),
         ]
 
     def _order(self, now: int) -> OperatorCommand:
-        dice = self._dice
-        if dice.chance(0.9):
+        rng = self._rng
+        if rng.chance(0.9):
             return OperatorCommand(now, Action.ENGAGE)
-        return OperatorCommand(now, dice.pick(tuple(Action)), dice.pick(GOALS))
+        return OperatorCommand(now, rng.pick(tuple(Action)), rng.pick(GOALS))
 
     def _report(self) -> PerceptionReport:
-        world, dice = self._world, self._dice
+        environment, rng = self._environment, self._rng
         self._seq += 1
-        if dice.chance(0.2):  # perception takes its time to look for another goal
+        if rng.chance(0.2):  # perception takes its time to look for another goal
             self._seen_goal = self._wanted_goal
-        if not dice.chance(0.03):  # else the capture of the report before, once more
-            self._capture_ns = self._now_ns - world.latency_ns
+        if not rng.chance(0.03):  # else the capture of the report before, once more
+            self._capture_ns = self._now_ns - environment.latency_ns
         # clearly wrong now and then: a camera that is so from the start is never flown
-        score = -50.0 if dice.chance(0.005) else world.mounting_score
+        score = -50.0 if rng.chance(0.005) else environment.mounting_score
         return PerceptionReport(
             self._seq,
             self._capture_ns,
-            world.asked,
-            world.report_healthy,
-            world.reached,
-            world.lost,
+            environment.asked,
+            environment.report_healthy,
+            environment.reached,
+            environment.lost,
             "",
-            world.error_m,
+            environment.error_m,
             0.1,
-            world.overlap,
-            world.error_m,
+            environment.overlap,
+            environment.error_m,
             score,
             goal=self._seen_goal,
         )
@@ -245,15 +252,15 @@ class Surroundings:
     def _shuffle(self, events: list[Event]) -> None:
         """Let events arrive in another order, or one of them not at all."""
         if len(events) > 1:
-            i = self._dice.integer(0, len(events) - 1)
+            i = self._rng.integer(0, len(events) - 1)
             moved = events.pop(i)
-            if self._dice.chance(0.5):
+            if self._rng.chance(0.5):
                 events.insert(0, moved)
 
 
-def begin_life(rng: np.random.Generator) -> tuple[Life, Surroundings]:
-    """Return an empty life with a drawn configuration, and what will surround it."""
-    dice = Dice(rng)
-    config = draw_config(dice)
-    born_ns = dice.integer(0, 10**15)
-    return Life(config, born_ns), Surroundings(config, dice, born_ns)
+def begin_episode(generator: np.random.Generator) -> tuple[Episode, Surroundings]:
+    """Return an empty episode with a drawn configuration, and what will surround it."""
+    rng = RandomSource(generator)
+    config = draw_config(rng)
+    born_ns = rng.integer(0, 10**15)
+    return Episode(config, born_ns), Surroundings(config, rng, born_ns)

@@ -16,7 +16,7 @@ import numpy as np
 
 from dfvs_core.perception.frame_validator import Admission, Expected, GuardState, admit
 from dfvs_robustness.fuzz.hostile_frames import CAMERA, CLOCK, NOW_NS, Corpus, HostileFrame
-from dfvs_robustness.fuzz.random_source import Dice
+from dfvs_robustness.fuzz.random_source import RandomSource
 from dfvs_sim.child import end_worker_with_parent
 
 EXPECTED = Expected(CAMERA, CLOCK)
@@ -99,7 +99,7 @@ class FrameOutcome:
 
 def hostile_frame(corpus: Corpus, seed: int, number: int) -> HostileFrame:
     """Frame of a number; always the same one for a seed."""
-    return corpus.frame(Dice(np.random.default_rng((seed, number)), batch=64))
+    return corpus.frame(RandomSource(np.random.default_rng((seed, number)), batch=64))
 
 
 def corpus_of(seed: int) -> Corpus:

@@ -10,12 +10,12 @@ import numpy as np
 
 from dfvs_core.gate.events import Event, GateOutput, Report
 from dfvs_core.gate.machine import GateMachine
-from dfvs_robustness.fuzz.episode import Life, Step, begin_life
+from dfvs_robustness.fuzz.episode import Episode, Step, begin_episode
 from dfvs_robustness.fuzz.invariants import InvariantChecker, InvariantError
 from dfvs_robustness.fuzz.run import Target
 from dfvs_robustness.fuzz.shrink import shrink_list
 
-STEPS_PER_LIFE = 1500
+STEPS_PER_EPISODE = 1500
 _TWIN_EVERY = 20
 """Every so many lives are lived twice, at another time of day (I7)."""
 
@@ -59,7 +59,7 @@ class Tally:
 class Finding:
     """A life that ended in a violation."""
 
-    life: Life
+    episode: Episode
     rule: str
     text: str
 
@@ -72,34 +72,34 @@ def live(seed: tuple[int, int], tally: Tally) -> Finding | None:
     Finding or None
         The life up to the step that violated an invariant.
     """
-    life, surroundings = begin_life(np.random.default_rng(seed))
-    machine = GateMachine(life.config, life.born_ns)
-    checker = InvariantChecker(life.config, life.born_ns)
+    episode, surroundings = begin_episode(np.random.default_rng(seed))
+    machine = GateMachine(episode.config, episode.born_ns)
+    checker = InvariantChecker(episode.config, episode.born_ns)
     outputs = []
     tally.lives += 1
     try:
-        for _ in range(STEPS_PER_LIFE):
+        for _ in range(STEPS_PER_EPISODE):
             step = surroundings.next(machine.state)
-            life.steps.append(step)
+            episode.steps.append(step)
             output = machine.step(*step)
             checker.check(*step, output, machine.state)
-            surroundings.heed(output)
+            surroundings.on_heartbeat(output)
             outputs.append(output)
             moves = output.setpoint is not None and output.setpoint.speed_m_s > 0.0
             tally.see(step, output, machine.state, moves)
         if seed[1] % _TWIN_EVERY == 0:
             tally.twins += 1
-            check_twin(life, outputs, shift_ns=987_654_321_987)
+            check_twin(episode, outputs, shift_ns=987_654_321_987)
     except InvariantError as violation:
-        return Finding(life, violation.rule, violation.text)
+        return Finding(episode, violation.rule, violation.text)
     return None
 
 
-def relive(life: Life) -> InvariantError | None:
+def relive(episode: Episode) -> InvariantError | None:
     """Play a life to a new gate; return the first violation."""
-    machine = GateMachine(life.config, life.born_ns)
-    checker = InvariantChecker(life.config, life.born_ns)
-    for step in life.steps:
+    machine = GateMachine(episode.config, episode.born_ns)
+    checker = InvariantChecker(episode.config, episode.born_ns)
+    for step in episode.steps:
         output = machine.step(*step)
         try:
             checker.check(*step, output, machine.state)
@@ -110,30 +110,32 @@ def relive(life: Life) -> InvariantError | None:
 
 def shrink(finding: Finding) -> Finding:
     """Return a life with as few steps and events as still violate the same invariant."""
-    life, rule = finding.life, finding.rule
+    episode, rule = finding.episode, finding.rule
 
-    def fails(shorter: Life) -> bool:
+    def fails(shorter: Episode) -> bool:
         violation = relive(shorter)
         return violation is not None and violation.rule == rule
 
-    if not fails(life):  # the twin of another time of day found it: nothing shorter is known
+    if not fails(episode):  # the twin of another time of day found it: nothing shorter is known
         return finding
-    steps = shrink_list(life.steps, lambda steps: fails(dataclasses.replace(life, steps=steps)))
+    steps = shrink_list(
+        episode.steps, lambda steps: fails(dataclasses.replace(episode, steps=steps))
+    )
     for i in range(len(steps)):
         before, (t_ns, events), after = steps[:i], steps[i], steps[i + 1 :]
         few = shrink_list(
             list(events),
             lambda some, before=before, t_ns=t_ns, after=after: fails(  # type: ignore[misc]
-                dataclasses.replace(life, steps=[*before, (t_ns, tuple(some)), *after])
+                dataclasses.replace(episode, steps=[*before, (t_ns, tuple(some)), *after])
             ),
         )
         steps = [*before, (t_ns, tuple(few)), *after]
-    shortest = dataclasses.replace(life, steps=steps)
+    shortest = dataclasses.replace(episode, steps=steps)
     violation = relive(shortest)
     return Finding(shortest, rule, finding.text if violation is None else violation.text)
 
 
-def check_twin(life: Life, outputs: list[GateOutput], shift_ns: int) -> None:
+def check_twin(episode: Episode, outputs: list[GateOutput], shift_ns: int) -> None:
     """I7: the same life at another time of day gives the same outputs.
 
     Raises
@@ -141,8 +143,8 @@ def check_twin(life: Life, outputs: list[GateOutput], shift_ns: int) -> None:
     InvariantError
         If it does not.
     """
-    twin = GateMachine(life.config, life.born_ns + shift_ns)
-    for (t_ns, events), output in zip(life.steps, outputs, strict=True):
+    twin = GateMachine(episode.config, episode.born_ns + shift_ns)
+    for (t_ns, events), output in zip(episode.steps, outputs, strict=True):
         again = twin.step(t_ns + shift_ns, [_shifted(e, shift_ns) for e in events])
         same = (
             again.setpoint == output.setpoint

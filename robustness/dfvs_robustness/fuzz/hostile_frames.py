@@ -15,7 +15,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.image import encode_jpeg, encode_png
 from dfvs_robustness.fuzz import image_bytes as odd
-from dfvs_robustness.fuzz.random_source import Dice
+from dfvs_robustness.fuzz.random_source import RandomSource
 
 CLOCK = b"the-clock-of-it."
 NOW_NS = 1_000_000_000_000
@@ -68,26 +68,26 @@ class Corpus:
         flags = [cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_RST_INTERVAL, 7]
         self._progressive = bytes(cv2.imencode(".jpg", picture, flags)[1])
 
-    def frame(self, dice: Dice) -> HostileFrame:
+    def frame(self, rng: RandomSource) -> HostileFrame:
         """One hostile frame."""
-        kind, make = dice.pick(_KINDS)
-        payload, attachment = make(self, dice)
+        kind, make = rng.pick(_KINDS)
+        payload, attachment = make(self, rng)
         return HostileFrame(kind, payload, attachment)
 
-    def picture(self, dice: Dice) -> tuple[bytes, PixelFormat]:
+    def picture(self, rng: RandomSource) -> tuple[bytes, PixelFormat]:
         """Return a good compressed picture, to be spoiled."""
-        if dice.chance(0.25):
+        if rng.chance(0.25):
             return self._progressive, PixelFormat.JPEG
-        chosen = dice.pick(_COMPRESSED)
+        chosen = rng.pick(_COMPRESSED)
         return self.good[chosen], chosen
 
     def other(self, chosen: PixelFormat) -> bytes:
         """Return a good picture of another size than the camera's."""
         return self._other[chosen]
 
-    def file(self, dice: Dice) -> bytes:
+    def file(self, rng: RandomSource) -> bytes:
         """Return a picture of a format that is not spoken here."""
-        return dice.pick(self._files)
+        return rng.pick(self._files)
 
 
 Made = tuple[bytes, bytes]
@@ -117,118 +117,118 @@ def _signed(payload: bytes, pixel_format: PixelFormat) -> Made:
     return payload, attachment_for(payload, pixel_format)
 
 
-def _good(corpus: Corpus, dice: Dice) -> Made:
-    chosen = dice.pick(tuple(PixelFormat))
+def _good(corpus: Corpus, rng: RandomSource) -> Made:
+    chosen = rng.pick(tuple(PixelFormat))
     return _signed(corpus.good[chosen], chosen)
 
 
-def _flip(dice: Dice, data: bytes) -> bytes:
+def _flip(rng: RandomSource, data: bytes) -> bytes:
     """Flip up to 64 bits."""
     flipped = bytearray(data)
-    for _ in range(dice.pick((1, 2, 8, 64)) if data else 0):
-        flipped[dice.integer(0, len(data) - 1)] ^= 1 << dice.integer(0, 7)
+    for _ in range(rng.pick((1, 2, 8, 64)) if data else 0):
+        flipped[rng.integer(0, len(data) - 1)] ^= 1 << rng.integer(0, 7)
     return bytes(flipped)
 
 
-def _flipped_on_the_way(corpus: Corpus, dice: Dice) -> Made:
-    chosen = dice.pick(tuple(PixelFormat))
+def _flipped_on_the_way(corpus: Corpus, rng: RandomSource) -> Made:
+    chosen = rng.pick(tuple(PixelFormat))
     payload, attachment = _signed(corpus.good[chosen], chosen)
-    return _flip(dice, payload), attachment
+    return _flip(rng, payload), attachment
 
 
-def _flipped_at_the_source(corpus: Corpus, dice: Dice) -> Made:
-    payload, chosen = corpus.picture(dice)
-    return _signed(_flip(dice, payload), chosen)
+def _flipped_at_the_source(corpus: Corpus, rng: RandomSource) -> Made:
+    payload, chosen = corpus.picture(rng)
+    return _signed(_flip(rng, payload), chosen)
 
 
-def _mangled(corpus: Corpus, dice: Dice) -> Made:
+def _mangled(corpus: Corpus, rng: RandomSource) -> Made:
     """Blocks of bytes left out, doubled, or overwritten."""
-    payload, chosen = corpus.picture(dice)
-    for _ in range(dice.pick((1, 1, 4))):
-        at, length = dice.integer(0, len(payload)), dice.pick((1, 2, 7, 64, 1000))
-        block = dice.pick((b"", payload[at : at + length] * 2, b"\xff" * length, bytes(length)))
+    payload, chosen = corpus.picture(rng)
+    for _ in range(rng.pick((1, 1, 4))):
+        at, length = rng.integer(0, len(payload)), rng.pick((1, 2, 7, 64, 1000))
+        block = rng.pick((b"", payload[at : at + length] * 2, b"\xff" * length, bytes(length)))
         payload = payload[:at] + block + payload[at + length :]
     return _signed(payload, chosen)
 
 
-def _cut(corpus: Corpus, dice: Dice) -> Made:
-    chosen = dice.pick(tuple(PixelFormat))
+def _cut(corpus: Corpus, rng: RandomSource) -> Made:
+    chosen = rng.pick(tuple(PixelFormat))
     payload = corpus.good[chosen]
-    return _signed(payload[: dice.integer(0, len(payload) - 1)], chosen)
+    return _signed(payload[: rng.integer(0, len(payload) - 1)], chosen)
 
 
-def _lengthened(corpus: Corpus, dice: Dice) -> Made:
-    chosen = dice.pick(tuple(PixelFormat))
-    more = dice.pick((1, 3, 1000, 1 << 20))
-    return _signed(corpus.good[chosen] + dice.rng.bytes(more), chosen)
+def _lengthened(corpus: Corpus, rng: RandomSource) -> Made:
+    chosen = rng.pick(tuple(PixelFormat))
+    more = rng.pick((1, 3, 1000, 1 << 20))
+    return _signed(corpus.good[chosen] + rng.rng.bytes(more), chosen)
 
 
-def _spliced(corpus: Corpus, dice: Dice) -> Made:
-    head, chosen = corpus.picture(dice)
-    tail = corpus.picture(dice)[0]
-    return _signed(head[: dice.integer(0, len(head))] + tail[dice.integer(0, len(tail)) :], chosen)
+def _spliced(corpus: Corpus, rng: RandomSource) -> Made:
+    head, chosen = corpus.picture(rng)
+    tail = corpus.picture(rng)[0]
+    return _signed(head[: rng.integer(0, len(head))] + tail[rng.integer(0, len(tail)) :], chosen)
 
 
-def _noise(corpus: Corpus, dice: Dice) -> Made:
-    magic = dice.pick((b"", b"\xff\xd8\xff", odd.PNG_MAGIC))
-    payload = magic + odd.random_bytes(dice, 3000)
-    return _signed(payload, dice.pick(tuple(PixelFormat)))
+def _noise(corpus: Corpus, rng: RandomSource) -> Made:
+    magic = rng.pick((b"", b"\xff\xd8\xff", odd.PNG_MAGIC))
+    payload = magic + odd.random_bytes(rng, 3000)
+    return _signed(payload, rng.pick(tuple(PixelFormat)))
 
 
-def _another_format(corpus: Corpus, dice: Dice) -> Made:
+def _another_format(corpus: Corpus, rng: RandomSource) -> Made:
     """What it says it is, it is not."""
-    chosen = dice.pick(tuple(PixelFormat))
-    payload = corpus.file(dice) if dice.chance(0.5) else corpus.good[chosen]
-    return payload, attachment_for(payload, dice.integer(0, 9))
+    chosen = rng.pick(tuple(PixelFormat))
+    payload = corpus.file(rng) if rng.chance(0.5) else corpus.good[chosen]
+    return payload, attachment_for(payload, rng.integer(0, 9))
 
 
-def _another_size(corpus: Corpus, dice: Dice) -> Made:
-    if dice.chance(0.5):  # the picture is not what the header says
-        chosen = dice.pick(_COMPRESSED)
-        size = dice.pick((CAMERA.size, OTHER_SIZE))
+def _another_size(corpus: Corpus, rng: RandomSource) -> Made:
+    if rng.chance(0.5):  # the picture is not what the header says
+        chosen = rng.pick(_COMPRESSED)
+        size = rng.pick((CAMERA.size, OTHER_SIZE))
         return corpus.other(chosen), attachment_for(corpus.other(chosen), chosen, size)
-    chosen = dice.pick(tuple(PixelFormat))
-    size = (dice.pick((0, 1, 240, 320, 321, 65535)), dice.pick((0, 1, 239, 240, 320, 65535)))
+    chosen = rng.pick(tuple(PixelFormat))
+    size = (rng.pick((0, 1, 240, 320, 321, 65535)), rng.pick((0, 1, 239, 240, 320, 65535)))
     payload = corpus.good[chosen]
     return payload, attachment_for(payload, chosen, size)
 
 
-def _attachment(corpus: Corpus, dice: Dice) -> Made:
-    payload, attachment = _good(corpus, dice)
-    if dice.chance(0.4):
-        return payload, _flip(dice, attachment)
-    if dice.chance(0.5):
-        return payload, dice.rng.bytes(dice.pick((48, 47, 49, 0, 5000)))
-    return payload, (attachment * 3)[: dice.integer(0, 144)]
+def _attachment(corpus: Corpus, rng: RandomSource) -> Made:
+    payload, attachment = _good(corpus, rng)
+    if rng.chance(0.4):
+        return payload, _flip(rng, attachment)
+    if rng.chance(0.5):
+        return payload, rng.rng.bytes(rng.pick((48, 47, 49, 0, 5000)))
+    return payload, (attachment * 3)[: rng.integer(0, 144)]
 
 
-def _stamps(corpus: Corpus, dice: Dice) -> Made:
+def _stamps(corpus: Corpus, rng: RandomSource) -> Made:
     payload = corpus.good[PixelFormat.JPEG]
-    seq = dice.pick((0, 1, 2**63, 2**64 - 1))
-    extremes = dice.pick(_EXTREMES)
+    seq = rng.pick((0, 1, 2**63, 2**64 - 1))
+    extremes = rng.pick(_EXTREMES)
     return payload, attachment_for(payload, PixelFormat.JPEG, t_capture_ns=extremes, seq=seq)
 
 
-def _featureless(corpus: Corpus, dice: Dice) -> Made:
+def _featureless(corpus: Corpus, rng: RandomSource) -> Made:
     width, height = CAMERA.size
-    image = np.full((height, width, 3), dice.pick((0, 3, 128, 252, 255)), np.uint8)
-    if dice.chance(0.5):
+    image = np.full((height, width, 3), rng.pick((0, 3, 128, 252, 255)), np.uint8)
+    if rng.chance(0.5):
         return _signed(image.tobytes(), PixelFormat.RGB8)
-    if dice.chance(0.5):
+    if rng.chance(0.5):
         return _signed(encode_png(image), PixelFormat.PNG)
     return _signed(encode_jpeg(image), PixelFormat.JPEG)
 
 
-def _png(make: Callable[[Corpus, Dice], bytes]) -> Callable[[Corpus, Dice], Made]:
-    return lambda corpus, dice: _signed(make(corpus, dice), PixelFormat.PNG)
+def _png(make: Callable[[Corpus, RandomSource], bytes]) -> Callable[[Corpus, RandomSource], Made]:
+    return lambda corpus, rng: _signed(make(corpus, rng), PixelFormat.PNG)
 
 
-def _jpeg(make: Callable[[Corpus, Dice], bytes]) -> Callable[[Corpus, Dice], Made]:
-    return lambda corpus, dice: _signed(make(corpus, dice), PixelFormat.JPEG)
+def _jpeg(make: Callable[[Corpus, RandomSource], bytes]) -> Callable[[Corpus, RandomSource], Made]:
+    return lambda corpus, rng: _signed(make(corpus, rng), PixelFormat.JPEG)
 
 
 _P, _J = PixelFormat.PNG, PixelFormat.JPEG
-_KINDS: tuple[tuple[str, Callable[[Corpus, Dice], Made]], ...] = (
+_KINDS: tuple[tuple[str, Callable[[Corpus, RandomSource], Made]], ...] = (
     ("good", _good),
     ("flipped on the way", _flipped_on_the_way),
     ("flipped at the source", _flipped_at_the_source),
@@ -242,15 +242,15 @@ _KINDS: tuple[tuple[str, Callable[[Corpus, Dice], Made]], ...] = (
     ("attachment", _attachment),
     ("stamps", _stamps),
     ("featureless", _featureless),
-    ("PNG of an odd kind", _png(lambda c, dice: odd.odd_png(dice, CAMERA.size))),
-    ("PNG of a huge size", _png(lambda c, dice: odd.png_size_bomb(dice))),
-    ("PNG with too much data", _png(lambda c, dice: odd.png_data_bomb(dice, CAMERA.size))),
-    ("PNG with odd chunks", _png(lambda c, dice: odd.with_odd_chunks(dice, c.good[_P]))),
-    ("PNG that is animated", _png(lambda c, dice: odd.animation(dice, c.good[_P], CAMERA.size))),
-    ("JPEG with odd segments", _jpeg(lambda c, dice: odd.with_odd_segments(dice, c.good[_J]))),
-    ("JPEG with an odd header", _jpeg(lambda c, dice: odd.with_odd_frame_header(dice, c.good[_J]))),
-    ("JPEG with two headers", _jpeg(lambda c, dice: odd.second_frame_header(dice, c.good[_J]))),
-    ("JPEG with a long way", _jpeg(lambda c, dice: odd.long_way(dice, c.good[_J]))),
-    ("JPEG of many scans", _jpeg(lambda c, dice: odd.scan_bomb(dice, CAMERA.size))),
+    ("PNG of an odd kind", _png(lambda c, rng: odd.odd_png(rng, CAMERA.size))),
+    ("PNG of a huge size", _png(lambda c, rng: odd.png_size_bomb(rng))),
+    ("PNG with too much data", _png(lambda c, rng: odd.png_data_bomb(rng, CAMERA.size))),
+    ("PNG with odd chunks", _png(lambda c, rng: odd.with_odd_chunks(rng, c.good[_P]))),
+    ("PNG that is animated", _png(lambda c, rng: odd.animation(rng, c.good[_P], CAMERA.size))),
+    ("JPEG with odd segments", _jpeg(lambda c, rng: odd.with_odd_segments(rng, c.good[_J]))),
+    ("JPEG with an odd header", _jpeg(lambda c, rng: odd.with_odd_frame_header(rng, c.good[_J]))),
+    ("JPEG with two headers", _jpeg(lambda c, rng: odd.second_frame_header(rng, c.good[_J]))),
+    ("JPEG with a long way", _jpeg(lambda c, rng: odd.long_way(rng, c.good[_J]))),
+    ("JPEG of many scans", _jpeg(lambda c, rng: odd.scan_bomb(rng, CAMERA.size))),
 )
 KINDS = tuple(name for name, _ in _KINDS)

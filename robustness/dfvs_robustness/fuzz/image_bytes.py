@@ -8,7 +8,7 @@ import zlib
 
 import numpy as np
 
-from dfvs_robustness.fuzz.random_source import Dice
+from dfvs_robustness.fuzz.random_source import RandomSource
 
 PNG_MAGIC = b"\x89PNG\r\n\x1a\n"
 PNG_HEAD_BYTES = 33
@@ -28,9 +28,9 @@ def _zeros() -> bytes:
     return zlib.compress(bytes(1 << 26), 9)
 
 
-def random_bytes(dice: Dice, most: int) -> bytes:
+def random_bytes(rng: RandomSource, most: int) -> bytes:
     """Up to so many random bytes."""
-    return dice.rng.bytes(dice.integer(0, most))
+    return rng.rng.bytes(rng.integer(0, most))
 
 
 def png_chunk(kind: bytes, data: bytes) -> bytes:
@@ -46,30 +46,30 @@ def png(size: tuple[int, int], depth: int, colour: int, data: bytes, interlace: 
     return PNG_MAGIC + b"".join(parts)
 
 
-def odd_png(dice: Dice, size: tuple[int, int]) -> bytes:
+def odd_png(rng: RandomSource, size: tuple[int, int]) -> bytes:
     """PNG of a random kind: bit depth, colour, interlacing, filters; data too short or too long."""
-    depth, colour = dice.pick((1, 2, 4, 8, 16, 8, 16, 3, 0)), dice.pick((0, 2, 3, 4, 6, 6, 1, 7))
+    depth, colour = rng.pick((1, 2, 4, 8, 16, 8, 16, 3, 0)), rng.pick((0, 2, 3, 4, 6, 6, 1, 7))
     channels = {0: 1, 2: 3, 3: 1, 4: 2, 6: 4}.get(colour, 1)
     line = 1 + (size[0] * channels * depth + 7) // 8
-    lines = max(size[1] + dice.pick((0, 0, 0, -1, 1, 100)), 0)
-    rows = dice.rng.integers(0, 256, (lines, line), np.uint8)
-    rows[:, 0] = dice.rng.integers(0, dice.pick((1, 5, 5, 256)), lines)
-    return png(size, depth, colour, zlib.compress(rows.tobytes(), 1), dice.pick((0, 0, 1, 2)))
+    lines = max(size[1] + rng.pick((0, 0, 0, -1, 1, 100)), 0)
+    rows = rng.rng.integers(0, 256, (lines, line), np.uint8)
+    rows[:, 0] = rng.rng.integers(0, rng.pick((1, 5, 5, 256)), lines)
+    return png(size, depth, colour, zlib.compress(rows.tobytes(), 1), rng.pick((0, 0, 1, 2)))
 
 
-def png_size_bomb(dice: Dice) -> bytes:
+def png_size_bomb(rng: RandomSource) -> bytes:
     """PNG whose header announces more pixels than memory holds."""
-    size = (dice.pick(_ODD_SIZES[3:]), dice.pick(_ODD_SIZES[3:]))
-    return png(size, dice.pick((1, 8, 16)), dice.pick((0, 2, 6)), _zeros())
+    size = (rng.pick(_ODD_SIZES[3:]), rng.pick(_ODD_SIZES[3:]))
+    return png(size, rng.pick((1, 8, 16)), rng.pick((0, 2, 6)), _zeros())
 
 
-def png_data_bomb(dice: Dice, size: tuple[int, int]) -> bytes:
+def png_data_bomb(rng: RandomSource, size: tuple[int, int]) -> bytes:
     """PNG of the right size whose data unfold to far more, in its pixels or in a side chunk."""
-    if dice.chance(0.5):
-        return png(size, 8, 2, _zeros() * dice.integer(1, 3))
+    if rng.chance(0.5):
+        return png(size, 8, 2, _zeros() * rng.integer(1, 3))
     line = bytes(1 + 3 * size[0])
     honest = png(size, 8, 2, zlib.compress(line * size[1], 1))
-    kind, head = dice.pick(
+    kind, head = rng.pick(
         ((b"zTXt", b"key\0\0"), (b"iTXt", b"key\0\1\0\0\0"), (b"iCCP", b"key\0\0"))
     )
     return with_chunk(honest, kind, head + _zeros())
@@ -80,25 +80,25 @@ def with_chunk(data: bytes, kind: bytes, content: bytes) -> bytes:
     return data[:PNG_HEAD_BYTES] + png_chunk(kind, content) + data[PNG_HEAD_BYTES:]
 
 
-def with_odd_chunks(dice: Dice, data: bytes) -> bytes:
+def with_odd_chunks(rng: RandomSource, data: bytes) -> bytes:
     """Put random chunks into a PNG, now and then thousands."""
-    count = dice.pick((1, 2, 5, 5, 10000))
+    count = rng.pick((1, 2, 5, 5, 10000))
     for _ in range(min(count, 5)):
-        data = with_chunk(data, dice.pick(_CHUNKS), random_bytes(dice, 64))
+        data = with_chunk(data, rng.pick(_CHUNKS), random_bytes(rng, 64))
     if count > 5:
-        many = png_chunk(dice.pick(_CHUNKS), random_bytes(dice, 8)) * count
+        many = png_chunk(rng.pick(_CHUNKS), random_bytes(rng, 8)) * count
         data = data[:PNG_HEAD_BYTES] + many + data[PNG_HEAD_BYTES:]
     return data
 
 
-def animation(dice: Dice, data: bytes, size: tuple[int, int]) -> bytes:
+def animation(rng: RandomSource, data: bytes, size: tuple[int, int]) -> bytes:
     """PNG with many further frames behind the first."""
     control = struct.pack(">IIIIHHBB", *size, 0, 0, 1, 1, 0, 0)
     extra = b""
-    for i in range(dice.pick((1, 100))):
+    for i in range(rng.pick((1, 100))):
         extra += png_chunk(b"fcTL", struct.pack(">I", 1 + 2 * i) + control)
         extra += png_chunk(b"fdAT", struct.pack(">I", 2 + 2 * i) + _zeros()[:1000])
-    head = png_chunk(b"acTL", struct.pack(">II", dice.pick((1, 101, 1 << 31)), 0))
+    head = png_chunk(b"acTL", struct.pack(">II", rng.pick((1, 101, 1 << 31)), 0))
     head += png_chunk(b"fcTL", struct.pack(">I", 0) + control)
     return data[:PNG_HEAD_BYTES] + head + data[PNG_HEAD_BYTES:-12] + extra + data[-12:]
 
@@ -108,59 +108,59 @@ def jpeg_segment(marker: int, content: bytes) -> bytes:
     return bytes([0xFF, marker]) + struct.pack(">H", len(content) + 2) + content
 
 
-def with_odd_segments(dice: Dice, data: bytes) -> bytes:
+def with_odd_segments(rng: RandomSource, data: bytes) -> bytes:
     """Put random segments into a JPEG, behind its beginning or anywhere."""
-    for _ in range(dice.pick((1, 3, 200))):
-        segment = jpeg_segment(dice.pick(_MARKERS), random_bytes(dice, 70))
-        at = 2 if dice.chance(0.7) else dice.integer(2, len(data))
+    for _ in range(rng.pick((1, 3, 200))):
+        segment = jpeg_segment(rng.pick(_MARKERS), random_bytes(rng, 70))
+        at = 2 if rng.chance(0.7) else rng.integer(2, len(data))
         data = data[:at] + segment + data[at:]
     return data
 
 
-def with_odd_frame_header(dice: Dice, data: bytes) -> bytes:
+def with_odd_frame_header(rng: RandomSource, data: bytes) -> bytes:
     """Change a JPEG's frame header: its size, precision, sampling or number of components."""
     at = max(data.find(b"\xff\xc0"), data.find(b"\xff\xc2"))
     if at < 0:
         return data
     changed = bytearray(data)
-    if dice.chance(0.4):
-        height, width = dice.pick(_ODD_SIZES[:6]), dice.pick(_ODD_SIZES[:6])
+    if rng.chance(0.4):
+        height, width = rng.pick(_ODD_SIZES[:6]), rng.pick(_ODD_SIZES[:6])
         changed[at + 5 : at + 9] = struct.pack(">HH", height, width)
     else:
-        offset = dice.pick((1, 4, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18))
-        changed[at + offset] = dice.pick((0, 1, 2, 4, 12, 16, 0x11, 0x41, 0x44, 0xC1, 0xC9, 255))
+        offset = rng.pick((1, 4, 9, 10, 11, 12, 13, 14, 15, 16, 17, 18))
+        changed[at + offset] = rng.pick((0, 1, 2, 4, 12, 16, 0x11, 0x41, 0x44, 0xC1, 0xC9, 255))
     return bytes(changed)
 
 
-def second_frame_header(dice: Dice, data: bytes) -> bytes:
+def second_frame_header(rng: RandomSource, data: bytes) -> bytes:
     """JPEG that announces a small size first and a large one after it."""
     content = struct.pack(">BHHB", 8, 65500, 65500, 3) + bytes([1, 0x11, 0, 2, 0x11, 0, 3, 0x11, 0])
-    at = data.find(b"\xff\xda") if dice.chance(0.5) else data.find(b"\xff\xc4")
-    return data[:at] + jpeg_segment(dice.pick((0xC0, 0xC2)), content) + data[at:]
+    at = data.find(b"\xff\xda") if rng.chance(0.5) else data.find(b"\xff\xc4")
+    return data[:at] + jpeg_segment(rng.pick((0xC0, 0xC2)), content) + data[at:]
 
 
-def long_way(dice: Dice, data: bytes) -> bytes:
+def long_way(rng: RandomSource, data: bytes) -> bytes:
     """JPEG with up to 8 MB of fill bytes, bare markers or empty segments before its size."""
-    filler = dice.pick((b"\xff", b"\xff\x01", b"\xff\xe0\x00\x02"))
-    return data[:2] + filler * dice.integer(1, 8_000_000 // len(filler)) + data[2:]
+    filler = rng.pick((b"\xff", b"\xff\x01", b"\xff\xe0\x00\x02"))
+    return data[:2] + filler * rng.integer(1, 8_000_000 // len(filler)) + data[2:]
 
 
-def scan_bomb(dice: Dice, size: tuple[int, int]) -> bytes:
+def scan_bomb(rng: RandomSource, size: tuple[int, int]) -> bytes:
     """Progressive JPEG with scan after scan of a dozen bytes, each a walk over all blocks."""
     table = bytes([1] + [0] * 15)
     components = bytes([1, 0x11, 0, 2, 0x11, 0, 3, 0x11, 0])
     blocks = ((size[0] + 7) // 8) * ((size[1] + 7) // 8)
     first = bytes([3, 1, 0, 2, 0, 3, 0, 0, 0, 0])
-    scan = jpeg_segment(0xDA, bytes([1, dice.integer(1, 3), 0, 1, 63, 0])) + bytes(4)
+    scan = jpeg_segment(0xDA, bytes([1, rng.integer(1, 3), 0, 1, 63, 0])) + bytes(4)
     return b"".join(
         (
             b"\xff\xd8",
             jpeg_segment(0xDB, b"\0" + b"\1" * 64),
             jpeg_segment(0xC2, struct.pack(">BHHB", 8, size[1], size[0], 3) + components),
             jpeg_segment(0xC4, b"\x00" + table + b"\x00"),
-            jpeg_segment(0xC4, b"\x10" + table + dice.pick((b"\xe0", b"\x00"))),
+            jpeg_segment(0xC4, b"\x10" + table + rng.pick((b"\xe0", b"\x00"))),
             jpeg_segment(0xDA, first) + bytes((3 * blocks + 7) // 8),
-            scan * dice.pick((1, 30, 62, 63, 64, 1000, 20000)),
+            scan * rng.pick((1, 30, 62, 63, 64, 1000, 20000)),
             b"\xff\xd9",
         )
     )

@@ -18,7 +18,7 @@ from dfvs_core.gate.events import (
 )
 from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.states import ENDED, ENGAGED, TRANSITIONS, GateState, Transition
-from dfvs_robustness.fuzz.oracle import Evidence
+from dfvs_robustness.fuzz.oracle import Oracle
 
 _ROUNDING = 1e-9
 _LONGEST_SLEW_S = 0.1
@@ -59,7 +59,7 @@ class InvariantChecker:
 
     def __init__(self, config: GateConfig, t_ns: int) -> None:
         self.config = config
-        self.evidence = Evidence(config)
+        self.oracle = Oracle(config)
         self.state = GateState.IDLE
         self._stepped_ns = t_ns
         self._last = ZERO
@@ -88,13 +88,13 @@ class InvariantChecker:
             If an invariant does not hold.
         """
         now_ns = max(t_ns, self._stepped_ns)
-        self.evidence.hear(now_ns, t_ns - self._stepped_ns, events)
+        self.oracle.on_event(now_ns, t_ns - self._stepped_ns, events)
         is_ordered = False
         for event in events:
             if isinstance(event, Heartbeat):
                 self._armed = event.armed
             if isinstance(event, Heartbeat | CurrentMode):
-                self._hear_mode(event.mode, is_ordered)
+                self._on_mode(event.mode, is_ordered)
             elif isinstance(event, OperatorCommand) and event.action is Action.ENGAGE:
                 self._taken_over = False
                 is_ordered = True
@@ -106,11 +106,11 @@ class InvariantChecker:
         self._check_request(output.mode_request, now_ns, state)
         self._check_setpoint(output.setpoint, now_ns, state)
         self._check_stream(output.setpoint, now_ns, state)
-        self._heed_goals(events, output, now_ns, state)
+        self._on_goals(events, output, now_ns, state)
         self.state = state
         self._stepped_ns = now_ns
 
-    def _hear_mode(self, mode: VehicleMode, is_ordered: bool) -> None:
+    def _on_mode(self, mode: VehicleMode, is_ordered: bool) -> None:
         """I5: find out whether somebody else has the vehicle now, and no operator gave it back."""
         if self.state is GateState.ABORT:
             is_ours = self._armed and mode is VehicleMode.OFFBOARD
@@ -126,7 +126,7 @@ class InvariantChecker:
         elif self._confirmed or mode is not self._mode_before:
             self._taken_over = True
 
-    def _heed_goals(
+    def _on_goals(
         self, events: Sequence[Event], output: GateOutput, now_ns: int, state: GateState
     ) -> None:
         """Expect reports about the goal that the operator changed to, and a new check for it."""
@@ -139,9 +139,9 @@ class InvariantChecker:
             self._begin(now_ns)
         if is_accepted:
             self._may_be_confirmed = False
-            self.evidence.look_for(goals[-1])
+            self.oracle.look_for(goals[-1])
         elif goals and len(orders) > 1:  # which were refused cannot be told from outside
-            self.evidence.look_for(None)
+            self.oracle.look_for(None)
 
     def _check_transition(
         self, change: Transition, at: GateState, now_ns: int, events: Sequence[Event]
@@ -152,7 +152,7 @@ class InvariantChecker:
         _demand(change.t_ns == now_ns, "I7", f"{change} is not of {now_ns}")
         _demand(bool(str(change.cause)), "I9", f"{change} has no cause")
         if change.target is GateState.READY:
-            _demand(not self.evidence.is_offboard, "I6", "ready beside another commander")
+            _demand(not self.oracle.is_offboard, "I6", "ready beside another commander")
         elif change.target is GateState.ENGAGE:
             self._check_engaging(now_ns)
         elif change.target is GateState.SERVO:
@@ -169,46 +169,46 @@ class InvariantChecker:
 
     def _check_engaging(self, now_ns: int) -> None:
         """I6, I8: only a flying vehicle, and only one that nobody else commands."""
-        evidence = self.evidence
-        _demand(evidence.armed and evidence.in_air, "I8", "engaged a vehicle that does not fly")
+        oracle = self.oracle
+        _demand(oracle.armed and oracle.in_air, "I8", "engaged a vehicle that does not fly")
         if self.config.engage is Engage.PILOT:
-            _demand(evidence.is_offboard, "I6", "engaged without the pilot's OFFBOARD")
+            _demand(oracle.is_offboard, "I6", "engaged without the pilot's OFFBOARD")
         else:
-            _demand(not evidence.is_offboard, "I6", "engaged beside another commander")
-            _demand(evidence.is_alone, "I6", "engaged beside another service")
-            _demand(evidence.objection(now_ns) is None, "I4", evidence.objection(now_ns))
+            _demand(not oracle.is_offboard, "I6", "engaged beside another commander")
+            _demand(oracle.is_alone, "I6", "engaged beside another service")
+            _demand(oracle.objection(now_ns) is None, "I4", oracle.objection(now_ns))
         self._begin(now_ns)
 
     def _begin(self, now_ns: int) -> None:
         """Remember where and when an engagement begins."""
-        evidence = self.evidence
+        oracle = self.oracle
         self._engaged_ns = now_ns
-        self._mode_before = evidence.mode
-        self._confirmed = evidence.is_offboard
+        self._mode_before = oracle.mode
+        self._confirmed = oracle.is_offboard
         self._awaits_hold = self._handed_over = self._may_be_confirmed = False
         self._offboard_asked = False
         self._reached_ns = None
-        evidence.engaged(now_ns)
+        oracle.engaged(now_ns)
 
     def _check_request(self, request: ModeRequest | None, now_ns: int, state: GateState) -> None:
         """I8: OFFBOARD once while engaging, Hold once at an end; there is no word for more."""
         if request is None:
             return
-        evidence = self.evidence
+        oracle = self.oracle
         _demand(not self._taken_over, "I5", f"{request} asked for after a takeover")
         if request is ModeRequest.OFFBOARD:
             _demand(state is GateState.ENGAGE, "I8", f"OFFBOARD asked for in {state}")
             _demand(self.config.engage is not Engage.PILOT, "I8", "OFFBOARD is the pilot's to ask")
             _demand(not self._offboard_asked, "I8", "OFFBOARD asked for twice")
-            _demand(evidence.may_fly, "I8", "OFFBOARD asked for on the ground")
+            _demand(oracle.may_fly, "I8", "OFFBOARD asked for on the ground")
             self._offboard_asked = True
             return
         _demand(request is ModeRequest.HOLD, "I8", f"asked for {request!r}")
         is_handed_over = state is GateState.DONE and self.config.on_done is OnDone.HOLD
         _demand(is_handed_over or state is GateState.ABORT, "I8", f"Hold asked for in {state}")
-        _demand(evidence.is_offboard, "I5", "Hold asked for outside OFFBOARD")
+        _demand(oracle.is_offboard, "I5", "Hold asked for outside OFFBOARD")
         known_ns = self.config.timing.heartbeat_age_ns
-        _demand(evidence.mode_age_ns(now_ns) <= known_ns, "I5", "Hold asked for by an old mode")
+        _demand(oracle.mode_age_ns(now_ns) <= known_ns, "I5", "Hold asked for by an old mode")
         _demand(not self._hold_asked, "I8", "Hold asked for twice")
         self._hold_asked = True
         self._awaits_hold = state is GateState.DONE
@@ -255,21 +255,21 @@ class InvariantChecker:
 
     def _check_reason_to_move(self, v: BodyVelocity, now_ns: int) -> None:
         """I1, I4: bounded in distance and time, by a fresh good frame, with no fault known."""
-        evidence, config = self.evidence, self.config
+        oracle, config = self.oracle, self.config
         if self._reached_ns is None:
             since_ns, most_ns = self._engaged_ns, config.max_engaged_ns
         else:
             since_ns, most_ns = self._reached_ns, config.hold_visual_ns
         _demand(now_ns - since_ns <= most_ns, "I1", "engaged too long")
-        distance_m = evidence.distance_m
+        distance_m = oracle.distance_m
         _demand(distance_m <= config.max_distance_m, "I1", f"{distance_m} m from the start")
         was_moving = self._may_move_in(self.state)
-        faults = evidence.faults if was_moving else []
+        faults = oracle.faults if was_moving else []
         _demand(not faults, "I4", f"{v} sent although {faults}")
-        is_wrong = was_moving and evidence.is_mounted_wrong
+        is_wrong = was_moving and oracle.is_mounted_wrong
         _demand(not is_wrong, "I4", f"{v} sent although the camera is mounted another way")
-        _demand(evidence.good_capture_ns is not None, "I4", f"{v} sent without a good frame")
-        objection = evidence.objection(now_ns)
+        _demand(oracle.good_capture_ns is not None, "I4", f"{v} sent without a good frame")
+        objection = oracle.objection(now_ns)
         _demand(objection is None, "I4", f"{v} sent although {objection}")
 
     def _check_stream(self, v: BodyVelocity | None, now_ns: int, state: GateState) -> None:

@@ -41,7 +41,7 @@ _CLEAR_SCORE = 5.0
 """Standard deviations from which on a wrong mounting ends a flight."""
 
 
-class Evidence:
+class Oracle:
     """The newest word of each kind, and whether the data have been good since.
 
     Every stamp later than the present counts as the present.
@@ -77,26 +77,26 @@ class Evidence:
         self._is_watched = True
         self._is_stopped = False
         self._battery: float | None = None
-        self._rival = False
+        self._other_commander = False
 
-    def hear(self, now_ns: int, pause_ns: int, events: Sequence[Event]) -> None:
+    def on_event(self, now_ns: int, pause_ns: int, events: Sequence[Event]) -> None:
         """Take the events of one step, which came ``pause_ns`` after the one before."""
         self.faults = []
         self.is_mounted_wrong = False
         if pause_ns > self._config.timing.stall_ns:
             self._spoil("the gate was away")
         for event in events:
-            self._hear(event, min(event.t_ns, now_ns))
+            self._on_event(event, min(event.t_ns, now_ns))
         good_ns = self.good_capture_ns
         if good_ns is not None and now_ns - good_ns > self._config.timing.frame_age_ns:
             self._spoil("the last good frame is old")
 
-    def _hear(self, event: Event, t_ns: int) -> None:
+    def _on_event(self, event: Event, t_ns: int) -> None:
         match event:
             case Report():
-                self._hear_report(event.report, t_ns)
+                self._on_report(event.report, t_ns)
             case LocalPosition():
-                self._hear_position(event, t_ns)
+                self._on_position(event, t_ns)
             case BadReport():
                 self._spoil("a report that is none")
             case Stop():
@@ -109,9 +109,9 @@ class Evidence:
             case WatchEnded():
                 self._is_watched = False
             case _:
-                self._hear_vehicle(event, t_ns)
+                self._on_vehicle(event, t_ns)
 
-    def _hear_vehicle(self, event: Event, t_ns: int) -> None:
+    def _on_vehicle(self, event: Event, t_ns: int) -> None:
         match event:
             case Heartbeat():
                 self._heartbeat_ns = t_ns
@@ -133,12 +133,12 @@ class Evidence:
                 self._estimator_ns, self._estimator_valid = t_ns, event.valid
             case OtherServices():
                 self._services_ns = t_ns
-                self._rival = bool(event.engaged)
+                self._other_commander = bool(event.engaged)
                 self.is_alone = not (event.engaged or event.standing_by)
             case ForeignSetpoint() if t_ns >= self._engaged_ns:
                 self.faults.append("somebody else sent a setpoint")
 
-    def _hear_position(self, event: LocalPosition, t_ns: int) -> None:
+    def _on_position(self, event: LocalPosition, t_ns: int) -> None:
         if self._position_ns != _LONG_AGO:
             dt_s = max(t_ns - self._position_ns, 0) / S
             speed = max(math.hypot(*self._velocity_m_s), math.hypot(*event.velocity_m_s))
@@ -149,7 +149,7 @@ class Evidence:
         self._position_m, self._velocity_m_s = event.position_m, event.velocity_m_s
         self._position_finite = _finite(*event.position_m, *event.velocity_m_s)
 
-    def _hear_report(self, report: PerceptionReport, t_ns: int) -> None:
+    def _on_report(self, report: PerceptionReport, t_ns: int) -> None:
         timing = self._config.timing
         age_ns = t_ns - report.t_capture_ns
         ours = self.goal is None or report.goal == self.goal
@@ -211,7 +211,7 @@ class Evidence:
             return "autopilot in failsafe"
         if self._on_ground:
             return "vehicle on the ground"
-        if self._rival:
+        if self._other_commander:
             return "another service is engaged"
         return self._watch_objection(now_ns)
 

@@ -10,7 +10,7 @@ import numpy as np
 T = TypeVar("T")
 
 
-class Dice:
+class RandomSource:
     """Scalar draws from a generator, ten times as fast as asking it for each one.
 
     Parameters

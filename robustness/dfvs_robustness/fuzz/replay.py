@@ -11,28 +11,28 @@ from dfvs_core.gate import events as gate_events
 from dfvs_core.gate.config import GateConfig
 from dfvs_core.gate.events import Event
 from dfvs_core.messages.schema import dump, rebuild
-from dfvs_robustness.fuzz.episode import Life
+from dfvs_robustness.fuzz.episode import Episode
 from dfvs_robustness.fuzz.gate_fuzz import Finding
 
 REPLAY_FORMAT = "dfvs-gate-replay/1"
 
 
 def write_finding(finding: Finding, path: Path) -> None:
-    """Write a finding so that ``read_life`` gives its life back.
+    """Write a finding so that ``read_episode`` gives its life back.
 
     Raises
     ------
     ConfigError
         If the file cannot be written.
     """
-    life = finding.life
+    episode = finding.episode
     document = {
         "format": REPLAY_FORMAT,
         "rule": finding.rule,
         "text": finding.text,
-        "config": dump(life.config),
-        "born_ns": life.born_ns,
-        "steps": [[t_ns, [_dump_event(e) for e in events]] for t_ns, events in life.steps],
+        "config": dump(episode.config),
+        "born_ns": episode.born_ns,
+        "steps": [[t_ns, [_dump_event(e) for e in events]] for t_ns, events in episode.steps],
     }
     try:
         # NaN and Infinity are what a gate must bear: Python's JSON knows both.
@@ -41,7 +41,7 @@ def write_finding(finding: Finding, path: Path) -> None:
         raise ConfigError(f"cannot write {path} ({error.strerror})", "a writable folder") from error
 
 
-def read_life(path: Path) -> Life:
+def read_episode(path: Path) -> Episode:
     """Read the life of a finding.
 
     Raises
@@ -54,7 +54,7 @@ def read_life(path: Path) -> Life:
         if document["format"] != REPLAY_FORMAT:
             raise ConfigError(f"{path} has format {document['format']!r}", repr(REPLAY_FORMAT))
         steps = [(int(t_ns), tuple(map(_load_event, some))) for t_ns, some in document["steps"]]
-        return Life(rebuild(GateConfig, document["config"]), int(document["born_ns"]), steps)
+        return Episode(rebuild(GateConfig, document["config"]), int(document["born_ns"]), steps)
     except OSError as error:
         raise ConfigError(f"cannot read {path} ({error.strerror})", "a replay file") from error
     except (ValueError, KeyError, TypeError, AttributeError) as error:

@@ -82,7 +82,7 @@ def do(job: Job[T, F]) -> Outcome[T, F]:
     return outcome
 
 
-def campaign(
+def run_episodes(
     target: Target[T, F],
     events: int,
     workers: int,

@@ -19,10 +19,10 @@ from dfvs_sim.child import Child
 from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
 from dfvs_sim.demo.flight import (
     VEHICLE_NAME,
-    Crew,
     Flight,
     FlightError,
     FlightOptions,
+    FlightSession,
     Narrate,
     running,
 )
@@ -62,13 +62,13 @@ class Stay:
     service: tuple[str, ...] = ()
 
 
-class Tour(Flight):
+class Mission(Flight):
     """A flight that goes on from goal to goal, by signed orders, until the time is over.
 
     Parameters
     ----------
     plan : FlightPlan
-        Start and goal: the tour goes to and fro between places near these two.
+        Start and goal: the mission goes to and fro between places near these two.
     stay : Stay
         Its folder exists; it takes goals, logs and records.
     narrate : callable
@@ -96,31 +96,33 @@ class Tour(Flight):
         self.holds: list[Hold] = []
         self.sampler: Sampler | None = None
 
-    def fly(self, crew: Crew, on_progress: Callable[[TelemetryWatch, Track], None]) -> None:
+    def fly(
+        self, session: FlightSession, on_progress: Callable[[TelemetryWatch, Track], None]
+    ) -> None:
         """Fly leg after leg, with a sampler beside."""
-        self.sampler = Sampler(crew.service.pid, lambda: _latency_ms(crew.watch))
+        self.sampler = Sampler(session.service.pid, lambda: _latency_ms(session.watch))
         end_s = time.monotonic() + self._length_s
         goals = self._goals()
         goal, misses = next(goals), 0
         with running(self.sampler.run, "sampler"):
             while True:
-                arrived = self._leg(crew, goal, on_progress)
+                arrived = self._leg(session, goal, on_progress)
                 misses = 0 if arrived else misses + 1
-                is_over = time.monotonic() >= end_s or crew.service.exit_code is not None
+                is_over = time.monotonic() >= end_s or session.service.exit_code is not None
                 if is_over or misses >= _MOST_MISSES:
                     return
                 if arrived:
                     goal = next(goals)
-                    self._change_goal(crew, goal)
+                    self._change_goal(session, goal)
                 else:
-                    self._start_again(crew)
+                    self._start_again(session)
 
     @property
     def folder(self) -> Path:
         """Where logs and plots lie."""
         return self._folder
 
-    def _holds_since(self, t_ns: int, crew: Crew) -> Iterator[Hold]:
+    def _holds_since(self, t_ns: int, session: FlightSession) -> Iterator[Hold]:
         """Every change from SERVO to HOLD since a time, from the gate's log."""
         log = self._runtime / "gate.jsonl"
         for line in log.read_text(encoding="utf-8").splitlines():
@@ -128,8 +130,8 @@ class Tour(Flight):
             path = record.get("source"), record.get("target")
             if record["t_ns"] >= t_ns and path == ("SERVO", "HOLD"):
                 cause = f"{record['cause']} {record['detail']}".strip()
-                sent = tuple(crew.camera.published_ns)
-                yield explain(record["t_ns"], cause, sent, crew.watch.servo)
+                sent = tuple(session.camera.published_ns)
+                yield explain(record["t_ns"], cause, sent, session.watch.servo)
 
     def _goals(self) -> Iterator[FloatArray]:
         """Goal of each leg: the planned one, then near the start and near the goal in turn."""
@@ -147,21 +149,21 @@ class Tour(Flight):
 
     def _leg(
         self,
-        crew: Crew,
+        session: FlightSession,
         T_scene_goal: FloatArray,
         on_progress: Callable[[TelemetryWatch, Track], None],
     ) -> bool:
         """Fly to one goal; tell whether it was reached."""
-        crew.watch.servo.clear()  # hours of them are not needed
-        crew.track.points[:-1] = []
+        session.watch.servo.clear()  # hours of them are not needed
+        session.track.points[:-1] = []
         began_ns = time.monotonic_ns()
-        super().fly(crew, on_progress)
-        self.holds += self._holds_since(began_ns, crew)
-        error_m, error_rad = pose_error(crew.track.points[-1].T_scene_camera, T_scene_goal)
+        super().fly(session, on_progress)
+        self.holds += self._holds_since(began_ns, session)
+        error_m, error_rad = pose_error(session.track.points[-1].T_scene_camera, T_scene_goal)
         leg = Leg(
             len(self.legs) + 1,
-            crew.watch.state,
-            crew.watch.cause,
+            session.watch.state,
+            session.watch.cause,
             round((time.monotonic_ns() - began_ns) * 1e-9, 1),
             round(error_m, 4),
             round(error_rad, 4),
@@ -170,27 +172,27 @@ class Tour(Flight):
         self._narrate(f"leg {leg.number}: {leg.state} after {leg.duration_s} s, {error_m:.3f} m")
         return leg.state == "DONE"
 
-    def _change_goal(self, crew: Crew, T_scene_goal: FloatArray) -> None:
+    def _change_goal(self, session: FlightSession, T_scene_goal: FloatArray) -> None:
         """Order the service to another goal, and wait until it has set off."""
         picture = self._folder / "next.png"
         picture.write_bytes(encode_png(self._plan.goal_image(T_scene_goal)))
         sidecar = self._plan.goal_sidecar(T_scene_goal).to_json()
         picture.with_suffix(".json").write_text(sidecar, encoding="utf-8")
         self._order("goal", "--goal", str(picture))
-        self._await_under_way(crew)
+        self._await_under_way(session)
 
-    def _start_again(self, crew: Crew) -> None:
+    def _start_again(self, session: FlightSession) -> None:
         """Take the vehicle back after a leg that failed, and engage once more."""
-        crew.pilot.hold()
+        session.pilot.hold()
         time.sleep(_ENDED_S)
         self._order("engage")
-        self.await_ready(crew.watch, crew.service)
-        crew.pilot.engage_offboard()
-        self._await_under_way(crew)
+        self.await_ready(session.watch, session.service)
+        session.pilot.engage_offboard()
+        self._await_under_way(session)
 
-    def _await_under_way(self, crew: Crew) -> None:
-        if crew.watch.wait_for_state(_UNDER_WAY, _ORDER_S) is None:
-            raise FlightError(f"the service does not set off: {crew.watch.state}")
+    def _await_under_way(self, session: FlightSession) -> None:
+        if session.watch.wait_for_state(_UNDER_WAY, _ORDER_S) is None:
+            raise FlightError(f"the service does not set off: {session.watch.state}")
 
     def _order(self, *words: str) -> None:
         """Run ``dfvs-service command``."""

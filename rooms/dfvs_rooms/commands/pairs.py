@@ -21,7 +21,7 @@ from dfvs_rooms.generator.interior import KINDS, drawn_interior
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.splits import BENCHMARK_SEEDS, require_training
 from dfvs_rooms.lighting.bake import light_room
-from dfvs_rooms.pairs.drawing import PairArtist
+from dfvs_rooms.pairs.drawing import PairSampler
 from dfvs_rooms.pairs.files import evaluation_arrays, write_arrays
 from dfvs_rooms.pairs.wide import WidePairSampler
 from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
@@ -174,8 +174,8 @@ def _write_wide(args: argparse.Namespace, renderers: _Renderers) -> dict[Path, i
     for k, (name, renderer) in enumerate(renderers.items()):
         path = args.out / f"{name}.npz"
         if not path.exists():
-            artist = WidePairSampler(renderer(), zlib.crc32(name.encode()) ^ args.seed)
-            arrays = artist.arrays(args.count)
+            sampler = WidePairSampler(renderer(), zlib.crc32(name.encode()) ^ args.seed)
+            arrays = sampler.arrays(args.count)
             write_arrays(path, arrays)
             written[path] = len(arrays["T"])
         _show_progress(k + 1, len(renderers), "rooms", started)
@@ -190,12 +190,12 @@ def _write_file(args: argparse.Namespace, renderers: _Renderers) -> dict[Path, i
     levels = [LEVELS[k % len(LEVELS)] for k in range(args.count)]
     started = time.monotonic()
     rooms = list(renderers.values())
-    artists: dict[int, PairArtist] = {}
+    artists: dict[int, PairSampler] = {}
     pairs = []
     for k, level in enumerate(levels):
         room = k // len(LEVELS) % len(rooms)
         if room not in artists:
-            artists[room] = PairArtist(rooms[room]())
+            artists[room] = PairSampler(rooms[room]())
         pairs.append(artists[room].evaluation_pair(level, rng))
         _show_progress(k + 1, args.count, "pairs", started)
     write_arrays(args.out, evaluation_arrays(pairs, levels))

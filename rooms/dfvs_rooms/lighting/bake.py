@@ -8,7 +8,7 @@ from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import merged
 from dfvs_rooms.lighting.exposure import exposed, filled, smoothed
-from dfvs_rooms.lighting.fast import ROUGH, LightPoints, quick_irradiance
+from dfvs_rooms.lighting.fast import ROUGH, LightPoints, fast_irradiance
 from dfvs_rooms.lighting.path_traced import BakeSettings, Progress, measure_irradiance
 from dfvs_sim.scene.frames import ned_from_room
 from dfvs_sim.scene.mesh import Scene
@@ -28,7 +28,7 @@ def bake_room(room: Room, settings: BakeSettings, progress: Progress) -> Scene:
 
 def light_room(room: Room, seed: int, count: LightPoints = ROUGH) -> Scene:
     """Light a room within seconds, roughly, and return it as a scene; no Mitsuba needed."""
-    return lit_scene(room, quick_irradiance(room, seed, count))
+    return lit_scene(room, fast_irradiance(room, seed, count))
 
 
 def lit_scene(room: Room, irradiance: list[FloatArray]) -> Scene:

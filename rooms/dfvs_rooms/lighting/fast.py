@@ -73,7 +73,7 @@ class _Surface:
     normals: FloatArray
 
 
-def quick_irradiance(room: Room, seed: int, count: LightPoints = ROUGH) -> list[FloatArray]:
+def fast_irradiance(room: Room, seed: int, count: LightPoints = ROUGH) -> list[FloatArray]:
     """Irradiance (N, 3) at the vertices of each of a room's parts; as ``measure_irradiance``.
 
     Sheets get the mean of both sides, things that shine nothing.

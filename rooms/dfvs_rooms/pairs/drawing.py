@@ -71,7 +71,7 @@ class ViewPair:
     visible: tuple[BoolArray, BoolArray]
 
 
-class PairArtist:
+class PairSampler:
     """Draws pairs of views of one scene.
 
     Parameters

@@ -65,9 +65,9 @@ class TimedMatcher:
     def encode(self, image: ImageArray) -> ImageFeatures:
         """See :class:`Matcher`."""
         start_ns = self._tick()
-        prepared = self._matcher.encode(image)
+        features = self._matcher.encode(image)
         self.spent_ns += self._tick() - start_ns
-        return prepared
+        return features
 
     def match(
         self,

@@ -19,7 +19,7 @@ from dfvs_core.messages.topics import Topics
 from dfvs_service.ros2.messages import encode, type_hash
 from dfvs_service.ros2.telemetry import (
     DIAGNOSTICS,
-    PICTURE,
+    IMAGE,
     TWIST,
     diagnostics_message,
     preview_message,
@@ -98,7 +98,7 @@ class Relay:
         names = (
             (f"{space}/dfvs/setpoint", TWIST),
             ("diagnostics", DIAGNOSTICS),
-            (f"{space}/dfvs/preview/compressed", PICTURE),
+            (f"{space}/dfvs/preview/compressed", IMAGE),
         )
         self.publishers = [
             Ros2Publisher(ros, link, Ros2Topic(name, type_name, domain), node, entity)

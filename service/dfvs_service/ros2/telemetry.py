@@ -14,7 +14,7 @@ from dfvs_service.ros2.messages import make
 
 TWIST = "geometry_msgs/msg/TwistStamped"
 DIAGNOSTICS = "diagnostic_msgs/msg/DiagnosticArray"
-PICTURE = "sensor_msgs/msg/CompressedImage"
+IMAGE = "sensor_msgs/msg/CompressedImage"
 
 BODY, CAMERA = "base_link", "camera_optical"
 _OK, _WARN, _ERROR = 0, 1, 2
@@ -114,4 +114,4 @@ def _pair(key: str, value: object) -> Any | None:
 
 def preview_message(jpeg: bytes, stamp_ns: int) -> Any:
     """CompressedImage of the preview."""
-    return make(PICTURE, header(stamp_ns, CAMERA), "jpeg", np.frombuffer(jpeg, np.uint8))
+    return make(IMAGE, header(stamp_ns, CAMERA), "jpeg", np.frombuffer(jpeg, np.uint8))

@@ -32,11 +32,11 @@ from dfvs_sim.zenoh_session import open_peer
 
 __all__ = [
     "VEHICLE_NAME",
-    "Crew",
     "Flight",
     "FlightError",
     "FlightLog",
     "FlightOptions",
+    "FlightSession",
     "Narrate",
     "NotReadyError",
     "running",
@@ -68,7 +68,7 @@ class FlightLog:
 
 
 @dataclass(frozen=True, slots=True)
-class Crew:
+class FlightSession:
     """Who is there once the vehicle follows the service."""
 
     pilot: Pilot
@@ -119,16 +119,16 @@ class Flight:
         self._write_goals()
         with contextlib.ExitStack() as stack:
             stack.callback(self._ports.close)
-            crew = self._bring_up(stack)
-            engaged_ns = self._engage(crew)
-            self.fly(crew, on_progress)
+            session = self._bring_up(stack)
+            engaged_ns = self._engage(session)
+            self.fly(session, on_progress)
             ended_ns = time.monotonic_ns()
             time.sleep(_SETTLE_S)
-            watch = crew.watch
+            watch = session.watch
             log = FlightLog(
                 self._plan,
                 self._options,
-                crew.track,
+                session.track,
                 watch,
                 engaged_ns,
                 ended_ns,
@@ -136,7 +136,7 @@ class Flight:
                 watch.cause,
                 self._processes.vehicle_record,
             )
-            crew.pilot.hold()
+            session.pilot.hold()
             self._options.pause("press Enter to end")
         return log
 
@@ -151,7 +151,7 @@ class Flight:
             sidecar = self._plan.goal_sidecar(pose).to_json()
             path.with_suffix(".json").write_text(sidecar, encoding="utf-8")
 
-    def _bring_up(self, stack: contextlib.ExitStack) -> Crew:
+    def _bring_up(self, stack: contextlib.ExitStack) -> FlightSession:
         """Start everything, up to a service that is ready beside a vehicle in the air."""
         page = self._dashboard(stack)
         link = self._ground_link(stack)
@@ -175,7 +175,7 @@ class Flight:
         self.await_ready(watch, service, self._engagement.ready_states)
         if page is not None and page.exit_code is not None:
             raise FlightError(f"dfvs-dashboard ended at once:\n{page.last_lines()}")
-        return Crew(pilot, watch, track, service, camera)
+        return FlightSession(pilot, watch, track, service, camera)
 
     def _dashboard(self, stack: contextlib.ExitStack) -> Child | None:
         if not self._options.dashboard:
@@ -251,22 +251,22 @@ class Flight:
             f"(state {watch.state or 'unknown'}: {watch.cause or service.last_lines()})"
         )
 
-    def _engage(self, crew: Crew) -> int:
+    def _engage(self, session: FlightSession) -> int:
         """Let the service fly the vehicle; returns when it was engaged (monotonic ns)."""
         if self._engagement is Engagement.PILOT:
             self._options.pause("press Enter to fly")
-            self.await_ready(crew.watch, crew.service)  # it may have been lost meanwhile
+            self.await_ready(session.watch, session.service)  # it may have been lost meanwhile
             self._narrate("the pilot switches to OFFBOARD")
             engaged_ns = time.monotonic_ns()
-            crew.pilot.engage_offboard()
+            session.pilot.engage_offboard()
             return engaged_ns
         self._narrate(self._waiting_to_engage())
-        if crew.watch.wait_for_state(UNDER_WAY | ENDED, self._options.timeout_s) is None:
+        if session.watch.wait_for_state(UNDER_WAY | ENDED, self._options.timeout_s) is None:
             raise NotReadyError(
                 f"dfvs-service does not engage within {self._options.timeout_s:g} s "
-                f"(state {crew.watch.state}: {crew.watch.cause})"
+                f"(state {session.watch.state}: {session.watch.cause})"
             )
-        return crew.watch.entered_ns(UNDER_WAY | ENDED)
+        return session.watch.entered_ns(UNDER_WAY | ENDED)
 
     def _waiting_to_engage(self) -> str:
         if self._engagement is Engagement.AUTO:
@@ -277,13 +277,15 @@ class Flight:
             f"--vehicle {self._options.vehicle} --set {listen}"
         )
 
-    def fly(self, crew: Crew, on_progress: Callable[[TelemetryWatch, Track], None]) -> None:
+    def fly(
+        self, session: FlightSession, on_progress: Callable[[TelemetryWatch, Track], None]
+    ) -> None:
         """Wait for the end of the flight that has begun, or for the timeout."""
         deadline = time.monotonic() + self._options.timeout_s
-        while time.monotonic() < deadline and crew.service.exit_code is None:
-            if crew.watch.wait_for_state(ENDED, 0.2) is not None:
+        while time.monotonic() < deadline and session.service.exit_code is None:
+            if session.watch.wait_for_state(ENDED, 0.2) is not None:
                 return
-            on_progress(crew.watch, crew.track)
+            on_progress(session.watch, session.track)
 
 
 @contextlib.contextmanager

@@ -13,6 +13,6 @@ from dfvs_sim.scene.glb import load_glb
 def folder(tmp_path_factory):
     """A handful of the built-in room."""
     out = tmp_path_factory.mktemp("pairs")
-    artist = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
-    write_arrays(out / "room.npz", artist.arrays(3))
+    sampler = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
+    write_arrays(out / "room.npz", sampler.arrays(3))
     return out

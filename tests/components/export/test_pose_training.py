@@ -38,8 +38,8 @@ READERS = pytest.mark.parametrize("reader", [RoomPoseReader, PlanarPoseReader])
 @pytest.fixture(scope="module")
 def folder(tmp_path_factory):
     out = tmp_path_factory.mktemp("pairs")
-    artist = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
-    write_arrays(out / "room.npz", artist.arrays(4))
+    sampler = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
+    write_arrays(out / "room.npz", sampler.arrays(4))
     return out
 
 

@@ -7,7 +7,7 @@ from dfvs_bench.basin.cells import ROTATIONS_DEG, TRANSLATIONS_M, Cell, parse_ro
 from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawnTask, Order, draw
 from dfvs_bench.basin.environments import Environment
 from dfvs_bench.basin.outcomes import draw_tasks
-from dfvs_bench.trials.executor import Workforce
+from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import pose_error, so3_log
@@ -104,11 +104,11 @@ def test_seed_environment_and_cell_alone_decide(drawn):
 def test_tasks_that_are_kept_are_not_drawn_again(tmp_path: Path):
     told: list[str] = []
     order = Order(ROOM, CELLS[:1], 1, 7)
-    once = draw_tasks([order], tmp_path, Workforce(), told.append)
-    again = draw_tasks([order], tmp_path, Workforce(), told.append)
+    once = draw_tasks([order], tmp_path, TrialExecutor(), told.append)
+    again = draw_tasks([order], tmp_path, TrialExecutor(), told.append)
     assert again == once
     assert len(told) == 1
-    other = draw_tasks([Order(ROOM, CELLS[:1], 1, 8)], tmp_path, Workforce(), told.append)
+    other = draw_tasks([Order(ROOM, CELLS[:1], 1, 8)], tmp_path, TrialExecutor(), told.append)
     assert other != once
     assert len(told) == 2
 

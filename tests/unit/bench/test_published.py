@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dfvs_bench.methods.method import GoalSight, Sight
+from dfvs_bench.methods.method import GoalObservation, Observation
 from dfvs_bench.methods.published import PublishedMethod
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import DepthMap, FlowField
@@ -41,7 +41,7 @@ class Shift:
 )
 def test_it_ends_where_the_three_colours_errors_add_up_to_less_than_500(off, done):
     image = GOAL + np.array(off, np.uint8)
-    method = PublishedMethod(GoalSight(CAMERA, GOAL, DEPTH), Shift())
-    decision = method.decide(Sight(0, image, DEPTH, np.eye(4)))
+    method = PublishedMethod(GoalObservation(CAMERA, GOAL, DEPTH), Shift())
+    decision = method.decide(Observation(0, image, DEPTH, np.eye(4)))
     assert decision.done == done
     assert decision.error == pytest.approx(np.linalg.norm(off))

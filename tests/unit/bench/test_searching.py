@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 
 from dfvs_bench.methods.dfvs import MAX_SPEED_M_S, MAX_TURN_RAD_S
-from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalSight, Sight
+from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalObservation, Observation
 from dfvs_bench.methods.scan_search import SearchingMethod
 from dfvs_bench.report.panorama import OUTER_RING_RAD, ring
 from dfvs_core.geometry.camera import CameraModel
@@ -30,7 +30,7 @@ class World:
         there, px: directions of one shift need not agree, those of two cannot."""
         self.pipelines = list(pipelines)
         self.begun_at, self.looked = [], 0
-        goal = GoalSight(CAMERA, IMAGE, DEPTH)
+        goal = GoalObservation(CAMERA, IMAGE, DEPTH)
         self.method = SearchingMethod(self.make, goal, self)
 
     def make(self):
@@ -51,7 +51,7 @@ class World:
         """Decisions until the method ends."""
         made = []
         for k in range(most):
-            decision = self.method.decide(Sight(k, IMAGE, DEPTH, self.T))
+            decision = self.method.decide(Observation(k, IMAGE, DEPTH, self.T))
             made.append(decision)
             if decision.done or decision.lost:
                 break
@@ -67,10 +67,10 @@ class Scripted:
         self.script = list(script)
         self.is_mistaken = False
 
-    def decide(self, sight):
+    def decide(self, observation):
         if not hasattr(self, "begun"):
             self.begun = True
-            self.world.begun_at.append(sight.T_world_camera)
+            self.world.begun_at.append(observation.T_world_camera)
         word = self.script.pop(0)
         self.is_mistaken = word == "mistaken"
         way = make_pose(np.eye(3), np.array([0.0, 0.0, 0.4 if word == "go" else 0.0]))

@@ -8,7 +8,7 @@ import psutil
 import pytest
 from distributed import LocalCluster
 
-from dfvs_bench.trials.executor import Workforce
+from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_core.errors import ConfigError
 
 
@@ -33,23 +33,23 @@ def cluster():
 
 @pytest.mark.parametrize("workers", [1, 2])
 def test_every_job_is_done_once_on_this_machine(workers):
-    done = Workforce(workers).finished(abs, [3, -1, 2])
+    done = TrialExecutor(workers).finished(abs, [3, -1, 2])
     assert sorted(done) == [1, 2, 3]
 
 
 def test_every_job_is_done_once_on_a_cluster(cluster):
-    done = list(Workforce(dask=cluster).finished(squared, [3, 1, 3]))
+    done = list(TrialExecutor(dask=cluster).finished(squared, [3, 1, 3]))
     assert sorted(value for value, _ in done) == [1, 9, 9]
     assert threading.get_ident() not in {thread for _, thread in done}
 
 
 def test_the_error_of_a_job_on_a_cluster_keeps_its_words(cluster):
     with pytest.raises(ConfigError, match="-1 is negative; expected a positive number"):
-        list(Workforce(dask=cluster).finished(squared, [1, -1]))
+        list(TrialExecutor(dask=cluster).finished(squared, [1, -1]))
 
 
 def test_jobs_are_not_begun_before_anybody_listens():
-    results = Workforce().finished(squared, [-1])
+    results = TrialExecutor().finished(squared, [-1])
     with pytest.raises(ConfigError):
         next(results)
 
@@ -61,13 +61,13 @@ def test_a_scheduler_that_does_not_answer_is_named():
         dask.config.set({"distributed.comm.timeouts.connect": "0.2s"}),
         pytest.raises(ConfigError, match=r"tcp://127\.0\.0\.1:9: no scheduler"),
     ):
-        list(Workforce(dask="tcp://127.0.0.1:9").finished(squared, [1]))
+        list(TrialExecutor(dask="tcp://127.0.0.1:9").finished(squared, [1]))
 
 
 def test_ctrl_c_ends_the_jobs_that_run():
-    words = "from dfvs_bench.trials.executor import Workforce\n"
+    words = "from dfvs_bench.trials.executor import TrialExecutor\n"
     job = "import time; print('begun', flush=True); time.sleep(60)"
-    words += f"list(Workforce(2).finished(exec, [{job!r}] * 4))"
+    words += f"list(TrialExecutor(2).finished(exec, [{job!r}] * 4))"
     pipes = {"stdout": subprocess.PIPE, "stderr": subprocess.DEVNULL, "text": True}
     command = [sys.executable, "-c", words]
     with subprocess.Popen(command, start_new_session=True, **pipes) as parent:
@@ -77,8 +77,8 @@ def test_ctrl_c_ends_the_jobs_that_run():
 
 
 def test_workers_end_with_a_parent_that_is_killed():
-    words = "import os; from dfvs_bench.trials.executor import Workforce\n"
-    words += "list(Workforce(2).finished(os.system, ['echo $PPID; sleep 60'] * 2))"
+    words = "import os; from dfvs_bench.trials.executor import TrialExecutor\n"
+    words += "list(TrialExecutor(2).finished(os.system, ['echo $PPID; sleep 60'] * 2))"
     command = [sys.executable, "-c", words]
     with subprocess.Popen(
         command, stdout=subprocess.PIPE, text=True, start_new_session=True
@@ -94,4 +94,4 @@ def test_workers_end_with_a_parent_that_is_killed():
 @pytest.mark.parametrize(("workers", "dask"), [(0, None), (257, None), (2, "tcp://127.0.0.1:1")])
 def test_a_workforce_that_cannot_be_is_refused(workers, dask):
     with pytest.raises(ConfigError, match="--workers"):
-        Workforce(workers, dask)
+        TrialExecutor(workers, dask)

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 
-FOLDERS = ("dfvs_core", "dfvs", "models")
+FOLDERS = ("dfvs_core", "dfvs", "models", "common", "service")
 """Folders whose names are checked."""
 
 # Words that are never right in an identifier. Words that are also standard English, or names of
@@ -51,7 +51,6 @@ WORDS = {
     "surest": "confident",
     "unsure": "not confident",
     "unwanted": "exclude",
-    "verdict": "Status, FrameResult",
 }
 # Whole names, where a single word would be too common.
 NAMES = {

@@ -5,7 +5,7 @@ import numpy as np
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.perception.frame_validator import Expected, GuardState, admit
-from dfvs_robustness.faults.camera import PERIOD_NS, ScriptedCamera, Shot
+from dfvs_robustness.faults.camera import PERIOD_NS, CapturedFrame, ScriptedCamera
 from dfvs_robustness.faults.matrix import all_faults
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
@@ -18,20 +18,22 @@ class Wall:
         return np.full((120, 160, 3), 128, np.uint8)
 
 
-class Rig:
+class Harness:
     def __init__(self):
         self.camera = ScriptedCamera(Wall(), PixelFormat.RGB8, lambda payload, attachment: None)
 
 
 def reasons(fault, rng, count=12):
     """Why each of the first samples of a fault is refused, empty where it is not."""
-    rig = Rig()
-    all_faults()[fault].inject(rig, rng)
+    harness = Harness()
+    all_faults()[fault].inject(harness, rng)
     told, guard = [], GuardState()
     for i in range(count):
         image = rng.integers(0, 255, (120, 160, 3)).astype(np.uint8)
         t_ns = T0 + i * PERIOD_NS
-        for payload, attachment in rig.camera.script(Shot(image, t_ns, i, PixelFormat.RGB8, CLOCK)):
+        for payload, attachment in harness.camera.script(
+            CapturedFrame(image, t_ns, i, PixelFormat.RGB8, CLOCK)
+        ):
             came = admit(guard, payload, attachment, Expected(CAMERA, CLOCK), t_ns + 1_000_000)
             guard = came.state
             told.append(came.reason)
@@ -47,22 +49,22 @@ def test_frames_out_of_order_are_refused(rng):
 def test_a_frozen_camera_is_refused_from_the_third_picture_on(rng):
     told = reasons("camera-freezes", rng)
     assert told[:2] == ["", ""]
-    assert set(told[2:]) == {"the camera repeats the same picture"}
+    assert set(told[2:]) == {"the camera repeats the same image"}
 
 
 def test_the_first_picture_of_a_frozen_camera_is_of_its_time_and_no_later_one(rng):
-    camera = (rig := Rig()).camera
+    camera = (harness := Harness()).camera
     camera.shoot(None, T0)
-    all_faults()["camera-freezes"].inject(rig, rng)
+    all_faults()["camera-freezes"].inject(harness, rng)
     for i in range(1, 4):
         camera.shoot(None, T0 + i * PERIOD_NS)
     assert camera.last_good_ns == T0 + PERIOD_NS
 
 
 def test_no_frame_of_another_fault_is_good(rng):
-    camera = (rig := Rig()).camera
+    camera = (harness := Harness()).camera
     camera.shoot(None, T0)
-    all_faults()["stamps-reordered"].inject(rig, rng)
+    all_faults()["stamps-reordered"].inject(harness, rng)
     for i in range(1, 4):
         camera.shoot(None, T0 + i * PERIOD_NS)
     assert camera.last_good_ns == T0

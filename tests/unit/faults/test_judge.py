@@ -7,7 +7,7 @@ import pytest
 
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.faults.fault import NO_VERDICT, Fault, Outcome, Reaction
-from dfvs_robustness.faults.judging import Evidence, judge
+from dfvs_robustness.faults.judging import Oracle, judge
 from dfvs_robustness.faults.matrix import (
     Case,
     Result,
@@ -25,7 +25,7 @@ T0 = 1_000_000 * MS
 
 
 def fault(reaction, limit_ms=300.0):
-    return Fault("x", "x", "x", reaction, limit_ms, (S.SERVO,), lambda rig, rng: None)
+    return Fault("x", "x", "x", reaction, limit_ms, (S.SERVO,), lambda harness, rng: None)
 
 
 def setpoints(moving_until_ms, silent_after_ms=1000):
@@ -53,15 +53,15 @@ def seen(state, moving_until_ms=200, transitions=(), **changes):
         "is_running": True,
         "over_ns": T0 + 900 * MS,
     }
-    return Evidence(**{**values, **changes})
+    return Oracle(**{**values, **changes})
 
 
 HELD = [{"t_ns": T0 + 50 * MS, "mode": "HOLD"}]
 
 
-def verdict(reaction, evidence, state=S.SERVO, limit_ms=300.0, says=()):
+def verdict(reaction, oracle, state=S.SERVO, limit_ms=300.0, says=()):
     case = dataclasses.replace(fault(reaction, limit_ms), says=says)
-    return judge(case, state, 0, T0, evidence)
+    return judge(case, state, 0, T0, oracle)
 
 
 @pytest.mark.parametrize(
@@ -76,9 +76,9 @@ def verdict(reaction, evidence, state=S.SERVO, limit_ms=300.0, says=()):
 )
 def test_a_reaction_for_another_reason_than_the_fault_does_not_pass(reaction, state, target):
     silent = setpoints(-200, 20)
-    evidence = seen(target, -200, [to(target, 10)], setpoints=silent)
-    assert verdict(reaction, evidence, state, says=("not this", "why")).passed
-    outcome = verdict(reaction, evidence, state, says=("not this",))
+    oracle = seen(target, -200, [to(target, 10)], setpoints=silent)
+    assert verdict(reaction, oracle, state, says=("not this", "why")).passed
+    outcome = verdict(reaction, oracle, state, says=("not this",))
     assert (outcome.passed, outcome.problem) == (False, "the gate said 'some cause: why'")
 
 
@@ -131,7 +131,7 @@ def test_hold_is_timed_to_the_first_zero():
 
 
 @pytest.mark.parametrize(
-    ("reaction", "evidence", "problem"),
+    ("reaction", "oracle", "problem"),
     [
         (Reaction.HOLD, seen(S.HOLD, 300), "320 ms"),
         (Reaction.HOLD, seen(S.SERVO, -200), "SERVO"),
@@ -148,16 +148,16 @@ def test_hold_is_timed_to_the_first_zero():
         (Reaction.IGNORED, seen(S.HOLD), "HOLD"),
     ],
 )
-def test_what_is_late_or_wrong_fails_and_says_why(reaction, evidence, problem):
-    outcome = verdict(reaction, evidence)
+def test_what_is_late_or_wrong_fails_and_says_why(reaction, oracle, problem):
+    outcome = verdict(reaction, oracle)
     assert not outcome.passed
     assert problem in outcome.problem
 
 
 def test_a_mode_command_after_a_takeover_fails():
     asked = [{"t_ns": T0 + MS, "mode": "HOLD"}]
-    evidence = seen(S.RELEASED, setpoints=[], mode_commands=asked, transitions=[to(S.RELEASED, 1)])
-    assert "asked for HOLD" in verdict(Reaction.RELEASED, evidence).problem
+    oracle = seen(S.RELEASED, setpoints=[], mode_commands=asked, transitions=[to(S.RELEASED, 1)])
+    assert "asked for HOLD" in verdict(Reaction.RELEASED, oracle).problem
 
 
 def test_ready_must_not_become_engaged():
@@ -166,10 +166,10 @@ def test_ready_must_not_become_engaged():
 
 
 def test_the_stream_is_timed_by_its_longest_gap():
-    evidence = seen(S.SERVO)
-    assert verdict(Reaction.STREAM, evidence, limit_ms=20.0).passed
-    del evidence.setpoints[10]
-    assert verdict(Reaction.STREAM, evidence, limit_ms=30.0).reaction_ms == 40.0
+    oracle = seen(S.SERVO)
+    assert verdict(Reaction.STREAM, oracle, limit_ms=20.0).passed
+    del oracle.setpoints[10]
+    assert verdict(Reaction.STREAM, oracle, limit_ms=30.0).reaction_ms == 40.0
 
 
 def test_rows_count_seeds_and_name_what_failed():

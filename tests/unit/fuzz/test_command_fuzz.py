@@ -12,7 +12,7 @@ from dfvs_core.gate.authority import Authority
 from dfvs_core.messages.rate_limit import RateLimit
 from dfvs_robustness.commands import fuzz
 from dfvs_robustness.fuzz.command_fuzz import CommandTally, live, relive, shrink
-from dfvs_robustness.fuzz.command_replay import read_life, write_finding
+from dfvs_robustness.fuzz.command_replay import read_episode, write_finding
 
 
 def run(*words):
@@ -100,7 +100,7 @@ BROKEN = [
     ("fresh", Authority, "_objection", believes_any_challenge),
     ("fresh", Authority, "_use_up", lambda old: forever(None)),
     ("fresh", Authority, "_rotate", lambda old: forever(None)),
-    ("answer", Authority, "judge", never_repeats),
+    ("answer", Authority, "evaluate", never_repeats),
     ("answer", Authority, "record", lambda old: forever(None)),
     ("answer", Authority, "record", remembers_every_answer),
     ("answer", authority, "request_id", lambda old: lambda data: old(data[:40])),
@@ -127,14 +127,14 @@ def test_a_violation_is_shrunk_and_saved_and_violated_until_the_ingress_is_mende
 ):
     monkeypatch.setattr(Authority, "_use_up", forever(None))
     finding = shrink(live((0, 0), CommandTally()))
-    assert len(finding.life.sendings) == 2  # two commands with one challenge
+    assert len(finding.episode.sendings) == 2  # two commands with one challenge
     path = tmp_path / "finding.json"
     write_finding(finding, path)
-    assert read_life(path) == finding.life
+    assert read_episode(path) == finding.episode
     assert run("--replay", path) == 1
     assert "violated: fresh" in capsys.readouterr().out
     monkeypatch.undo()
-    assert relive(finding.life) is None
+    assert relive(finding.episode) is None
     assert run("--replay", path) == 0
 
 

@@ -20,10 +20,10 @@ from dfvs_core.gate.preflight import Check
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.stream import SetpointStream
 from dfvs_robustness.commands import fuzz
-from dfvs_robustness.fuzz.episode import Life
+from dfvs_robustness.fuzz.episode import Episode
 from dfvs_robustness.fuzz.gate_fuzz import GATE, Finding, Tally, live, relive, shrink
 from dfvs_robustness.fuzz.invariants import InvariantChecker, InvariantError
-from dfvs_robustness.fuzz.replay import read_life, write_finding
+from dfvs_robustness.fuzz.replay import read_episode, write_finding
 from dfvs_robustness.fuzz.run import Job, do
 from dfvs_robustness.fuzz.shrink import shrink_list
 
@@ -188,11 +188,11 @@ def finding(monkeypatch):
 
 
 def test_a_violation_is_shrunk_to_what_it_needs(finding):
-    assert len(finding.life.steps) <= 60
-    assert relive(finding.life).rule == "I5"
-    for i in range(len(finding.life.steps)):
-        steps = finding.life.steps[:i] + finding.life.steps[i + 1 :]
-        violation = relive(dataclasses.replace(finding.life, steps=steps))
+    assert len(finding.episode.steps) <= 60
+    assert relive(finding.episode).rule == "I5"
+    for i in range(len(finding.episode.steps)):
+        steps = finding.episode.steps[:i] + finding.episode.steps[i + 1 :]
+        violation = relive(dataclasses.replace(finding.episode, steps=steps))
         assert violation is None or violation.rule != "I5"
 
 
@@ -209,10 +209,10 @@ def test_a_saved_violation_is_violated_again_until_the_gate_is_mended(
 
 def test_numbers_that_are_none_survive_the_file(tmp_path):
     steps = [(5, (Attitude(3, math.nan, math.inf, -math.inf),)), (6, ())]
-    write_finding(Finding(Life(GateConfig(), 4, steps), "I1", ""), tmp_path / "f.json")
-    life = read_life(tmp_path / "f.json")
-    assert (life.config, life.born_ns) == (GateConfig(), 4)
-    assert repr(life.steps) == repr(steps)  # NaN does not equal itself
+    write_finding(Finding(Episode(GateConfig(), 4, steps), "I1", ""), tmp_path / "f.json")
+    episode = read_episode(tmp_path / "f.json")
+    assert (episode.config, episode.born_ns) == (GateConfig(), 4)
+    assert repr(episode.steps) == repr(steps)  # NaN does not equal itself
 
 
 @pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "x"}', "\xff"])
@@ -220,9 +220,9 @@ def test_a_file_that_is_no_replay_is_refused(tmp_path, text):
     path = tmp_path / "bad.json"
     path.write_text(text, encoding="latin-1")
     with pytest.raises(ConfigError):
-        read_life(path)
+        read_episode(path)
     with pytest.raises(ConfigError, match="cannot read"):
-        read_life(tmp_path / "nowhere.json")
+        read_episode(tmp_path / "nowhere.json")
 
 
 @pytest.mark.parametrize(

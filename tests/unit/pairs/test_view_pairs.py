@@ -8,7 +8,7 @@ from dfvs_core.errors import ImageError
 from dfvs_core.geometry.poses import invert_pose, so3_log
 from dfvs_models.evaluation import LEVELS
 from dfvs_models.evaluation_file import EVALUATION_CAMERA, read_flow_pairs
-from dfvs_rooms.pairs.drawing import PairArtist
+from dfvs_rooms.pairs.drawing import PairSampler
 from dfvs_rooms.pairs.files import evaluation_arrays, write_arrays
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import warp_to_a
@@ -30,14 +30,14 @@ def renderer():
 
 
 @pytest.fixture(scope="module")
-def artist(renderer):
-    return PairArtist(renderer)
+def sampler(renderer):
+    return PairSampler(renderer)
 
 
 @pytest.fixture(scope="module")
-def evaluation(artist):
+def evaluation(sampler):
     rng = np.random.default_rng(4)
-    return [artist.evaluation_pair(level, rng) for level in (*LEVELS, *LEVELS)]
+    return [sampler.evaluation_pair(level, rng) for level in (*LEVELS, *LEVELS)]
 
 
 def median_flow_px(pair, k):
@@ -72,8 +72,8 @@ class TestAPair:
             back = pair.flows[0][pair.visible[0]] + pair.flows[1][j, i]
             assert np.nanmedian(np.linalg.norm(back, axis=-1)) < 1.0
 
-    def test_is_decided_by_its_generator(self, artist, evaluation):
-        again = artist.evaluation_pair(LEVELS[0], np.random.default_rng(4))
+    def test_is_decided_by_its_generator(self, sampler, evaluation):
+        again = sampler.evaluation_pair(LEVELS[0], np.random.default_rng(4))
         np.testing.assert_array_equal(again.views[1].image, evaluation[0].views[1].image)
         np.testing.assert_array_equal(again.poses, evaluation[0].poses)
 
@@ -97,7 +97,7 @@ class TestAPair:
     def test_needs_a_scene_that_is_large_enough(self):
         floor = wall(0.0, 0.1, 0.1)[..., [1, 2, 0]]
         with pytest.raises(SceneError, match="room for a camera"):
-            PairArtist(Renderer(scene_of(floor)))
+            PairSampler(Renderer(scene_of(floor)))
 
 
 class TestFiles:

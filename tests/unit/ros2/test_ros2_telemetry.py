@@ -5,7 +5,7 @@ import pytest
 from dfvs_service.ros2.messages import decode, encode
 from dfvs_service.ros2.telemetry import (
     DIAGNOSTICS,
-    PICTURE,
+    IMAGE,
     TWIST,
     diagnostics_message,
     preview_message,
@@ -74,6 +74,6 @@ def test_diagnostics_carry_the_uncertainty_with_the_velocity_error_in_ros_axes()
 
 def test_the_preview_is_passed_on_untouched():
     jpeg = b"\xff\xd8\xff any bytes"
-    message = through_the_wire(PICTURE, preview_message(jpeg, STAMP_NS))
+    message = through_the_wire(IMAGE, preview_message(jpeg, STAMP_NS))
     assert message.format == "jpeg"
     assert message.data.tobytes() == jpeg

@@ -6,7 +6,7 @@ import pytest
 from dfvs_rooms.generator.room import Opening, Room
 from dfvs_rooms.generator.solids import Part, box, panel, sphere
 from dfvs_rooms.lighting.bake import light_room
-from dfvs_rooms.lighting.fast import quick_irradiance
+from dfvs_rooms.lighting.fast import fast_irradiance
 from dfvs_rooms.lighting.path_traced import LAMP_RADIANCE
 from dfvs_rooms.surfaces.materials import Material
 from dfvs_sim.scene.texture import linear_from_srgb
@@ -28,7 +28,7 @@ def floor(edge_m=0.1):
 
 
 def test_of_a_ball_falls_off_as_theory_says():
-    light, dark = quick_irradiance(Room((floor(), lamp(0, 0, 1.5)), MATERIALS), seed=0)
+    light, dark = fast_irradiance(Room((floor(), lamp(0, 0, 1.5)), MATERIALS), seed=0)
     distance = np.linalg.norm(floor().vertices - [0, 0, 1.5], axis=1)
     expected = INTENSITY * 1.5 / distance**3
     # four points stand for the ball, and light is measured 12 mm above the floor
@@ -38,7 +38,7 @@ def test_of_a_ball_falls_off_as_theory_says():
 
 def test_does_not_pass_through_a_board():
     board = panel((-0.4, -0.4, 0.7), (0.8, 0, 0), (0, 0.8, 0), "grey")
-    light = quick_irradiance(Room((floor(0.05), board, lamp(0, 0, 1.5)), MATERIALS), seed=0)[0]
+    light = fast_irradiance(Room((floor(0.05), board, lamp(0, 0, 1.5)), MATERIALS), seed=0)[0]
     reach = np.abs(floor(0.05).vertices[:, :2]).max(axis=1)
     # the board's shadow ends at 0.4 * 1.5 / 0.8 = 0.75 m, softly: the ball is 0.2 m wide
     assert light[reach < 0.5, 0].max() < 0.02 * light[reach > 0.95, 0].min()
@@ -51,7 +51,7 @@ def test_in_a_closed_room_is_what_the_walls_have_not_swallowed():
         turned = part.triangles[:, ::-1].copy()
         inside.append(Part(part.vertices, -part.normals, part.uv, turned, "grey"))
     room = Room((*inside, lamp(0.2, 0.1, 1.6)), MATERIALS)
-    light = quick_irradiance(room, seed=0)[:-1]
+    light = fast_irradiance(room, seed=0)[:-1]
     total = sum(flux(part, value) for part, value in zip(inside, light, strict=True))
     given = 4 * np.pi * INTENSITY
     assert total == pytest.approx(given / (1 - ALBEDO), rel=0.08)
@@ -65,7 +65,7 @@ def flux(part, irradiance):
 
 def test_of_a_window_falls_into_the_room_and_not_behind_it():
     window = Opening((0.0, 0.3, 0.6), 0.0, (0.6, 0.6))
-    light = quick_irradiance(Room((floor(),), MATERIALS, openings=(window,)), seed=0)[0]
+    light = fast_irradiance(Room((floor(),), MATERIALS, openings=(window,)), seed=0)[0]
     north = floor().vertices[:, 1]
     assert (light[north > 0.31] == 0).all()
     assert light[(north < 0.2) & (north > -0.4)].min() > 0.1
