@@ -137,7 +137,7 @@ def prepare_route_folder(folder: Path) -> None:
 
 
 def route_recording_settings(config: ServiceConfig, camera: CameraModel) -> ServiceConfig:
-    """Settings with the camera's intrinsics filled in; route recording needs no depth by a network."""
+    """Settings with the camera's intrinsics filled in, and depth without a network."""
     section = dataclasses.replace(
         config.camera,
         calibration_file="",
