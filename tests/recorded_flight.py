@@ -86,7 +86,7 @@ def fly(
             observation = None if preview is None else preview().observation
             eye.set_goal(servo_task(config, following), eye.prepare(following), observation)
             opening = replace(
-                make_session_header(config, following, CLOCK, book.next_turn, eye.observed_ns),
+                make_session_header(config, following, CLOCK, book.next_record, eye.observed_ns),
                 opened_ns=clock(),
             )
             book.open(opening)

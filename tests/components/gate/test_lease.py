@@ -36,7 +36,7 @@ def wait_for(lease, standing_by, engaged):
 def test_two_services_see_each_other_come_engage_and_go(sessions):
     told = []
     first = NameLease(sessions[0], TOPICS, told.append)
-    first.tell()
+    first.notify()
     second = NameLease(sessions[1], TOPICS, told.append)
     wait_for(first, (second.name,), ())
     wait_for(second, (first.name,), ())
@@ -68,20 +68,20 @@ def test_services_of_other_vehicles_do_not_matter(sessions):
 def test_the_gate_is_told_of_a_change_at_once_and_again_every_second(sessions):
     told = []
     first = NameLease(sessions[0], TOPICS, told.append)
-    first.tell()
-    first.tell()
+    first.notify()
+    first.notify()
     assert told == [LeaseHolders()]
     second = NameLease(sessions[1], TOPICS, lambda _: None)
     wait_for(first, (second.name,), ())
-    first.tell()
-    first.tell()
+    first.notify()
+    first.notify()
     assert told[1:] == [LeaseHolders((second.name,))]
     second.close()
     wait_for(first, (), ())
-    first.tell()
+    first.notify()
     assert told[2:] == [LeaseHolders()]
     deadline = time.monotonic() + WITHIN_S
     while len(told) < 4 and time.monotonic() < deadline:
-        first.tell()
+        first.notify()
         time.sleep(0.02)
     assert told[3] == LeaseHolders()
