@@ -97,7 +97,7 @@ def test_unknown_weights_are_answered_with_the_known_names() -> None:
 
 @pytest.mark.skipif(HAS_PTLFLOW, reason="ptlflow is installed")
 def test_without_ptlflow_one_line_says_how_to_get_it() -> None:
-    with pytest.raises(ConfigError, match="dfvs\\[published\\]"):
+    with pytest.raises(ConfigError, match="dfvs-lab\\[published\\]"):
         load_foreign("raft_small", ForeignWeights())
 
 

@@ -15,7 +15,7 @@ import pytest
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import GateState
-from dfvs_robustness.faults.harness import Rig, Setup
+from dfvs_robustness.faults.harness import Harness, Setup
 from dfvs_robustness.faults.service import wait_until
 from dfvs_service.cli import main
 from dfvs_service.flights.records import read_lines
@@ -36,7 +36,7 @@ def flights(tmp_path_factory):
 @pytest.fixture(scope="module")
 def rig(tmp_path_factory, flights):
     settings = ("black_box.enabled=true", f"black_box.folder='{flights}'")
-    rig = Rig(Setup(settings=settings), tmp_path_factory.mktemp("rig"), seed=1)
+    rig = Harness(Setup(settings=settings), tmp_path_factory.mktemp("rig"), seed=1)
     yield rig
     rig.close()
 
