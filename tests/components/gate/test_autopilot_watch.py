@@ -94,9 +94,9 @@ def test_an_interval_that_is_refused_is_noted_once():
     notes = []
     autopilot = Autopilot(lambda _event: None, lambda kind, text: notes.append((kind, text)))
     for result in (4, 0, 4, 4):
-        autopilot._take_ack(1, {"command": 511, "result": result})
-    autopilot._take_ack(1, {"command": 176, "result": 1})
-    autopilot._take_ack(1, {"command": 176, "result": 1})
+        autopilot._on_ack(1, {"command": 511, "result": result})
+    autopilot._on_ack(1, {"command": 176, "result": 1})
+    autopilot._on_ack(1, {"command": 176, "result": 1})
     assert [text for _, text in notes] == ["command 511 result 4", *("command 176 result 1",) * 2]
 
 
@@ -105,7 +105,7 @@ def test_a_text_of_the_autopilot_is_noted_on_one_line_without_control_characters
     notes = []
     autopilot = Autopilot(lambda _event: None, lambda kind, text: notes.append((kind, text)))
     text = "MAVLink: warning: Arming denied:\tno \x1b[31mposition\t\r\n\x00"
-    autopilot._take_log(LogLevel.WARN, text, None, 0)
+    autopilot._on_log(LogLevel.WARN, text, None, 0)
     assert notes == [("mavsdk", "MAVLink: warning: Arming denied: no [31mposition")]
 
 
