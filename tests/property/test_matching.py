@@ -24,12 +24,6 @@ MOTIONS = st.builds(
     shift=st.tuples(st.floats(-50, 50), st.floats(-40, 40)),
     perspective=st.tuples(st.floats(-5e-4, 5e-4), st.floats(-5e-4, 5e-4)),
 )
-SLIGHT_MOTIONS = st.builds(
-    turned,
-    roll_deg=st.floats(-3, 3),
-    zoom=st.floats(0.97, 1.03),
-    shift=st.tuples(st.floats(-4, 4), st.floats(-4, 4)),
-)
 REPEATS = 12  # a match takes a third of a second
 
 
@@ -49,14 +43,33 @@ def test_any_motion_in_reach_is_recovered(goal, H):
     assert field.is_finite()
 
 
-@settings(max_examples=REPEATS)
-@given(H=SLIGHT_MOTIONS)
+def slight_motion(seed):
+    rng = np.random.default_rng(seed)
+    return turned(
+        roll_deg=rng.uniform(-3, 3),
+        zoom=rng.uniform(0.97, 1.03),
+        shift=tuple(rng.uniform(-4, 4, size=2)),
+    )
+
+
+@pytest.mark.parametrize(
+    "H",
+    [
+        *map(slight_motion, range(REPEATS)),
+        pytest.param(
+            turned(roll_deg=0.0, zoom=1.0, shift=(0.0, 1.375)),
+            marks=pytest.mark.xfail(
+                strict=True, reason="DIS is biased by 0.07 px where every pixel moves by 1.375 px"
+            ),
+        ),
+    ],
+)
 def test_slight_motion_is_recovered_to_a_tenth_of_a_pixel(goal, H):
     truth = exact_flow(H)
     field = MATCHER.match(goal, MATCHER.encode(WALL.picture(H)))
     sure = field.confidence > 0.5
     assert sure.mean() > 0.8
-    assert np.abs((field.flow - truth)[sure].mean(axis=0)).max() < 0.1
+    assert np.abs((field.flow - truth)[sure].mean(axis=0)).max() < 0.05
     assert errors(field, truth)[sure].mean() < 0.1
 
 
@@ -65,7 +78,7 @@ def test_slight_motion_is_recovered_to_a_tenth_of_a_pixel(goal, H):
 def test_there_and_back_is_where_it_began(H):
     there, back = (exact_flow(each).astype(np.float32) for each in (H, np.linalg.inv(H)))
     seen = inside(there)
-    assert np.abs(compose(there, back)[seen]).max() < 0.1
+    assert np.abs(compose(there, back)[seen]).max() < 0.05
     assert forward_backward_consistency(there, back, MatchingConfig())[seen].min() > 0.99
 
 
