@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
-from dfvs_robustness.commands.fuzz_campaign import add_options, run_campaign, tell_replay
-from dfvs_robustness.fuzz.command_fuzz import COMMANDS, CommandFinding, CommandTally, relive
+from dfvs_robustness.commands.fuzz_run import (
+    add_options,
+    end_run,
+    print_replay,
+    run_campaign,
+    save_findings,
+)
+from dfvs_robustness.fuzz.command_fuzz import COMMANDS, CommandFinding, CommandTally, replay_episode
 from dfvs_robustness.fuzz.command_replay import read_episode, write_finding
 from dfvs_robustness.fuzz.run import Outcome
-from dfvs_sim.options import write_json
 
 _EPILOG = """examples:
   dfvs-robustness fuzz commands --events 10000000 --workers 2 --json commands.json
@@ -45,18 +51,17 @@ def run(args: argparse.Namespace) -> int:
         If an option cannot be used.
     """
     if args.replay is not None:
-        return tell_replay(relive(read_episode(args.replay)))
+        return print_replay(replay_episode(read_episode(args.replay)))
     outcome, wall_s = run_campaign(COMMANDS, args)
     report = figures(outcome, args.seed, wall_s)
-    for number, finding in enumerate(outcome.findings):
-        path = args.out / f"commands-{finding.rule}-{number}.json"
-        write_finding(finding, path)
-        count = len(finding.episode.sendings)
-        print(f"{finding.rule} violated: {finding.text}\n  {count} sendings: {path}")
+    save_findings(outcome, args, "commands", _write)
     _print(report)
-    if args.json is not None:
-        write_json(args.json, report)
-    return 1 if outcome.findings else 0
+    return end_run(outcome, args, report)
+
+
+def _write(finding: CommandFinding, path: Path) -> str:
+    write_finding(finding, path)
+    return f"{len(finding.episode.sendings)} sendings"
 
 
 def figures(
@@ -66,7 +71,7 @@ def figures(
     tally = outcome.tally
     return {
         "seed": seed,
-        "lives": tally.lives,
+        "lives": tally.episodes,
         "events": tally.events,
         "wall_s": round(wall_s, 1),
         "events_per_core_second": round(tally.events / max(outcome.busy_s, 1e-9)),

@@ -3,13 +3,19 @@
 from __future__ import annotations
 
 import argparse
+from pathlib import Path
 from typing import Any
 
-from dfvs_robustness.commands.fuzz_campaign import add_options, run_campaign, tell_replay
-from dfvs_robustness.fuzz.gate_fuzz import GATE, Finding, Tally, relive
+from dfvs_robustness.commands.fuzz_run import (
+    add_options,
+    end_run,
+    print_replay,
+    run_campaign,
+    save_findings,
+)
+from dfvs_robustness.fuzz.gate_fuzz import GATE, Finding, Tally, replay_episode
 from dfvs_robustness.fuzz.replay import read_episode, write_finding
 from dfvs_robustness.fuzz.run import Outcome
-from dfvs_sim.options import write_json
 
 _EPILOG = """examples:
   dfvs-robustness fuzz gate --events 10000000 --workers 2 --json gate.json
@@ -44,19 +50,17 @@ def run(args: argparse.Namespace) -> int:
         If an option cannot be used.
     """
     if args.replay is not None:
-        return tell_replay(relive(read_episode(args.replay)))
+        return print_replay(replay_episode(read_episode(args.replay)))
     outcome, wall_s = run_campaign(GATE, args)
     report = figures(outcome, args.seed, wall_s)
-    for number, finding in enumerate(outcome.findings):
-        path = args.out / f"gate-{finding.rule}-{number}.json"
-        write_finding(finding, path)
-        print(
-            f"{finding.rule} violated: {finding.text}\n  {len(finding.episode.steps)} steps: {path}"
-        )
+    save_findings(outcome, args, "gate", _write)
     print(_summary(report))
-    if args.json is not None:
-        write_json(args.json, report)
-    return 1 if outcome.findings else 0
+    return end_run(outcome, args, report)
+
+
+def _write(finding: Finding, path: Path) -> str:
+    write_finding(finding, path)
+    return f"{len(finding.episode.steps)} steps"
 
 
 def figures(outcome: Outcome[Tally, Finding], seed: int, wall_s: float) -> dict[str, Any]:
@@ -64,7 +68,7 @@ def figures(outcome: Outcome[Tally, Finding], seed: int, wall_s: float) -> dict[
     tally = outcome.tally
     return {
         "seed": seed,
-        "lives": tally.lives,
+        "lives": tally.episodes,
         "steps": tally.steps,
         "events": tally.events,
         "steps_that_move": tally.moving,

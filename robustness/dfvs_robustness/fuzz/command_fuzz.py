@@ -1,4 +1,4 @@
-"""Live lives of the command ingress, judge every sending, and count what became of them."""
+"""Episodes of the command ingress: run, checked command by command, counted and shrunk."""
 
 from __future__ import annotations
 
@@ -8,7 +8,7 @@ from dataclasses import dataclass, field
 
 import numpy as np
 
-from dfvs_robustness.fuzz.command_ingress import CommandLife, Ingress, Passed, Sending
+from dfvs_robustness.fuzz.command_ingress import CommandEpisode, Ingress, Passed, Sending
 from dfvs_robustness.fuzz.command_invariants import CommandChecker
 from dfvs_robustness.fuzz.command_sendings import Sender
 from dfvs_robustness.fuzz.invariants import InvariantError
@@ -16,21 +16,21 @@ from dfvs_robustness.fuzz.random_source import RandomSource
 from dfvs_robustness.fuzz.run import Target
 from dfvs_robustness.fuzz.shrink import shrink_list
 
-SENDINGS_PER_LIFE = 2000
+SENDINGS_PER_EPISODE = 2000
 
 
 @dataclass(slots=True)
 class CommandTally:
-    """What was lived through so far."""
+    """Counts of what was run so far."""
 
-    lives: int = 0
+    episodes: int = 0
     events: int = 0
     outcomes: Counter[str] = field(default_factory=Counter)
     """Sendings by kind and what became of them."""
 
     def add(self, other: CommandTally) -> None:
         """Count what another one counted."""
-        self.lives += other.lives
+        self.episodes += other.episodes
         self.events += other.events
         self.outcomes.update(other.outcomes)
 
@@ -42,15 +42,15 @@ class CommandTally:
 
 @dataclass(frozen=True, slots=True)
 class CommandFinding:
-    """A life that ended in a violation."""
+    """An episode that ended in a violation."""
 
-    episode: CommandLife
+    episode: CommandEpisode
     rule: str
     text: str
 
 
 class _Trial:
-    """An ingress and its judge."""
+    """An ingress and its checker."""
 
     def __init__(self, born_ns: int) -> None:
         self._ingress = Ingress(born_ns)
@@ -70,20 +70,20 @@ class _Trial:
         return passed
 
 
-def live(seed: tuple[int, int], tally: CommandTally) -> CommandFinding | None:
-    """Live one life; the same seed gives the same life.
+def run_episode(seed: tuple[int, int], tally: CommandTally) -> CommandFinding | None:
+    """Run one episode; the same seed gives the same episode.
 
     Returns
     -------
     CommandFinding or None
-        The life up to the sending that violated an invariant.
+        The episode up to the command that violated an invariant.
     """
     rng = RandomSource(np.random.default_rng(seed))
-    episode = CommandLife(rng.integer(0, 2**50))
+    episode = CommandEpisode(rng.integer(0, 2**50))
     sender, trial = Sender(rng, episode.born_ns), _Trial(episode.born_ns)
-    tally.lives += 1
+    tally.episodes += 1
     try:
-        for _ in range(SENDINGS_PER_LIFE):
+        for _ in range(SENDINGS_PER_EPISODE):
             challenge = trial.challenge(sender.next_time())
             sending = sender.next(challenge)
             episode.sendings.append(sending)
@@ -93,8 +93,8 @@ def live(seed: tuple[int, int], tally: CommandTally) -> CommandFinding | None:
     return None
 
 
-def relive(episode: CommandLife) -> InvariantError | None:
-    """Send a life to a new ingress; return the first violation."""
+def replay_episode(episode: CommandEpisode) -> InvariantError | None:
+    """Send an episode to a new ingress; return the first violation."""
     trial = _Trial(episode.born_ns)
     for sending in episode.sendings:
         try:
@@ -105,24 +105,24 @@ def relive(episode: CommandLife) -> InvariantError | None:
 
 
 def shrink(finding: CommandFinding) -> CommandFinding:
-    """Return a life with as few sendings as still violate the same invariant."""
+    """Return an episode with as few commands as still violate the same invariant."""
     episode, rule = finding.episode, finding.rule
 
     def fails(sendings: list[Sending]) -> bool:
-        violation = relive(dataclasses.replace(episode, sendings=sendings))
+        violation = replay_episode(dataclasses.replace(episode, sendings=sendings))
         return violation is not None and violation.rule == rule
 
     shortest = dataclasses.replace(episode, sendings=shrink_list(episode.sendings, fails))
-    violation = relive(shortest)
+    violation = replay_episode(shortest)
     return CommandFinding(shortest, rule, finding.text if violation is None else violation.text)
 
 
 def _became(passed: Passed | None) -> str:
     if passed is None:
         return "dropped"
-    if passed.verdict.action is not None:
+    if passed.answer.action is not None:
         return "obeyed"
-    return "answered again" if passed.verdict.is_repeated else "rejected"
+    return "answered again" if passed.answer.is_repeated else "rejected"
 
 
-COMMANDS = Target(CommandTally, live, shrink)
+COMMANDS = Target(CommandTally, run_episode, shrink)

@@ -27,7 +27,7 @@ class Sending:
 
 
 @dataclass(frozen=True, slots=True)
-class CommandLife:
+class CommandEpisode:
     """All that arrives at one ingress, oldest first."""
 
     born_ns: int
@@ -51,7 +51,7 @@ class Passed:
     """A command that reached the gate: its bytes there, and the verdict on them."""
 
     command: bytes
-    verdict: AuthorityAnswer
+    answer: AuthorityAnswer
 
 
 class Ingress:
@@ -84,7 +84,7 @@ class Ingress:
         except WireError:
             return None
         data = message.payload.encode(errors="replace")
-        verdict = self.authority.evaluate(data, sending.t_ns)
-        if verdict.action is Action.ABORT:
-            self.authority.record(verdict.request, REFUSAL)
-        return Passed(data, verdict)
+        answer = self.authority.evaluate(data, sending.t_ns)
+        if answer.action is Action.ABORT:
+            self.authority.record(answer.request, REFUSAL)
+        return Passed(data, answer)

@@ -5,7 +5,7 @@
 - once: an accepted command is never accepted again.
 - answer: the same bytes get the same answer, as long as it is among the last 64 that count.
 - obeyed: a command that is signed, new and carries the published challenge is accepted.
-- rate: 20 commands and 2 goals a second pass, besides a burst of 20 and 4.
+- rate: 20 commands and 2 goals a second pass, plus a burst of 20 and 4.
 - memory: the whole takes at most 16 KiB.
 """
 
@@ -69,26 +69,26 @@ class CommandChecker:
         if sending.goal is not None:
             self._check_rate(self._goals_ns, sending.t_ns, *_MOST_GOALS)
         self._check_answer(passed)
-        if passed.verdict.action is None:
+        if passed.answer.action is None:
             if passed.command not in self._obeyed and self._is_due(passed.command, challenge):
-                raise InvariantError("obeyed", f"a good command got {passed.verdict.text!r}")
+                raise InvariantError("obeyed", f"a good command got {passed.answer.text!r}")
             return
         self._check_obeyed(sending, passed)
 
     def _check_answer(self, passed: Passed) -> None:
-        verdict = passed.verdict
-        if verdict.request != hashlib.sha256(passed.command).hexdigest()[:32]:
+        answer = passed.answer
+        if answer.request != hashlib.sha256(passed.command).hexdigest()[:32]:
             raise InvariantError("answer", "an answer names another request")
         kept = self._answers.get(passed.command)
-        if kept is not None and (verdict.action is not None or verdict.text != kept):
-            raise InvariantError("answer", f"first {kept!r}, then {verdict.text!r}")
-        if verdict.is_repeated is not (kept is not None):
-            raise InvariantError("answer", f"repeated: {verdict.is_repeated}, kept: {kept!r}")
+        if kept is not None and (answer.action is not None or answer.text != kept):
+            raise InvariantError("answer", f"first {kept!r}, then {answer.text!r}")
+        if answer.is_repeated is not (kept is not None):
+            raise InvariantError("answer", f"repeated: {answer.is_repeated}, kept: {kept!r}")
 
     def _check_obeyed(self, sending: Sending, passed: Passed) -> None:
-        verdict, now_ns = passed.verdict, sending.t_ns
+        answer, now_ns = passed.answer, sending.t_ns
         signed = _signed(passed.command)
-        said = (verdict.action, verdict.argument)
+        said = (answer.action, answer.argument)
         if signed is None or (signed["action"], signed["argument"]) != said:
             raise InvariantError("authentic", f"obeyed {said} of {passed.command!r}")
         if passed.command in self._obeyed:
@@ -97,11 +97,11 @@ class CommandChecker:
         told_ns = self._told_ns.get(challenge)
         if told_ns is None or now_ns - told_ns >= _LIFETIME_NS or challenge in self._used:
             raise InvariantError("fresh", f"challenge told at {told_ns}, obeyed at {now_ns}")
-        if sending.goal is not None and verdict.argument != _digest(sending.goal):
+        if sending.goal is not None and answer.argument != _digest(sending.goal):
             raise InvariantError("authentic", "a goal is not the one that was signed")
         self._used.add(challenge)
         self._obeyed.add(passed.command)
-        text = REFUSAL if verdict.action is Action.ABORT else verdict.text
+        text = REFUSAL if answer.action is Action.ABORT else answer.text
         self._answers[passed.command] = text
         if len(self._answers) > _KEPT_ANSWERS:
             self._answers.popitem(last=False)

@@ -1,19 +1,19 @@
-"""A life of the command ingress as a JSON file, to be lived again."""
+"""Findings of the command ingress as JSON files."""
 
 from __future__ import annotations
 
-import json
 from pathlib import Path
+from typing import Any
 
-from dfvs_core.errors import ConfigError
 from dfvs_robustness.fuzz.command_fuzz import CommandFinding
-from dfvs_robustness.fuzz.command_ingress import CommandLife, Sending
+from dfvs_robustness.fuzz.command_ingress import CommandEpisode, Sending
+from dfvs_robustness.fuzz.replay_file import read_document, write_document
 
 REPLAY_FORMAT = "dfvs-command-replay/1"
 
 
 def write_finding(finding: CommandFinding, path: Path) -> None:
-    """Write a finding so that ``read_episode`` gives its life back; bytes are hexadecimal.
+    """Write a finding so that ``read_episode`` gives its episode back; bytes are hexadecimal.
 
     Raises
     ------
@@ -30,35 +30,28 @@ def write_finding(finding: CommandFinding, path: Path) -> None:
             for s in finding.episode.sendings
         ],
     }
-    try:
-        path.write_text(json.dumps(document, indent=1) + "\n", encoding="utf-8")
-    except OSError as error:
-        raise ConfigError(f"cannot write {path} ({error.strerror})", "a writable folder") from error
+    write_document(path, document)
 
 
-def read_episode(path: Path) -> CommandLife:
-    """Read the life of a finding.
+def read_episode(path: Path) -> CommandEpisode:
+    """Read the episode of a finding.
 
     Raises
     ------
     ConfigError
         If the file cannot be read or is not of that format.
     """
-    try:
-        document = json.loads(path.read_text(encoding="utf-8"))
-        if document["format"] != REPLAY_FORMAT:
-            raise ConfigError(f"{path} has format {document['format']!r}", repr(REPLAY_FORMAT))
-        sendings = [
-            Sending(
-                int(t_ns),
-                bytes.fromhex(command),
-                None if goal is None else bytes.fromhex(goal),
-                str(kind),
-            )
-            for t_ns, command, goal, kind in document["sendings"]
-        ]
-        return CommandLife(int(document["born_ns"]), sendings)
-    except OSError as error:
-        raise ConfigError(f"cannot read {path} ({error.strerror})", "a replay file") from error
-    except (ValueError, KeyError, TypeError) as error:
-        raise ConfigError(f"{path} is no replay ({error!r})", repr(REPLAY_FORMAT)) from error
+    return read_document(path, REPLAY_FORMAT, _episode)
+
+
+def _episode(document: dict[str, Any]) -> CommandEpisode:
+    sendings = [
+        Sending(
+            int(t_ns),
+            bytes.fromhex(command),
+            None if goal is None else bytes.fromhex(goal),
+            str(kind),
+        )
+        for t_ns, command, goal, kind in document["sendings"]
+    ]
+    return CommandEpisode(int(document["born_ns"]), sendings)

@@ -1,4 +1,4 @@
-"""Live lives of the gate, judge every step, and count where they have been."""
+"""Episodes of the gate: run, checked step by step, counted and shrunk."""
 
 from __future__ import annotations
 
@@ -17,14 +17,14 @@ from dfvs_robustness.fuzz.shrink import shrink_list
 
 STEPS_PER_EPISODE = 1500
 _TWIN_EVERY = 20
-"""Every so many lives are lived twice, at another time of day (I7)."""
+"""Every so many episodes are run twice, at another time of day (I7)."""
 
 
 @dataclass(slots=True)
 class Tally:
     """What was lived through so far."""
 
-    lives: int = 0
+    episodes: int = 0
     steps: int = 0
     events: int = 0
     kinds: Counter[str] = field(default_factory=Counter)
@@ -38,7 +38,7 @@ class Tally:
 
     def add(self, other: Tally) -> None:
         """Count what another one counted."""
-        for name in ("lives", "steps", "events", "moving", "twins"):
+        for name in ("episodes", "steps", "events", "moving", "twins"):
             setattr(self, name, getattr(self, name) + getattr(other, name))
         for name in ("kinds", "states", "transitions", "causes"):
             getattr(self, name).update(getattr(other, name))
@@ -64,7 +64,7 @@ class Finding:
     text: str
 
 
-def live(seed: tuple[int, int], tally: Tally) -> Finding | None:
+def run_episode(seed: tuple[int, int], tally: Tally) -> Finding | None:
     """Live one life; the same seed gives the same life.
 
     Returns
@@ -76,7 +76,7 @@ def live(seed: tuple[int, int], tally: Tally) -> Finding | None:
     machine = GateMachine(episode.config, episode.born_ns)
     checker = InvariantChecker(episode.config, episode.born_ns)
     outputs = []
-    tally.lives += 1
+    tally.episodes += 1
     try:
         for _ in range(STEPS_PER_EPISODE):
             step = surroundings.next(machine.state)
@@ -95,7 +95,7 @@ def live(seed: tuple[int, int], tally: Tally) -> Finding | None:
     return None
 
 
-def relive(episode: Episode) -> InvariantError | None:
+def replay_episode(episode: Episode) -> InvariantError | None:
     """Play a life to a new gate; return the first violation."""
     machine = GateMachine(episode.config, episode.born_ns)
     checker = InvariantChecker(episode.config, episode.born_ns)
@@ -113,7 +113,7 @@ def shrink(finding: Finding) -> Finding:
     episode, rule = finding.episode, finding.rule
 
     def fails(shorter: Episode) -> bool:
-        violation = relive(shorter)
+        violation = replay_episode(shorter)
         return violation is not None and violation.rule == rule
 
     if not fails(episode):  # the twin of another time of day found it: nothing shorter is known
@@ -131,7 +131,7 @@ def shrink(finding: Finding) -> Finding:
         )
         steps = [*before, (t_ns, tuple(few)), *after]
     shortest = dataclasses.replace(episode, steps=steps)
-    violation = relive(shortest)
+    violation = replay_episode(shortest)
     return Finding(shortest, rule, finding.text if violation is None else violation.text)
 
 
@@ -163,4 +163,4 @@ def _shifted(event: Event, shift_ns: int) -> Event:
     return dataclasses.replace(event, t_ns=event.t_ns + shift_ns)
 
 
-GATE = Target(Tally, live, shrink)
+GATE = Target(Tally, run_episode, shrink)

@@ -1,4 +1,4 @@
-"""Many lives of a fuzz target on several cores, until enough events were lived through."""
+"""Run of many episodes of a fuzz target on several cores, up to a number of events."""
 
 from __future__ import annotations
 
@@ -12,13 +12,13 @@ from typing import Any, Generic, Protocol, TypeVar
 
 from dfvs_sim.child import end_worker_with_parent
 
-LIVES_PER_JOB = 8
+EPISODES_PER_JOB = 8
 MOST_FINDINGS = 10
 """A target that fails more often than that is broken; going on would tell nothing new."""
 
 
 class Tally(Protocol):
-    """What was lived through so far."""
+    """Counts of what was run so far."""
 
     events: int
 
@@ -39,29 +39,29 @@ class Target(Generic[T, F]):
     tally : callable
         Gives an empty tally.
     live : callable
-        Lives the life of (seed, number), counts it in the tally, and returns what it found.
+        Runs the episode of (seed, number), counts it in the tally, and returns what it found.
     shrink : callable
         Makes a finding short.
     """
 
     tally: Callable[[], T]
-    live: Callable[[tuple[int, int], T], F | None]
+    run_episode: Callable[[tuple[int, int], T], F | None]
     shrink: Callable[[F], F]
 
 
 @dataclass(frozen=True, slots=True)
 class Job(Generic[T, F]):
-    """A few lives: the target, the seed and the numbers of the lives."""
+    """A few episodes: the target, the seed and the numbers of the episodes."""
 
     target: Target[T, F]
     seed: int
     first: int
-    count: int = LIVES_PER_JOB
+    count: int = EPISODES_PER_JOB
 
 
 @dataclass(slots=True)
 class Outcome(Generic[T, F]):
-    """What a campaign, or a part of it, came to."""
+    """Result of a run, or of a part of it."""
 
     tally: T
     findings: list[F] = field(default_factory=list)
@@ -70,12 +70,12 @@ class Outcome(Generic[T, F]):
 
 
 def do(job: Job[T, F]) -> Outcome[T, F]:
-    """Live the lives of a job; what fails is shrunk."""
+    """Run the episodes of a job; what fails is shrunk."""
     target = job.target
     outcome: Outcome[T, F] = Outcome(target.tally())
     began_s = time.process_time()
     for number in range(job.first, job.first + job.count):
-        finding = target.live((job.seed, number), outcome.tally)
+        finding = target.run_episode((job.seed, number), outcome.tally)
         if finding is not None:
             outcome.findings.append(target.shrink(finding))
     outcome.busy_s = time.process_time() - began_s
@@ -89,9 +89,9 @@ def run_episodes(
     seed: int,
     on_progress: Callable[[Outcome[T, F]], None],
 ) -> Outcome[T, F]:
-    """Live lives until so many events were lived through.
+    """Run episodes until they hold so many events.
 
-    The lives are numbered, and life n of a seed is always the same, whatever the workers.
+    The episodes are numbered, and episode n of a seed is always the same, whatever the workers.
 
     Parameters
     ----------
@@ -102,7 +102,7 @@ def run_episodes(
     workers : int
         Processes.
     seed : int
-        Of all lives.
+        Of all episodes.
     on_progress : callable
         Called with what was found so far.
     """
@@ -134,7 +134,7 @@ def _jobs(target: Target[T, F], seed: int) -> Iterator[Job[T, F]]:
     first = 0
     while True:
         yield Job(target, seed, first)
-        first += LIVES_PER_JOB
+        first += EPISODES_PER_JOB
 
 
 def _pooled(pool: Pool, jobs: Iterator[Job[T, F]], workers: int) -> Iterator[Outcome[T, F]]:

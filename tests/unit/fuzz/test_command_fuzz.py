@@ -11,7 +11,7 @@ from dfvs_core.gate.admission import CommandAdmission
 from dfvs_core.gate.authority import Authority
 from dfvs_core.messages.rate_limit import RateLimit
 from dfvs_robustness.commands import fuzz
-from dfvs_robustness.fuzz.command_fuzz import CommandTally, live, relive, shrink
+from dfvs_robustness.fuzz.command_fuzz import CommandTally, replay_episode, run_episode, shrink
 from dfvs_robustness.fuzz.command_replay import read_episode, write_finding
 
 
@@ -114,7 +114,7 @@ BROKEN = [
 @pytest.mark.parametrize(("rule", "owner", "name", "breaking"), BROKEN)
 def test_a_broken_ingress_is_found_out(rule, owner, name, breaking, monkeypatch):
     monkeypatch.setattr(owner, name, breaking(getattr(owner, name)))
-    findings = (live((0, number), CommandTally()) for number in range(5))
+    findings = (run_episode((0, number), CommandTally()) for number in range(5))
     finding = next(finding for finding in findings if finding is not None)
     assert finding.rule == rule
 
@@ -126,7 +126,7 @@ def test_a_violation_is_shrunk_and_saved_and_violated_until_the_ingress_is_mende
     tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setattr(Authority, "_use_up", forever(None))
-    finding = shrink(live((0, 0), CommandTally()))
+    finding = shrink(run_episode((0, 0), CommandTally()))
     assert len(finding.episode.sendings) == 2  # two commands with one challenge
     path = tmp_path / "finding.json"
     write_finding(finding, path)
@@ -134,7 +134,7 @@ def test_a_violation_is_shrunk_and_saved_and_violated_until_the_ingress_is_mende
     assert run("--replay", path) == 1
     assert "violated: fresh" in capsys.readouterr().out
     monkeypatch.undo()
-    assert relive(finding.episode) is None
+    assert replay_episode(finding.episode) is None
     assert run("--replay", path) == 0
 
 

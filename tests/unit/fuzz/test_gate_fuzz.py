@@ -21,7 +21,7 @@ from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.stream import SetpointStream
 from dfvs_robustness.commands import fuzz
 from dfvs_robustness.fuzz.episode import Episode
-from dfvs_robustness.fuzz.gate_fuzz import GATE, Finding, Tally, live, relive, shrink
+from dfvs_robustness.fuzz.gate_fuzz import GATE, Finding, Tally, replay_episode, run_episode, shrink
 from dfvs_robustness.fuzz.invariants import InvariantChecker, InvariantError
 from dfvs_robustness.fuzz.replay import read_episode, write_finding
 from dfvs_robustness.fuzz.run import Job, do
@@ -169,7 +169,7 @@ def test_a_broken_gate_is_found_out(rule, owner, name, breaking, monkeypatch):
     monkeypatch.setattr(owner, name, breaking(getattr(owner, name)))
     rules = set()
     for number in range(0, 800, 20):  # of these each is lived twice, as I7 needs it
-        finding = live((0, number), Tally())
+        finding = run_episode((0, number), Tally())
         rules.add(finding and finding.rule)
         if rule in rules:
             return
@@ -183,16 +183,16 @@ def test_a_broken_gate_is_found_out(rule, owner, name, breaking, monkeypatch):
 def finding(monkeypatch):
     """A violation of a gate that is broken for the whole test."""
     monkeypatch.setattr(Engagement, "on_heartbeat", forever(None))
-    found = (live((0, number), Tally()) for number in range(40))
+    found = (run_episode((0, number), Tally()) for number in range(40))
     return shrink(next(f for f in found if f is not None and f.rule == "I5"))
 
 
 def test_a_violation_is_shrunk_to_what_it_needs(finding):
     assert len(finding.episode.steps) <= 60
-    assert relive(finding.episode).rule == "I5"
+    assert replay_episode(finding.episode).rule == "I5"
     for i in range(len(finding.episode.steps)):
         steps = finding.episode.steps[:i] + finding.episode.steps[i + 1 :]
-        violation = relive(dataclasses.replace(finding.episode, steps=steps))
+        violation = replay_episode(dataclasses.replace(finding.episode, steps=steps))
         assert violation is None or violation.rule != "I5"
 
 
@@ -239,7 +239,7 @@ def test_lists_are_shrunk_to_what_still_fails():
 
 def test_a_life_is_the_same_whoever_lives_it():
     one, two = Tally(), Tally()
-    live((3, 11), one)
+    run_episode((3, 11), one)
     two.add(do(Job(GATE, 3, 11, count=1)).tally)
     assert one == two
 

@@ -25,10 +25,10 @@ class Terminal:
 
 def test_words_come_in_their_order_and_the_terminal_is_left_clean():
     terminal = Terminal()
-    narrator = ConsoleWriter(terminal)
-    narrator.show(Heartbeat(0, "READY", ""))
-    narrator.log("warning: so")
-    assert narrator.close(5.0)
+    console_writer = ConsoleWriter(terminal)
+    console_writer.show(Heartbeat(0, "READY", ""))
+    console_writer.log("warning: so")
+    assert console_writer.close(5.0)
     assert terminal.lines == ["READY", "warning: so"]
     assert terminal.closed
 
@@ -36,13 +36,13 @@ def test_words_come_in_their_order_and_the_terminal_is_left_clean():
 def test_a_stopped_terminal_blocks_nobody_and_keeps_what_must_be_said():
     terminal = Terminal()
     terminal.is_open.clear()
-    narrator = ConsoleWriter(terminal)
+    console_writer = ConsoleWriter(terminal)
     for number in range(1000):
-        narrator.show(Heartbeat(0, f"state {number}", ""))
-    narrator.log("error: the gate hung")
-    assert not narrator.close(0.01)
+        console_writer.show(Heartbeat(0, f"state {number}", ""))
+    console_writer.log("error: the gate hung")
+    assert not console_writer.close(0.01)
     terminal.is_open.set()
-    assert narrator.close(5.0)
+    assert console_writer.close(5.0)
     assert terminal.lines[-1] == "error: the gate hung"
     assert len(terminal.lines) < 20
 
@@ -50,8 +50,8 @@ def test_a_stopped_terminal_blocks_nobody_and_keeps_what_must_be_said():
 def test_a_terminal_that_is_gone_does_not_silence_the_next_word():
     terminal = Terminal()
     terminal.show = lambda beat: (_ for _ in ()).throw(BrokenPipeError)
-    narrator = ConsoleWriter(terminal)
-    narrator.show(Heartbeat(0, "READY", ""))
-    narrator.log("still here")
-    assert narrator.close(5.0)
+    console_writer = ConsoleWriter(terminal)
+    console_writer.show(Heartbeat(0, "READY", ""))
+    console_writer.log("still here")
+    assert console_writer.close(5.0)
     assert terminal.lines == ["still here"]
