@@ -2,6 +2,7 @@
 
 import argparse
 import json
+import mmap
 
 import numpy as np
 import pytest
@@ -66,7 +67,9 @@ def test_memory_beyond_a_good_frames_fails(monkeypatch):
     held = []
 
     def greedy(payload, header):
-        held.append(np.ones(1 << 19))  # 4 MiB more with every frame
+        pages = mmap.mmap(-1, 4 << 20)  # new pages, which malloc cannot take from what it keeps
+        pages.write(b"1" * len(pages))
+        held.append(pages)
         return honest(payload, header)
 
     monkeypatch.setattr(frame_validator, "decode_frame", greedy)
