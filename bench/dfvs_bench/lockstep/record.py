@@ -14,6 +14,7 @@ from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.servo.exchange import Status
 
 CONVERGED_M, CONVERGED_RAD = 0.05, math.radians(1.0)
+FALSE_DONE_M, FALSE_DONE_DEG = 3.0 * CONVERGED_M, 3.0 * math.degrees(CONVERGED_RAD)
 _FIRST_METRE_M = 1.0
 _LEAST_DISTANCE_M = 0.1
 """Distance to the goal below which its relative error says nothing."""
@@ -48,6 +49,12 @@ class SimulatedFlight:
     def is_false_alarm(self) -> bool:
         """Whether a check ended it."""
         return self.end_state == "ABORT" and self.end_cause.startswith(_FALSE_ALARMS)
+
+    @property
+    def is_false_done(self) -> bool:
+        """Whether it said DONE and was three tolerances from the goal or more, in rms."""
+        away = (self.hold_rms_m or 0.0, self.hold_heading_rms_deg or 0.0)
+        return away[0] >= FALSE_DONE_M or away[1] >= FALSE_DONE_DEG
 
 
 def simulated_flight(seed: int, flight: LockstepFlight, log: LockstepLog) -> SimulatedFlight:
@@ -132,6 +139,7 @@ def summarise(flights: Sequence[SimulatedFlight]) -> dict[str, Any]:
     return {
         "flights": len(flights),
         "done": len(done),
+        "false_done": sum(f.is_false_done for f in flights),
         "false_alarms": sum(f.is_false_alarm for f in flights),
         "other_ends": sorted(
             {f.end_cause for f in flights if f.end_state not in ("DONE", "SERVO")}

@@ -40,6 +40,7 @@ def row(record: TrialRecord) -> dict[str, Any]:
         "iterations": trial.iterations,
         "iterations_to_criterion": trial.iterations_to_criterion,
         "converged": trial.converged,
+        "false_done": trial.is_false_done,
         "end": trial.end,
         "most_iterations": record.most_iterations,
         "width": record.size[0],
@@ -79,6 +80,7 @@ def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
     return {
         "scenes": len(rows),
         "converged": len(good),
+        "false_done": sum(r["false_done"] for r in rows),
         "mean_iterations": _mean(good, "iterations"),
         "mean_iterations_to_criterion": _mean(good, "iterations_to_criterion"),
         "mean_path_ratio": _mean(good, "path_ratio"),

@@ -86,6 +86,12 @@ class Trial:
         return self.final.distance_m < CONVERGED_M and self.final.angle_rad < CONVERGED_RAD
 
     @property
+    def is_false_done(self) -> bool:
+        """Whether its own stop rule ended it three times the criterion from the goal or more."""
+        far = self.final.distance_m >= 3 * CONVERGED_M or self.final.angle_rad >= 3 * CONVERGED_RAD
+        return self.end == "done" and far
+
+    @property
     def iterations_to_criterion(self) -> int | None:
         """Motions after which it was within 4 cm and 1 degree for good, or None."""
         if not self.converged:

@@ -17,7 +17,12 @@ from dfvs_core.messages.image import encode_png
 from dfvs_rooms.generator.room import HEIGHT_M, LENGTH_M, VIEWS, WIDTH_M, Room
 from dfvs_rooms.lighting.bake import bake_room, light_room
 from dfvs_rooms.lighting.path_traced import BakeSettings, load_mitsuba
-from dfvs_rooms.room_types.room_types import LIVING_ROOM, ROOM_KINDS, room_of_kind
+from dfvs_rooms.room_types.room_types import (
+    LIVING_ROOM,
+    REPETITIVE_KINDS,
+    ROOM_KINDS,
+    room_of_kind,
+)
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import gltf_from_ned
 from dfvs_sim.scene.glb_writer import save_glb
@@ -49,12 +54,13 @@ def add_parser(subparsers: Any) -> None:
         description="Furnish a room from a seed, light it and write it as GLB, with a JSON file of "
         "its size and good views beside it. Traced light takes minutes and Mitsuba 3 (the extra "
         "[bake]), quick light seconds. The living room is one plan in many patterns; everything "
-        "in the other kinds is drawn.",
+        "in the other kinds is drawn. In an arcade everything comes again and again, so that "
+        "places are taken for others.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
-    add("--kind", choices=ROOM_KINDS, default=LIVING_ROOM)
+    add("--kind", choices=ROOM_KINDS + REPETITIVE_KINDS, default=LIVING_ROOM)
     add("--seed", type=int, required=True, help="chooses patterns and furniture")
     add("--out", type=Path, required=True, metavar="FILE", help="scene to write (.glb)")
     add("--light", choices=("traced", "quick"), default="traced", help="default: traced")

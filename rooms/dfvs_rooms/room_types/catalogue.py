@@ -10,6 +10,7 @@ from dfvs_rooms.fittings.natural import WALLS, kind_of, natural_materials
 from dfvs_rooms.fittings.shell import Place
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import joined
+from dfvs_rooms.room_types.arcade import arcade
 from dfvs_rooms.room_types.bedroom import bedroom
 from dfvs_rooms.room_types.canteen import canteen
 from dfvs_rooms.room_types.courtyard import courtyard
@@ -33,6 +34,9 @@ PLACES: dict[str, Callable[[np.random.Generator], Place]] = {
 }
 """Furnishers of the places by name."""
 
+REPETITIVE_PLACES: dict[str, Callable[[np.random.Generator], Place]] = {"arcade": arcade}
+"""Places of repeated structures, to test matches in; drawn by name alone."""
+
 
 def drawn_place(seed: int, kind: str) -> Room:
     """Make a place, without light; the seed alone decides.
@@ -43,7 +47,7 @@ def drawn_place(seed: int, kind: str) -> Room:
         If there is no such place.
     """
     shape, looks = np.random.default_rng([seed, 5]).spawn(2)
-    place = PLACES[kind](shape)
+    place = (PLACES | REPETITIVE_PLACES)[kind](shape)
     parts = joined(place.layout.parts)
     names = {part.material for part in parts}
     walls = frozenset(name for name in names if kind_of(name) in WALLS)

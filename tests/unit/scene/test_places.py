@@ -12,8 +12,8 @@ from dfvs_rooms.fittings.natural import kind_of, natural_materials
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import joined
 from dfvs_rooms.lighting.bake import lit_scene
-from dfvs_rooms.room_types.catalogue import PLACES
-from dfvs_rooms.room_types.room_types import ROOM_KINDS
+from dfvs_rooms.room_types.catalogue import PLACES, REPETITIVE_PLACES
+from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import ned_from_room
 from dfvs_sim.viewpoints.free_space import CUBE_FACES, FreeSpace
@@ -30,20 +30,22 @@ CENTREPIECES = {
     "workshop": {"pegboard", "chipboard", "red", "drawing"},
     "gallery": {"picture", "concrete", "leather", "bricks"},
     "courtyard": {"sky", "flagstone", "leaf", "roof"},
+    "arcade": {"books", "picture", "poster", "subway"},
 }
+ALL_PLACES = PLACES | REPETITIVE_PLACES
 REACHING_OUT = {"sky", "roof", "leaf", "fern", "rubber"}
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(90.0))
 
 
 @functools.cache
 def place(kind):
-    return PLACES[kind](np.random.default_rng(SEED))
+    return ALL_PLACES[kind](np.random.default_rng(SEED))
 
 
 @functools.cache
 def materials():
     """One material of every kind that any place is of."""
-    names = {kind_of(part.material) for kind in PLACES for part in place(kind).layout.parts}
+    names = {kind_of(part.material) for kind in ALL_PLACES for part in place(kind).layout.parts}
     return natural_materials(names, np.random.default_rng(1))
 
 
@@ -65,10 +67,10 @@ def free_points(kind, count):
     return np.array([point for point, _ in zip(free, range(count), strict=False)])
 
 
-@pytest.mark.parametrize("kind", PLACES)
+@pytest.mark.parametrize("kind", ALL_PLACES)
 class TestEveryPlace:
     def test_is_decided_by_its_seed(self, kind):
-        again = PLACES[kind](np.random.default_rng(SEED))
+        again = ALL_PLACES[kind](np.random.default_rng(SEED))
         assert len(again.layout.parts) == len(place(kind).layout.parts)
         for one, same in zip(place(kind).layout.parts, again.layout.parts, strict=True):
             np.testing.assert_array_equal(one.vertices, same.vertices)
@@ -108,6 +110,11 @@ class TestEveryPlace:
             counts.append(len(sift.detect(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), None)))
         # of 160 x 120 px; a blank wall has none
         assert np.median(counts) > 40
+
+
+def test_a_repetitive_place_is_drawn_by_name_alone():
+    assert not set(REPETITIVE_PLACES) & set(ROOM_KINDS)
+    assert room_of_kind("arcade", SEED).parts
 
 
 def test_all_places_can_be_asked_for_by_name():

@@ -1,0 +1,88 @@
+"""An arcade: what repeats in buildings, repeated exactly, so that places are taken for others.
+
+Equal windows, shelves of equal books, equal balusters, equal pictures and tiles, each at one
+distance. One or two single things are all that tells its places apart.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+
+from dfvs_rooms.fittings import shell
+from dfvs_rooms.fittings.bookcases import bookcase
+from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
+from dfvs_rooms.generator import interior_furniture as pieces
+from dfvs_rooms.generator import props
+from dfvs_rooms.generator.layout import Layout, Piece
+from dfvs_rooms.generator.room import Opening
+from dfvs_rooms.generator.solids import Part, box, lathe, placed
+
+_SILL_M, _TILED_M = 1.55, 0.75
+_SHELVES_M = (1.0, 0.3, 2.3)
+_RAIL_M = 0.95
+_BALUSTER = ((0.035, 0.0), (0.035, 0.12), (0.018, 0.16), (0.045, 0.42), (0.018, 0.72), (0.03, 0.8))
+"""Outline (radius, height) of a baluster, m."""
+
+
+def arcade(rng: np.random.Generator) -> Place:
+    """Furnish a hall in which everything comes again and again."""
+    layout = shell.drawn_layout(rng, (8.0, 10.0), (5.0, 6.0), (3.2, 3.6))
+    floor = str(rng.choice(["checkers", "flagstone", "terrazzo"]))
+    shell.build_shell(layout, Finish(floor, ("wall0", "wall0", "wall0", "wall0")))
+    period_m = float(rng.uniform(0.9, 1.3))
+    openings = _windows(layout, period_m)
+    _shelves(layout, int(rng.integers(1 << 31)))
+    _end_walls(layout, period_m)
+    step_m = float(rng.uniform(0.16, 0.24))
+    length_m = layout.walls[NORTH].length_m - 3.2
+    for y in (-0.9, 1.1)[: int(rng.integers(1, 3))]:
+        layout.set_down(Piece.standing(_balustrade(length_m, step_m)), 0.0, y)
+    shell.scatter(layout, rng, (pieces.plant, pieces.seat), int(rng.integers(1, 3)))
+    shell.hang_lamps(layout, (5, 2), 0.5)
+    return Place(layout, openings)
+
+
+def _places(length_m: float, period_m: float) -> np.ndarray:
+    """Places along a wall, evenly about its middle."""
+    count = int(length_m / period_m)
+    return period_m * (np.arange(count) - (count - 1) / 2)
+
+
+def _windows(layout: Layout, period_m: float) -> tuple[Opening, ...]:
+    """Equal windows above tiles, with a radiator below each."""
+    wall = layout.walls[NORTH]
+    reach = wall.length_m / 2
+    shell.clad(layout, NORTH, (-reach, reach, 0.09, _TILED_M), "subway")
+    openings: tuple[Opening, ...] = ()
+    for s in _places(wall.length_m - 0.4, period_m):
+        size = (0.6 * period_m, 1.2)
+        openings += shell.add_window(layout, NORTH, (float(s), _SILL_M), size, panes=1)
+        radiator = Piece.standing(props.radiator(0.5 * period_m, 0.45, "white"))
+        layout.stand(radiator, NORTH, float(s))
+    return openings
+
+
+def _shelves(layout: Layout, books: int) -> None:
+    """Bookcases with the very same books along a wall."""
+    wall = layout.walls[SOUTH]
+    for s in _places(wall.length_m, _SHELVES_M[0] + 0.02):
+        case = bookcase(np.random.default_rng(books), _SHELVES_M, "oak", "books0")
+        layout.stand(Piece.standing(case), SOUTH, float(s))
+
+
+def _end_walls(layout: Layout, period_m: float) -> None:
+    """Prints of one picture in two rows."""
+    for k, (picture, frame) in ((EAST, ("picture0", "black")), (WEST, ("poster0", "oak"))):
+        for s in _places(layout.walls[k].length_m - 0.2, 0.7 * period_m):
+            for z in (1.1, 2.0):
+                layout.hang(shell.framed(picture, (0.42, 0.56), frame), k, float(s), z)
+
+
+def _balustrade(length_m: float, step_m: float) -> list[Part]:
+    """Turned balusters between two rails, its middle at the origin."""
+    parts = box((length_m, 0.14, 0.08), (0.0, 0.0, 0.0), "oak", skip="-z")
+    parts += box((length_m, 0.1, 0.06), (0.0, 0.0, _RAIL_M - 0.06), "oak")
+    baluster = lathe(_BALUSTER, "white", sides=10)
+    for x in _places(length_m, step_m):
+        parts += placed([baluster], float(x), 0.0, 0.08)
+    return parts
