@@ -8,7 +8,7 @@ import numpy as np
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.scene.mesh import NO_TEXTURE, Scene
 from dfvs_sim.scene.texture import Texture
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 CAMERA = CameraModel.from_horizontal_fov(80, 60, np.radians(80.0))
 NORTHWARD = camera_pose((0.0, 0.0, 0.0), 0.0)

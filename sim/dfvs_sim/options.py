@@ -1,4 +1,4 @@
-"""Command-line options that several commands share: the scene, the camera, a file of figures."""
+"""Command-line options that several commands share: scene, camera, poses, conditions, files."""
 
 from __future__ import annotations
 
@@ -9,7 +9,11 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
+from dfvs_sim.dynamics.estimate_errors import EstimateGrade
+from dfvs_sim.dynamics.wind import WindGrade
+from dfvs_sim.viewpoints.poses import camera_pose
 
 
 def add_scene_option(parser: argparse.ArgumentParser) -> None:
@@ -42,6 +46,75 @@ def camera_from(args: argparse.Namespace, option: str = "--size") -> CameraModel
     if not (width.isdecimal() and height.isdecimal()):
         raise ConfigError(f"{option} is {args.size!r}", "WIDTHxHEIGHT such as 320x240")
     return CameraModel.from_horizontal_fov(int(width), int(height), math.radians(args.fov))
+
+
+def parse_numbers(
+    text: str, option: str, count: int, expected: str = "", remedy: str = ""
+) -> tuple[float, ...]:
+    """Finite numbers that are separated by commas.
+
+    Raises
+    ------
+    ConfigError
+        If the text is not so many numbers.
+    """
+    try:
+        values = tuple(float(part) for part in text.split(","))
+    except ValueError:
+        values = ()
+    if len(values) != count or not all(map(math.isfinite, values)):
+        expected = expected or f"{count} numbers separated by commas"
+        raise ConfigError(f"{option} is {text!r}", expected, remedy)
+    return values
+
+
+def parse_camera_pose(text: str, option: str) -> FloatArray:
+    """``T_scene_camera`` (4, 4) of a level camera from ``X,Y,Z,YAW`` (NED, m and degrees).
+
+    Raises
+    ------
+    ConfigError
+        If the text is not four finite numbers.
+    """
+    expected = "X,Y,Z,YAW: north, east, down in m and heading in degrees"
+    remedy = f"for instance {option} 0.5,-1,-1.3,40"
+    x, y, z, yaw_deg = parse_numbers(text, option, 4, expected, remedy)
+    return camera_pose((x, y, z), math.radians(yaw_deg))
+
+
+def grade_names(grades: type[EstimateGrade] | type[WindGrade]) -> str:
+    """Names of all grades, separated by commas."""
+    return ", ".join(grade.value for grade in grades)
+
+
+def parse_estimate(name: str) -> EstimateGrade:
+    """Grade of ``--estimate``.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such grade.
+    """
+    try:
+        return EstimateGrade(name)
+    except ValueError as error:
+        expected = f"one of {grade_names(EstimateGrade)}"
+        raise ConfigError(f"--estimate is {name!r}", expected) from error
+
+
+def parse_wind(text: str) -> tuple[WindGrade, tuple[float, float]]:
+    """Grade of wind with gusts, and steady wind towards north and east (m/s), of ``--wind``.
+
+    Raises
+    ------
+    ConfigError
+        If it is neither a grade nor two numbers.
+    """
+    if any(text == grade.value for grade in WindGrade):
+        return WindGrade(text), (0.0, 0.0)
+    expected = f"one of {grade_names(WindGrade)}, or two numbers separated by a comma"
+    north, east = parse_numbers(text, "--wind", 2, expected)
+    return WindGrade.CALM, (north, east)
 
 
 def require_folder(option: str, path: Path | None) -> None:

@@ -11,7 +11,7 @@ from dfvs_bench.cli import main
 from dfvs_bench.trials.task import BenchTask, write_tasks
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 CAMERA = CameraModel(160, 120, 100, 100, 80, 60)
 POSE = camera_pose((0.5, -1.0, -1.3), 0.7)

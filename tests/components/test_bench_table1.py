@@ -23,7 +23,7 @@ from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.frames import gltf_pose_from_ned
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 GOAL = camera_pose((0.5, -1.0, -1.3), np.radians(40))

@@ -10,7 +10,7 @@ from dfvs_bench.cli import main
 from dfvs_bench.trials.task import BenchTask, write_tasks
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 pytestmark = [pytest.mark.real_time, pytest.mark.timeout(600)]
 CAMERA = CameraModel.from_horizontal_fov(192, 144, 1.3)  # what slow machines compare in time, too

@@ -22,7 +22,7 @@ from dfvs_models.onnx_session import Execution
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 SMALL = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 LARGE = SMALL.scaled(320, 240)

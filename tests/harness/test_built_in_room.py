@@ -15,7 +15,8 @@ from dfvs_sim.render.truth import exact_flow, visibility, warp_to_a
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.mesh import SceneError
-from dfvs_sim.viewpoints.sampling import TaskLimits, camera_pose, look_at, sample_task
+from dfvs_sim.viewpoints.poses import camera_pose, look_at
+from dfvs_sim.viewpoints.sampling import TaskLimits, sample_task
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, np.radians(75.0))
 SEEDS = range(6)

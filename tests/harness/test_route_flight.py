@@ -21,12 +21,12 @@ from dfvs_service.settings.config import load_config
 from dfvs_service.settings.goal_file import load_goal, route_images
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.demo.cli import DOORWAY_ROUTE
-from dfvs_sim.demo.plan import parse_camera_pose
+from dfvs_sim.options import parse_camera_pose
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene import two_rooms_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 CAMERA = CameraModel.from_horizontal_fov(256, 192, np.radians(75.0))
 CLOCK = b"c" * 16

@@ -19,7 +19,8 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene.mesh import SceneError
 from dfvs_sim.viewpoints.free_space import FreeSpace
-from dfvs_sim.viewpoints.sampling import camera_pose, floor_of
+from dfvs_sim.viewpoints.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import floor_of
 
 DRAWING_VERSION = 1
 """To be raised whenever other tasks would be drawn from the same seed."""

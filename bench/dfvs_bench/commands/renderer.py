@@ -16,7 +16,8 @@ from dfvs_sim.options import add_scene_option, write_json
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.viewpoints.sampling import camera_pose, floor_of
+from dfvs_sim.viewpoints.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import floor_of
 
 _SIZES = ((640, 480), (320, 240))
 _FOV_RAD = float(np.radians(75.0))

@@ -9,7 +9,7 @@ from dfvs_bench.trials.task import BenchTask
 from dfvs_core.errors import GeometryError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import wrap_angle
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 _STEEPEST_RAD = math.radians(80.0)
 

@@ -19,7 +19,7 @@ from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.glb_writer import save_glb
 from dfvs_sim.scene.mesh import Scene
 from dfvs_sim.scene.texture import Texture, Wrap
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 _WALL_M = 2.0
 """Distance of the plane."""

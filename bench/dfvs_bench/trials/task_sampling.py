@@ -14,7 +14,8 @@ from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_sim.render.renderer import Renderer, View
 from dfvs_sim.render.truth import visibility
 from dfvs_sim.viewpoints.free_space import FreeSpace
-from dfvs_sim.viewpoints.sampling import camera_pose, floor_of
+from dfvs_sim.viewpoints.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import floor_of
 
 _GOALS_TRIED, _STARTS_TRIED = 1500, 20
 _CLEARANCE_M, _ON_THE_WAY_M = 0.35, 0.22

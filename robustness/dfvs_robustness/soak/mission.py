@@ -29,7 +29,7 @@ from dfvs_sim.demo.flight import (
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.track import Track
 from dfvs_sim.demo.watch import TelemetryWatch
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 _STRAY_M, _STRAY_RAD = 0.1, 0.05
 _ORDER_S = 20.0

@@ -27,7 +27,8 @@ from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import gltf_from_ned
 from dfvs_sim.scene.glb_writer import save_glb
 from dfvs_sim.scene.mesh import Scene
-from dfvs_sim.viewpoints.sampling import floor_of, look_at
+from dfvs_sim.viewpoints.poses import look_at
+from dfvs_sim.viewpoints.sampling import floor_of
 
 _View: TypeAlias = tuple[tuple[float, float, float], tuple[float, float, float]]
 """Eye and point looked at, in the scene file's axes, m."""

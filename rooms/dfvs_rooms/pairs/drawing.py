@@ -17,7 +17,8 @@ from dfvs_sim.render.renderer import Renderer, View
 from dfvs_sim.render.truth import exact_flow, visibility
 from dfvs_sim.scene.mesh import SceneError
 from dfvs_sim.viewpoints.free_space import FreeSpace
-from dfvs_sim.viewpoints.sampling import camera_pose, floor_of
+from dfvs_sim.viewpoints.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import floor_of
 
 _PLACES_TRIED, _MOVES_TRIED = 400, 8
 _HIGHEST_M = 4.5

@@ -15,7 +15,8 @@ from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import visibility
 from dfvs_sim.viewpoints.free_space import FreeSpace
-from dfvs_sim.viewpoints.sampling import camera_pose, floor_of
+from dfvs_sim.viewpoints.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import floor_of
 
 SIZE = (640, 480)
 """Of the views, px."""

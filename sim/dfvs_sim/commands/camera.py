@@ -24,7 +24,7 @@ from dfvs_sim.camera.ros2 import Ros2CameraConfig, Ros2Publisher
 from dfvs_sim.ground.link import DEFAULT_URL, GroundLink
 from dfvs_sim.ground.pose import PoseTracker
 from dfvs_sim.ground.sharing import DEFAULT_PORT, LinkSharing
-from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
+from dfvs_sim.options import add_camera_options, add_scene_option, camera_from, parse_numbers
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
@@ -130,8 +130,5 @@ def _publisher(
 
 
 def _origin(text: str) -> FloatArray:
-    try:
-        x, y, z, yaw_deg = (float(part) for part in text.split(","))
-    except ValueError as error:
-        raise ConfigError(f"--origin is {text!r}", "X,Y,Z,YAW in m and degrees") from error
+    x, y, z, yaw_deg = parse_numbers(text, "--origin", 4, "X,Y,Z,YAW in m and degrees")
     return make_pose(rotation_from_euler(0.0, 0.0, math.radians(yaw_deg)), np.array([x, y, z]))

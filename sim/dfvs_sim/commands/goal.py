@@ -3,11 +3,8 @@
 from __future__ import annotations
 
 import argparse
-import math
 from pathlib import Path
 from typing import Any
-
-import numpy as np
 
 from dfvs_common.atomic_file import write_atomic
 from dfvs_core.errors import ConfigError
@@ -16,12 +13,17 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import R_BODY_FORWARD_CAMERA, euler_from_rotation
 from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.messages.image import encode_png
-from dfvs_sim.demo.plan import parse_camera_pose
-from dfvs_sim.options import add_camera_options, add_scene_option, camera_from
+from dfvs_sim.options import (
+    add_camera_options,
+    add_scene_option,
+    camera_from,
+    parse_camera_pose,
+    parse_numbers,
+)
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.viewpoints.sampling import look_at
+from dfvs_sim.viewpoints.poses import look_at
 
 _DESCRIPTION = """Render a goal picture and write it with its sidecar (goal.png, goal.json).
 
@@ -127,15 +129,6 @@ def _pose(args: argparse.Namespace) -> FloatArray:
     if args.eye is None or args.look_at is None:
         missing = "--eye" if args.eye is None else "--look-at"
         raise ConfigError(f"{missing} is missing", "--eye and --look-at together")
-    return look_at(_point(args.eye, "--eye"), _point(args.look_at, "--look-at"))
-
-
-def _point(text: str, option: str) -> FloatArray:
-    """Three numbers from ``X,Y,Z``."""
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != 3 or not all(map(math.isfinite, numbers)):
-        raise ConfigError(f"{option} is {text!r}", "X,Y,Z in m, in the scene file's axes")
-    return np.array(numbers)
+    expected = "X,Y,Z in m, in the scene file's axes"
+    eye = parse_numbers(args.eye, "--eye", 3, expected)
+    return look_at(eye, parse_numbers(args.look_at, "--look-at", 3, expected))

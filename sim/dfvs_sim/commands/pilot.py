@@ -8,9 +8,8 @@ from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
 from dfvs_core.errors import ConfigError, DfvsError
-from dfvs_sim.demo.floor import LEAST_HEIGHT_M, MOST_HEIGHT_M, USUAL_HEIGHT_M
 from dfvs_sim.ground.link import GroundLink
-from dfvs_sim.ground.pilot import Pilot
+from dfvs_sim.ground.pilot import LEAST_HEIGHT_M, MOST_HEIGHT_M, USUAL_HEIGHT_M, Pilot
 from dfvs_sim.ground.sharing import DEFAULT_PORT
 
 _WORDS = {

@@ -11,6 +11,7 @@ from typing import Any
 from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
+from dfvs_sim.options import grade_names, parse_estimate, parse_numbers, parse_wind
 from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.mavlink import UdpPorts
 from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle, stop_on_signals
@@ -59,14 +60,14 @@ def add_options(parser: argparse.ArgumentParser) -> None:
         "--wind",
         default="calm",
         metavar="GRADE|N,E",
-        help=f"{_names(WindGrade)}: wind with gusts, its direction drawn from the seed; or a "
+        help=f"{grade_names(WindGrade)}: wind with gusts, its direction drawn from the seed; or a "
         "steady wind towards north and east, m/s (default: %(default)s)",
     )
     add(
         "--estimate",
         default="perfect",
         metavar="GRADE",
-        help=f"errors of the state estimate: {_names(EstimateGrade)} (default: %(default)s)",
+        help=f"errors of the state estimate: {grade_names(EstimateGrade)} (default: %(default)s)",
     )
     for old in _REPLACED:
         add(old, help=argparse.SUPPRESS)
@@ -96,9 +97,9 @@ def config_from_args(args: argparse.Namespace) -> ProcessConfig:
     """
     for old in _REPLACED:
         if getattr(args, old.removeprefix("--").replace("-", "_"), None) is not None:
-            raise ConfigError(f"{old} is not an option", f"--estimate {_names(EstimateGrade)}")
-    x, y, z, yaw_deg = _numbers(args.start, "--start", 4)
-    wind, (north, east) = _wind(args.wind)
+            raise ConfigError(f"{old} is not an option", f"--estimate {grade_names(EstimateGrade)}")
+    x, y, z, yaw_deg = parse_numbers(args.start, "--start", 4)
+    wind, (north, east) = parse_wind(args.wind)
     return ProcessConfig(
         companion=UdpPorts(args.companion_local_port, args.companion_port),
         ground=UdpPorts(args.gcs_local_port, args.gcs_port),
@@ -110,7 +111,7 @@ def config_from_args(args: argparse.Namespace) -> ProcessConfig:
             ground_m=args.ground_z,
             ready_after_s=args.ready_after,
             system_id=_system_id(args.system_id),
-            estimate=_estimate(args.estimate),
+            estimate=parse_estimate(args.estimate),
             wind=wind,
             wind_north_m_s=north,
             wind_east_m_s=east,
@@ -118,40 +119,7 @@ def config_from_args(args: argparse.Namespace) -> ProcessConfig:
     )
 
 
-def _names(grades: type[EstimateGrade] | type[WindGrade]) -> str:
-    return ", ".join(grade.value for grade in grades)
-
-
 def _system_id(number: int) -> int:
     if not 1 <= number <= 250:
         raise ConfigError(f"--system-id is {number}", "1 to 250")
     return number
-
-
-def _estimate(name: str) -> EstimateGrade:
-    try:
-        return EstimateGrade(name)
-    except ValueError as error:
-        raise ConfigError(f"--estimate is {name!r}", f"one of {_names(EstimateGrade)}") from error
-
-
-def _wind(text: str) -> tuple[WindGrade, tuple[float, float]]:
-    """Grade of wind with gusts, and steady wind towards north and east (m/s)."""
-    if any(text == grade.value for grade in WindGrade):
-        return WindGrade(text), (0.0, 0.0)
-    try:
-        north, east = _numbers(text, "--wind", 2)
-    except ConfigError as error:
-        expected = f"one of {_names(WindGrade)}, or two numbers separated by a comma"
-        raise ConfigError(f"--wind is {text!r}", expected) from error
-    return WindGrade.CALM, (north, east)
-
-
-def _numbers(text: str, option: str, count: int) -> list[float]:
-    try:
-        values = [float(part) for part in text.split(",")]
-    except ValueError:
-        values = []
-    if len(values) != count or not all(map(math.isfinite, values)):
-        raise ConfigError(f"{option} is {text!r}", f"{count} numbers separated by commas")
-    return values

@@ -31,14 +31,20 @@ from dfvs_sim.demo.pace import (
     is_shared,
     measured_size,
 )
-from dfvs_sim.demo.plan import FlightPlan, make_plan, parse_camera_pose
+from dfvs_sim.demo.plan import FlightPlan, make_plan
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.report import FlightReport, ReportError
 from dfvs_sim.demo.results import replace_json, write_results
 from dfvs_sim.demo.summary import FlightSummary
 from dfvs_sim.demo.table import flight_table
 from dfvs_sim.demo.track import Track
-from dfvs_sim.options import add_camera_options, add_scene_option, camera_from, require_folder
+from dfvs_sim.options import (
+    add_camera_options,
+    add_scene_option,
+    camera_from,
+    parse_camera_pose,
+    require_folder,
+)
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path, two_rooms_path
 from dfvs_sim.scene.glb import load_glb

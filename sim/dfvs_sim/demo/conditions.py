@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from typing import Any
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.commands import vehicle
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
+from dfvs_sim.options import grade_names, parse_estimate, parse_wind
 
 USUAL_ESTIMATE = EstimateGrade.MEDIUM.value
 """As of a drone between optical flow and satellites alone."""
@@ -28,9 +28,8 @@ class Conditions:
     wind: str = "calm"
 
     def __post_init__(self) -> None:
-        parser = argparse.ArgumentParser()
-        vehicle.add_options(parser)
-        vehicle.config_from_args(parser.parse_args(self.words))
+        parse_estimate(self.estimate)
+        parse_wind(self.wind)
 
     @property
     def words(self) -> tuple[str, ...]:
@@ -40,7 +39,7 @@ class Conditions:
 
 def add_condition_options(parser: Any) -> None:
     """Add ``--estimate`` and ``--wind``."""
-    grades = ", ".join(grade.value for grade in EstimateGrade)
+    grades = grade_names(EstimateGrade)
     parser.add_argument(
         "--estimate",
         metavar="GRADE",

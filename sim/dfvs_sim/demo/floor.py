@@ -11,10 +11,8 @@ import numpy as np
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose
+from dfvs_sim.ground.pilot import LEAST_HEIGHT_M, MOST_HEIGHT_M, USUAL_HEIGHT_M
 from dfvs_sim.render.renderer import Renderer
-
-USUAL_HEIGHT_M = 1.5
-LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.5, 20.0
 
 _DOWNWARDS: FloatArray = np.eye(3)
 """Rotation world from camera of a view straight down: the optical axis is NED's down."""

@@ -15,7 +15,7 @@ from dfvs_core.geometry.poses import invert_pose, make_pose, pose_error, rotatio
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_sim.demo.floor import TakeOff, take_off_from_floor
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.viewpoints.sampling import camera_pose, sample_task
+from dfvs_sim.viewpoints.sampling import sample_task
 
 
 @dataclass(frozen=True, slots=True)
@@ -74,28 +74,6 @@ class FlightPlan:
         T_local_hover = make_pose(rotation_from_euler(0.0, 0.0, yaw), hover)
         T_scene_body = self.T_scene_start @ invert_pose(self.mount.T_body_camera())
         return T_scene_body @ invert_pose(T_local_hover)
-
-
-def parse_camera_pose(text: str, option: str) -> FloatArray:
-    """``T_scene_camera`` (4, 4) of a level camera from ``X,Y,Z,YAW`` (NED, m and degrees).
-
-    Raises
-    ------
-    ConfigError
-        If the text is not four finite numbers.
-    """
-    try:
-        numbers = [float(part) for part in text.split(",")]
-    except ValueError:
-        numbers = []
-    if len(numbers) != 4 or not all(map(math.isfinite, numbers)):
-        raise ConfigError(
-            f"{option} is {text!r}",
-            "X,Y,Z,YAW: north, east, down in m and heading in degrees",
-            f"for instance {option} 0.5,-1,-1.3,40",
-        )
-    x, y, z, yaw_deg = numbers
-    return camera_pose((x, y, z), math.radians(yaw_deg))
 
 
 def make_plan(

@@ -19,6 +19,10 @@ from dfvs_sim.ground.parameters import get_parameter, set_parameter
 from dfvs_sim.ground.rest import RestDetector
 from dfvs_sim.vehicle.modes import Mode, mode_from_custom
 
+USUAL_HEIGHT_M = 1.5
+"""Height to take off to, above home."""
+LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.5, 20.0
+
 _PREARM = 0x10000000
 _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 _HEARTBEAT_S = 2.5

@@ -14,7 +14,7 @@ from dfvs_models.onnx_session import Execution
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))
 GOAL = camera_pose((0.5, -1.0, -1.3), np.radians(40))

@@ -27,7 +27,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_sim.demo.conditions import Conditions
 from dfvs_sim.demo.track import TrackPoint
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 CAMERA = CameraModel(96, 72, 60, 60, 48, 36)
 START, GOAL = camera_pose((0.0, 0.0, -1.0), 0.2, -0.1), camera_pose((1.0, 0.5, -1.2), -0.3, 0.1)

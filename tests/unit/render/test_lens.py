@@ -6,7 +6,7 @@ from dfvs_core.errors import GeometryError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.render.lens import lens_of
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 BARREL = (-0.25, 0.08, 0.002, -0.001)
 

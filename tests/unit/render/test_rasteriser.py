@@ -10,7 +10,7 @@ from dfvs_core.errors import GeometryError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.render.renderer import NEAR_M, Renderer
 from dfvs_sim.scene.texture import srgb_from_linear
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 RED, GREEN = np.array([1.0, 0.0, 0.0]), np.array([0.0, 1.0, 0.0])
 

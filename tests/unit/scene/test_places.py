@@ -17,7 +17,8 @@ from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import ned_from_room
 from dfvs_sim.viewpoints.free_space import CUBE_FACES, FreeSpace
-from dfvs_sim.viewpoints.sampling import camera_pose, floor_of
+from dfvs_sim.viewpoints.poses import camera_pose
+from dfvs_sim.viewpoints.sampling import floor_of
 
 SEED = 3
 CENTREPIECES = {

@@ -11,7 +11,8 @@ from dfvs_sim.scene.frames import (
     ned_pose_from_gltf,
 )
 from dfvs_sim.scene.mesh import Scene, SceneError
-from dfvs_sim.viewpoints.sampling import camera_pose, floor_of, look_at
+from dfvs_sim.viewpoints.poses import camera_pose, look_at
+from dfvs_sim.viewpoints.sampling import floor_of
 
 
 class TestAScene:

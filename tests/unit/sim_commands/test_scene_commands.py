@@ -15,7 +15,7 @@ from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.frames import ned_from_gltf
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.viewpoints.sampling import camera_pose
+from dfvs_sim.viewpoints.poses import camera_pose
 
 
 def run(command, *words):
