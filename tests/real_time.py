@@ -17,7 +17,7 @@ from typing import Any
 
 import pytest
 
-from dfvs_sim.demo.pace import match_ms
+from dfvs_sim.demo.image_size import match_ms
 
 ATTEMPTS = 2
 SLOWEST_MS = 80.0

@@ -9,11 +9,11 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_sim.vehicle.earth import HOME_ALTITUDE_M
-from dfvs_sim.vehicle.flight import VehicleConfig
+from dfvs_sim.vehicle.messages.earth import HOME_ALTITUDE_M
+from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.modes import Mode
+from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.vehicle.px4 import STEP_NS, Px4
-from dfvs_sim.vehicle.streams import COMPANION, GROUND
 
 START_NS = 1_000_000_000
 BODY_VELOCITY, NED_VELOCITY_YAW = 0x5C7, 0x9C7

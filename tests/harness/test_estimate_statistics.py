@@ -17,8 +17,8 @@ from numpy.typing import NDArray
 from vehicle_in_hand import VehicleInHand, setpoint
 
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
-from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.modes import Mode
+from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.vehicle.px4 import Px4
 
 Array = NDArray[np.float64]

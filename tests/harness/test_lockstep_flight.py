@@ -12,7 +12,7 @@ from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.vehicle.flight import VehicleConfig
+from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.viewpoints.sampling import sample_task
 
 

@@ -15,13 +15,13 @@ from dfvs_bench.trials.inputs import input_digest
 from dfvs_bench.trials.run import renderer_of
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.messages.goal import Mount
-from dfvs_sim.demo.flight import Flight, NotReadyError
+from dfvs_sim.demo.flight.flight import Flight, NotReadyError
+from dfvs_sim.demo.flight.track import TrackPoint
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.demo.results import write_results
-from dfvs_sim.demo.summary import CONVERGED_DEG, CONVERGED_M, FlightSummary
-from dfvs_sim.demo.track import TrackPoint
+from dfvs_sim.demo.results.files import write_results
+from dfvs_sim.demo.results.summary import CONVERGED_DEG, CONVERGED_M, FlightSummary
 from dfvs_sim.render.truth import visibility
 
 

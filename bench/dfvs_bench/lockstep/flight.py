@@ -25,7 +25,7 @@ from dfvs_core.perception.vehicle_history import VehicleHistory
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import ServoResult
 from dfvs_core.servo.task import ServoTask
-from dfvs_sim.vehicle.flight import VehicleConfig
+from dfvs_sim.vehicle.motion.flight import VehicleConfig
 
 _TICK_NS = 20_000_000
 _ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})

@@ -22,7 +22,7 @@ from dfvs_models.catalog import load_depth, load_matcher
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.vehicle.flight import VehicleConfig
+from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.viewpoints.sampling import sample_task
 
 EXACT = "exact"

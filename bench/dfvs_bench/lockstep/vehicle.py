@@ -26,10 +26,10 @@ from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
 from dfvs_core.messages.link import VehicleState
-from dfvs_sim.vehicle.flight import VehicleConfig
 from dfvs_sim.vehicle.modes import Mode
+from dfvs_sim.vehicle.motion.flight import VehicleConfig
+from dfvs_sim.vehicle.motion.setpoints import BODY_NED, Setpoint, demand_from_setpoint
 from dfvs_sim.vehicle.px4 import Px4
-from dfvs_sim.vehicle.setpoints import BODY_NED, Setpoint, demand_from_setpoint
 
 _MS = 1_000_000
 _S = 1_000_000_000

@@ -21,12 +21,12 @@ from dfvs_robustness.faults.camera import PERIOD_NS, ScriptedCamera
 from dfvs_robustness.faults.records import telling_of_mode
 from dfvs_robustness.faults.wall import Pose
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
-from dfvs_sim.vehicle.flight import VehicleConfig
-from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts, wait_for_data
+from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
+from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts, wait_for_data
 from dfvs_sim.vehicle.modes import Mode
+from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.vehicle.px4 import STEP_NS, Px4
 from dfvs_sim.vehicle.record import VehicleRecord
-from dfvs_sim.vehicle.streams import COMPANION, GROUND
 
 T = TypeVar("T")
 

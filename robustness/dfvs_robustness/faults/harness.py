@@ -30,7 +30,7 @@ from dfvs_robustness.faults.environment import Environment
 from dfvs_robustness.faults.records import Run
 from dfvs_robustness.faults.service import KEY, HarnessError, Operator, ServiceProcess, wait_until
 from dfvs_robustness.faults.wall import Pose, Wall, noise_texture, ramp_texture
-from dfvs_sim.demo.ports import LOOPBACK, any_port
+from dfvs_sim.demo.flight.ports import LOOPBACK, any_port
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.zenoh_session import open_client, open_peer
 

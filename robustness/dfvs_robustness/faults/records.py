@@ -7,8 +7,8 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dfvs_sim.vehicle.messages.telemetry import Message
 from dfvs_sim.vehicle.modes import mode_from_custom
-from dfvs_sim.vehicle.telemetry import Message
 
 ROGUE_COMPONENT, PILOT_COMPONENT = 196, 190
 """Who else sends to the vehicle."""

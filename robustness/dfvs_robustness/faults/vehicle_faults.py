@@ -18,9 +18,9 @@ from dfvs_robustness.faults.fault import ANY_ENGAGED, Fault, Reaction
 from dfvs_robustness.faults.harness import NO_RESPONSE_CHECK, Harness, Setup
 from dfvs_robustness.faults.records import TELLS_MODE
 from dfvs_robustness.faults.service import KEY, signed, wait_until
+from dfvs_sim.vehicle.messages.telemetry import Message
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.px4 import Px4
-from dfvs_sim.vehicle.telemetry import Message
 
 S = GateState
 MS = 1_000_000

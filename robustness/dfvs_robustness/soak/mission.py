@@ -17,7 +17,7 @@ from dfvs_robustness.soak.holds import Hold, explain
 from dfvs_robustness.soak.sampling import Sampler
 from dfvs_sim.child import Child
 from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
-from dfvs_sim.demo.flight import (
+from dfvs_sim.demo.flight.flight import (
     VEHICLE_NAME,
     Flight,
     FlightError,
@@ -26,9 +26,9 @@ from dfvs_sim.demo.flight import (
     Narrate,
     running,
 )
+from dfvs_sim.demo.flight.telemetry import TelemetryWatch
+from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.plan import FlightPlan
-from dfvs_sim.demo.track import Track
-from dfvs_sim.demo.watch import TelemetryWatch
 from dfvs_sim.viewpoints.poses import camera_pose
 
 _STRAY_M, _STRAY_RAD = 0.1, 0.05

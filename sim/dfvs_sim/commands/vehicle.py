@@ -12,8 +12,8 @@ from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
 from dfvs_sim.options import grade_names, parse_estimate, parse_numbers, parse_wind
-from dfvs_sim.vehicle.flight import VehicleConfig
-from dfvs_sim.vehicle.mavlink import UdpPorts
+from dfvs_sim.vehicle.messages.udp_link import UdpPorts
+from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle, stop_on_signals
 
 _EPILOG = """example:

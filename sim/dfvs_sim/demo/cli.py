@@ -10,18 +10,18 @@ from pathlib import Path
 from dfvs_common.lifecycle import run_command
 from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
-from dfvs_sim.demo.cameras import CAMERAS
 from dfvs_sim.demo.conditions import (
     Conditions,
     add_condition_options,
     conditions_from,
     refuse_conditions,
 )
-from dfvs_sim.demo.engagement import engagement_of
 from dfvs_sim.demo.fleet import Member, check_vehicles, fly_together
-from dfvs_sim.demo.flight import Flight
-from dfvs_sim.demo.options import FIRST_SYSTEM_ID, VEHICLE_NAME, FlightOptions
-from dfvs_sim.demo.pace import (
+from dfvs_sim.demo.flight.camera_link import CAMERAS
+from dfvs_sim.demo.flight.engagement import engagement_of
+from dfvs_sim.demo.flight.flight import Flight
+from dfvs_sim.demo.flight.track import Track
+from dfvs_sim.demo.image_size import (
     AUTO,
     RATE_HZ,
     SHARED_RATE_HZ,
@@ -31,13 +31,13 @@ from dfvs_sim.demo.pace import (
     is_shared,
     measured_size,
 )
+from dfvs_sim.demo.options import FIRST_SYSTEM_ID, VEHICLE_NAME, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan, make_plan
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.demo.report import FlightReport, ReportError
-from dfvs_sim.demo.results import replace_json, write_results
-from dfvs_sim.demo.summary import FlightSummary
-from dfvs_sim.demo.table import flight_table
-from dfvs_sim.demo.track import Track
+from dfvs_sim.demo.results.files import replace_json, write_results
+from dfvs_sim.demo.results.report import FlightReport, ReportError
+from dfvs_sim.demo.results.summary import FlightSummary
+from dfvs_sim.demo.results.table import flight_table
 from dfvs_sim.options import (
     add_camera_options,
     add_scene_option,

@@ -7,8 +7,8 @@ import math
 import sys
 from typing import TextIO
 
-from dfvs_sim.demo.track import Track
-from dfvs_sim.demo.watch import TelemetryWatch
+from dfvs_sim.demo.flight.telemetry import TelemetryWatch
+from dfvs_sim.demo.flight.track import Track
 
 
 class Progress:

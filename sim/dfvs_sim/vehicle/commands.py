@@ -10,14 +10,14 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.vehicle import faults
-from dfvs_sim.vehicle.earth import HOME_ALTITUDE_M
 from dfvs_sim.vehicle.failsafe import Refusal
-from dfvs_sim.vehicle.flight import Flight
+from dfvs_sim.vehicle.messages.earth import HOME_ALTITUDE_M
+from dfvs_sim.vehicle.messages.streams import LinkState
+from dfvs_sim.vehicle.messages.telemetry import Message, Telemetry
 from dfvs_sim.vehicle.modes import Mode, mode_from_numbers
+from dfvs_sim.vehicle.motion.flight import Flight
 from dfvs_sim.vehicle.parameters import ParameterTable
 from dfvs_sim.vehicle.status import Status
-from dfvs_sim.vehicle.streams import LinkState
-from dfvs_sim.vehicle.telemetry import Message, Telemetry
 
 ACCEPTED, REJECTED, DENIED, UNSUPPORTED, FAILED = 0, 1, 2, 3, 4
 """MAV_RESULT; REJECTED is TEMPORARILY_REJECTED."""

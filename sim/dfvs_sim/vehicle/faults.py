@@ -13,9 +13,9 @@ from collections.abc import Mapping
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_sim.vehicle.flight import Flight
+from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND, LinkState
+from dfvs_sim.vehicle.motion.flight import Flight
 from dfvs_sim.vehicle.status import Status
-from dfvs_sim.vehicle.streams import COMPANION, GROUND, LinkState
 
 _OK, _OFF, _WRONG = 0, 1, 4
 _EMPTY = 0.04

@@ -11,12 +11,12 @@ from types import FrameType
 import numpy as np
 
 from dfvs_common.lifecycle import handle_ending_signals
-from dfvs_sim.vehicle.flight import VehicleConfig
-from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts, wait_for_data
+from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
+from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts, wait_for_data
+from dfvs_sim.vehicle.motion.flight import VehicleConfig
 from dfvs_sim.vehicle.px4 import STEP_NS, Journal, Px4
 from dfvs_sim.vehicle.record import VehicleRecord
 from dfvs_sim.vehicle.status import NS_PER_S
-from dfvs_sim.vehicle.streams import COMPANION, GROUND
 
 COMPANION_PORTS, GROUND_PORTS = UdpPorts(14580, 14540), UdpPorts(18570, 14550)
 """PX4's own: the vehicle's side, and the port on which the peer listens."""

@@ -14,7 +14,6 @@ from typing import Any
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_sim.vehicle import parameter_protocol
 from dfvs_sim.vehicle.commands import CommandHandler
 from dfvs_sim.vehicle.failsafe import (
     Refusal,
@@ -23,14 +22,15 @@ from dfvs_sim.vehicle.failsafe import (
     mode_refusal,
     should_disarm,
 )
-from dfvs_sim.vehicle.flight import Flight, VehicleConfig
+from dfvs_sim.vehicle.messages import parameter_protocol
+from dfvs_sim.vehicle.messages.streams import RATES_HZ, LinkState, Schedule
+from dfvs_sim.vehicle.messages.telemetry import Message, Telemetry
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.vehicle.navigation import Sticks
+from dfvs_sim.vehicle.motion.flight import Flight, VehicleConfig
+from dfvs_sim.vehicle.motion.navigation import Sticks
+from dfvs_sim.vehicle.motion.setpoints import BODY_NED, LOCAL_NED, Setpoint, demand_from_setpoint
 from dfvs_sim.vehicle.parameters import ParameterTable
-from dfvs_sim.vehicle.setpoints import BODY_NED, LOCAL_NED, Setpoint, demand_from_setpoint
 from dfvs_sim.vehicle.status import NS_PER_S, Status
-from dfvs_sim.vehicle.streams import RATES_HZ, LinkState, Schedule
-from dfvs_sim.vehicle.telemetry import Message, Telemetry
 
 STEP_NS = 4_000_000
 _CHECK_NS = 100 * 1_000_000

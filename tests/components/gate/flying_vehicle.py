@@ -19,12 +19,12 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_robustness.faults.records import telling_of_mode
-from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts, wait_for_data
+from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
+from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts, wait_for_data
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.parameters import ParameterTable
 from dfvs_sim.vehicle.px4 import STEP_NS, Px4, VehicleConfig
 from dfvs_sim.vehicle.record import VehicleRecord
-from dfvs_sim.vehicle.streams import COMPANION, GROUND
 
 AHEAD_NS = 25_000_000_000
 PARAMETERS = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 5}

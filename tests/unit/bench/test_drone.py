@@ -26,7 +26,7 @@ from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_sim.demo.conditions import Conditions
-from dfvs_sim.demo.track import TrackPoint
+from dfvs_sim.demo.flight.track import TrackPoint
 from dfvs_sim.viewpoints.poses import camera_pose
 
 CAMERA = CameraModel(96, 72, 60, 60, 48, 36)

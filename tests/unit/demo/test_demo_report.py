@@ -4,7 +4,7 @@ from types import SimpleNamespace
 
 import pytest
 
-from dfvs_sim.demo.report import FlightReport, ReportError
+from dfvs_sim.demo.results.report import FlightReport, ReportError
 
 TRACK = SimpleNamespace(points=[])
 

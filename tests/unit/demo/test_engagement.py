@@ -3,7 +3,7 @@
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.demo.engagement import Engagement, engagement_of
+from dfvs_sim.demo.flight.engagement import Engagement, engagement_of
 
 
 @pytest.mark.parametrize(

@@ -4,8 +4,8 @@ import pytest
 
 from dfvs_core.errors import ConfigError
 from dfvs_sim.demo.fleet import Member, check_vehicles, fly_together
-from dfvs_sim.demo.pace import is_shared, measured_size
-from dfvs_sim.demo.table import flight_table
+from dfvs_sim.demo.image_size import is_shared, measured_size
+from dfvs_sim.demo.results.table import flight_table
 
 
 def member(folder, number, *words):

@@ -5,10 +5,10 @@ from __future__ import annotations
 import subprocess
 import sys
 
-from dfvs_sim.demo.ports import FlightPorts
+from dfvs_sim.demo.flight.ports import FlightPorts
 
 NUMBERS = "p = FlightPorts.choose(); print(p.ground, p.companion, p.zenoh, p.dashboard, flush=True)"
-OTHER_FLIGHT = f"from dfvs_sim.demo.ports import FlightPorts; {NUMBERS}; input()"
+OTHER_FLIGHT = f"from dfvs_sim.demo.flight.ports import FlightPorts; {NUMBERS}; input()"
 
 
 def numbers(ports):

@@ -11,7 +11,7 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 from vehicle_process import free_port
 
-from dfvs_sim.demo.identity import flown_system_id
+from dfvs_sim.demo.flight.system_id import flown_system_id
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.ground.systems import LinkError
 

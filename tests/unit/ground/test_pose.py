@@ -12,7 +12,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from dfvs_core.geometry.poses import euler_from_rotation
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pose import PoseTracker
-from dfvs_sim.vehicle.earth import attitude_quaternion
+from dfvs_sim.vehicle.messages.earth import attitude_quaternion
 
 MS = 1_000_000
 BOOT_NS = 7_000_000_000

@@ -16,8 +16,8 @@ from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
 from dfvs_sim.ground.link import LinkError
 from dfvs_sim.ground.pose import PoseTracker, VehiclePose
+from dfvs_sim.vehicle.messages.streams import GROUND
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.vehicle.streams import GROUND
 
 DELAY_NS = 1_000_000
 TRUTH = "HIL_STATE_QUATERNION"

@@ -15,7 +15,7 @@ from dfvs_core.gate.preflight import preflight
 from dfvs_core.gate.vehicle import VehicleMonitor
 from dfvs_core.geometry.poses import quaternion_from_rotation, rotation_from_euler
 from dfvs_service.gate import px4
-from dfvs_sim.vehicle.streams import COMPANION
+from dfvs_sim.vehicle.messages.streams import COMPANION
 
 T_NS = 42
 

@@ -2,7 +2,7 @@
 
 import pytest
 
-from dfvs_sim.demo.pace import affordable_size, match_ms
+from dfvs_sim.demo.image_size import affordable_size, match_ms
 
 
 @pytest.mark.parametrize(

@@ -6,8 +6,8 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_service.ros2.frame_source import Ros2FrameSource
 from dfvs_service.settings.config import load_config, parse_assignment
-from dfvs_sim.demo.cameras import CAMERAS, camera_link
 from dfvs_sim.demo.cli import main
+from dfvs_sim.demo.flight.camera_link import CAMERAS, camera_link
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, 1.3)
 

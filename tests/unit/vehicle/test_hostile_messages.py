@@ -9,10 +9,10 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 from vehicle_in_hand import VehicleInHand, setpoint
 
-from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts
+from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
+from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.parameters import DEFAULTS
-from dfvs_sim.vehicle.streams import COMPANION, GROUND
 
 HANDLED = (
     "HEARTBEAT",

@@ -8,7 +8,7 @@ import pytest
 from vehicle_in_hand import gcs_heartbeat
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.vehicle.mavlink import UdpLink, UdpPorts
+from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts
 
 
 def arrived(link: UdpLink) -> list[str]:

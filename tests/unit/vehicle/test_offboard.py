@@ -7,8 +7,8 @@ import math
 import pytest
 from vehicle_in_hand import ARM, VehicleInHand, setpoint, sticks
 
+from dfvs_sim.vehicle.messages.streams import GROUND
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.vehicle.streams import GROUND
 
 ADVISED = {"COM_OF_LOSS_T": 0.5, "COM_OBL_RC_ACT": 5}
 

@@ -8,8 +8,8 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 from vehicle_in_hand import ARM, LAND, SET_MODE, START_NS, TAKEOFF, VehicleInHand, setpoint, sticks
 
+from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.vehicle.streams import COMPANION, GROUND
 
 NAN = math.nan
 MAVLINK_SIGNAL = float(mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL)

@@ -6,7 +6,7 @@ import math
 
 import pytest
 
-from dfvs_sim.vehicle.setpoints import (
+from dfvs_sim.vehicle.motion.setpoints import (
     BODY_NED,
     LOCAL_NED,
     Setpoint,

@@ -8,8 +8,8 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 from vehicle_in_hand import VehicleInHand
 
+from dfvs_sim.vehicle.messages.streams import COMPANION, Schedule
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.vehicle.streams import COMPANION, Schedule
 
 SET_INTERVAL, GET_INTERVAL, REQUEST = 511, 510, 512
 PX4_RATES_HZ = {

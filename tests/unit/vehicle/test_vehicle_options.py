@@ -10,7 +10,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_sim.commands.vehicle import add_options, config_from_args
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
-from dfvs_sim.vehicle.flight import VehicleConfig
+from dfvs_sim.vehicle.motion.flight import VehicleConfig
 
 
 def config(*words: str) -> VehicleConfig:

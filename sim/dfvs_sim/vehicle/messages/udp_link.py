@@ -9,7 +9,7 @@ from dataclasses import dataclass
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.vehicle.telemetry import Message
+from dfvs_sim.vehicle.messages.telemetry import Message
 
 _HOST = "127.0.0.1"
 _MAX_DATAGRAMS = 64

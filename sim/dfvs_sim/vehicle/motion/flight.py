@@ -11,11 +11,11 @@ from dfvs_sim.dynamics.estimate_errors import ERRORS, EstimateGrade
 from dfvs_sim.dynamics.estimator import Estimator
 from dfvs_sim.dynamics.rigid_body import Quadrotor
 from dfvs_sim.dynamics.wind import STRENGTHS, Wind, WindGrade
-from dfvs_sim.vehicle.liftoff import LandDetector, Liftoff
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.vehicle.navigation import Navigator
+from dfvs_sim.vehicle.motion.liftoff import LandDetector, Liftoff
+from dfvs_sim.vehicle.motion.navigation import Navigator
+from dfvs_sim.vehicle.motion.setpoints import is_flyable
 from dfvs_sim.vehicle.parameters import ParameterTable, Value
-from dfvs_sim.vehicle.setpoints import is_flyable
 from dfvs_sim.vehicle.status import Status
 
 STOP = Demand(velocity=(0.0, 0.0, 0.0), yaw_rate_rad_s=0.0)

@@ -10,8 +10,8 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_sim.demo.flight import FlightLog
-from dfvs_sim.demo.track import path_length_m, settled_error
+from dfvs_sim.demo.flight.flight import FlightLog
+from dfvs_sim.demo.flight.track import path_length_m, settled_error
 from dfvs_sim.vehicle.record import read_record
 
 CONVERGED_M = 0.05

@@ -7,8 +7,8 @@ from pathlib import Path
 
 from dfvs_core.errors import DfvsError
 from dfvs_sim.child import Child
-from dfvs_sim.demo.engagement import option_values
-from dfvs_sim.demo.track import Track
+from dfvs_sim.demo.flight.engagement import option_values
+from dfvs_sim.demo.flight.track import Track
 
 PAGE, FILM = "report.html", "flight.mp4"
 _OPTION = "--record"

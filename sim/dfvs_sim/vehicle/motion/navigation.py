@@ -13,9 +13,9 @@ from dfvs_sim.dynamics.control import Demand
 from dfvs_sim.dynamics.estimator import Estimate
 from dfvs_sim.dynamics.rigid_body import GRAVITY_M_S2
 from dfvs_sim.vehicle.modes import Mode
+from dfvs_sim.vehicle.motion.trajectory import SmoothAxis, speed_to_stop_in
 from dfvs_sim.vehicle.parameters import ParameterTable
 from dfvs_sim.vehicle.status import Status
-from dfvs_sim.vehicle.trajectory import SmoothAxis, speed_to_stop_in
 
 _ARRIVED_M = 0.3
 

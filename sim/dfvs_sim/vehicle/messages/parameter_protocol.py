@@ -7,8 +7,8 @@ from __future__ import annotations
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from dfvs_sim.vehicle.messages.telemetry import Message
 from dfvs_sim.vehicle.parameters import ParameterTable
-from dfvs_sim.vehicle.telemetry import Message
 
 
 def value_message(table: ParameterTable, name: str) -> Message:

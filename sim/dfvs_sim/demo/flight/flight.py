@@ -14,17 +14,17 @@ from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
 from dfvs_sim.child import Child
-from dfvs_sim.demo.anchor import FlightError, anchored_poses
-from dfvs_sim.demo.cameras import CameraLink, camera_link
-from dfvs_sim.demo.engagement import ENDED, READY, UNDER_WAY, Engagement, engagement_of
+from dfvs_sim.demo.flight.camera_link import CameraLink, camera_link
+from dfvs_sim.demo.flight.camera_poses import FlightError, anchored_poses
+from dfvs_sim.demo.flight.engagement import ENDED, READY, UNDER_WAY, Engagement, engagement_of
+from dfvs_sim.demo.flight.ports import LOOPBACK, FlightPorts
+from dfvs_sim.demo.flight.processes import FlightProcesses
+from dfvs_sim.demo.flight.system_id import flown_system_id
+from dfvs_sim.demo.flight.telemetry import TelemetryWatch
+from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.floor import TakeOff
-from dfvs_sim.demo.identity import flown_system_id
 from dfvs_sim.demo.options import USUAL_GROUND_URL, VEHICLE_NAME, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
-from dfvs_sim.demo.ports import LOOPBACK, FlightPorts
-from dfvs_sim.demo.processes import FlightProcesses
-from dfvs_sim.demo.track import Track
-from dfvs_sim.demo.watch import TelemetryWatch
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.ground.pose import PoseTracker

@@ -7,10 +7,10 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_sim.child import Child
-from dfvs_sim.demo.cameras import CameraLink
+from dfvs_sim.demo.flight.camera_link import CameraLink
+from dfvs_sim.demo.flight.ports import LOOPBACK, FlightPorts
+from dfvs_sim.demo.image_size import service_threads
 from dfvs_sim.demo.options import FIRST_SYSTEM_ID, FlightOptions
-from dfvs_sim.demo.pace import service_threads
-from dfvs_sim.demo.ports import LOOPBACK, FlightPorts
 
 
 @dataclass(frozen=True, slots=True)

@@ -7,8 +7,8 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_common.atomic_file import write_atomic
-from dfvs_sim.demo.flight import FlightLog
-from dfvs_sim.demo.summary import FlightSummary, summarise
+from dfvs_sim.demo.flight.flight import FlightLog
+from dfvs_sim.demo.results.summary import FlightSummary, summarise
 
 
 def write_results(log: FlightLog, folder: Path) -> FlightSummary:

@@ -8,14 +8,14 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_sim.vehicle.earth import (
+from dfvs_sim.vehicle.messages.earth import (
     HOME_ALTITUDE_M,
     attitude_quaternion,
     global_origin,
     projected,
     true_state,
 )
-from dfvs_sim.vehicle.flight import Flight
+from dfvs_sim.vehicle.motion.flight import Flight
 from dfvs_sim.vehicle.status import Status
 
 Message = Any

@@ -1,0 +1,1 @@
+"""One flight: its processes, links and ports, brought up, flown and brought down."""

@@ -1,0 +1,1 @@
+"""What a flight leaves behind: figures, report and files."""

@@ -1,0 +1,1 @@
+"""The vehicle's MAVLink side: links, streams, telemetry and parameters."""

@@ -1,0 +1,1 @@
+"""The vehicle's motion: what each mode demands, from take-off to landing."""
