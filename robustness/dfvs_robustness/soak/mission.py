@@ -17,17 +17,11 @@ from dfvs_robustness.soak.holds import Hold, explain
 from dfvs_robustness.soak.sampling import Sampler
 from dfvs_sim.child import Child
 from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
-from dfvs_sim.demo.flight.flight import (
-    VEHICLE_NAME,
-    Flight,
-    FlightError,
-    FlightOptions,
-    FlightSession,
-    Narrate,
-    running,
-)
+from dfvs_sim.demo.flight.camera_poses import FlightError
+from dfvs_sim.demo.flight.flight import Flight, FlightSession, Narrate, running
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track
+from dfvs_sim.demo.options import VEHICLE_NAME, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.viewpoints.poses import camera_pose
 

@@ -10,50 +10,16 @@ from pathlib import Path
 from dfvs_common.lifecycle import run_command
 from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
-from dfvs_sim.demo.conditions import (
-    Conditions,
-    add_condition_options,
-    conditions_from,
-    refuse_conditions,
-)
-from dfvs_sim.demo.fleet import Member, check_vehicles, fly_together
+from dfvs_sim.demo.conditions import add_condition_options, conditions_from, refuse_conditions
+from dfvs_sim.demo.fleet import check_vehicles
 from dfvs_sim.demo.flight.camera_link import CAMERAS
 from dfvs_sim.demo.flight.engagement import engagement_of
-from dfvs_sim.demo.flight.flight import Flight
-from dfvs_sim.demo.flight.track import Track
-from dfvs_sim.demo.image_size import (
-    AUTO,
-    RATE_HZ,
-    SHARED_RATE_HZ,
-    SIZE_HELP,
-    SIZES,
-    as_text,
-    is_shared,
-    measured_size,
-)
-from dfvs_sim.demo.options import FIRST_SYSTEM_ID, VEHICLE_NAME, FlightOptions
-from dfvs_sim.demo.plan import FlightPlan, make_plan
+from dfvs_sim.demo.fly import fly_fleet, fly_seeds
+from dfvs_sim.demo.image_size import AUTO, RATE_HZ, SHARED_RATE_HZ, SIZE_HELP, is_shared
+from dfvs_sim.demo.options import VEHICLE_NAME
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.demo.results.files import replace_json, write_results
-from dfvs_sim.demo.results.report import FlightReport, ReportError
-from dfvs_sim.demo.results.summary import FlightSummary
-from dfvs_sim.demo.results.table import flight_table
-from dfvs_sim.options import (
-    add_camera_options,
-    add_scene_option,
-    camera_from,
-    parse_camera_pose,
-    require_folder,
-)
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path, two_rooms_path
-from dfvs_sim.scene.glb import load_glb
+from dfvs_sim.options import add_camera_options, add_scene_option, require_folder
 
-DOORWAY_ROUTE = ("0,-2,-1.3,90", "0,-1,-1.3,77", "0.1,-0.15,-1.3,47", "0.2,0.7,-1.3,16")
-"""Start and goals in the two rooms: eastwards through the doorway, then round to the north."""
-
-
-EXIT_OK, EXIT_NOT_REACHED = 0, 1
 _EPILOG = """examples:
   dfvs-demo                                     one flight in the built-in room
   dfvs-demo --runs 10 --json seeds.json         ten flights, seeds 0 to 9
@@ -78,8 +44,8 @@ def _run(args: argparse.Namespace, words: tuple[str, ...]) -> int:
     try:
         _check(args)
         if args.vehicles > 1:
-            return _fly_fleet(args, words, progress)
-        return _fly_all(args, progress)
+            return fly_fleet(args, words, progress)
+        return fly_seeds(args, progress)
     finally:
         progress.close()
 
@@ -165,137 +131,6 @@ def _check(args: argparse.Namespace) -> None:
         refuse_conditions(args, "--autopilot")
     conditions_from(args)
     engagement_of(args.service.split())
-
-
-def _fly_fleet(args: argparse.Namespace, words: tuple[str, ...], progress: Progress) -> int:
-    """Fly several vehicles at a time and print their table."""
-    for name, is_given in (("--runs", args.runs > 1), ("--autopilot", args.autopilot is not None)):
-        if is_given:
-            raise ConfigError(
-                f"{name} beside --vehicles",
-                "only one of them",
-                "dfvs-demo once for each, with --name, --system-id and --ground",
-            )
-    size = measured_size(progress.say, args.vehicles) if args.size == AUTO else args.size
-    words = (*words, "--size", size, "--rate", str(args.rate))
-    members = []
-    for k in range(args.vehicles):
-        folder = _made(_folder(args, args.seed) / f"vehicle-{k + 1}")
-        system_id = (args.system_id or FIRST_SYSTEM_ID) + k
-        members.append(Member(f"{args.name}-{k + 1}", system_id, args.seed + k, folder, words))
-    codes = fly_together(members, progress.say)
-    documents = [member.document() for member in members]
-    print(flight_table(documents))
-    if args.json is not None:
-        replace_json(args.json, documents)
-    return EXIT_OK if not any(codes) else max(EXIT_NOT_REACHED, *codes)
-
-
-def _fly_all(args: argparse.Namespace, progress: Progress) -> int:
-    """Fly one seed after the other."""
-    is_size_open = args.size == AUTO
-    if is_size_open:
-        args.size = as_text(SIZES[0][0])
-    camera = camera_from(args)
-    if args.route:
-        _take_route(args)
-    start = None if args.start is None else parse_camera_pose(args.start, "--start")
-    goals = [parse_camera_pose(text, "--goal") for text in args.goal or ()]
-    renderer = Renderer(load_glb(args.scene or builtin_room_path()))
-    if is_size_open:
-        make_plan(renderer, camera, args.seed, start, goals)  # what cannot be flown is said first
-        args.size = measured_size(progress.say)
-        camera = camera_from(args)
-    summaries = []
-    for seed in range(args.seed, args.seed + args.runs):
-        plan = make_plan(renderer, camera, seed, start, goals)
-        folder = _folder(args, seed)
-        summaries.append(_fly_one(plan, args, folder, progress))
-        _write_json(args, summaries)
-    if args.runs > 1:
-        print(flight_table([s.to_json() for s in summaries]))
-    return EXIT_OK if all(s.converged for s in summaries) else EXIT_NOT_REACHED
-
-
-def _take_route(args: argparse.Namespace) -> None:
-    """Put the route through the doorway in place of what was not said."""
-    if args.scene is not None or args.start is not None or args.goal is not None:
-        raise ConfigError("--route beside --scene, --start or --goal", "only one of them")
-    args.scene = two_rooms_path()
-    args.start, *args.goal = DOORWAY_ROUTE
-
-
-def _folder(args: argparse.Namespace, seed: int) -> Path:
-    folder: Path = args.out or Path(f"demo-{seed}")
-    if args.out is not None and args.runs > 1:
-        folder = folder / f"seed-{seed}"
-    return _made(folder)
-
-
-def _made(folder: Path) -> Path:
-    try:
-        folder.mkdir(parents=True, exist_ok=True)
-    except OSError as error:
-        raise ConfigError(f"cannot make the folder {folder} ({error.strerror})") from error
-    return folder.absolute()
-
-
-def _fly_one(
-    plan: FlightPlan, args: argparse.Namespace, folder: Path, progress: Progress
-) -> FlightSummary:
-    distance_m, angle_rad = plan.initial_error
-    progress.say(
-        f"seed {plan.seed}: {distance_m:.2f} m and {angle_rad * 57.29578:.1f} degrees from the goal"
-    )
-    report = None if args.no_report else FlightReport(folder, tuple(args.service.split()))
-    options = FlightOptions(
-        timeout_s=args.timeout,
-        ready_s=args.ready,
-        rate_hz=args.rate,
-        vehicle=args.name,
-        system_id=args.system_id,
-        conditions=conditions_from(args) if args.autopilot is None else Conditions(),
-        autopilot=args.autopilot,
-        ground=args.ground,
-        service=(*(report.words if report else ()), *args.service.split()),
-        camera=args.camera,
-        dashboard=args.dashboard,
-        pause=_pause if args.dashboard and sys.stdin.isatty() else lambda _: None,
-    )
-    log = Flight(plan, options, folder, lambda text: progress.say(f"  {text}")).run(progress.show)
-    summary = write_results(log, folder)
-    verdict = "converged" if summary.converged else f"{summary.end_state}: {summary.end_cause}"
-    progress.say(
-        f"  {verdict}: {summary.final_translation_m * 100:.1f} cm and "
-        f"{summary.final_rotation_deg:.2f} degrees after {summary.duration_s:.1f} s, path ratio "
-        f"{summary.path_ratio:.2f}"
-    )
-    made = "" if report is None else f"{_made_report(report, log.track, progress)} and "
-    progress.say(f"  {made}summary.json in {folder}")
-    return summary
-
-
-def _made_report(report: FlightReport, track: Track, progress: Progress) -> str:
-    """Make the report; its files, or why there is none."""
-    progress.say("  making the report")
-    try:
-        return ", ".join(path.name for path in report.make(track))
-    except ReportError as error:
-        return f"no report ({error})"
-
-
-def _pause(what: str) -> None:
-    """Give somebody at a terminal the time to look."""
-    print(f"  {what} ", end="", file=sys.stderr, flush=True)
-    sys.stdin.readline()
-
-
-def _write_json(args: argparse.Namespace, summaries: list[FlightSummary]) -> None:
-    """Write the summary: a mapping for one flight, a list for several."""
-    if args.json is None:
-        return
-    documents = [s.to_json() for s in summaries]
-    replace_json(args.json, documents[0] if args.runs == 1 else documents)
 
 
 if __name__ == "__main__":

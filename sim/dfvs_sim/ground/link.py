@@ -22,8 +22,6 @@ from dfvs_sim.ground.systems import HEARTBEATS_S, Autopilots, LinkError
 from dfvs_sim.ground.texts import StatusTexts
 from dfvs_sim.ground.udp import Endpoint
 
-__all__ = ["ACCEPTED", "DEFAULT_URL", "GroundLink", "LinkError", "Message"]
-
 DEFAULT_URL = "udpin://127.0.0.1:14550"
 
 ACCEPTED, IN_PROGRESS = 0, 5

@@ -6,7 +6,8 @@ import struct
 
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_sim.ground.link import GroundLink, LinkError, Message
+from dfvs_sim.ground.link import GroundLink, Message
+from dfvs_sim.ground.systems import LinkError
 
 _TIMEOUT_S, _RETRIES = 0.7, 3
 _REAL32 = mavlink.MAV_PARAM_TYPE_REAL32

@@ -26,7 +26,8 @@ from dfvs_sim.ground.interpolation import (
     euler,
     position_at,
 )
-from dfvs_sim.ground.link import ACCEPTED, GroundLink, LinkError, Message
+from dfvs_sim.ground.link import ACCEPTED, GroundLink, Message
+from dfvs_sim.ground.systems import LinkError
 from dfvs_sim.ground.truth import LocalOrigin, TruthFilter
 
 _KEPT = 128

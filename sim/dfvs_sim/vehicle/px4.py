@@ -7,7 +7,6 @@ above the spawn point, so that ``LOCAL_POSITION_NED.z`` is not zero on the groun
 
 from __future__ import annotations
 
-import math
 from collections.abc import Callable
 from typing import Any
 
@@ -116,7 +115,7 @@ class Px4:
         )
         known = setpoint.frame in (LOCAL_NED, BODY_NED)
         demand = demand_from_setpoint(setpoint, self.flight.estimate.yaw_rad) if known else None
-        self.note(now_ns, "setpoint", m, link, **_values(setpoint), valid=demand is not None)
+        self.note(now_ns, "setpoint", m, link, **setpoint.as_json(), valid=demand is not None)
         if not known:
             self.say(f"SET_POSITION_TARGET_LOCAL_NED: frame {setpoint.frame} not supported")
         if demand is not None:
@@ -284,20 +283,3 @@ def _statustext(text: str) -> Message:
 
 def _stick(value: float) -> float:
     return min(1.0, max(-1.0, value))
-
-
-def _values(setpoint: Setpoint) -> dict[str, Any]:
-    """Fields of a setpoint for the record; NaN and infinity as text, since JSON has none."""
-
-    def plain(value: float) -> float | str:
-        return value if math.isfinite(value) else str(value)
-
-    return {
-        "frame": setpoint.frame,
-        "mask": setpoint.mask,
-        "position": [plain(v) for v in setpoint.position],
-        "velocity": [plain(v) for v in setpoint.velocity],
-        "acceleration": [plain(v) for v in setpoint.acceleration],
-        "yaw_rad": plain(setpoint.yaw_rad),
-        "yaw_rate_rad_s": plain(setpoint.yaw_rate_rad_s),
-    }

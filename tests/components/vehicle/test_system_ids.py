@@ -9,9 +9,9 @@ import pytest
 from vehicle_process import free_port, vehicle_running
 
 from dfvs_sim.cli import main
-from dfvs_sim.ground.link import GroundLink, LinkError
+from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot
-from dfvs_sim.ground.systems import listen_for_systems
+from dfvs_sim.ground.systems import LinkError, listen_for_systems
 from dfvs_sim.ground.udp import Endpoint
 
 pytestmark = pytest.mark.real_time

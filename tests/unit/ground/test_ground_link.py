@@ -11,7 +11,8 @@ import pytest
 from pymavlink.dialects.v20 import development as mavlink
 from vehicle_process import wait_until
 
-from dfvs_sim.ground.link import GroundLink, LinkError
+from dfvs_sim.ground.link import GroundLink
+from dfvs_sim.ground.systems import LinkError
 
 PX4_HEARTBEAT = (mavlink.MAV_TYPE_QUADROTOR, mavlink.MAV_AUTOPILOT_PX4, 0, 0, 3, 3)
 

@@ -14,8 +14,8 @@ from vehicle_in_hand import VehicleInHand, setpoint
 
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
-from dfvs_sim.ground.link import LinkError
 from dfvs_sim.ground.pose import PoseTracker, VehiclePose
+from dfvs_sim.ground.systems import LinkError
 from dfvs_sim.vehicle.messages.streams import GROUND
 from dfvs_sim.vehicle.modes import Mode
 

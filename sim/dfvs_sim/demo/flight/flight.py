@@ -23,24 +23,12 @@ from dfvs_sim.demo.flight.system_id import flown_system_id
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.floor import TakeOff
-from dfvs_sim.demo.options import USUAL_GROUND_URL, VEHICLE_NAME, FlightOptions
+from dfvs_sim.demo.options import USUAL_GROUND_URL, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.ground.pose import PoseTracker
 from dfvs_sim.zenoh_session import open_peer
-
-__all__ = [
-    "VEHICLE_NAME",
-    "Flight",
-    "FlightError",
-    "FlightLog",
-    "FlightOptions",
-    "FlightSession",
-    "Narrate",
-    "NotReadyError",
-    "running",
-]
 
 _STARTUP_S = 40.0
 _SETTLE_S = 1.0

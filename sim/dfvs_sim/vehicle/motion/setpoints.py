@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import Any
 
 from dfvs_sim.dynamics.control import NAN_VECTOR, Demand, Vector
 
@@ -26,6 +27,18 @@ class Setpoint:
     acceleration: Vector
     yaw_rad: float
     yaw_rate_rad_s: float
+
+    def as_json(self) -> dict[str, Any]:
+        """Fields for the vehicle's record; NaN and infinity as text, since JSON has none."""
+        return {
+            "frame": self.frame,
+            "mask": self.mask,
+            "position": [_plain(v) for v in self.position],
+            "velocity": [_plain(v) for v in self.velocity],
+            "acceleration": [_plain(v) for v in self.acceleration],
+            "yaw_rad": _plain(self.yaw_rad),
+            "yaw_rate_rad_s": _plain(self.yaw_rate_rad_s),
+        }
 
 
 def demand_from_setpoint(setpoint: Setpoint, yaw_rad: float) -> Demand | None:
@@ -62,6 +75,10 @@ def is_flyable(demand: Demand) -> bool:
         any(math.isfinite(v[axis]) for v in (demand.position, demand.velocity, demand.acceleration))
         for axis in range(3)
     )
+
+
+def _plain(value: float) -> float | str:
+    return value if math.isfinite(value) else str(value)
 
 
 def _unless(ignored: int, value: float) -> float:
