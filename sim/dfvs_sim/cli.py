@@ -12,7 +12,7 @@ from dfvs_sim.commands import camera, goal, pilot, vehicle, world
 
 _EPILOG = """examples:
   dfvs-sim                                            vehicle and camera together
-  dfvs-sim goal --pose 0.5,-1,-1.3,40 --out goal.png  a goal picture with its sidecar
+  dfvs-sim goal --pose 0.5,-1,-1.3,40 --out goal.png  a goal image with its sidecar
   dfvs-sim vehicle --record flight.jsonl              the vehicle alone
   dfvs-sim camera --mavlink udpin://127.0.0.1:14550   the camera alone, beside any PX4
   dfvs-sim pilot                                      fly it by words: arm, takeoff, offboard ...

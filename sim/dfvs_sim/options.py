@@ -24,7 +24,7 @@ def add_scene_option(parser: argparse.ArgumentParser) -> None:
 
 
 def add_camera_options(
-    parser: argparse.ArgumentParser, size: str = "320x240", what: str = "picture size in px"
+    parser: argparse.ArgumentParser, size: str = "320x240", what: str = "image size in px"
 ) -> None:
     """Add ``--size``, with its default and help, and ``--fov``."""
     help_text = f"{what} (default: %(default)s)"

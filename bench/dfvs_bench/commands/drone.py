@@ -89,15 +89,15 @@ def run(args: argparse.Namespace) -> int:
     kept = _kept(args.runs, tasks, setting) if args.resume else {}
     progress = Progress()
     if kept:
-        progress.say(f"{len(kept)} flights are in {args.runs}")
+        progress.log(f"{len(kept)} flights are in {args.runs}")
     countdown = Countdown(len(tasks) - len(kept))
     for task in tasks:
         if task.name not in kept:
-            progress.say(f"{task.name}:")
+            progress.log(f"{task.name}:")
             record = fly(task, setting, args.runs.absolute() / task.name, progress)
             write_record(args.runs, record)
             kept[task.name] = record
-            progress.say(f"{flight_line(record)} {countdown.step()}")
+            progress.log(f"{flight_line(record)} {countdown.step()}")
     _finish(args, [kept[task.name] for task in tasks], time.monotonic() - began_s)
     return 0
 

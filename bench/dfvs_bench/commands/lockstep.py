@@ -84,7 +84,7 @@ def run(args: argparse.Namespace) -> int:
     flights: list[SimulatedFlight] = []
     for flight in TrialExecutor(args.workers).finished(fly, jobs):
         flights.append(flight)
-        progress.say(f"{_line(flight)}  ({len(flights)} of {len(jobs)})")
+        progress.log(f"{_line(flight)}  ({len(flights)} of {len(jobs)})")
     flights.sort(key=lambda f: f.seed)
     summary = summarise(flights)
     for name, value in summary.items():

@@ -107,7 +107,7 @@ def run(args: argparse.Namespace) -> int:
     progress, found = Progress(), list[Relocalisation]()
     for part in executor.finished(relocalise, jobs):
         found += part
-        progress.say(f"{len(found)} of {sum(len(job.tasks) for job in jobs)} pairs")
+        progress.log(f"{len(found)} of {sum(len(job.tasks) for job in jobs)} pairs")
     figures = summarise(found)
     print(_COLUMNS)
     for label in dict.fromkeys(job.name for job in jobs):

@@ -60,7 +60,7 @@ def fly(task: BenchTask, setting: Setting, folder: Path, progress: Progress) -> 
         service=setting.words,
         conditions=setting.conditions,
     )
-    flight = Flight(plan, options, folder, lambda text: progress.say(f"  {text}"))
+    flight = Flight(plan, options, folder, lambda text: progress.log(f"  {text}"))
     try:
         log = flight.run(progress.show)
     except NotReadyError as error:

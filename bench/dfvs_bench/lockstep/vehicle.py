@@ -107,7 +107,7 @@ class HoveringVehicle:
         assert demand is not None
         self._px4.status.setpoint_ns = self.now_ns
         if self._px4.status.mode is Mode.OFFBOARD:
-            self._px4.flight.take_setpoint(demand)
+            self._px4.flight.on_setpoint(demand)
 
     def state(self) -> VehicleState:
         """Vehicle state as the autopilot estimates it."""

@@ -67,12 +67,12 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(f"cannot make the folder {args.out} ({error.strerror})") from error
     progress = Progress()
     if args.size == AUTO:
-        args.size = measured_size(progress.say)
+        args.size = measured_size(progress.log)
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
     plan = make_plan(renderer, camera_from(args), args.seed, None, [])
     words = tuple(args.service.split())
     stay = Stay(args.out.absolute(), args.minutes, args.rate, words)
-    mission = Mission(plan, stay, lambda text: progress.say(f"  {text}"))
+    mission = Mission(plan, stay, lambda text: progress.log(f"  {text}"))
     began_s, ended = time.monotonic(), ""
     try:
         mission.run(lambda watch, track: None)

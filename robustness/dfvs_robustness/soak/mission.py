@@ -18,7 +18,7 @@ from dfvs_robustness.soak.sampling import Sampler
 from dfvs_sim.child import Child
 from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
 from dfvs_sim.demo.flight.camera_poses import FlightError
-from dfvs_sim.demo.flight.flight import Flight, FlightSession, Narrate, running
+from dfvs_sim.demo.flight.flight import Flight, FlightSession, Log, running
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.options import VEHICLE_NAME, FlightOptions
@@ -65,11 +65,11 @@ class Mission(Flight):
         Start and goal: the mission goes to and fro between places near these two.
     stay : Stay
         Its folder exists; it takes goals, logs and records.
-    narrate : callable
+    log : callable
         Takes one line for the user at every step.
     """
 
-    def __init__(self, plan: FlightPlan, stay: Stay, narrate: Narrate) -> None:
+    def __init__(self, plan: FlightPlan, stay: Stay, log: Log) -> None:
         self._key = stay.folder / "soak.key"
         self._runtime = stay.folder / "runtime"
         words = ("--set", f"gate.command_key_file={self._key}", "--runtime-dir", str(self._runtime))
@@ -80,7 +80,7 @@ class Mission(Flight):
             service=service,
             conditions=Conditions(USUAL_ESTIMATE),
         )
-        super().__init__(plan, options, stay.folder, narrate)
+        super().__init__(plan, options, stay.folder, log)
         for old in (self._key, self._runtime / "gate.jsonl"):  # of an earlier soak
             old.unlink(missing_ok=True)
         self._order("new-key")
@@ -163,7 +163,7 @@ class Mission(Flight):
             round(error_rad, 4),
         )
         self.legs.append(leg)
-        self._narrate(f"leg {leg.number}: {leg.state} after {leg.duration_s} s, {error_m:.3f} m")
+        self._log(f"leg {leg.number}: {leg.state} after {leg.duration_s} s, {error_m:.3f} m")
         return leg.state == "DONE"
 
     def _change_goal(self, session: FlightSession, T_scene_goal: FloatArray) -> None:

@@ -1,4 +1,4 @@
-"""The mock camera's loop: pose from the vehicle's telemetry, picture from the renderer."""
+"""The mock camera's loop: pose from the vehicle's telemetry, image from the renderer."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ CameraPoses = Callable[[int], FloatArray | None]
 
 _LONGEST_LEAD_NS = 100_000_000
 _LEAD_SHARE = 0.1
-"""Share of the last picture in the estimate of how long one takes."""
+"""Share of the last image in the estimate of how long one takes."""
 _REMEMBERED = 1024
 
 Publish = Callable[[bytes, bytes, str], None]
@@ -51,7 +51,7 @@ class MockCameraConfig:
 class MockCamera:
     """Renders and publishes frames until stopped.
 
-    A picture shows the moment at which it is ready, by the pose foretold for then: how long a
+    An image shows the moment at which it is ready, by the pose predicted for then: how long a
     machine renders is no latency of the camera, up to a tenth of a second.
 
     Parameters
@@ -82,7 +82,7 @@ class MockCamera:
         self._lead_ns = 0
         self.frames = 0
         self.published_ns: deque[int] = deque(maxlen=_REMEMBERED)
-        """When the last pictures were published, monotonic."""
+        """When the last images were published, monotonic."""
 
     def run(self, stop: threading.Event) -> None:
         """Publish at the configured rate; a frame that comes too late is left out."""
@@ -91,11 +91,11 @@ class MockCamera:
         period_ns = round(1e9 / self._config.rate_hz)
         due_ns = time.monotonic_ns()
         while not stop.wait(max(due_ns - time.monotonic_ns(), 0) * 1e-9):
-            self.shoot(time.monotonic_ns() + self._lead_ns)
+            self.capture(time.monotonic_ns() + self._lead_ns)
             due_ns = max(due_ns + period_ns, time.monotonic_ns())
 
-    def shoot(self, t_ns: int) -> None:
-        """Take the picture of time t_ns, not before it, and publish it, if the pose is known."""
+    def capture(self, t_ns: int) -> None:
+        """Render the image of time t_ns, not before it, and publish it, if the pose is known."""
         begun_ns = time.monotonic_ns()
         T_scene_camera = self._poses(t_ns)
         if T_scene_camera is None:
@@ -106,14 +106,14 @@ class MockCamera:
         payload, attachment = encode_frame(
             frame, self._config.pixel_format, self._clock, self._config.quality
         )
-        self._foresee(time.monotonic_ns() - begun_ns)
+        self._update_lead(time.monotonic_ns() - begun_ns)
         time.sleep(max(t_ns - time.monotonic_ns(), 0) * 1e-9)
         self._publish(payload, attachment, ENCODINGS[self._config.pixel_format])
         self.published_ns.append(time.monotonic_ns())
         self.frames += 1
 
-    def _foresee(self, taken_ns: int) -> None:
-        """Learn how long a picture takes, without the wait for its moment."""
+    def _update_lead(self, taken_ns: int) -> None:
+        """Update how long an image takes, without the wait for its moment."""
         lead_ns = self._lead_ns + _LEAD_SHARE * (taken_ns - self._lead_ns)
         self._lead_ns = min(round(lead_ns), _LONGEST_LEAD_NS)
 

@@ -63,7 +63,7 @@ class Ros2CameraConfig:
 
     @property
     def image(self) -> Ros2Topic:
-        """Topic of the pictures, named as ROS 2's image_transport does."""
+        """Topic of the images, named as ROS 2's image_transport does."""
         if self.pixel_format in _COMPRESSED:
             name = f"{self.camera_name}/image_raw/compressed"
             return Ros2Topic(name, COMPRESSED_IMAGE, self.domain)

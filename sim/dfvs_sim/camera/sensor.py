@@ -1,4 +1,4 @@
-"""What a real sensor adds to a rendered picture: noise, so that no two frames are the same."""
+"""What a real sensor adds to a rendered image: noise, so that no two frames are the same."""
 
 from __future__ import annotations
 
@@ -15,14 +15,14 @@ _PATTERNS = 8
 class SensorNoise:
     """Additive noise from a few patterns made beforehand, shifted at random for every frame.
 
-    Drawing fresh noise for every pixel costs more than rendering the picture.
+    Drawing fresh noise for every pixel costs more than rendering the image.
     """
 
     patterns: np.ndarray[tuple[int, ...], np.dtype[np.int16]]
 
     @classmethod
     def make(cls, size: tuple[int, int], deviation: float, rng: np.random.Generator) -> SensorNoise:
-        """Noise for pictures of (width, height) px, its deviation in grey levels."""
+        """Noise for images of (width, height) px, its deviation in grey levels."""
         width, height = size
         noise = rng.normal(0.0, deviation, (_PATTERNS, height, width, 3))
         return cls(np.rint(noise).astype(np.int16))

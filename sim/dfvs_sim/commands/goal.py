@@ -1,4 +1,4 @@
-"""``dfvs-sim goal``: the picture to fly to, and the sidecar that says how it was taken."""
+"""``dfvs-sim goal``: the image to fly to, and the sidecar that says how it was taken."""
 
 from __future__ import annotations
 
@@ -25,7 +25,7 @@ from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.viewpoints.poses import look_at
 
-_DESCRIPTION = """Render a goal picture and write it with its sidecar (goal.png, goal.json).
+_DESCRIPTION = """Render a goal image and write it with its sidecar (goal.png, goal.json).
 
 Say where the camera is in one of two ways:
 
@@ -34,7 +34,7 @@ Say where the camera is in one of two ways:
                      degrees (0 north, 90 east). North is -z of the file, east +x, down -y.
   --eye, --look-at   two points in the scene file's own axes, as any glTF viewer shows them:
                      x right, y up, z towards the viewer, in metres. Look at a point of the same
-                     height for a level picture: a multirotor cannot hold any other.
+                     height for a level image: a multirotor cannot hold any other.
 
 Values that begin with a minus sign need the equals sign: --pose=-1,0,-1.3,90"""
 
@@ -49,7 +49,7 @@ def add_parser(subparsers: Any) -> None:
     """Add ``goal`` to the subcommands of ``dfvs-sim``."""
     parser = subparsers.add_parser(
         "goal",
-        help="render a goal picture with its sidecar",
+        help="render a goal image with its sidecar",
         description=_DESCRIPTION,
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
@@ -59,8 +59,8 @@ def add_parser(subparsers: Any) -> None:
     add = parser.add_argument
     add("--pose", metavar="X,Y,Z,YAW", help="level camera pose: NED in m, heading in degrees")
     add("--eye", metavar="X,Y,Z", help="camera position in the scene file's axes, m")
-    add("--look-at", metavar="X,Y,Z", help="point in the middle of the picture, same axes")
-    add("--out", type=Path, required=True, metavar="FILE", help="picture to write (.png)")
+    add("--look-at", metavar="X,Y,Z", help="point in the middle of the image, same axes")
+    add("--out", type=Path, required=True, metavar="FILE", help="image to write (.png)")
     add("--antialias", action="store_true", help="four samples a pixel, as an optic would")
     parser.set_defaults(run=run)
 
@@ -87,12 +87,12 @@ def run(args: argparse.Namespace) -> int:
     return 0
 
 
-def sidecar_path(picture: Path) -> Path:
-    """Where the sidecar of a goal picture lies."""
-    return picture.with_suffix(".json")
+def sidecar_path(image: Path) -> Path:
+    """Where the sidecar of a goal image lies."""
+    return image.with_suffix(".json")
 
 
-def write_goal(picture: Path, png: bytes, sidecar: GoalSidecar) -> None:
+def write_goal(image: Path, png: bytes, sidecar: GoalSidecar) -> None:
     """Write a goal's two files, each complete or not at all.
 
     Raises
@@ -100,13 +100,13 @@ def write_goal(picture: Path, png: bytes, sidecar: GoalSidecar) -> None:
     ConfigError
         If the folder cannot be written to.
     """
-    contents = {sidecar_path(picture): sidecar.to_json().encode(), picture: png}
+    contents = {sidecar_path(image): sidecar.to_json().encode(), image: png}
     try:
         for path, data in contents.items():
             write_atomic(path, data)
     except OSError as error:
         raise ConfigError(
-            f"{picture} cannot be written ({error.strerror})", "a folder that exists", "check --out"
+            f"{image} cannot be written ({error.strerror})", "a folder that exists", "check --out"
         ) from error
 
 

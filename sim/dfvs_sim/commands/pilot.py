@@ -64,14 +64,14 @@ def run(args: argparse.Namespace) -> int:
     if args.words:
         parse(args.words)  # an error in the words comes before the wait for a vehicle
     with GroundLink(args.mavlink, args.system_id) as link:
-        pilot = Pilot(link, narrate=print)
+        pilot = Pilot(link, log=print)
         print(f"pilot: waiting for a vehicle on {args.mavlink}", file=sys.stderr, flush=True)
         link.wait_for_vehicle(_VEHICLE_S)
         if args.words:
-            obey(pilot, args.words)
+            execute(pilot, args.words)
         else:
             print(f"words: {', '.join(_WORDS)}, quit", flush=True)
-            obey_lines(pilot, sys.stdin, is_prompted=sys.stdin.isatty())
+            execute_lines(pilot, sys.stdin, is_prompted=sys.stdin.isatty())
     return 0
 
 
@@ -99,7 +99,7 @@ def parse(words: Sequence[str]) -> Callable[[Pilot], None]:
     return actions[name]
 
 
-def obey(pilot: Pilot, words: Sequence[str]) -> None:
+def execute(pilot: Pilot, words: Sequence[str]) -> None:
     """Do what one line of words says, and print what has become of the vehicle.
 
     Raises
@@ -117,7 +117,7 @@ def obey(pilot: Pilot, words: Sequence[str]) -> None:
     )
 
 
-def obey_lines(pilot: Pilot, lines: Iterable[str], *, is_prompted: bool) -> None:
+def execute_lines(pilot: Pilot, lines: Iterable[str], *, is_prompted: bool) -> None:
     """Do what each line says, until the last one or ``quit``.
 
     At a prompt an error is printed and the next line is asked for.
@@ -135,7 +135,7 @@ def obey_lines(pilot: Pilot, lines: Iterable[str], *, is_prompted: bool) -> None
             return
         try:
             if words:
-                obey(pilot, words)
+                execute(pilot, words)
         except DfvsError as error:
             if not is_prompted:
                 raise

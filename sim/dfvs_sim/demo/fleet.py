@@ -85,14 +85,14 @@ def check_vehicles(count: int) -> None:
         raise ConfigError(f"--vehicles is {count}", f"1 to {MOST_VEHICLES}")
 
 
-def fly_together(members: Sequence[Member], say: Callable[[str], None]) -> list[int]:
+def fly_together(members: Sequence[Member], log: Callable[[str], None]) -> list[int]:
     """Fly all members at the same time; returns their exit codes.
 
     Parameters
     ----------
     members : sequence of Member
         Their folders exist.
-    say : callable
+    log : callable
         Takes a line of a member's output behind its name; called from several threads, one at a
         time.
     """
@@ -101,7 +101,7 @@ def fly_together(members: Sequence[Member], say: Callable[[str], None]) -> list[
     def relay(member: Member, process: subprocess.Popen[str]) -> None:
         for line in process.stderr or ():
             with lock:
-                say(f"{member.name}: {line.rstrip()}")
+                log(f"{member.name}: {line.rstrip()}")
 
     processes = [_start(member) for member in members]
     relays = [

@@ -40,14 +40,14 @@ def fly_fleet(args: argparse.Namespace, words: tuple[str, ...], progress: Progre
                 "only one of them",
                 "dfvs-demo once for each, with --name, --system-id and --ground",
             )
-    size = measured_size(progress.say, args.vehicles) if args.size == AUTO else args.size
+    size = measured_size(progress.log, args.vehicles) if args.size == AUTO else args.size
     words = (*words, "--size", size, "--rate", str(args.rate))
     members = []
     for k in range(args.vehicles):
         folder = _made(_folder(args, args.seed) / f"vehicle-{k + 1}")
         system_id = (args.system_id or FIRST_SYSTEM_ID) + k
         members.append(Member(f"{args.name}-{k + 1}", system_id, args.seed + k, folder, words))
-    codes = fly_together(members, progress.say)
+    codes = fly_together(members, progress.log)
     documents = [member.document() for member in members]
     print(flight_table(documents))
     if args.json is not None:
@@ -68,7 +68,7 @@ def fly_seeds(args: argparse.Namespace, progress: Progress) -> int:
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
     if is_size_open:
         make_plan(renderer, camera, args.seed, start, goals)  # what cannot be flown is said first
-        args.size = measured_size(progress.say)
+        args.size = measured_size(progress.log)
         camera = camera_from(args)
     summaries = []
     for seed in range(args.seed, args.seed + args.runs):
@@ -108,7 +108,7 @@ def _fly_one(
     plan: FlightPlan, args: argparse.Namespace, folder: Path, progress: Progress
 ) -> FlightSummary:
     distance_m, angle_rad = plan.initial_error
-    progress.say(
+    progress.log(
         f"seed {plan.seed}: {distance_m:.2f} m and {angle_rad * 57.29578:.1f} degrees from the goal"
     )
     report = None if args.no_report else FlightReport(folder, tuple(args.service.split()))
@@ -126,22 +126,22 @@ def _fly_one(
         dashboard=args.dashboard,
         pause=_pause if args.dashboard and sys.stdin.isatty() else lambda _: None,
     )
-    log = Flight(plan, options, folder, lambda text: progress.say(f"  {text}")).run(progress.show)
+    log = Flight(plan, options, folder, lambda text: progress.log(f"  {text}")).run(progress.show)
     summary = write_results(log, folder)
     verdict = "converged" if summary.converged else f"{summary.end_state}: {summary.end_cause}"
-    progress.say(
+    progress.log(
         f"  {verdict}: {summary.final_translation_m * 100:.1f} cm and "
         f"{summary.final_rotation_deg:.2f} degrees after {summary.duration_s:.1f} s, path ratio "
         f"{summary.path_ratio:.2f}"
     )
     made = "" if report is None else f"{_made_report(report, log.track, progress)} and "
-    progress.say(f"  {made}summary.json in {folder}")
+    progress.log(f"  {made}summary.json in {folder}")
     return summary
 
 
 def _made_report(report: FlightReport, track: Track, progress: Progress) -> str:
     """Make the report; its files, or why there is none."""
-    progress.say("  making the report")
+    progress.log("  making the report")
     try:
         return ", ".join(path.name for path in report.make(track))
     except ReportError as error:

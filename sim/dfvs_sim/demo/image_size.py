@@ -56,15 +56,15 @@ def affordable_size(taken_ms: float) -> tuple[int, int]:
     return next(size for size, most_ms in SIZES if taken_ms <= most_ms)
 
 
-def measured_size(say: Callable[[str], None], vehicles: int = 1) -> str:
+def measured_size(log: Callable[[str], None], vehicles: int = 1) -> str:
     """Size of the images by what this machine takes for a match, as ``--size`` takes it."""
     if is_shared(vehicles):
         size = as_text(SIZES[-1][0])
-        say(f"{vehicles} vehicles on {os.cpu_count()} cores: images of {size} (--size)")
+        log(f"{vehicles} vehicles on {os.cpu_count()} cores: images of {size} (--size)")
         return size
     taken_ms = match_ms()
     size = as_text(affordable_size(taken_ms))
-    say(f"{taken_ms:.0f} ms a match on this machine: images of {size} (--size)")
+    log(f"{taken_ms:.0f} ms a match on this machine: images of {size} (--size)")
     return size
 
 

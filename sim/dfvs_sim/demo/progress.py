@@ -20,7 +20,7 @@ class Progress:
         self._calls = 0
         self._open_line = False
 
-    def say(self, text: str) -> None:
+    def log(self, text: str) -> None:
         """Print a line of its own."""
         if self._open_line:
             self._stream.write("\n")

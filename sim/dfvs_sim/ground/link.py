@@ -169,25 +169,25 @@ class GroundLink:
         Raises
         ------
         LinkError
-            If it is not heard within the timeout, or if several vehicles could be ours.
+            If it does not come within the timeout, or if several vehicles could be ours.
         """
-        heard = self._autopilots
+        autopilots = self._autopilots
         with self._changed:
-            if not self._changed.wait_for(lambda: heard.chosen is not None, timeout_s):
-                raise heard.unheard_error(self.url, timeout_s)
-            if heard.wanted is None:
-                listened_s = (time.monotonic_ns() - heard.chosen_ns) * 1e-9
+            if not self._changed.wait_for(lambda: autopilots.chosen is not None, timeout_s):
+                raise autopilots.silence_error(self.url, timeout_s)
+            if autopilots.wanted is None:
+                listened_s = (time.monotonic_ns() - autopilots.chosen_ns) * 1e-9
                 left_s = HEARTBEATS_S - listened_s
-                if left_s > 0 and self._changed.wait_for(lambda: bool(heard.others), left_s):
-                    raise heard.ambiguity_error(self.url)
+                if left_s > 0 and self._changed.wait_for(lambda: bool(autopilots.others), left_s):
+                    raise autopilots.ambiguity_error(self.url)
 
     @property
     def target(self) -> int:
-        """System id of the vehicle, 0 before it is heard."""
+        """System id of the vehicle, 0 before its first heartbeat."""
         return self._autopilots.chosen or 0
 
     def send(self, message: Message) -> None:
-        """Send one message; lost where no vehicle has been heard yet, as on a radio."""
+        """Send one message; lost where no vehicle has sent yet, as on a radio."""
         with self._changed:
             self.send_bytes(message.pack(self._packer))
 
@@ -264,9 +264,9 @@ class GroundLink:
                 except ConnectionRefusedError:  # the vehicle is not there yet, or is gone
                     continue
                 if sock is self._socket:
-                    self._take(data, sender)
+                    self._on_datagram(data, sender)
 
-    def _take(self, data: bytes, sender: tuple[str, int]) -> None:
+    def _on_datagram(self, data: bytes, sender: tuple[str, int]) -> None:
         t_ns = time.monotonic_ns()
         for message in self._parser.parse_buffer(data) or ():
             name = message.get_type()

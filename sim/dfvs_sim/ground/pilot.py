@@ -67,7 +67,7 @@ class Pilot:
     ----------
     link : GroundLink
     timeouts : Timeouts
-    narrate : callable
+    log : callable
         Takes one line about what the pilot did and nobody asked for.
     """
 
@@ -75,11 +75,11 @@ class Pilot:
         self,
         link: GroundLink,
         timeouts: Timeouts | None = None,
-        narrate: Callable[[str], None] = lambda _: None,
+        log: Callable[[str], None] = lambda _: None,
     ) -> None:
         self._link = link
         self._timeouts = timeouts or Timeouts()
-        self._narrate = narrate
+        self._log = log
         self._end_sticks: Callable[[], None] | None = None
 
     def prepare(self) -> None:
@@ -92,7 +92,7 @@ class Pilot:
                 self.set_parameter(name, value)
                 changed.append(f"{name} from {old:g} to {value:g}")
         if changed:
-            self._narrate(f"the pilot changes {' and '.join(changed)}")
+            self._log(f"the pilot changes {' and '.join(changed)}")
 
     def wait_until_armable(self) -> None:
         """Wait for the checks before arming.
@@ -178,7 +178,7 @@ class Pilot:
             return
         if not rest.is_slow:
             raise self._refused("the vehicle does not come to rest")
-        self._narrate(
+        self._log(
             f"the vehicle's estimate does not come to rest ({rest.speed_m_s:.2f} m/s in the mean "
             f"of {rest.limits.window_s:g} s); the pilot goes on after {self._timeouts.hover:g} s"
         )

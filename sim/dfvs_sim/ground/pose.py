@@ -87,11 +87,11 @@ class PoseTracker:
         self._clock = ClockMap()
         self._delay_ns = 0
         self._stamped_ns: int | None = None
-        self._asked_ns = 0
+        self._requested_ns = 0
         self._truth: TruthFilter | None = None
         self._places: deque[PositionSample] = deque(maxlen=_KEPT)
         self._turns: deque[AttitudeSample] = deque(maxlen=_KEPT)
-        self._end = link.subscribe([_PLACE, _ATTITUDE, _TRUTH], self.take)
+        self._end = link.subscribe([_PLACE, _ATTITUDE, _TRUTH], self.on_message)
 
     @property
     def is_truth(self) -> bool:
@@ -124,7 +124,7 @@ class PoseTracker:
         """Take the poses from HIL_STATE_QUATERNION from now on, in the frame of that origin."""
         with self._lock:
             self._truth = TruthFilter(origin)
-            self._asked_ns = self._stamped_ns or 0
+            self._requested_ns = self._stamped_ns or 0
             self._places.clear()
             self._turns.clear()
 
@@ -132,11 +132,11 @@ class PoseTracker:
         """Stop following."""
         self._end()
 
-    def take(self, message: Message, arrival_ns: int) -> None:
+    def on_message(self, message: Message, arrival_ns: int) -> None:
         """Take one message of the three types."""
         with self._lock:
             if message.get_type() == _TRUTH:
-                self._take_truth(message, arrival_ns)
+                self._on_truth(message, arrival_ns)
                 return
             stamp_ns = message.time_boot_ms * 1_000_000
             if self._clock.update(stamp_ns, arrival_ns):
@@ -145,7 +145,7 @@ class PoseTracker:
             self._delay_ns = arrival_ns - stamp_ns - self._clock.offset_ns
             self._stamped_ns = arrival_ns
             if self._truth is not None:
-                self._ask_again(arrival_ns)
+                self._request_again(arrival_ns)
             elif message.get_type() == _PLACE:
                 position = (message.x, message.y, message.z)
                 velocity = (message.vx, message.vy, message.vz)
@@ -155,7 +155,7 @@ class PoseTracker:
                 rates = (message.rollspeed, message.pitchspeed, message.yawspeed)
                 append(self._turns, AttitudeSample(stamp_ns, q, rates))
 
-    def _take_truth(self, message: Message, arrival_ns: int) -> None:
+    def _on_truth(self, message: Message, arrival_ns: int) -> None:
         """Take a true state, which PX4 v1.17 sends without a stamp."""
         if self._truth is None or self._stamped_ns is None:
             return
@@ -168,13 +168,15 @@ class PoseTracker:
         rates = (message.rollspeed, message.pitchspeed, message.yawspeed)
         self._turns.append(AttitudeSample(stamp_ns, (w, x, y, z), rates))
 
-    def _ask_again(self, now_ns: int) -> None:
+    def _request_again(self, now_ns: int) -> None:
         """Ask for the truth anew where it has ended, without waiting for an answer."""
         if self._places:
-            self._asked_ns = max(self._asked_ns, self._places[-1].stamp_ns + self._clock.offset_ns)
-        if now_ns - self._asked_ns < _SILENCE_NS:
+            self._requested_ns = max(
+                self._requested_ns, self._places[-1].stamp_ns + self._clock.offset_ns
+            )
+        if now_ns - self._requested_ns < _SILENCE_NS:
             return
-        self._asked_ns = now_ns
+        self._requested_ns = now_ns
         interval_us = 1e6 / _RATE_HZ
         number = mavlink.MAVLINK_MSG_ID_HIL_STATE_QUATERNION
         command = mavlink.MAV_CMD_SET_MESSAGE_INTERVAL

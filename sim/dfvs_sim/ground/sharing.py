@@ -47,7 +47,7 @@ class LinkSharing:
         self._socket.setblocking(False)
         self._wake, self._woken = socket.socketpair()
         self._lock = threading.Lock()
-        self._heard_ns: dict[tuple[str, int], int] = {}
+        self._received_ns: dict[tuple[str, int], int] = {}
         self._end = link.subscribe(_MESSAGES, self._to_stations)
         self._thread = threading.Thread(target=self._run, name="link-sharing", daemon=True)
         self._thread.start()
@@ -62,7 +62,7 @@ class LinkSharing:
         self._wake.send(b"x")
         self._thread.join()
         with self._lock:  # the link's thread may be forwarding
-            self._heard_ns.clear()
+            self._received_ns.clear()
             for sock in (self._socket, self._wake, self._woken):
                 sock.close()
 
@@ -82,16 +82,16 @@ class LinkSharing:
             except (BlockingIOError, ConnectionRefusedError):  # a ground station has ended
                 continue
             with self._lock:
-                self._heard_ns[sender] = time.monotonic_ns()
+                self._received_ns[sender] = time.monotonic_ns()
             self._link.send_bytes(data)
 
     def _to_stations(self, message: Message, t_ns: int) -> None:
         with self._lock:
-            self._heard_ns = {
-                station: heard_ns
-                for station, heard_ns in self._heard_ns.items()
-                if t_ns - heard_ns < _SILENCE_NS
+            self._received_ns = {
+                station: received_ns
+                for station, received_ns in self._received_ns.items()
+                if t_ns - received_ns < _SILENCE_NS
             }
-            for station in self._heard_ns:
+            for station in self._received_ns:
                 with contextlib.suppress(BlockingIOError, ConnectionRefusedError):
                     self._socket.sendto(message.get_msgbuf(), station)

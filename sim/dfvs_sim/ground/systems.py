@@ -1,4 +1,4 @@
-"""MAVLink systems on a link: autopilots heard, and the one that is ours."""
+"""MAVLink systems on a link: autopilots on it, and the one that is ours."""
 
 from __future__ import annotations
 
@@ -13,7 +13,7 @@ from dfvs_core.errors import DfvsError
 from dfvs_sim.ground.udp import Endpoint
 
 HEARTBEATS_S = 1.5
-"""Every autopilot on a link is heard within this time: heartbeats come once a second."""
+"""Every autopilot on a link sends within this time: heartbeats come once a second."""
 
 
 class LinkError(DfvsError):
@@ -21,7 +21,7 @@ class LinkError(DfvsError):
 
 
 class Autopilots:
-    """Autopilots heard on a link.
+    """Autopilots on a link, by their heartbeats.
 
     Parameters
     ----------
@@ -33,15 +33,15 @@ class Autopilots:
         self.wanted = system_id
         self.chosen: int | None = None
         self.chosen_ns = 0
-        """When ours was heard first, monotonic."""
-        self.heard: set[int] = set()
+        """When ours was seen first, monotonic."""
+        self.seen: set[int] = set()
 
     def update(self, message: Any, t_ns: int) -> bool:
         """Take a message; True if it makes its sender ours."""
         if not is_autopilot_heartbeat(message):
             return False
         system = message.get_srcSystem()
-        self.heard.add(system)
+        self.seen.add(system)
         if self.chosen is not None or self.wanted not in (None, system):
             return False
         self.chosen, self.chosen_ns = system, t_ns
@@ -55,12 +55,12 @@ class Autopilots:
     @property
     def others(self) -> set[int]:
         """System ids that are not ours."""
-        return self.heard - {self.chosen}
+        return self.seen - {self.chosen}
 
-    def unheard_error(self, url: str, timeout_s: float) -> LinkError:
+    def silence_error(self, url: str, timeout_s: float) -> LinkError:
         """Error that says whose heartbeat is missing, and who is there instead."""
         ours = "a vehicle" if self.wanted is None else system_names({self.wanted})
-        others = f", only {system_names(self.heard)}" if self.heard else ""
+        others = f", only {system_names(self.seen)}" if self.seen else ""
         return LinkError(
             f"no heartbeat from {ours} on {url} within {timeout_s:g} s{others}",
             "a running autopilot",
@@ -70,7 +70,7 @@ class Autopilots:
     def ambiguity_error(self, url: str) -> LinkError:
         """Error that names the vehicles that could all be ours."""
         return LinkError(
-            f"{system_names(self.heard)} are on {url}", "one vehicle, or the system id of ours"
+            f"{system_names(self.seen)} are on {url}", "one vehicle, or the system id of ours"
         )
 
 
@@ -110,7 +110,7 @@ def listen_for_systems(endpoint: Endpoint, timeout_s: float) -> set[int]:
     """
     parser = mavlink.MAVLink(None)
     parser.robust_parsing = True
-    heard: set[int] = set()
+    found: set[int] = set()
     deadline_s = time.monotonic() + timeout_s
     with endpoint.open() as sock:
         while (left_s := deadline_s - time.monotonic()) > 0:
@@ -118,7 +118,7 @@ def listen_for_systems(endpoint: Endpoint, timeout_s: float) -> set[int]:
                 break
             for message in parser.parse_buffer(sock.recv(65535)) or ():
                 if is_autopilot_heartbeat(message):
-                    if not heard:
+                    if not found:
                         deadline_s = time.monotonic() + HEARTBEATS_S
-                    heard.add(message.get_srcSystem())
-    return heard
+                    found.add(message.get_srcSystem())
+    return found

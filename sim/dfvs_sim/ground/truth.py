@@ -21,7 +21,7 @@ _CM = 0.01
 _RECOVERY_S, _VELOCITY_RECOVERY_S = 0.1, 0.3
 """Time constants with which a position outside its interval corrects position and velocity."""
 _SETTLING_S = 1.0
-"""Time constant with which a velocity that nothing foretells goes to its interval's middle."""
+"""Time constant with which a velocity that nothing predicts goes to its interval's middle."""
 _DRAG_1_S = 0.88
 """Drag of PX4's simulated quadrotor, per unit of mass."""
 _ADAPTATION_1_S = 3.0
@@ -30,7 +30,7 @@ _DISTURBANCE_S = 60.0
 """Time constant with which the disturbance is forgotten."""
 _GRAVITY_M_S2 = 9.80665
 _LEAST_UP = 0.5
-"""Cosine of the tilt from which on it foretells nothing."""
+"""Cosine of the tilt from which on it predicts nothing."""
 _GAP_S = 0.5
 """Time without samples after which the filter starts anew."""
 
@@ -103,23 +103,23 @@ class _Axis:
         self._half_m = 0.5 * width_m
         self.position_m = self.velocity_m_s = self._disturbance_m_s2 = 0.0
 
-    def reset(self, middle_m: float, told_cm_s: int) -> None:
+    def reset(self, middle_m: float, reported_cm_s: int) -> None:
         """Start from one sample."""
-        self.position_m, self.velocity_m_s = middle_m, _CM * _middle(told_cm_s)
+        self.position_m, self.velocity_m_s = middle_m, _CM * _middle(reported_cm_s)
         self._disturbance_m_s2 = 0.0
 
     def advance(
-        self, dt_s: float, middle_m: float, told_cm_s: int, tilt_m_s2: float | None
+        self, dt_s: float, middle_m: float, reported_cm_s: int, tilt_m_s2: float | None
     ) -> None:
         """Go on by ``dt_s`` to a sample."""
-        middle, half = _CM * _middle(told_cm_s), _CM * (0.5 if told_cm_s else 1.0)
+        middle, half = _CM * _middle(reported_cm_s), _CM * (0.5 if reported_cm_s else 1.0)
         before = self.velocity_m_s
         if tilt_m_s2 is None:
-            foretold = before + (middle - before) * dt_s / _SETTLING_S
+            predicted = before + (middle - before) * dt_s / _SETTLING_S
         else:
-            foretold = before + (tilt_m_s2 + self._disturbance_m_s2 - _DRAG_1_S * before) * dt_s
-        velocity = min(middle + half, max(middle - half, foretold))
-        self._disturbance_m_s2 += _ADAPTATION_1_S * (velocity - foretold)
+            predicted = before + (tilt_m_s2 + self._disturbance_m_s2 - _DRAG_1_S * before) * dt_s
+        velocity = min(middle + half, max(middle - half, predicted))
+        self._disturbance_m_s2 += _ADAPTATION_1_S * (velocity - predicted)
         self._disturbance_m_s2 -= self._disturbance_m_s2 * dt_s / _DISTURBANCE_S
         self.position_m += 0.5 * (before + velocity) * dt_s
         error = middle_m - self.position_m
@@ -137,6 +137,8 @@ def _tilt_acceleration(quaternion: Sequence[float]) -> tuple[float, float]:
     return -_GRAVITY_M_S2 * 2.0 * (x * z + w * y) / up, -_GRAVITY_M_S2 * 2.0 * (y * z - w * x) / up
 
 
-def _middle(told: int) -> float:
+def _middle(reported: int) -> float:
     """Middle of the interval that is cut off to this number."""
-    return told + 0.5 if told > 0 else told - 0.5 if told < 0 else 0.0
+    if reported == 0:
+        return 0.0
+    return reported + math.copysign(0.5, reported)

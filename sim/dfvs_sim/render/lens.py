@@ -1,4 +1,4 @@
-"""Lens distortion: which pinhole picture covers a distorted camera, and where its pixels lie."""
+"""Lens distortion: which pinhole image covers a distorted camera, and where its pixels lie."""
 
 from __future__ import annotations
 
@@ -23,9 +23,9 @@ class Lens:
     Parameters
     ----------
     pinhole : CameraModel
-        Same axes and focal lengths, larger picture.
+        Same axes and focal lengths, larger image.
     x, y : (H, W) float32
-        Pixel position in the pinhole picture of each pixel's centre.
+        Pixel position in the pinhole image of each pixel's centre.
     """
 
     pinhole: CameraModel
@@ -35,20 +35,20 @@ class Lens:
 
 @lru_cache(maxsize=8)
 def lens_of(camera: CameraModel) -> Lens:
-    """Work out the pinhole picture behind a distorted camera (kept for the next frame).
+    """Work out the pinhole image behind a distorted camera (kept for the next frame).
 
     Raises
     ------
     GeometryError
-        If the distortion cannot be inverted all over the picture, or reaches beyond 70 degrees
+        If the distortion cannot be inverted all over the image, or reaches beyond 70 degrees
         from the optical axis.
     """
     pixels = camera.grid()
     xy = camera.normalise(pixels)
     if not np.isfinite(xy).all() or np.abs(camera.denormalise(xy) - pixels).max() > _ROUND_TRIP_PX:
         raise GeometryError(
-            f"distortion {camera.distortion} cannot be inverted all over the picture",
-            "coefficients that hold up to the corners of the picture",
+            f"distortion {camera.distortion} cannot be inverted all over the image",
+            "coefficients that hold up to the corners of the image",
         )
     low, high = xy.min(axis=(0, 1)), xy.max(axis=(0, 1))
     if max(-low.min(), high.max()) > _WIDEST:

@@ -1,4 +1,4 @@
-"""The mock camera's eye: colour and exact depth of a scene, without GPU or GL."""
+"""Renderer of the mock camera: colour and exact depth of a scene, without GPU or GL."""
 
 from __future__ import annotations
 
@@ -102,7 +102,7 @@ class Renderer:
         return _depth(inverse_depth, ids)
 
     def _render_distorted(self, lens: Lens, T_world_camera: FloatArray, antialias: bool) -> View:
-        """Render the pinhole picture behind a lens and look up the pixels in it."""
+        """Render the pinhole image behind a lens and look up the pixels in it."""
         clip, _, ids = self._draw(lens.pinhole, T_world_camera)
         depth = self._depth_through(lens, clip, ids.copy())
         image = self._paint(lens.pinhole, T_world_camera, (clip, ids), antialias)
@@ -131,7 +131,7 @@ class Renderer:
         drawn: tuple[FloatArray, Int32Array],
         antialias: bool,
     ) -> ImageArray:
-        """Colour a pinhole picture (H, W, 3) of vertices and ids; the ids are used up."""
+        """Colour a pinhole image (H, W, 3) of vertices and ids; the ids are used up."""
         clip, ids = drawn
         if antialias:
             fine = camera.scaled(2 * camera.width, 2 * camera.height)
@@ -167,7 +167,7 @@ class Renderer:
         rasterise(clip, self._clusters.triangles, ranges, NEAR_M, inverse_depth, ids)
         return clip, inverse_depth, ids
 
-    def _visible_ranges(self, camera: CameraModel, P: FloatArray, eye: FloatArray) -> Int32Array:
+    def _visible_ranges(self, camera: CameraModel, P: FloatArray, centre: FloatArray) -> Int32Array:
         """Runs of triangles (C, 2) that may be in view, the nearest first."""
         c = self._clusters
         planes = np.stack(
@@ -176,8 +176,8 @@ class Renderer:
         planes[4, 3] -= NEAR_M
         visible = np.empty(len(c.low), np.bool_)
         cull_clusters(c.low, c.high, planes, visible)
-        nearest = np.clip(eye, c.low[visible], c.high[visible])
-        distance = np.linalg.norm(nearest - eye, axis=1)
+        nearest = np.clip(centre, c.low[visible], c.high[visible])
+        distance = np.linalg.norm(nearest - centre, axis=1)
         order = np.argsort(distance, kind="stable")
         return np.ascontiguousarray(c.ranges[visible][order])
 

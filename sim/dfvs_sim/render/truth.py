@@ -79,7 +79,7 @@ def visibility(
 
 
 def warp_to_a(image_b: ImageArray, flow: Float32Array) -> ImageArray:
-    """Picture b (H, W, 3) as seen from a, by the flow a -> b (H, W, 2) px; NaN becomes black."""
+    """Image b (H, W, 3) as seen from a, by the flow a -> b (H, W, 2) px; NaN becomes black."""
     v, u = np.mgrid[0 : flow.shape[0], 0 : flow.shape[1]].astype(np.float32)
     x = np.nan_to_num(u + flow[..., 0], nan=-1e4).astype(np.float32)
     y = np.nan_to_num(v + flow[..., 1], nan=-1e4).astype(np.float32)

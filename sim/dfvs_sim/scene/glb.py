@@ -263,15 +263,15 @@ def _colours(
 
 
 def _texture(document: Document, texture: dict[str, Any]) -> Texture:
-    """Decode one texture's picture."""
+    """Decode one texture's image."""
     if "source" not in texture:
-        names = ", ".join(texture.get("extensions", {})) or "no picture"
+        names = ", ".join(texture.get("extensions", {})) or "no image"
         raise GlbError(f"a texture has {names}", "PNG or JPEG", _PLAIN)
     image = document.json["images"][texture["source"]]
     if "bufferView" not in image:
         raise GlbError(
             f"a texture lies outside the file ({str(image.get('uri', ''))[:40]!r})",
-            "pictures embedded in the .glb",
+            "images embedded in the .glb",
         )
     pixels = decode_image(read_view(document, image["bufferView"]), MAX_TEXTURE_PIXELS)
     samplers = document.json.get("samplers", [])

@@ -92,8 +92,8 @@ def save_glb(path: str | Path, scene: Scene, quality: int = 70) -> None:
     writer.json["meshes"] = [{"primitives": primitives}]
     node = {"mesh": 0, "translation": low.tolist(), "scale": [scale] * 3}
     writer.json |= {"nodes": [node], "scenes": [{"nodes": [0]}], "scene": 0}
-    for picture in scene.textures:
-        _add_texture(writer, picture, quality)
+    for texture in scene.textures:
+        _add_texture(writer, texture, quality)
     for name in ("images", "textures", "samplers"):
         if not writer.json[name]:
             del writer.json[name]
@@ -146,7 +146,7 @@ def _primitive(
 
 
 def _add_texture(writer: _Writer, texture: Texture, quality: int) -> None:
-    """Embed one picture with its sampler."""
+    """Embed one image with its sampler."""
     view = writer.view(encode_jpeg(texture.image, quality))
     writer.json["images"].append({"bufferView": view, "mimeType": "image/jpeg"})
     writer.json["samplers"].append(

@@ -37,7 +37,7 @@ class Scene:
     texture_index : (M,) int32
         Texture of each triangle, or ``NO_TEXTURE``.
     textures : tuple of Texture
-        Pictures.
+        Images.
     sky : tuple of float
         Linear light seen where there is no triangle.
     """

@@ -1,4 +1,4 @@
-"""Colour pictures of a scene as mip pyramids, packed into one array for the renderer."""
+"""Colour images of a scene as mip pyramids, packed into one array for the renderer."""
 
 from __future__ import annotations
 
@@ -30,7 +30,7 @@ class Wrap(IntEnum):
 
 @dataclass(frozen=True, slots=True)
 class Texture:
-    """One picture, sRGB, with its first row at v = 0 (glTF's convention).
+    """One image, sRGB, with its first row at v = 0 (glTF's convention).
 
     Parameters
     ----------
@@ -45,7 +45,7 @@ class Texture:
     wrap_v: Wrap = Wrap.REPEAT
 
     def __post_init__(self) -> None:
-        """Refuse what is not an RGB picture."""
+        """Refuse what is not an RGB image."""
         if self.image.ndim != 3 or self.image.shape[2] != 3 or self.image.dtype != np.uint8:
             raise ImageError(
                 f"texture is {self.image.dtype} of shape {self.image.shape}", "uint8 of (H, W, 3)"

@@ -57,7 +57,7 @@ class Autopilot(Protocol):
     def disarm(self, now_ns: int, cause: str, *, force: bool = False) -> Refusal | None:
         """Disarm."""
 
-    def note(self, now_ns: int, kind: str, message: Message, link: str, **fields: Any) -> None:
+    def record(self, now_ns: int, kind: str, message: Message, link: str, **fields: Any) -> None:
         """Put an event into the record."""
 
     def send_later(self, when_ns: int, link: str, message: Message) -> None:
@@ -100,7 +100,7 @@ class CommandHandler:
             "mode": mode.name if mode else None,
             "result": result,
         }
-        self._px4.note(now_ns, _KINDS.get(command, "command"), message, link, **fields)
+        self._px4.record(now_ns, _KINDS.get(command, "command"), message, link, **fields)
         if command != mavlink.MAV_CMD_DO_SET_MODE:
             return [_ack(message, command, result)]
         delay_ns = int(self._px4.rng.integers(0, _SECOND_ACK_NS, endpoint=True))
@@ -113,7 +113,9 @@ class CommandHandler:
         mode = mode_from_numbers(*numbers) if message.base_mode & _CUSTOM_MODE else None
         result = self._set_mode(mode, now_ns)
         name = mode.name if mode else None
-        self._px4.note(now_ns, "mode_command", message, link, command=11, mode=name, result=result)
+        self._px4.record(
+            now_ns, "mode_command", message, link, command=11, mode=name, result=result
+        )
         return []
 
     def _set_mode(self, mode: Mode | None, now_ns: int) -> int:

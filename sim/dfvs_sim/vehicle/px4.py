@@ -100,7 +100,7 @@ class Px4:
     def _on_heartbeat(self, message: Message, link: str, now_ns: int) -> list[Message]:
         if message.type == mavlink.MAV_TYPE_GCS:
             self.links[link].gcs_ns = now_ns
-        self.note(now_ns, "heartbeat", message, link, type=message.type)
+        self.record(now_ns, "heartbeat", message, link, type=message.type)
         return []
 
     def _on_setpoint(self, m: Message, link: str, now_ns: int) -> list[Message]:
@@ -115,13 +115,13 @@ class Px4:
         )
         known = setpoint.frame in (LOCAL_NED, BODY_NED)
         demand = demand_from_setpoint(setpoint, self.flight.estimate.yaw_rad) if known else None
-        self.note(now_ns, "setpoint", m, link, **setpoint.as_json(), valid=demand is not None)
+        self.record(now_ns, "setpoint", m, link, **setpoint.as_json(), valid=demand is not None)
         if not known:
-            self.say(f"SET_POSITION_TARGET_LOCAL_NED: frame {setpoint.frame} not supported")
+            self.send_text(f"SET_POSITION_TARGET_LOCAL_NED: frame {setpoint.frame} not supported")
         if demand is not None:
             self.status.setpoint_ns = now_ns
             if self.status.mode is Mode.OFFBOARD:
-                self.flight.take_setpoint(demand)
+                self.flight.on_setpoint(demand)
         return []
 
     def _on_sticks(self, m: Message, link: str, now_ns: int) -> list[Message]:
@@ -144,8 +144,8 @@ class Px4:
         answers = parameter_protocol.write(self.parameters, m)
         if answers:
             value = self.parameters[m.param_id]
-            self.note(now_ns, "parameter", m, link, name=m.param_id, value=value)
-            self.flight.take_parameters()
+            self.record(now_ns, "parameter", m, link, name=m.param_id, value=value)
+            self.flight.update_gains()
         return answers
 
     def _on_ping(self, m: Message, link: str, now_ns: int) -> list[Message]:
@@ -157,14 +157,14 @@ class Px4:
     def _on_timesync(self, m: Message, link: str, now_ns: int) -> list[Message]:
         return [mavlink.MAVLink_timesync_message(now_ns, m.ts1)] if m.tc1 == 0 else []
 
-    # What others of the autopilot's parts ask for
+    # What the autopilot's other parts request
 
-    def note(self, now_ns: int, kind: str, message: Message, link: str, **fields: Any) -> None:
+    def record(self, now_ns: int, kind: str, message: Message, link: str, **fields: Any) -> None:
         """Put an event into the record, with the link and the sender of the message."""
         source = {"link": link, "sysid": message.get_srcSystem()}
         self.journal(now_ns, kind, {**source, "compid": message.get_srcComponent(), **fields})
 
-    def say(self, text: str) -> None:
+    def send_text(self, text: str) -> None:
         """Queue a STATUSTEXT for the links on which a ground station is seen."""
         self.status.texts.append(text)
 
@@ -176,7 +176,7 @@ class Px4:
         """Change the intended mode; while disarmed that is always possible."""
         refusal = mode_refusal(mode, self.status, self.parameters, now_ns)
         if refusal is not None and self.status.armed:
-            self.say(f"{mode.name} not possible: {refusal.value}")
+            self.send_text(f"{mode.name} not possible: {refusal.value}")
             return refusal
         if self.status.mode is not Mode.TERMINATION or not self.status.armed:
             self.status.intended = mode
@@ -187,7 +187,7 @@ class Px4:
         """Arm, unless a check forbids it."""
         refusal = None if force else arming_refusal(self.status, self.parameters, now_ns)
         if refusal is not None:
-            self.say(refusal.value)
+            self.send_text(refusal.value)
             return refusal
         if not self.status.armed:
             e = self.flight.estimate
@@ -200,7 +200,7 @@ class Px4:
     def disarm(self, now_ns: int, cause: str, *, force: bool = False) -> Refusal | None:
         """Disarm; in the air only by force."""
         if self.status.armed and not self.status.landed and not force:
-            self.say(Refusal.IN_AIR.value)
+            self.send_text(Refusal.IN_AIR.value)
             return Refusal.IN_AIR
         if self.status.armed:
             self.status.armed = self.status.failsafe = False
@@ -238,7 +238,7 @@ class Px4:
             previous, s.mode, s.failsafe = s.mode, mode, failsafe
             s.published_ns = now_ns
             if failsafe:
-                self.say(f"Failsafe activated: {mode.name.lower()}")
+                self.send_text(f"Failsafe activated: {mode.name.lower()}")
             self.flight.enter(mode, previous)
             self._journal_state(now_ns, "failsafe" if failsafe else "mode")
 

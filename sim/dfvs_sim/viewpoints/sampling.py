@@ -45,7 +45,7 @@ class Task:
 
 
 _GOALS_TRIED, _STARTS_TRIED = 300, 12
-_JUDGE_WIDTH_PX = 320
+_CHECKED_WIDTH_PX = 320
 _LEVEL_STEP_M = 0.05
 
 
@@ -63,20 +63,20 @@ def sample_task(
         If none was found: the scene is too small, too crowded or too plain.
     """
     limits = limits or TaskLimits()
-    judge = _Judge(renderer, camera, limits)
+    checker = _Checker(renderer, camera, limits)
     floor_m, low, high = floor_of(renderer.scene)
     for _ in range(_GOALS_TRIED):
         north, east = rng.uniform(low, high)
         goal = np.array([north, east, floor_m - rng.uniform(*limits.height_m)])
         yaw = rng.uniform(-np.pi, np.pi)
-        if not judge.is_free(goal, floor_m):
+        if not checker.is_free(goal, floor_m):
             continue
         T_goal = camera_pose((goal[0], goal[1], goal[2]), yaw)
-        view = judge.look(T_goal)
-        if not judge.is_good(view):
+        view = checker.view(T_goal)
+        if not checker.is_good(view):
             continue
         for _ in range(_STARTS_TRIED):
-            task = _try_start(judge, (T_goal, view), (yaw, floor_m), rng)
+            task = _try_start(checker, (T_goal, view), (yaw, floor_m), rng)
             if task is not None:
                 return task
     raise SceneError(
@@ -87,7 +87,7 @@ def sample_task(
 
 
 def _try_start(
-    judge: _Judge,
+    checker: _Checker,
     goal: tuple[FloatArray, View],
     yaw_floor: tuple[float, float],
     rng: np.random.Generator,
@@ -95,7 +95,7 @@ def _try_start(
     """Draw one start for a goal pose and its view; None if it does not meet the limits."""
     T_goal, view = goal
     yaw, floor_m = yaw_floor
-    limits = judge.limits
+    limits = checker.limits
     end = T_goal[:3, 3]
     step = rng.normal(size=3) * [1.0, 1.0, 0.0]
     step *= rng.uniform(*limits.distance_m) / np.linalg.norm(step)
@@ -106,29 +106,29 @@ def _try_start(
     if not limits.height_m[0] <= floor_m - start[2] <= limits.height_m[1]:
         return None
     T_start = camera_pose((start[0], start[1], start[2]), yaw + turn)
-    first = judge.look(T_start)
-    seen = visibility(judge.camera, (T_goal, T_start), (view.depth_m, first.depth_m))
+    first = checker.view(T_start)
+    seen = visibility(checker.camera, (T_goal, T_start), (view.depth_m, first.depth_m))
     overlap = float(seen.mean())
-    if overlap < limits.overlap or not judge.is_good(first):
+    if overlap < limits.overlap or not checker.is_good(first):
         return None
     stops = np.linspace(start, end, int(np.ceil(np.linalg.norm(step) / 0.25)) + 1)
-    if not all(judge.is_free(stop, floor_m) for stop in stops):
+    if not all(checker.is_free(stop, floor_m) for stop in stops):
         return None
     return Task(T_start, T_goal, overlap)
 
 
-class _Judge:
+class _Checker:
     """Decides about points and views of one scene, from small renderings."""
 
     def __init__(self, renderer: Renderer, camera: CameraModel, limits: TaskLimits) -> None:
         self._renderer = renderer
-        width = min(_JUDGE_WIDTH_PX, camera.width)
+        width = min(_CHECKED_WIDTH_PX, camera.width)
         self.camera = camera.scaled(width, max(16, round(width * camera.height / camera.width)))
         self.limits = limits
         self._sift = cv2.SIFT.create(nfeatures=2000)
         self._space = FreeSpace(renderer)
 
-    def look(self, T_world_camera: FloatArray) -> View:
+    def view(self, T_world_camera: FloatArray) -> View:
         """Small view from a pose."""
         return self._renderer.render(self.camera, T_world_camera)
 

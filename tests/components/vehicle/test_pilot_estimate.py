@@ -42,7 +42,7 @@ def test_what_is_set_already_is_not_told(tmp_path: Path) -> None:
         GroundLink(f"udpin://127.0.0.1:{vehicle.ground_port}") as link,
     ):
         Pilot(link).prepare()
-        Pilot(link, narrate=said.append).prepare()
+        Pilot(link, log=said.append).prepare()
     assert said == []
 
 

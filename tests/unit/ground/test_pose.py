@@ -35,7 +35,7 @@ def turn(ms: int, yaw: float, rate: float = 0.0, pitch: float = 0.0) -> mavlink.
 
 
 def feed(tracker: PoseTracker, message: mavlink.MAVLink_message, delay_ns: int = 0) -> None:
-    tracker.take(message, BOOT_NS + message.time_boot_ms * MS + delay_ns)
+    tracker.on_message(message, BOOT_NS + message.time_boot_ms * MS + delay_ns)
 
 
 def test_a_pose_between_samples_is_interpolated(tracker: PoseTracker) -> None:

@@ -7,7 +7,7 @@ from typing import cast
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_sim.commands.pilot import obey_lines, parse
+from dfvs_sim.commands.pilot import execute_lines, parse
 from dfvs_sim.ground.pilot import Pilot, PilotError
 from dfvs_sim.vehicle.modes import Mode
 
@@ -60,7 +60,7 @@ def test_every_line_is_done_in_its_order_and_its_outcome_printed(
 ) -> None:
     pilot = ScriptedPilot()
     lines = ["takeoff 1.25\n", "\n", "hold\n", "quit\n", "arm\n"]
-    obey_lines(cast(Pilot, pilot), lines, is_prompted=False)
+    execute_lines(cast(Pilot, pilot), lines, is_prompted=False)
     assert pilot.asked == ["prepare", 1.25, "hold"]
     assert capsys.readouterr().out.splitlines() == [
         "takeoff: HOLD, armed, on the ground",
@@ -70,7 +70,7 @@ def test_every_line_is_done_in_its_order_and_its_outcome_printed(
 
 def test_a_prompt_goes_on_after_an_error(capsys: pytest.CaptureFixture[str]) -> None:
     pilot = ScriptedPilot()
-    obey_lines(cast(Pilot, pilot), ["land\n", "jump\n", "hold\n"], is_prompted=True)
+    execute_lines(cast(Pilot, pilot), ["land\n", "jump\n", "hold\n"], is_prompted=True)
     assert pilot.asked == ["hold"]
     printed = capsys.readouterr().out
     assert "error: landing was denied" in printed
@@ -80,5 +80,5 @@ def test_a_prompt_goes_on_after_an_error(capsys: pytest.CaptureFixture[str]) -> 
 def test_words_from_a_file_end_at_the_first_error() -> None:
     pilot = ScriptedPilot()
     with pytest.raises(PilotError):
-        obey_lines(cast(Pilot, pilot), ["land\n", "arm\n"], is_prompted=False)
+        execute_lines(cast(Pilot, pilot), ["land\n", "arm\n"], is_prompted=False)
     assert pilot.asked == []

@@ -33,7 +33,7 @@ from dfvs_sim.zenoh_session import open_peer
 _STARTUP_S = 40.0
 _SETTLE_S = 1.0
 
-Narrate = Callable[[str], None]
+Log = Callable[[str], None]
 
 
 class NotReadyError(FlightError):
@@ -75,7 +75,7 @@ class Flight:
     options : FlightOptions
     folder : Path
         Exists; takes goal, logs and records.
-    narrate : callable
+    log : callable
         Takes one line for the user at every step.
 
     Raises
@@ -84,13 +84,11 @@ class Flight:
         If the service would never engage with these words.
     """
 
-    def __init__(
-        self, plan: FlightPlan, options: FlightOptions, folder: Path, narrate: Narrate
-    ) -> None:
+    def __init__(self, plan: FlightPlan, options: FlightOptions, folder: Path, log: Log) -> None:
         self._plan = plan
         self._options = options
         self._folder = folder
-        self._narrate = narrate
+        self._log = log
         self._engagement = engagement_of(options.service)
         self._ports = FlightPorts.choose()
         self._link: CameraLink = camera_link(options.camera, options.vehicle, plan.camera)
@@ -107,7 +105,7 @@ class Flight:
         self._write_goals()
         with contextlib.ExitStack() as stack:
             stack.callback(self._ports.close)
-            session = self._bring_up(stack)
+            session = self._start(stack)
             engaged_ns = self._engage(session)
             self.fly(session, on_progress)
             ended_ns = time.monotonic_ns()
@@ -139,13 +137,13 @@ class Flight:
             sidecar = self._plan.goal_sidecar(pose).to_json()
             path.with_suffix(".json").write_text(sidecar, encoding="utf-8")
 
-    def _bring_up(self, stack: contextlib.ExitStack) -> FlightSession:
+    def _start(self, stack: contextlib.ExitStack) -> FlightSession:
         """Start everything, up to a service that is ready beside a vehicle in the air."""
         page = self._dashboard(stack)
         link = self._ground_link(stack)
-        pilot, tracker = Pilot(link, narrate=self._narrate), PoseTracker(link)
+        pilot, tracker = Pilot(link, log=self._log), PoseTracker(link)
         self._await_vehicle(pilot, tracker)
-        stack.callback(self._bring_down, pilot)  # once camera and track have stopped
+        stack.callback(self._land, pilot)  # once camera and track have stopped
         take_off = self._take_off()
         to_scene = anchored_poses(self._plan, tracker, take_off.height_m)
         track = Track(to_scene, self._plan.T_scene_goal)
@@ -155,10 +153,10 @@ class Flight:
         )
         stack.enter_context(running(camera.run, "camera"))
         stack.enter_context(running(track.run, "track"))
-        self._narrate(f"the pilot takes off to {take_off.height_m:.2f} m")
+        self._log(f"the pilot takes off to {take_off.height_m:.2f} m")
         pilot.take_off(take_off.height_m)
         watch = TelemetryWatch(session, Topics(self._options.vehicle))
-        self._narrate("starting dfvs-service")
+        self._log("starting dfvs-service")
         service = stack.enter_context(self._processes.service(self._goal_images()))
         self.await_ready(watch, service, self._engagement.ready_states)
         if page is not None and page.exit_code is not None:
@@ -168,7 +166,7 @@ class Flight:
     def _dashboard(self, stack: contextlib.ExitStack) -> Child | None:
         if not self._options.dashboard:
             return None
-        self._narrate(f"dashboard at {self._processes.dashboard_url}")
+        self._log(f"dashboard at {self._processes.dashboard_url}")
         return stack.enter_context(self._processes.dashboard())
 
     def _ground_link(self, stack: contextlib.ExitStack) -> GroundLink:
@@ -182,10 +180,10 @@ class Flight:
 
     def _await_vehicle(self, pilot: Pilot, tracker: PoseTracker) -> None:
         """Wait until the vehicle stands on the ground and can be armed."""
-        self._narrate("waiting for the vehicle")
+        self._log("waiting for the vehicle")
         tracker.start(_STARTUP_S)
         if pilot.is_flying():
-            self._narrate("the vehicle flies already: the pilot lands it first")
+            self._log("the vehicle flies already: the pilot lands it first")
             pilot.land()
         pilot.prepare()
 
@@ -195,17 +193,17 @@ class Flight:
             return TakeOff(self._options.height_m)
         take_off = self._plan.take_off()
         if take_off.remark:
-            self._narrate(take_off.remark)
+            self._log(take_off.remark)
         return take_off
 
-    def _bring_down(self, pilot: Pilot) -> None:
+    def _land(self, pilot: Pilot) -> None:
         """Land a vehicle that the demo did not start; the simulated one ends with its process."""
         if not self._options.is_simulated:
-            self._narrate("the pilot lands")
+            self._log("the pilot lands")
             try:
                 pilot.land()
             except DfvsError as error:
-                self._narrate(f"the vehicle is not landed: {error}")
+                self._log(f"the vehicle is not landed: {error}")
 
     def _camera_config(self) -> MockCameraConfig:
         return MockCameraConfig(
@@ -244,11 +242,11 @@ class Flight:
         if self._engagement is Engagement.PILOT:
             self._options.pause("press Enter to fly")
             self.await_ready(session.watch, session.service)  # it may have been lost meanwhile
-            self._narrate("the pilot switches to OFFBOARD")
+            self._log("the pilot switches to OFFBOARD")
             engaged_ns = time.monotonic_ns()
             session.pilot.engage_offboard()
             return engaged_ns
-        self._narrate(self._waiting_to_engage())
+        self._log(self._waiting_to_engage())
         if session.watch.wait_for_state(UNDER_WAY | ENDED, self._options.timeout_s) is None:
             raise NotReadyError(
                 f"dfvs-service does not engage within {self._options.timeout_s:g} s "

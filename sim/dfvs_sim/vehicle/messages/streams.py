@@ -91,12 +91,12 @@ class Schedule:
 
 @dataclass(slots=True)
 class LinkState:
-    """One MAVLink connection: its streams, and when a ground station was last heard on it."""
+    """One MAVLink connection: its streams, and when a ground station last sent on it."""
 
     schedule: Schedule
     gcs_ns: int | None = None
     dropped: bool = False
-    told_ns: dict[str, int] = field(default_factory=dict)
+    sent_ns: dict[str, int] = field(default_factory=dict)
     """When each of ``ON_NEWS`` was sent last."""
 
     def due(self, now_ns: int, news_ns: int) -> list[str]:
@@ -104,7 +104,7 @@ class LinkState:
         names = [
             name
             for name in self.schedule.due(now_ns)
-            if name not in ON_NEWS or self.told_ns.get(name, news_ns - 1) < news_ns
+            if name not in ON_NEWS or self.sent_ns.get(name, news_ns - 1) < news_ns
         ]
-        self.told_ns.update(dict.fromkeys(ON_NEWS.intersection(names), now_ns))
+        self.sent_ns.update(dict.fromkeys(ON_NEWS.intersection(names), now_ns))
         return names

@@ -26,7 +26,7 @@ class UdpPorts:
 class UdpLink:
     """One link on the loopback interface.
 
-    Until something is heard the messages go to the expected port; from then on to the sender of
+    Until something arrives the messages go to the expected port; from then on to the sender of
     the first packet, as PX4 does.
     """
 
@@ -45,7 +45,7 @@ class UdpLink:
         self.socket.setblocking(False)
         self.port: int = self.socket.getsockname()[1]
         self._remote = (_HOST, ports.remote)
-        self._heard = False
+        self._is_connected = False
         self._packer = mavlink.MAVLink(None, system_id, mavlink.MAV_COMP_ID_AUTOPILOT1)
         self._parser = mavlink.MAVLink(None)
         self._parser.robust_parsing = True
@@ -61,8 +61,8 @@ class UdpLink:
             except ConnectionRefusedError:  # nobody listens there yet
                 continue
             found = [m for m in self._parser.parse_buffer(data) or () if m.get_type() != "BAD_DATA"]
-            if found and not self._heard:
-                self._remote, self._heard = sender, True
+            if found and not self._is_connected:
+                self._remote, self._is_connected = sender, True
             messages.extend(found)
         return messages
 

@@ -69,11 +69,11 @@ class Flight:
         self.estimator = Estimator(ERRORS[config.estimate], of_errors)
         self.estimate = self.estimator.update(0.0, self.vehicle)
 
-    def take_setpoint(self, demand: Demand) -> None:
+    def on_setpoint(self, demand: Demand) -> None:
         """Follow an offboard setpoint; one that cannot be flown makes the vehicle stop and wait."""
         self._setpoint = demand if is_flyable(demand) else STOP
 
-    def take_parameters(self) -> None:
+    def update_gains(self) -> None:
         """Use the parameters' present values in the control loops."""
         self._controller.gains = self._parameters.gains()
 

@@ -111,7 +111,7 @@ class Navigator:
         down.approach(dt_s, wanted, acceleration, jerk)
 
     def _smoothness(self) -> tuple[float, float]:
-        """Limits on acceleration and jerk; a parameter set to nonsense must not stop the world."""
+        """Limits on acceleration and jerk; whatever the parameters are set to."""
         p = self._parameters
         return max(0.1, float(p["MPC_ACC_HOR"])), max(0.1, float(p["MPC_JERK_AUTO"]))
 
@@ -131,7 +131,7 @@ class Navigator:
         return speed * d_north / distance, speed * d_east / distance
 
     def _landing_speed(self, estimate: Estimate) -> float:
-        """Speed of descent: slower below two heights, a crawl near the ground."""
+        """Speed of descent: slower below two heights, slowest near the ground."""
         p = self._parameters
         height = self._status.home_m[2] - estimate.down_m
         if height < p["MPC_LAND_ALT3"]:
