@@ -10,11 +10,11 @@ from pathlib import Path
 from typing import TypeVar
 
 from dfvs_bench.methods.registry import POSE_NETWORKS, chosen_methods, with_bundles
-from dfvs_bench.report.tables import trial_line
 from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.results import TrialRecord
 from dfvs_bench.trials.run import Job, run_jobs, unfinished
 from dfvs_bench.trials.scenes import default_tasks, task_in
+from dfvs_bench.trials.tables import trial_line
 from dfvs_bench.trials.task import BenchTask, read_tasks
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import LEAST_SIZE_PX

@@ -10,10 +10,10 @@ from typing import Any
 import numpy as np
 
 from dfvs_bench.basin.drawing import LEAST_OVERLAP
+from dfvs_bench.basin.interval import Share
 from dfvs_bench.basin.outcomes import Outcome
-from dfvs_bench.report.interval import Share
-from dfvs_bench.report.tables import row
-from dfvs_bench.report.tables import summarise as summarise_trials
+from dfvs_bench.trials.tables import row
+from dfvs_bench.trials.tables import summarise as summarise_trials
 
 _DIGITS = 4
 Rotation = tuple[float, float, float]

@@ -24,7 +24,6 @@ from dfvs_bench.basin.environments import (
     environments_of,
     make_missing,
 )
-from dfvs_bench.basin.figure import basin_figure
 from dfvs_bench.basin.outcomes import BASIN_FILE, Outcome, draw_tasks, read_outcomes
 from dfvs_bench.basin.ratios import summarise, summary_lines, tidy_row
 from dfvs_bench.options import (
@@ -41,10 +40,11 @@ from dfvs_bench.options import (
     run_trials,
     say,
 )
+from dfvs_bench.report.basin_figure import basin_figure
 from dfvs_bench.report.figures import is_figure_name
-from dfvs_bench.report.tables import write_rows
 from dfvs_bench.trials.provenance import run_facts
 from dfvs_bench.trials.run import Job, Plan
+from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import read_tasks
 from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_matcher

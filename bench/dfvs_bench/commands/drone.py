@@ -22,9 +22,9 @@ from dfvs_bench.drone.records import (
 )
 from dfvs_bench.drone.tables import HEADER, flight_line, row, summarise, summary_line
 from dfvs_bench.options import Countdown, add_task_options, check_outputs, tasks_from
-from dfvs_bench.report.tables import write_rows
 from dfvs_bench.trials.provenance import run_facts
 from dfvs_bench.trials.results import git_revision
+from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_matcher

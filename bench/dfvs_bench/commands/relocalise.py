@@ -12,9 +12,7 @@ from dfvs_bench.basin.cells import ROTATIONS_DEG, Cell
 from dfvs_bench.basin.drawing import DrawnTask, Order
 from dfvs_bench.basin.environments import Environment, environments_in
 from dfvs_bench.options import own_scenes
-from dfvs_bench.trials.executor import TrialExecutor
-from dfvs_bench.trials.provenance import made_with
-from dfvs_bench.trials.relocalise import (
+from dfvs_bench.relocalisation.relocalise import (
     STAGES,
     Relocalisation,
     RelocalisationJob,
@@ -23,6 +21,8 @@ from dfvs_bench.trials.relocalise import (
     summarise,
     without,
 )
+from dfvs_bench.trials.executor import TrialExecutor
+from dfvs_bench.trials.provenance import made_with
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_models import DEFAULT_MATCHER

@@ -20,14 +20,6 @@ from dfvs_bench.options import (
     run_trials,
     tasks_from,
 )
-from dfvs_bench.report.tables import (
-    perturbed_lines,
-    row,
-    summarise,
-    summary_lines,
-    trial_line,
-    write_rows,
-)
 from dfvs_bench.trials.perturbation import (
     KINDS,
     PERTURBATIONS,
@@ -38,6 +30,14 @@ from dfvs_bench.trials.perturbation import (
 from dfvs_bench.trials.provenance import run_facts
 from dfvs_bench.trials.results import TrialRecord
 from dfvs_bench.trials.run import Plan
+from dfvs_bench.trials.tables import (
+    perturbed_lines,
+    row,
+    summarise,
+    summary_lines,
+    trial_line,
+    write_rows,
+)
 from dfvs_bench.trials.task import BenchTask
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.options import write_json

@@ -14,7 +14,7 @@ import numpy as np
 
 from dfvs_bench.methods.dfvs import MAX_SPEED_M_S, MAX_TURN_RAD_S, PipelineMethod
 from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalObservation, Observation
-from dfvs_bench.report.panorama import Look, Panorama, outer_ring, ring
+from dfvs_bench.methods.panorama import Look, Panorama, outer_ring, ring
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose, se3_exp, se3_log
 from dfvs_core.matching.confidence import confident_ratio

@@ -8,9 +8,9 @@ from dataclasses import dataclass
 from importlib.metadata import version
 
 from dfvs_bench.basin.outcomes import Outcome
-from dfvs_bench.basin.section import basin_section
 from dfvs_bench.drone.records import FlightRecord
-from dfvs_bench.drone.section import drone_section
+from dfvs_bench.report.basin_section import basin_section
+from dfvs_bench.report.drone_section import drone_section
 from dfvs_bench.report.page import STYLE
 from dfvs_bench.report.paper import PAPER_COLUMNS, PAPER_SCENES
 from dfvs_bench.report.table1_section import table1_section

@@ -13,9 +13,9 @@ from dfvs_bench.report.depth_figure import FIRST_STEP, DepthViews, depth_figure,
 from dfvs_bench.report.figures import controller_figure
 from dfvs_bench.report.page import embedded, figure, panel, panels, table
 from dfvs_bench.report.paper import PAPER_COLUMNS, PAPER_SCENES
-from dfvs_bench.report.tables import perturbed_table, share_text, summarise
 from dfvs_bench.trials.perturbation import PERTURBATIONS, disturbance, perturbed_renderer
 from dfvs_bench.trials.results import TrialRecord
+from dfvs_bench.trials.tables import perturbed_table, share_text, summarise
 from dfvs_bench.trials.task import BenchTask
 from dfvs_bench.trials.trial import CONVERGED_M, CONVERGED_RAD
 from dfvs_core.geometry.arrays import FloatArray, ImageArray

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from dfvs_bench.report.panorama import RING_RAD, Look, Panorama, ring
+from dfvs_bench.methods.panorama import RING_RAD, Look, Panorama, ring
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
 

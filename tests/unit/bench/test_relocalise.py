@@ -10,8 +10,15 @@ from tiny_scenes import CAMERA, NORTHWARD, scene_of, wall
 from dfvs_bench.basin.cells import Cell
 from dfvs_bench.basin.drawing import DrawnTask
 from dfvs_bench.cli import main
-from dfvs_bench.trials.near_goal import Approach
-from dfvs_bench.trials.relocalise import STAGES, Relocalisation, Verdict, judge, summarise, without
+from dfvs_bench.relocalisation.near_goal import Approach
+from dfvs_bench.relocalisation.relocalise import (
+    STAGES,
+    Relocalisation,
+    Verdict,
+    judge,
+    summarise,
+    without,
+)
 from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField

@@ -7,8 +7,8 @@ import pytest
 
 from dfvs_bench.methods.dfvs import MAX_SPEED_M_S, MAX_TURN_RAD_S
 from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalObservation, Observation
+from dfvs_bench.methods.panorama import OUTER_RING_RAD, ring
 from dfvs_bench.methods.scan_search import SearchingMethod
-from dfvs_bench.report.panorama import OUTER_RING_RAD, ring
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, se3_log, so3_log
 from dfvs_core.matching.correspondence import DepthMap, FlowField

@@ -5,9 +5,9 @@ from __future__ import annotations
 from collections.abc import Iterator, Sequence
 
 from dfvs_bench.basin.drawing import LEAST_OVERLAP
-from dfvs_bench.basin.figure import basin_figure
 from dfvs_bench.basin.outcomes import Outcome
 from dfvs_bench.basin.ratios import Curve, curves
+from dfvs_bench.report.basin_figure import basin_figure
 from dfvs_bench.report.page import embedded, table
 from dfvs_bench.report.paper import PAPER_BASIN
 

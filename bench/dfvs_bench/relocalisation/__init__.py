@@ -1,0 +1,1 @@
+"""Relocalisation of wide-baseline pairs, and tracking on the last part of the way to a goal."""
