@@ -17,11 +17,11 @@ import zenoh
 from dfvs_core.gate.command import request_id
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import ENGAGED, GateState
-from dfvs_robustness.faults.frame_faults import TEXTURE, goal_out_of_view
-from dfvs_robustness.faults.harness import Harness, Setup
-from dfvs_robustness.faults.load import busy_cores
-from dfvs_robustness.faults.service import HarnessError, wait_until
-from dfvs_robustness.faults.state_setup import bring_to
+from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.load import busy_cores
+from dfvs_robustness.harness.service import HarnessError, wait_until
+from dfvs_robustness.harness.setup import TEXTURE, Setup
+from dfvs_robustness.harness.state_setup import bring_to
 from dfvs_sim.vehicle.modes import Mode
 
 S = GateState
@@ -88,7 +88,7 @@ class AnswerTimes:
 
 
 class Commander:
-    """Sends commands to a rig's service and takes the times of their answers."""
+    """Sends commands to a harness's service and takes the times of their answers."""
 
     def __init__(self, harness: Harness) -> None:
         self._harness = harness
@@ -249,14 +249,14 @@ def _go_to(harness: Harness, state: GateState) -> None:
     else:
         bring_to(harness, state)
     if state in _OUT_OF_VIEW:
-        goal_out_of_view(harness.camera)
+        harness.camera.lose_goal()
     harness.await_state(state)
 
 
 def _go_to_preflight(harness: Harness) -> None:
     harness.heal()
     harness.ensure_service()
-    goal_out_of_view(harness.camera)
+    harness.camera.lose_goal()
     if harness.state in ENGAGED:
         harness.operator.order(Action.ABORT)
         harness.await_state(S.ABORT, S.RELEASED)

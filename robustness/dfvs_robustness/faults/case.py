@@ -9,10 +9,10 @@ import numpy as np
 
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.faults.fault import UNFIT, Fault, Outcome, Reaction
-from dfvs_robustness.faults.harness import Harness
 from dfvs_robustness.faults.judging import MS, Oracle, judge
-from dfvs_robustness.faults.service import HarnessError, wait_until
-from dfvs_robustness.faults.state_setup import bring_to
+from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.service import HarnessError, wait_until
+from dfvs_robustness.harness.state_setup import bring_to
 
 S = GateState
 

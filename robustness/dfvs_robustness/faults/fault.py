@@ -9,7 +9,8 @@ from dataclasses import dataclass, field
 import numpy as np
 
 from dfvs_core.gate.states import GateState
-from dfvs_robustness.faults.harness import Harness, Setup
+from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.setup import Setup
 
 S = GateState
 

@@ -16,16 +16,16 @@ from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame import PixelFormat, decode_header, encode_header
 from dfvs_core.messages.image import encode_png
-from dfvs_robustness.faults.camera import PERIOD_NS, CapturedFrame, Packet, Script, ScriptedCamera
 from dfvs_robustness.faults.fault import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
-from dfvs_robustness.faults.harness import Harness, Setup
-from dfvs_robustness.faults.network import Misbehaviour
+from dfvs_robustness.harness.camera import PERIOD_NS, CapturedFrame, Packet, Script, unrelated_view
+from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.network import Misbehaviour
+from dfvs_robustness.harness.setup import TEXTURE, Setup
 
 S = GateState
 MS = 1_000_000
 PNG = PixelFormat.PNG
 
-TEXTURE = Setup(sees="texture")
 _STATES = (S.READY, *ANY_ENGAGED)
 
 _SIZE_AT, _FORMAT_AT = 8, 5
@@ -145,18 +145,6 @@ def _stripes(image: ImageArray) -> ImageArray:
     return np.broadcast_to(columns[None, :, None], image.shape).astype(np.uint8)
 
 
-def _elsewhere(image: ImageArray) -> ImageArray:
-    """A view that shares nothing with the goal."""
-    return image[::-1, ::-1] ^ np.uint8(0xA5)
-
-
-def goal_out_of_view(camera: ScriptedCamera) -> None:
-    """Let the camera show a view that shares nothing with the goal, from its next frame on."""
-    camera.film(
-        lambda captured: [captured.packet(np.ascontiguousarray(_elsewhere(captured.image)))]
-    )
-
-
 def _misbehaves(what: Misbehaviour) -> Inject:
     def paint(image: ImageArray) -> ImageArray:
         painted = image.copy()
@@ -268,7 +256,7 @@ def frame_faults() -> tuple[Fault, ...]:
         _hold("image-bomb", "36 megapixels in a PNG of 100 kB", "header", _films(_bombs)),
         _hold("hostile-frames", "400 rubbish samples a second", "header, checksum", _sends(_flood)),
         _hold("no-texture", "stripes", "conditioning, agreement", _shows(_stripes)),
-        _hold("goal-lost", "view shares nothing with the goal", "overlap", _shows(_elsewhere)),
+        _hold("goal-lost", "view shares nothing with the goal", "overlap", _shows(unrelated_view)),
         _hold("network-nan", "network gives NaN", "finite", _misbehaves(Misbehaviour.NAN), Setup()),
         _hold(
             "network-garbage",

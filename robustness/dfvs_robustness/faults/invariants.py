@@ -17,7 +17,7 @@ from dfvs_core.errors import WireError
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.gate.replay import replay
 from dfvs_core.gate.states import ENGAGED, TRANSITIONS, GateState
-from dfvs_robustness.faults.records import TELLS_MODE, Event, Run, is_ours, moves
+from dfvs_robustness.harness.records import TELLS_MODE, Event, Run, is_ours, moves
 from dfvs_sim.vehicle.px4 import STEP_NS
 
 MS = 1_000_000

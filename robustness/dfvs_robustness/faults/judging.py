@@ -9,8 +9,8 @@ from dataclasses import dataclass
 
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_robustness.faults.fault import UNFIT, Fault, Outcome, Reaction
-from dfvs_robustness.faults.harness import Harness
-from dfvs_robustness.faults.records import Event, is_ours, moves
+from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.records import Event, is_ours, moves
 
 MS = 1_000_000
 S = GateState

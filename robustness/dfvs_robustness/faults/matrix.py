@@ -24,12 +24,13 @@ from dfvs_robustness.faults import invariants
 from dfvs_robustness.faults.case import run_case
 from dfvs_robustness.faults.fault import NO_VERDICT, Fault, Outcome
 from dfvs_robustness.faults.frame_faults import frame_faults
-from dfvs_robustness.faults.harness import Harness, Setup
 from dfvs_robustness.faults.judging import timed
 from dfvs_robustness.faults.process_faults import process_faults
-from dfvs_robustness.faults.records import Run
 from dfvs_robustness.faults.start_faults import start_faults
 from dfvs_robustness.faults.vehicle_faults import vehicle_faults
+from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.records import Run
+from dfvs_robustness.harness.setup import Setup
 from dfvs_sim.child import end_worker_with_parent
 
 Todo: TypeAlias = "Queue[list[Case] | None]"

@@ -12,8 +12,9 @@ import numpy as np
 
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_robustness.faults.fault import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
-from dfvs_robustness.faults.harness import Harness, Setup
-from dfvs_robustness.faults.load import busy_cores
+from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.load import busy_cores
+from dfvs_robustness.harness.setup import Setup
 
 S = GateState
 _STATES = (S.READY, *ANY_ENGAGED)

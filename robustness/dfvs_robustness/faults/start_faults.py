@@ -14,8 +14,9 @@ from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.messages.goal import Mount
 from dfvs_robustness.faults.fault import Fault, Reaction
-from dfvs_robustness.faults.harness import NO_RESPONSE_CHECK, Harness, Setup
-from dfvs_robustness.faults.service import HarnessError, wait_until
+from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.service import HarnessError, wait_until
+from dfvs_robustness.harness.setup import NO_RESPONSE_CHECK, Setup
 
 S = GateState
 _MOVING_M_S = 0.01

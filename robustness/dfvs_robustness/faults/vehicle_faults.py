@@ -13,12 +13,12 @@ from pymavlink.dialects.v20 import development as mavlink
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.messages.goal_command import goal_digest
-from dfvs_robustness.faults.environment import BATTERY, GPS
 from dfvs_robustness.faults.fault import ANY_ENGAGED, Fault, Reaction
-from dfvs_robustness.faults.harness import NO_RESPONSE_CHECK, Harness, Setup
-from dfvs_robustness.faults.records import TELLS_MODE
-from dfvs_robustness.faults.service import KEY, signed, wait_until
-from dfvs_sim.vehicle.messages.telemetry import Message
+from dfvs_robustness.harness.environment import BATTERY, GPS
+from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.records import TELLS_MODE
+from dfvs_robustness.harness.service import KEY, signed, wait_until
+from dfvs_robustness.harness.setup import NO_RESPONSE_CHECK, Setup
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.px4 import Px4
 

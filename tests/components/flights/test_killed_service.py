@@ -15,8 +15,9 @@ import pytest
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import GateState
-from dfvs_robustness.faults.harness import Harness, Setup
-from dfvs_robustness.faults.service import wait_until
+from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.service import wait_until
+from dfvs_robustness.harness.setup import Setup
 from dfvs_service.cli import main
 from dfvs_service.flights.records import read_lines
 from dfvs_service.flights.store import is_running

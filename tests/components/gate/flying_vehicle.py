@@ -18,8 +18,7 @@ from pathlib import Path
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_robustness.faults.records import telling_of_mode
-from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
+from dfvs_robustness.harness.records import telling_of_mode
 from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts, wait_for_data
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.parameters import ParameterTable

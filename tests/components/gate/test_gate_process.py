@@ -19,7 +19,7 @@ from vehicle_process import free_port
 
 from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import Action
-from dfvs_robustness.faults.records import TELLS_MODE
+from dfvs_robustness.harness.records import TELLS_MODE
 
 pytestmark = pytest.mark.real_time
 

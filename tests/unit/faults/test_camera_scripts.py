@@ -5,8 +5,8 @@ import numpy as np
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.perception.frame_validator import Expected, GuardState, admit
-from dfvs_robustness.faults.camera import PERIOD_NS, CapturedFrame, ScriptedCamera
 from dfvs_robustness.faults.matrix import all_faults
+from dfvs_robustness.harness.camera import PERIOD_NS, CapturedFrame, ScriptedCamera
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
 CLOCK = b"c" * 16

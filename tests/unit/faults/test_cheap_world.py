@@ -8,8 +8,8 @@ import pytest
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose
 from dfvs_models.catalog import load_matcher
-from dfvs_robustness.faults.network import Misbehaviour, write_bundle
-from dfvs_robustness.faults.wall import WALL_NORTH_M, Pose, Wall, noise_texture, ramp_texture
+from dfvs_robustness.harness.network import Misbehaviour, write_bundle
+from dfvs_robustness.harness.wall import WALL_NORTH_M, Pose, Wall, noise_texture, ramp_texture
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, math.radians(75.0))
 HERE = Pose((-0.8, 0.3, -0.1), 0.02, -0.03, 0.1)

@@ -11,7 +11,7 @@ from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.replay import encode_start, encode_step
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.faults.invariants import check
-from dfvs_robustness.faults.records import PILOT_COMPONENT, ROGUE_COMPONENT, Run
+from dfvs_robustness.harness.records import PILOT_COMPONENT, ROGUE_COMPONENT, Run
 from dfvs_service.settings.config import ServiceConfig
 
 MS, S = 1_000_000, 1_000_000_000

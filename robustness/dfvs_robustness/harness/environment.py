@@ -17,9 +17,9 @@ from typing import Any, TypeVar
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_robustness.faults.camera import PERIOD_NS, ScriptedCamera
-from dfvs_robustness.faults.records import telling_of_mode
-from dfvs_robustness.faults.wall import Pose
+from dfvs_robustness.harness.camera import PERIOD_NS, ScriptedCamera
+from dfvs_robustness.harness.records import telling_of_mode
+from dfvs_robustness.harness.wall import Pose
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts, wait_for_data

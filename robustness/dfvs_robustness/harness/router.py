@@ -1,4 +1,4 @@
-"""``python -m dfvs_robustness.faults.router ENDPOINT``: a Zenoh router, to be killed."""
+"""``python -m dfvs_robustness.harness.router ENDPOINT``: a Zenoh router, to be killed."""
 
 from __future__ import annotations
 

@@ -177,7 +177,7 @@ def write_bundle(folder: Path) -> Path:
         graphs={"pair": Graph(_FILE, ("current", "other"), ("flow",))},
         files={_FILE: sha256(data)},
         licence="Apache-2.0",
-        origin="built by dfvs_robustness.faults.network, to misbehave on purpose",
+        origin="built by dfvs_robustness.harness.network, to misbehave on purpose",
         flow=FlowOutput(),
     )
     (folder / MANIFEST_NAME).write_text(manifest.to_json(), encoding="utf-8")

@@ -5,13 +5,11 @@ from __future__ import annotations
 import contextlib
 import math
 import os
-import shutil
 import socket
 import subprocess
 import sys
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
@@ -19,53 +17,18 @@ import numpy as np
 
 from dfvs_common.lifecycle import child_environment
 from dfvs_core.gate.states import GateState
-from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.frame import PixelFormat
-from dfvs_core.messages.goal import GoalSidecar, Mount
-from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.topics import Topics
-from dfvs_robustness.faults import network
-from dfvs_robustness.faults.camera import ScriptedCamera
-from dfvs_robustness.faults.environment import Environment
-from dfvs_robustness.faults.records import Run
-from dfvs_robustness.faults.service import KEY, HarnessError, Operator, ServiceProcess, wait_until
-from dfvs_robustness.faults.wall import Pose, Wall, noise_texture, ramp_texture
+from dfvs_robustness.harness.camera import ScriptedCamera
+from dfvs_robustness.harness.environment import Environment
+from dfvs_robustness.harness.records import Run
+from dfvs_robustness.harness.service import HarnessError, Operator, ServiceProcess, wait_until
+from dfvs_robustness.harness.setup import NO_RESPONSE_CHECK, Setup
 from dfvs_sim.demo.flight.ports import LOOPBACK, any_port
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.zenoh_session import open_client, open_peer
 
-CAMERA = CameraModel.from_horizontal_fov(network.WIDTH, network.HEIGHT, math.radians(75.0))
-
 STARTUP_S, STATE_S = 40.0, 12.0
 _MOVING_M_S = 0.05
-NO_RESPONSE_CHECK = "gate.response_s=0"
-"""Setting of flights without the initial-response check."""
-
-_CALM = (
-    *("servo.depth='constant'", "servo.constant_depth_m=3.0", "flow.threads=1"),
-    *("telemetry.state_hz=20", "telemetry.preview_hz=0", "telemetry.flow_hz=0"),
-    *("limits.max_distance_m=1000", "limits.max_engaged_s=3600", "gate.hold_visual_s=3600"),
-    *("gate.engage='command'", "black_box.enabled=false"),
-)
-
-
-@dataclass(frozen=True, slots=True)
-class Setup:
-    """What kind of service a case needs: ``settings`` are further ``--set`` words.
-
-    ``sees`` is ``texture`` (classical matcher, JPEG) or ``ramp`` (a network, raw pixels).
-    """
-
-    sees: str = "ramp"
-    settings: tuple[str, ...] = ()
-    other_goal: bool = False
-    """The goal picture shows another wall."""
-    mount: Mount = field(default_factory=Mount)
-    """How the goal's sidecar says that the camera is mounted; it looks straight ahead."""
-    via_router: bool = False
-    """Service and camera meet through a Zenoh router."""
-    matcher: str = "classical"
-    """Model that sees the texture."""
 
 
 class Harness:
@@ -89,8 +52,9 @@ class Harness:
         opened = open_client(self.endpoint) if setup.via_router else open_peer(self.endpoint)
         self.session = self._stack.enter_context(opened)
         self._publisher = self.session.declare_publisher(self.topics.camera)
-        self.environment.camera = self._make_camera()
-        self._write_goal()
+        camera = setup.camera(self.rng, lambda p, a: self._publisher.put(p, attachment=a))
+        self.environment.camera = camera
+        setup.write_inputs(folder, camera.wall, self.rng)
         self.operator = Operator(self.session, self.topics)
         self._tokens: list[Any] = []
         self.on_run_over: Callable[[Run], None] | None = None
@@ -163,7 +127,7 @@ class Harness:
 
     def start_router(self) -> None:
         """Start a Zenoh router in a process of its own."""
-        command = [sys.executable, "-m", "dfvs_robustness.faults.router", self.endpoint]
+        command = [sys.executable, "-m", "dfvs_robustness.harness.router", self.endpoint]
         environment = os.environ | child_environment()
         self._router = subprocess.Popen(command, stdout=subprocess.PIPE, env=environment)
         if self._router.stdout is None or self._router.stdout.readline() != b"ready\n":
@@ -229,19 +193,10 @@ class Harness:
         )
 
     def words(self) -> list[str]:
-        """Arguments of ``dfvs-service`` for this rig."""
-        words = ["--goal", str(self.folder / "goal.png"), "--vehicle", self.topics.vehicle]
-        words += ["--mavlink", f"udpin://{LOOPBACK}:{self._mavlink}"]
-        is_texture = self.setup.sees == "texture"
-        words += ["--model", self.setup.matcher if is_texture else self._bundle()]
-        listen = f"zenoh.listen=['{self.endpoint}']"
-        if self.setup.via_router:
-            words += ["--set", "zenoh.mode='client'"]
-            listen = f"zenoh.connect=['{self.endpoint}']"
-        key = f"gate.command_key_file='{self.folder / 'key'}'"
-        for setting in (*_CALM, listen, key, *self.setup.settings):
-            words += ["--set", setting]
-        return words
+        """Arguments of ``dfvs-service`` for this harness."""
+        link = ["--mavlink", f"udpin://{LOOPBACK}:{self._mavlink}"]
+        setup = self.setup.words(self.folder, self.endpoint)
+        return ["--vehicle", self.topics.vehicle, *link, *setup]
 
     def ensure_service(self) -> None:
         """Start a service unless one runs."""
@@ -284,34 +239,3 @@ class Harness:
             2.0,
         )
         time.sleep(0.02)
-
-    # --- what never changes -----------------------------------------------------------------
-
-    def _make_camera(self) -> ScriptedCamera:
-        is_ramp = self.setup.sees == "ramp"
-        texture = ramp_texture() if is_ramp else noise_texture(np.random.default_rng(7))
-        pixel_format = PixelFormat.RGB8 if is_ramp else PixelFormat.JPEG
-        wall = Wall(texture, CAMERA, self.rng)
-        return ScriptedCamera(wall, pixel_format, lambda p, a: self._publisher.put(p, attachment=a))
-
-    def _write_goal(self) -> None:
-        wall = self.camera.wall
-        if self.setup.other_goal:
-            wall = Wall(noise_texture(np.random.default_rng(8)), CAMERA, self.rng)
-        (self.folder / "goal.png").write_bytes(encode_png(wall.render(Pose())))
-        (self.folder / "goal.json").write_text(
-            GoalSidecar(CAMERA, mount=self.setup.mount).to_json(), encoding="utf-8"
-        )
-        key = self.folder / "key"
-        key.write_bytes(KEY)
-        key.chmod(0o600)
-
-    def _bundle(self) -> str:
-        folder = self.folder / "bundle"
-        if not folder.exists():
-            network.write_bundle(folder)
-        return str(folder)
-
-    def clear(self) -> None:
-        """Remove what was written."""
-        shutil.rmtree(self.folder, ignore_errors=True)

@@ -6,9 +6,11 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from pathlib import Path
 
+import numpy as np
+
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
-from dfvs_robustness.faults.wall import Pose, Wall
+from dfvs_robustness.harness.wall import Pose, Wall
 
 PERIOD_NS = 66_666_667
 """Of 15 frames a second."""
@@ -92,3 +94,12 @@ class ScriptedCamera:
             self._good_to_come = 0
         for payload, attachment in packets:
             self._publish(payload, attachment)
+
+    def lose_goal(self) -> None:
+        """Show a view that shares nothing with the goal, from the next frame on."""
+        self.film(lambda captured: [captured.packet(unrelated_view(captured.image))])
+
+
+def unrelated_view(image: ImageArray) -> ImageArray:
+    """View (H, W, 3) that shares nothing with the one given."""
+    return np.ascontiguousarray(image[::-1, ::-1] ^ np.uint8(0xA5))

@@ -7,8 +7,8 @@ from collections.abc import Callable
 
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import ENGAGED, Cause, GateState
-from dfvs_robustness.faults.harness import STARTUP_S, STATE_S, Harness
-from dfvs_robustness.faults.service import HarnessError, wait_until
+from dfvs_robustness.harness.harness import STARTUP_S, STATE_S, Harness
+from dfvs_robustness.harness.service import HarnessError, wait_until
 from dfvs_sim.vehicle.modes import Mode
 
 S = GateState
