@@ -23,8 +23,8 @@ from dfvs_core.messages.schema import dump, parse, rebuild, with_present_names
 
 JOURNAL_FORMAT = "dfvs-gate-journal/1"
 
-_KINDS: dict[str, type[Any]] = {cls.__name__: cls for cls in typing.get_args(Event)}
-_KINDS["Order"] = OperatorCommand
+EVENT_KINDS: dict[str, type[Any]] = {cls.__name__: cls for cls in typing.get_args(Event)}
+EVENT_KINDS["Order"] = OperatorCommand
 """Kinds of events by name, those of older journals among them."""
 
 
@@ -158,6 +158,6 @@ def _encode_output(output: GateOutput) -> dict[str, Any]:
 
 def _event(entry: list[Any]) -> Event:
     kind, *values = entry
-    names = (field.name for field in dataclasses.fields(_KINDS[kind]))
-    event: Event = rebuild(_KINDS[kind], dict(zip(names, values, strict=True)))
+    names = (field.name for field in dataclasses.fields(EVENT_KINDS[kind]))
+    event: Event = rebuild(EVENT_KINDS[kind], dict(zip(names, values, strict=True)))
     return event

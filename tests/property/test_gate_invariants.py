@@ -29,7 +29,7 @@ from dfvs_core.gate.events import (
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_core.messages.link import PerceptionReport
-from dfvs_robustness.fuzz.invariants import InvariantChecker
+from dfvs_robustness.fuzz.gate.invariants import InvariantChecker
 
 anything = st.floats(allow_nan=True, allow_infinity=True)
 number = st.one_of(st.floats(-2.0, 2.0), anything)

@@ -4,7 +4,9 @@ from __future__ import annotations
 
 from typing import Any
 
-from dfvs_robustness.commands import fuzz_commands, fuzz_frames, fuzz_gate
+from dfvs_robustness.commands import fuzz_frames
+from dfvs_robustness.commands.fuzz_commands import FUZZ_COMMANDS
+from dfvs_robustness.commands.fuzz_gate import FUZZ_GATE
 
 
 def add_parser(subparsers: Any) -> None:
@@ -16,6 +18,6 @@ def add_parser(subparsers: Any) -> None:
         "with hostile commands, or the decoder with hostile frames.",
     )
     inner = parser.add_subparsers(metavar="WHAT", required=True)
-    fuzz_gate.add_parser(inner)
-    fuzz_commands.add_parser(inner)
+    FUZZ_GATE.add_parser(inner)
+    FUZZ_COMMANDS.add_parser(inner)
     fuzz_frames.add_parser(inner)

@@ -9,7 +9,7 @@ from typing import Any
 import numpy as np
 
 from dfvs_core.errors import ConfigError
-from dfvs_robustness.fuzz.frame_fuzz import FrameOutcome, corpus_of, feed_all, hostile_frame
+from dfvs_robustness.fuzz.frames.decoding import FrameOutcome, corpus_of, feed_all, hostile_frame
 from dfvs_robustness.fuzz.progress import ProgressLine
 from dfvs_sim.options import write_json
 

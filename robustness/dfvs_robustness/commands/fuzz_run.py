@@ -1,53 +1,131 @@
-"""Options, run and replay that the fuzz targets share."""
+"""Command line of a fuzz target whose episodes are checked step by step."""
 
 from __future__ import annotations
 
 import argparse
 import time
 from collections.abc import Callable
+from dataclasses import dataclass
 from pathlib import Path
-from typing import Any, Protocol, TypeVar
+from typing import Any, Generic, TypeVar
 
 from dfvs_core.errors import ConfigError
+from dfvs_robustness.fuzz.finding import ReplayFormat
 from dfvs_robustness.fuzz.progress import ProgressLine
 from dfvs_robustness.fuzz.run import Outcome, Tally, Target, run_episodes
 from dfvs_sim.options import write_json
 
 T = TypeVar("T", bound=Tally)
-F = TypeVar("F", bound="_Finding")
+E = TypeVar("E")
 
 
-class _Finding(Protocol):
-    """What a target found."""
+@dataclass(frozen=True, slots=True)
+class FuzzCommand(Generic[T, E]):
+    """A subcommand of ``dfvs-robustness fuzz``.
 
-    @property
-    def rule(self) -> str:
-        """Invariant that was violated."""
-
-    @property
-    def text(self) -> str:
-        """How."""
-
-
-def add_options(parser: argparse.ArgumentParser) -> None:
-    """Add the options of a run."""
-    add = parser.add_argument
-    add("--events", type=int, default=1_000_000, metavar="N", help="at least so many events")
-    add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
-    add("--seed", type=int, default=0, help="of all that is random")
-    add("--out", type=Path, default=Path(), metavar="DIR", help="folder for what violates")
-    add("--replay", type=Path, metavar="FILE", help="replay one saved violation")
-    add("--json", type=Path, metavar="FILE", help="write the figures there")
-
-
-def run_campaign(target: Target[T, F], args: argparse.Namespace) -> tuple[Outcome[T, F], float]:
-    """Outcome of a run, and its duration in s.
-
-    Raises
-    ------
-    ConfigError
-        If an option cannot be used.
+    Parameters
+    ----------
+    name, help, description : str
+        ``name`` begins the names of the files of findings, too.
+    example : str
+        Arguments that replay a file.
+    target : Target
+    files : ReplayFormat
+        Of the findings.
+    items : str
+        Attribute of an episode with what it consists of.
+    figures : callable
+        Counts of a tally that only this target has, as JSON holds them.
+    text : callable
+        Lines for people from the report.
     """
+
+    name: str
+    help: str
+    description: str
+    example: str
+    target: Target[T, E]
+    files: ReplayFormat[E]
+    items: str
+    figures: Callable[[T], dict[str, Any]]
+    text: Callable[[dict[str, Any]], str]
+
+    def add_parser(self, subparsers: Any) -> None:
+        """Add the subcommand."""
+        command = f"dfvs-robustness fuzz {self.name}"
+        epilog = (
+            f"examples:\n  {command} --events 10000000 --workers 2 --json {self.name}.json\n"
+            f"  {command} --replay {self.example}\n\n"
+            "exit code: 0 no violation, 1 an invariant was violated, 2 cannot run\n"
+        )
+        parser = subparsers.add_parser(
+            self.name,
+            help=self.help,
+            description=self.description,
+            epilog=epilog,
+            formatter_class=argparse.RawDescriptionHelpFormatter,
+        )
+        add = parser.add_argument
+        add("--events", type=int, default=1_000_000, metavar="N", help="at least so many events")
+        add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
+        add("--seed", type=int, default=0, help="of all that is random")
+        add("--out", type=Path, default=Path(), metavar="DIR", help="folder for what violates")
+        add("--replay", type=Path, metavar="FILE", help="replay one saved violation")
+        add("--json", type=Path, metavar="FILE", help="write the figures there")
+        parser.set_defaults(run=self.run)
+
+    def run(self, args: argparse.Namespace) -> int:
+        """Fuzz or replay; 0 without a violation, 1 with one.
+
+        Raises
+        ------
+        DfvsError
+            If an option cannot be used.
+        """
+        if args.replay is not None:
+            violation = self.target.replay(self.files.read(args.replay))
+            print("no violation" if violation is None else f"violated: {violation}")
+            return 0 if violation is None else 1
+        _check(args)
+        began_s = time.monotonic()
+        line = ProgressLine()
+
+        def tell(so_far: Outcome[T, E]) -> None:
+            events, found = so_far.tally.events, len(so_far.findings)
+            line.show(f"{events:,} of {args.events:,} events, {found} violations")
+
+        outcome = run_episodes(self.target, args.events, args.workers, args.seed, tell)
+        report = self._report(outcome, args.seed, time.monotonic() - began_s)
+        for number, finding in enumerate(outcome.findings):
+            path = args.out / f"{self.name}-{finding.rule}-{number}.json"
+            self.files.write(finding, path)
+            print(f"{finding.rule} violated: {finding.text}")
+            print(f"  {self._length(finding.episode)} {self.items}: {path}")
+        print(f"{self.text(report)}\n{len(outcome.findings)} violations")
+        if args.json is not None:
+            write_json(args.json, report)
+        return 1 if outcome.findings else 0
+
+    def _report(self, outcome: Outcome[T, E], seed: int, wall_s: float) -> dict[str, Any]:
+        tally = outcome.tally
+        return {
+            "seed": seed,
+            "episodes": tally.episodes,
+            "events": tally.events,
+            "wall_s": round(wall_s, 1),
+            "events_per_core_second": round(tally.events / max(outcome.busy_s, 1e-9)),
+            **self.figures(tally),
+            "violations": [
+                {"rule": f.rule, "text": f.text, self.items: self._length(f.episode)}
+                for f in outcome.findings
+            ],
+        }
+
+    def _length(self, episode: E) -> int:
+        return len(getattr(episode, self.items))
+
+
+def _check(args: argparse.Namespace) -> None:
     for option, value in (("events", args.events), ("workers", args.workers)):
         if value < 1:
             raise ConfigError(f"--{option} is {value}", "1 or more")
@@ -55,35 +133,3 @@ def run_campaign(target: Target[T, F], args: argparse.Namespace) -> tuple[Outcom
         raise ConfigError(f"--seed is {args.seed}", "0 or more")
     if not args.out.is_dir():
         raise ConfigError(f"--out {args.out} is no folder", "an existing folder")
-    began_s = time.monotonic()
-    line = ProgressLine()
-
-    def tell(so_far: Outcome[T, F]) -> None:
-        events, found = so_far.tally.events, len(so_far.findings)
-        line.show(f"{events:,} of {args.events:,} events, {found} violations")
-
-    outcome = run_episodes(target, args.events, args.workers, args.seed, tell)
-    return outcome, time.monotonic() - began_s
-
-
-def save_findings(
-    outcome: Outcome[T, F], args: argparse.Namespace, name: str, write: Callable[[F, Path], str]
-) -> None:
-    """Write and print the findings; ``write`` saves one and gives its length in words."""
-    for number, finding in enumerate(outcome.findings):
-        path = args.out / f"{name}-{finding.rule}-{number}.json"
-        length = write(finding, path)
-        print(f"{finding.rule} violated: {finding.text}\n  {length}: {path}")
-
-
-def end_run(outcome: Outcome[T, F], args: argparse.Namespace, report: dict[str, Any]) -> int:
-    """Write the figures where asked for; the exit code."""
-    if args.json is not None:
-        write_json(args.json, report)
-    return 1 if outcome.findings else 0
-
-
-def print_replay(violation: Exception | None) -> int:
-    """Print what a saved episode violated; the exit code."""
-    print("no violation" if violation is None else f"violated: {violation}")
-    return 0 if violation is None else 1

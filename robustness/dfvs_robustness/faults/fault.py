@@ -18,7 +18,9 @@ NO_VERDICT = "no verdict"
 CAPTURE_MS = 350.0
 """From the capture of the last good frame to zero at most; 300 ms in 99 of 100 cases."""
 
-ANY_ENGAGED = (S.ENGAGE, S.SERVO, S.HOLD, S.DONE)
+FLOWN = (S.SERVO, S.HOLD, S.DONE)
+ANY_ENGAGED = (S.ENGAGE, *FLOWN)
+READY_OR_ENGAGED = (S.READY, *ANY_ENGAGED)
 
 
 class Reaction(enum.Enum):

@@ -16,7 +16,7 @@ from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame import PixelFormat, decode_header, encode_header
 from dfvs_core.messages.image import encode_png
-from dfvs_robustness.faults.fault import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
+from dfvs_robustness.faults.fault import CAPTURE_MS, READY_OR_ENGAGED, Fault, Inject, Reaction
 from dfvs_robustness.harness.camera import PERIOD_NS, CapturedFrame, Packet, Script, unrelated_view
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.network import Misbehaviour
@@ -26,7 +26,6 @@ S = GateState
 MS = 1_000_000
 PNG = PixelFormat.PNG
 
-_STATES = (S.READY, *ANY_ENGAGED)
 
 _SIZE_AT, _FORMAT_AT = 8, 5
 """Offsets of the width and of the pixel format in a frame's attachment."""
@@ -156,7 +155,7 @@ def _misbehaves(what: Misbehaviour) -> Inject:
 
 def _hold(name: str, what: str, seen_by: str, inject: Inject, setup: Setup = TEXTURE) -> Fault:
     hold, says = Reaction.HOLD, _SAYS[name]
-    return Fault(name, what, seen_by, hold, CAPTURE_MS, _STATES, inject, setup, says=says)
+    return Fault(name, what, seen_by, hold, CAPTURE_MS, READY_OR_ENGAGED, inject, setup, says=says)
 
 
 def _abort(name: str, what: str, seen_by: str, inject: Inject, limit_ms: float) -> Fault:

@@ -22,6 +22,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.faults import invariants
 from dfvs_robustness.faults.case import run_case
+from dfvs_robustness.faults.commander_faults import commander_faults
 from dfvs_robustness.faults.fault import NO_VERDICT, Fault, Outcome
 from dfvs_robustness.faults.frame_faults import frame_faults
 from dfvs_robustness.faults.judging import timed
@@ -65,7 +66,13 @@ class Result:
 
 def all_faults() -> dict[str, Fault]:
     """Every fault by its name, in the order of the table."""
-    groups = (frame_faults(), start_faults(), vehicle_faults(), process_faults())
+    groups = (
+        frame_faults(),
+        start_faults(),
+        vehicle_faults(),
+        commander_faults(),
+        process_faults(),
+    )
     return {fault.name: fault for group in groups for fault in group}
 
 

@@ -11,14 +11,20 @@ import time
 import numpy as np
 
 from dfvs_core.gate.states import Cause, GateState
-from dfvs_robustness.faults.fault import ANY_ENGAGED, CAPTURE_MS, Fault, Inject, Reaction
+from dfvs_robustness.faults.fault import (
+    ANY_ENGAGED,
+    CAPTURE_MS,
+    FLOWN,
+    READY_OR_ENGAGED,
+    Fault,
+    Inject,
+    Reaction,
+)
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.load import busy_cores
 from dfvs_robustness.harness.setup import Setup
 
 S = GateState
-_STATES = (S.READY, *ANY_ENGAGED)
-_FLOWN = (S.SERVO, S.HOLD, S.DONE)
 _HOGS = 2
 """Busy processes for every core."""
 _HOG_S, _THROTTLE_S = 2.0, 1.5
@@ -96,7 +102,7 @@ def process_faults() -> tuple[Fault, ...]:
             "exit",
             silence,
             100.0,
-            _STATES,
+            READY_OR_ENGAGED,
             _signals("gate", kill),
             restarts=True,
         ),
@@ -106,7 +112,7 @@ def process_faults() -> tuple[Fault, ...]:
             "parent's watch, 0.3 s",
             silence,
             400.0,
-            _STATES,
+            READY_OR_ENGAGED,
             _signals("gate", stop),
             restarts=True,
         ),
@@ -160,7 +166,7 @@ def process_faults() -> tuple[Fault, ...]:
             "handler",
             Reaction.EXIT,
             2000.0,
-            _STATES,
+            READY_OR_ENGAGED,
             _signals("parent", signal.SIGTERM),
             restarts=True,
             says=(str(Cause.STOPPED),),
@@ -171,7 +177,7 @@ def process_faults() -> tuple[Fault, ...]:
             "missed deadlines",
             Reaction.STREAM,
             150.0,
-            (S.SERVO, S.HOLD, S.DONE),
+            FLOWN,
             _starve,
             alone=True,
         ),
@@ -181,7 +187,7 @@ def process_faults() -> tuple[Fault, ...]:
             "frame age",
             hold,
             CAPTURE_MS,
-            _FLOWN,
+            FLOWN,
             _throttle,
             says=(str(Cause.FRAME_OLD),),
         ),
@@ -191,7 +197,7 @@ def process_faults() -> tuple[Fault, ...]:
             "bounded queue",
             Reaction.STREAM,
             150.0,
-            _FLOWN,
+            FLOWN,
             _fill_disk,
             watch_s=1.0,
             restarts=True,
@@ -202,7 +208,7 @@ def process_faults() -> tuple[Fault, ...]:
             "silence, frame age",
             hold,
             CAPTURE_MS,
-            _STATES,
+            READY_OR_ENGAGED,
             _kill_router,
             ROUTER,
             says=("no camera frame",),

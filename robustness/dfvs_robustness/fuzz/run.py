@@ -6,10 +6,11 @@ import multiprocessing
 import time
 from collections.abc import Callable, Iterator
 from contextlib import contextmanager
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, fields
 from multiprocessing.pool import Pool
-from typing import Any, Generic, Protocol, TypeVar
+from typing import Generic, Self, TypeVar
 
+from dfvs_robustness.fuzz.finding import Finding, InvariantError
 from dfvs_sim.child import end_worker_with_parent
 
 EPISODES_PER_JOB = 8
@@ -17,62 +18,83 @@ MOST_FINDINGS = 10
 """A target that fails more often than that is broken; going on would tell nothing new."""
 
 
-class Tally(Protocol):
+@dataclass(slots=True)
+class Tally:
     """Counts of what was run so far."""
 
-    events: int
+    episodes: int = 0
+    events: int = 0
 
-    def add(self, other: Any) -> None:
+    def add(self, other: Self) -> None:
         """Count what another one of the same target counted."""
+        for field_ in fields(self):
+            total = getattr(self, field_.name) + getattr(other, field_.name)
+            setattr(self, field_.name, total)
 
 
 T = TypeVar("T", bound=Tally)
-F = TypeVar("F")
+E = TypeVar("E")
 
 
 @dataclass(frozen=True, slots=True)
-class Target(Generic[T, F]):
+class Target(Generic[T, E]):
     """What is fuzzed; its functions are found by name in every process.
 
     Parameters
     ----------
     tally : callable
         Gives an empty tally.
-    live : callable
+    run_episode : callable
         Runs the episode of (seed, number), counts it in the tally, and returns what it found.
-    shrink : callable
-        Makes a finding short.
+    replay : callable
+        Runs an episode again; returns the first violation.
+    shorten : callable
+        Makes an episode as short as possible that still fails.
     """
 
     tally: Callable[[], T]
-    run_episode: Callable[[tuple[int, int], T], F | None]
-    shrink: Callable[[F], F]
+    run_episode: Callable[[tuple[int, int], T], Finding[E] | None]
+    replay: Callable[[E], InvariantError | None]
+    shorten: Callable[[E, Callable[[E], bool]], E]
+
+    def shrink(self, finding: Finding[E]) -> Finding[E]:
+        """Return a finding as short as possible that violates the same invariant."""
+
+        def fails(episode: E) -> bool:
+            violation = self.replay(episode)
+            return violation is not None and violation.rule == finding.rule
+
+        if not fails(finding.episode):  # found by running it otherwise: nothing shorter is known
+            return finding
+        shortest = self.shorten(finding.episode, fails)
+        violation = self.replay(shortest)
+        return Finding(shortest, finding.rule, violation.text if violation else finding.text)
 
 
 @dataclass(frozen=True, slots=True)
-class Job(Generic[T, F]):
+class Job(Generic[T, E]):
     """A few episodes: the target, the seed and the numbers of the episodes."""
 
-    target: Target[T, F]
+    target: Target[T, E]
     seed: int
     first: int
     count: int = EPISODES_PER_JOB
 
 
 @dataclass(slots=True)
-class Outcome(Generic[T, F]):
+class Outcome(Generic[T, E]):
     """Result of a run, or of a part of it."""
 
     tally: T
-    findings: list[F] = field(default_factory=list)
+    findings: list[Finding[E]] = field(default_factory=list)
     busy_s: float = 0.0
     """Processor time of all workers, in s."""
 
 
-def do(job: Job[T, F]) -> Outcome[T, F]:
+def do(job: Job[T, E]) -> Outcome[T, E]:
     """Run the episodes of a job; what fails is shrunk."""
     target = job.target
-    outcome: Outcome[T, F] = Outcome(target.tally())
+    outcome: Outcome[T, E] = Outcome(target.tally())
     began_s = time.process_time()
     for number in range(job.first, job.first + job.count):
         finding = target.run_episode((job.seed, number), outcome.tally)
@@ -83,12 +105,12 @@ def do(job: Job[T, F]) -> Outcome[T, F]:
 
 
 def run_episodes(
-    target: Target[T, F],
+    target: Target[T, E],
     events: int,
     workers: int,
     seed: int,
-    on_progress: Callable[[Outcome[T, F]], None],
-) -> Outcome[T, F]:
+    on_progress: Callable[[Outcome[T, E]], None],
+) -> Outcome[T, E]:
     """Run episodes until they hold so many events.
 
     The episodes are numbered, and episode n of a seed is always the same, whatever the workers.
@@ -106,7 +128,7 @@ def run_episodes(
     on_progress : callable
         Called with what was found so far.
     """
-    total: Outcome[T, F] = Outcome(target.tally())
+    total: Outcome[T, E] = Outcome(target.tally())
     with _outcomes(target, workers, seed) as outcomes:
         for outcome in outcomes:
             total.tally.add(outcome.tally)
@@ -119,7 +141,7 @@ def run_episodes(
 
 
 @contextmanager
-def _outcomes(target: Target[T, F], workers: int, seed: int) -> Iterator[Iterator[Outcome[T, F]]]:
+def _outcomes(target: Target[T, E], workers: int, seed: int) -> Iterator[Iterator[Outcome[T, E]]]:
     """Give outcomes of one job after the other, for as long as they are asked for."""
     jobs = _jobs(target, seed)
     if workers == 1:
@@ -130,14 +152,14 @@ def _outcomes(target: Target[T, F], workers: int, seed: int) -> Iterator[Iterato
         yield _pooled(pool, jobs, workers)
 
 
-def _jobs(target: Target[T, F], seed: int) -> Iterator[Job[T, F]]:
+def _jobs(target: Target[T, E], seed: int) -> Iterator[Job[T, E]]:
     first = 0
     while True:
         yield Job(target, seed, first)
         first += EPISODES_PER_JOB
 
 
-def _pooled(pool: Pool, jobs: Iterator[Job[T, F]], workers: int) -> Iterator[Outcome[T, F]]:
+def _pooled(pool: Pool, jobs: Iterator[Job[T, E]], workers: int) -> Iterator[Outcome[T, E]]:
     """Outcomes in the order of the jobs, with a few jobs in work at any time."""
     at_work = [pool.apply_async(do, (next(jobs),)) for _ in range(2 * workers)]
     while True:

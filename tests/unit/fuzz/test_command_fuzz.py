@@ -11,8 +11,8 @@ from dfvs_core.gate.admission import CommandAdmission
 from dfvs_core.gate.authority import Authority
 from dfvs_core.messages.rate_limit import RateLimit
 from dfvs_robustness.commands import fuzz
-from dfvs_robustness.fuzz.command_fuzz import CommandTally, replay_episode, run_episode, shrink
-from dfvs_robustness.fuzz.command_replay import read_episode, write_finding
+from dfvs_robustness.fuzz.commands.replay import REPLAY
+from dfvs_robustness.fuzz.commands.target import COMMANDS, CommandTally, replay_episode, run_episode
 
 
 def run(*words):
@@ -126,11 +126,11 @@ def test_a_violation_is_shrunk_and_saved_and_violated_until_the_ingress_is_mende
     tmp_path, capsys, monkeypatch
 ):
     monkeypatch.setattr(Authority, "_use_up", forever(None))
-    finding = shrink(run_episode((0, 0), CommandTally()))
+    finding = COMMANDS.shrink(run_episode((0, 0), CommandTally()))
     assert len(finding.episode.sendings) == 2  # two commands with one challenge
     path = tmp_path / "finding.json"
-    write_finding(finding, path)
-    assert read_episode(path) == finding.episode
+    REPLAY.write(finding, path)
+    assert REPLAY.read(path) == finding.episode
     assert run("--replay", path) == 1
     assert "violated: fresh" in capsys.readouterr().out
     monkeypatch.undo()

@@ -12,8 +12,14 @@ from dfvs_core.messages import frame as wire_frame
 from dfvs_core.perception import frame_validator
 from dfvs_robustness.commands import fuzz
 from dfvs_robustness.commands.fuzz_frames import figures
-from dfvs_robustness.fuzz.frame_fuzz import FrameJob, FrameOutcome, corpus_of, feed, hostile_frame
-from dfvs_robustness.fuzz.hostile_frames import KINDS
+from dfvs_robustness.fuzz.frames.decoding import (
+    FrameJob,
+    FrameOutcome,
+    corpus_of,
+    feed,
+    hostile_frame,
+)
+from dfvs_robustness.fuzz.frames.hostile_frames import KINDS
 
 
 def run(*words):

@@ -4,6 +4,7 @@ import argparse
 import dataclasses
 import json
 import math
+from pathlib import Path
 
 import pytest
 
@@ -20,12 +21,15 @@ from dfvs_core.gate.preflight import Check
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.stream import SetpointStream
 from dfvs_robustness.commands import fuzz
-from dfvs_robustness.fuzz.episode import Episode
-from dfvs_robustness.fuzz.gate_fuzz import GATE, Finding, Tally, replay_episode, run_episode, shrink
-from dfvs_robustness.fuzz.invariants import InvariantChecker, InvariantError
-from dfvs_robustness.fuzz.replay import read_episode, write_finding
+from dfvs_robustness.fuzz.finding import Finding, InvariantError
+from dfvs_robustness.fuzz.gate.episode import Episode
+from dfvs_robustness.fuzz.gate.invariants import InvariantChecker
+from dfvs_robustness.fuzz.gate.replay import REPLAY
+from dfvs_robustness.fuzz.gate.target import GATE, GateTally, replay_episode, run_episode
 from dfvs_robustness.fuzz.run import Job, do
 from dfvs_robustness.fuzz.shrink import shrink_list
+
+DATA = Path(__file__).parents[2] / "data"
 
 
 def run(*words):
@@ -41,6 +45,7 @@ def test_a_hundred_thousand_events_violate_nothing_and_reach_every_state(tmp_pat
     figures = json.loads(path.read_text())
     assert figures["events"] >= 100_000
     assert figures["violations"] == []
+    assert figures["episodes"] > figures["episodes_run_twice"] > 0
     flying = {"ENGAGE", "SERVO", "HOLD", "DONE", "ABORT", "RELEASED"}
     # A walk that hardly ever flies would prove little.
     assert all(figures["steps_by_state"][state] > 200 for state in flying)
@@ -168,8 +173,8 @@ BROKEN = [
 def test_a_broken_gate_is_found_out(rule, owner, name, breaking, monkeypatch):
     monkeypatch.setattr(owner, name, breaking(getattr(owner, name)))
     rules = set()
-    for number in range(0, 800, 20):  # of these each is lived twice, as I7 needs it
-        finding = run_episode((0, number), Tally())
+    for number in range(0, 800, 20):  # each of these is run twice, as I7 needs it
+        finding = run_episode((0, number), GateTally())
         rules.add(finding and finding.rule)
         if rule in rules:
             return
@@ -183,8 +188,8 @@ def test_a_broken_gate_is_found_out(rule, owner, name, breaking, monkeypatch):
 def finding(monkeypatch):
     """A violation of a gate that is broken for the whole test."""
     monkeypatch.setattr(Engagement, "on_heartbeat", forever(None))
-    found = (run_episode((0, number), Tally()) for number in range(40))
-    return shrink(next(f for f in found if f is not None and f.rule == "I5"))
+    found = (run_episode((0, number), GateTally()) for number in range(40))
+    return GATE.shrink(next(f for f in found if f is not None and f.rule == "I5"))
 
 
 def test_a_violation_is_shrunk_to_what_it_needs(finding):
@@ -200,17 +205,27 @@ def test_a_saved_violation_is_violated_again_until_the_gate_is_mended(
     finding, tmp_path, capsys, monkeypatch
 ):
     path = tmp_path / "finding.json"
-    write_finding(finding, path)
+    REPLAY.write(finding, path)
     assert run("--replay", path) == 1
     assert "violated: I5" in capsys.readouterr().out
     monkeypatch.undo()
     assert run("--replay", path) == 0
 
 
+def test_a_violation_saved_with_former_names_is_still_violated(monkeypatch):
+    path = DATA / "gate_finding_former_names.json"
+    assert '"event": "Order"' in path.read_text()
+    episode = REPLAY.read(path)
+    assert episode.config.timing.command_valid_ns == 4 * S
+    assert replay_episode(episode) is None
+    monkeypatch.setattr(Engagement, "on_heartbeat", forever(None))
+    assert replay_episode(episode).rule == "I5"
+
+
 def test_numbers_that_are_none_survive_the_file(tmp_path):
     steps = [(5, (Attitude(3, math.nan, math.inf, -math.inf),)), (6, ())]
-    write_finding(Finding(Episode(GateConfig(), 4, steps), "I1", ""), tmp_path / "f.json")
-    episode = read_episode(tmp_path / "f.json")
+    REPLAY.write(Finding(Episode(GateConfig(), 4, steps), "I1", ""), tmp_path / "f.json")
+    episode = REPLAY.read(tmp_path / "f.json")
     assert (episode.config, episode.born_ns) == (GateConfig(), 4)
     assert repr(episode.steps) == repr(steps)  # NaN does not equal itself
 
@@ -220,9 +235,9 @@ def test_a_file_that_is_no_replay_is_refused(tmp_path, text):
     path = tmp_path / "bad.json"
     path.write_text(text, encoding="latin-1")
     with pytest.raises(ConfigError):
-        read_episode(path)
+        REPLAY.read(path)
     with pytest.raises(ConfigError, match="cannot read"):
-        read_episode(tmp_path / "nowhere.json")
+        REPLAY.read(tmp_path / "nowhere.json")
 
 
 @pytest.mark.parametrize(
@@ -237,8 +252,8 @@ def test_lists_are_shrunk_to_what_still_fails():
     assert shrink_list(list(range(100)), lambda some: {13, 77} <= set(some)) == [13, 77]
 
 
-def test_a_life_is_the_same_whoever_lives_it():
-    one, two = Tally(), Tally()
+def test_an_episode_is_the_same_in_every_process():
+    one, two = GateTally(), GateTally()
     run_episode((3, 11), one)
     two.add(do(Job(GATE, 3, 11, count=1)).tally)
     assert one == two

@@ -14,7 +14,7 @@ from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.image import encode_jpeg, encode_png
-from dfvs_robustness.fuzz import image_bytes as odd
+from dfvs_robustness.fuzz.frames import image_bytes as odd
 from dfvs_robustness.fuzz.random_source import RandomSource
 
 CLOCK = b"the-clock-of-it."

@@ -2,51 +2,34 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
-from dfvs_robustness.fuzz.command_ingress import CommandEpisode, Ingress, Passed, Sending
-from dfvs_robustness.fuzz.command_invariants import CommandChecker
-from dfvs_robustness.fuzz.command_sendings import Sender
-from dfvs_robustness.fuzz.invariants import InvariantError
+from dfvs_robustness.fuzz.commands.ingress import CommandEpisode, Ingress, Passed, Sending
+from dfvs_robustness.fuzz.commands.invariants import CommandChecker
+from dfvs_robustness.fuzz.commands.sendings import Sender
+from dfvs_robustness.fuzz.finding import Finding, InvariantError
 from dfvs_robustness.fuzz.random_source import RandomSource
-from dfvs_robustness.fuzz.run import Target
+from dfvs_robustness.fuzz.run import Tally, Target
 from dfvs_robustness.fuzz.shrink import shrink_list
 
 SENDINGS_PER_EPISODE = 2000
 
 
 @dataclass(slots=True)
-class CommandTally:
-    """Counts of what was run so far."""
+class CommandTally(Tally):
+    """Counts of the sendings so far."""
 
-    episodes: int = 0
-    events: int = 0
     outcomes: Counter[str] = field(default_factory=Counter)
     """Sendings by kind and what became of them."""
-
-    def add(self, other: CommandTally) -> None:
-        """Count what another one counted."""
-        self.episodes += other.episodes
-        self.events += other.events
-        self.outcomes.update(other.outcomes)
 
     def see(self, sending: Sending, passed: Passed | None) -> None:
         """Count one sending."""
         self.events += 1
         self.outcomes[f"{sending.kind}: {_became(passed)}"] += 1
-
-
-@dataclass(frozen=True, slots=True)
-class CommandFinding:
-    """An episode that ended in a violation."""
-
-    episode: CommandEpisode
-    rule: str
-    text: str
 
 
 class _Trial:
@@ -70,12 +53,12 @@ class _Trial:
         return passed
 
 
-def run_episode(seed: tuple[int, int], tally: CommandTally) -> CommandFinding | None:
+def run_episode(seed: tuple[int, int], tally: CommandTally) -> Finding[CommandEpisode] | None:
     """Run one episode; the same seed gives the same episode.
 
     Returns
     -------
-    CommandFinding or None
+    Finding or None
         The episode up to the command that violated an invariant.
     """
     rng = RandomSource(np.random.default_rng(seed))
@@ -89,7 +72,7 @@ def run_episode(seed: tuple[int, int], tally: CommandTally) -> CommandFinding | 
             episode.sendings.append(sending)
             tally.see(sending, trial.take(sending, challenge))
     except InvariantError as violation:
-        return CommandFinding(episode, violation.rule, violation.text)
+        return Finding(episode, violation.rule, violation.text)
     return None
 
 
@@ -104,17 +87,10 @@ def replay_episode(episode: CommandEpisode) -> InvariantError | None:
     return None
 
 
-def shrink(finding: CommandFinding) -> CommandFinding:
-    """Return an episode with as few commands as still violate the same invariant."""
-    episode, rule = finding.episode, finding.rule
-
-    def fails(sendings: list[Sending]) -> bool:
-        violation = replay_episode(dataclasses.replace(episode, sendings=sendings))
-        return violation is not None and violation.rule == rule
-
-    shortest = dataclasses.replace(episode, sendings=shrink_list(episode.sendings, fails))
-    violation = replay_episode(shortest)
-    return CommandFinding(shortest, rule, finding.text if violation is None else violation.text)
+def shorten(episode: CommandEpisode, fails: Callable[[CommandEpisode], bool]) -> CommandEpisode:
+    """Return an episode with as few commands as still fail."""
+    few = shrink_list(episode.sendings, lambda some: fails(replace(episode, sendings=some)))
+    return replace(episode, sendings=few)
 
 
 def _became(passed: Passed | None) -> str:
@@ -125,4 +101,4 @@ def _became(passed: Passed | None) -> str:
     return "answered again" if passed.answer.is_repeated else "rejected"
 
 
-COMMANDS = Target(CommandTally, run_episode, shrink)
+COMMANDS = Target(CommandTally, run_episode, replay_episode, shorten)

@@ -18,27 +18,11 @@ from dfvs_core.gate.events import (
 )
 from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.states import ENDED, ENGAGED, TRANSITIONS, GateState, Transition
-from dfvs_robustness.fuzz.oracle import Oracle
+from dfvs_robustness.fuzz.finding import InvariantError
+from dfvs_robustness.fuzz.gate.oracle import Oracle
 
 _ROUNDING = 1e-9
 _LONGEST_SLEW_S = 0.1
-
-
-class InvariantError(Exception):
-    """An invariant does not hold.
-
-    Parameters
-    ----------
-    rule : str
-        Its name, I1 to I9.
-    text : str
-        What was seen instead.
-    """
-
-    def __init__(self, rule: str, text: str) -> None:
-        self.rule = rule
-        self.text = text
-        super().__init__(f"{rule}: {text}")
 
 
 def _demand(holds: bool, rule: str, text: object) -> None:

@@ -21,8 +21,8 @@ from typing import Any
 from dfvs_core.gate.command import Command, encode_command
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
-from dfvs_robustness.fuzz.command_ingress import KEY, REFUSAL, VEHICLE, Ingress, Passed, Sending
-from dfvs_robustness.fuzz.invariants import InvariantError
+from dfvs_robustness.fuzz.commands.ingress import KEY, REFUSAL, VEHICLE, Ingress, Passed, Sending
+from dfvs_robustness.fuzz.finding import InvariantError
 
 _LIFETIME_NS = 30 * S
 _KEPT_ANSWERS = 64

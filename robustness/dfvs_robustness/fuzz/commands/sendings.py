@@ -10,7 +10,7 @@ from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import goal_digest
 from dfvs_core.messages.schema import to_json
-from dfvs_robustness.fuzz.command_ingress import KEY, VEHICLE, Sending
+from dfvs_robustness.fuzz.commands.ingress import KEY, VEHICLE, Sending
 from dfvs_robustness.fuzz.random_source import RandomSource
 
 _BAD = (

@@ -2,17 +2,18 @@
 
 from __future__ import annotations
 
-import dataclasses
 from collections import Counter
-from dataclasses import dataclass, field
+from collections.abc import Callable
+from dataclasses import dataclass, field, replace
 
 import numpy as np
 
 from dfvs_core.gate.events import Event, GateOutput, Report
 from dfvs_core.gate.machine import GateMachine
-from dfvs_robustness.fuzz.episode import Episode, Step, begin_episode
-from dfvs_robustness.fuzz.invariants import InvariantChecker, InvariantError
-from dfvs_robustness.fuzz.run import Target
+from dfvs_robustness.fuzz.finding import Finding, InvariantError
+from dfvs_robustness.fuzz.gate.episode import Episode, Step, begin_episode
+from dfvs_robustness.fuzz.gate.invariants import InvariantChecker
+from dfvs_robustness.fuzz.run import Tally, Target
 from dfvs_robustness.fuzz.shrink import shrink_list
 
 STEPS_PER_EPISODE = 1500
@@ -21,27 +22,17 @@ _TWIN_EVERY = 20
 
 
 @dataclass(slots=True)
-class Tally:
-    """What was lived through so far."""
+class GateTally(Tally):
+    """Counts of the steps so far; ``moving`` ones sent a setpoint other than zero."""
 
-    episodes: int = 0
     steps: int = 0
-    events: int = 0
     kinds: Counter[str] = field(default_factory=Counter)
     states: Counter[str] = field(default_factory=Counter)
     """Steps that ended in each state."""
     transitions: Counter[str] = field(default_factory=Counter)
     causes: Counter[str] = field(default_factory=Counter)
     moving: int = 0
-    """Steps that sent a setpoint other than zero."""
     twins: int = 0
-
-    def add(self, other: Tally) -> None:
-        """Count what another one counted."""
-        for name in ("episodes", "steps", "events", "moving", "twins"):
-            setattr(self, name, getattr(self, name) + getattr(other, name))
-        for name in ("kinds", "states", "transitions", "causes"):
-            getattr(self, name).update(getattr(other, name))
 
     def see(self, step: Step, output: GateOutput, state: str, moves: bool) -> None:
         """Count one step."""
@@ -55,22 +46,13 @@ class Tally:
             self.causes[f"{change.target}: {change.cause}"] += 1
 
 
-@dataclass(frozen=True, slots=True)
-class Finding:
-    """A life that ended in a violation."""
-
-    episode: Episode
-    rule: str
-    text: str
-
-
-def run_episode(seed: tuple[int, int], tally: Tally) -> Finding | None:
-    """Live one life; the same seed gives the same life.
+def run_episode(seed: tuple[int, int], tally: GateTally) -> Finding[Episode] | None:
+    """Run one episode; the same seed gives the same episode.
 
     Returns
     -------
     Finding or None
-        The life up to the step that violated an invariant.
+        The episode up to the step that violated an invariant.
     """
     episode, surroundings = begin_episode(np.random.default_rng(seed))
     machine = GateMachine(episode.config, episode.born_ns)
@@ -96,7 +78,7 @@ def run_episode(seed: tuple[int, int], tally: Tally) -> Finding | None:
 
 
 def replay_episode(episode: Episode) -> InvariantError | None:
-    """Play a life to a new gate; return the first violation."""
+    """Play an episode to a new gate; return the first violation."""
     machine = GateMachine(episode.config, episode.born_ns)
     checker = InvariantChecker(episode.config, episode.born_ns)
     for step in episode.steps:
@@ -108,35 +90,27 @@ def replay_episode(episode: Episode) -> InvariantError | None:
     return None
 
 
-def shrink(finding: Finding) -> Finding:
-    """Return a life with as few steps and events as still violate the same invariant."""
-    episode, rule = finding.episode, finding.rule
+def shorten(episode: Episode, fails: Callable[[Episode], bool]) -> Episode:
+    """Return an episode with as few steps and events as still fail."""
 
-    def fails(shorter: Episode) -> bool:
-        violation = replay_episode(shorter)
-        return violation is not None and violation.rule == rule
+    def steps_fail(steps: list[Step]) -> bool:
+        return fails(replace(episode, steps=steps))
 
-    if not fails(episode):  # the twin of another time of day found it: nothing shorter is known
-        return finding
-    steps = shrink_list(
-        episode.steps, lambda steps: fails(dataclasses.replace(episode, steps=steps))
-    )
+    steps = shrink_list(episode.steps, steps_fail)
     for i in range(len(steps)):
         before, (t_ns, events), after = steps[:i], steps[i], steps[i + 1 :]
         few = shrink_list(
             list(events),
-            lambda some, before=before, t_ns=t_ns, after=after: fails(  # type: ignore[misc]
-                dataclasses.replace(episode, steps=[*before, (t_ns, tuple(some)), *after])
+            lambda some, before=before, t_ns=t_ns, after=after: steps_fail(  # type: ignore[misc]
+                [*before, (t_ns, tuple(some)), *after]
             ),
         )
         steps = [*before, (t_ns, tuple(few)), *after]
-    shortest = dataclasses.replace(episode, steps=steps)
-    violation = replay_episode(shortest)
-    return Finding(shortest, rule, finding.text if violation is None else violation.text)
+    return replace(episode, steps=steps)
 
 
 def check_twin(episode: Episode, outputs: list[GateOutput], shift_ns: int) -> None:
-    """I7: the same life at another time of day gives the same outputs.
+    """I7: the same episode at another time of day gives the same outputs.
 
     Raises
     ------
@@ -158,9 +132,9 @@ def check_twin(episode: Episode, outputs: list[GateOutput], shift_ns: int) -> No
 def _shifted(event: Event, shift_ns: int) -> Event:
     if isinstance(event, Report):
         capture_ns = event.report.t_capture_ns + shift_ns
-        report = dataclasses.replace(event.report, t_capture_ns=capture_ns)
+        report = replace(event.report, t_capture_ns=capture_ns)
         return Report(event.t_ns + shift_ns, report)
-    return dataclasses.replace(event, t_ns=event.t_ns + shift_ns)
+    return replace(event, t_ns=event.t_ns + shift_ns)
 
 
-GATE = Target(Tally, run_episode, shrink)
+GATE = Target(GateTally, run_episode, replay_episode, shorten)

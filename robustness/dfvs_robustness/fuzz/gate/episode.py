@@ -32,7 +32,7 @@ from dfvs_core.gate.events import (
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.gate.states import ENDED, GateState
 from dfvs_core.messages.link import PerceptionReport
-from dfvs_robustness.fuzz.disturbances import GOALS, Environment, calm, disturbed, odd_event
+from dfvs_robustness.fuzz.gate.disturbances import GOALS, Environment, calm, disturbed, odd_event
 from dfvs_robustness.fuzz.random_source import RandomSource
 
 Step = tuple[int, tuple[Event, ...]]

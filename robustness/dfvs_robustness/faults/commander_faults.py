@@ -1,0 +1,209 @@
+"""Faults of commanders: other services, foreign setpoints, hostile commands, the operator."""
+
+from __future__ import annotations
+
+import functools
+import math
+import time
+
+import numpy as np
+from pymavlink.dialects.v20 import development as mavlink
+
+from dfvs_core.gate.events import Action
+from dfvs_core.gate.states import Cause, GateState
+from dfvs_core.messages.goal_command import goal_digest
+from dfvs_robustness.faults.fault import ANY_ENGAGED, FLOWN, READY_OR_ENGAGED, Fault, Reaction
+from dfvs_robustness.harness.harness import Harness
+from dfvs_robustness.harness.service import KEY, signed
+from dfvs_robustness.harness.setup import NO_RESPONSE_CHECK, Setup
+from dfvs_sim.vehicle.messages.telemetry import Message
+
+S = GateState
+_BODY_VELOCITY = 0x5C7
+_STATIONS = ((255, 190), (245, 191), (1, 196))
+"""System and component of others who send: two ground stations, and one under our vehicle's id."""
+_STATION_NS, _STATION_PERIOD_S = 1_500_000_000, 0.02
+_SETPOINTS = ("setpoints of somebody else", "somebody else sends setpoints")
+_FOREIGN_M_S, _ELSEWHERE_M_S = 0.42, 0.4
+"""Speed of another commander, and how far it is from ours; below 0.2 m/s nobody could tell."""
+_fault = functools.partial(Fault, spares_frames=True)
+
+
+# --- other commanders -----------------------------------------------------------------------
+
+
+def _second_service(harness: Harness, _: np.random.Generator) -> int:
+    harness.hold_token(harness.topics.lease("engaged", "second"))
+    return time.monotonic_ns()
+
+
+def _service_stands_by(harness: Harness, _: np.random.Generator) -> int:
+    harness.hold_token(harness.topics.lease("standby", "second"))
+    return time.monotonic_ns()
+
+
+def _foreign_message(forward_m_s: float, right_m_s: float) -> Message:
+    zeros = (0.0,) * 3
+    return mavlink.MAVLink_set_position_target_local_ned_message(
+        0, 1, 1, 8, _BODY_VELOCITY, *zeros, forward_m_s, right_m_s, 0.0, *zeros, 0.0, 0.2
+    )
+
+
+def _foreign_setpoint(harness: Harness, rng: np.random.Generator) -> int:
+    forward, right = rng.uniform(-0.5, 0.5, 2)
+    harness.environment.send_as_other(_foreign_message(float(forward), float(right)))
+    return time.monotonic_ns()
+
+
+def _foreign_system(harness: Harness, rng: np.random.Generator) -> int:
+    """Somebody under a system id of their own sends setpoints, at 50 Hz for a while."""
+    forward, right = rng.uniform(-0.5, 0.5, 2)
+    sender = _STATIONS[int(rng.integers(len(_STATIONS)))]
+    t_ns = time.monotonic_ns()
+    while time.monotonic_ns() < t_ns + _STATION_NS and harness.state not in (S.ABORT, S.PREFLIGHT):
+        harness.environment.send_as_other(_foreign_message(float(forward), float(right)), sender)
+        time.sleep(_STATION_PERIOD_S)
+    return t_ns
+
+
+def _foreign_elsewhere(harness: Harness, rng: np.random.Generator) -> int:
+    """Somebody who wants to go elsewhere sends setpoints at 50 Hz on a link of their own."""
+    ours = next(e for e in reversed(harness.environment.events) if e["kind"] == "setpoint")[
+        "velocity"
+    ]
+    off = 0.0
+    while off < _ELSEWHERE_M_S:
+        angle = rng.uniform(0.0, math.tau)
+        forward, right = _FOREIGN_M_S * math.cos(angle), _FOREIGN_M_S * math.sin(angle)
+        off = math.dist(ours, (forward, right, 0.0))
+    harness.environment.shadow(lambda: _foreign_message(forward, right))
+    return time.monotonic_ns()
+
+
+# --- hostile commands -----------------------------------------------------------------------
+
+
+def _forged(harness: Harness, rng: np.random.Generator) -> int:
+    for key, vehicle in ((rng.bytes(32), harness.topics.vehicle), (KEY, "another")):
+        for action in (Action.ABORT, Action.ENGAGE, Action.HOLD):
+            challenge = str(harness.operator.status["challenge"])
+            harness.operator.send(signed(key, vehicle, action, challenge))
+        goal, challenge = rng.bytes(1000), str(harness.operator.status["challenge"])
+        command = signed(key, vehicle, Action.GOAL, challenge, goal_digest(goal))
+        harness.operator.send_goal(goal, command)
+    for size in (0, 1, 500, 100_000):
+        harness.operator.send(rng.bytes(size))
+    return time.monotonic_ns()
+
+
+def _replayed(harness: Harness, _: np.random.Generator) -> int:
+    """Send the last order again, and new ones with challenges never told, used and expired."""
+    harness.operator.send(harness.operator.last_order)
+    expired = harness.operator.told[:-2][-4:]  # the last but one may still be good
+    for challenge in ("0" * 32, harness.operator.used_challenge, *expired):
+        harness.operator.send(signed(KEY, harness.topics.vehicle, Action.ABORT, challenge))
+    return time.monotonic_ns()
+
+
+def _operator_aborts(harness: Harness, _: np.random.Generator) -> int:
+    t_ns = time.monotonic_ns()
+    harness.operator.order(Action.ABORT)
+    return t_ns
+
+
+def commander_faults() -> tuple[Fault, ...]:
+    """Faults of commanders, by the rows of the table."""
+    abort = Reaction.ABORT
+    return (
+        _fault(
+            "second-service",
+            "another service engages",
+            "lease",
+            abort,
+            500.0,
+            READY_OR_ENGAGED,
+            _second_service,
+            says=(str(Cause.TWO_COMMANDERS), "another service"),
+        ),
+        _fault(
+            "service-stands-by",
+            "another service stands by",
+            "lease",
+            Reaction.REFUSED,
+            0.0,
+            (S.READY,),
+            _service_stands_by,
+            watch_s=1.0,
+        ),
+        _fault(
+            "service-starts-in-flight",
+            "another service comes up in flight",
+            "lease",
+            Reaction.IGNORED,
+            0.0,
+            (S.SERVO,),
+            _service_stands_by,
+            watch_s=1.0,
+        ),
+        _fault(
+            "foreign-setpoint",
+            "somebody else's setpoint on the link",
+            "foreign setpoint",
+            abort,
+            100.0,
+            READY_OR_ENGAGED,
+            _foreign_setpoint,
+            says=_SETPOINTS,
+        ),
+        _fault(
+            "foreign-system",
+            "setpoints of a ground station on the link",
+            "foreign setpoint of any system",
+            abort,
+            1000.0,
+            READY_OR_ENGAGED,
+            _foreign_system,
+            says=_SETPOINTS,
+        ),
+        _fault(
+            "foreign-commander",
+            "somebody else's setpoints on another link, 0.4 m/s off",
+            "velocity nobody here asked for",
+            abort,
+            4000.0,
+            FLOWN,
+            _foreign_elsewhere,
+            Setup(settings=(NO_RESPONSE_CHECK,)),
+            says=(str(Cause.TWO_COMMANDERS),),
+        ),
+        _fault(
+            "forged-commands",
+            "commands and goals of a wrong key or vehicle",
+            "authority",
+            Reaction.IGNORED,
+            0.0,
+            (S.READY, *FLOWN),
+            _forged,
+            watch_s=0.5,
+        ),
+        _fault(
+            "replayed-commands",
+            "an order again; old and unknown challenges",
+            "challenge",
+            Reaction.IGNORED,
+            0.0,
+            (S.READY, *FLOWN),
+            _replayed,
+            watch_s=0.5,
+        ),
+        _fault(
+            "operator-aborts",
+            "operator orders to abort",
+            "signed command",
+            abort,
+            500.0,
+            ANY_ENGAGED,
+            _operator_aborts,
+            says=(str(Cause.OPERATOR_ABORT),),
+        ),
+    )

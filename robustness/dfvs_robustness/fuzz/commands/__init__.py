@@ -1,0 +1,1 @@
+"""Fuzzing of the command ingress: hostile commands through admission and authority."""

@@ -1,0 +1,1 @@
+"""Fuzzing of the gate: random episodes, and its invariants after every step."""
