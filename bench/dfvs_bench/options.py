@@ -19,7 +19,8 @@ from dfvs_bench.trials.task import BenchTask, read_tasks
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import LEAST_SIZE_PX
 from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
-from dfvs_sim.options import require_folder
+from dfvs_models.catalog import load_matcher
+from dfvs_sim.options import require_folder, require_range
 from dfvs_sim.scene.glb import load_glb
 
 _T = TypeVar("_T")
@@ -51,10 +52,15 @@ def add_own_scenes(parser: argparse.ArgumentParser, tasks_help: str) -> None:
     )
 
 
-def add_method_options(parser: argparse.ArgumentParser, default: Sequence[str]) -> None:
-    """Add ``--methods`` and ``--iterations``."""
+def add_trial_options(
+    parser: argparse.ArgumentParser, tasks_help: str, runs: str, methods: Sequence[str]
+) -> None:
+    """Add what runs of trials take: tasks, ``--workers``, ``--dask``, methods and networks."""
+    add_task_options(parser, tasks_help, runs)
     add = parser.add_argument
-    add("--methods", metavar="A,B", help=f"default: {','.join(default)}")
+    add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
+    add("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster to use instead")
+    add("--methods", metavar="A,B", help=f"default: {','.join(methods)}")
     add("--iterations", type=int, metavar="N", help="for every method (default: its authors')")
     add(
         "--depth-bundle",
@@ -71,22 +77,50 @@ def networks_from(args: argparse.Namespace) -> dict[str, str]:
     return {name: getattr(args, f"{name}_bundle") for name in ("depth", *POSE_NETWORKS)}
 
 
-def add_executor_options(parser: argparse.ArgumentParser) -> None:
-    """Add ``--workers`` and ``--dask``."""
+def trial_setup(
+    args: argparse.Namespace, default: Sequence[str], *outputs: str
+) -> tuple[TrialExecutor, list[str]]:
+    """Executor, and methods of ``--methods`` or the default ones whose networks there are.
+
+    Outputs, iterations and models are checked before anything runs.
+
+    Raises
+    ------
+    DfvsError
+        If an option cannot be used, or the matcher or the network of a method not be loaded.
+    """
+    check_outputs(args, *outputs)
+    if args.iterations is not None:
+        require_range(args, 1, None, "iterations")
+    executor = TrialExecutor(args.workers, args.dask)
+    networks = networks_from(args)
+    kinds = chosen_methods(
+        args.methods.split(",") if args.methods else with_bundles(default, networks)
+    )
+    for kind in kinds.values():
+        kind.load(networks[kind.network] if kind.network else None)
+    load_matcher(args.bundle, threads=1)
+    return executor, list(kinds)
+
+
+def add_pairs_options(parser: argparse.ArgumentParser, threads_for: str) -> None:
+    """Add what measurements on image pairs take: files, ``--threads`` and ``--json``."""
     add = parser.add_argument
-    add("--workers", type=int, default=1, metavar="N", help="processes (default: 1)")
-    add("--dask", metavar="ADDRESS", help="scheduler of a Dask cluster to use instead")
+    add("pairs", type=Path, nargs="+", metavar="PAIRS.npz")
+    add("--threads", type=int, default=2, help=f"threads for {threads_for} (default: 2)")
+    add("--json", type=Path, metavar="FILE", help="write the figures as JSON, too")
 
 
-def executor_from(args: argparse.Namespace) -> TrialExecutor:
-    """TrialExecutor of ``--workers`` and ``--dask``.
+def check_pairs_options(args: argparse.Namespace) -> None:
+    """Refuse a number of threads and an output that cannot be.
 
     Raises
     ------
     ConfigError
-        If they cannot be.
+        Naming the option.
     """
-    return TrialExecutor(args.workers, args.dask)
+    require_range(args, 1, 64, "threads")
+    require_folder("--json", args.json)
 
 
 def check_outputs(args: argparse.Namespace, *more: str) -> None:
@@ -106,35 +140,6 @@ def check_outputs(args: argparse.Namespace, *more: str) -> None:
             raise ConfigError(f"--{name} {path} is a file", "a folder, or a new name")
         if name != "runs" and path.is_dir():
             raise ConfigError(f"--{name} {path} is a folder", "a file in it")
-
-
-def methods_from(args: argparse.Namespace, default: Sequence[str]) -> list[str]:
-    """Methods of ``--methods``, or the default ones whose networks there are.
-
-    Raises
-    ------
-    DfvsError
-        If there is no such method, or the network of one cannot be used.
-    """
-    networks = networks_from(args)
-    kinds = chosen_methods(
-        args.methods.split(",") if args.methods else with_bundles(default, networks)
-    )
-    for kind in kinds.values():
-        kind.load(networks[kind.network] if kind.network else None)  # refuses what cannot be used
-    return list(kinds)
-
-
-def check_iterations(args: argparse.Namespace) -> None:
-    """Refuse a number of iterations that is none.
-
-    Raises
-    ------
-    ConfigError
-        If it is less than one.
-    """
-    if args.iterations is not None and args.iterations < 1:
-        raise ConfigError(f"--iterations is {args.iterations}", "1 or more")
 
 
 def tasks_from(args: argparse.Namespace) -> list[BenchTask]:
@@ -231,7 +236,7 @@ def run_trials(
     """Run the jobs that ``--resume`` does not find in ``--runs``; all records, old and new."""
     left, records = unfinished(jobs, args.runs) if args.resume else (jobs, [])
     if records:
-        print(f"{len(records)} trials are in {args.runs}", file=sys.stderr, flush=True)
+        say(f"{len(records)} trials are in {args.runs}")
     countdown = Countdown(len(left))
     try:
         for record in run_jobs(left, args.runs, executor):

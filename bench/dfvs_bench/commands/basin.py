@@ -27,28 +27,22 @@ from dfvs_bench.basin.environments import (
 from dfvs_bench.basin.outcomes import BASIN_FILE, Outcome, draw_tasks, read_outcomes
 from dfvs_bench.basin.ratios import summarise, summary_lines, tidy_row
 from dfvs_bench.options import (
-    add_executor_options,
-    add_method_options,
-    add_task_options,
-    check_iterations,
-    check_outputs,
-    executor_from,
-    methods_from,
+    add_trial_options,
     named,
     networks_from,
     own_scenes,
     run_trials,
     say,
+    trial_setup,
 )
 from dfvs_bench.report.basin_figure import basin_figure
 from dfvs_bench.report.figures import is_figure_name
 from dfvs_bench.trials.provenance import run_facts
-from dfvs_bench.trials.run import Job, Plan
+from dfvs_bench.trials.run import Plan
 from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import read_tasks
 from dfvs_core.errors import ConfigError
-from dfvs_models.catalog import load_matcher
-from dfvs_sim.options import write_json
+from dfvs_sim.options import require_range, write_json
 
 DEFAULT_METHODS = ("flow-depth", "motion-depth", "motion-depth-search")
 """What the paper's Fig. 6 shows, what flies, and the same on a camera that may look around."""
@@ -77,9 +71,8 @@ def add_parser(subparsers: Any) -> None:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_task_options(parser, "tasks.json: its scenes (default: sixteen rooms)", "basin-runs")
-    add_executor_options(parser)
-    add_method_options(parser, DEFAULT_METHODS)
+    tasks_help = "tasks.json: its scenes (default: sixteen rooms)"
+    add_trial_options(parser, tasks_help, "basin-runs", DEFAULT_METHODS)
     add = parser.add_argument
     add("--trials", type=int, default=BATCH, metavar="N", help=f"of each cell (default: {BATCH})")
     add("--seed", type=int, default=0, metavar="N", help="draws goals and starts (default: 0)")
@@ -104,25 +97,22 @@ def run(args: argparse.Namespace) -> int:
     """
     _check(args)
     began_s = time.monotonic()
-    executor = executor_from(args)
-    methods = methods_from(args, DEFAULT_METHODS)
+    executor, methods = trial_setup(args, DEFAULT_METHODS, "plot")
     cells = _cells(args)
-    load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
     environments = _environments(args)
     args.runs.mkdir(parents=True, exist_ok=True)
-    jobs = _jobs(args, environments, cells, methods)
+    drawn = draw_tasks(_orders(args, environments, cells), args.runs, executor, say)
+    by_name = {place.name: place for place in environments}
+    tasks = [task.task(by_name[task.environment]) for task in drawn.tasks]
+    jobs = Plan(tasks, methods, args.bundle, args.iterations, networks_from(args)).jobs()
     records = run_trials(args, jobs, executor)
     _finish(args, read_outcomes(args.runs, records), time.monotonic() - began_s)
     return 0
 
 
 def _check(args: argparse.Namespace) -> None:
-    check_outputs(args, "plot")
-    check_iterations(args)
-    if not 1 <= args.trials <= _MOST_TRIALS:
-        raise ConfigError(f"--trials is {args.trials}", f"1 to {_MOST_TRIALS}")
-    if args.seed < 0:
-        raise ConfigError(f"--seed is {args.seed}", "0 or more")
+    require_range(args, 1, _MOST_TRIALS, "trials")
+    require_range(args, 0, None, "seed")
     if args.plot is not None and not is_figure_name(args.plot.suffix):
         raise ConfigError(f"--plot is {str(args.plot)!r}", "a name ending in .png, .svg or .pdf")
 
@@ -147,13 +137,10 @@ def _environments(args: argparse.Namespace) -> list[Environment]:
     return chosen
 
 
-def _jobs(
-    args: argparse.Namespace,
-    environments: Sequence[Environment],
-    cells: tuple[Cell, ...],
-    methods: Sequence[str],
-) -> list[Job]:
-    """Draw the tasks, or take those that are kept; trials come environment by environment."""
+def _orders(
+    args: argparse.Namespace, environments: Sequence[Environment], cells: tuple[Cell, ...]
+) -> list[Order]:
+    """What is to be drawn in each environment; without ``--resume`` nothing drawn is kept."""
     each, rest = divmod(args.trials, len(environments))
     orders = [
         Order(place, cells, each + (k < rest), args.seed) for k, place in enumerate(environments)
@@ -162,10 +149,7 @@ def _jobs(
     say(f"{len(cells)} cells of {args.trials} trials, in {len(orders)} environments")
     if not args.resume:
         (args.runs / BASIN_FILE).unlink(missing_ok=True)
-    drawn = draw_tasks(orders, args.runs, executor_from(args), say)
-    by_name = {place.name: place for place in environments}
-    tasks = [task.task(by_name[task.environment]) for task in drawn.tasks]
-    return Plan(tasks, methods, args.bundle, args.iterations, networks_from(args)).jobs()
+    return orders
 
 
 def _finish(args: argparse.Namespace, outcomes: list[Outcome], wall_s: float) -> None:

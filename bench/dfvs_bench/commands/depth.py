@@ -4,14 +4,13 @@ from __future__ import annotations
 
 import argparse
 from dataclasses import asdict
-from pathlib import Path
 from typing import Any
 
-from dfvs_core.errors import ConfigError
+from dfvs_bench.options import add_pairs_options, check_pairs_options
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import load_depth_network
 from dfvs_models.depth_evaluation import measure_depth
-from dfvs_sim.options import require_folder, write_json
+from dfvs_sim.options import write_json
 
 _EPILOG = """examples:
   dfvs-bench depth pairs.npz --json depth.json
@@ -35,11 +34,8 @@ def add_parser(subparsers: Any) -> None:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add = parser.add_argument
-    add("pairs", type=Path, nargs="+", metavar="PAIRS.npz")
-    add("--depth-bundle", nargs="+", default=[DEFAULT_DEPTH], metavar="NAME")
-    add("--threads", type=int, default=2, help="threads for the network (default: 2)")
-    add("--json", type=Path, metavar="FILE", help="write the figures as JSON, too")
+    add_pairs_options(parser, "the network")
+    parser.add_argument("--depth-bundle", nargs="+", default=[DEFAULT_DEPTH], metavar="NAME")
     parser.set_defaults(run=run)
 
 
@@ -51,9 +47,7 @@ def run(args: argparse.Namespace) -> int:
     DfvsError
         If a bundle or a pairs file cannot be used, or the JSON file not be written.
     """
-    if not 1 <= args.threads <= 64:
-        raise ConfigError(f"--threads is {args.threads}", "1 to 64")
-    require_folder("--json", args.json)
+    check_pairs_options(args)
     reports = []
     for name in dict.fromkeys(args.depth_bundle):
         network = load_depth_network(name, args.threads)

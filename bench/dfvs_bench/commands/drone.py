@@ -30,7 +30,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.options import write_json
+from dfvs_sim.options import require_range, write_json
 
 _EPILOG = """examples:
   dfvs-bench drone --json drone.json --csv drone.csv
@@ -107,8 +107,7 @@ def _check(args: argparse.Namespace) -> None:
     for name in ("timeout", "ready"):
         if not 0 < getattr(args, name) <= 3600:
             raise ConfigError(f"--{name} is {getattr(args, name):g} s", "above 0, to 3600")
-    if args.seed < 0:
-        raise ConfigError(f"--seed is {args.seed}", "0 or more")
+    require_range(args, 0, None, "seed")
     if any(text.startswith("flow.model=") for text in args.set):
         raise ConfigError("--set names flow.model", "--bundle for the matcher")
 

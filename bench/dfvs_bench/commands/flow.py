@@ -12,14 +12,14 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_core.errors import ConfigError
+from dfvs_bench.options import add_pairs_options, check_pairs_options
 from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.matching.warping import flow_at_size
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
 from dfvs_models.evaluation import LEVELS, LevelScore, PairScore, score_pair, summarise
 from dfvs_models.evaluation_file import FlowPairs, read_flow_pairs
-from dfvs_sim.options import require_folder, write_json
+from dfvs_sim.options import write_json
 
 _EPILOG = """examples:
   dfvs-bench flow pairs.npz --json flow.json
@@ -77,9 +77,8 @@ def add_parser(subparsers: Any) -> None:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add = parser.add_argument
-    add("pairs", type=Path, nargs="+", metavar="PAIRS.npz")
-    add(
+    add_pairs_options(parser, "the network and OpenCV")
+    parser.add_argument(
         "--bundle",
         nargs="+",
         action="extend",
@@ -87,8 +86,6 @@ def add_parser(subparsers: Any) -> None:
         help="'classical', a bundle's folder or name, or 'hybrid:' and a bundle of flow; "
         f"several are measured one after the other (default: {DEFAULT_MATCHER})",
     )
-    add("--threads", type=int, default=2, help="threads for the network and OpenCV (default: 2)")
-    add("--json", type=Path, metavar="FILE", help="write the figures as JSON, too")
     parser.set_defaults(run=run)
 
 
@@ -100,9 +97,7 @@ def run(args: argparse.Namespace) -> int:
     DfvsError
         If a bundle or a pairs file cannot be used, or the JSON file not be written.
     """
-    if not 1 <= args.threads <= 64:
-        raise ConfigError(f"--threads is {args.threads}", "1 to 64")
-    require_folder("--json", args.json)
+    check_pairs_options(args)
     bundles = list(dict.fromkeys(args.bundle or [DEFAULT_MATCHER]))
     matchers = {name: load_matcher(name, args.threads) for name in bundles}
     measured = {name: Measured() for name in bundles}

@@ -28,7 +28,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_models import DEFAULT_MATCHER
 from dfvs_models.catalog import load_matcher
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.options import camera_from, require_folder, write_json
+from dfvs_sim.options import camera_from, require_folder, require_range, write_json
 
 TRANSLATIONS_M = (1.2, 2.0, 2.8, 4.0)
 """Of the starts, the largest displacement of three axes."""
@@ -126,13 +126,10 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    bounds = {"trials": (1, _MOST_TRIALS), "threads": (1, 64), "working_width": (64, 1920)}
-    for name, (least, most) in bounds.items():
-        if not least <= getattr(args, name) <= most:
-            option = name.replace("_", "-")
-            raise ConfigError(f"--{option} is {getattr(args, name)}", f"{least} to {most}")
-    if args.seed < 0:
-        raise ConfigError(f"--seed is {args.seed}", "0 or more")
+    require_range(args, 1, _MOST_TRIALS, "trials")
+    require_range(args, 1, 64, "threads")
+    require_range(args, 64, 1920, "working_width")
+    require_range(args, 0, None, "seed")
     require_folder("--json", args.json)
 
 

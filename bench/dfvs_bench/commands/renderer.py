@@ -9,10 +9,9 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_sim.options import add_scene_option, write_json
+from dfvs_sim.options import add_scene_option, require_range, write_json
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
@@ -53,8 +52,7 @@ def run(args: argparse.Namespace) -> int:
     DfvsError
         If the scene or an option cannot be used.
     """
-    if not 2 <= args.frames <= 100_000:
-        raise ConfigError(f"--frames is {args.frames}", "2 to 100000")
+    require_range(args, 2, 100_000, "frames")
     path = args.scene or builtin_room_path()
     renderer = Renderer(load_glb(path))
     poses = _poses(renderer, args.frames, np.random.default_rng(args.seed))

@@ -9,16 +9,11 @@ from typing import Any
 
 from dfvs_bench.methods.registry import DEFAULT_METHODS, METHODS
 from dfvs_bench.options import (
-    add_executor_options,
-    add_method_options,
-    add_task_options,
-    check_iterations,
-    check_outputs,
-    executor_from,
-    methods_from,
+    add_trial_options,
     networks_from,
     run_trials,
     tasks_from,
+    trial_setup,
 )
 from dfvs_bench.trials.perturbation import (
     KINDS,
@@ -39,7 +34,6 @@ from dfvs_bench.trials.tables import (
     write_rows,
 )
 from dfvs_bench.trials.task import BenchTask
-from dfvs_models.catalog import load_matcher
 from dfvs_sim.options import write_json
 
 _EPILOG = (
@@ -69,9 +63,8 @@ def add_parser(subparsers: Any) -> None:
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_task_options(parser, "tasks.json (default: the ten scenes)", "bench-runs")
-    add_executor_options(parser)
-    add_method_options(parser, DEFAULT_METHODS)
+    tasks_help = "tasks.json (default: the ten scenes)"
+    add_trial_options(parser, tasks_help, "bench-runs", DEFAULT_METHODS)
     parser.add_argument(
         "--perturb",
         metavar="A,B",
@@ -89,11 +82,7 @@ def run(args: argparse.Namespace) -> int:
     DfvsError
         If an option, a task or a scene cannot be used.
     """
-    check_outputs(args)
-    check_iterations(args)
-    executor = executor_from(args)
-    methods = methods_from(args, DEFAULT_METHODS)
-    load_matcher(args.bundle, threads=1)  # refuses at once what cannot be used
+    executor, methods = trial_setup(args, DEFAULT_METHODS)
     tasks = tasks_from(args)
     perturbations = parse_perturbations(args.perturb) if args.perturb is not None else []
     check_perturbations(perturbations, tasks)

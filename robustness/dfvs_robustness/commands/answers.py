@@ -12,11 +12,10 @@ import tempfile
 from pathlib import Path
 from typing import Any
 
-from dfvs_core.errors import ConfigError
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.measurement import Try, run_answers
 from dfvs_robustness.answers.report import markdown_lines
-from dfvs_sim.options import require_folder
+from dfvs_sim.options import require_folder, require_range
 
 EXIT_OK, EXIT_FAILED = 0, 1
 
@@ -50,10 +49,7 @@ def add_parser(subparsers: Any) -> None:
 def run(args: argparse.Namespace) -> int:
     """Measure; 0 if all limits were kept."""
     per_state = -(-args.tries // len(GateState))
-    if args.tries < 1:
-        raise ConfigError(f"--tries is {args.tries}", "1 or more")
-    if args.seconds < 1.0:
-        raise ConfigError(f"--seconds is {args.seconds:g}", "1 or more")
+    require_range(args, 1, None, "tries", "seconds")
     require_folder("--json", args.json)
     with contextlib.suppress(PermissionError):
         # What measures must not be late itself; the service's own processes start at 0 again.

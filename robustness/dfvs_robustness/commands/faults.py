@@ -9,7 +9,6 @@ import time
 from pathlib import Path
 from typing import Any
 
-from dfvs_core.errors import ConfigError
 from dfvs_robustness.answers.report import read_answers
 from dfvs_robustness.faults.matrix import (
     Case,
@@ -21,7 +20,7 @@ from dfvs_robustness.faults.matrix import (
     run_matrix,
 )
 from dfvs_robustness.faults.report import Source, make_rows, verdict, write_json, write_reports
-from dfvs_sim.options import require_folder
+from dfvs_sim.options import require_folder, require_range
 
 EXIT_OK, EXIT_FAILED = 0, 1
 
@@ -100,9 +99,7 @@ def run(args: argparse.Namespace) -> int:
 
 
 def _check(args: argparse.Namespace) -> None:
-    for name in ("seeds", "workers"):
-        if getattr(args, name) < 1:
-            raise ConfigError(f"--{name} is {getattr(args, name)}", "1 or more")
+    require_range(args, 1, None, "seeds", "workers")
     for name in ("keep", "json", "html"):
         require_folder(f"--{name}", getattr(args, name))
 

@@ -11,7 +11,7 @@ import numpy as np
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.fuzz.frames.decoding import FrameOutcome, corpus_of, feed_all, hostile_frame
 from dfvs_robustness.fuzz.progress import ProgressLine
-from dfvs_sim.options import write_json
+from dfvs_sim.options import require_range, write_json
 
 MOST_TIME = 20.0
 """Longest time of any frame, as a multiple of the 99th percentile of good ones."""
@@ -57,9 +57,7 @@ def run(args: argparse.Namespace) -> int:
     DfvsError
         If an option cannot be used.
     """
-    for option, value in (("count", args.count), ("workers", args.workers)):
-        if value < 1:
-            raise ConfigError(f"--{option} is {value}", "1 or more")
+    require_range(args, 1, None, "count", "workers")
     if args.seed < 0 or (args.show or 0) < 0:
         raise ConfigError(f"--seed {args.seed} --show {args.show}", "0 or more")
     if args.show is not None:

@@ -13,7 +13,7 @@ from dfvs_core.errors import ConfigError
 from dfvs_robustness.fuzz.finding import ReplayFormat
 from dfvs_robustness.fuzz.progress import ProgressLine
 from dfvs_robustness.fuzz.run import Outcome, Tally, Target, run_episodes
-from dfvs_sim.options import write_json
+from dfvs_sim.options import require_range, write_json
 
 T = TypeVar("T", bound=Tally)
 E = TypeVar("E")
@@ -126,10 +126,7 @@ class FuzzCommand(Generic[T, E]):
 
 
 def _check(args: argparse.Namespace) -> None:
-    for option, value in (("events", args.events), ("workers", args.workers)):
-        if value < 1:
-            raise ConfigError(f"--{option} is {value}", "1 or more")
-    if args.seed < 0:
-        raise ConfigError(f"--seed is {args.seed}", "0 or more")
+    require_range(args, 1, None, "events", "workers")
+    require_range(args, 0, None, "seed")
     if not args.out.is_dir():
         raise ConfigError(f"--out {args.out} is no folder", "an existing folder")

@@ -15,7 +15,13 @@ from dfvs_sim.demo.flight.camera_poses import FlightError
 from dfvs_sim.demo.image_size import AUTO, SIZE_HELP, measured_size
 from dfvs_sim.demo.plan import make_plan
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.options import add_camera_options, add_scene_option, camera_from, write_json
+from dfvs_sim.options import (
+    add_camera_options,
+    add_scene_option,
+    camera_from,
+    require_range,
+    write_json,
+)
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
@@ -57,10 +63,8 @@ def run(args: argparse.Namespace) -> int:
     DfvsError
         If an option cannot be used, or nothing was flown.
     """
-    if not 1.0 <= args.minutes <= 6000.0:
-        raise ConfigError(f"--minutes is {args.minutes:g}", "1 to 6000")
-    if not 1.0 <= args.rate <= 60.0:
-        raise ConfigError(f"--rate is {args.rate:g}", "1 to 60")
+    require_range(args, 1, 6000, "minutes")
+    require_range(args, 1, 60, "rate")
     try:
         args.out.mkdir(parents=True, exist_ok=True)
     except OSError as error:
