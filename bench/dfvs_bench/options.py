@@ -163,7 +163,7 @@ def check_tasks(tasks: Sequence[BenchTask]) -> None:
     Raises
     ------
     DfvsError
-        If a scene cannot be read, or pictures are too small to be matched.
+        If a scene cannot be read, or images are too small to be matched.
     """
     for task in tasks:
         if min(task.camera.size) < LEAST_SIZE_PX:

@@ -73,7 +73,7 @@ class DrawnTask:
 
 
 @dataclass(frozen=True, slots=True)
-class Order:
+class DrawRequest:
     """What is to be drawn in one environment.
 
     Parameters
@@ -96,29 +96,29 @@ class Order:
         return np.random.default_rng([self.seed, zlib.crc32(self.environment.name.encode()), *more])
 
 
-def draw(order: Order) -> tuple[DrawnTask, ...]:
+def draw(request: DrawRequest) -> tuple[DrawnTask, ...]:
     """Draw the tasks of one environment, cell by cell.
 
     Tasks are drawn one after the other. The first ``count`` of a cell are kept whatever the start
     sees of the goal; of those that follow, only those with overlap, until there are ``count`` of
     these as well. A cell for which the scene is too small has fewer, or none.
     """
-    sampler = _Sampler(order.environment, order.rng())
-    return tuple(task for cell in order.cells for task in _draw_cell(sampler, cell, order))
+    sampler = _Sampler(request.environment, request.rng())
+    return tuple(task for cell in request.cells for task in _draw_cell(sampler, cell, request))
 
 
-def _draw_cell(sampler: _Sampler, cell: Cell, order: Order) -> list[DrawnTask]:
+def _draw_cell(sampler: _Sampler, cell: Cell, request: DrawRequest) -> list[DrawnTask]:
     tasks: list[DrawnTask] = []
     free = overlapping = 0
-    name = order.environment.name
-    for T_start, T_goal, overlap in sampler.candidates(cell, order.rng(*cell.seed)):
-        freely, overlaps = free < order.count, overlap >= LEAST_OVERLAP
+    name = request.environment.name
+    for T_start, T_goal, overlap in sampler.candidates(cell, request.rng(*cell.seed)):
+        freely, overlaps = free < request.count, overlap >= LEAST_OVERLAP
         if freely or overlaps:
             poses = (_floats(T_start), _floats(T_goal))
             task_name = f"{cell.name}-{name}-{len(tasks):02d}"
             tasks.append(DrawnTask(task_name, name, cell, overlap, freely, *poses))
         free, overlapping = free + freely, overlapping + overlaps
-        if free >= order.count and overlapping >= order.count:
+        if free >= request.count and overlapping >= request.count:
             break
     return tasks
 

@@ -40,7 +40,7 @@ class Environment:
     camera : CameraModel
         Intrinsics of all views.
     most_empty : float
-        Share of a goal picture, at most, that may show no surface: the sky, or a scan's holes.
+        Share of a goal image, at most, that may show no surface: the sky, or a scan's holes.
     """
 
     name: str

@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 from pathlib import Path
 
 from dfvs_bench.basin.cells import Cell
-from dfvs_bench.basin.drawing import DRAWING_VERSION, DrawnTask, Order, draw
+from dfvs_bench.basin.drawing import DRAWING_VERSION, DrawnTask, DrawRequest, draw
 from dfvs_bench.trials.documents import read_document, write_document
 from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_bench.trials.results import TrialRecord, read_record
@@ -29,7 +29,7 @@ class DrawnEnvironment:
     camera : CameraModel
     cells : tuple of Cell
     count, seed, version : int
-        As in ``Order``, and ``DRAWING_VERSION``.
+        As in ``DrawRequest``, and ``DRAWING_VERSION``.
     tasks : tuple of DrawnTask
     """
 
@@ -43,11 +43,11 @@ class DrawnEnvironment:
     tasks: tuple[DrawnTask, ...] = ()
 
     @classmethod
-    def to_draw(cls, order: Order) -> DrawnEnvironment:
-        """Say what an order draws from, before it is drawn."""
-        place = order.environment
-        given = (place.name, place.digest(), place.camera, order.cells, order.count, order.seed)
-        return cls(*given, DRAWING_VERSION)
+    def to_draw(cls, request: DrawRequest) -> DrawnEnvironment:
+        """Describe what a request draws from."""
+        place = request.environment
+        head = place.name, place.digest(), place.camera
+        return cls(*head, request.cells, request.count, request.seed, DRAWING_VERSION)
 
 
 @dataclass(frozen=True, slots=True)
@@ -72,9 +72,12 @@ class Outcome:
 
 
 def draw_tasks(
-    orders: Sequence[Order], folder: Path, executor: TrialExecutor, progress: Callable[[str], None]
+    requests: Sequence[DrawRequest],
+    folder: Path,
+    executor: TrialExecutor,
+    progress: Callable[[str], None],
 ) -> BasinTasks:
-    """Draw what is ordered and keep it in the folder; what is there from the same order stays.
+    """Draw the requests and keep them in the folder; what is there from the same request stays.
 
     Raises
     ------
@@ -83,13 +86,13 @@ def draw_tasks(
     """
     path = folder / BASIN_FILE
     kept = {place.name: place for place in _read(path).environments} if path.is_file() else {}
-    wanted = {order.environment.name: DrawnEnvironment.to_draw(order) for order in orders}
+    wanted = {request.environment.name: DrawnEnvironment.to_draw(request) for request in requests}
     done = {
         name: kept[name]
         for name, place in wanted.items()
         if name in kept and replace(kept[name], tasks=()) == place
     }
-    left = [order for order in orders if order.environment.name not in done]
+    left = [request for request in requests if request.environment.name not in done]
     for name, tasks in executor.finished(_draw_named, left):
         progress(f"drew {len(tasks)} tasks in {name}")
         done[name] = replace(wanted[name], tasks=tasks)
@@ -97,8 +100,8 @@ def draw_tasks(
     return BasinTasks(tuple(done[name] for name in wanted))
 
 
-def _draw_named(order: Order) -> tuple[str, tuple[DrawnTask, ...]]:
-    return order.environment.name, draw(order)
+def _draw_named(request: DrawRequest) -> tuple[str, tuple[DrawnTask, ...]]:
+    return request.environment.name, draw(request)
 
 
 def read_outcomes(folder: Path, records: Sequence[TrialRecord] | None = None) -> list[Outcome]:

@@ -15,7 +15,7 @@ from dfvs_bench.basin.cells import (
     parse_numbers,
     parse_rotation,
 )
-from dfvs_bench.basin.drawing import LEAST_OVERLAP, Order
+from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawRequest
 from dfvs_bench.basin.environments import (
     BATCH,
     Environment,
@@ -101,7 +101,7 @@ def run(args: argparse.Namespace) -> int:
     cells = _cells(args)
     environments = _environments(args)
     args.runs.mkdir(parents=True, exist_ok=True)
-    drawn = draw_tasks(_orders(args, environments, cells), args.runs, executor, say)
+    drawn = draw_tasks(_requests(args, environments, cells), args.runs, executor, say)
     by_name = {place.name: place for place in environments}
     tasks = [task.task(by_name[task.environment]) for task in drawn.tasks]
     jobs = Plan(tasks, methods, args.bundle, args.iterations, networks_from(args)).jobs()
@@ -137,19 +137,20 @@ def _environments(args: argparse.Namespace) -> list[Environment]:
     return chosen
 
 
-def _orders(
+def _requests(
     args: argparse.Namespace, environments: Sequence[Environment], cells: tuple[Cell, ...]
-) -> list[Order]:
+) -> list[DrawRequest]:
     """What is to be drawn in each environment; without ``--resume`` nothing drawn is kept."""
     each, rest = divmod(args.trials, len(environments))
-    orders = [
-        Order(place, cells, each + (k < rest), args.seed) for k, place in enumerate(environments)
+    requests = [
+        DrawRequest(place, cells, each + (k < rest), args.seed)
+        for k, place in enumerate(environments)
     ]
-    orders = [order for order in orders if order.count]
-    say(f"{len(cells)} cells of {args.trials} trials, in {len(orders)} environments")
+    requests = [request for request in requests if request.count]
+    say(f"{len(cells)} cells of {args.trials} trials, in {len(requests)} environments")
     if not args.resume:
         (args.runs / BASIN_FILE).unlink(missing_ok=True)
-    return orders
+    return requests
 
 
 def _finish(args: argparse.Namespace, outcomes: list[Outcome], wall_s: float) -> None:

@@ -38,7 +38,7 @@ _EPILOG = """examples:
 
 Every task is flown in real time, one after the other, as dfvs-demo flies: vehicle, camera, pilot
 and service are processes of their own. Start and goal are levelled: place and heading stay, roll
-and pitch are left out, and the goal picture is taken anew from the level goal. A flight has
+and pitch are left out, and the goal image is taken anew from the level goal. A flight has
 converged if the service says DONE and the camera truly is within 5 cm and 1 degree. Its time is
 set against the least that the straight line takes under the limits in force. --resume keeps the
 flights in --runs that were made with the same settings.

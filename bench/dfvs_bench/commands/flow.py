@@ -27,7 +27,7 @@ _EPILOG = """examples:
 
 A pairs file holds IA, IB (N,H,W,3) uint8 RGB, flow (N,H,W,2) px from A to B on A's grid,
 vis (N,H,W) bool: seen in both, and level (N,) 0 small, 1 medium, 2 large (dfvs-rooms pairs
-makes such files). A bundle whose pictures have another size gets them resized, and its flow
+makes such files). A bundle whose images have another size gets them resized, and its flow
 is resized back.
 
 The JSON is {bundle, files: {NAME: {small|medium|large: {epe_px, under_3px, pairs, ...}}},
@@ -47,7 +47,7 @@ class Measured:
     files : dict
         Scores by name of the file and level.
     cold_ms, warm_ms : list of float
-        Preparing and matching two pictures; matching again with the flow found as the guess.
+        Preparing and matching two images; matching again with the flow found as the guess.
     """
 
     files: dict[str, dict[str, LevelScore]] = field(default_factory=dict)
@@ -72,7 +72,7 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "flow",
         help="precision and honesty of dense correspondences",
-        description="Match picture pairs whose flow is known; print end-point error, share "
+        description="Match image pairs whose flow is known; print end-point error, share "
         "under 3 px, error of the more confident half, and time a pair.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,

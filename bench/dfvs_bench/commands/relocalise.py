@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_bench.basin.cells import ROTATIONS_DEG, Cell
-from dfvs_bench.basin.drawing import DrawnTask, Order
+from dfvs_bench.basin.drawing import DrawnTask, DrawRequest
 from dfvs_bench.basin.environments import Environment, environments_in
 from dfvs_bench.options import own_scenes
 from dfvs_bench.relocalisation.relocalise import (
@@ -148,19 +148,19 @@ def _draw(
     each, rest = divmod(args.trials, len(args.scene))
     small = camera.scaled(_DRAWN_WIDTH_PX, height)
     places = [replace(place, camera=small) for place in environments_in(own_scenes(args, []))]
-    orders = [
-        (Order(place, cells, -(-args.trials // len(cells)), args.seed), each + (k < rest))
+    requests = [
+        (DrawRequest(place, cells, -(-args.trials // len(cells)), args.seed), each + (k < rest))
         for k, place in enumerate(places)
     ]
-    drawn = dict(executor.finished(_draw_one, [order for order in orders if order[1]]))
+    drawn = dict(executor.finished(_draw_one, [request for request in requests if request[1]]))
     found = [(replace(p, camera=camera), drawn[p.name]) for p in places if drawn.get(p.name)]
     if not found:
         raise ConfigError("no start was found in any scene", "larger scenes with free space")
     return found
 
 
-def _draw_one(order: tuple[Order, int]) -> tuple[str, tuple[DrawnTask, ...]]:
-    return order[0].environment.name, draw_starts(*order)
+def _draw_one(request: tuple[DrawRequest, int]) -> tuple[str, tuple[DrawnTask, ...]]:
+    return request[0].environment.name, draw_starts(*request)
 
 
 def _camera(args: argparse.Namespace, size: str) -> CameraModel:

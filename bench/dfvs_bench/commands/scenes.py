@@ -46,7 +46,7 @@ def add_parser(subparsers: Any) -> None:
     add("--samples", type=int, default=512, metavar="N", help="traced light paths a vertex")
     add("--setting", choices=tuple(SETTINGS), help="tasks of this setting into --out instead")
     add("--share", type=float, metavar="S", help="of the setting's displacement, 0 to 1")
-    add("--sheet", type=Path, metavar="FILE.png", help="start and goal of each as one picture")
+    add("--sheet", type=Path, metavar="FILE.png", help="start and goal of each as one image")
     parser.set_defaults(run=run)
 
 

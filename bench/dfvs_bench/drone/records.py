@@ -1,4 +1,4 @@
-"""Flights on disk: one JSON file each, so that a broken campaign can be taken up again."""
+"""Flights on disk: one JSON file each, so that a broken run can be taken up again."""
 
 from __future__ import annotations
 
@@ -20,7 +20,7 @@ NOT_READY = "NOT READY"
 
 @dataclass(frozen=True, slots=True)
 class Setting:
-    """What a campaign of flights shares.
+    """What a run of flights shares.
 
     Parameters
     ----------

@@ -36,7 +36,7 @@ _HOLD_MARGIN_S = 60.0
 
 @dataclass(frozen=True, slots=True)
 class SimulatedJob:
-    """One flight of a campaign; picklable.
+    """One flight of a run; picklable.
 
     ``matcher`` is ``exact`` or a name that ``dfvs-service`` knows. ``mounted_deg`` is how far about
     the vertical the camera is mounted from what the settings say; ``hold_s`` how long the goal is

@@ -102,7 +102,7 @@ class PipelineMethod:
     config : ServoConfig
         Law and depth source; true depth is handed over for ``depth = "given"`` alone.
     goal : GoalObservation
-        Only its picture and intrinsics are used.
+        Only its image and intrinsics are used.
     matcher : Matcher
         Source of correspondences.
     network : DepthEstimator, optional
@@ -131,7 +131,7 @@ class PipelineMethod:
         self._is_false_goal = False
 
     @property
-    def is_mistaken(self) -> bool:
+    def is_false_goal(self) -> bool:
         """Whether the last frame should have been at the goal, and does not look like it."""
         return self._is_false_goal
 

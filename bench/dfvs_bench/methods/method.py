@@ -43,7 +43,7 @@ class Observation:
 
 @dataclass(frozen=True, slots=True, eq=False)
 class GoalObservation:
-    """The goal picture (H, W, 3) RGB, its true depth (H, W), and the camera of both views."""
+    """The goal image (H, W, 3) RGB, its true depth (H, W), and the camera of both views."""
 
     camera: CameraModel
     image: ImageArray

@@ -22,7 +22,7 @@ _DAMPING_FIRST, _DAMPING_LATER = 0.01, 0.0001
 _DAMPED_FRAMES = 90
 _BORDER_PX = 10
 _SQUARED_ERROR_AT_GOAL = 10_000.0 / (320 * 240)
-"""Mean squared error in grey levels squared: 10,000 in all at the example's picture size."""
+"""Mean squared error in grey levels squared: 10,000 in all at the example's image size."""
 
 _AT_REST = 1e-5
 _LONGEST_STEP = 0.5

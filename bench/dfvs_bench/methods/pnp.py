@@ -1,6 +1,6 @@
 """Position-based visual servoing: the goal's pose from flow and true depth, then a straight way.
 
-Every correspondence with depth is a point in space and where the goal picture shows it; the pose
+Every correspondence with depth is a point in space and where the goal image shows it; the pose
 is found by perspective-n-point with random sampling, and refined (Chaumette and Hutchinson 2006,
 IV, for the law).
 """
@@ -41,7 +41,7 @@ class PnpMethod:
     Parameters
     ----------
     goal : GoalObservation
-        Only its picture and intrinsics are used.
+        Only its image and intrinsics are used.
     matcher : Matcher
         Source of correspondences.
     """
@@ -67,8 +67,8 @@ class PnpMethod:
         self._failed, self._last_flow = 0, flow
         twist = se3_log(T_current_goal)
         distance_m, angle_rad = np.linalg.norm(twist[:3]), np.linalg.norm(twist[3:])
-        sure = flow.confidence > LEAST_CONFIDENCE
-        error_px = float(np.median(np.linalg.norm(flow.flow[sure], axis=1)))
+        confident = flow.confidence > LEAST_CONFIDENCE
+        error_px = float(np.median(np.linalg.norm(flow.flow[confident], axis=1)))
         done = bool(distance_m < _AT_GOAL_M and angle_rad < _AT_GOAL_RAD)
         return Decision(se3_exp(_GAIN * twist), error_px, done)
 
@@ -92,14 +92,14 @@ class PnpMethod:
 def perspective_pose(
     P: FloatArray, xy_goal: FloatArray, tolerance: float
 ) -> tuple[FloatArray, IntArray] | None:
-    """Goal camera from points of the current view and where the goal picture shows them.
+    """Goal camera from points of the current view and where the goal image shows them.
 
     Parameters
     ----------
     P : (N, 3)
         Points in the current optical frame, m.
     xy_goal : (N, 2)
-        Normalised coordinates in the goal picture.
+        Normalised coordinates in the goal image.
     tolerance : float
         Distance within which a point agrees, normalised.
 

@@ -30,7 +30,7 @@ class PoseRegressionMethod:
     Parameters
     ----------
     goal : GoalObservation
-        Its median depth scales a translation that is in depths; else only picture and camera.
+        Its median depth scales a translation that is in depths; else only image and camera.
     network : PoseRegressor
 
     Raises

@@ -41,12 +41,12 @@ def pose_with_depth(
     grid = depth_m[offset::STRIDE_PX, offset::STRIDE_PX]
     depth = DepthMap(np.maximum(grid, np.float32(1e-3)), (grid > 0).astype(np.float32))
     points = points_from_flow(sample_grid(flow, STRIDE_PX), depth, camera, camera)
-    sure = points.select((grid.ravel() > 0) & (points.weight > LEAST_CONFIDENCE))
-    if len(sure.xy) < config.min_overlap * grid.size:
+    confident = points.select((grid.ravel() > 0) & (points.weight > LEAST_CONFIDENCE))
+    if len(confident.xy) < config.min_overlap * grid.size:
         return None
-    P = np.column_stack([sure.xy, np.ones(len(sure.xy))]) * sure.z_m[:, None]
+    P = np.column_stack([confident.xy, np.ones(len(confident.xy))]) * confident.z_m[:, None]
     tolerance = REPROJECTION_PX * camera.width / _WIDTH_PX / camera.fx
-    pose = perspective_pose(P, sure.xy_goal, tolerance)
+    pose = perspective_pose(P, confident.xy_goal, tolerance)
     if pose is None or len(pose[1]) < config.min_inliers * len(P):
         return None
     return pose[0]

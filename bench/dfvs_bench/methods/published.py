@@ -13,7 +13,7 @@ Gain 0.01, mu 0.03, 0.01 s a step, and an end by photometric error: squared diff
 colours are added up and divided by the number of pixels.
 
 The paper takes its flow from FlowNet2; here it comes from the matcher that all methods share. An
-error in pixels makes the gain a matter of the picture's size: flow is brought to the size that the
+error in pixels makes the gain a matter of the image's size: flow is brought to the size that the
 authors set the gain for, 512 px wide.
 """
 
@@ -48,7 +48,7 @@ class PublishedMethod:
     Parameters
     ----------
     goal : GoalObservation
-        Only its picture and intrinsics are used.
+        Only its image and intrinsics are used.
     matcher : Matcher
         Source of correspondences.
     """
@@ -65,11 +65,11 @@ class PublishedMethod:
 
     def decide(self, observation: Observation) -> Decision:
         """One step of the published loop."""
-        prepared = self._matcher.encode(observation.image)
-        self._flow = track_or_match(self._matcher, prepared, self._goal, self._flow)
+        features = self._matcher.encode(observation.image)
+        self._flow = track_or_match(self._matcher, features, self._goal, self._flow)
         flow = _sampled(self._flow.flow) * self._per_px
-        inverse_z = self._inverse_depth(prepared, observation)
-        self._last = prepared
+        inverse_z = self._inverse_depth(features, observation)
+        self._last = features
         L = interaction_matrix(self._xy, 1.0 / inverse_z).reshape(-1, 6)
         H = L.T @ L
         damped = H + _MU * np.diag(H)  # a row added to every row, as in the code
@@ -80,11 +80,11 @@ class PublishedMethod:
         done = squared < _SQUARED_ERROR_AT_GOAL
         return Decision(self._moved(twist, observation), float(np.sqrt(squared)), done)
 
-    def _inverse_depth(self, prepared: ImageFeatures, observation: Observation) -> FloatArray:
+    def _inverse_depth(self, features: ImageFeatures, observation: Observation) -> FloatArray:
         """What the code takes for 1 / Z of every point (N,)."""
         if self._last is None:
             return _sampled(observation.depth.z_m).astype(np.float64).ravel()
-        motion_px = _sampled(self._matcher.match(prepared, self._last).flow) * self._per_px
+        motion_px = _sampled(self._matcher.match(features, self._last).flow) * self._per_px
         lengths: FloatArray = np.linalg.norm(motion_px.reshape(-1, 2), axis=1) + 1.0
         return lengths
 

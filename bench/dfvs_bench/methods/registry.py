@@ -39,13 +39,13 @@ def _late(depth: DepthChoice, grade: EstimateGrade = EstimateGrade.PERFECT) -> M
     )
 
 
-def _searching(summary: str) -> MethodKind:
+def _scan_search(summary: str) -> MethodKind:
     config = bench_config("motion")
 
     def make(
         goal: GoalObservation, matcher: Matcher, _networks: Networks
-    ) -> scan_search.SearchingMethod:
-        return scan_search.SearchingMethod(
+    ) -> scan_search.ScanSearchMethod:
+        return scan_search.ScanSearchMethod(
             lambda: PipelineMethod(config, goal, matcher), goal, matcher
         )
 
@@ -66,7 +66,7 @@ METHODS: dict[str, MethodKind] = {
     "motion-depth": _dfvs("motion", "the product as it flies: depth from its own motion"),
     "motion-depth-late": _late("motion"),
     "motion-depth-late-medium": _late("motion", EstimateGrade.MEDIUM),
-    "motion-depth-search": _searching("motion-depth that looks around where it finds no goal"),
+    "motion-depth-search": _scan_search("motion-depth that looks around where it finds no goal"),
     "network-depth": _dfvs("network", "the product's law with a network's depth of the goal image"),
     "fused-depth": _dfvs("fused", "the same, fused with the depth from its own motion"),
     "fused-depth-late": _late("fused"),

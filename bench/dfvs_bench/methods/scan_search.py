@@ -26,7 +26,7 @@ _NOWHERE = "the goal is not seen in any direction"
 _ARRIVED = 1e-6
 
 
-class SearchingMethod:
+class ScanSearchMethod:
     """Leads as the pipeline does; where that loses the goal, goes back and looks around.
 
     Nine looks are taken from where the way began. The best of those that agree with each other is
@@ -39,7 +39,7 @@ class SearchingMethod:
     make : callable
         Makes the pipeline anew, which remembers nothing.
     goal : GoalObservation
-        Only its picture and intrinsics are used.
+        Only its image and intrinsics are used.
     matcher : Matcher
         Source of correspondences.
     """
@@ -57,7 +57,7 @@ class SearchingMethod:
         self._panorama = Panorama(goal.camera)
         self._followed: Look | None = None
         self._looks_taken = 0
-        self._was_mistaken = False
+        self._was_false_goal = False
         self._R_ahead_next: FloatArray | None = None
         """What is being turned to; None while servoing."""
 
@@ -67,9 +67,9 @@ class SearchingMethod:
             self._T_world_ahead = observation.T_world_camera
         if self._R_ahead_next is None:
             decision = self._inner.decide(observation)
-            if not (decision.lost or self._inner.is_mistaken):
+            if not (decision.lost or self._inner.is_false_goal):
                 return decision
-            self._was_mistaken = self._inner.is_mistaken
+            self._was_false_goal = self._inner.is_false_goal
             self._R_ahead_next = self._next_direction()
         return self._turn(observation, self._T_world_ahead)
 
@@ -101,7 +101,7 @@ class SearchingMethod:
         if self._to_look:
             return self._to_look[0]
         if self._followed is not None:
-            self._panorama.dismiss(self._followed, place=self._was_mistaken)
+            self._panorama.dismiss(self._followed, place=self._was_false_goal)
         self._followed = self._panorama.best()
         if self._followed is not None:
             return self._followed.R_ahead_look

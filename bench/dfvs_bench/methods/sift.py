@@ -33,7 +33,7 @@ class SiftMethod:
     Parameters
     ----------
     goal : GoalObservation
-        Only its picture and intrinsics are used.
+        Only its image and intrinsics are used.
     """
 
     def __init__(self, goal: GoalObservation) -> None:
@@ -67,7 +67,7 @@ class SiftMethod:
         return Decision(np.eye(4), float("inf"), lost=lost)
 
     def _correspondences(self, image: ImageArray) -> tuple[FloatArray, FloatArray]:
-        """Points (N, 2) px here and in the goal picture."""
+        """Points (N, 2) px here and in the goal image."""
         points, descriptors = _describe(self._sift, image)
         goal_points, goal_descriptors = self._goal
         if min(len(points), len(goal_points)) < LEAST_POINTS:

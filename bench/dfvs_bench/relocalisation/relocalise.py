@@ -14,7 +14,7 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawnTask, Order, draw
+from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawnTask, DrawRequest, draw
 from dfvs_bench.basin.environments import Environment
 from dfvs_bench.methods.pose_with_depth import pose_with_depth
 from dfvs_bench.relocalisation.near_goal import Approach, approach, approach_figures
@@ -96,10 +96,10 @@ def without(stages: Iterable[str]) -> MatchingConfig:
     return config
 
 
-def draw_starts(order: Order, trials: int) -> tuple[DrawnTask, ...]:
+def draw_starts(request: DrawRequest, trials: int) -> tuple[DrawnTask, ...]:
     """Starts of one environment that see enough of the goal, at most so many, of all cells."""
     by_cell: dict[str, list[DrawnTask]] = {}
-    for task in draw(order):
+    for task in draw(request):
         if task.overlap >= LEAST_OVERLAP:
             by_cell.setdefault(task.cell.name, []).append(task)
     chosen: list[DrawnTask] = []

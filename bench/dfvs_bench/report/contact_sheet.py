@@ -1,4 +1,4 @@
-"""Pictures of tasks side by side, to be looked at."""
+"""Images of tasks side by side, to be looked at."""
 
 from __future__ import annotations
 

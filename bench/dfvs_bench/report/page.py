@@ -53,7 +53,7 @@ _PANEL_PX = 200
 
 
 def embedded(data: bytes, kind: str) -> str:
-    """A picture inside the page itself; ``kind`` is svg+xml, png or jpeg."""
+    """An image inside the page itself; ``kind`` is svg+xml, png or jpeg."""
     text = base64.b64encode(data).decode()
     return f"<img alt='' src='data:image/{kind};base64,{text}'>"
 
@@ -67,9 +67,9 @@ def panel(image: ImageArray, title: str, note: str = "", kind: str = "") -> str:
     """An image (H, W, 3) RGB of a figure of several, with a title and a note of some class."""
     height = round(_PANEL_PX * image.shape[0] / image.shape[1])
     small = cv2.resize(image, (_PANEL_PX, height), interpolation=cv2.INTER_AREA)
-    picture = embedded(encode_jpeg(np.asarray(small, np.uint8), _JPEG_QUALITY), "jpeg")
+    shown = embedded(encode_jpeg(np.asarray(small, np.uint8), _JPEG_QUALITY), "jpeg")
     below = f"<span class='{kind}'>{html.escape(note)}&nbsp;</span>"
-    return f"<div>{html.escape(title)}{picture}{below}</div>"
+    return f"<div>{html.escape(title)}{shown}{below}</div>"
 
 
 def panels(parts: Iterable[str]) -> str:

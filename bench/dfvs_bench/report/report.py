@@ -1,4 +1,4 @@
-"""One self-contained HTML page of a campaign: tables, pictures, plots, and the paper's figures."""
+"""One self-contained HTML page of a run: tables, images, plots, and the paper's figures."""
 
 from __future__ import annotations
 

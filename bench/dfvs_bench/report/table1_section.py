@@ -39,7 +39,7 @@ one{network}, and α ÷ |flow| to the view at the start, rotation taken out, α 
 _NETWORK = ", that by the network <code>{}</code>"
 _NO_NETWORK = "That by a network is left out: no depth bundle was given."
 _SCENES_NOTE = "<p>Final error; path; iterations. NC: not within 4 cm and 1°.</p>"
-_PICTURES_NOTE = """<p>Start, goal, and what is left between goal and end for every method: grey is
+_IMAGES_NOTE = """<p>Start, goal, and what is left between goal and end for every method: grey is
 none. Below each its final error.</p>"""
 
 _Records = dict[tuple[str, str], TrialRecord]
@@ -64,12 +64,12 @@ def table1_section(
     by_key = {(r.task, r.method): r for r in records if not r.perturbation}
     tasks = [task for task in tasks if any(r.task == task.name for r in records)]
     views: list[DepthViews] = []
-    pictures, controllers = [], []
+    images, controllers = [], []
     for task in tasks:
         progress(task.name)
         renderer = Renderer(load_glb(task.scene))
         views.append(depth_views(task, renderer, matcher, network))
-        pictures.append(_pictures(task, renderer, methods, by_key))
+        images.append(_images(task, renderer, methods, by_key))
         of_task = [by_key[task.name, name] for name in methods if (task.name, name) in by_key]
         if of_task:
             plot = embedded(controller_figure(of_task, "svg"), "svg+xml")
@@ -87,8 +87,8 @@ def table1_section(
         _scene_table(tasks, methods, by_key),
         f"<h2>Depth (Fig. 2)</h2>{depth_note}",
         f"<figure>{embedded(depth_figure(views), 'svg+xml')}</figure>",
-        f"<h2>Pictures (Fig. 4)</h2>{_PICTURES_NOTE}",
-        *pictures,
+        f"<h2>Pictures (Fig. 4)</h2>{_IMAGES_NOTE}",
+        *images,
         "<h2>Controllers (Fig. 5)</h2>",
         *controllers,
     ]
@@ -151,8 +151,8 @@ def _perturbed(task: BenchTask, records: Sequence[TrialRecord], methods: Sequenc
         view = scene.render(task.camera, task.T_world_goal, antialias=True)
         seen = disturbance(perturbation, task)(_SHOWN_FRAME, view).image
         shown.append(panel(seen, perturbation.name))
-    pictures = figure(f"{task.name}: the goal as it is seen in flight", panels(shown))
-    return f"<h2>Perturbed</h2>{_PERTURBED_NOTE}{table(*perturbed_table(summary))}{pictures}"
+    images = figure(f"{task.name}: the goal as it is seen in flight", panels(shown))
+    return f"<h2>Perturbed</h2>{_PERTURBED_NOTE}{table(*perturbed_table(summary))}{images}"
 
 
 def _scene_table(tasks: Sequence[BenchTask], methods: Sequence[str], by_key: _Records) -> str:
@@ -186,7 +186,7 @@ def _error_text(record: TrialRecord) -> str:
     return f"{final.distance_m:.2f} m {degrees:.0f}°"
 
 
-def _pictures(task: BenchTask, renderer: Renderer, methods: Sequence[str], by_key: _Records) -> str:
+def _images(task: BenchTask, renderer: Renderer, methods: Sequence[str], by_key: _Records) -> str:
     """Start, goal and the difference that each method leaves."""
     goal = _view(renderer, task, task.T_world_goal)
     parts = [panel(_view(renderer, task, task.T_world_start), "start"), panel(goal, "goal")]
@@ -206,6 +206,6 @@ def _view(renderer: Renderer, task: BenchTask, T_world_camera: FloatArray) -> Im
 
 
 def _difference(a: ImageArray, b: ImageArray) -> ImageArray:
-    """Grey where two pictures agree."""
+    """Grey where two images agree."""
     half = (a.astype(np.int16) - b.astype(np.int16)) // 2 + _GREY
     return half.astype(np.uint8)

@@ -29,7 +29,7 @@ class TrialRecord:
     start, goal : tuple of float
         Poses (4, 4) row by row, NED.
     size : tuple of int
-        Width and height of the pictures, px.
+        Width and height of the images, px.
     version, revision : str
         Of the program.
     inputs : str

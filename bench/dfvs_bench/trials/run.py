@@ -69,7 +69,7 @@ class Job:
 
 @dataclass(frozen=True, slots=True)
 class Plan:
-    """What a campaign is to try.
+    """What a run is to try.
 
     Parameters
     ----------

@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 
 from dfvs_bench.trials.task import BenchTask, read_tasks, write_tasks
-from dfvs_bench.trials.task_sampling import Placing, draw_task
+from dfvs_bench.trials.task_sampling import TaskConstraints, draw_task
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
@@ -59,16 +59,16 @@ class SceneSpec:
     angle_deg: float
 
     @property
-    def placing(self) -> Placing:
+    def constraints(self) -> TaskConstraints:
         """What the task must be like."""
         features, overlap = _RULES[self.difficulty]
-        return Placing(self.distance_m, math.radians(self.angle_deg), overlap, features)
+        return TaskConstraints(self.distance_m, math.radians(self.angle_deg), overlap, features)
 
 
 _RULES = {"easy": (150, (0.5, 0.9)), "medium": (80, (0.4, 0.75)), "hard": (50, (0.25, 0.65))}
 """Least SIFT points in each view, and share of the goal that the start sees, by difficulty."""
 
-_IN_OTHERS = Placing(1.5, math.radians(20.0), (0.4, 0.75), features=80, most_empty=0.1)
+_IN_OTHERS = TaskConstraints(1.5, math.radians(20.0), (0.4, 0.75), features=80, most_empty=0.1)
 """Of tasks in anybody's scenes."""
 
 SCENES = (
@@ -145,7 +145,7 @@ def _traced_file(
 
 
 def _task(spec: SceneSpec, scene: Path) -> BenchTask:
-    poses = _drawn(scene, spec.placing, np.random.default_rng([spec.seed, 3]))
+    poses = _drawn(scene, spec.constraints, np.random.default_rng([spec.seed, 3]))
     return BenchTask(spec.name, scene, *poses, CAMERA, spec.difficulty, spec.seed)
 
 
@@ -163,15 +163,15 @@ def task_in(scene: Path) -> BenchTask:
 
 
 def _drawn(
-    scene: Path, placing: Placing, rng: np.random.Generator
+    scene: Path, wanted: TaskConstraints, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray]:
-    poses = draw_task(Renderer(load_glb(scene)), CAMERA, placing, rng)
+    poses = draw_task(Renderer(load_glb(scene)), CAMERA, wanted, rng)
     if poses is None:
         raise SceneError(
-            f"no task of {placing.distance_m:g} m and {math.degrees(placing.angle_rad):.0f} "
+            f"no task of {wanted.distance_m:g} m and {math.degrees(wanted.angle_rad):.0f} "
             f"degrees found in {scene}",
-            f"free space, {placing.features} SIFT points in each view, at most "
-            f"{placing.most_empty:.0%} of it without a surface, and {placing.overlap[0]:.0%} of "
+            f"free space, {wanted.features} SIFT points in each view, at most "
+            f"{wanted.most_empty:.0%} of it without a surface, and {wanted.overlap[0]:.0%} of "
             "the goal in view at the start",
             "poses of your own, in a file for --tasks",
         )

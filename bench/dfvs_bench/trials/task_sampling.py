@@ -26,7 +26,7 @@ _WAY_POINTS = 8
 
 
 @dataclass(frozen=True, slots=True)
-class Placing:
+class TaskConstraints:
     """What a task must be like.
 
     Parameters
@@ -49,13 +49,13 @@ class Placing:
 
 
 def draw_task(
-    renderer: Renderer, camera: CameraModel, placing: Placing, rng: np.random.Generator
+    renderer: Renderer, camera: CameraModel, constraints: TaskConstraints, rng: np.random.Generator
 ) -> tuple[FloatArray, FloatArray] | None:
     """Draw ``T_world_start`` and ``T_world_goal`` (4, 4) with free space between them.
 
     None where none was found.
     """
-    sampler = _Sampler(renderer, camera, placing)
+    sampler = _Sampler(renderer, camera, constraints)
     for _ in range(_GOALS_TRIED):
         T_goal = sampler.goal(rng)
         view = None if T_goal is None else sampler.good_view(T_goal)
@@ -71,8 +71,10 @@ def draw_task(
 class _Sampler:
     """Draws goals and starts in one scene."""
 
-    def __init__(self, renderer: Renderer, camera: CameraModel, placing: Placing) -> None:
-        self._renderer, self._camera, self._placing = renderer, camera, placing
+    def __init__(
+        self, renderer: Renderer, camera: CameraModel, constraints: TaskConstraints
+    ) -> None:
+        self._renderer, self._camera, self._constraints = renderer, camera, constraints
         self._space = FreeSpace(renderer)
         self._sift = cv2.SIFT.create(nfeatures=2000)
         floor_m, low, high = floor_of(renderer.scene)
@@ -90,8 +92,8 @@ class _Sampler:
     def start(self, T_goal: FloatArray, view: View, rng: np.random.Generator) -> FloatArray | None:
         """Away from the goal by the distance and the angle asked for; None if it will not do."""
         way, axis = rng.normal(size=(2, 3))
-        way *= self._placing.distance_m / np.linalg.norm(way)
-        axis *= self._placing.angle_rad / np.linalg.norm(axis)
+        way *= self._constraints.distance_m / np.linalg.norm(way)
+        axis *= self._constraints.angle_rad / np.linalg.norm(axis)
         end = T_goal[:3, 3]
         place = end + way
         T_start = make_pose(T_goal[:3, :3] @ so3_exp(axis), place)
@@ -104,7 +106,7 @@ class _Sampler:
             return None
         depths = (view.depth_m, first.depth_m)
         overlap = float(visibility(self._camera, (T_goal, T_start), depths).mean())
-        if not self._placing.overlap[0] <= overlap <= self._placing.overlap[1]:
+        if not self._constraints.overlap[0] <= overlap <= self._constraints.overlap[1]:
             return None
         stops = np.linspace(place, end, _WAY_POINTS)
         free = all(self._space.clearance_m(stop) >= _ON_THE_WAY_M for stop in stops)
@@ -114,9 +116,9 @@ class _Sampler:
         """View from a pose, if it is neither too near nor too far nor too plain."""
         view = self._renderer.render(self._camera, T_world_camera)
         empty = view.depth_m <= 0
-        if float(empty.mean()) > self._placing.most_empty:
+        if float(empty.mean()) > self._constraints.most_empty:
             return None
         if not _DEPTH_M[0] <= float(np.median(view.depth_m[~empty])) <= _DEPTH_M[1]:
             return None
         grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
-        return view if len(self._sift.detect(grey, None)) >= self._placing.features else None
+        return view if len(self._sift.detect(grey, None)) >= self._constraints.features else None

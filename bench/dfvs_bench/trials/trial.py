@@ -117,7 +117,7 @@ class Trial:
 
 
 def goal_observation(task: BenchTask, renderer: Renderer) -> GoalObservation:
-    """Take the picture to go to."""
+    """Take the image to go to."""
     view = renderer.render(task.camera, task.T_world_goal, antialias=True)
     return GoalObservation(task.camera, view.image, true_depth(view))
 

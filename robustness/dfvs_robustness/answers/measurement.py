@@ -21,7 +21,7 @@ from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.load import busy_cores
 from dfvs_robustness.harness.service import HarnessError, wait_until
 from dfvs_robustness.harness.setup import TEXTURE, Setup
-from dfvs_robustness.harness.state_setup import bring_to
+from dfvs_robustness.harness.state_setup import reach_state
 from dfvs_sim.vehicle.modes import Mode
 
 S = GateState
@@ -151,7 +151,7 @@ def measure_answers(
         while todo:
             before = len(todo)
             try:
-                _go_to(harness, state)
+                _reach(harness, state)
                 with busy_cores(_BUSY_PER_CORE, _VISIT_S):
                     time.sleep(_SETTLE_S)
                     while todo and harness.state is state:
@@ -187,7 +187,7 @@ def measure_state_rate(harness: Harness, seconds: float) -> StateRate:
     """
     arrivals: list[int] = []
     frames: list[dict[str, Any]] = []
-    _go_to(harness, S.PREFLIGHT)
+    _reach(harness, S.PREFLIGHT)
     with busy_cores(_BUSY_PER_CORE, seconds + _VISIT_S):
         time.sleep(_SETTLE_S)
         subscriber = harness.session.declare_subscriber(
@@ -234,34 +234,34 @@ def run_answers(
 # --- ways to the states -------------------------------------------------------------------------
 
 
-def _go_to(harness: Harness, state: GateState) -> None:
+def _reach(harness: Harness, state: GateState) -> None:
     """Bring the gate to the state; in some of them the goal is out of view."""
     if state is S.IDLE:
         harness.start_service(silent_vehicle=True)
     elif state is S.PREFLIGHT:
-        _go_to_preflight(harness)
+        _reach_preflight(harness)
     elif state is S.ABORT:
-        bring_to(harness, S.READY)
-        harness.operator.order(Action.ABORT)
+        reach_state(harness, S.READY)
+        harness.operator.command(Action.ABORT)
     elif state is S.RELEASED:
-        bring_to(harness, S.SERVO)
+        reach_state(harness, S.SERVO)
         harness.environment.pilot_mode(Mode.HOLD)
     else:
-        bring_to(harness, state)
+        reach_state(harness, state)
     if state in _OUT_OF_VIEW:
         harness.camera.lose_goal()
     harness.await_state(state)
 
 
-def _go_to_preflight(harness: Harness) -> None:
-    harness.heal()
+def _reach_preflight(harness: Harness) -> None:
+    harness.repair()
     harness.ensure_service()
     harness.camera.lose_goal()
     if harness.state in ENGAGED:
-        harness.operator.order(Action.ABORT)
+        harness.operator.command(Action.ABORT)
         harness.await_state(S.ABORT, S.RELEASED)
     if harness.state in (S.ABORT, S.RELEASED):
         harness.environment.pilot_mode(Mode.HOLD)
         harness.await_heartbeat()
-        harness.operator.order(Action.ENGAGE)
-        harness.operator.order(Action.HOLD)  # takes the command to engage back
+        harness.operator.command(Action.ENGAGE)
+        harness.operator.command(Action.HOLD)  # takes the command to engage back

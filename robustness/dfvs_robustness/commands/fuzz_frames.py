@@ -16,7 +16,7 @@ from dfvs_sim.options import require_range, write_json
 MOST_TIME = 20.0
 """Longest time of any frame, as a multiple of the 99th percentile of good ones."""
 MOST_PEAK_KIB = 2048
-"""Largest peak of memory of any frame: a picture of 320 x 240 px takes 225 KiB, several times."""
+"""Largest peak of memory of any frame: an image of 320 x 240 px takes 225 KiB, several times."""
 MOST_GROWTH_KIB = 4096
 """Largest growth of a process over all its frames."""
 
@@ -33,7 +33,7 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "frames",
         help="hostile frames for the decoder",
-        description="Feed hostile frames (bombs, broken, mislabelled and oddly coded pictures, "
+        description="Feed hostile frames (bombs, broken, mislabelled and oddly coded images, "
         "wrong headers) to the decoder that perception uses. Nothing but its own refusal may "
         "come back, and no frame may take much more time or memory than a good one.",
         epilog=_EPILOG,

@@ -9,7 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_core.errors import ConfigError
-from dfvs_robustness.soak.mission import Mission, Stay
+from dfvs_robustness.soak.mission import Mission, MissionOptions
 from dfvs_robustness.soak.verdict import MAX_MB_PER_H, document, judge, latency_figures
 from dfvs_sim.demo.flight.camera_poses import FlightError
 from dfvs_sim.demo.image_size import AUTO, SIZE_HELP, measured_size
@@ -75,7 +75,7 @@ def run(args: argparse.Namespace) -> int:
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
     plan = make_plan(renderer, camera_from(args), args.seed, None, [])
     words = tuple(args.service.split())
-    stay = Stay(args.out.absolute(), args.minutes, args.rate, words)
+    stay = MissionOptions(args.out.absolute(), args.minutes, args.rate, words)
     mission = Mission(plan, stay, lambda text: progress.log(f"  {text}"))
     began_s, ended = time.monotonic(), ""
     try:

@@ -1,1 +1,1 @@
-"""Faults on purpose: the real service in a cheap world, disturbed from outside, and judged."""
+"""Fault matrix: the real service, disturbed from outside in every state, and judged."""

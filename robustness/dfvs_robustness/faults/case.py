@@ -12,7 +12,7 @@ from dfvs_robustness.faults.fault import UNFIT, Fault, Outcome, Reaction
 from dfvs_robustness.faults.judging import MS, Oracle, judge
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.service import HarnessError, wait_until
-from dfvs_robustness.harness.state_setup import bring_to
+from dfvs_robustness.harness.state_setup import reach_state
 
 S = GateState
 
@@ -37,7 +37,7 @@ def run_case(harness: Harness, fault: Fault, state: GateState, seed: int) -> Out
     """
     rng = np.random.default_rng([seed, zlib.crc32(fault.name.encode()), list(S).index(state)])
     harness.places = rng
-    bring_to(harness, state)
+    reach_state(harness, state)
     time.sleep(float(rng.uniform(0.0, _PHASE_S)))
     if harness.state is not state:
         raise HarnessError(f"the gate went to {harness.state} before the fault")

@@ -76,7 +76,7 @@ def _foreign_elsewhere(harness: Harness, rng: np.random.Generator) -> int:
         angle = rng.uniform(0.0, math.tau)
         forward, right = _FOREIGN_M_S * math.cos(angle), _FOREIGN_M_S * math.sin(angle)
         off = math.dist(ours, (forward, right, 0.0))
-    harness.environment.shadow(lambda: _foreign_message(forward, right))
+    harness.environment.send_foreign(lambda: _foreign_message(forward, right))
     return time.monotonic_ns()
 
 
@@ -97,9 +97,9 @@ def _forged(harness: Harness, rng: np.random.Generator) -> int:
 
 
 def _replayed(harness: Harness, _: np.random.Generator) -> int:
-    """Send the last order again, and new ones with challenges never told, used and expired."""
-    harness.operator.send(harness.operator.last_order)
-    expired = harness.operator.told[:-2][-4:]  # the last but one may still be good
+    """Send the last command again, and new ones with challenges never told, used and expired."""
+    harness.operator.send(harness.operator.last_command)
+    expired = harness.operator.challenges[:-2][-4:]  # the last but one may still be good
     for challenge in ("0" * 32, harness.operator.used_challenge, *expired):
         harness.operator.send(signed(KEY, harness.topics.vehicle, Action.ABORT, challenge))
     return time.monotonic_ns()
@@ -107,7 +107,7 @@ def _replayed(harness: Harness, _: np.random.Generator) -> int:
 
 def _operator_aborts(harness: Harness, _: np.random.Generator) -> int:
     t_ns = time.monotonic_ns()
-    harness.operator.order(Action.ABORT)
+    harness.operator.command(Action.ABORT)
     return t_ns
 
 

@@ -35,13 +35,13 @@ def _films(make: Callable[[np.random.Generator], Script], *, first_is_good: bool
     """Let the camera follow a script from its next frame on."""
 
     def inject(harness: Harness, rng: np.random.Generator) -> None:
-        harness.camera.film(make(rng), first_is_good=first_is_good)
+        harness.camera.follow(make(rng), first_is_good=first_is_good)
 
     return inject
 
 
 def _sends(change: Callable[[CapturedFrame, np.random.Generator], list[Packet]]) -> Inject:
-    """Let the camera send something else of every shot."""
+    """Let the camera send something else of every frame."""
     return _films(lambda rng: lambda captured: change(captured, rng))
 
 
@@ -53,7 +53,7 @@ def _shows(change: Callable[[ImageArray], ImageArray]) -> Inject:
 
 
 def _held(rng: np.random.Generator) -> Script:
-    """One picture for ever, with new times."""
+    """One image for ever, with new times."""
     kept: list[ImageArray] = []
 
     def script(captured: CapturedFrame) -> list[Packet]:
@@ -117,7 +117,7 @@ def _bomb() -> bytes:
 
 
 def _bombs(rng: np.random.Generator) -> Script:
-    """A small PNG of many pixels, said to be a small picture, with its own checksum."""
+    """A small PNG of many pixels, said to be a small image, with its own checksum."""
     payload = _bomb()  # made here: half a second would keep the camera waiting
     checksum = zlib.crc32(payload)
 
@@ -163,7 +163,7 @@ def _abort(name: str, what: str, seen_by: str, inject: Inject, limit_ms: float) 
     return Fault(name, what, seen_by, Reaction.ABORT, limit_ms, (S.SERVO,), inject, says=held)
 
 
-_UNREADABLE, _UNSURE = "the frame cannot be read", "too little of the view shows the goal"
+_UNREADABLE, _LOW_OVERLAP = "the frame cannot be read", "too little of the view shows the goal"
 _SAYS: dict[str, tuple[str, ...]] = {
     "camera-stops": ("no camera frame",),
     "camera-freezes": ("repeats the same image",),
@@ -182,11 +182,11 @@ _SAYS: dict[str, tuple[str, ...]] = {
     "truncated-jpeg": ("checksum",),
     "image-bomb": (_UNREADABLE, "size is not the camera's"),
     "hostile-frames": (_UNREADABLE,),
-    "no-texture": (_UNSURE, "repeats the same image"),
-    "goal-lost": (_UNSURE,),
-    "network-nan": (_UNSURE,),
-    "network-garbage": (_UNSURE,),
-    "network-unsure": (_UNSURE,),
+    "no-texture": (_LOW_OVERLAP, "repeats the same image"),
+    "goal-lost": (_LOW_OVERLAP,),
+    "network-nan": (_LOW_OVERLAP,),
+    "network-garbage": (_LOW_OVERLAP,),
+    "network-unsure": (_LOW_OVERLAP,),
     "network-slow": (str(Cause.FRAME_OLD), str(Cause.RESULT_LATE)),
 }
 """What the gate must give as its reason for each fault that leads to HOLD."""

@@ -17,7 +17,7 @@ from dfvs_core.errors import WireError
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.gate.replay import replay
 from dfvs_core.gate.states import ENGAGED, TRANSITIONS, GateState
-from dfvs_robustness.harness.records import TELLS_MODE, Event, Run, is_ours, moves
+from dfvs_robustness.harness.records import MODE_REPORTS, Event, Run, is_ours, moves
 from dfvs_sim.vehicle.px4 import STEP_NS
 
 MS = 1_000_000
@@ -189,7 +189,7 @@ def _takeovers(
     for event in events:
         t_ns, state = event["t_ns"], timeline.at(event["t_ns"] - 1)
         is_late = taken_ns is not None and t_ns - taken_ns > _TAKEOVER_NS
-        if event["kind"] in TELLS_MODE:
+        if event["kind"] in MODE_REPORTS:
             is_ours = event["mode"] == "OFFBOARD" and event.get("armed", True)
             if state in flown and not is_ours:
                 taken_ns = t_ns if taken_ns is None else taken_ns

@@ -54,7 +54,7 @@ class Oracle:
     def collect(
         cls, harness: Harness, since_ns: int, over_ns: int, *, must_leave: bool = False
     ) -> Oracle:
-        """Read the records of a rig."""
+        """Read the records of a harness."""
         recent = [e for e in harness.environment.events[-20_000:] if e["t_ns"] >= since_ns]
         ours = [e for e in recent if is_ours(e)]
         return cls(

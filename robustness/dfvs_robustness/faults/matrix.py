@@ -43,8 +43,8 @@ _ATTEMPTS = 3
 _GRACE_S = 10.0
 """For a worker to end its service and to remove its folder."""
 
-_LIFE = 30
-"""Seeds of one setup share a rig, and what they survive a service, up to so many cases or more."""
+_CASES_PER_HARNESS = 30
+"""Seeds of one setup share a harness, and a service where it survives, up to so many cases."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -119,8 +119,10 @@ def run_matrix(
     """
     faults = all_faults()
     alone = [case for case in cases if faults[case.fault].alone]
-    _run_groups(lives([c for c in cases if c not in set(alone)]), workers, until, on_result)
-    _run_groups(lives(alone), 1, until, on_result)
+    _run_groups(
+        shared_harness([c for c in cases if c not in set(alone)]), workers, until, on_result
+    )
+    _run_groups(shared_harness(alone), 1, until, on_result)
 
 
 def _run_groups(
@@ -160,8 +162,8 @@ def _pass_on(done: Done, running: int, on_result: Callable[[Result], None]) -> N
             on_result(result)
 
 
-def lives(cases: Sequence[Case]) -> list[list[Case]]:
-    """Cases that share a rig: of one setup, whole seeds of it, state by state.
+def shared_harness(cases: Sequence[Case]) -> list[list[Case]]:
+    """Cases that share a harness: of one setup, whole seeds of it, state by state.
 
     The groups of the first seeds come first, and of these the long ones. In one state after the
     other, since the way from one state to the next takes longer than a case.
@@ -171,7 +173,7 @@ def lives(cases: Sequence[Case]) -> list[list[Case]]:
     for case in sorted(cases, key=lambda case: case.seed):
         fault = faults[case.fault]
         groups = found.setdefault((fault.setup, fault.restarts), [[]])
-        if len(groups[-1]) >= _LIFE and groups[-1][-1].seed != case.seed:
+        if len(groups[-1]) >= _CASES_PER_HARNESS and groups[-1][-1].seed != case.seed:
             groups.append([])
         groups[-1].append(case)
     order = sorted(
@@ -182,7 +184,7 @@ def lives(cases: Sequence[Case]) -> list[list[Case]]:
 
 
 def _work(number: int, todo: Todo, done: Done, until: float) -> None:
-    """One worker process: rigs one after the other."""
+    """One worker process: groups one after the other."""
     exit_on_signals()
     end_worker_with_parent()
     with contextlib.suppress(PermissionError):
@@ -192,7 +194,7 @@ def _work(number: int, todo: Todo, done: Done, until: float) -> None:
         folder = Path(tempfile.mkdtemp(prefix=f"dfvs-faults-{number}-"))
         try:
             _run_group(group, folder, done, until)
-        except Exception:  # noqa: BLE001 - a broken rig must not hang the whole matrix
+        except Exception:  # noqa: BLE001 - a broken harness must not hang the whole matrix
             traceback.print_exc()
         finally:
             shutil.rmtree(folder, ignore_errors=True)
@@ -200,7 +202,7 @@ def _work(number: int, todo: Todo, done: Done, until: float) -> None:
 
 
 def _run_group(group: list[Case], folder: Path, done: Done, until: float) -> None:
-    """Run the cases of one setup in one rig, and check every run of its service."""
+    """Run the cases of one setup in one harness, and check every run of its service."""
     faults = all_faults()
     harness = Harness(faults[group[0].fault].setup, folder, group[0].seed)
     harness.on_run_over = lambda run: done.put(Result(violations=_violations(run)))

@@ -32,12 +32,12 @@ and turns, so that the view, levelled by its attitude, comes nearer once or twic
 
 
 def _ordered(harness: Harness, _: np.random.Generator) -> int:
-    """Order to engage although the checks do not pass."""
-    harness.operator.order(Action.ENGAGE)
+    """Command to engage although the checks do not pass."""
+    harness.operator.command(Action.ENGAGE)
     return time.monotonic_ns()
 
 
-def _frozen_world(harness: Harness, _: np.random.Generator) -> int:
+def _frozen_view(harness: Harness, _: np.random.Generator) -> int:
     """However the vehicle flies, the view stays as it is."""
     harness.environment.pin()
     return time.monotonic_ns()
@@ -69,7 +69,7 @@ def _flown_far(harness: Harness, _: np.random.Generator) -> int:
     first = next(k for k, e in enumerate(events) if e["t_ns"] >= engaged_ns)
 
     def flown() -> list[dict[str, Any]]:
-        """Poses of this engagement; the rig keeps those of flights before it, too."""
+        """Poses of this engagement; the record holds earlier flights, too."""
         return [e for e in events[first:] if e["kind"] == "pose" and e["t_ns"] >= engaged_ns]
 
     start = flown()[0]["place"]
@@ -151,7 +151,7 @@ def start_faults() -> tuple[Fault, ...]:
             Reaction.ABORT,
             _STUCK_MS,
             (S.SERVO,),
-            _frozen_world,
+            _frozen_view,
             Setup(settings=(NO_RESPONSE_CHECK,)),
             spares_frames=True,
             says=(str(Cause.GOAL_LOST),),

@@ -13,7 +13,7 @@ from dfvs_core.gate.states import Cause
 from dfvs_robustness.faults.fault import ANY_ENGAGED, READY_OR_ENGAGED, Fault, Reaction
 from dfvs_robustness.harness.environment import BATTERY, GPS
 from dfvs_robustness.harness.harness import Harness
-from dfvs_robustness.harness.records import TELLS_MODE
+from dfvs_robustness.harness.records import MODE_REPORTS
 from dfvs_robustness.harness.service import wait_until
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.px4 import Px4
@@ -36,7 +36,7 @@ def _heartbeat_lost(harness: Harness, _: np.random.Generator) -> int:
     return int(beats[-1])
 
 
-def _next_told(harness: Harness, since_ns: int, kinds: Sequence[str]) -> int:
+def _next_sent(harness: Harness, since_ns: int, kinds: Sequence[str]) -> int:
     """When the first message of these kinds after a time was sent."""
 
     def found() -> list[int]:
@@ -59,13 +59,13 @@ def _taken_over(harness: Harness, rng: np.random.Generator) -> int:
         px4.request_mode(mode, now_ns)
         return time.monotonic_ns()
 
-    return _next_told(harness, harness.environment.do(take), TELLS_MODE)
+    return _next_sent(harness, harness.environment.do(take), MODE_REPORTS)
 
 
 def _disarmed(harness: Harness, _: np.random.Generator) -> int:
     since_ns = time.monotonic_ns()
     harness.environment.do(lambda px4, now_ns: px4.disarm(now_ns, "kill switch", force=True))
-    return _next_told(harness, since_ns, ("heartbeat_sent",))
+    return _next_sent(harness, since_ns, ("heartbeat_sent",))
 
 
 def _estimator_invalid(harness: Harness, _: np.random.Generator) -> int:

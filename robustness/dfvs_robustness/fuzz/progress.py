@@ -1,4 +1,4 @@
-"""A line on stderr every few seconds, while a campaign goes on."""
+"""A line on stderr every few seconds, while a run goes on."""
 
 from __future__ import annotations
 

@@ -21,7 +21,7 @@ Packet = tuple[bytes, bytes]
 
 @dataclass(frozen=True, slots=True)
 class CapturedFrame:
-    """What a script may make samples of: a good picture, its time and number."""
+    """What a script may make samples of: a good image, its time and number."""
 
     image: ImageArray
     t_ns: int
@@ -35,7 +35,7 @@ class CapturedFrame:
         t_ns: int | None = None,
         clock: bytes | None = None,
     ) -> Packet:
-        """Encode the shot, with another picture, time or clock where given."""
+        """Encode the frame, with another image, time or clock where given."""
         frame = Frame(
             self.image if image is None else image, self.t_ns if t_ns is None else t_ns, self.seq
         )
@@ -46,7 +46,7 @@ Script = Callable[[CapturedFrame], list[Packet]]
 
 
 class ScriptedCamera:
-    """Takes pictures of a wall; a script decides what is published of them.
+    """Takes images of a wall; a script decides what is published of them.
 
     Parameters
     ----------
@@ -70,7 +70,7 @@ class ScriptedCamera:
         self._seq = 0
         self._good_to_come = 0
 
-    def film(self, script: Script | None, *, first_is_good: bool = False) -> None:
+    def follow(self, script: Script | None, *, first_is_good: bool = False) -> None:
         """Follow a script from the next frame on, or none.
 
         ``first_is_good`` tells that its first sample shows the truth of its time.
@@ -83,9 +83,11 @@ class ScriptedCamera:
         """Capture of the last good frame."""
         return self.good_ns[-1]
 
-    def shoot(self, pose: Pose, t_ns: int) -> None:
-        """Take the picture of this moment and publish what is to be published of it."""
-        captured = CapturedFrame(self.wall.shoot(pose), t_ns, self._seq, self._format, self._clock)
+    def capture(self, pose: Pose, t_ns: int) -> None:
+        """Take the image of this moment and publish what is to be published of it."""
+        captured = CapturedFrame(
+            self.wall.capture(pose), t_ns, self._seq, self._format, self._clock
+        )
         self._seq += 1
         script = self.script
         packets = [captured.packet()] if script is None else script(captured)
@@ -97,7 +99,7 @@ class ScriptedCamera:
 
     def lose_goal(self) -> None:
         """Show a view that shares nothing with the goal, from the next frame on."""
-        self.film(lambda captured: [captured.packet(unrelated_view(captured.image))])
+        self.follow(lambda captured: [captured.packet(unrelated_view(captured.image))])
 
 
 def unrelated_view(image: ImageArray) -> ImageArray:

@@ -1,6 +1,6 @@
-"""The world of one service: a vehicle that hovers already, its link, and a camera.
+"""Environment of one service: a vehicle that hovers already, its link, and a camera.
 
-One thread steps the vehicle at 250 Hz, answers on MAVLink and takes the pictures; others hand it
+One thread steps the vehicle at 250 Hz, answers on MAVLink and takes the images; others hand it
 things to do. Everything that reaches or leaves the vehicle goes into its record.
 """
 
@@ -18,7 +18,7 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_robustness.harness.camera import PERIOD_NS, ScriptedCamera
-from dfvs_robustness.harness.records import telling_of_mode
+from dfvs_robustness.harness.records import mode_report
 from dfvs_robustness.harness.wall import Pose
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
@@ -37,7 +37,7 @@ MAVLINK_SIGNAL = mavlink.FAILURE_UNIT_SYSTEM_MAVLINK_SIGNAL
 _AHEAD_NS = 25_000_000_000
 _POSE_NS = 100_000_000
 _LATE_NS = 40_000_000
-"""The record is wrong by more than this when the world itself was late: that is noted in it."""
+"""Delay of the environment itself from which on it is noted in the record."""
 
 _PARAMETERS = {
     "COM_OF_LOSS_T": 0.5,
@@ -45,7 +45,7 @@ _PARAMETERS = {
     "SYS_FAILURE_EN": 1,
     "MIS_TAKEOFF_ALT": 10.0,  # with room to fly down, where the view never changes
 }
-_SHADOW_NS = 20_000_000
+_FOREIGN_NS = 20_000_000
 _CALL_S = 5.0
 _PILOT_S, _PILOT_POLL_S = 2.0, 0.05
 
@@ -74,13 +74,13 @@ class Environment:
         self._px4 = self._hovering()
         self._link = UdpLink(COMPANION, UdpPorts(0, port))
         self._rogue = mavlink.MAVLink(None, 1, 196)
-        self._shadow: Callable[[], Any] | None = None
+        self._foreign: Callable[[], Any] | None = None
         self._todo: queue.Queue[Callable[[], None]] = queue.Queue()
         self._offset = (0.0, 0.0, 0.0)
         self._turn_rad = 0.0
         self._pinned: Pose | None = None
         self._stop = threading.Event()
-        self._thread = threading.Thread(target=self._run, name="world", daemon=True)
+        self._thread = threading.Thread(target=self._run, name="environment", daemon=True)
 
     def start(self) -> None:
         """Let time pass."""
@@ -130,7 +130,7 @@ class Environment:
         self._pinned = self.do(lambda _px4, _now: self.pose())
 
     def pose(self) -> Pose:
-        """Where the camera's vehicle is in the scene (world thread only)."""
+        """Where the camera's vehicle is in the scene (environment's thread only)."""
         if self._pinned is not None:
             return self._pinned
         v = self._px4.flight.vehicle
@@ -147,11 +147,11 @@ class Environment:
         speaker = self._rogue if sender is None else mavlink.MAVLink(None, *sender)
         self.do(lambda _px4, _now: self._link.send_bytes(message.pack(speaker)))
 
-    def shadow(self, make: Callable[[], Any] | None) -> None:
+    def send_foreign(self, make: Callable[[], Any] | None) -> None:
         """Let somebody else send a message to the vehicle at 50 Hz on another link, or stop it."""
-        self._shadow = make
+        self._foreign = make
 
-    def order(self, command: int, *params: float) -> None:
+    def command(self, command: int, *params: float) -> None:
         """Give the vehicle a command over its ground link."""
         padded = [*params, *[0.0] * (7 - len(params))]
         message = mavlink.MAVLink_command_long_message(1, 1, command, 0, *padded)
@@ -160,7 +160,7 @@ class Environment:
 
     def inject(self, unit: int, kind: int, instance: int = 0) -> None:
         """MAV_CMD_INJECT_FAILURE, as the vehicle offers it to a ground station."""
-        self.order(mavlink.MAV_CMD_INJECT_FAILURE, unit, kind, instance)
+        self.command(mavlink.MAV_CMD_INJECT_FAILURE, unit, kind, instance)
 
     def repair(self) -> bool:
         """Take back what was injected; tell whether the vehicle had to be replaced.
@@ -171,7 +171,7 @@ class Environment:
         for unit in (BATTERY, GPS, MAVLINK_SIGNAL):
             self.inject(unit, mavlink.FAILURE_TYPE_OK)
         self._pinned = None
-        self.shadow(None)
+        self.send_foreign(None)
         self.stream("HEARTBEAT", 0.0)
         return self.do(self._replace_if_fallen)
 
@@ -222,7 +222,7 @@ class Environment:
 
     def _run(self) -> None:
         next_ns = time.monotonic_ns()
-        next_frame_ns = next_pose_ns = next_shadow_ns = next_ns
+        next_frame_ns = next_pose_ns = next_foreign_ns = next_ns
         self._px4.step(next_ns)
         while not self._stop.is_set():
             wait_for_data([self._link], (next_ns - time.monotonic_ns()) / 1e9)
@@ -235,15 +235,15 @@ class Environment:
             if now_ns - next_ns > _LATE_NS:
                 self._note(now_ns, "world_late", {"by_ns": now_ns - next_ns})
             next_ns = max(next_ns + STEP_NS, now_ns)
-            self._tell(now_ns)
-            if self._shadow is not None and now_ns >= next_shadow_ns:
-                next_shadow_ns = now_ns + _SHADOW_NS
-                message = self._shadow()
+            self._publish(now_ns)
+            if self._foreign is not None and now_ns >= next_foreign_ns:
+                next_foreign_ns = now_ns + _FOREIGN_NS
+                message = self._foreign()
                 message.pack(self._rogue)
                 self._px4.handle(message, GROUND, now_ns)
             if self.camera is not None and now_ns >= next_frame_ns:
                 next_frame_ns = max(next_frame_ns + PERIOD_NS, now_ns)
-                self.camera.shoot(self.pose(), time.monotonic_ns())
+                self.camera.capture(self.pose(), time.monotonic_ns())
             if now_ns >= next_pose_ns:
                 next_pose_ns = now_ns + _POSE_NS
                 v = self._px4.flight.vehicle
@@ -257,14 +257,14 @@ class Environment:
             for answer in self._px4.handle(message, COMPANION, now_ns):
                 self._link.send(answer)
 
-    def _tell(self, now_ns: int) -> None:
+    def _publish(self, now_ns: int) -> None:
         for name, message in self._px4.step(now_ns):
             if name != COMPANION:
                 continue
             sent_ns = time.monotonic_ns()
             self._link.send(message)
-            if (told := telling_of_mode(message)) is not None:
-                self._note(sent_ns, *told)
+            if (reported := mode_report(message)) is not None:
+                self._note(sent_ns, *reported)
 
 
 def _take_off(px4: Px4, begin_ns: int) -> None:

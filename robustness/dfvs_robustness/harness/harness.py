@@ -1,4 +1,4 @@
-"""One service in one world: started, disturbed, healed, started again."""
+"""One service in one environment: started, disturbed, repaired, started again."""
 
 from __future__ import annotations
 
@@ -69,7 +69,7 @@ class Harness:
         self.place_far()
 
     def close(self) -> None:
-        """End the service and the world."""
+        """End the service and the environment."""
         self.stop_service()
         self.environment.close()
         self._stack.close()
@@ -99,7 +99,7 @@ class Harness:
         """State of the gate by its own log."""
         return GateState(self.service.log.state)
 
-    # --- the world --------------------------------------------------------------------------
+    # --- the environment --------------------------------------------------------------------
 
     def place_far(self) -> None:
         """Put the vehicle somewhere from where the goal is a metre away."""
@@ -107,12 +107,12 @@ class Harness:
         self.environment.place((-float(back), float(side), float(down)), float(yaw))
 
     def place_at_goal(self) -> None:
-        """Put the vehicle where the goal picture was taken."""
+        """Put the vehicle where the goal image was taken."""
         self.environment.place((0.0, 0.0, 0.0), 0.0)
 
-    def heal(self) -> None:
-        """Take back whatever a fault did to the world."""
-        self.camera.film(None)
+    def repair(self) -> None:
+        """Take back whatever a fault did to the environment."""
+        self.camera.follow(None)
         for token in self._tokens:
             token.undeclare()
         self._tokens.clear()
@@ -122,7 +122,7 @@ class Harness:
             self.stop_service()
 
     def hold_token(self, key: str) -> None:
-        """Show a Zenoh liveliness token until the world is healed."""
+        """Show a Zenoh liveliness token until the environment is repaired."""
         self._tokens.append(self.session.liveliness().declare_token(key))
 
     def start_router(self) -> None:
@@ -152,7 +152,7 @@ class Harness:
     def start_service(self, *, silent_vehicle: bool = False) -> None:
         """Start a fresh service and wait for its state.
 
-        With ``silent_vehicle`` it hears nothing of the vehicle, until the world is healed.
+        With ``silent_vehicle`` it hears nothing of the vehicle until the repair.
 
         Raises
         ------
@@ -161,7 +161,7 @@ class Harness:
         """
         self.stop_service()
         self.runs += 1
-        self.heal()
+        self.repair()
         self.place_far()
         self.environment.pilot_mode(Mode.HOLD)
         if silent_vehicle:
@@ -169,7 +169,7 @@ class Harness:
         self._run_from, self.disturbed_ns = len(self.environment.events), None
         self._service = ServiceProcess(self.words(), self.folder / f"run-{self.runs}")
         since_ns = time.monotonic_ns()
-        if not wait_until(lambda: self.operator.heard_ns > since_ns, STARTUP_S):
+        if not wait_until(lambda: self.operator.received_ns > since_ns, STARTUP_S):
             raise HarnessError(f"the service does not come up: {self.service.errors()}")
 
     def stop_service(self) -> None:

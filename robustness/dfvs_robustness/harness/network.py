@@ -1,8 +1,8 @@
 """A flow network that works, and that misbehaves on purpose when it sees a certain blue.
 
-It fits the red and green ramps of ``wall.ramp_texture`` in both pictures by an affine map and
-so knows the flow between them. The blue of the first picture chooses what goes wrong: a network
-that is damaged or was trained badly gives NaN or rubbish for some pictures and not for others as
+It fits the red and green ramps of ``wall.ramp_texture`` in both images by an affine map and
+so knows the flow between them. The blue of the first image chooses what goes wrong: a network
+that is damaged or was trained badly gives NaN or rubbish for some images and not for others as
 well. It is an ordinary model bundle: the service has no part in the trick.
 """
 
@@ -68,13 +68,13 @@ class _Nodes:
         return self.op("Slice", x, *ends)
 
     def mean(self, x: str) -> str:
-        """Mean (1, C, 1, 1) over the picture."""
+        """Mean (1, C, 1, 1) over the image."""
         return self.op("ReduceMean", x, axes=[2, 3], keepdims=1)
 
 
-def _affine(n: _Nodes, picture: str) -> tuple[str, str, str]:
+def _affine(n: _Nodes, image: str) -> tuple[str, str, str]:
     """Red and green at the centre, and their slopes per px along u and v, each (1, 2, 1, 1)."""
-    colours = n.part(picture, 1, 0, 2)
+    colours = n.part(image, 1, 0, 2)
     slopes = []
     for axis, size in ((3, WIDTH), (2, HEIGHT)):
         low = n.mean(n.part(colours, axis, 0, size // 2))
@@ -85,7 +85,7 @@ def _affine(n: _Nodes, picture: str) -> tuple[str, str, str]:
 
 
 def _flow(n: _Nodes) -> str:
-    """Flow (1, 2, H, W): where the other picture has the colours of the current one."""
+    """Flow (1, 2, H, W): where the other image has the colours of the current one."""
     centre, along_u, along_v = _affine(n, "current")
     other, other_u, other_v = _affine(n, "other")
     u = n.constant(np.broadcast_to(np.arange(WIDTH) + 0.5 - WIDTH / 2, (1, 1, HEIGHT, WIDTH)))

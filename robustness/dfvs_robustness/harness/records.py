@@ -13,7 +13,7 @@ from dfvs_sim.vehicle.modes import mode_from_custom
 ROGUE_COMPONENT, PILOT_COMPONENT = 196, 190
 """Who else sends to the vehicle."""
 
-TELLS_MODE = ("heartbeat_sent", "mode_sent")
+MODE_REPORTS = ("heartbeat_sent", "mode_sent")
 """Kinds of events by which the gate can know of a takeover."""
 
 Event = dict[str, Any]
@@ -45,7 +45,7 @@ def is_ours(event: Event) -> bool:
     return event.get("compid") not in (ROGUE_COMPONENT, PILOT_COMPONENT)
 
 
-def telling_of_mode(message: Message) -> tuple[str, Event] | None:
+def mode_report(message: Message) -> tuple[str, Event] | None:
     """Kind and fields of a message of the vehicle's that tells of its mode; None of any other."""
     kind = {"HEARTBEAT": "heartbeat_sent", "CURRENT_MODE": "mode_sent"}.get(message.get_type())
     if kind is None:

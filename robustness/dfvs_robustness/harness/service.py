@@ -1,4 +1,4 @@
-"""The real ``dfvs-service`` as a user starts it, its processes, its log and its orders."""
+"""The real ``dfvs-service`` as a user starts it, its processes, its log and its commands."""
 
 from __future__ import annotations
 
@@ -134,7 +134,7 @@ class ServiceProcess:
                 self._find_children()
 
     def errors(self) -> str:
-        """What the service told its user."""
+        """Standard error of the service."""
         return (self.runtime / "service.err").read_text(errors="replace")
 
 
@@ -153,18 +153,18 @@ def signed(key: bytes, vehicle: str, action: Action, challenge: str, argument: s
 
 
 class Operator:
-    """Hears the service's state over Zenoh and gives signed orders."""
+    """Receives the service's state over Zenoh and gives signed commands."""
 
     def __init__(self, session: zenoh.Session, topics: Topics) -> None:
         self._session = session
         self._topics = topics
         self._changed = threading.Condition()
         self.status: dict[str, Any] = {}
-        self.heard_ns = 0
-        self.told: list[str] = []
-        """Challenges as the service told them, oldest first."""
-        self.last_order = b""
-        """Bytes of the last order."""
+        self.received_ns = 0
+        self.challenges: list[str] = []
+        """Challenges as the service published them, oldest first."""
+        self.last_command = b""
+        """Bytes of the last command."""
         self.used_challenge = ""
         """Its challenge."""
         self.seen_ns = 0
@@ -177,9 +177,9 @@ class Operator:
     def _on_state(self, sample: zenoh.Sample) -> None:
         with self._changed:
             self.status = json.loads(sample.payload.to_bytes())
-            self.heard_ns = time.monotonic_ns()
-            if (challenge := self.status["challenge"]) and challenge not in self.told[-1:]:
-                self.told.append(challenge)
+            self.received_ns = time.monotonic_ns()
+            if (challenge := self.status["challenge"]) and challenge not in self.challenges[-1:]:
+                self.challenges.append(challenge)
             self._changed.notify_all()
 
     def _on_servo(self, sample: zenoh.Sample) -> None:
@@ -192,8 +192,8 @@ class Operator:
         with self._changed:
             return self._changed.wait_for(lambda: accept(self.status), timeout_s)
 
-    def order(self, action: Action, timeout_s: float = 3.0) -> str:
-        """Give an order; returns the service's answer.
+    def command(self, action: Action, timeout_s: float = 3.0) -> str:
+        """Give a signed command; returns the service's answer.
 
         Raises
         ------
@@ -220,8 +220,8 @@ class Operator:
         if not fresh:
             raise HarnessError("the service publishes no challenge")
         self.used_challenge = self.status["challenge"]
-        self.last_order = signed(KEY, self._topics.vehicle, action, self.used_challenge)
-        return self.last_order
+        self.last_command = signed(KEY, self._topics.vehicle, action, self.used_challenge)
+        return self.last_command
 
     def send(self, command: bytes) -> None:
         """Send the bytes of a command, whatever they are."""

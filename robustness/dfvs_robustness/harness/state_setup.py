@@ -17,22 +17,22 @@ _FRAMES_S = 0.3
 """Until frames from a new place have been looked at."""
 
 
-def bring_to(harness: Harness, state: GateState) -> None:
-    """Heal the world and bring the gate to a state.
+def reach_state(harness: Harness, state: GateState) -> None:
+    """Repair the environment and bring the gate to a state.
 
     Raises
     ------
     HarnessError
         If it does not get there.
     """
-    harness.heal()
+    harness.repair()
     harness.ensure_service()
     _SETUPS[state](harness)
 
 
 def _disengage(harness: Harness) -> None:
     if harness.state in ENGAGED:
-        harness.operator.order(Action.ABORT)
+        harness.operator.command(Action.ABORT)
         harness.await_state(S.ABORT, S.RELEASED)
     harness.environment.pilot_mode(Mode.HOLD)
     harness.await_heartbeat()
@@ -48,10 +48,10 @@ def _to_preflight(harness: Harness) -> None:
 def _to_ready(harness: Harness) -> None:
     if harness.state in (*ENGAGED, S.ABORT, S.RELEASED):
         _disengage(harness)
-        harness.operator.order(Action.ENGAGE)
-        harness.operator.order(Action.HOLD)  # takes the order to engage back
+        harness.operator.command(Action.ENGAGE)
+        harness.operator.command(Action.HOLD)  # takes the command to engage back
     else:
-        harness.await_goal_in_view()  # what healed a moment ago may still lead back to PREFLIGHT
+        harness.await_goal_in_view()  # a repair may still lead back to PREFLIGHT
     harness.await_state(S.READY, timeout_s=STARTUP_S)
 
 
@@ -60,18 +60,18 @@ def _to_engage(harness: Harness) -> None:
         harness.await_state(S.READY, timeout_s=STARTUP_S)
     elif harness.state is not S.READY:
         _disengage(harness)
-    harness.operator.order(Action.ENGAGE)
+    harness.operator.command(Action.ENGAGE)
     harness.await_state(S.ENGAGE)
 
 
 def _to_servo(harness: Harness) -> None:
     if harness.state is S.SERVO:  # it may be near its goal already
-        harness.operator.order(Action.HOLD)
+        harness.operator.command(Action.HOLD)
         harness.await_state(S.HOLD)
     if harness.state is S.HOLD:
         harness.place_far()
         if _is_held(harness):
-            harness.operator.order(Action.ENGAGE)
+            harness.operator.command(Action.ENGAGE)
     else:
         _to_engage(harness)
     harness.await_state(S.SERVO)
@@ -82,7 +82,7 @@ def _to_servo(harness: Harness) -> None:
 def _to_hold(harness: Harness) -> None:
     if not _is_held(harness):
         _to_servo(harness)
-        harness.operator.order(Action.HOLD)
+        harness.operator.command(Action.HOLD)
     harness.await_state(S.HOLD)
     harness.await_goal_in_view()
 
@@ -92,11 +92,11 @@ def _to_done(harness: Harness) -> None:
         harness.await_goal_in_view()
         return
     _to_servo(harness)
-    harness.operator.order(Action.HOLD)
+    harness.operator.command(Action.HOLD)
     harness.await_state(S.HOLD)
     harness.place_at_goal()
     time.sleep(_FRAMES_S)
-    harness.operator.order(Action.ENGAGE)
+    harness.operator.command(Action.ENGAGE)
     harness.await_state(S.DONE)
 
 

@@ -1,7 +1,7 @@
-"""A cheap world: one textured wall, rendered by a single warp.
+"""Cheap scene: one textured wall, rendered by a single warp.
 
 The wall stands 3 m north of the scene's origin (NED), facing south; its texture's columns go
-east, its rows down. A camera at the origin that looks north sees the goal picture.
+east, its rows down. A camera at the origin that looks north sees the goal image.
 """
 
 from __future__ import annotations
@@ -94,24 +94,24 @@ class Wall:
         self._rng = rng
 
     def render(self, pose: Pose) -> ImageArray:
-        """Picture (H, W, 3) uint8 RGB without noise."""
+        """Image (H, W, 3) uint8 RGB without noise."""
         c = self.camera
         K = np.array([[c.fx, 0, c.cx - 0.5], [0, c.fy, c.cy - 0.5], [0, 0, 1.0]])
         T = pose.T_scene_camera()
         R, p = T[:3, :3].T, T[:3, 3]
         to_wall = np.array([WALL_NORTH_M, 0.0, 0.0]) - p
         plane = np.column_stack([R[:, 1], R[:, 2], R @ to_wall])  # east, down, offset
-        picture = cv2.warpPerspective(
+        image = cv2.warpPerspective(
             self.texture,
             K @ plane @ self._texture_to_metres,
             c.size,
             flags=cv2.INTER_LINEAR,
             borderMode=cv2.BORDER_REFLECT,
         )
-        return np.asarray(picture, np.uint8)
+        return np.asarray(image, np.uint8)
 
-    def shoot(self, pose: Pose) -> ImageArray:
-        """Picture with noise: no two are the same."""
+    def capture(self, pose: Pose) -> ImageArray:
+        """Image with noise: no two are the same."""
         pattern = self._noise[self._rng.integers(_PATTERNS)]
         height, width = pattern.shape[:2]
         shift = (int(self._rng.integers(height)), int(self._rng.integers(width)))

@@ -12,7 +12,7 @@ from itertools import pairwise
 from typing import Any
 
 MISSING_MS = 200.0
-"""A gap between pictures that leaves too little of the gate's 250 ms to look at the next one."""
+"""A gap between images that leaves too little of the gate's 250 ms to look at the next one."""
 _LOOKED_AT_NS = 500_000_000
 
 
@@ -20,7 +20,7 @@ _LOOKED_AT_NS = 500_000_000
 class Hold:
     """One change from SERVO to HOLD.
 
-    ``camera_gap_ms`` is the longest time for which no picture was published, ``seen_gap_ms`` that
+    ``camera_gap_ms`` is the longest time for which no image was published, ``seen_gap_ms`` that
     for which none was taken that perception took up, ``latency_ms`` the longest from capture to
     report.
     """
@@ -48,7 +48,7 @@ def explain(
     cause : str
         Its words.
     published_ns : iterable of int
-        When pictures were published, in order.
+        When images were published, in order.
     servo : iterable of mapping
         Telemetry of the frames, in order.
     """

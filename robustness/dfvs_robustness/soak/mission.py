@@ -18,7 +18,7 @@ from dfvs_robustness.soak.sampling import Sampler
 from dfvs_sim.child import Child
 from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
 from dfvs_sim.demo.flight.camera_poses import FlightError
-from dfvs_sim.demo.flight.flight import Flight, FlightSession, Log, running
+from dfvs_sim.demo.flight.flight import Flight, FlightSession, running
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.options import VEHICLE_NAME, FlightOptions
@@ -26,7 +26,7 @@ from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.viewpoints.poses import camera_pose
 
 _STRAY_M, _STRAY_RAD = 0.1, 0.05
-_ORDER_S = 20.0
+_COMMAND_S = 20.0
 _CAMERA_NICE = 5
 _ENDED_S = 2.0
 """A flight that ends in ABORT is over after so long; before that it cannot be engaged again."""
@@ -47,7 +47,7 @@ class Leg:
 
 
 @dataclass(frozen=True, slots=True)
-class Stay:
+class MissionOptions:
     """How long to fly, where records go, frames a second, further words for ``dfvs-service``."""
 
     folder: Path
@@ -63,13 +63,13 @@ class Mission(Flight):
     ----------
     plan : FlightPlan
         Start and goal: the mission goes to and fro between places near these two.
-    stay : Stay
+    stay : MissionOptions
         Its folder exists; it takes goals, logs and records.
     log : callable
         Takes one line for the user at every step.
     """
 
-    def __init__(self, plan: FlightPlan, stay: Stay, log: Log) -> None:
+    def __init__(self, plan: FlightPlan, stay: MissionOptions, narrate: Narrate) -> None:
         self._key = stay.folder / "soak.key"
         self._runtime = stay.folder / "runtime"
         words = ("--set", f"gate.command_key_file={self._key}", "--runtime-dir", str(self._runtime))
@@ -83,7 +83,7 @@ class Mission(Flight):
         super().__init__(plan, options, stay.folder, log)
         for old in (self._key, self._runtime / "gate.jsonl"):  # of an earlier soak
             old.unlink(missing_ok=True)
-        self._order("new-key")
+        self._command("new-key")
         self._length_s = 60.0 * stay.minutes
         self._rng = np.random.default_rng(plan.seed)
         self.legs: list[Leg] = []
@@ -168,34 +168,34 @@ class Mission(Flight):
 
     def _change_goal(self, session: FlightSession, T_scene_goal: FloatArray) -> None:
         """Order the service to another goal, and wait until it has set off."""
-        picture = self._folder / "next.png"
-        picture.write_bytes(encode_png(self._plan.goal_image(T_scene_goal)))
+        image = self._folder / "next.png"
+        image.write_bytes(encode_png(self._plan.goal_image(T_scene_goal)))
         sidecar = self._plan.goal_sidecar(T_scene_goal).to_json()
-        picture.with_suffix(".json").write_text(sidecar, encoding="utf-8")
-        self._order("goal", "--goal", str(picture))
+        image.with_suffix(".json").write_text(sidecar, encoding="utf-8")
+        self._command("goal", "--goal", str(image))
         self._await_under_way(session)
 
     def _start_again(self, session: FlightSession) -> None:
         """Take the vehicle back after a leg that failed, and engage once more."""
         session.pilot.hold()
         time.sleep(_ENDED_S)
-        self._order("engage")
+        self._command("engage")
         self.await_ready(session.watch, session.service)
         session.pilot.engage_offboard()
         self._await_under_way(session)
 
     def _await_under_way(self, session: FlightSession) -> None:
-        if session.watch.wait_for_state(_UNDER_WAY, _ORDER_S) is None:
+        if session.watch.wait_for_state(_UNDER_WAY, _COMMAND_S) is None:
             raise FlightError(f"the service does not set off: {session.watch.state}")
 
-    def _order(self, *words: str) -> None:
+    def _command(self, *words: str) -> None:
         """Run ``dfvs-service command``."""
         listen = f'zenoh.listen=["{self._ports.zenoh_endpoint}"]'
         words = (*words, "--key-file", str(self._key), "--vehicle", VEHICLE_NAME, "--set", listen)
-        log = self._folder / "order.log"
-        with Child("order", ["dfvs_service.cli", "command", *words], log) as order:
-            if order.wait(_ORDER_S) != 0:
-                raise FlightError(f"dfvs-service command {words[0]} failed: {order.last_lines()}")
+        log = self._folder / "command.log"
+        with Child("order", ["dfvs_service.cli", "command", *words], log) as command:
+            if command.wait(_COMMAND_S) != 0:
+                raise FlightError(f"dfvs-service command {words[0]} failed: {command.last_lines()}")
 
 
 def _latency_ms(watch: TelemetryWatch) -> tuple[float, float] | None:

@@ -55,7 +55,7 @@ def fly(rig, flights):
     before = set(flights.iterdir())
     rig.start_service()
     rig.await_state(GateState.READY)
-    assert rig.operator.order(Action.ENGAGE).startswith("accepted")
+    assert rig.operator.command(Action.ENGAGE).startswith("accepted")
     rig.await_state(GateState.SERVO)
     (folder,) = set(flights.iterdir()) - before
 

@@ -4,7 +4,7 @@ import numpy as np
 import pytest
 
 from dfvs_bench.basin.cells import ROTATIONS_DEG, TRANSLATIONS_M, Cell, parse_rotation
-from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawnTask, Order, draw
+from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawnTask, DrawRequest, draw
 from dfvs_bench.basin.environments import Environment
 from dfvs_bench.basin.outcomes import draw_tasks
 from dfvs_bench.trials.executor import TrialExecutor
@@ -28,7 +28,7 @@ def poses(task: DrawnTask):
 
 @pytest.fixture(scope="module")
 def drawn():
-    return draw(Order(ROOM, CELLS, 3, 7))
+    return draw(DrawRequest(ROOM, CELLS, 3, 7))
 
 
 def test_a_displacement_is_what_its_cell_says(rng):
@@ -81,7 +81,7 @@ def test_start_and_goal_and_the_way_between_are_free(drawn):
 def test_no_way_leads_through_a_wall(monkeypatch):
     """As if a wall stood along north = 0.5 m, and nothing else."""
     monkeypatch.setattr(FreeSpace, "clearance_m", lambda _, point: abs(point[0] - 0.5))
-    tasks = draw(Order(ROOM, (Cell(1.6, (0.0, 0.0, 0.0)),), 12, 7))
+    tasks = draw(DrawRequest(ROOM, (Cell(1.6, (0.0, 0.0, 0.0)),), 12, 7))
     sides = {tuple(T[0, 3] > 0.5 for T in poses(task)) for task in tasks}
     assert sides == {(True, True), (False, False)}
 
@@ -94,21 +94,21 @@ def test_start_and_goal_are_as_far_apart_as_the_cell_says(drawn):
 
 
 def test_seed_environment_and_cell_alone_decide(drawn):
-    alone = draw(Order(ROOM, CELLS[1:], 3, 7))
+    alone = draw(DrawRequest(ROOM, CELLS[1:], 3, 7))
     assert alone == tuple(task for task in drawn if task.cell == CELLS[1])
-    assert draw(Order(ROOM, CELLS[1:], 1, 8))[0].start != alone[0].start
+    assert draw(DrawRequest(ROOM, CELLS[1:], 1, 8))[0].start != alone[0].start
     elsewhere = Environment("room-2", ROOM.scene, CAMERA)
-    assert draw(Order(elsewhere, CELLS[1:], 1, 7))[0].start != alone[0].start
+    assert draw(DrawRequest(elsewhere, CELLS[1:], 1, 7))[0].start != alone[0].start
 
 
 def test_tasks_that_are_kept_are_not_drawn_again(tmp_path: Path):
     told: list[str] = []
-    order = Order(ROOM, CELLS[:1], 1, 7)
-    once = draw_tasks([order], tmp_path, TrialExecutor(), told.append)
-    again = draw_tasks([order], tmp_path, TrialExecutor(), told.append)
+    request = DrawRequest(ROOM, CELLS[:1], 1, 7)
+    once = draw_tasks([request], tmp_path, TrialExecutor(), told.append)
+    again = draw_tasks([request], tmp_path, TrialExecutor(), told.append)
     assert again == once
     assert len(told) == 1
-    other = draw_tasks([Order(ROOM, CELLS[:1], 1, 8)], tmp_path, TrialExecutor(), told.append)
+    other = draw_tasks([DrawRequest(ROOM, CELLS[:1], 1, 8)], tmp_path, TrialExecutor(), told.append)
     assert other != once
     assert len(told) == 2
 

@@ -8,7 +8,7 @@ from dfvs_bench.report.paper import PAPER_SCENES
 from dfvs_bench.trials import scenes
 from dfvs_bench.trials.scenes import CAMERA, SCENES, SceneSpec, default_tasks, make_scenes, task_in
 from dfvs_bench.trials.task import read_tasks
-from dfvs_bench.trials.task_sampling import Placing, draw_task
+from dfvs_bench.trials.task_sampling import TaskConstraints, draw_task
 from dfvs_core.geometry.poses import pose_error
 from dfvs_rooms.generator.splits import BENCHMARK_SEEDS
 from dfvs_rooms.lighting.path_traced import BakeSettings
@@ -19,7 +19,7 @@ from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.mesh import SceneError
 from dfvs_sim.viewpoints.free_space import FreeSpace
 
-PLACING = Placing(1.2, np.radians(18.0), (0.4, 0.8), 60)
+PLACING = TaskConstraints(1.2, np.radians(18.0), (0.4, 0.8), 60)
 
 
 @pytest.fixture(scope="module")
@@ -48,8 +48,8 @@ def test_the_seed_alone_decides(room):
 
 def test_a_task_that_does_not_fit_is_none(room, monkeypatch):
     monkeypatch.setattr("dfvs_bench.trials.task_sampling._GOALS_TRIED", 20)
-    placing = Placing(30.0, 0.1, (0.4, 0.8), 60)
-    assert draw_task(room, CAMERA, placing, np.random.default_rng(1)) is None
+    constraints = TaskConstraints(30.0, 0.1, (0.4, 0.8), 60)
+    assert draw_task(room, CAMERA, constraints, np.random.default_rng(1)) is None
 
 
 def test_a_scan_with_holes_has_tasks_too(room, monkeypatch):
@@ -88,13 +88,13 @@ def test_the_scenes_that_come_with_the_package_are_what_their_specs_say(spec, ta
     scene = Renderer(load_glb(task.scene))
     poses = (task.T_world_start, task.T_world_goal)
     start, goal = (scene.render(CAMERA, T) for T in poses)
-    least, most = spec.placing.overlap
+    least, most = spec.constraints.overlap
     assert least <= visibility(CAMERA, poses[::-1], (goal.depth_m, start.depth_m)).mean() <= most
     sift = cv2.SIFT.create(nfeatures=2000)
     for view in (start, goal):
         grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
         # drawn in quick light; in that which ships a few points come and go
-        assert len(sift.detect(grey, None)) >= 0.8 * spec.placing.features
+        assert len(sift.detect(grey, None)) >= 0.8 * spec.constraints.features
 
 
 def test_no_scene_is_one_that_a_network_was_trained_or_measured_on():

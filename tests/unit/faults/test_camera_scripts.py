@@ -14,7 +14,7 @@ T0 = 10**12
 
 
 class Wall:
-    def shoot(self, pose):
+    def capture(self, pose):
         return np.full((120, 160, 3), 128, np.uint8)
 
 
@@ -54,19 +54,19 @@ def test_a_frozen_camera_is_refused_from_the_third_picture_on(rng):
 
 def test_the_first_picture_of_a_frozen_camera_is_of_its_time_and_no_later_one(rng):
     camera = (harness := Harness()).camera
-    camera.shoot(None, T0)
+    camera.capture(None, T0)
     all_faults()["camera-freezes"].inject(harness, rng)
     for i in range(1, 4):
-        camera.shoot(None, T0 + i * PERIOD_NS)
+        camera.capture(None, T0 + i * PERIOD_NS)
     assert camera.last_good_ns == T0 + PERIOD_NS
 
 
 def test_no_frame_of_another_fault_is_good(rng):
     camera = (harness := Harness()).camera
-    camera.shoot(None, T0)
+    camera.capture(None, T0)
     all_faults()["stamps-reordered"].inject(harness, rng)
     for i in range(1, 4):
-        camera.shoot(None, T0 + i * PERIOD_NS)
+        camera.capture(None, T0 + i * PERIOD_NS)
     assert camera.last_good_ns == T0
 
 

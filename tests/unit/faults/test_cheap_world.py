@@ -54,7 +54,7 @@ def test_the_wall_shows_what_geometry_says(rng):
 
 
 def test_the_network_finds_the_flow(network, ramp):
-    here, goal = (network.encode(ramp.shoot(pose)) for pose in (HERE, Pose()))
+    here, goal = (network.encode(ramp.capture(pose)) for pose in (HERE, Pose()))
     field = network.match(here, goal)
     error = np.linalg.norm(field.flow - exact_flow(HERE, Pose()), axis=-1)
     sure = field.confidence > 0.5
@@ -66,14 +66,14 @@ def test_the_network_finds_the_flow(network, ramp):
 
 @pytest.mark.parametrize("what", [Misbehaviour.NAN, Misbehaviour.GARBAGE, Misbehaviour.ONE_WAY])
 def test_the_network_misbehaves_where_the_blue_says_so(network, ramp, what):
-    picture = ramp.shoot(HERE)
+    picture = ramp.capture(HERE)
     picture[:, :, 2] = what.blue
-    field = network.match(network.encode(picture), network.encode(ramp.shoot(Pose())))
+    field = network.match(network.encode(picture), network.encode(ramp.capture(Pose())))
     assert field.confidence.max() < 0.3
     assert field.is_finite()
 
 
 def test_two_shots_of_one_view_differ_by_noise_alone(ramp):
-    a, b = ramp.shoot(HERE).astype(float), ramp.shoot(HERE).astype(float)
+    a, b = ramp.capture(HERE).astype(float), ramp.capture(HERE).astype(float)
     assert not np.array_equal(a, b)
     assert np.abs(a - b).mean() < 5.0

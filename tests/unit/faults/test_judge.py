@@ -13,9 +13,9 @@ from dfvs_robustness.faults.matrix import (
     Result,
     all_faults,
     append_result,
-    lives,
     plan,
     read_outcomes,
+    shared_harness,
 )
 from dfvs_robustness.faults.report import make_rows
 
@@ -190,7 +190,7 @@ def test_the_plan_holds_every_fault_in_each_of_its_states_for_every_seed():
 
 def test_every_case_has_one_life_with_others_of_its_setup_state_by_state():
     faults, states, cases = all_faults(), list(GateState), plan([], [], 5)
-    groups = lives(cases)
+    groups = shared_harness(cases)
     assert sorted(map(str, (case for group in groups for case in group))) == sorted(map(str, cases))
     for group in groups:
         assert len({(faults[c.fault].setup, faults[c.fault].restarts) for c in group}) == 1

@@ -35,7 +35,7 @@ class CommandEpisode:
 
 
 class Challenges:
-    """Challenges as the gate draws them, but the same in every life."""
+    """Challenges as the gate draws them, but the same in every episode."""
 
     def __init__(self) -> None:
         self._count = 0

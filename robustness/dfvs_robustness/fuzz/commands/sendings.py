@@ -26,7 +26,7 @@ _KINDS = (
     *("extended", "goal repeated"),
     *_BAD,
 )
-_ORDERS = tuple(action for action in Action if action is not Action.GOAL)
+_ACTIONS = tuple(action for action in Action if action is not Action.GOAL)
 _GAPS_NS = (0, MS // 2, 10 * MS, 50 * MS, 50 * MS, 50 * MS, 100 * MS, 300 * MS)
 _RARE_GAPS_NS = (S, 5 * S, 10 * S - 1, 10 * S, 15 * S, 20 * S, 70 * S)
 _PACES: tuple[tuple[tuple[str, ...], tuple[int, ...], float], ...] = (
@@ -97,8 +97,8 @@ class Sender:
         high, low = (self._rng.integer(0, 2**32 - 1) for _ in range(2))
         return f"{high:016x}{low:016x}"
 
-    def _order(self, challenge: str, vehicle: str = VEHICLE) -> Command:
-        return Command(vehicle, self._rng.pick(_ORDERS), challenge, self._hexadecimal())
+    def _signable(self, challenge: str, vehicle: str = VEHICLE) -> Command:
+        return Command(vehicle, self._rng.pick(_ACTIONS), challenge, self._hexadecimal())
 
     def _goal(self, kind: str, challenge: str) -> Sending:
         if kind == "goal repeated" and self._goals:
@@ -122,13 +122,13 @@ class Sender:
             challenge = rng.pick(self._told)
         elif kind == "unknown challenge":
             challenge = self._hexadecimal()
-        order = self._order(challenge, "drone2" if kind == "other vehicle" else VEHICLE)
+        command = self._signable(challenge, "drone2" if kind == "other vehicle" else VEHICLE)
         if kind == "unsigned":
-            return to_json(SignedCommand(order, ""))
+            return to_json(SignedCommand(command, ""))
         if kind == "relabelled":
-            other = self._order(challenge)
-            return to_json(SignedCommand(other, command_mac(KEY, order)))
-        data = encode_command(b"x" * 32 if kind == "other key" else KEY, order)
+            other = self._signable(challenge)
+            return to_json(SignedCommand(other, command_mac(KEY, command)))
+        data = encode_command(b"x" * 32 if kind == "other key" else KEY, command)
         place = rng.integer(0, len(data) - 1)
         if kind == "mangled":
             return data[:place] + bytes([data[place] ^ 1 << rng.integer(0, 7)]) + data[place + 1 :]

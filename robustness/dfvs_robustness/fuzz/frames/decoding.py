@@ -103,7 +103,7 @@ def hostile_frame(corpus: Corpus, seed: int, number: int) -> HostileFrame:
 
 
 def corpus_of(seed: int) -> Corpus:
-    """Good pictures that the hostile ones are made of."""
+    """Good images that the hostile ones are made of."""
     return Corpus(np.random.default_rng(seed))
 
 
@@ -113,7 +113,7 @@ def _prepare_worker() -> None:
 
 
 def quiet_decoder() -> None:
-    """Send what libjpeg and libpng print about each broken picture to nowhere."""
+    """Send what libjpeg and libpng print about each broken image to nowhere."""
     nowhere = os.open(os.devnull, os.O_WRONLY)
     os.dup2(nowhere, 2)
     os.close(nowhere)

@@ -56,17 +56,17 @@ class Corpus:
     Parameters
     ----------
     rng : np.random.Generator
-        Draws the good pictures.
+        Draws the good images.
     """
 
     def __init__(self, rng: np.random.Generator) -> None:
-        self.good = {f: _good_payload(_picture(rng, CAMERA.size), f) for f in PixelFormat}
-        other = _picture(rng, OTHER_SIZE)
+        self.good = {f: _good_payload(_textured_image(rng, CAMERA.size), f) for f in PixelFormat}
+        other = _textured_image(rng, OTHER_SIZE)
         self._other = {f: _good_payload(other, f) for f in _COMPRESSED}
-        picture = _picture(rng, CAMERA.size)
-        self._files = [data for kind in _FILE_TYPES if (data := _encoded(kind, picture))]
+        image = _textured_image(rng, CAMERA.size)
+        self._files = [data for kind in _FILE_TYPES if (data := _encoded(kind, image))]
         flags = [cv2.IMWRITE_JPEG_PROGRESSIVE, 1, cv2.IMWRITE_JPEG_RST_INTERVAL, 7]
-        self._progressive = bytes(cv2.imencode(".jpg", picture, flags)[1])
+        self._progressive = bytes(cv2.imencode(".jpg", image, flags)[1])
 
     def frame(self, rng: RandomSource) -> HostileFrame:
         """One hostile frame."""
@@ -74,27 +74,27 @@ class Corpus:
         payload, attachment = make(self, rng)
         return HostileFrame(kind, payload, attachment)
 
-    def picture(self, rng: RandomSource) -> tuple[bytes, PixelFormat]:
-        """Return a good compressed picture, to be spoiled."""
+    def image(self, rng: RandomSource) -> tuple[bytes, PixelFormat]:
+        """Return a good compressed image, to be spoiled."""
         if rng.chance(0.25):
             return self._progressive, PixelFormat.JPEG
         chosen = rng.pick(_COMPRESSED)
         return self.good[chosen], chosen
 
     def other(self, chosen: PixelFormat) -> bytes:
-        """Return a good picture of another size than the camera's."""
+        """Return a good image of another size than the camera's."""
         return self._other[chosen]
 
     def file(self, rng: RandomSource) -> bytes:
-        """Return a picture of a format that is not spoken here."""
+        """Return an image of a format that is not spoken here."""
         return rng.pick(self._files)
 
 
 Made = tuple[bytes, bytes]
 
 
-def _picture(rng: np.random.Generator, size: tuple[int, int]) -> ImageArray:
-    """Return a textured picture (H, W, 3) uint8."""
+def _textured_image(rng: np.random.Generator, size: tuple[int, int]) -> ImageArray:
+    """Return a textured image (H, W, 3) uint8."""
     coarse = rng.integers(0, 256, (size[1] // 8, size[0] // 8, 3)).astype(np.uint8)
     smooth = cv2.resize(coarse, size, interpolation=cv2.INTER_CUBIC)
     return np.ascontiguousarray(smooth)
@@ -137,13 +137,13 @@ def _flipped_on_the_way(corpus: Corpus, rng: RandomSource) -> Made:
 
 
 def _flipped_at_the_source(corpus: Corpus, rng: RandomSource) -> Made:
-    payload, chosen = corpus.picture(rng)
+    payload, chosen = corpus.image(rng)
     return _signed(_flip(rng, payload), chosen)
 
 
 def _mangled(corpus: Corpus, rng: RandomSource) -> Made:
     """Blocks of bytes left out, doubled, or overwritten."""
-    payload, chosen = corpus.picture(rng)
+    payload, chosen = corpus.image(rng)
     for _ in range(rng.pick((1, 1, 4))):
         at, length = rng.integer(0, len(payload)), rng.pick((1, 2, 7, 64, 1000))
         block = rng.pick((b"", payload[at : at + length] * 2, b"\xff" * length, bytes(length)))
@@ -164,8 +164,8 @@ def _lengthened(corpus: Corpus, rng: RandomSource) -> Made:
 
 
 def _spliced(corpus: Corpus, rng: RandomSource) -> Made:
-    head, chosen = corpus.picture(rng)
-    tail = corpus.picture(rng)[0]
+    head, chosen = corpus.image(rng)
+    tail = corpus.image(rng)[0]
     return _signed(head[: rng.integer(0, len(head))] + tail[rng.integer(0, len(tail)) :], chosen)
 
 
@@ -183,7 +183,7 @@ def _another_format(corpus: Corpus, rng: RandomSource) -> Made:
 
 
 def _another_size(corpus: Corpus, rng: RandomSource) -> Made:
-    if rng.chance(0.5):  # the picture is not what the header says
+    if rng.chance(0.5):  # the image is not what the header says
         chosen = rng.pick(_COMPRESSED)
         size = rng.pick((CAMERA.size, OTHER_SIZE))
         return corpus.other(chosen), attachment_for(corpus.other(chosen), chosen, size)

@@ -1,4 +1,4 @@
-"""Pictures written byte by byte, as no honest encoder would: bombs, odd kinds, strange parts."""
+"""Images written byte by byte, as no honest encoder would: bombs, odd kinds, strange parts."""
 
 from __future__ import annotations
 

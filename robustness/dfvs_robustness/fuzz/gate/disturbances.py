@@ -86,7 +86,7 @@ class Environment:
 
 
 def calm(environment: Environment, rng: RandomSource) -> Environment:
-    """Return a world in which all is well again; mode and place stay what they are."""
+    """Return an environment in which all is well again; mode and place stay what they are."""
     return Environment(
         mode=environment.mode,
         tells_mode=rng.chance(0.7),
@@ -101,7 +101,7 @@ def calm(environment: Environment, rng: RandomSource) -> Environment:
 
 
 def disturbed(environment: Environment, rng: RandomSource) -> Environment:
-    """Return a world in which one more thing is wrong, until it is calmed."""
+    """Return an environment in which one more thing is wrong, until it is calmed."""
     kind = rng.pick((_vehicle, _vehicle, _sight, _sight, _numbers, _telemetry, _other_commanders))
     return kind(environment, rng)
 
@@ -200,7 +200,7 @@ def _landed_state(t_ns: int, rng: RandomSource) -> LandedState:
 
 
 def _stop(t_ns: int, rng: RandomSource) -> Event:
-    """Seldom: nothing moves any more in a life that was told to stop."""
+    """Seldom: nothing moves any more in an episode that was told to stop."""
     if rng.chance(0.8):
         return BadReport(t_ns, "garbage")
     return Stop(t_ns, "told to", rng.chance(0.5))

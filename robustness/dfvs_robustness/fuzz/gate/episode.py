@@ -1,4 +1,4 @@
-"""One life of a gate: a random configuration, a world that helps it fly and then disturbs it."""
+"""Episode of a gate: random configuration, and an environment that helps it or disturbs it."""
 
 from __future__ import annotations
 
@@ -41,7 +41,7 @@ Step = tuple[int, tuple[Event, ...]]
 
 @dataclass(frozen=True, slots=True)
 class Episode:
-    """Everything that a gate was told: enough to live it again."""
+    """Everything that a gate was told: enough to run it again."""
 
     config: GateConfig
     born_ns: int
@@ -57,7 +57,7 @@ _FLYING = tuple(e for e in Engage if e is not Engage.NEVER)
 
 
 def draw_config(rng: RandomSource) -> GateConfig:
-    """Draw a configuration; half of them with short times, so that more happens in a life."""
+    """Draw a configuration; half of them with short times, so that more happens in an episode."""
     speed = rng.pick((0.25, 1.0, 1.0))
     config = GateConfig(
         velocity=VelocityLimits(rng.between(0.1, 1.0), rng.between(0.1, 0.6)),
@@ -66,7 +66,7 @@ def draw_config(rng: RandomSource) -> GateConfig:
         max_engaged_ns=rng.pick((4, 30, 120)) * S,
         hold_visual_ns=rng.pick((2, 10, 300)) * S,
         min_battery=rng.pick((0.0, 0.2, 0.2)),
-        # "never" only checks and moves nothing: seldom drawn, so that most lives fly
+        # "never" only checks and moves nothing: seldom drawn, so that most episodes fly
         engage=Engage.NEVER if rng.chance(0.05) else rng.pick(_FLYING),
         on_done=rng.pick(tuple(OnDone)),
     )
@@ -87,7 +87,7 @@ def draw_config(rng: RandomSource) -> GateConfig:
 
 
 class Surroundings:
-    """Makes the events of a life, step by step, and reacts to what the gate does.
+    """Makes the events of an episode, step by step, and reacts to what the gate does.
 
     Parameters
     ----------
@@ -111,7 +111,7 @@ class Surroundings:
         self._flown_m_s = (0.0, 0.0, 0.0)
         self._told_mode = VehicleMode.OTHER
         self._wanted_goal = self._seen_goal = ""
-        self._ordered_goal: str | None = None
+        self._commanded_goal: str | None = None
 
     def next(self, state: GateState) -> Step:
         """Time and events of the next step of a gate that is in this state."""
@@ -131,17 +131,17 @@ class Surroundings:
         goals = [
             e.argument for e in events if isinstance(e, OperatorCommand) and e.action is Action.GOAL
         ]
-        self._ordered_goal = goals[-1] if goals else None
+        self._commanded_goal = goals[-1] if goals else None
         return self._now_ns, tuple(events)
 
-    def on_heartbeat(self, output: GateOutput) -> None:
+    def on_output(self, output: GateOutput) -> None:
         """Let the vehicle follow a mode request and fly what was set, and perception a new goal."""
         environment = self._environment
         if output.mode_request is not None and environment.obeys and self._rng.chance(0.9):
             hold = output.mode_request is ModeRequest.HOLD
             environment.mode = VehicleMode.HOLD if hold else VehicleMode.OFFBOARD
-        if self._ordered_goal is not None and not output.refusal:
-            self._wanted_goal = self._ordered_goal
+        if self._commanded_goal is not None and not output.refusal:
+            self._wanted_goal = self._commanded_goal
         if (v := output.setpoint) is None:
             return
         if environment.falls and environment.error_m > 0.0:
@@ -204,7 +204,7 @@ class Surroundings:
             self._slow_ns = now
             events += self._slow(now)
         if self._rng.chance(0.15 if state in {*self._ended, GateState.READY} else 0.01):
-            events.append(self._order(now))
+            events.append(self._operator_command(now))
         return events
 
     def _slow(self, now: int) -> list[Event]:
@@ -218,7 +218,7 @@ class Surroundings:
             OtherServices(now, *environment.others),
         ]
 
-    def _order(self, now: int) -> OperatorCommand:
+    def _operator_command(self, now: int) -> OperatorCommand:
         rng = self._rng
         if rng.chance(0.9):
             return OperatorCommand(now, Action.ENGAGE)

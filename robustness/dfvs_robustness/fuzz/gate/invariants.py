@@ -73,15 +73,15 @@ class InvariantChecker:
         """
         now_ns = max(t_ns, self._stepped_ns)
         self.oracle.on_event(now_ns, t_ns - self._stepped_ns, events)
-        is_ordered = False
+        is_commanded = False
         for event in events:
             if isinstance(event, Heartbeat):
                 self._armed = event.armed
             if isinstance(event, Heartbeat | CurrentMode):
-                self._on_mode(event.mode, is_ordered)
+                self._on_mode(event.mode, is_commanded)
             elif isinstance(event, OperatorCommand) and event.action is Action.ENGAGE:
                 self._taken_over = False
-                is_ordered = True
+                is_commanded = True
         at = self.state
         for change in output.transitions:
             self._check_transition(change, at, now_ns, events)
@@ -94,11 +94,11 @@ class InvariantChecker:
         self.state = state
         self._stepped_ns = now_ns
 
-    def _on_mode(self, mode: VehicleMode, is_ordered: bool) -> None:
+    def _on_mode(self, mode: VehicleMode, is_commanded: bool) -> None:
         """I5: find out whether somebody else has the vehicle now, and no operator gave it back."""
         if self.state is GateState.ABORT:
             is_ours = self._armed and mode is VehicleMode.OFFBOARD
-            self._taken_over |= not is_ours and not is_ordered
+            self._taken_over |= not is_ours and not is_commanded
         elif self.state not in ENGAGED or self._handed_over:
             return
         elif not self._armed:
@@ -114,8 +114,8 @@ class InvariantChecker:
         self, events: Sequence[Event], output: GateOutput, now_ns: int, state: GateState
     ) -> None:
         """Expect reports about the goal that the operator changed to, and a new check for it."""
-        orders = [e for e in events if isinstance(e, OperatorCommand)]
-        goals = [order.argument for order in orders if order.action is Action.GOAL]
+        commands = [e for e in events if isinstance(e, OperatorCommand)]
+        goals = [c.argument for c in commands if c.action is Action.GOAL]
         is_accepted = bool(goals) and not output.refusal
         stood = self.state in (GateState.HOLD, GateState.DONE)  # nothing refuses a goal there
         was_reached = self._reached_ns is not None and state is GateState.HOLD
@@ -124,7 +124,7 @@ class InvariantChecker:
         if is_accepted:
             self._may_be_confirmed = False
             self.oracle.look_for(goals[-1])
-        elif goals and len(orders) > 1:  # which were refused cannot be told from outside
+        elif goals and len(commands) > 1:  # which were refused cannot be told from outside
             self.oracle.look_for(None)
 
     def _check_transition(
@@ -146,10 +146,10 @@ class InvariantChecker:
             if change.target is GateState.DONE and self._reached_ns is None:
                 self._reached_ns = now_ns
         elif change.target is GateState.PREFLIGHT and at in ENDED:
-            orders = [
+            commands = [
                 e for e in events if isinstance(e, OperatorCommand) and e.action is Action.ENGAGE
             ]
-            _demand(bool(orders), "I5", f"left {at} without an operator's order")
+            _demand(bool(commands), "I5", f"left {at} without an operator's order")
 
     def _check_engaging(self, now_ns: int) -> None:
         """I6, I8: only a flying vehicle, and only one that nobody else commands."""

@@ -84,12 +84,12 @@ class Oracle:
         self.faults = []
         self.is_mounted_wrong = False
         if pause_ns > self._config.timing.stall_ns:
-            self._spoil("the gate was away")
+            self._invalidate("the gate was away")
         for event in events:
             self._on_event(event, min(event.t_ns, now_ns))
         good_ns = self.good_capture_ns
         if good_ns is not None and now_ns - good_ns > self._config.timing.frame_age_ns:
-            self._spoil("the last good frame is old")
+            self._invalidate("the last good frame is old")
 
     def _on_event(self, event: Event, t_ns: int) -> None:
         match event:
@@ -98,7 +98,7 @@ class Oracle:
             case LocalPosition():
                 self._on_position(event, t_ns)
             case BadReport():
-                self._spoil("a report that is none")
+                self._invalidate("a report that is none")
             case Stop():
                 self.faults.append("told to stop")
                 self._is_stopped = True
@@ -155,13 +155,13 @@ class Oracle:
         ours = self.goal is None or report.goal == self.goal
         is_future = age_ns < -timing.clock_skew_ns
         if report.lost or is_future or not (ours and report.healthy and _sane(report)):
-            self._spoil("a report that cannot be flown by")
+            self._invalidate("a report that cannot be flown by")
         elif age_ns <= timing.result_age_ns and report.t_capture_ns > self._newest_capture_ns:
             self._newest_capture_ns = self.good_capture_ns = report.t_capture_ns
             score = report.mounting_score
             self.is_mounted_wrong = score is not None and score <= -_CLEAR_SCORE
 
-    def _spoil(self, fault: str) -> None:
+    def _invalidate(self, fault: str) -> None:
         self.good_capture_ns = None
         self.faults.append(fault)
 

@@ -65,7 +65,7 @@ def run_episode(seed: tuple[int, int], tally: GateTally) -> Finding[Episode] | N
             episode.steps.append(step)
             output = machine.step(*step)
             checker.check(*step, output, machine.state)
-            surroundings.on_heartbeat(output)
+            surroundings.on_output(output)
             outputs.append(output)
             moves = output.setpoint is not None and output.setpoint.speed_m_s > 0.0
             tally.see(step, output, machine.state, moves)

@@ -8,7 +8,7 @@ import pytest
 from dfvs_bench.methods.dfvs import MAX_SPEED_M_S, MAX_TURN_RAD_S
 from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalObservation, Observation
 from dfvs_bench.methods.panorama import OUTER_RING_RAD, ring
-from dfvs_bench.methods.scan_search import SearchingMethod
+from dfvs_bench.methods.scan_search import ScanSearchMethod
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, se3_log, so3_log
 from dfvs_core.matching.correspondence import DepthMap, FlowField
@@ -31,7 +31,7 @@ class World:
         self.pipelines = list(pipelines)
         self.begun_at, self.looked = [], 0
         goal = GoalObservation(CAMERA, IMAGE, DEPTH)
-        self.method = SearchingMethod(self.make, goal, self)
+        self.method = ScanSearchMethod(self.make, goal, self)
 
     def make(self):
         return Scripted(self, self.pipelines.pop(0))
@@ -65,14 +65,14 @@ class Scripted:
     def __init__(self, world, script):
         self.world = world
         self.script = list(script)
-        self.is_mistaken = False
+        self.is_false_goal = False
 
     def decide(self, observation):
         if not hasattr(self, "begun"):
             self.begun = True
             self.world.begun_at.append(observation.T_world_camera)
         word = self.script.pop(0)
-        self.is_mistaken = word == "mistaken"
+        self.is_false_goal = word == "mistaken"
         way = make_pose(np.eye(3), np.array([0.0, 0.0, 0.4 if word == "go" else 0.0]))
         lost = "lost" if word == "lost" else ""
         return Decision(way, 1.0, done=word == "done", lost=lost)
