@@ -8,13 +8,7 @@ from collections.abc import Sequence
 from typing import Any
 
 from dfvs_bench.methods.registry import DEFAULT_METHODS, METHODS
-from dfvs_bench.options import (
-    add_trial_options,
-    networks_from,
-    run_trials,
-    tasks_from,
-    trial_setup,
-)
+from dfvs_bench.options import add_trial_options, networks_from, run_trials, tasks_from, trial_setup
 from dfvs_bench.trials.perturbation import (
     KINDS,
     PERTURBATIONS,

@@ -58,11 +58,7 @@ class ExactMatcher:
         return KnownView(T, self._renderer.depth(self._camera, T))
 
     def match(
-        self,
-        current: ImageFeatures,
-        other: ImageFeatures,
-        *,
-        excluded: Sequence[FlowField] = (),
+        self, current: ImageFeatures, other: ImageFeatures, *, excluded: Sequence[FlowField] = ()
     ) -> FlowField:
         """Exact flow plus noise, confidence 1 where both see the point."""
         if not isinstance(current, KnownView) or not isinstance(other, KnownView):

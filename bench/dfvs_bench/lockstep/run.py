@@ -107,8 +107,5 @@ def _flight(job: SimulatedJob, setup: LockstepSetup, renderer: Renderer) -> Lock
         return LockstepFlight(setup, exact, render, exact.look_from, network)
     matcher = load_matcher(job.matcher, 1)
     return LockstepFlight(
-        setup,
-        matcher,
-        lambda T: noise.apply(renderer.render(camera, T).image, rng),
-        depth=network,
+        setup, matcher, lambda T: noise.apply(renderer.render(camera, T).image, rng), depth=network
     )

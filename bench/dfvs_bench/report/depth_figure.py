@@ -77,9 +77,7 @@ def _flow_depth(
     camera = task.camera.scaled(width, height)
     pixels = camera.grid()
     seen = EarlierView(
-        camera.normalise(pixels + flow.flow),
-        flow.confidence.astype(np.float64),
-        T_earlier_current,
+        camera.normalise(pixels + flow.flow), flow.confidence.astype(np.float64), T_earlier_current
     )
     source = FlowDepth(near_m=0.0, far_m=np.inf)
     depth, _ = source.estimate(DepthInputs(camera.normalise(pixels), seen), None)

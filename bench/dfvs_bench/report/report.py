@@ -12,7 +12,7 @@ from dfvs_bench.drone.records import FlightRecord
 from dfvs_bench.report.basin_section import basin_section
 from dfvs_bench.report.drone_section import drone_section
 from dfvs_bench.report.page import STYLE
-from dfvs_bench.report.paper import PAPER_COLUMNS, PAPER_SCENES
+from dfvs_bench.report.paper import PAPER_COLUMNS, paper_scenes
 from dfvs_bench.report.table1_section import table1_section
 from dfvs_bench.trials.results import TrialRecord
 from dfvs_bench.trials.scenes import SCENES
@@ -112,7 +112,7 @@ def _differences(contents: Contents) -> str:
 def _paper_table() -> str:
     head = "<tr><th>start" + "".join(f"<th>{name}" for name in PAPER_COLUMNS)
     rows = []
-    for scene in PAPER_SCENES:
+    for scene in paper_scenes():
         row = f"<tr><td>{scene.initial[0]:.2f} m {scene.initial[1]:.2f}°"
         for k in range(len(PAPER_COLUMNS)):
             path, iterations = scene.path_m[k], scene.iterations[k]

@@ -12,7 +12,7 @@ from dfvs_bench.methods.registry import METHODS
 from dfvs_bench.report.depth_figure import FIRST_STEP, DepthViews, depth_figure, depth_views
 from dfvs_bench.report.figures import controller_figure
 from dfvs_bench.report.page import embedded, figure, panel, panels, table
-from dfvs_bench.report.paper import PAPER_COLUMNS, PAPER_SCENES
+from dfvs_bench.report.paper import PAPER_COLUMNS, paper_scenes
 from dfvs_bench.trials.perturbation import PERTURBATIONS, disturbance, perturbed_renderer
 from dfvs_bench.trials.results import TrialRecord
 from dfvs_bench.trials.tables import perturbed_table, share_text, summarise
@@ -122,20 +122,20 @@ def _paper_cells(k: int) -> list[str]:
     """The paper's own figures of one of its methods."""
     good = [
         scene
-        for scene in PAPER_SCENES
+        for scene in paper_scenes()
         if scene.translation_m[k] < CONVERGED_M
         and math.radians(scene.rotation_deg[k]) < CONVERGED_RAD
     ]
-    ways = [(scene.path_m[k], scene.iterations[k], scene.initial[0]) for scene in PAPER_SCENES]
+    ways = [(scene.path_m[k], scene.iterations[k], scene.initial[0]) for scene in paper_scenes()]
     done = [(path_m, count, line_m) for path_m, count, line_m in ways if path_m and count]
     return [
         f"the paper's {PAPER_COLUMNS[k]}",
-        f"{len(good)} of {len(PAPER_SCENES)}",
+        f"{len(good)} of {len(paper_scenes())}",
         f"{np.mean([count for _, count, _ in done]):.0f}",
         f"{np.mean([path_m / line_m for path_m, _, line_m in done]):.2f}",
-        f"{1e3 * np.mean([scene.translation_m[k] for scene in PAPER_SCENES]):.0f} mm",
+        f"{1e3 * np.mean([scene.translation_m[k] for scene in paper_scenes()]):.0f} mm",
         "–",
-        f"{np.mean([scene.rotation_deg[k] for scene in PAPER_SCENES]):.2f}°",
+        f"{np.mean([scene.rotation_deg[k] for scene in paper_scenes()]):.2f}°",
     ]
 
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import html
 import json
-from collections.abc import Mapping
+from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
 from typing import Any
 
@@ -47,10 +47,15 @@ def read_answers(path: Path) -> dict[str, Any]:
 
 def markdown_lines(document: Mapping[str, Any]) -> list[str]:
     """Section of a Markdown text."""
-    rows = ["| " + " | ".join(cells) + " |" for cells in _rows(document)]
-    head = ["| " + " | ".join(_HEADS) + " |", "|" + "---|" * len(_HEADS)]
+    table = markdown_table(_HEADS, _rows(document))
     problems = [f"- {text}" for text in _problems(document)]
-    return [f"## {TITLE}", "", _note(document), "", *head, *rows, "", *problems]
+    return [f"## {TITLE}", "", _note(document), "", *table, "", *problems]
+
+
+def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> list[str]:
+    """Lines of a table."""
+    first, *others = (f"| {' | '.join(cells)} |" for cells in (heads, *rows))
+    return [first, "|" + "---|" * len(heads), *others]
 
 
 def html_section(document: Mapping[str, Any]) -> str:

@@ -19,7 +19,7 @@ from dfvs_robustness.faults.matrix import (
     read_outcomes,
     run_matrix,
 )
-from dfvs_robustness.faults.report import Source, make_rows, verdict, write_json, write_reports
+from dfvs_robustness.faults.report import Report, make_rows
 from dfvs_sim.options import require_folder, require_range
 
 EXIT_OK, EXIT_FAILED = 0, 1
@@ -89,13 +89,13 @@ def run(args: argparse.Namespace) -> int:
 
     run_matrix(todo, args.workers, time.monotonic() + 60.0 * args.minutes, take)
     rows = make_rows(list(outcomes.values()), all_faults())
+    report = Report(rows, violations, _command(args), args.remark, answers)
     if args.json:
-        write_json(args.json, rows, violations)
+        report.write_json(args.json)
     if args.html:
-        write_reports(args.html, rows, violations, _source(args), answers)
-    print(verdict(rows, violations))
-    passed = all(row.passed == row.seeds for row in rows) and not violations
-    return EXIT_OK if passed else EXIT_FAILED
+        report.write_pages(args.html)
+    print(report.verdict)
+    return EXIT_OK if report.passed else EXIT_FAILED
 
 
 def _check(args: argparse.Namespace) -> None:
@@ -104,10 +104,11 @@ def _check(args: argparse.Namespace) -> None:
         require_folder(f"--{name}", getattr(args, name))
 
 
-def _source(args: argparse.Namespace) -> Source:
-    words = ["dfvs-sim", "faults", "--seeds", str(args.seeds), "--workers", str(args.workers)]
+def _command(args: argparse.Namespace) -> str:
+    words = ["dfvs-robustness", "faults", "--seeds", str(args.seeds)]
+    words += ["--workers", str(args.workers)]
     for name in args.only:
         words += ["--only", name]
     for state in args.state:
         words += ["--state", state]
-    return Source(shlex.join(words), args.remark)
+    return shlex.join(words)

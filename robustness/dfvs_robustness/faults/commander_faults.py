@@ -12,7 +12,14 @@ from pymavlink.dialects.v20 import development as mavlink
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.messages.goal_command import goal_digest
-from dfvs_robustness.faults.fault import ANY_ENGAGED, FLOWN, READY_OR_ENGAGED, Fault, Reaction
+from dfvs_robustness.faults.fault import (
+    ANY_ENGAGED,
+    FLOWN,
+    READY_OR_ENGAGED,
+    Fault,
+    Inject,
+    Reaction,
+)
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.service import KEY, signed
 from dfvs_robustness.harness.setup import NO_RESPONSE_CHECK, Setup
@@ -32,14 +39,8 @@ _fault = functools.partial(Fault, spares_frames=True)
 # --- other commanders -----------------------------------------------------------------------
 
 
-def _second_service(harness: Harness, _: np.random.Generator) -> int:
-    harness.hold_token(harness.topics.lease("engaged", "second"))
-    return time.monotonic_ns()
-
-
-def _service_stands_by(harness: Harness, _: np.random.Generator) -> int:
-    harness.hold_token(harness.topics.lease("standby", "second"))
-    return time.monotonic_ns()
+def _other_service(role: str) -> Inject:
+    return lambda harness, _: harness.hold_token(harness.topics.lease(role, "second"))
 
 
 def _foreign_message(forward_m_s: float, right_m_s: float) -> Message:
@@ -116,94 +117,57 @@ def commander_faults() -> tuple[Fault, ...]:
     abort = Reaction.ABORT
     return (
         _fault(
-            "second-service",
-            "another service engages",
-            "lease",
-            abort,
-            500.0,
-            READY_OR_ENGAGED,
-            _second_service,
-            says=(str(Cause.TWO_COMMANDERS), "another service"),
+            *("second-service", "another service engages", "lease"),
+            *(abort, 500.0, READY_OR_ENGAGED, _other_service("engaged")),
+            says=(Cause.TWO_COMMANDERS, "another service"),
         ),
         _fault(
-            "service-stands-by",
-            "another service stands by",
-            "lease",
-            Reaction.REFUSED,
-            0.0,
-            (S.READY,),
-            _service_stands_by,
+            *("service-stands-by", "another service stands by", "lease"),
+            *(Reaction.REFUSED, 0.0, (S.READY,), _other_service("standby")),
             watch_s=1.0,
         ),
         _fault(
-            "service-starts-in-flight",
-            "another service comes up in flight",
-            "lease",
-            Reaction.IGNORED,
-            0.0,
-            (S.SERVO,),
-            _service_stands_by,
+            *("service-starts-in-flight", "another service comes up in flight", "lease"),
+            *(Reaction.IGNORED, 0.0, (S.SERVO,), _other_service("standby")),
             watch_s=1.0,
         ),
         _fault(
-            "foreign-setpoint",
-            "somebody else's setpoint on the link",
-            "foreign setpoint",
-            abort,
-            100.0,
-            READY_OR_ENGAGED,
-            _foreign_setpoint,
+            *("foreign-setpoint", "somebody else's setpoint on the link", "foreign setpoint"),
+            *(abort, 100.0, READY_OR_ENGAGED, _foreign_setpoint),
             says=_SETPOINTS,
         ),
         _fault(
-            "foreign-system",
-            "setpoints of a ground station on the link",
-            "foreign setpoint of any system",
-            abort,
-            1000.0,
-            READY_OR_ENGAGED,
-            _foreign_system,
+            *(
+                "foreign-system",
+                "setpoints of a ground station on the link",
+                "foreign setpoint of any system",
+            ),
+            *(abort, 1000.0, READY_OR_ENGAGED, _foreign_system),
             says=_SETPOINTS,
         ),
         _fault(
-            "foreign-commander",
-            "somebody else's setpoints on another link, 0.4 m/s off",
-            "velocity nobody here asked for",
-            abort,
-            4000.0,
-            FLOWN,
-            _foreign_elsewhere,
+            *(
+                "foreign-commander",
+                "somebody else's setpoints on another link, 0.4 m/s off",
+                "velocity nobody here asked for",
+            ),
+            *(abort, 4000.0, FLOWN, _foreign_elsewhere),
             Setup(settings=(NO_RESPONSE_CHECK,)),
-            says=(str(Cause.TWO_COMMANDERS),),
+            says=(Cause.TWO_COMMANDERS,),
         ),
         _fault(
-            "forged-commands",
-            "commands and goals of a wrong key or vehicle",
-            "authority",
-            Reaction.IGNORED,
-            0.0,
-            (S.READY, *FLOWN),
-            _forged,
+            *("forged-commands", "commands and goals of a wrong key or vehicle", "authority"),
+            *(Reaction.IGNORED, 0.0, (S.READY, *FLOWN), _forged),
             watch_s=0.5,
         ),
         _fault(
-            "replayed-commands",
-            "an order again; old and unknown challenges",
-            "challenge",
-            Reaction.IGNORED,
-            0.0,
-            (S.READY, *FLOWN),
-            _replayed,
+            *("replayed-commands", "an order again; old and unknown challenges", "challenge"),
+            *(Reaction.IGNORED, 0.0, (S.READY, *FLOWN), _replayed),
             watch_s=0.5,
         ),
         _fault(
-            "operator-aborts",
-            "operator orders to abort",
-            "signed command",
-            abort,
-            500.0,
-            ANY_ENGAGED,
-            _operator_aborts,
-            says=(str(Cause.OPERATOR_ABORT),),
+            *("operator-aborts", "operator orders to abort", "signed command"),
+            *(abort, 500.0, ANY_ENGAGED, _operator_aborts),
+            says=(Cause.OPERATOR_ABORT,),
         ),
     )

@@ -159,7 +159,7 @@ def _hold(name: str, what: str, seen_by: str, inject: Inject, setup: Setup = TEX
 
 
 def _abort(name: str, what: str, seen_by: str, inject: Inject, limit_ms: float) -> Fault:
-    held = (str(Cause.HOLD_TOO_LONG),)
+    held = (Cause.HOLD_TOO_LONG,)
     return Fault(name, what, seen_by, Reaction.ABORT, limit_ms, (S.SERVO,), inject, says=held)
 
 
@@ -187,7 +187,7 @@ _SAYS: dict[str, tuple[str, ...]] = {
     "network-nan": (_LOW_OVERLAP,),
     "network-garbage": (_LOW_OVERLAP,),
     "network-unsure": (_LOW_OVERLAP,),
-    "network-slow": (str(Cause.FRAME_OLD), str(Cause.RESULT_LATE)),
+    "network-slow": (Cause.FRAME_OLD, Cause.RESULT_LATE),
 }
 """What the gate must give as its reason for each fault that leads to HOLD."""
 
@@ -196,15 +196,10 @@ def frame_faults() -> tuple[Fault, ...]:
     """Faults of frames, by the rows of the table."""
     silent = _sends(lambda _shot, _rng: [])
     dead_network = Fault(
-        "network-stuck",
-        "network does not return",
-        "no report: frame age",
-        Reaction.ABORT,
-        3700.0,
-        (S.SERVO,),
-        _misbehaves(Misbehaviour.STUCK),
+        *("network-stuck", "network does not return", "no report: frame age"),
+        *(Reaction.ABORT, 3700.0, (S.SERVO,), _misbehaves(Misbehaviour.STUCK)),
         restarts=True,
-        says=(str(Cause.HOLD_TOO_LONG),),
+        says=(Cause.HOLD_TOO_LONG,),
     )
     return (
         _hold("camera-stops", "camera stops", "silence, frame age", silent),
@@ -213,28 +208,20 @@ def frame_faults() -> tuple[Fault, ...]:
             "camera-freezes", "camera freezes", "same pixels ×3", _films(_held, first_is_good=True)
         ),
         _hold(
-            "frames-repeat",
-            "one sample again and again",
-            "capture time",
+            *("frames-repeat", "one sample again and again", "capture time"),
             _films(_repeated, first_is_good=True),
         ),
         _hold(
-            "stamps-old",
-            "stamps a second old",
-            "capture age",
+            *("stamps-old", "stamps a second old", "capture age"),
             _sends(lambda s, _: [s.packet(t_ns=s.t_ns - 1000 * MS)]),
         ),
         _hold(
-            "stamps-future",
-            "stamps 0.1 s ahead",
-            "clock skew",
+            *("stamps-future", "stamps 0.1 s ahead", "clock skew"),
             _sends(lambda s, _: [s.packet(t_ns=s.t_ns + 100 * MS)]),
         ),
         _hold("stamps-reordered", "frames out of order", "capture time", _films(_swapped_order)),
         _hold(
-            "other-clock",
-            "stamped by another machine",
-            "clock identity",
+            *("other-clock", "stamped by another machine", "clock identity"),
             _sends(lambda s, rng: [s.packet(clock=rng.bytes(16))]),
         ),
         _hold("wrong-size", "wrong size", "calibration", _sends(_other_size)),
@@ -242,9 +229,7 @@ def frame_faults() -> tuple[Fault, ...]:
             "wrong-format", "pixels are not what the header says", "decoder", _sends(_other_format)
         ),
         _hold(
-            "wrong-colours",
-            "red and blue exchanged",
-            "colours of corresponding points",
+            *("wrong-colours", "red and blue exchanged", "colours of corresponding points"),
             _shows(lambda i: i[:, :, ::-1]),
         ),
         _hold("black", "black picture", "brightness", _shows(lambda i: i // 64)),
@@ -258,23 +243,17 @@ def frame_faults() -> tuple[Fault, ...]:
         _hold("goal-lost", "view shares nothing with the goal", "overlap", _shows(unrelated_view)),
         _hold("network-nan", "network gives NaN", "finite", _misbehaves(Misbehaviour.NAN), Setup()),
         _hold(
-            "network-garbage",
-            "network gives garbage",
-            "forward–backward, inliers",
+            *("network-garbage", "network gives garbage", "forward–backward, inliers"),
             _misbehaves(Misbehaviour.GARBAGE),
             Setup(),
         ),
         _hold(
-            "network-unsure",
-            "flow there and back disagree",
-            "confidence",
+            *("network-unsure", "flow there and back disagree", "confidence"),
             _misbehaves(Misbehaviour.ONE_WAY),
             Setup(),
         ),
         _hold(
-            "network-slow",
-            "network takes over 0.2 s",
-            "result's age",
+            *("network-slow", "network takes over 0.2 s", "result's age"),
             _misbehaves(Misbehaviour.SLOW),
             Setup(),
         ),

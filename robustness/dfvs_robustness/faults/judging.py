@@ -16,15 +16,11 @@ MS = 1_000_000
 S = GateState
 
 _TOOK = "took"
-_LATE = (str(Cause.FRAME_OLD), str(Cause.RESULT_LATE))
+_LATE = (Cause.FRAME_OLD, Cause.RESULT_LATE)
 _TOO_FEW = " a second, results "
 """How the checks begin to say that good frames are too few; so they are where all are bad."""
 
-_HELD_AFTER = {
-    S.ENGAGE: (S.ENGAGE, S.HOLD),
-    S.SERVO: (S.HOLD,),
-    S.DONE: (S.HOLD,),
-}
+_HELD_AFTER = {S.ENGAGE: (S.ENGAGE, S.HOLD), S.SERVO: (S.HOLD,), S.DONE: (S.HOLD,)}
 """States that a fault that asks for HOLD may lead to; DONE holds the goal by vision."""
 
 _TARGETS = {

@@ -9,7 +9,7 @@ import os
 import platform
 from collections import Counter
 from collections.abc import Mapping, Sequence
-from dataclasses import dataclass
+from dataclasses import asdict, dataclass
 from pathlib import Path
 from typing import Any
 
@@ -17,10 +17,11 @@ import numpy as np
 
 from dfvs_common.atomic_file import write_atomic
 from dfvs_core.gate.states import GateState
-from dfvs_robustness.answers.report import html_section, markdown_lines
+from dfvs_robustness.answers.report import html_section, markdown_lines, markdown_table
 from dfvs_robustness.faults.fault import Fault, Outcome
 
 _MAX_CAUSE = 80
+_TIMES = ("p50 ms", "p99 ms", "max ms")
 _STYLE = """
 body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 76rem; padding: 0 1rem;
   color: #1c2733; background: #fff; }
@@ -35,6 +36,20 @@ tr.bad td { background: #fde8e6; } .ok { color: #14713a; }
 .bar i { position: absolute; top: 0; bottom: 0; width: 2px; background: #2f6fb0; opacity: .6; }
 code { background: #eef2f6; padding: 0 .25rem; }
 """
+
+_NOTE = (
+    "The real `dfvs-service` flies a simulated vehicle and is disturbed from outside. Times go",
+    "from the fault (for frames: from the capture of the last good one; for a takeover: from the",
+    "message that tells of it) to the first zero setpoint, or the state or silence that had to",
+    "follow, by the vehicle's own record; 0 means that nothing moved any more when it happened.",
+    "Every case draws its place, its phase and what is random in its fault from its own seed;",
+    "where a service survives a fault, it is healed and flies on into the next case.",
+    "A case is repeated where the state was not reached, where frames were late without any",
+    "reason, or where it failed while the simulated vehicle itself stood still: the machine was",
+    "too busy with other work then. Three attempts without a verdict count as a failure.",
+    "Results beside a stand-in are no flight evidence, and no failure in N cases bounds the rate",
+    "for these faults only.",
+)
 
 
 @dataclass(frozen=True, slots=True)
@@ -57,13 +72,11 @@ class Row:
     repeated: int
     times_ms: tuple[float, ...]
 
-
-@dataclass(frozen=True, slots=True)
-class Source:
-    """Command that made a report, and what its readers should know."""
-
-    command: str
-    remark: str = ""
+    @property
+    def numbers(self) -> tuple[str, ...]:
+        """Median, 99th percentile, maximum and limit, for people."""
+        times = (self.p50_ms, self.p99_ms, self.max_ms)
+        return (*("–" if t is None else f"{t:.0f}" for t in times), f"{self.limit_ms:g}")
 
 
 def make_rows(outcomes: Sequence[Outcome], faults: Mapping[str, Fault]) -> list[Row]:
@@ -105,97 +118,95 @@ def _rounded(value: float | None) -> float | None:
     return None if value is None else round(float(value), 1)
 
 
-def as_json(rows: Sequence[Row], violations: Sequence[str]) -> dict[str, Any]:
-    """Table for machines."""
-    names = ("fault", "state", "seeds", "passed", "p50_ms", "p99_ms", "max_ms", "limit_ms")
-    more = ("what", "seen_by", "reaction", "cause", "problems", "repeated")
-    listed = [{name: getattr(row, name) for name in (*names, *more)} for row in rows]
-    return {"rows": listed, "violations": list(violations)}
+@dataclass(frozen=True, slots=True)
+class Report:
+    """Results of the matrix.
 
+    Parameters
+    ----------
+    rows : sequence of Row
+    violations : sequence of str
+        Of the invariants, in any run of the service.
+    command, remark : str
+        Command that made the report, and what its readers should know.
+    answers : mapping or None
+        Document of ``dfvs-robustness answers --json``.
+    """
 
-def write_json(path: Path, rows: Sequence[Row], violations: Sequence[str]) -> None:
-    """Write the table for machines, whole or not at all."""
-    text = json.dumps(as_json(rows, violations), indent=1, ensure_ascii=False) + "\n"
-    write_atomic(path, text.encode())
+    rows: Sequence[Row]
+    violations: Sequence[str]
+    command: str = ""
+    remark: str = ""
+    answers: Mapping[str, Any] | None = None
 
+    @property
+    def passed(self) -> bool:
+        """Whether every case passed and nothing was violated."""
+        return all(row.passed == row.seeds for row in self.rows) and not self.violations
 
-def verdict(rows: Sequence[Row], violations: Sequence[str]) -> str:
-    """One sentence."""
-    cases, passed = sum(r.seeds for r in rows), sum(r.passed for r in rows)
-    faults = len({r.fault for r in rows})
-    repeated = sum(r.repeated for r in rows)
-    again = f", {repeated} of them not at the first attempt" if repeated else ""
-    counts = [r.seeds for r in rows]
-    seeds = f", {min(counts)} to {max(counts)} seeds a row" if counts else ""
-    return (
-        f"{passed} of {cases} cases passed{again} ({faults} faults, {len(rows)} rows{seeds}); "
-        f"{len(violations)} violation{'' if len(violations) == 1 else 's'} of I1–I9"
-    )
+    @property
+    def verdict(self) -> str:
+        """One sentence."""
+        rows = self.rows
+        cases, passed = sum(r.seeds for r in rows), sum(r.passed for r in rows)
+        repeated = sum(r.repeated for r in rows)
+        again = f", {repeated} of them not at the first attempt" if repeated else ""
+        counts = [r.seeds for r in rows]
+        seeds = f", {min(counts)} to {max(counts)} seeds a row" if counts else ""
+        return (
+            f"{passed} of {cases} cases passed{again} ({len({r.fault for r in rows})} faults, "
+            f"{len(rows)} rows{seeds}); {len(self.violations)} "
+            f"violation{'' if len(self.violations) == 1 else 's'} of I1–I9"
+        )
 
+    def write_json(self, path: Path) -> None:
+        """Write the table for machines, whole or not at all."""
+        rows = [asdict(row) for row in self.rows]
+        for row in rows:
+            del row["times_ms"]
+        document = {"rows": rows, "violations": list(self.violations)}
+        text = json.dumps(document, indent=1, ensure_ascii=False) + "\n"
+        write_atomic(path, text.encode())
 
-def as_markdown(
-    rows: Sequence[Row],
-    violations: Sequence[str],
-    source: Source,
-    answers: Mapping[str, Any] | None = None,
-) -> str:
-    """Table for people, in a text; ``answers`` as ``dfvs-robustness answers`` writes them."""
-    lines = [
-        "# Faults",
-        "",
-        f"{verdict(rows, violations)}. Made by `{source.command}` on {_machine()}.",
-        "",
-        *_NOTE,
-        "",
-        *([source.remark, ""] if source.remark else []),
-        "| fault | in state | seen by | reaction | passed | p50 ms | p99 ms | max ms | limit ms |",
-        "|---|---|---|---|---|---|---|---|---|",
-    ]
-    for r in rows:
-        cells = (r.what, r.state, r.seen_by, r.reaction, f"{r.passed}/{r.seeds}")
-        times = (_text(r.p50_ms), _text(r.p99_ms), _text(r.max_ms), f"{r.limit_ms:g}")
-        lines.append(f"| {' | '.join((*cells, *times))} |")
-    lines += ["", *(f"- {text}" for text in violations)] if violations else []
-    lines += ["", *markdown_lines(answers)] if answers is not None else []
-    return "\n".join(lines).rstrip() + "\n"
+    def write_pages(self, page: Path) -> None:
+        """Write the HTML page and, beside it, the same as Markdown."""
+        write_atomic(page, self.html().encode())
+        write_atomic(page.with_suffix(".md"), self.markdown().encode())
 
+    def markdown(self) -> str:
+        """Table for people, in a text."""
+        heads = ("fault", "in state", "seen by", "reaction", "passed", *_TIMES, "limit ms")
+        rows = [
+            (r.what, r.state, r.seen_by, r.reaction, f"{r.passed}/{r.seeds}", *r.numbers)
+            for r in self.rows
+        ]
+        lines = [
+            *("# Faults", ""),
+            f"{self.verdict}. Made by `{self.command}` on {_machine()}.",
+            *("", *_NOTE, ""),
+            *([self.remark, ""] if self.remark else []),
+            *markdown_table(heads, rows),
+        ]
+        lines += ["", *(f"- {text}" for text in self.violations)] if self.violations else []
+        lines += ["", *markdown_lines(self.answers)] if self.answers is not None else []
+        return "\n".join(lines).rstrip() + "\n"
 
-_NOTE = (
-    "The real `dfvs-service` flies a simulated vehicle and is disturbed from outside. Times go",
-    "from the fault (for frames: from the capture of the last good one; for a takeover: from the",
-    "message that tells of it) to the first zero setpoint, or the state or silence that had to",
-    "follow, by the vehicle's own record; 0 means that nothing moved any more when it happened.",
-    "Every case draws its place, its phase and what is random in its fault from its own seed;",
-    "where a service survives a fault, it is healed and flies on into the next case.",
-    "A case is repeated where the state was not reached, where frames were late without any",
-    "reason, or where it failed while the simulated vehicle itself stood still: the machine was",
-    "too busy with other work then. Three attempts without a verdict count as a failure.",
-    "Results beside a stand-in are no flight evidence, and no failure in N cases bounds the rate",
-    "for these faults only.",
-)
-
-
-def as_html(
-    rows: Sequence[Row],
-    violations: Sequence[str],
-    source: Source,
-    answers: Mapping[str, Any] | None = None,
-) -> str:
-    """Table for people, in one file without any other."""
-    body = "\n".join(_html_row(row) for row in rows)
-    listed = "".join(f"<li>{html.escape(text)}</li>" for text in violations)
-    found = f"<h2>Violations</h2><ul>{listed}</ul>" if violations else ""
-    answered = "" if answers is None else html_section(answers)
-    note = html.escape(" ".join(_NOTE)).replace("`dfvs-service`", "<code>dfvs-service</code>")
-    words = ("fault", "in state", "seen by", "reaction", "gate's word", "passed")
-    heads = (*words, "p50", "p99", "max", "limit, ms", "0 … limit")
-    return f"""<!doctype html>
+    def html(self) -> str:
+        """Table for people, in one file without any other."""
+        body = "\n".join(_html_row(row) for row in self.rows)
+        listed = "".join(f"<li>{html.escape(text)}</li>" for text in self.violations)
+        found = f"<h2>Violations</h2><ul>{listed}</ul>" if self.violations else ""
+        answered = "" if self.answers is None else html_section(self.answers)
+        note = html.escape(" ".join(_NOTE)).replace("`dfvs-service`", "<code>dfvs-service</code>")
+        words = ("fault", "in state", "seen by", "reaction", "gate's word", "passed")
+        heads = (*words, "p50", "p99", "max", "limit, ms", "0 … limit")
+        return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>DFVS faults</title>
 <meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head>
 <body><h1>Faults</h1>
-<p><b>{html.escape(verdict(rows, violations))}.</b></p>
-<p>Made by <code>{html.escape(source.command)}</code> on {html.escape(_machine())}. {note}</p>
-<p>{html.escape(source.remark)}</p>
+<p><b>{html.escape(self.verdict)}.</b></p>
+<p>Made by <code>{html.escape(self.command)}</code> on {html.escape(_machine())}. {note}</p>
+<p>{html.escape(self.remark)}</p>
 <table><thead><tr>{"".join(f"<th>{h}</th>" for h in heads)}</tr></thead><tbody>
 {body}
 </tbody></table>{found}{answered}</body></html>
@@ -208,8 +219,7 @@ def _html_row(row: Row) -> str:
     cells = "".join(f"<td>{html.escape(word)}</td>" for word in words)
     title = html.escape("; ".join(row.problems), quote=True)
     passed = f'<td class="{"ok" if good else "fail"}" title="{title}">{row.passed}/{row.seeds}</td>'
-    numbers = (_text(row.p50_ms), _text(row.p99_ms), _text(row.max_ms), f"{row.limit_ms:g}")
-    times = "".join(f'<td class="n">{number}</td>' for number in numbers)
+    times = "".join(f'<td class="n">{number}</td>' for number in row.numbers)
     return f'<tr class="{"" if good else "bad"}">{cells}{passed}{times}<td>{_bar(row)}</td></tr>'
 
 
@@ -221,22 +231,5 @@ def _bar(row: Row) -> str:
     return f'<div class="bar">{"".join(f"<i style=left:{s:.1f}%></i>" for s in shares)}</div>'
 
 
-def _text(value: float | None) -> str:
-    return "–" if value is None else f"{value:.0f}"
-
-
 def _machine() -> str:
     return f"{platform.machine()}, {os.cpu_count()} cores, Python {platform.python_version()}"
-
-
-def write_reports(
-    page: Path,
-    rows: Sequence[Row],
-    violations: Sequence[str],
-    source: Source,
-    answers: Mapping[str, Any] | None = None,
-) -> None:
-    """Write the HTML page and, beside it, the same as Markdown."""
-    write_atomic(page, as_html(rows, violations, source, answers).encode())
-    markdown = as_markdown(rows, violations, source, answers)
-    write_atomic(page.with_suffix(".md"), markdown.encode())

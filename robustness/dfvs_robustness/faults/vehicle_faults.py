@@ -10,7 +10,7 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.gate.states import Cause
-from dfvs_robustness.faults.fault import ANY_ENGAGED, READY_OR_ENGAGED, Fault, Reaction
+from dfvs_robustness.faults.fault import ANY_ENGAGED, READY_OR_ENGAGED, Fault, Inject, Reaction
 from dfvs_robustness.harness.environment import BATTERY, GPS
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.records import MODE_REPORTS
@@ -23,11 +23,6 @@ _HEARTBEAT_S = 1.5
 _OFF, _WRONG = mavlink.FAILURE_TYPE_OFF, mavlink.FAILURE_TYPE_WRONG
 _STICKS_NS = 10_000 * MS
 _fault = functools.partial(Fault, spares_frames=True)
-
-
-def _link_lost(harness: Harness, _: np.random.Generator) -> int:
-    harness.environment.silence()
-    return time.monotonic_ns()
 
 
 def _heartbeat_lost(harness: Harness, _: np.random.Generator) -> int:
@@ -68,19 +63,8 @@ def _disarmed(harness: Harness, _: np.random.Generator) -> int:
     return _next_sent(harness, since_ns, ("heartbeat_sent",))
 
 
-def _estimator_invalid(harness: Harness, _: np.random.Generator) -> int:
-    harness.environment.inject(GPS, _OFF)
-    return time.monotonic_ns()
-
-
-def _estimator_jumps(harness: Harness, _: np.random.Generator) -> int:
-    harness.environment.inject(GPS, _WRONG)
-    return time.monotonic_ns()
-
-
-def _battery_low(harness: Harness, _: np.random.Generator) -> int:
-    harness.environment.inject(BATTERY, _OFF)
-    return time.monotonic_ns()
+def _injected(unit: int, kind: int) -> Inject:
+    return lambda harness, _: harness.environment.inject(unit, kind)
 
 
 def vehicle_faults() -> tuple[Fault, ...]:
@@ -88,73 +72,38 @@ def vehicle_faults() -> tuple[Fault, ...]:
     abort, released = Reaction.ABORT, Reaction.RELEASED
     return (
         _fault(
-            "link-lost",
-            "autopilot link lost",
-            "telemetry over 0.5 s old",
-            abort,
-            700.0,
-            READY_OR_ENGAGED,
-            _link_lost,
-            says=(str(Cause.TELEMETRY_LOST), "frames:"),
+            *("link-lost", "autopilot link lost", "telemetry over 0.5 s old"),
+            *(abort, 700.0, READY_OR_ENGAGED, lambda harness, _: harness.environment.silence()),
+            says=(Cause.TELEMETRY_LOST, "frames:"),
         ),
         _fault(
-            "heartbeat-lost",
-            "no heartbeat, telemetry goes on",
-            "heartbeat over 2 s old",
-            abort,
-            2100.0,
-            READY_OR_ENGAGED,
-            _heartbeat_lost,
-            says=(str(Cause.HEARTBEAT_LOST),),
+            *("heartbeat-lost", "no heartbeat, telemetry goes on", "heartbeat over 2 s old"),
+            *(abort, 2100.0, READY_OR_ENGAGED, _heartbeat_lost),
+            says=(Cause.HEARTBEAT_LOST,),
         ),
         _fault(
-            "takeover",
-            "pilot takes over",
-            "mode",
-            released,
-            50.0,
-            ANY_ENGAGED,
-            _taken_over,
-            says=(str(Cause.TAKEOVER),),
+            *("takeover", "pilot takes over", "mode"),
+            *(released, 50.0, ANY_ENGAGED, _taken_over),
+            says=(Cause.TAKEOVER,),
         ),
         _fault(
-            "disarmed",
-            "disarmed in the air",
-            "state",
-            released,
-            50.0,
-            ANY_ENGAGED,
-            _disarmed,
-            says=(str(Cause.DISARMED),),
+            *("disarmed", "disarmed in the air", "state"),
+            *(released, 50.0, ANY_ENGAGED, _disarmed),
+            says=(Cause.DISARMED,),
         ),
         _fault(
-            "estimator-invalid",
-            "estimator loses the position",
-            "estimator's flags, mode",
-            Reaction.ENDED,
-            200.0,
-            READY_OR_ENGAGED,
-            _estimator_invalid,
-            says=(str(Cause.ESTIMATOR_INVALID), str(Cause.TAKEOVER)),
+            *("estimator-invalid", "estimator loses the position", "estimator's flags, mode"),
+            *(Reaction.ENDED, 200.0, READY_OR_ENGAGED, _injected(GPS, _OFF)),
+            says=(Cause.ESTIMATOR_INVALID, Cause.TAKEOVER),
         ),
         _fault(
-            "estimator-jumps",
-            "position estimate jumps 2 m",
-            "jump",
-            abort,
-            200.0,
-            ANY_ENGAGED,
-            _estimator_jumps,
-            says=(str(Cause.ESTIMATOR_JUMP),),
+            *("estimator-jumps", "position estimate jumps 2 m", "jump"),
+            *(abort, 200.0, ANY_ENGAGED, _injected(GPS, _WRONG)),
+            says=(Cause.ESTIMATOR_JUMP,),
         ),
         _fault(
-            "battery-low",
-            "battery low",
-            "threshold",
-            abort,
-            1000.0,
-            READY_OR_ENGAGED,
-            _battery_low,
-            says=(str(Cause.BATTERY_LOW),),
+            *("battery-low", "battery low", "threshold"),
+            *(abort, 1000.0, READY_OR_ENGAGED, _injected(BATTERY, _OFF)),
+            says=(Cause.BATTERY_LOW,),
         ),
     )

@@ -30,10 +30,7 @@ class CapturedFrame:
     clock: bytes
 
     def packet(
-        self,
-        image: ImageArray | None = None,
-        t_ns: int | None = None,
-        clock: bytes | None = None,
+        self, image: ImageArray | None = None, t_ns: int | None = None, clock: bytes | None = None
     ) -> Packet:
         """Encode the frame, with another image, time or clock where given."""
         frame = Frame(

@@ -151,16 +151,17 @@ class Environment:
         """Let somebody else send a message to the vehicle at 50 Hz on another link, or stop it."""
         self._foreign = make
 
-    def command(self, command: int, *params: float) -> None:
-        """Give the vehicle a command over its ground link."""
+    def command(self, command: int, *params: float) -> int:
+        """Give the vehicle a command over its ground link; returns when."""
         padded = [*params, *[0.0] * (7 - len(params))]
         message = mavlink.MAVLink_command_long_message(1, 1, command, 0, *padded)
         message.pack(mavlink.MAVLink(None, 255, 190))
         self.do(lambda px4, now_ns: px4.handle(message, GROUND, now_ns))
+        return time.monotonic_ns()
 
-    def inject(self, unit: int, kind: int, instance: int = 0) -> None:
-        """MAV_CMD_INJECT_FAILURE, as the vehicle offers it to a ground station."""
-        self.command(mavlink.MAV_CMD_INJECT_FAILURE, unit, kind, instance)
+    def inject(self, unit: int, kind: int, instance: int = 0) -> int:
+        """MAV_CMD_INJECT_FAILURE, as the vehicle offers it to a ground station; returns when."""
+        return self.command(mavlink.MAV_CMD_INJECT_FAILURE, unit, kind, instance)
 
     def repair(self) -> bool:
         """Take back what was injected; tell whether the vehicle had to be replaced.
@@ -175,9 +176,9 @@ class Environment:
         self.stream("HEARTBEAT", 0.0)
         return self.do(self._replace_if_fallen)
 
-    def silence(self) -> None:
-        """End the vehicle's link to the companion, until it is restored."""
-        self.inject(MAVLINK_SIGNAL, mavlink.FAILURE_TYPE_OFF, 1)
+    def silence(self) -> int:
+        """End the vehicle's link to the companion, until it is restored; returns when."""
+        return self.inject(MAVLINK_SIGNAL, mavlink.FAILURE_TYPE_OFF, 1)
 
     def stream(self, name: str, interval_us: float) -> None:
         """Set the interval of a stream to the companion; -1 stops it, 0 restores it."""

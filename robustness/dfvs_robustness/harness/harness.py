@@ -121,9 +121,10 @@ class Harness:
         if self.environment.repair():
             self.stop_service()
 
-    def hold_token(self, key: str) -> None:
-        """Show a Zenoh liveliness token until the environment is repaired."""
+    def hold_token(self, key: str) -> int:
+        """Show a Zenoh liveliness token until the environment is repaired; returns when."""
         self._tokens.append(self.session.liveliness().declare_token(key))
+        return time.monotonic_ns()
 
     def start_router(self) -> None:
         """Start a Zenoh router in a process of its own."""

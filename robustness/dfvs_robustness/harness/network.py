@@ -120,10 +120,7 @@ def _delay(n: _Nodes, slow: str, stuck: str) -> str:
     count = n.op("Reshape", trips, n.constant([1], np.int64))
     one = helper.make_tensor_value_info
     body = helper.make_graph(
-        [
-            helper.make_node("Identity", ["go"], ["on"]),
-            helper.make_node("Sin", ["x"], ["y"]),
-        ],
+        [helper.make_node("Identity", ["go"], ["on"]), helper.make_node("Sin", ["x"], ["y"])],
         "round",
         [
             one("i", TensorProto.INT64, []),

@@ -4,7 +4,7 @@ import cv2
 import numpy as np
 import pytest
 
-from dfvs_bench.report.paper import PAPER_SCENES
+from dfvs_bench.report.paper import paper_scenes
 from dfvs_bench.trials import scenes
 from dfvs_bench.trials.scenes import CAMERA, SCENES, SceneSpec, default_tasks, make_scenes, task_in
 from dfvs_bench.trials.task import read_tasks
@@ -72,7 +72,7 @@ def test_a_scene_without_any_place_for_a_task_is_named(tmp_path, monkeypatch):
 
 
 def test_the_ten_start_as_far_away_as_the_paper_s():
-    assert [(s.distance_m, s.angle_deg) for s in SCENES] == [p.initial for p in PAPER_SCENES]
+    assert [(s.distance_m, s.angle_deg) for s in SCENES] == [p.initial for p in paper_scenes()]
     difficulties = [spec.difficulty for spec in SCENES]
     assert [difficulties.count(d) for d in ("easy", "medium", "hard")] == [3, 4, 3]
     assert len({spec.name for spec in SCENES}) == len({spec.seed for spec in SCENES}) == 10

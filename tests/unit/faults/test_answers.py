@@ -10,7 +10,7 @@ from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.measurement import AnswerTimes, StateRate, Try, planned_actions
 from dfvs_robustness.answers.report import html_section, markdown_lines, read_answers
 from dfvs_robustness.cli import main
-from dfvs_robustness.faults.report import Source, as_html, as_markdown
+from dfvs_robustness.faults.report import Report
 
 RATE = StateRate(60.0, 10.0, 120.0, 400.0, 1.0)
 
@@ -64,9 +64,9 @@ def test_the_table_counts_by_state_and_names_what_went_wrong():
 
 def test_the_report_of_the_matrix_holds_it_where_it_is_given():
     document = dataclasses.asdict(times())
-    for make in (as_markdown, as_html):
-        assert "Answers to commands" in make([], [], Source("x"), document)
-        assert "Answers to commands" not in make([], [], Source("x"))
+    for make in (Report.markdown, Report.html):
+        assert "Answers to commands" in make(Report([], [], answers=document))
+        assert "Answers to commands" not in make(Report([], []))
 
 
 def test_results_are_read_back(tmp_path):
