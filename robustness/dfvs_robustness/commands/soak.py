@@ -75,8 +75,8 @@ def run(args: argparse.Namespace) -> int:
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
     plan = make_plan(renderer, camera_from(args), args.seed, None, [])
     words = tuple(args.service.split())
-    stay = MissionOptions(args.out.absolute(), args.minutes, args.rate, words)
-    mission = Mission(plan, stay, lambda text: progress.log(f"  {text}"))
+    options = MissionOptions(args.out.absolute(), args.minutes, args.rate, words)
+    mission = Mission(plan, options, lambda text: progress.log(f"  {text}"))
     began_s, ended = time.monotonic(), ""
     try:
         mission.run(lambda watch, track: None)

@@ -18,7 +18,7 @@ from dfvs_robustness.soak.sampling import Sampler
 from dfvs_sim.child import Child
 from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
 from dfvs_sim.demo.flight.camera_poses import FlightError
-from dfvs_sim.demo.flight.flight import Flight, FlightSession, running
+from dfvs_sim.demo.flight.flight import Flight, FlightSession, Log, running
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
 from dfvs_sim.demo.flight.track import Track
 from dfvs_sim.demo.options import VEHICLE_NAME, FlightOptions
@@ -57,34 +57,34 @@ class MissionOptions:
 
 
 class Mission(Flight):
-    """A flight that goes on from goal to goal, by signed orders, until the time is over.
+    """A flight that goes on from goal to goal, by signed commands, until the time is over.
 
     Parameters
     ----------
     plan : FlightPlan
         Start and goal: the mission goes to and fro between places near these two.
-    stay : MissionOptions
+    mission : MissionOptions
         Its folder exists; it takes goals, logs and records.
     log : callable
         Takes one line for the user at every step.
     """
 
-    def __init__(self, plan: FlightPlan, stay: MissionOptions, narrate: Narrate) -> None:
-        self._key = stay.folder / "soak.key"
-        self._runtime = stay.folder / "runtime"
+    def __init__(self, plan: FlightPlan, mission: MissionOptions, log: Log) -> None:
+        self._key = mission.folder / "soak.key"
+        self._runtime = mission.folder / "runtime"
         words = ("--set", f"gate.command_key_file={self._key}", "--runtime-dir", str(self._runtime))
-        service = *words, *stay.service
+        service = *words, *mission.service
         options = FlightOptions(
-            rate_hz=stay.rate_hz,
+            rate_hz=mission.rate_hz,
             camera_nice=_CAMERA_NICE,
             service=service,
             conditions=Conditions(USUAL_ESTIMATE),
         )
-        super().__init__(plan, options, stay.folder, log)
+        super().__init__(plan, options, mission.folder, log)
         for old in (self._key, self._runtime / "gate.jsonl"):  # of an earlier soak
             old.unlink(missing_ok=True)
         self._command("new-key")
-        self._length_s = 60.0 * stay.minutes
+        self._length_s = 60.0 * mission.minutes
         self._rng = np.random.default_rng(plan.seed)
         self.legs: list[Leg] = []
         self.holds: list[Hold] = []

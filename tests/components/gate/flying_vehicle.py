@@ -18,7 +18,8 @@ from pathlib import Path
 import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
-from dfvs_robustness.harness.records import telling_of_mode
+from dfvs_robustness.harness.records import mode_report
+from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts, wait_for_data
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.parameters import ParameterTable
@@ -115,7 +116,7 @@ def main() -> None:
         intruder.act(px4, now_ns)
         for name, message in px4.step(now_ns):
             if name == COMPANION and speaks:
-                if (told := telling_of_mode(message)) is not None:
+                if (told := mode_report(message)) is not None:
                     record(time.monotonic_ns(), *told)
                 link.send(message)
 

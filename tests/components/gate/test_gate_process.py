@@ -19,7 +19,7 @@ from vehicle_process import free_port
 
 from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import Action
-from dfvs_robustness.harness.records import TELLS_MODE
+from dfvs_robustness.harness.records import MODE_REPORTS
 
 pytestmark = pytest.mark.real_time
 
@@ -80,7 +80,7 @@ def test_a_takeover_ends_in_silence_for_good_within_50_ms_of_being_told(vehicle,
         flight.settle(1.5)
         flight.parent.terminate()
         assert flight.end() == 1
-    told = [e for kind in TELLS_MODE for e in vehicle.events(kind, ordered_ns)]
+    told = [e for kind in MODE_REPORTS for e in vehicle.events(kind, ordered_ns)]
     told_ns = min(e["t_ns"] for e in told if e["mode"] == "LAND")
     assert flight.states()[-1] == "RELEASED"
     assert not flight.setpoints(told_ns + 50 * MS)
