@@ -7,20 +7,15 @@ import zlib
 from collections.abc import Iterator
 from dataclasses import dataclass
 
-import cv2
 import numpy as np
 
 from dfvs_bench.basin.cells import Cell
 from dfvs_bench.basin.environments import Environment
 from dfvs_bench.trials.run import renderer_of
 from dfvs_bench.trials.task import BenchTask
+from dfvs_bench.trials.task_sampling import SceneSampler
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
-from dfvs_core.geometry.camera import CameraModel
-from dfvs_sim.render.truth import visibility
 from dfvs_sim.scene.mesh import SceneError
-from dfvs_sim.viewpoints.free_space import FreeSpace
-from dfvs_sim.viewpoints.poses import camera_pose
-from dfvs_sim.viewpoints.sampling import floor_of
 
 DRAWING_VERSION = 1
 """To be raised whenever other tasks would be drawn from the same seed."""
@@ -29,9 +24,7 @@ LEAST_OVERLAP = 0.2
 """Share of the goal's pixels that the start must see in the tasks with overlap."""
 
 _GOALS, _GOALS_TRIED, _STARTS_TRIED = 12, 1000, 600
-_CLEARANCE_M, _ON_THE_WAY_M, _STEP_M = 0.35, 0.2, 0.3
-_HEIGHT_M = (0.6, 2.0)
-_GOAL_PITCH_RAD = (math.radians(-15.0), math.radians(8.0))
+_ON_THE_WAY_M, _STEP_M = 0.2, 0.3
 _LEAST_DEPTH_M, _LEAST_FEATURES, _JUDGE_WIDTH_PX = 1.3, 50, 320
 
 
@@ -114,7 +107,7 @@ def _draw_cell(sampler: _Sampler, cell: Cell, request: DrawRequest) -> list[Draw
     for T_start, T_goal, overlap in sampler.candidates(cell, request.rng(*cell.seed)):
         freely, overlaps = free < request.count, overlap >= LEAST_OVERLAP
         if freely or overlaps:
-            poses = (_floats(T_start), _floats(T_goal))
+            poses = (tuple(T_start.ravel().tolist()), tuple(T_goal.ravel().tolist()))
             task_name = f"{cell.name}-{name}-{len(tasks):02d}"
             tasks.append(DrawnTask(task_name, name, cell, overlap, freely, *poses))
         free, overlapping = free + freely, overlapping + overlaps
@@ -123,18 +116,12 @@ def _draw_cell(sampler: _Sampler, cell: Cell, request: DrawRequest) -> list[Draw
     return tasks
 
 
-class _Sampler:
+class _Sampler(SceneSampler):
     """Draws goals and starts in one scene."""
 
     def __init__(self, environment: Environment, rng: np.random.Generator) -> None:
-        self._renderer = renderer_of(environment.scene)
-        self._camera: CameraModel = environment.camera
+        super().__init__(renderer_of(environment.scene), environment.camera)
         self._most_empty = environment.most_empty
-        self._space = FreeSpace(self._renderer)
-        self._sift = cv2.SIFT.create(nfeatures=2000)
-        floor_m, low, high = floor_of(self._renderer.scene)
-        self._low = np.array([*low, floor_m - _HEIGHT_M[1]])
-        self._high = np.array([*high, floor_m - _HEIGHT_M[0]])
         self._goals = self._draw_goals(rng)
         if not self._goals:
             raise SceneError(
@@ -148,10 +135,9 @@ class _Sampler:
         for _ in range(_STARTS_TRIED):
             T_goal, depth_m = self._goals[rng.integers(len(self._goals))]
             T_start = T_goal @ cell.displacement(rng)
-            if self._is_free_way(T_start[:3, 3], T_goal[:3, 3]):
-                depths = (depth_m, self._renderer.depth(self._camera, T_start))
-                seen = visibility(self._camera, (T_goal, T_start), depths)
-                yield T_start, T_goal, float(seen.mean())
+            if self._is_reachable(T_start[:3, 3], T_goal[:3, 3]):
+                depths = (depth_m, self.renderer.depth(self.camera, T_start))
+                yield T_start, T_goal, self.overlap((T_goal, T_start), depths)
 
     def _draw_goals(self, rng: np.random.Generator) -> list[tuple[FloatArray, Float32Array]]:
         """Poses with their depth (H, W): upright, some pitch, texture, nothing right in front."""
@@ -159,36 +145,25 @@ class _Sampler:
         for _ in range(_GOALS_TRIED):
             if len(goals) == _GOALS:
                 break
-            place = rng.uniform(self._low, self._high)
-            yaw, pitch = rng.uniform(-math.pi, math.pi), rng.uniform(*_GOAL_PITCH_RAD)
-            if self._space.clearance_m(place) < _CLEARANCE_M:
-                continue
-            T_goal = camera_pose((place[0], place[1], place[2]), yaw, pitch)
-            if self._is_good(T_goal):
-                goals.append((T_goal, self._renderer.depth(self._camera, T_goal)))
+            T_goal = self.goal(rng)
+            if T_goal is not None and self._is_good(T_goal):
+                goals.append((T_goal, self.renderer.depth(self.camera, T_goal)))
         return goals
 
     def _is_good(self, T_goal: FloatArray) -> bool:
         """Tell whether a view has texture and is not right before something."""
-        height = round(_JUDGE_WIDTH_PX * self._camera.height / self._camera.width)
-        view = self._renderer.render(self._camera.scaled(_JUDGE_WIDTH_PX, height), T_goal)
+        height = round(_JUDGE_WIDTH_PX * self.camera.height / self.camera.width)
+        view = self.renderer.render(self.camera.scaled(_JUDGE_WIDTH_PX, height), T_goal)
         if float(np.mean(view.depth_m <= 0)) > self._most_empty:
             return False
         distance_m = np.where(view.depth_m > 0, view.depth_m, np.inf)
         if float(np.median(distance_m)) < _LEAST_DEPTH_M:
             return False
-        grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
-        return len(self._sift.detect(grey, None)) >= _LEAST_FEATURES
+        return self.features(view.image) >= _LEAST_FEATURES
 
-    def _is_free_way(self, start: FloatArray, goal: FloatArray) -> bool:
-        """Tell whether a start (3,) lies over the floor, and the straight way touches nothing."""
-        if (start < self._low).any() or (start > self._high).any():
-            return False
-        if self._space.clearance_m(start) < _CLEARANCE_M:
+    def _is_reachable(self, start: FloatArray, goal: FloatArray) -> bool:
+        """Tell whether a start (3,) is free, and the straight line to the goal as well."""
+        if not self.is_free(start):
             return False
         stops = np.linspace(start, goal, math.ceil(np.linalg.norm(goal - start) / _STEP_M) + 1)
-        return all(self._space.clearance_m(stop) >= _ON_THE_WAY_M for stop in stops[1:-1])
-
-
-def _floats(T: FloatArray) -> tuple[float, ...]:
-    return tuple(float(v) for v in T.ravel())
+        return self.is_free_path(stops[1:-1], _ON_THE_WAY_M)

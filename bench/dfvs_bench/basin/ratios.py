@@ -12,6 +12,7 @@ import numpy as np
 from dfvs_bench.basin.drawing import LEAST_OVERLAP
 from dfvs_bench.basin.interval import Share
 from dfvs_bench.basin.outcomes import Outcome
+from dfvs_bench.trials.statistics import mean, rounded
 from dfvs_bench.trials.tables import row
 from dfvs_bench.trials.tables import summarise as summarise_trials
 
@@ -96,7 +97,7 @@ def summarise(outcomes: Sequence[Outcome]) -> dict[str, Any]:
         name = ",".join(f"{angle:g}" for angle in curve.rotation_deg)
         kind = "overlap" if curve.overlapping else "all"
         sets.setdefault(name, {})[kind] = _figures(curve.outcomes) | {
-            "mean_over_translations": _rounded(curve.mean_ratio),
+            "mean_over_translations": rounded(curve.mean_ratio, _DIGITS),
             "per_translation": [
                 {"translation_m": distance, **_figures(group)}
                 for distance, group in curve.points.items()
@@ -112,24 +113,15 @@ def _figures(outcomes: Sequence[Outcome]) -> dict[str, Any]:
     return {
         "trials": counted.trials,
         "converged": counted.successes,
-        "ratio": _rounded(counted.ratio),
-        "interval_95": [_rounded(low), _rounded(high)],
-        "mean_distance_m": _rounded(float(np.mean(distances_m)) if outcomes else math.nan),
-        "mean_overlap": _rounded(_mean_overlap(outcomes)),
+        "ratio": rounded(counted.ratio, _DIGITS),
+        "interval_95": [rounded(low, _DIGITS), rounded(high, _DIGITS)],
+        "mean_distance_m": rounded(mean(distances_m), _DIGITS),
+        "mean_overlap": rounded(mean([o.drawn.overlap for o in outcomes]), _DIGITS),
     }
-
-
-def _mean_overlap(outcomes: Sequence[Outcome]) -> float:
-    return float(np.mean([o.drawn.overlap for o in outcomes])) if outcomes else math.nan
 
 
 def _place(pose: tuple[float, ...]) -> tuple[float, float, float]:
     return pose[3], pose[7], pose[11]
-
-
-def _rounded(value: float) -> float | None:
-    """What JSON can hold: no NaN."""
-    return round(value, _DIGITS) if math.isfinite(value) else None
 
 
 def tidy_row(outcome: Outcome) -> dict[str, Any]:

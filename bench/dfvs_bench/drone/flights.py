@@ -13,6 +13,7 @@ from dfvs_bench.drone.levelled import turn_rad
 from dfvs_bench.drone.records import NOT_READY, FlightRecord, Setting
 from dfvs_bench.trials.inputs import input_digest
 from dfvs_bench.trials.run import renderer_of
+from dfvs_bench.trials.statistics import settled_index
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.messages.goal import Mount
 from dfvs_sim.demo.flight.flight import Flight, NotReadyError
@@ -82,13 +83,8 @@ def since(states: Sequence[tuple[int, str]], wanted: str, start_ns: int) -> floa
 def within_s(points: Sequence[TrackPoint], start_ns: int) -> float | None:
     """Seconds from a time until the error stays within 5 cm and 1 degree, or None."""
     limit_rad = math.radians(CONVERGED_DEG)
-    outside = [
-        k for k, p in enumerate(points) if p.error_m >= CONVERGED_M or p.error_rad >= limit_rad
-    ]
-    first_inside = outside[-1] + 1 if outside else 0
-    if first_inside >= len(points):
-        return None
-    return (points[first_inside].t_ns - start_ns) * 1e-9
+    first = settled_index([p.error_m < CONVERGED_M and p.error_rad < limit_rad for p in points])
+    return None if first is None else (points[first].t_ns - start_ns) * 1e-9
 
 
 def _record(task: BenchTask, setting: Setting, end: End) -> FlightRecord:
@@ -101,8 +97,8 @@ def _record(task: BenchTask, setting: Setting, end: End) -> FlightRecord:
         matcher=setting.matcher,
         service=setting.service,
         seed=setting.seed,
-        start=tuple(float(v) for v in task.T_world_start.ravel()),
-        goal=tuple(float(v) for v in task.T_world_goal.ravel()),
+        start=tuple(task.T_world_start.ravel().tolist()),
+        goal=tuple(task.T_world_goal.ravel().tolist()),
         size=task.camera.size,
         overlap=_overlap(task),
         limits=setting.limits,

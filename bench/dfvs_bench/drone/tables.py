@@ -6,9 +6,8 @@ from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any
 
-import numpy as np
-
 from dfvs_bench.drone.records import FlightRecord
+from dfvs_bench.trials.statistics import largest, mean, rounded
 from dfvs_core.messages.schema import dump
 
 HEADER = (
@@ -24,15 +23,15 @@ def row(record: FlightRecord) -> dict[str, Any]:
     for nested in ("limits", "bound", "start", "goal", "size", "service"):
         values.pop(nested)
     return {
-        "translation_m": _rounded(values.pop("final_translation_m")),
-        "rotation_deg": _rounded(values.pop("final_rotation_deg")),
+        "translation_m": rounded(values.pop("final_translation_m"), _DIGITS),
+        "rotation_deg": rounded(values.pop("final_rotation_deg"), _DIGITS),
         **{k: round(v, _DIGITS) if isinstance(v, float) else v for k, v in values.items()},
         "bound_s": round(record.bound.least_s, _DIGITS),
         "bound_way_s": round(record.bound.way_s, _DIGITS),
         "bound_turn_s": round(record.bound.turn_s, _DIGITS),
-        "within_ratio": _rounded(record.within_ratio),
-        "motion_ratio": _rounded(record.motion_ratio),
-        "done_ratio": _rounded(record.done_ratio),
+        "within_ratio": rounded(record.within_ratio, _DIGITS),
+        "motion_ratio": rounded(record.motion_ratio, _DIGITS),
+        "done_ratio": rounded(record.done_ratio, _DIGITS),
         "width": record.size[0],
         "height": record.size[1],
         "service": " ".join(record.service),
@@ -101,19 +100,9 @@ def _ratio(value: float | None) -> str:
     return f"{'-':>6}" if value is None else f"{value:>6.2f}"
 
 
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else round(value, _DIGITS)
-
-
-def _known(values: Sequence[float | None]) -> list[float]:
-    return [value for value in values if value is not None]
-
-
 def _mean(values: Sequence[float | None]) -> float | None:
-    known = _known(values)
-    return round(float(np.mean(known)), _DIGITS) if known else None
+    return rounded(mean(values), _DIGITS)
 
 
 def _worst(values: Sequence[float | None]) -> float | None:
-    known = _known(values)
-    return round(max(known), _DIGITS) if known else None
+    return rounded(largest(values), _DIGITS)

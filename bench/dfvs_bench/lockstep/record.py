@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 
 from dfvs_bench.lockstep.flight import LockstepFlight, LockstepLog, Sample
+from dfvs_bench.trials.statistics import largest, mean, settled_index
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.servo.exchange import Status
 
@@ -88,11 +89,9 @@ def _first_servo(samples: Sequence[Sample]) -> int:
 
 def _within_s(samples: Sequence[Sample]) -> float | None:
     """Time after which the error stays within 5 cm and 1 degree, None if it does not."""
-    outside = [
-        i for i, s in enumerate(samples) if s.error_m >= CONVERGED_M or s.error_rad >= CONVERGED_RAD
-    ]
-    first = outside[-1] + 1 if outside else 0
-    return samples[first].t_s if first < len(samples) else None
+    inside = [s.error_m < CONVERGED_M and s.error_rad < CONVERGED_RAD for s in samples]
+    first = settled_index(inside)
+    return None if first is None else samples[first].t_s
 
 
 def _moved_m(start: Sample, samples: Sequence[Sample], end_s: float | None) -> float:
@@ -144,28 +143,19 @@ def summarise(flights: Sequence[SimulatedFlight]) -> dict[str, Any]:
         "other_ends": sorted(
             {f.end_cause for f in flights if f.end_state not in ("DONE", "SERVO")}
         ),
-        "mean_done_s": _mean([f.end_s for f in done]),
-        "mean_within_s": _mean([f.within_s for f in done]),
-        "longest_end_s": _most([f.end_s for f in flights]),
-        "longest_way_m": _most([f.moved_m for f in flights]),
-        "farthest_m": _most([f.farthest_m for f in flights]),
-        "hold_rms_m": None if not held else float(np.sqrt(np.mean(np.square(held)))),
-        "worst_hold_rms_m": _most(held),
-        "worst_hold_heading_deg": _most([f.hold_heading_rms_deg for f in done]),
+        "mean_done_s": mean([f.end_s for f in done]),
+        "mean_within_s": mean([f.within_s for f in done]),
+        "longest_end_s": largest([f.end_s for f in flights]),
+        "longest_way_m": largest([f.moved_m for f in flights]),
+        "farthest_m": largest([f.farthest_m for f in flights]),
+        "hold_rms_m": _rms(held),
+        "worst_hold_rms_m": largest(held),
+        "worst_hold_heading_deg": largest([f.hold_heading_rms_deg for f in done]),
         "distance_error_median": float(np.median(relative)) if len(relative) else None,
         "distance_error_95": float(np.percentile(relative, 95)) if len(relative) else None,
         "within_stated_1_sigma": _share(np.abs(errors) <= spreads),
         "within_stated_2_sigma": _share(np.abs(errors) <= 2.0 * spreads),
     }
-
-
-def _mean(values: Sequence[float | None]) -> float | None:
-    known = [v for v in values if v is not None]
-    return float(np.mean(known)) if known else None
-
-
-def _most(values: Sequence[float | None]) -> float | None:
-    return max((v for v in values if v is not None), default=None)
 
 
 def _share(inside: FloatArray) -> float | None:

@@ -8,10 +8,9 @@ from collections.abc import Iterable, Sequence
 from pathlib import Path
 from typing import Any
 
-import numpy as np
-
 from dfvs_bench.trials.perturbation import PERTURBATIONS
 from dfvs_bench.trials.results import TrialRecord
+from dfvs_bench.trials.statistics import mean, rounded
 from dfvs_core.errors import ConfigError
 
 HEADER = (
@@ -33,10 +32,10 @@ def row(record: TrialRecord) -> dict[str, Any]:
         "initial_rotation_deg": round(math.degrees(angle_rad), _DIGITS),
         "translation_m": round(trial.final.distance_m, _DIGITS),
         "rotation_deg": round(math.degrees(trial.final.angle_rad), _DIGITS),
-        "median_depth_m": _rounded(record.median_depth_m),
-        "translation_over_depth": _rounded(record.final_share),
+        "median_depth_m": rounded(record.median_depth_m, _DIGITS),
+        "translation_over_depth": rounded(record.final_share, _DIGITS),
         "path_m": round(trial.path_m, _DIGITS),
-        "path_ratio": _rounded(trial.path_ratio),
+        "path_ratio": rounded(trial.path_ratio, _DIGITS),
         "iterations": trial.iterations,
         "iterations_to_criterion": trial.iterations_to_criterion,
         "converged": trial.converged,
@@ -95,12 +94,7 @@ def _summary(rows: list[dict[str, Any]]) -> dict[str, Any]:
 
 
 def _mean(rows: list[dict[str, Any]], key: str) -> float | None:
-    known = [r[key] for r in rows if r[key] is not None]
-    return _rounded(float(np.mean(known))) if known else None
-
-
-def _rounded(value: float | None) -> float | None:
-    return None if value is None else round(value, _DIGITS)
+    return rounded(mean([r[key] for r in rows]), _DIGITS)
 
 
 def write_rows(path: Path, rows: Sequence[dict[str, Any]]) -> None:

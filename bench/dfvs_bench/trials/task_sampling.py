@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from typing import TypeAlias
 
 import cv2
 import numpy as np
 
-from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.geometry.arrays import Float32Array, FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_sim.render.renderer import Renderer, View
@@ -23,6 +24,8 @@ _HEIGHT_M = (0.6, 2.0)
 _DEPTH_M = (1.3, 6.0)
 _GOAL_PITCH_RAD = (math.radians(-15.0), math.radians(8.0))
 _WAY_POINTS = 8
+
+Depths: TypeAlias = tuple[Float32Array, Float32Array]
 
 
 @dataclass(frozen=True, slots=True)
@@ -55,7 +58,7 @@ def draw_task(
 
     None where none was found.
     """
-    sampler = _Sampler(renderer, camera, constraints)
+    sampler = TaskSampler(renderer, camera, constraints)
     for _ in range(_GOALS_TRIED):
         T_goal = sampler.goal(rng)
         view = None if T_goal is None else sampler.good_view(T_goal)
@@ -68,13 +71,17 @@ def draw_task(
     return None
 
 
-class _Sampler:
-    """Draws goals and starts in one scene."""
+class SceneSampler:
+    """Draws camera poses in the free space of one scene.
 
-    def __init__(
-        self, renderer: Renderer, camera: CameraModel, constraints: TaskConstraints
-    ) -> None:
-        self._renderer, self._camera, self._constraints = renderer, camera, constraints
+    Parameters
+    ----------
+    renderer, camera
+        Scene, and intrinsics of all views.
+    """
+
+    def __init__(self, renderer: Renderer, camera: CameraModel) -> None:
+        self.renderer, self.camera = renderer, camera
         self._space = FreeSpace(renderer)
         self._sift = cv2.SIFT.create(nfeatures=2000)
         floor_m, low, high = floor_of(renderer.scene)
@@ -82,12 +89,40 @@ class _Sampler:
         self._high = np.array([*high, floor_m - _HEIGHT_M[0]])
 
     def goal(self, rng: np.random.Generator) -> FloatArray | None:
-        """Upright view with some pitch; None where there is no free space."""
+        """Upright pose (4, 4) with some pitch; None where there is no free space."""
         place = rng.uniform(self._low, self._high)
         yaw, pitch = rng.uniform(-math.pi, math.pi), rng.uniform(*_GOAL_PITCH_RAD)
         if self._space.clearance_m(place) < _CLEARANCE_M:
             return None
         return camera_pose((place[0], place[1], place[2]), yaw, pitch)
+
+    def is_free(self, place: FloatArray) -> bool:
+        """Whether a place (3,) lies over the floor, with nothing near."""
+        if (place < self._low).any() or (place > self._high).any():
+            return False
+        return self._space.clearance_m(place) >= _CLEARANCE_M
+
+    def is_free_path(self, places: FloatArray, clearance_m: float) -> bool:
+        """Whether nothing is nearer than that to any of the places (N, 3)."""
+        return all(self._space.clearance_m(place) >= clearance_m for place in places)
+
+    def features(self, image: ImageArray) -> int:
+        """Number of SIFT points of an image (H, W, 3)."""
+        return len(self._sift.detect(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), None))
+
+    def overlap(self, poses: tuple[FloatArray, FloatArray], depths: Depths) -> float:
+        """Share of the goal's pixels that the start sees; goal and start, with depths (H, W) m."""
+        return float(visibility(self.camera, poses, depths).mean())
+
+
+class TaskSampler(SceneSampler):
+    """Draws goals and starts that meet constraints."""
+
+    def __init__(
+        self, renderer: Renderer, camera: CameraModel, constraints: TaskConstraints
+    ) -> None:
+        super().__init__(renderer, camera)
+        self._constraints = constraints
 
     def start(self, T_goal: FloatArray, view: View, rng: np.random.Generator) -> FloatArray | None:
         """Away from the goal by the distance and the angle asked for; None if it will not do."""
@@ -97,28 +132,21 @@ class _Sampler:
         end = T_goal[:3, 3]
         place = end + way
         T_start = make_pose(T_goal[:3, :3] @ so3_exp(axis), place)
-        if (place < self._low).any() or (place > self._high).any():
-            return None
-        if self._space.clearance_m(place) < _CLEARANCE_M:
-            return None
-        first = self.good_view(T_start)
+        first = self.good_view(T_start) if self.is_free(place) else None
         if first is None:
             return None
-        depths = (view.depth_m, first.depth_m)
-        overlap = float(visibility(self._camera, (T_goal, T_start), depths).mean())
+        overlap = self.overlap((T_goal, T_start), (view.depth_m, first.depth_m))
         if not self._constraints.overlap[0] <= overlap <= self._constraints.overlap[1]:
             return None
-        stops = np.linspace(place, end, _WAY_POINTS)
-        free = all(self._space.clearance_m(stop) >= _ON_THE_WAY_M for stop in stops)
+        free = self.is_free_path(np.linspace(place, end, _WAY_POINTS), _ON_THE_WAY_M)
         return T_start if free else None
 
     def good_view(self, T_world_camera: FloatArray) -> View | None:
         """View from a pose, if it is neither too near nor too far nor too plain."""
-        view = self._renderer.render(self._camera, T_world_camera)
+        view = self.renderer.render(self.camera, T_world_camera)
         empty = view.depth_m <= 0
         if float(empty.mean()) > self._constraints.most_empty:
             return None
         if not _DEPTH_M[0] <= float(np.median(view.depth_m[~empty])) <= _DEPTH_M[1]:
             return None
-        grey = cv2.cvtColor(view.image, cv2.COLOR_RGB2GRAY)
-        return view if len(self._sift.detect(grey, None)) >= self._constraints.features else None
+        return view if self.features(view.image) >= self._constraints.features else None

@@ -15,6 +15,7 @@ from dfvs_bench.methods.method import (
     ServoMethod,
 )
 from dfvs_bench.trials.perturbation import Disturbance, undisturbed
+from dfvs_bench.trials.statistics import settled_index
 from dfvs_bench.trials.task import BenchTask
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import (
@@ -57,6 +58,11 @@ class Step:
     error: float | None
     velocity: tuple[float, ...]
 
+    @property
+    def meets_criterion(self) -> bool:
+        """Whether the error is within 4 cm and 1 degree."""
+        return self.distance_m < CONVERGED_M and self.angle_rad < CONVERGED_RAD
+
 
 @dataclass(frozen=True, slots=True)
 class Trial:
@@ -83,7 +89,7 @@ class Trial:
     @property
     def converged(self) -> bool:
         """Whether it ended within 4 cm and 1 degree."""
-        return self.final.distance_m < CONVERGED_M and self.final.angle_rad < CONVERGED_RAD
+        return self.final.meets_criterion
 
     @property
     def is_false_done(self) -> bool:
@@ -94,14 +100,7 @@ class Trial:
     @property
     def iterations_to_criterion(self) -> int | None:
         """Motions after which it was within 4 cm and 1 degree for good, or None."""
-        if not self.converged:
-            return None
-        outside = [
-            k
-            for k, step in enumerate(self.steps)
-            if step.distance_m >= CONVERGED_M or step.angle_rad >= CONVERGED_RAD
-        ]
-        return outside[-1] + 1 if outside else 0
+        return settled_index([step.meets_criterion for step in self.steps])
 
     @property
     def path_m(self) -> float:
@@ -150,7 +149,7 @@ def run_trial(
         if k < most_iterations:
             T = _rigid(T @ decision.T_current_next)
     at_rest = replace(steps[-1], velocity=(0.0,) * 6)
-    return Trial((*steps[:-1], at_rest), end, tuple(float(v) for v in T.ravel()))
+    return Trial((*steps[:-1], at_rest), end, tuple(T.ravel().tolist()))
 
 
 def true_depth(view: View) -> DepthMap:
@@ -175,8 +174,4 @@ def _step(task: BenchTask, T: FloatArray, decision: Decision) -> Step:
     distance_m, angle_rad = pose_error(T, task.T_world_goal)
     velocity = se3_log(decision.T_current_next) / FRAME_PERIOD_S
     error = decision.error if math.isfinite(decision.error) else None
-    return Step(_floats(T[:3, 3]), distance_m, angle_rad, error, _floats(velocity))
-
-
-def _floats(values: FloatArray) -> tuple[float, ...]:
-    return tuple(float(v) for v in values)
+    return Step(tuple(T[:3, 3].tolist()), distance_m, angle_rad, error, tuple(velocity.tolist()))
