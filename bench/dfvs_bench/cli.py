@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
@@ -19,8 +18,7 @@ from dfvs_bench.commands import (
     scenes,
     table1,
 )
-from dfvs_common.version import add_version
-from dfvs_sim.command_line import run_command
+from dfvs_sim.command_line import run_program
 
 _EPILOG = """examples:
   dfvs-bench flow pairs.npz --bundle classical --json flow.json
@@ -32,29 +30,15 @@ _EPILOG = """examples:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one measurement; 0 when it ran, 2 when it cannot, with one line that says why."""
-    parser = argparse.ArgumentParser(
+    modules = (flow, depth, scenes, table1, controller, basin)
+    more = (drone, lockstep, renderer, relocalise, report)
+    return run_program(
+        argv,
+        [module.add_parser for module in (*modules, *more)],
         prog="dfvs-bench",
         description="Measure correspondences on image pairs, and servoing methods in scenes.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_version(parser)
-    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    for command in (
-        flow,
-        depth,
-        scenes,
-        table1,
-        controller,
-        basin,
-        drone,
-        lockstep,
-        renderer,
-        relocalise,
-        report,
-    ):
-        command.add_parser(subparsers)
-    return run_command(parser, argv)
 
 
 if __name__ == "__main__":

@@ -2,13 +2,11 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
-from dfvs_common.version import add_version
 from dfvs_robustness.commands import answers, faults, fuzz, soak
-from dfvs_sim.command_line import run_command
+from dfvs_sim.command_line import run_program
 
 _EPILOG = """examples:
   dfvs-robustness faults --seeds 1 --workers 2         disturb the real service, and judge it
@@ -19,17 +17,13 @@ _EPILOG = """examples:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; 0 when it worked, 2 when it cannot run, with one line that says why."""
-    parser = argparse.ArgumentParser(
+    return run_program(
+        argv,
+        [module.add_parser for module in (faults, answers, fuzz, soak)],
         prog="dfvs-robustness",
         description="Disturb the service on purpose, and judge it by the safety invariants.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
-    add_version(parser)
-    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    for command in (faults, answers, fuzz, soak):
-        command.add_parser(subparsers)
-    return run_command(parser, argv)
 
 
 if __name__ == "__main__":
