@@ -72,34 +72,3 @@ class Cell:
             for sign, angle, axis in zip(signs, self.rotation_deg, np.eye(3), strict=True)
         ]
         return make_pose(turns[0] @ turns[1] @ turns[2], offset_m)
-
-
-def parse_rotation(text: str) -> tuple[float, float, float]:
-    """Rotation set from ``20,20,40``, degrees about x, y and z.
-
-    Raises
-    ------
-    ConfigError
-        If the text is not three numbers.
-    """
-    numbers = parse_numbers(text, "--rotations")
-    if len(numbers) != 3:
-        raise ConfigError(f"--rotations has {text!r}", "three angles in degrees such as 20,20,40")
-    return numbers[0], numbers[1], numbers[2]
-
-
-def parse_numbers(text: str, option: str) -> tuple[float, ...]:
-    """Finite numbers, separated by commas.
-
-    Raises
-    ------
-    ConfigError
-        Naming the option.
-    """
-    try:
-        numbers = tuple(float(part) for part in text.split(","))
-    except ValueError:
-        numbers = (math.nan,)
-    if not all(map(math.isfinite, numbers)):
-        raise ConfigError(f"{option} has {text!r}", "numbers separated by commas")
-    return numbers

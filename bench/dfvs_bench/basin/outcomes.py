@@ -127,13 +127,9 @@ def read_outcomes(folder: Path, records: Sequence[TrialRecord] | None = None) ->
     return [
         Outcome(*known, record)
         for known, record in found
-        if known is not None and _is_of(record, known[0])
+        # made from these very poses, and not from another seed's
+        if known and same_poses((record.start, record.goal), (known[0].start, known[0].goal))
     ]
-
-
-def _is_of(record: TrialRecord, task: DrawnTask) -> bool:
-    """Tell whether a trial was made from these very poses, and not from another seed's."""
-    return same_poses((record.start, record.goal), (task.start, task.goal))
 
 
 def _read(path: Path) -> BasinTasks:

@@ -153,17 +153,13 @@ def summary_lines(outcomes: Sequence[Outcome]) -> list[str]:
         cells = "".join(_percent(points.get(d)) for d in distances)
         rotation = ",".join(f"{a:g}" for a in curve.rotation_deg)
         kind = f">={LEAST_OVERLAP:.0%}" if curve.overlapping else "all"
+        even = f"{curve.mean_ratio:>5.0%}" if curve.outcomes else f"{'-':>5}"
         lines.append(
             f"{curve.method:<19} {rotation:<10} {kind:<8} {_percent(curve.share)}"
             f"  {100 * low:3.0f}-{100 * high:3.0f} %  {curve.share.trials:>4}"
-            f" {_even(curve)} {cells}"
+            f" {even} {cells}"
         )
     return lines
-
-
-def _even(curve: Curve) -> str:
-    """Mean over the translations, each with the same weight."""
-    return f"{curve.mean_ratio:>5.0%}" if curve.outcomes else f"{'-':>5}"
 
 
 def _percent(counted: Share | None) -> str:

@@ -12,8 +12,6 @@ from dfvs_bench.basin.cells import (
     ROTATIONS_DEG,
     TRANSLATIONS_M,
     Cell,
-    parse_numbers,
-    parse_rotation,
 )
 from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawRequest
 from dfvs_bench.basin.environments import (
@@ -36,13 +34,13 @@ from dfvs_bench.options import (
     trial_setup,
 )
 from dfvs_bench.report.basin_figure import basin_figure
-from dfvs_bench.report.figures import is_figure_name
+from dfvs_bench.report.figures import figure_format
 from dfvs_bench.trials.provenance import run_facts
 from dfvs_bench.trials.run import Plan
 from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import read_tasks
 from dfvs_core.errors import ConfigError
-from dfvs_sim.options import require_range, write_json
+from dfvs_sim.options import parse_numbers, require_range, write_json
 
 DEFAULT_METHODS = ("flow-depth", "motion-depth", "motion-depth-search")
 """What the paper's Fig. 6 shows, what flies, and the same on a camera that may look around."""
@@ -98,7 +96,7 @@ def run(args: argparse.Namespace) -> int:
     _check(args)
     began_s = time.monotonic()
     executor, methods = trial_setup(args, DEFAULT_METHODS, "plot")
-    cells = _cells(args)
+    cells = cells_from(args)
     environments = _environments(args)
     args.runs.mkdir(parents=True, exist_ok=True)
     drawn = draw_tasks(_requests(args, environments, cells), args.runs, executor, say)
@@ -113,18 +111,27 @@ def run(args: argparse.Namespace) -> int:
 def _check(args: argparse.Namespace) -> None:
     require_range(args, 1, _MOST_TRIALS, "trials")
     require_range(args, 0, None, "seed")
-    if args.plot is not None and not is_figure_name(args.plot.suffix):
-        raise ConfigError(f"--plot is {str(args.plot)!r}", "a name ending in .png, .svg or .pdf")
+    if args.plot is not None:
+        figure_format("--plot", args.plot)
 
 
-def _cells(args: argparse.Namespace) -> tuple[Cell, ...]:
-    """Every translation with every rotation set, set by set."""
-    texts = args.rotations
-    rotations = [parse_rotation(text) for text in texts] if texts else ROTATIONS_DEG
-    text = args.translations
-    translations = parse_numbers(text, "--translations") if text else TRANSLATIONS_M
+def cells_from(args: argparse.Namespace) -> tuple[Cell, ...]:
+    """Every translation with every rotation set, set by set.
+
+    Raises
+    ------
+    ConfigError
+        If one of them is none.
+    """
+    rotations: list[tuple[float, ...]] = list(ROTATIONS_DEG)
+    if args.rotations:
+        expected = "three angles in degrees such as 20,20,40"
+        rotations = [parse_numbers(t, "--rotations", 3, expected) for t in args.rotations]
+    translations: tuple[float, ...] = TRANSLATIONS_M
+    if text := args.translations:
+        translations = parse_numbers(text, "--translations", text.count(",") + 1)
     pairs = [(t, r) for r in dict.fromkeys(rotations) for t in dict.fromkeys(translations)]
-    return tuple(Cell(translation, rotation) for translation, rotation in pairs)
+    return tuple(Cell(translation, (x, y, z)) for translation, (x, y, z) in pairs)
 
 
 def _environments(args: argparse.Namespace) -> list[Environment]:
@@ -165,5 +172,5 @@ def _finish(args: argparse.Namespace, outcomes: list[Outcome], wall_s: float) ->
     if args.csv is not None:
         write_rows(args.csv, [tidy_row(outcome) for outcome in outcomes])
     if args.plot is not None:
-        args.plot.write_bytes(basin_figure(outcomes, args.plot.suffix.lower().lstrip(".")))
+        args.plot.write_bytes(basin_figure(outcomes, figure_format("--plot", args.plot)))
         print(f"wrote {args.plot}")

@@ -7,7 +7,7 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_bench.methods.registry import chosen_methods
-from dfvs_bench.report.figures import controller_figure, is_figure_name
+from dfvs_bench.report.figures import controller_figure, figure_format
 from dfvs_bench.trials.results import read_records
 from dfvs_core.errors import ConfigError
 from dfvs_sim.options import require_folder
@@ -43,8 +43,7 @@ def run(args: argparse.Namespace) -> int:
     ConfigError
         If there are no such trials, or the output cannot be written.
     """
-    if not is_figure_name(args.out.suffix):
-        raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .png, .svg or .pdf")
+    file_format = figure_format("--out", args.out)
     require_folder("--out", args.out)
     records = [r for r in read_records(args.runs) if (r.task, r.perturbation) == (args.scene, "")]
     if args.methods:
@@ -54,6 +53,6 @@ def run(args: argparse.Namespace) -> int:
         raise ConfigError(
             f"{args.runs} holds no such trial of {args.scene!r}", "what table1 has run"
         )
-    args.out.write_bytes(controller_figure(records, args.out.suffix.lower().lstrip(".")))
+    args.out.write_bytes(controller_figure(records, file_format))
     print(f"wrote {args.out}")
     return 0

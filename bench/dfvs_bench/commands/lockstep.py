@@ -90,12 +90,9 @@ def run(args: argparse.Namespace) -> int:
     for name, value in summary.items():
         print(f"{name:<24} {_text(value)}")
     if args.json is not None:
-        document = {
-            "made_with": made_with(),
-            "summary": summary,
-            "flights": [_row(f) for f in flights],
-        }
-        write_json(args.json, document)
+        names = [n for n in SimulatedFlight.__slots__ if not n.startswith("distance_")]
+        rows = [{name: getattr(flight, name) for name in names} for flight in flights]
+        write_json(args.json, {"made_with": made_with(), "summary": summary, "flights": rows})
     if args.plot is not None:
         plot_calibration(flights, args.plot)
     return 0
@@ -144,8 +141,3 @@ def _text(value: object) -> str:
     if isinstance(value, float):
         return f"{value:.3f}"
     return "-" if value is None else str(value)
-
-
-def _row(flight: SimulatedFlight) -> dict[str, Any]:
-    names = [n for n in SimulatedFlight.__slots__ if not n.startswith("distance_")]
-    return {name: getattr(flight, name) for name in names}

@@ -90,7 +90,10 @@ def run(args: argparse.Namespace) -> int:
         If an option, a scene or a matcher cannot be used.
     """
     _check(args)
-    cameras = {size: _camera(args, size) for size in args.camera}
+    cameras = {
+        size: camera_from(argparse.Namespace(size=size, fov=args.fov), "--camera")
+        for size in args.camera
+    }
     own_scenes(args, [])
     config = replace(without(args.without), working_width_px=args.working_width)
     executor = TrialExecutor(args.workers)
@@ -99,9 +102,10 @@ def run(args: argparse.Namespace) -> int:
         load_matcher(name, args.threads, config=config)  # refuses at once what cannot be used
     drawn = {size: _draw(args, camera, executor) for size, camera in cameras.items()}
     jobs = [
-        RelocalisationJob(_label(name, size, args), name, place, tasks, args.threads, config)
+        RelocalisationJob(label, name, place, tasks, args.threads, config)
         for name in matchers
         for size in cameras
+        for label in [f"{name} {size}" if len(cameras) > 1 else name]
         for place, tasks in drawn[size]
     ]
     progress, found = Progress(), list[Relocalisation]()
@@ -161,15 +165,6 @@ def _draw(
 
 def _draw_one(request: tuple[DrawRequest, int]) -> tuple[str, tuple[DrawnTask, ...]]:
     return request[0].environment.name, draw_starts(*request)
-
-
-def _camera(args: argparse.Namespace, size: str) -> CameraModel:
-    return camera_from(argparse.Namespace(size=size, fov=args.fov), "--camera")
-
-
-def _label(matcher: str, size: str, args: argparse.Namespace) -> str:
-    """Name of a row: the matcher, and the camera where there are several."""
-    return f"{matcher} {size}" if len(args.camera) > 1 else matcher
 
 
 def _line(name: str, figures: dict[str, Any]) -> str:

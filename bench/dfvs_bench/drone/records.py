@@ -2,17 +2,16 @@
 
 from __future__ import annotations
 
-from dataclasses import asdict, dataclass, field
+from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path
 
 from dfvs_bench.drone.bound import TimeBound
-from dfvs_bench.trials.documents import read_document
+from dfvs_bench.trials.documents import read_document, write_document
 from dfvs_bench.trials.inputs import input_digest
 from dfvs_bench.trials.task import BenchTask, same_poses
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_sim.demo.conditions import Conditions
-from dfvs_sim.demo.results.files import replace_json
 
 NOT_READY = "NOT READY"
 """Instead of a gate's state, where the service would not fly."""
@@ -162,7 +161,7 @@ def record_path(folder: Path, task: str) -> Path:
 
 def write_record(folder: Path, record: FlightRecord) -> None:
     """Write a record, whole or not at all."""
-    replace_json(record_path(folder, record.task), asdict(record))
+    write_document(record_path(folder, record.task), record)
 
 
 def read_records(folder: Path) -> list[FlightRecord]:

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass
@@ -61,7 +62,7 @@ class SimulatedFlight:
 def simulated_flight(seed: int, flight: LockstepFlight, log: LockstepLog) -> SimulatedFlight:
     """Figures of a flight that has ended; by the true pose."""
     flown = [s for s in log.samples if log.engaged_ns is not None and s.t_s >= 0.0]
-    flown = flown[_first_servo(flown) :]
+    flown = list(itertools.dropwhile(lambda s: s.state != "SERVO", flown))
     end, last = log.end, log.last_end
     end_s = None if end is None or log.engaged_ns is None else (end.t_ns - log.engaged_ns) * 1e-9
     held = [s for s in flown if s.state == "DONE"]
@@ -81,10 +82,6 @@ def simulated_flight(seed: int, flight: LockstepFlight, log: LockstepLog) -> Sim
         distance_error=tuple(errors),
         distance_spread=tuple(spreads),
     )
-
-
-def _first_servo(samples: Sequence[Sample]) -> int:
-    return next((i for i, s in enumerate(samples) if s.state == "SERVO"), len(samples))
 
 
 def _within_s(samples: Sequence[Sample]) -> float | None:

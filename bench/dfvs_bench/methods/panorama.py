@@ -91,11 +91,10 @@ class Panorama:
 
     def _agreeing(self, look: Look) -> list[Look]:
         """Looks that lead to the same points of the goal, itself first."""
-        others = (each for each in self._looks if each is not look)
-        return [look, *(each for each in others if self._agree(look, each))]
-
-    def _agree(self, first: Look, second: Look) -> bool:
-        return _are_consistent(first.field, self._turned(second, first.R_ahead_look))
+        others = [each for each in self._looks if each is not look]
+        turned = [self._turned(each, look.R_ahead_look) for each in others]
+        pairs = zip(others, turned, strict=True)
+        return [look, *(each for each, field in pairs if _are_consistent(look.field, field))]
 
     def _turned(self, look: Look, R_ahead_other: FloatArray) -> FlowField:
         """Flow of a look as a camera would have seen it that is turned by ``R_ahead_other``."""

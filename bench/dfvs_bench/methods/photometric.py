@@ -26,6 +26,7 @@ _SQUARED_ERROR_AT_GOAL = 10_000.0 / (320 * 240)
 
 _AT_REST = 1e-5
 _LONGEST_STEP = 0.5
+"""Of a frame, m or rad."""
 
 
 class PhotometricMethod:
@@ -56,9 +57,11 @@ class PhotometricMethod:
         damped = self._H + damping * np.diag(np.diag(self._H))
         twist = -_GAIN * np.linalg.lstsq(damped, self._L.T @ error, rcond=None)[0]
         longest = float(np.abs(twist).max())
+        # Far off, the model means nothing.
+        step = twist if longest <= _LONGEST_STEP else twist * (_LONGEST_STEP / longest)
         at_goal = mean_squared < _SQUARED_ERROR_AT_GOAL or longest < _AT_REST
         return Decision(
-            T_current_next=se3_exp(_bounded(twist, longest)),
+            T_current_next=se3_exp(step),
             error=float(np.sqrt(mean_squared)),
             done=at_goal,
         )
@@ -84,8 +87,3 @@ def _gradient(grey: Float32Array) -> FloatArray:
 def _inner() -> tuple[slice, slice]:
     """Pixels off the border, as the reference implementation takes them."""
     return slice(_BORDER_PX, -_BORDER_PX), slice(_BORDER_PX, -_BORDER_PX)
-
-
-def _bounded(twist: FloatArray, longest: float) -> FloatArray:
-    """A step no longer than half a metre or half a radian: far off, the model means nothing."""
-    return twist if longest <= _LONGEST_STEP else twist * (_LONGEST_STEP / longest)

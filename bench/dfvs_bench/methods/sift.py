@@ -51,7 +51,9 @@ class SiftMethod:
         P = np.column_stack([xy, np.ones(len(xy))]) * z_m[:, None]
         found = perspective_pose(P, xy_goal, _REPROJECTION_PX / self._camera.fx)
         if found is None:
-            return self._stay()
+            self._failed += 1
+            lost = "too few points match" if self._failed >= _FAILURES else ""
+            return Decision(np.eye(4), float("inf"), lost=lost)
         self._failed, keep = 0, found[1]
         weight = np.ones(len(keep))
         L = interaction_matrix(xy[keep], z_m[keep])
@@ -60,11 +62,6 @@ class SiftMethod:
         error_px = weighted_median(lengths, weight)
         motion = _GAIN * equations.solve(damping=0.0)
         return Decision(se3_exp(motion), error_px, done=error_px < _ERROR_AT_GOAL_PX)
-
-    def _stay(self) -> Decision:
-        self._failed += 1
-        lost = "too few points match" if self._failed >= _FAILURES else ""
-        return Decision(np.eye(4), float("inf"), lost=lost)
 
     def _correspondences(self, image: ImageArray) -> tuple[FloatArray, FloatArray]:
         """Points (N, 2) px here and in the goal image."""

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import io
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import matplotlib as mpl
@@ -13,6 +14,7 @@ from matplotlib.ticker import MaxNLocator, NullLocator
 
 from dfvs_bench.methods.registry import METHODS
 from dfvs_bench.trials.results import TrialRecord
+from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 
 COLUMN_IN = 3.5
@@ -166,6 +168,15 @@ def _paths(above: Any, aside: Any, records: Sequence[TrialRecord]) -> None:
     aside.set_ylabel("up")
 
 
-def is_figure_name(suffix: str) -> bool:
-    """Tell whether a file name's ending names a format that can be written."""
-    return suffix.lower().lstrip(".") in _FORMATS
+def figure_format(option: str, path: Path) -> str:
+    """Format of the figure that an option names: ``png``, ``svg`` or ``pdf``.
+
+    Raises
+    ------
+    ConfigError
+        If the name ends in anything else.
+    """
+    ending = path.suffix.lower().lstrip(".")
+    if ending not in _FORMATS:
+        raise ConfigError(f"{option} is {str(path)!r}", "a name that ends in .png, .svg or .pdf")
+    return ending

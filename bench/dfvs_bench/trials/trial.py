@@ -147,7 +147,10 @@ def run_trial(
             end = "left"
             break
         if k < most_iterations:
-            T = _rigid(T @ decision.T_current_next)
+            T = T @ decision.T_current_next
+            # Takes out what rounding adds to a rotation over thousands of steps.
+            R = rotation_from_quaternion(quaternion_from_rotation(T[:3, :3]))
+            T = make_pose(R, T[:3, 3])
     at_rest = replace(steps[-1], velocity=(0.0,) * 6)
     return Trial((*steps[:-1], at_rest), end, tuple(T.ravel().tolist()))
 
@@ -163,11 +166,6 @@ def median_depth_m(depth: DepthMap) -> float | None:
     """Median of a depth (H, W) over its valid pixels, m; None where none is."""
     known = depth.z_m[depth.validity > 0]
     return float(np.median(known)) if known.size else None
-
-
-def _rigid(T: FloatArray) -> FloatArray:
-    """Take out what rounding adds to a rotation over thousands of steps."""
-    return make_pose(rotation_from_quaternion(quaternion_from_rotation(T[:3, :3])), T[:3, 3])
 
 
 def _step(task: BenchTask, T: FloatArray, decision: Decision) -> Step:

@@ -63,7 +63,9 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Run the cases; 0 if all passed and nothing was violated."""
-    _check(args)
+    require_range(args, 1, None, "seeds", "workers")
+    for name in ("keep", "json", "html"):
+        require_folder(f"--{name}", getattr(args, name))
     if args.list:
         for fault in all_faults().values():
             print(f"{fault.name:26s} {fault.what:44s} {' '.join(fault.states)}")
@@ -96,12 +98,6 @@ def run(args: argparse.Namespace) -> int:
         report.write_pages(args.html)
     print(report.verdict)
     return EXIT_OK if report.passed else EXIT_FAILED
-
-
-def _check(args: argparse.Namespace) -> None:
-    require_range(args, 1, None, "seeds", "workers")
-    for name in ("keep", "json", "html"):
-        require_folder(f"--{name}", getattr(args, name))
 
 
 def _command(args: argparse.Namespace) -> str:

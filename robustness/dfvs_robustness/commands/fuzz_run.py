@@ -86,7 +86,10 @@ class FuzzCommand(Generic[T, E]):
             violation = self.target.replay(self.files.read(args.replay))
             print("no violation" if violation is None else f"violated: {violation}")
             return 0 if violation is None else 1
-        _check(args)
+        require_range(args, 1, None, "events", "workers")
+        require_range(args, 0, None, "seed")
+        if not args.out.is_dir():
+            raise ConfigError(f"--out {args.out} is no folder", "an existing folder")
         began_s = time.monotonic()
         line = ProgressLine()
 
@@ -123,10 +126,3 @@ class FuzzCommand(Generic[T, E]):
 
     def _length(self, episode: E) -> int:
         return len(getattr(episode, self.items))
-
-
-def _check(args: argparse.Namespace) -> None:
-    require_range(args, 1, None, "events", "workers")
-    require_range(args, 0, None, "seed")
-    if not args.out.is_dir():
-        raise ConfigError(f"--out {args.out} is no folder", "an existing folder")

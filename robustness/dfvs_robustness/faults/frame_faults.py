@@ -52,26 +52,20 @@ def _shows(change: Callable[[ImageArray], ImageArray]) -> Inject:
     )
 
 
-def _held(rng: np.random.Generator) -> Script:
-    """One image for ever, with new times."""
-    kept: list[ImageArray] = []
+def _after_first(send: Callable[[CapturedFrame, CapturedFrame], Packet]) -> Inject:
+    """Let the camera send what follows from its first frame and the present one."""
 
-    def script(captured: CapturedFrame) -> list[Packet]:
-        kept.append(captured.image)
-        return [captured.packet(kept[0])]
+    def make(rng: np.random.Generator) -> Script:
+        first: list[CapturedFrame] = []
 
-    return script
+        def script(captured: CapturedFrame) -> list[Packet]:
+            if not first:
+                first.append(captured)
+            return [send(first[0], captured)]
 
+        return script
 
-def _repeated(rng: np.random.Generator) -> Script:
-    """One sample for ever."""
-    kept: list[Packet] = []
-
-    def script(captured: CapturedFrame) -> list[Packet]:
-        kept.append(captured.packet())
-        return [kept[0]]
-
-    return script
+    return _films(make, first_is_good=True)
 
 
 def _swapped_order(rng: np.random.Generator) -> Script:
@@ -205,11 +199,12 @@ def frame_faults() -> tuple[Fault, ...]:
         _hold("camera-stops", "camera stops", "silence, frame age", silent),
         _abort("camera-stops-for-good", "camera stops for good", "3 s in HOLD", silent, 3600.0),
         _hold(
-            "camera-freezes", "camera freezes", "same pixels ×3", _films(_held, first_is_good=True)
+            *("camera-freezes", "camera freezes", "same pixels ×3"),
+            _after_first(lambda first, now: now.packet(first.image)),
         ),
         _hold(
             *("frames-repeat", "one sample again and again", "capture time"),
-            _films(_repeated, first_is_good=True),
+            _after_first(lambda first, _: first.packet()),
         ),
         _hold(
             *("stamps-old", "stamps a second old", "capture age"),

@@ -205,7 +205,12 @@ def _run_group(group: list[Case], folder: Path, done: Done, until: float) -> Non
     """Run the cases of one setup in one harness, and check every run of its service."""
     faults = all_faults()
     harness = Harness(faults[group[0].fault].setup, folder, group[0].seed)
-    harness.on_run_over = lambda run: done.put(Result(violations=_violations(run)))
+
+    def check_run(run: Run) -> None:
+        found = invariants.check(run)
+        done.put(Result(violations=tuple(f"{v.invariant}: {v.text}" for v in found)))
+
+    harness.on_run_over = check_run
     try:
         for case in group:
             if time.monotonic() >= until:
@@ -230,10 +235,6 @@ def _attempt(harness: Harness, fault: Fault, state: GateState, seed: int) -> Out
             harness.stop_service()
     never = float("inf")
     return Outcome(fault.name, str(state), seed, False, never, "", problem, _ATTEMPTS)
-
-
-def _violations(run: Run) -> tuple[str, ...]:
-    return tuple(f"{v.invariant}: {v.text}" for v in invariants.check(run))
 
 
 # --- what was run already ---------------------------------------------------------------------

@@ -16,6 +16,7 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import psutil
 import zenoh
 
 from dfvs_common.lifecycle import ONE_BLAS_THREAD, child_environment
@@ -90,7 +91,7 @@ class ServiceProcess:
                 stderr=errors,
                 env=os.environ | ONE_BLAS_THREAD | child_environment(),
             )
-        self._children: dict[str, int] = {}
+        self._children: dict[str, psutil.Process] = {}
 
     def pid(self, name: str) -> int:
         """Process id of ``parent``, ``gate``, ``perception`` or ``operator_link``."""
@@ -98,15 +99,14 @@ class ServiceProcess:
             return self.process.pid
         if name not in self._children:
             self._find_children()
-        return self._children[name]
+        return self._children[name].pid
 
     def _find_children(self) -> None:
-        pid = self.process.pid
-        for child in Path(f"/proc/{pid}/task/{pid}/children").read_text().split():
-            words = Path(f"/proc/{child}/cmdline").read_text()
+        for child in psutil.Process(self.process.pid).children():
+            words = " ".join(child.cmdline())
             for name in ("gate", "perception", "operator_link"):
                 if f"dfvs_service.{name}" in words:
-                    self._children[name] = int(child)
+                    self._children[name] = child
 
     def is_running(self) -> bool:
         """Whether the parent runs."""
@@ -114,36 +114,24 @@ class ServiceProcess:
 
     def close(self) -> None:
         """End every process of it, however it is."""
-        self._find_children_quietly()
-        for pid in (self.process.pid, *self._children.values()):
-            with contextlib.suppress(ProcessLookupError):
-                os.kill(pid, signal.SIGCONT)
+        with contextlib.suppress(psutil.NoSuchProcess):
+            self._find_children()
+        self.process.send_signal(signal.SIGCONT)
+        for child in self._children.values():
+            with contextlib.suppress(psutil.NoSuchProcess):
+                child.send_signal(signal.SIGCONT)
         self.process.terminate()
         with contextlib.suppress(subprocess.TimeoutExpired):
             self.process.wait(_GRACE_S)
-        for pid in self._children.values():
-            if _is_ours(pid, self.runtime):
-                with contextlib.suppress(ProcessLookupError):
-                    os.kill(pid, signal.SIGKILL)
+        for child in self._children.values():
+            with contextlib.suppress(psutil.NoSuchProcess):
+                child.kill()
         self.process.kill()
         self.process.wait()
-
-    def _find_children_quietly(self) -> None:
-        if self.is_running():
-            with contextlib.suppress(FileNotFoundError):
-                self._find_children()
 
     def errors(self) -> str:
         """Standard error of the service."""
         return (self.runtime / "service.err").read_text(errors="replace")
-
-
-def _is_ours(pid: int, runtime: Path) -> bool:
-    """Whether a process still is the one that was started, and not another under its number."""
-    try:
-        return str(runtime) in Path(f"/proc/{pid}/cmdline").read_text()
-    except FileNotFoundError:
-        return False
 
 
 def signed(key: bytes, vehicle: str, action: Action, challenge: str, argument: str = "") -> bytes:

@@ -1,12 +1,14 @@
+import argparse
 from pathlib import Path
 
 import numpy as np
 import pytest
 
-from dfvs_bench.basin.cells import ROTATIONS_DEG, TRANSLATIONS_M, Cell, parse_rotation
+from dfvs_bench.basin.cells import ROTATIONS_DEG, TRANSLATIONS_M, Cell
 from dfvs_bench.basin.drawing import LEAST_OVERLAP, DrawnTask, DrawRequest, draw
 from dfvs_bench.basin.environments import Environment
 from dfvs_bench.basin.outcomes import draw_tasks
+from dfvs_bench.commands.basin import cells_from
 from dfvs_bench.trials.executor import TrialExecutor
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
@@ -116,4 +118,4 @@ def test_tasks_that_are_kept_are_not_drawn_again(tmp_path: Path):
 @pytest.mark.parametrize("text", ["20,20", "20,20,x", "20,20,nan", "20,20,200"])
 def test_a_rotation_set_that_is_none_is_refused(text):
     with pytest.raises(ConfigError):
-        Cell(1.0, parse_rotation(text))
+        cells_from(argparse.Namespace(rotations=[text], translations=None))

@@ -97,7 +97,7 @@ class CommandChecker:
         told_ns = self._told_ns.get(challenge)
         if told_ns is None or now_ns - told_ns >= _LIFETIME_NS or challenge in self._used:
             raise InvariantError("fresh", f"challenge told at {told_ns}, obeyed at {now_ns}")
-        if sending.goal is not None and answer.argument != _digest(sending.goal):
+        if sending.goal is not None and answer.argument != hashlib.sha256(sending.goal).hexdigest():
             raise InvariantError("authentic", "a goal is not the one that was signed")
         self._used.add(challenge)
         self._obeyed.add(passed.command)
@@ -128,10 +128,6 @@ def _check_memory(ingress: Ingress) -> None:
     size = len(pickle.dumps(ingress))
     if size > _MOST_BYTES:
         raise InvariantError("memory", f"{size} bytes")
-
-
-def _digest(goal: bytes) -> str:
-    return hashlib.sha256(goal).hexdigest()
 
 
 def _signed(data: bytes) -> dict[str, Any] | None:

@@ -87,12 +87,11 @@ class Environment:
 
 def calm(environment: Environment, rng: RandomSource) -> Environment:
     """Return an environment in which all is well again; mode and place stay what they are."""
+    position_m = environment.position_m
     return Environment(
         mode=environment.mode,
         tells_mode=rng.chance(0.7),
-        position_m=environment.position_m
-        if _is_finite(environment.position_m)
-        else (1.0, 2.0, -3.0),
+        position_m=position_m if all(map(math.isfinite, position_m)) else (1.0, 2.0, -3.0),
         yaw_rad=environment.yaw_rad if math.isfinite(environment.yaw_rad) else 0.0,
         reached=rng.chance(0.3),
         tick_ns=rng.pick((20, 45, 60, 90, 120)) * MS,
@@ -180,10 +179,6 @@ def _velocity(rng: RandomSource) -> tuple[float, float, float, float]:
         rng.between(-scale, scale),
         rng.between(-scale, scale),
     )
-
-
-def _is_finite(triple: Triple) -> bool:
-    return all(map(math.isfinite, triple))
 
 
 def odd_event(now_ns: int, rng: RandomSource) -> Event:
