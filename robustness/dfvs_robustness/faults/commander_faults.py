@@ -19,6 +19,7 @@ from dfvs_robustness.faults.fault import (
     Fault,
     Inject,
     Reaction,
+    fault,
 )
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.service import KEY, signed
@@ -33,7 +34,7 @@ _STATION_NS, _STATION_PERIOD_S = 1_500_000_000, 0.02
 _SETPOINTS = ("setpoints of somebody else", "somebody else sends setpoints")
 _FOREIGN_M_S, _ELSEWHERE_M_S = 0.42, 0.4
 """Speed of another commander, and how far it is from ours; below 0.2 m/s nobody could tell."""
-_fault = functools.partial(Fault, spares_frames=True)
+_fault = functools.partial(fault, spares_frames=True)
 
 
 # --- other commanders -----------------------------------------------------------------------
@@ -117,57 +118,57 @@ def commander_faults() -> tuple[Fault, ...]:
     abort = Reaction.ABORT
     return (
         _fault(
-            *("second-service", "another service engages", "lease"),
-            *(abort, 500.0, READY_OR_ENGAGED, _other_service("engaged")),
+            ("second-service", "another service engages", "lease"),
+            (abort, 500.0, READY_OR_ENGAGED, _other_service("engaged")),
             says=(Cause.TWO_COMMANDERS, "another service"),
         ),
         _fault(
-            *("service-stands-by", "another service stands by", "lease"),
-            *(Reaction.REFUSED, 0.0, (S.READY,), _other_service("standby")),
+            ("service-stands-by", "another service stands by", "lease"),
+            (Reaction.REFUSED, 0.0, (S.READY,), _other_service("standby")),
             watch_s=1.0,
         ),
         _fault(
-            *("service-starts-in-flight", "another service comes up in flight", "lease"),
-            *(Reaction.IGNORED, 0.0, (S.SERVO,), _other_service("standby")),
+            ("service-starts-in-flight", "another service comes up in flight", "lease"),
+            (Reaction.IGNORED, 0.0, (S.SERVO,), _other_service("standby")),
             watch_s=1.0,
         ),
         _fault(
-            *("foreign-setpoint", "somebody else's setpoint on the link", "foreign setpoint"),
-            *(abort, 100.0, READY_OR_ENGAGED, _foreign_setpoint),
+            ("foreign-setpoint", "somebody else's setpoint on the link", "foreign setpoint"),
+            (abort, 100.0, READY_OR_ENGAGED, _foreign_setpoint),
             says=_SETPOINTS,
         ),
         _fault(
-            *(
+            (
                 "foreign-system",
                 "setpoints of a ground station on the link",
                 "foreign setpoint of any system",
             ),
-            *(abort, 1000.0, READY_OR_ENGAGED, _foreign_system),
+            (abort, 1000.0, READY_OR_ENGAGED, _foreign_system),
             says=_SETPOINTS,
         ),
         _fault(
-            *(
+            (
                 "foreign-commander",
                 "somebody else's setpoints on another link, 0.4 m/s off",
                 "velocity nobody here asked for",
             ),
-            *(abort, 4000.0, FLOWN, _foreign_elsewhere),
+            (abort, 4000.0, FLOWN, _foreign_elsewhere),
             Setup(settings=(NO_RESPONSE_CHECK,)),
             says=(Cause.TWO_COMMANDERS,),
         ),
         _fault(
-            *("forged-commands", "commands and goals of a wrong key or vehicle", "authority"),
-            *(Reaction.IGNORED, 0.0, (S.READY, *FLOWN), _forged),
+            ("forged-commands", "commands and goals of a wrong key or vehicle", "authority"),
+            (Reaction.IGNORED, 0.0, (S.READY, *FLOWN), _forged),
             watch_s=0.5,
         ),
         _fault(
-            *("replayed-commands", "an order again; old and unknown challenges", "challenge"),
-            *(Reaction.IGNORED, 0.0, (S.READY, *FLOWN), _replayed),
+            ("replayed-commands", "an order again; old and unknown challenges", "challenge"),
+            (Reaction.IGNORED, 0.0, (S.READY, *FLOWN), _replayed),
             watch_s=0.5,
         ),
         _fault(
-            *("operator-aborts", "operator orders to abort", "signed command"),
-            *(abort, 500.0, ANY_ENGAGED, _operator_aborts),
+            ("operator-aborts", "operator orders to abort", "signed command"),
+            (abort, 500.0, ANY_ENGAGED, _operator_aborts),
             says=(Cause.OPERATOR_ABORT,),
         ),
     )

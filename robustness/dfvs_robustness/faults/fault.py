@@ -5,6 +5,7 @@ from __future__ import annotations
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any
 
 import numpy as np
 
@@ -71,6 +72,32 @@ class Fault:
     spares_frames: bool = False
     alone: bool = False
     says: tuple[str, ...] = ()
+
+
+_USUAL = Setup()
+
+
+def fault(
+    words: tuple[str, str, str],
+    expected: tuple[Reaction, float, tuple[GateState, ...], Inject],
+    setup: Setup = _USUAL,
+    **more: Any,
+) -> Fault:
+    """Fault of a row of the table.
+
+    Parameters
+    ----------
+    words : tuple
+        Its name, what it is, and what it is detected by.
+    expected : tuple
+        Reaction, limit in ms, states in which it is tried, and how it is caused.
+    setup : Setup
+    more
+        Further fields of ``Fault``.
+    """
+    name, what, seen_by = words
+    reaction, limit_ms, states, inject = expected
+    return Fault(name, what, seen_by, reaction, limit_ms, states, inject, setup, **more)
 
 
 @dataclass(frozen=True, slots=True)

@@ -16,7 +16,14 @@ from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame import PixelFormat, decode_header, encode_header
 from dfvs_core.messages.image import encode_png
-from dfvs_robustness.faults.fault import CAPTURE_MS, READY_OR_ENGAGED, Fault, Inject, Reaction
+from dfvs_robustness.faults.fault import (
+    CAPTURE_MS,
+    READY_OR_ENGAGED,
+    Fault,
+    Inject,
+    Reaction,
+    fault,
+)
 from dfvs_robustness.harness.camera import PERIOD_NS, CapturedFrame, Packet, Script, unrelated_view
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.network import Misbehaviour
@@ -189,9 +196,9 @@ _SAYS: dict[str, tuple[str, ...]] = {
 def frame_faults() -> tuple[Fault, ...]:
     """Faults of frames, by the rows of the table."""
     silent = _sends(lambda _shot, _rng: [])
-    dead_network = Fault(
-        *("network-stuck", "network does not return", "no report: frame age"),
-        *(Reaction.ABORT, 3700.0, (S.SERVO,), _misbehaves(Misbehaviour.STUCK)),
+    dead_network = fault(
+        ("network-stuck", "network does not return", "no report: frame age"),
+        (Reaction.ABORT, 3700.0, (S.SERVO,), _misbehaves(Misbehaviour.STUCK)),
         restarts=True,
         says=(Cause.HOLD_TOO_LONG,),
     )

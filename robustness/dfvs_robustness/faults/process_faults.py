@@ -19,6 +19,7 @@ from dfvs_robustness.faults.fault import (
     Fault,
     Inject,
     Reaction,
+    fault,
 )
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.load import busy_cores
@@ -96,65 +97,65 @@ def process_faults() -> tuple[Fault, ...]:
     hold, abort, silence = Reaction.HOLD, Reaction.ABORT, Reaction.SILENCE
     kill, stop = signal.SIGKILL, signal.SIGSTOP
     return (
-        Fault(
-            *("gate-dies", "gate killed", "exit"),
-            *(silence, 100.0, READY_OR_ENGAGED, _signals("gate", kill)),
+        fault(
+            ("gate-dies", "gate killed", "exit"),
+            (silence, 100.0, READY_OR_ENGAGED, _signals("gate", kill)),
             restarts=True,
         ),
-        Fault(
-            *("gate-hangs", "gate stopped", "parent's watch, 0.3 s"),
-            *(silence, 400.0, READY_OR_ENGAGED, _signals("gate", stop)),
+        fault(
+            ("gate-hangs", "gate stopped", "parent's watch, 0.3 s"),
+            (silence, 400.0, READY_OR_ENGAGED, _signals("gate", stop)),
             restarts=True,
         ),
-        Fault(
-            *("perception-dies", "perception killed", "frame age"),
-            *(hold, CAPTURE_MS, ANY_ENGAGED, _perception_is(kill)),
+        fault(
+            ("perception-dies", "perception killed", "frame age"),
+            (hold, CAPTURE_MS, ANY_ENGAGED, _perception_is(kill)),
             restarts=True,
             says=(Cause.FRAME_OLD,),
         ),
-        Fault(
-            *("perception-hangs", "perception stopped", "frame age"),
-            *(abort, 3700.0, (S.SERVO,), _perception_is(stop)),
+        fault(
+            ("perception-hangs", "perception stopped", "frame age"),
+            (abort, 3700.0, (S.SERVO,), _perception_is(stop)),
             restarts=True,
             says=(Cause.HOLD_TOO_LONG,),
         ),
-        Fault(
-            *("parent-dies", "parent killed", "its pipe ends"),
-            *(abort, 300.0, ANY_ENGAGED, _signals("parent", kill)),
+        fault(
+            ("parent-dies", "parent killed", "its pipe ends"),
+            (abort, 300.0, ANY_ENGAGED, _signals("parent", kill)),
             restarts=True,
             says=(Cause.UNSUPERVISED,),
         ),
-        Fault(
-            *("parent-hangs", "parent stopped", "no sign of life for 1 s"),
-            *(abort, 1400.0, ANY_ENGAGED, _signals("parent", stop)),
+        fault(
+            ("parent-hangs", "parent stopped", "no sign of life for 1 s"),
+            (abort, 1400.0, ANY_ENGAGED, _signals("parent", stop)),
             restarts=True,
             says=(Cause.UNSUPERVISED,),
         ),
-        Fault(
-            *("sigterm", "SIGTERM", "handler"),
-            *(Reaction.EXIT, 2000.0, READY_OR_ENGAGED, _signals("parent", signal.SIGTERM)),
+        fault(
+            ("sigterm", "SIGTERM", "handler"),
+            (Reaction.EXIT, 2000.0, READY_OR_ENGAGED, _signals("parent", signal.SIGTERM)),
             restarts=True,
             says=(Cause.STOPPED,),
         ),
-        Fault(
-            *("cpu-starved", "two busy processes a core for 2 s", "missed deadlines"),
-            *(Reaction.STREAM, 150.0, FLOWN, _starve),
+        fault(
+            ("cpu-starved", "two busy processes a core for 2 s", "missed deadlines"),
+            (Reaction.STREAM, 150.0, FLOWN, _starve),
             alone=True,
         ),
-        Fault(
-            *("throttled", "perception gets a tenth of its time", "frame age"),
-            *(hold, CAPTURE_MS, FLOWN, _throttle),
+        fault(
+            ("throttled", "perception gets a tenth of its time", "frame age"),
+            (hold, CAPTURE_MS, FLOWN, _throttle),
             says=(Cause.FRAME_OLD,),
         ),
-        Fault(
-            *("disk-full", "no file can grow", "bounded queue"),
-            *(Reaction.STREAM, 150.0, FLOWN, _fill_disk),
+        fault(
+            ("disk-full", "no file can grow", "bounded queue"),
+            (Reaction.STREAM, 150.0, FLOWN, _fill_disk),
             watch_s=1.0,
             restarts=True,
         ),
-        Fault(
-            *("router-dies", "Zenoh router dies", "silence, frame age"),
-            *(hold, CAPTURE_MS, READY_OR_ENGAGED, _kill_router),
+        fault(
+            ("router-dies", "Zenoh router dies", "silence, frame age"),
+            (hold, CAPTURE_MS, READY_OR_ENGAGED, _kill_router),
             ROUTER,
             says=("no camera frame",),
         ),

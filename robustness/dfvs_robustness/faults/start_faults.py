@@ -13,7 +13,7 @@ import numpy as np
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.messages.goal import Mount
-from dfvs_robustness.faults.fault import Fault, Reaction
+from dfvs_robustness.faults.fault import Fault, Reaction, fault
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.service import HarnessError, wait_until
 from dfvs_robustness.harness.setup import NO_RESPONSE_CHECK, Setup
@@ -115,9 +115,9 @@ def _turned_mount(name: str, text: str, yaw_rad: float) -> Fault:
     Every case has a fresh service: the vehicle that is put elsewhere between two cases would turn
     without its gyroscopes.
     """
-    return Fault(
-        *(name, text, "initial-response check: tilt by the images against the gyroscopes"),
-        *(Reaction.ABORT, 1000.0, (S.SERVO,), _initial_motion),
+    return fault(
+        (name, text, "initial-response check: tilt by the images against the gyroscopes"),
+        (Reaction.ABORT, 1000.0, (S.SERVO,), _initial_motion),
         Setup(mount=Mount(yaw_rad=yaw_rad)),
         restarts=True,
         spares_frames=True,
@@ -128,56 +128,56 @@ def _turned_mount(name: str, text: str, yaw_rad: float) -> Fault:
 def start_faults() -> tuple[Fault, ...]:
     """Faults of what the service is given, by the rows of the table."""
     return (
-        Fault(
-            *("wrong-goal", "goal of another place", "overlap at preflight"),
-            *(Reaction.REFUSED, 0.0, (S.PREFLIGHT,), _ordered),
+        fault(
+            ("wrong-goal", "goal of another place", "overlap at preflight"),
+            (Reaction.REFUSED, 0.0, (S.PREFLIGHT,), _ordered),
             Setup(sees="texture", other_goal=True),
             watch_s=2.5,
         ),
-        Fault(
-            *("unreachable-goal", "error does not fall however it flies", "no fall in 5 s"),
-            *(Reaction.ABORT, _STUCK_MS, (S.SERVO,), _frozen_view),
+        fault(
+            ("unreachable-goal", "error does not fall however it flies", "no fall in 5 s"),
+            (Reaction.ABORT, _STUCK_MS, (S.SERVO,), _frozen_view),
             Setup(settings=(NO_RESPONSE_CHECK,)),
             spares_frames=True,
             says=(Cause.GOAL_LOST,),
         ),
         _turned_mount("wrong-mount", "camera mounted backwards", math.pi),
         _turned_mount("sideways-mount", "camera mounted sideways", math.pi / 2),
-        Fault(
-            *(
+        fault(
+            (
                 "flies-too-far",
                 f"further from where it was engaged than {_TRAVEL_M} m",
                 "travel cap",
             ),
-            *(Reaction.ABORT, 200.0, (S.SERVO,), _flown_far),
+            (Reaction.ABORT, 200.0, (S.SERVO,), _flown_far),
             Setup(settings=(f"limits.max_distance_m={_TRAVEL_M}",)),
             restarts=True,
             spares_frames=True,
             says=(Cause.DISTANCE_CAP,),
         ),
-        Fault(
-            *("flies-too-long", f"engaged for over {_ENGAGED_S} s", "time cap"),
-            *(Reaction.ABORT, 200.0, (S.SERVO, S.HOLD), _flown_long),
+        fault(
+            ("flies-too-long", f"engaged for over {_ENGAGED_S} s", "time cap"),
+            (Reaction.ABORT, 200.0, (S.SERVO, S.HOLD), _flown_long),
             Setup(settings=(f"limits.max_engaged_s={_ENGAGED_S}",)),
             restarts=True,
             spares_frames=True,
             says=(Cause.TIME_CAP,),
         ),
-        Fault(
-            *(
+        fault(
+            (
                 "holds-too-long",
                 f"at the goal, held by vision, for over {_AT_GOAL_S} s",
                 "time cap",
             ),
-            *(Reaction.ABORT, 200.0, (S.DONE,), _held_long),
+            (Reaction.ABORT, 200.0, (S.DONE,), _held_long),
             Setup(settings=(f"gate.hold_visual_s={_AT_GOAL_S}",)),
             restarts=True,
             spares_frames=True,
             says=(Cause.TIME_CAP,),
         ),
-        Fault(
-            *("config-typo", "setting that does not exist", "strict schema, exit code 2"),
-            *(Reaction.IGNORED, 0.0, (S.READY,), _misspelt),
+        fault(
+            ("config-typo", "setting that does not exist", "strict schema, exit code 2"),
+            (Reaction.IGNORED, 0.0, (S.READY,), _misspelt),
             spares_frames=True,
         ),
     )

@@ -10,7 +10,14 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.gate.states import Cause
-from dfvs_robustness.faults.fault import ANY_ENGAGED, READY_OR_ENGAGED, Fault, Inject, Reaction
+from dfvs_robustness.faults.fault import (
+    ANY_ENGAGED,
+    READY_OR_ENGAGED,
+    Fault,
+    Inject,
+    Reaction,
+    fault,
+)
 from dfvs_robustness.harness.environment import BATTERY, GPS
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.records import MODE_REPORTS
@@ -22,7 +29,7 @@ MS = 1_000_000
 _HEARTBEAT_S = 1.5
 _OFF, _WRONG = mavlink.FAILURE_TYPE_OFF, mavlink.FAILURE_TYPE_WRONG
 _STICKS_NS = 10_000 * MS
-_fault = functools.partial(Fault, spares_frames=True)
+_fault = functools.partial(fault, spares_frames=True)
 
 
 def _heartbeat_lost(harness: Harness, _: np.random.Generator) -> int:
@@ -72,38 +79,38 @@ def vehicle_faults() -> tuple[Fault, ...]:
     abort, released = Reaction.ABORT, Reaction.RELEASED
     return (
         _fault(
-            *("link-lost", "autopilot link lost", "telemetry over 0.5 s old"),
-            *(abort, 700.0, READY_OR_ENGAGED, lambda harness, _: harness.environment.silence()),
+            ("link-lost", "autopilot link lost", "telemetry over 0.5 s old"),
+            (abort, 700.0, READY_OR_ENGAGED, lambda harness, _: harness.environment.silence()),
             says=(Cause.TELEMETRY_LOST, "frames:"),
         ),
         _fault(
-            *("heartbeat-lost", "no heartbeat, telemetry goes on", "heartbeat over 2 s old"),
-            *(abort, 2100.0, READY_OR_ENGAGED, _heartbeat_lost),
+            ("heartbeat-lost", "no heartbeat, telemetry goes on", "heartbeat over 2 s old"),
+            (abort, 2100.0, READY_OR_ENGAGED, _heartbeat_lost),
             says=(Cause.HEARTBEAT_LOST,),
         ),
         _fault(
-            *("takeover", "pilot takes over", "mode"),
-            *(released, 50.0, ANY_ENGAGED, _taken_over),
+            ("takeover", "pilot takes over", "mode"),
+            (released, 50.0, ANY_ENGAGED, _taken_over),
             says=(Cause.TAKEOVER,),
         ),
         _fault(
-            *("disarmed", "disarmed in the air", "state"),
-            *(released, 50.0, ANY_ENGAGED, _disarmed),
+            ("disarmed", "disarmed in the air", "state"),
+            (released, 50.0, ANY_ENGAGED, _disarmed),
             says=(Cause.DISARMED,),
         ),
         _fault(
-            *("estimator-invalid", "estimator loses the position", "estimator's flags, mode"),
-            *(Reaction.ENDED, 200.0, READY_OR_ENGAGED, _injected(GPS, _OFF)),
+            ("estimator-invalid", "estimator loses the position", "estimator's flags, mode"),
+            (Reaction.ENDED, 200.0, READY_OR_ENGAGED, _injected(GPS, _OFF)),
             says=(Cause.ESTIMATOR_INVALID, Cause.TAKEOVER),
         ),
         _fault(
-            *("estimator-jumps", "position estimate jumps 2 m", "jump"),
-            *(abort, 200.0, ANY_ENGAGED, _injected(GPS, _WRONG)),
+            ("estimator-jumps", "position estimate jumps 2 m", "jump"),
+            (abort, 200.0, ANY_ENGAGED, _injected(GPS, _WRONG)),
             says=(Cause.ESTIMATOR_JUMP,),
         ),
         _fault(
-            *("battery-low", "battery low", "threshold"),
-            *(abort, 1000.0, READY_OR_ENGAGED, _injected(BATTERY, _OFF)),
+            ("battery-low", "battery low", "threshold"),
+            (abort, 1000.0, READY_OR_ENGAGED, _injected(BATTERY, _OFF)),
             says=(Cause.BATTERY_LOW,),
         ),
     )
