@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
 import shutil
 import socket
 import subprocess
@@ -17,13 +16,15 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_common.lifecycle import child_environment
+from dfvs_common.child import start_child
+from dfvs_common.zenoh_session import open_session
 from dfvs_core.gate.states import GateState
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.topics import Topics
+from dfvs_core.messages.zenoh_settings import ZenohMode
 from dfvs_robustness.faults import network
 from dfvs_robustness.faults.camera import ScriptedCamera
 from dfvs_robustness.faults.environment import Environment
@@ -32,7 +33,6 @@ from dfvs_robustness.faults.service import KEY, HarnessError, Operator, ServiceP
 from dfvs_robustness.faults.wall import Pose, Wall, noise_texture, ramp_texture
 from dfvs_sim.demo.flight.ports import LOOPBACK, any_port
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.zenoh_session import open_client, open_peer
 
 CAMERA = CameraModel.from_horizontal_fov(network.WIDTH, network.HEIGHT, math.radians(75.0))
 
@@ -86,8 +86,8 @@ class Harness:
         self._router: subprocess.Popen[bytes] | None = None
         if setup.via_router:
             self.start_router()
-        opened = open_client(self.endpoint) if setup.via_router else open_peer(self.endpoint)
-        self.session = self._stack.enter_context(opened)
+        mode: ZenohMode = "client" if setup.via_router else "peer"
+        self.session = self._stack.enter_context(open_session(mode, (self.endpoint,)))
         self._publisher = self.session.declare_publisher(self.topics.camera)
         self.environment.camera = self._make_camera()
         self._write_goal()
@@ -164,8 +164,7 @@ class Harness:
     def start_router(self) -> None:
         """Start a Zenoh router in a process of its own."""
         command = [sys.executable, "-m", "dfvs_robustness.faults.router", self.endpoint]
-        environment = os.environ | child_environment()
-        self._router = subprocess.Popen(command, stdout=subprocess.PIPE, env=environment)
+        self._router = start_child(command, subprocess.PIPE, None)
         if self._router.stdout is None or self._router.stdout.readline() != b"ready\n":
             raise HarnessError("the Zenoh router does not start")
 

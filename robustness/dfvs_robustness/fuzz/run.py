@@ -10,7 +10,7 @@ from dataclasses import dataclass, field
 from multiprocessing.pool import Pool
 from typing import Any, Generic, Protocol, TypeVar
 
-from dfvs_sim.child import end_worker_with_parent
+from dfvs_common.child import end_worker_with_parent
 
 EPISODES_PER_JOB = 8
 MOST_FINDINGS = 10

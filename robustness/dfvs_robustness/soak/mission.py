@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
+from dfvs_common.child import Child
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import pose_error
 from dfvs_core.messages.image import encode_png
 from dfvs_robustness.soak.holds import Hold, explain
 from dfvs_robustness.soak.sampling import Sampler
-from dfvs_sim.child import Child
 from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
 from dfvs_sim.demo.flight.camera_poses import FlightError
 from dfvs_sim.demo.flight.flight import Flight, FlightSession, Log, running

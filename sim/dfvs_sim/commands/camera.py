@@ -13,6 +13,7 @@ import numpy as np
 import zenoh
 
 from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.zenoh_session import open_session
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
@@ -28,7 +29,6 @@ from dfvs_sim.options import add_camera_options, add_scene_option, camera_from, 
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.zenoh_session import open_peer
 
 _FORMATS = {
     "jpeg": PixelFormat.JPEG,
@@ -103,7 +103,7 @@ def run(args: argparse.Namespace) -> int:
         link = stack.enter_context(GroundLink(args.mavlink))
         if args.share is not None:
             stack.enter_context(LinkSharing(link, args.share))
-        session = stack.enter_context(open_peer(args.connect))
+        session = stack.enter_context(open_session("peer", (args.connect,)))
         tracker = PoseTracker(link)
 
         def T_scene_camera(t_ns: int) -> FloatArray | None:
