@@ -19,8 +19,7 @@ from dfvs_bench.commands import (
     scenes,
     table1,
 )
-from dfvs_common.version import add_version
-from dfvs_sim.command_line import run_command
+from dfvs_common.command_line import add_version, run_subcommand
 
 _EPILOG = """examples:
   dfvs-bench flow pairs.npz --bundle classical --json flow.json
@@ -54,7 +53,7 @@ def main(argv: Sequence[str] | None = None) -> int:
         report,
     ):
         command.add_parser(subparsers)
-    return run_command(parser, argv)
+    return run_subcommand(parser, argv)
 
 
 if __name__ == "__main__":

@@ -6,9 +6,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from dfvs_common.version import add_version
+from dfvs_common.command_line import add_version, run_subcommand
 from dfvs_robustness.commands import answers, faults, fuzz, soak
-from dfvs_sim.command_line import run_command
 
 _EPILOG = """examples:
   dfvs-robustness faults --seeds 1 --workers 2         disturb the real service, and judge it
@@ -29,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in (faults, answers, fuzz, soak):
         command.add_parser(subparsers)
-    return run_command(parser, argv)
+    return run_subcommand(parser, argv)
 
 
 if __name__ == "__main__":

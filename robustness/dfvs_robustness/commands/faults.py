@@ -9,6 +9,8 @@ import time
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.answers.report import read_answers
 from dfvs_robustness.faults.matrix import (
@@ -22,8 +24,6 @@ from dfvs_robustness.faults.matrix import (
 )
 from dfvs_robustness.faults.report import Source, make_rows, verdict, write_json, write_reports
 from dfvs_sim.options import require_folder
-
-EXIT_OK, EXIT_FAILED = 0, 1
 
 _EPILOG = """examples:
   dfvs-robustness faults --only takeover --seeds 5             one fault, five times in every state
@@ -80,13 +80,13 @@ def run(args: argparse.Namespace) -> int:
             append_result(args.keep, result)
         violations.extend(result.violations)
         for text in result.violations:
-            print(f"  violated {text}", file=sys.stderr, flush=True)
+            log(f"  violated {text}")
         if (o := result.outcome) is not None:
             outcomes[Case(o.fault, o.state, o.seed)] = o
             word = "ok" if o.passed else f"FAILED: {o.problem}"
             left = len(set(cases) - set(outcomes))
             line = f"{o.fault:26s} {o.state:8s} seed {o.seed:<3d} {o.reaction_ms:7.0f} ms  {word}"
-            print(f"{line}  ({left} left)", file=sys.stderr, flush=True)
+            log(f"{line}  ({left} left)")
 
     run_matrix(todo, args.workers, time.monotonic() + 60.0 * args.minutes, take)
     rows = make_rows(list(outcomes.values()), all_faults())

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
-import sys
 import threading
 from typing import Any
 
@@ -13,6 +12,7 @@ import numpy as np
 import zenoh
 
 from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.progress import log
 from dfvs_common.zenoh_session import open_session
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
@@ -110,10 +110,10 @@ def run(args: argparse.Namespace) -> int:
             pose = tracker.pose_at(t_ns)
             return None if pose is None else T_scene_local @ pose.T_local_body() @ T_body_camera
 
-        print(f"camera: waiting for a vehicle on {args.mavlink}", file=sys.stderr, flush=True)
+        log(f"camera: waiting for a vehicle on {args.mavlink}")
         tracker.start()
         publish, key = _publisher(args, config, session)
-        print(f"camera: publishing on {key}", file=sys.stderr, flush=True)
+        log(f"camera: publishing on {key}")
         MockCamera(config, renderer, T_scene_camera, publish).run(stop)
     return 0
 
