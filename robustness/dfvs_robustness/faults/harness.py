@@ -17,12 +17,12 @@ from typing import Any
 import numpy as np
 
 from dfvs_common.child import start_child
+from dfvs_common.goal_file import write_goal
 from dfvs_common.zenoh_session import open_session
 from dfvs_core.gate.states import GateState
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.goal import GoalSidecar, Mount
-from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.topics import Topics
 from dfvs_core.messages.zenoh_settings import ZenohMode
 from dfvs_robustness.faults import network
@@ -297,10 +297,8 @@ class Harness:
         wall = self.camera.wall
         if self.setup.other_goal:
             wall = Wall(noise_texture(np.random.default_rng(8)), CAMERA, self.rng)
-        (self.folder / "goal.png").write_bytes(encode_png(wall.render(Pose())))
-        (self.folder / "goal.json").write_text(
-            GoalSidecar(CAMERA, mount=self.setup.mount).to_json(), encoding="utf-8"
-        )
+        sidecar = GoalSidecar(CAMERA, mount=self.setup.mount)
+        write_goal(self.folder / "goal.png", wall.render(Pose()), sidecar)
         key = self.folder / "key"
         key.write_bytes(KEY)
         key.chmod(0o600)

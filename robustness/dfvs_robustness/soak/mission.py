@@ -11,9 +11,9 @@ from pathlib import Path
 import numpy as np
 
 from dfvs_common.child import Child
+from dfvs_common.goal_file import write_goal
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import pose_error
-from dfvs_core.messages.image import encode_png
 from dfvs_robustness.soak.holds import Hold, explain
 from dfvs_robustness.soak.sampling import Sampler
 from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
@@ -168,11 +168,9 @@ class Mission(Flight):
 
     def _change_goal(self, session: FlightSession, T_scene_goal: FloatArray) -> None:
         """Order the service to another goal, and wait until it has set off."""
-        picture = self._folder / "next.png"
-        picture.write_bytes(encode_png(self._plan.goal_image(T_scene_goal)))
-        sidecar = self._plan.goal_sidecar(T_scene_goal).to_json()
-        picture.with_suffix(".json").write_text(sidecar, encoding="utf-8")
-        self._order("goal", "--goal", str(picture))
+        goal = self._folder / "next.png"
+        write_goal(goal, self._plan.goal_image(T_scene_goal), self._plan.goal_sidecar(T_scene_goal))
+        self._order("goal", "--goal", str(goal))
         self._await_under_way(session)
 
     def _start_again(self, session: FlightSession) -> None:

@@ -10,7 +10,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dfvs_common.atomic_file import write_atomic
+from dfvs_common.atomic_file import replace_file
 from dfvs_common.command_line import add_version
 from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_common.progress import StatusLine
@@ -110,12 +110,7 @@ def _write(arguments: argparse.Namespace) -> int:
         source, flight, video, lambda view: progress.show(f"film: {view.t_s:.0f} {of}")
     )
     progress.clear()
-    try:
-        write_atomic(page, text.encode())
-    except OSError as error:
-        raise ConfigError(
-            f"{page} cannot be written ({error.strerror})", "a folder that exists and is writable"
-        ) from error
+    replace_file(page, text.encode())
     written = [path for path in (page, video) if path.exists()]
     if arguments.json:
         files = [str(path) for path in written]

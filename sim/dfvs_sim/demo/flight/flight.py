@@ -10,9 +10,9 @@ from dataclasses import dataclass
 from pathlib import Path
 
 from dfvs_common.child import Child
+from dfvs_common.goal_file import write_goal
 from dfvs_common.zenoh_session import open_session
 from dfvs_core.errors import DfvsError
-from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
 from dfvs_sim.demo.flight.camera_link import CameraLink, camera_link
@@ -133,9 +133,7 @@ class Flight:
 
     def _write_goals(self) -> None:
         for path, pose in zip(self._goal_images(), self._plan.goals, strict=True):
-            path.write_bytes(encode_png(self._plan.goal_image(pose)))
-            sidecar = self._plan.goal_sidecar(pose).to_json()
-            path.with_suffix(".json").write_text(sidecar, encoding="utf-8")
+            write_goal(path, self._plan.goal_image(pose), self._plan.goal_sidecar(pose))
 
     def _start(self, stack: contextlib.ExitStack) -> FlightSession:
         """Start everything, up to a service that is ready beside a vehicle in the air."""
