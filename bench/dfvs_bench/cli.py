@@ -18,7 +18,7 @@ from dfvs_bench.commands import (
     scenes,
     table1,
 )
-from dfvs_sim.command_line import run_program
+from dfvs_common.command_line import run_program
 
 _EPILOG = """examples:
   dfvs-bench flow pairs.npz --bundle classical --json flow.json

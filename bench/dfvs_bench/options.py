@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import time
 from collections.abc import Callable, Sequence
 from pathlib import Path
@@ -16,6 +15,7 @@ from dfvs_bench.trials.run import Job, run_jobs, unfinished
 from dfvs_bench.trials.scenes import default_tasks, task_in
 from dfvs_bench.trials.tables import trial_line
 from dfvs_bench.trials.task import BenchTask, read_tasks
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import LEAST_SIZE_PX
 from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
@@ -207,11 +207,6 @@ def own_scenes(args: argparse.Namespace, taken: Sequence[str]) -> list[Path]:
     return scenes
 
 
-def say(text: str) -> None:
-    """Tell what goes on, apart from results."""
-    print(text, file=sys.stderr, flush=True)
-
-
 def named(items: Sequence[_T], names: str | None, name_of: Callable[[_T], str]) -> list[_T]:
     """Those of the items that are named, separated by commas, in that order; or all.
 
@@ -236,14 +231,14 @@ def run_trials(
     """Run the jobs that ``--resume`` does not find in ``--runs``; all records, old and new."""
     left, records = unfinished(jobs, args.runs) if args.resume else (jobs, [])
     if records:
-        say(f"{len(records)} trials are in {args.runs}")
+        log(f"{len(records)} trials are in {args.runs}")
     countdown = Countdown(len(left))
     try:
         for record in run_jobs(left, args.runs, executor):
             records.append(record)
-            say(f"{trial_line(record)} {countdown.step()}")
+            log(f"{trial_line(record)} {countdown.step()}")
     except (KeyboardInterrupt, SystemExit):
-        say(f"interrupted: {len(records)} trials are in {args.runs}; --resume goes on")
+        log(f"interrupted: {len(records)} trials are in {args.runs}; --resume goes on")
         raise
     return records
 

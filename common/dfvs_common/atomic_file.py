@@ -6,6 +6,8 @@ import contextlib
 import os
 from pathlib import Path
 
+from dfvs_core.errors import ConfigError
+
 
 def write_atomic(path: Path, data: bytes) -> None:
     """Write a file so that it is whole or not there at all, also after a power loss.
@@ -26,6 +28,22 @@ def write_atomic(path: Path, data: bytes) -> None:
         partial.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
+
+
+def replace_file(path: Path, data: bytes) -> None:
+    """Write a file that a user named, whole or not at all.
+
+    Raises
+    ------
+    ConfigError
+        If it cannot be written.
+    """
+    try:
+        write_atomic(path, data)
+    except OSError as error:
+        raise ConfigError(
+            f"{path} cannot be written ({error.strerror})", "a folder that exists and is writable"
+        ) from error
 
 
 def sync_folder(folder: Path) -> None:

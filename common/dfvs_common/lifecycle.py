@@ -11,7 +11,9 @@ from types import FrameType
 
 from dfvs_core.errors import DfvsError
 
-EXIT_CANNOT_RUN = 2
+EXIT_OK, EXIT_FAILED, EXIT_CANNOT_RUN = 0, 1, 2
+"""Exit codes of every command: it ran; it ran without the wanted result; it cannot run."""
+
 ENDING_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 """Ask a process to end: a supervisor, the terminal's Ctrl-C, the closing of the terminal."""
 
@@ -78,6 +80,12 @@ def exit_on_signals() -> list[int]:
     return received
 
 
+def cannot_run(error: object) -> int:
+    """Print an error as one line; returns ``EXIT_CANNOT_RUN``."""
+    print(f"error: {error}", file=sys.stderr, flush=True)
+    return EXIT_CANNOT_RUN
+
+
 def run_command(work: Callable[[], int]) -> int:
     """Run the work of a command line; returns its exit code, 2 where it cannot run.
 
@@ -99,8 +107,7 @@ def run_command(work: Callable[[], int]) -> int:
             raise SystemExit(128 + received[0]) from error
         if not isinstance(error, DfvsError):
             raise
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
+        return cannot_run(error)
     finally:
         if not received:
             for number, handler in before.items():

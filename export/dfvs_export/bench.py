@@ -13,7 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dfvs_common.lifecycle import end_with_parent
+from dfvs_common.child import end_worker_with_parent
 from dfvs_core.errors import ConfigError, DfvsError, ModelError
 from dfvs_export.running import BundleRunner
 from dfvs_models.bundle import read_bundle
@@ -151,9 +151,7 @@ def _expect(pipe: Connection) -> float:
 
 def _work(pipe: Connection, folder: Path, plan: BenchPlan) -> None:
     """Serve one bundle: a run per request, in the order they come."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        end_with_parent(parent.pid)
+    end_worker_with_parent()
     width, height = plan.size
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (2, height, width, 3), dtype=np.uint8)

@@ -7,8 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.lifecycle import run_command
-from dfvs_common.version import add_version
+from dfvs_common.command_line import add_version
+from dfvs_common.lifecycle import cannot_run, run_command
 from dfvs_core.errors import ConfigError
 from dfvs_export.pose_cli import add_pose, add_train_pose
 from dfvs_export.training_options import add_training, say_line, settings_from
@@ -45,10 +45,7 @@ def _run(arguments: argparse.Namespace) -> int:
     except ModuleNotFoundError as error:
         if (error.name or "").partition(".")[0] not in _EXTRA:
             raise
-        print(
-            f"error: {error.name} is not installed; pip install 'dfvs-lab[export]'", file=sys.stderr
-        )
-        return 2
+        return cannot_run(f"{error.name} is not installed; pip install 'dfvs-lab[export]'")
     return result
 
 

@@ -5,8 +5,8 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
+from dfvs_common.command_line import run_program
 from dfvs_robustness.commands import answers, faults, fuzz, soak
-from dfvs_sim.command_line import run_program
 
 _EPILOG = """examples:
   dfvs-robustness faults --seeds 1 --workers 2         disturb the real service, and judge it

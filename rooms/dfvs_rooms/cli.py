@@ -6,9 +6,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from dfvs_common.version import add_version
+from dfvs_common.command_line import add_version, run_subcommand
 from dfvs_rooms.commands import pairs, room
-from dfvs_sim.command_line import run_command
 
 _EPILOG = """examples:
   dfvs-rooms room --kind hall --seed 5 --light quick --out hall.glb
@@ -29,7 +28,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in (room, pairs):
         command.add_parser(subparsers)
-    return run_command(parser, argv)
+    return run_subcommand(parser, argv)
 
 
 if __name__ == "__main__":

@@ -9,8 +9,8 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.atomic_file import write_atomic
-from dfvs_common.lifecycle import run_command
-from dfvs_common.version import add_version
+from dfvs_common.command_line import add_version
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, OnDone
 from dfvs_core.gate.events import Action
@@ -42,8 +42,6 @@ from dfvs_service.settings.key_file import create_key, load_key
 from dfvs_service.settings.options import add_settings_options, settings_from
 from dfvs_service.supervisor.console import shows_colours
 from dfvs_service.supervisor.parent import fly, prepare_runtime
-
-EXIT_OK, EXIT_ENDED = 0, 1
 
 _EXAMPLE = """\
 example, beside a running PX4 and a camera that publishes on dfvs/drone1/camera:
@@ -129,7 +127,7 @@ def _command(words: Sequence[str]) -> int:
     goal = None if goal_path is None else goal_command(goal_path)
     answer = send_command(config, load_key(arguments.key_file), action, arguments.timeout, goal)
     print(answer)
-    return EXIT_OK if answer.startswith("accepted") else EXIT_ENDED
+    return EXIT_OK if answer.startswith("accepted") else EXIT_FAILED
 
 
 # --- flight -----------------------------------------------------------------------------------
@@ -270,7 +268,7 @@ def _check(config: ServiceConfig, goal_path: Path, arguments: argparse.Namespace
         print("warning: no image, since nothing was seen: correct what fails", file=sys.stderr)
     colours = shows_colours(sys.stdout, os.environ)
     print(report.to_json() if arguments.json else report.to_text(colours=colours))
-    return EXIT_OK if report.ok else EXIT_ENDED
+    return EXIT_OK if report.ok else EXIT_FAILED
 
 
 if __name__ == "__main__":

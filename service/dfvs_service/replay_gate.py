@@ -8,11 +8,10 @@ import json
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.config import S
 from dfvs_core.gate.replay import Replay, replay
-
-EXIT_SAME, EXIT_DIFFERENT = 0, 1
 
 _EPILOG = """\
 example: dfvs-service replay-gate runs/gate-inputs.jsonl
@@ -47,7 +46,7 @@ def replay_gate(words: Sequence[str]) -> int:
     except UnicodeDecodeError as error:
         raise ConfigError(f"{arguments.journal} is no journal of the gate ({error})") from error
     print(_as_json(result) if arguments.json else _as_text(result))
-    return EXIT_DIFFERENT if result.difference else EXIT_SAME
+    return EXIT_FAILED if result.difference else EXIT_OK
 
 
 def _as_json(result: Replay) -> str:

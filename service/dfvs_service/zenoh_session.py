@@ -10,8 +10,9 @@ from pathlib import Path
 
 import zenoh
 
+from dfvs_common import zenoh_session
 from dfvs_core.errors import ConfigError
-from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles, zenoh_settings
+from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles
 from dfvs_service.ports import require_free_zenoh_ports
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.settings.key_file import check_private
@@ -42,17 +43,13 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
     if config.tls is not None:
         check_files(config.tls)
         encryption = Encryption(config.tls, vehicles)
-    settings = zenoh.Config()
     listen = config.listen if config.mode == "peer" else ()
-    for key, value in zenoh_settings(config.mode, config.connect, listen, encryption):
-        settings.insert_json5(key, value)
     try:
-        return zenoh.open(settings)
-    except zenoh.ZError as error:
+        return zenoh_session.open_session(config.mode, config.connect, listen, encryption)
+    except ConfigError as error:
         require_free_zenoh_ports(config)
-        reason = str(error).split(" at /")[0]
         raise ConfigError(
-            f"Zenoh cannot be opened: {reason}",
+            error.problem,
             "a free listen endpoint, and a running router for mode client",
             "see zenoh.listen and zenoh.connect in the configuration",
         ) from error

@@ -6,8 +6,8 @@ import argparse
 import sys
 from collections.abc import Sequence
 
-from dfvs_common.version import add_version
-from dfvs_sim.command_line import run_command
+from dfvs_common.command_line import add_version, run_subcommand
+from dfvs_common.lifecycle import cannot_run
 from dfvs_sim.commands import camera, goal, pilot, vehicle, world
 
 _EPILOG = """examples:
@@ -29,9 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     words = list(sys.argv[1:] if argv is None else argv)
     if words and words[0] in _MOVED:
         program = _MOVED[words[0]]
-        error = f"error: dfvs-sim has no command {words[0]!r}; use {program} {words[0]}"
-        print(error, file=sys.stderr)
-        return 2
+        return cannot_run(f"dfvs-sim has no command {words[0]!r}; use {program} {words[0]}")
     parser = argparse.ArgumentParser(
         prog="dfvs-sim",
         description="A simulated drone with PX4's MAVLink face, a camera that renders what it "
@@ -44,7 +42,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     for command in (vehicle, camera, pilot, goal):
         command.add_parser(subparsers)
     world.add_options(parser)
-    return run_command(parser, words)
+    return run_subcommand(parser, words)
 
 
 if __name__ == "__main__":

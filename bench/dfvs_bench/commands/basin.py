@@ -30,7 +30,6 @@ from dfvs_bench.options import (
     networks_from,
     own_scenes,
     run_trials,
-    say,
     trial_setup,
 )
 from dfvs_bench.report.basin_figure import basin_figure
@@ -39,6 +38,7 @@ from dfvs_bench.trials.provenance import run_facts
 from dfvs_bench.trials.run import Plan
 from dfvs_bench.trials.tables import write_rows
 from dfvs_bench.trials.task import read_tasks
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_sim.options import parse_numbers, require_range, write_json
 
@@ -99,7 +99,7 @@ def run(args: argparse.Namespace) -> int:
     cells = cells_from(args)
     environments = _environments(args)
     args.runs.mkdir(parents=True, exist_ok=True)
-    drawn = draw_tasks(_requests(args, environments, cells), args.runs, executor, say)
+    drawn = draw_tasks(_requests(args, environments, cells), args.runs, executor, log)
     by_name = {place.name: place for place in environments}
     tasks = [task.task(by_name[task.environment]) for task in drawn.tasks]
     jobs = Plan(tasks, methods, args.bundle, args.iterations, networks_from(args)).jobs()
@@ -140,7 +140,7 @@ def _environments(args: argparse.Namespace) -> list[Environment]:
     own += environments_in(own_scenes(args, [place.name for place in own]))
     chosen = named(own or default_environments(), args.scenes, lambda place: place.name)
     if not own:
-        make_missing(chosen, say)
+        make_missing(chosen, log)
     return chosen
 
 
@@ -154,7 +154,7 @@ def _requests(
         for k, place in enumerate(environments)
     ]
     requests = [request for request in requests if request.count]
-    say(f"{len(cells)} cells of {args.trials} trials, in {len(requests)} environments")
+    log(f"{len(cells)} cells of {args.trials} trials, in {len(requests)} environments")
     if not args.resume:
         (args.runs / BASIN_FILE).unlink(missing_ok=True)
     return requests

@@ -8,11 +8,12 @@ from typing import Any
 
 from dfvs_bench.basin.outcomes import BASIN_FILE, read_outcomes
 from dfvs_bench.drone.records import read_records as read_flights
-from dfvs_bench.options import add_own_scenes, own_tasks, say
+from dfvs_bench.options import add_own_scenes, own_tasks
 from dfvs_bench.report.report import Contents, report_page
 from dfvs_bench.trials.results import TrialRecord, read_records
 from dfvs_bench.trials.scenes import default_tasks
 from dfvs_bench.trials.task import BenchTask, same_poses
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_models import DEFAULT_DEPTH
 from dfvs_models.catalog import bundle_folder, load_depth_network
@@ -64,7 +65,7 @@ def run(args: argparse.Namespace) -> int:
     if args.out.suffix.lower() != ".html" or not args.out.absolute().parent.is_dir():
         raise ConfigError(f"--out is {str(args.out)!r}", "a name that ends in .html, in a folder")
     contents = _contents(args)
-    page = report_page(contents, say)
+    page = report_page(contents, log)
     args.out.write_text(page, encoding="utf-8")
     print(f"wrote {args.out} ({len(page) / 1e6:.1f} MB)")
     return 0
@@ -101,5 +102,5 @@ def _table1(args: argparse.Namespace) -> tuple[list[BenchTask], list[TrialRecord
         if record.task in poses and same_poses((record.start, record.goal), poses[record.task])
     ]
     if len(ours) < len(records):
-        say(f"{len(records) - len(ours)} trials in {args.runs} are of other tasks: left out")
+        log(f"{len(records) - len(ours)} trials in {args.runs} are of other tasks: left out")
     return tasks, ours

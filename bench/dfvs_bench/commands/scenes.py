@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 import time
 from pathlib import Path
 from typing import Any
@@ -13,6 +12,7 @@ from dfvs_bench.report.contact_sheet import contact_sheet
 from dfvs_bench.trials.scenes import SCENES, TASKS_FILE, default_tasks, make_scenes
 from dfvs_bench.trials.settings import SETTINGS, setting_tasks
 from dfvs_bench.trials.task import BenchTask
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
 from dfvs_rooms.lighting.path_traced import BakeSettings, load_mitsuba
@@ -85,7 +85,7 @@ def _made(folder: Path, traced: BakeSettings | None) -> list[BenchTask]:
 
     def tell(text: str) -> None:
         elapsed_s = time.monotonic() - started
-        print(f"{elapsed_s:5.0f} s  {text}", file=sys.stderr, flush=True)
+        log(f"{elapsed_s:5.0f} s  {text}")
 
     tasks = make_scenes(folder, SCENES, tell, traced)
     took_s = time.monotonic() - started

@@ -11,8 +11,8 @@ from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
 
+from dfvs_common.child import end_worker_with_parent
 from dfvs_core.errors import ConfigError
-from dfvs_sim.child import end_worker_with_parent
 
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")

@@ -7,17 +7,16 @@ import contextlib
 import dataclasses
 import json
 import os
-import sys
 import tempfile
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
+from dfvs_common.progress import log
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.measurement import Try, run_answers
 from dfvs_robustness.answers.report import markdown_lines
 from dfvs_sim.options import require_folder, require_range
-
-EXIT_OK, EXIT_FAILED = 0, 1
 
 _EPILOG = """examples:
   dfvs-robustness answers                                  10 tries in every state
@@ -65,4 +64,4 @@ def run(args: argparse.Namespace) -> int:
 
 def _show(one: Try) -> None:
     line = f"{one.state:9s} {one.action:6s} {one.answer_ms:6.0f} ms  {one.problem or 'ok'}"
-    print(line, file=sys.stderr, flush=True)
+    log(line)

@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import argparse
 import shlex
-import sys
 import time
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
+from dfvs_common.progress import log
 from dfvs_robustness.answers.report import read_answers
 from dfvs_robustness.faults.matrix import (
     Case,
@@ -21,8 +22,6 @@ from dfvs_robustness.faults.matrix import (
 )
 from dfvs_robustness.faults.report import Report, make_rows
 from dfvs_sim.options import require_folder, require_range
-
-EXIT_OK, EXIT_FAILED = 0, 1
 
 _EPILOG = """examples:
   dfvs-robustness faults --only takeover --seeds 5             one fault, five times in every state
@@ -74,20 +73,20 @@ def run(args: argparse.Namespace) -> int:
     cases = plan(args.only, args.state, args.seeds)
     outcomes, violations = read_outcomes(args.keep) if args.keep else ({}, [])
     todo = [case for case in cases if case not in outcomes or not outcomes[case].has_verdict]
-    print(f"{len(todo)} of {len(cases)} cases to run", file=sys.stderr)
+    log(f"{len(todo)} of {len(cases)} cases to run")
 
     def take(result: Result) -> None:
         if args.keep:
             append_result(args.keep, result)
         violations.extend(result.violations)
         for text in result.violations:
-            print(f"  violated {text}", file=sys.stderr, flush=True)
+            log(f"  violated {text}")
         if (o := result.outcome) is not None:
             outcomes[Case(o.fault, o.state, o.seed)] = o
             word = "ok" if o.passed else f"FAILED: {o.problem}"
             left = len(set(cases) - set(outcomes))
             line = f"{o.fault:26s} {o.state:8s} seed {o.seed:<3d} {o.reaction_ms:7.0f} ms  {word}"
-            print(f"{line}  ({left} left)", file=sys.stderr, flush=True)
+            log(f"{line}  ({left} left)")
 
     run_matrix(todo, args.workers, time.monotonic() + 60.0 * args.minutes, take)
     rows = make_rows(list(outcomes.values()), all_faults())

@@ -17,6 +17,7 @@ from multiprocessing.queues import Queue
 from pathlib import Path
 from typing import TypeAlias
 
+from dfvs_common.child import end_worker_with_parent
 from dfvs_common.lifecycle import exit_on_signals
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.states import GateState
@@ -32,7 +33,6 @@ from dfvs_robustness.faults.vehicle_faults import vehicle_faults
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.records import Run
 from dfvs_robustness.harness.setup import Setup
-from dfvs_sim.child import end_worker_with_parent
 
 Todo: TypeAlias = "Queue[list[Case] | None]"
 Done: TypeAlias = "Queue[Result | None]"

@@ -2,8 +2,9 @@
 
 from __future__ import annotations
 
-import sys
 import time
+
+from dfvs_common.progress import log
 
 _PERIOD_S = 5.0
 
@@ -19,4 +20,4 @@ class ProgressLine:
         now_s = time.monotonic()
         if now_s >= self._next_s:
             self._next_s = now_s + _PERIOD_S
-            print(f"  {text}", file=sys.stderr, flush=True)
+            log(f"  {text}")

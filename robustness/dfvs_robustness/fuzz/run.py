@@ -10,8 +10,8 @@ from dataclasses import dataclass, field, fields
 from multiprocessing.pool import Pool
 from typing import Generic, Self, TypeVar
 
+from dfvs_common.child import end_worker_with_parent
 from dfvs_robustness.fuzz.finding import Finding, InvariantError
-from dfvs_sim.child import end_worker_with_parent
 
 EPISODES_PER_JOB = 8
 MOST_FINDINGS = 10

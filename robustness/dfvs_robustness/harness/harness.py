@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import math
-import os
 import socket
 import subprocess
 import sys
@@ -15,9 +14,11 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_common.lifecycle import child_environment
+from dfvs_common.child import start_child
+from dfvs_common.zenoh_session import open_session
 from dfvs_core.gate.states import GateState
 from dfvs_core.messages.topics import Topics
+from dfvs_core.messages.zenoh_settings import ZenohMode
 from dfvs_robustness.harness.camera import ScriptedCamera
 from dfvs_robustness.harness.environment import Environment
 from dfvs_robustness.harness.records import Run
@@ -25,7 +26,6 @@ from dfvs_robustness.harness.service import HarnessError, Operator, ServiceProce
 from dfvs_robustness.harness.setup import NO_RESPONSE_CHECK, Setup
 from dfvs_sim.demo.flight.ports import LOOPBACK, any_port
 from dfvs_sim.vehicle.modes import Mode
-from dfvs_sim.zenoh_session import open_client, open_peer
 
 STARTUP_S, STATE_S = 40.0, 12.0
 _MOVING_M_S = 0.05
@@ -49,8 +49,8 @@ class Harness:
         self._router: subprocess.Popen[bytes] | None = None
         if setup.via_router:
             self.start_router()
-        opened = open_client(self.endpoint) if setup.via_router else open_peer(self.endpoint)
-        self.session = self._stack.enter_context(opened)
+        mode: ZenohMode = "client" if setup.via_router else "peer"
+        self.session = self._stack.enter_context(open_session(mode, (self.endpoint,)))
         self._publisher = self.session.declare_publisher(self.topics.camera)
         camera = setup.camera(self.rng, lambda p, a: self._publisher.put(p, attachment=a))
         self.environment.camera = camera
@@ -129,8 +129,7 @@ class Harness:
     def start_router(self) -> None:
         """Start a Zenoh router in a process of its own."""
         command = [sys.executable, "-m", "dfvs_robustness.harness.router", self.endpoint]
-        environment = os.environ | child_environment()
-        self._router = subprocess.Popen(command, stdout=subprocess.PIPE, env=environment)
+        self._router = start_child(command, subprocess.PIPE, None)
         if self._router.stdout is None or self._router.stdout.readline() != b"ready\n":
             raise HarnessError("the Zenoh router does not start")
 

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import contextlib
 import json
-import os
 import secrets
 import signal
 import subprocess
@@ -19,7 +18,7 @@ from typing import Any
 import psutil
 import zenoh
 
-from dfvs_common.lifecycle import ONE_BLAS_THREAD, child_environment
+from dfvs_common.child import start_child
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.command import Command, encode_command
 from dfvs_core.gate.events import Action
@@ -84,13 +83,7 @@ class ServiceProcess:
         self.log = GateLog(runtime / "gate.jsonl")
         command = [sys.executable, "-m", "dfvs_service.cli", *words, "--runtime-dir", str(runtime)]
         with (runtime / "service.err").open("wb") as errors:
-            self.process = subprocess.Popen(
-                command,
-                stdin=subprocess.DEVNULL,
-                stdout=subprocess.DEVNULL,
-                stderr=errors,
-                env=os.environ | ONE_BLAS_THREAD | child_environment(),
-            )
+            self.process = start_child(command, subprocess.DEVNULL, errors)
         self._children: dict[str, psutil.Process] = {}
 
     def pid(self, name: str) -> int:

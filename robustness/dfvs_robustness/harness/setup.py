@@ -9,10 +9,10 @@ from pathlib import Path
 
 import numpy as np
 
+from dfvs_common.goal_file import write_goal
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import PixelFormat
 from dfvs_core.messages.goal import GoalSidecar, Mount
-from dfvs_core.messages.image import encode_png
 from dfvs_robustness.harness import network
 from dfvs_robustness.harness.camera import ScriptedCamera
 from dfvs_robustness.harness.service import KEY
@@ -62,9 +62,8 @@ class Setup:
         """Write goal image, sidecar and command key of the service."""
         if self.other_goal:
             wall = Wall(noise_texture(np.random.default_rng(8)), CAMERA, rng)
-        (folder / "goal.png").write_bytes(encode_png(wall.render(Pose())))
         sidecar = GoalSidecar(CAMERA, mount=self.mount)
-        (folder / "goal.json").write_text(sidecar.to_json(), encoding="utf-8")
+        write_goal(folder / "goal.png", wall.render(Pose()), sidecar)
         (folder / "key").write_bytes(KEY)
         (folder / "key").chmod(0o600)
 

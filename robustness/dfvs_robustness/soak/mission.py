@@ -10,12 +10,12 @@ from pathlib import Path
 
 import numpy as np
 
+from dfvs_common.child import Child
+from dfvs_common.goal_file import write_goal
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import pose_error
-from dfvs_core.messages.image import encode_png
 from dfvs_robustness.soak.holds import Hold, explain
 from dfvs_robustness.soak.sampling import Sampler
-from dfvs_sim.child import Child
 from dfvs_sim.demo.conditions import USUAL_ESTIMATE, Conditions
 from dfvs_sim.demo.flight.camera_poses import FlightError
 from dfvs_sim.demo.flight.flight import Flight, FlightSession, Log, running
@@ -168,11 +168,9 @@ class Mission(Flight):
 
     def _change_goal(self, session: FlightSession, T_scene_goal: FloatArray) -> None:
         """Order the service to another goal, and wait until it has set off."""
-        image = self._folder / "next.png"
-        image.write_bytes(encode_png(self._plan.goal_image(T_scene_goal)))
-        sidecar = self._plan.goal_sidecar(T_scene_goal).to_json()
-        image.with_suffix(".json").write_text(sidecar, encoding="utf-8")
-        self._command("goal", "--goal", str(image))
+        goal = self._folder / "next.png"
+        write_goal(goal, self._plan.goal_image(T_scene_goal), self._plan.goal_sidecar(T_scene_goal))
+        self._command("goal", "--goal", str(goal))
         self._await_under_way(session)
 
     def _start_again(self, session: FlightSession) -> None:

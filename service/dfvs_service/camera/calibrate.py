@@ -13,6 +13,7 @@ from pathlib import Path
 import cv2
 import numpy as np
 
+from dfvs_common.atomic_file import replace_file
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera.boards import Board, BoardView, parse_board
@@ -24,7 +25,7 @@ from dfvs_service.camera.open_source import open_source
 from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
 from dfvs_service.camera.source import SourceOptions
 from dfvs_service.camera.spec import CameraError, SourceKind, SourceSpec, parse_source
-from dfvs_service.settings.calibration_file import replace_file, write_calibration
+from dfvs_service.settings.calibration_file import write_calibration
 
 _RECEIVE_S = 0.25
 _NEW_SHARE = 0.06

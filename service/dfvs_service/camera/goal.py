@@ -11,6 +11,7 @@ from pathlib import Path
 
 import cv2
 
+from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.goal import Mount
 from dfvs_core.perception.vehicle_history import Motion, VehicleHistory
@@ -26,7 +27,7 @@ from dfvs_service.camera.source import check_size
 from dfvs_service.camera.spec import CameraError
 from dfvs_service.frames import CapturedImage
 from dfvs_service.route.frame_queue import FrameQueue, known_camera, open_beside
-from dfvs_service.route.goal_writer import sidecar_of, write_goal
+from dfvs_service.route.goal_sidecar import sidecar_of
 from dfvs_service.route.vehicle_state import VehicleStateListener
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from

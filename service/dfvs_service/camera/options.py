@@ -6,12 +6,12 @@ import argparse
 import dataclasses
 import os
 import re
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 
+from dfvs_common import progress
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
@@ -29,7 +29,7 @@ Log = Callable[[str], None]
 
 def log(text: str) -> None:
     """Tell the user something on standard error."""
-    print(f"camera: {text}", file=sys.stderr, flush=True)
+    progress.log(f"camera: {text}")
 
 
 def add_source_options(parser: argparse.ArgumentParser, *, required: bool) -> None:

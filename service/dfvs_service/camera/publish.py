@@ -9,8 +9,8 @@ import threading
 import time
 from collections.abc import Sequence
 
+from dfvs_common.command_line import add_version
 from dfvs_common.lifecycle import handle_ending_signals
-from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.options import (

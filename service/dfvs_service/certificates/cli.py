@@ -8,11 +8,9 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.lifecycle import run_command
-from dfvs_common.version import add_version
+from dfvs_common.command_line import add_version
+from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_core.errors import ConfigError
-
-EXIT_OK = 0
 
 _EPILOG = """\
 example:

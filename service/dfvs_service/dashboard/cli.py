@@ -9,15 +9,14 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 
-from dfvs_common.lifecycle import handle_ending_signals, run_command
-from dfvs_common.version import add_version
+from dfvs_common.command_line import add_version
+from dfvs_common.lifecycle import EXIT_OK, handle_ending_signals, run_command
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES
 from dfvs_core.messages.zenoh_settings import MAX_MESSAGE_BYTES
 from dfvs_service.dashboard.settings import dashboard_settings
 from dfvs_service.settings.key_file import create_key
 
-EXIT_OK = 0
 DEFAULT_PORT = 8470
 MAX_CONNECTIONS = 128
 

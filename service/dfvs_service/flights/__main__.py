@@ -6,7 +6,7 @@ import os
 import sys
 from collections.abc import Sequence
 
-from dfvs_common.lifecycle import EXIT_CANNOT_RUN
+from dfvs_common.lifecycle import cannot_run
 from dfvs_service.flights.process import BlackBoxProcess
 from dfvs_service.supervisor.child_process import run_child
 
@@ -19,8 +19,7 @@ def main(argv: Sequence[str] | None = None) -> int:
     try:
         return run_child("dfvs_service.flights", argv, BlackBoxProcess)
     except OSError as error:
-        print(f"error: the black box cannot run: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
+        return cannot_run(f"the black box cannot run: {error}")
 
 
 if __name__ == "__main__":

@@ -9,13 +9,12 @@ import os
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from dfvs_common.lifecycle import EXIT_OK
 from dfvs_service.flights import layout
 from dfvs_service.flights.export import export_flight
 from dfvs_service.flights.records import FlightSummary, read_summary
 from dfvs_service.flights.store import FlightStore, flights_folder
 from dfvs_service.settings.options import add_settings_options, settings_from
-
-EXIT_OK = 0
 
 _EPILOG = """\
 examples:

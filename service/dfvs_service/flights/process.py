@@ -5,11 +5,11 @@ from __future__ import annotations
 import os
 import select
 import socket
-import sys
 import time
 from types import FrameType
 
 from dfvs_common.lifecycle import ORPHANED
+from dfvs_common.progress import log
 from dfvs_service.flight_feed import split_record
 from dfvs_service.flights.black_box import BlackBox, Clock
 from dfvs_service.flights.store import FlightStore, flights_folder
@@ -75,4 +75,4 @@ class BlackBoxProcess:
 
 
 def _warn(line: str) -> None:
-    print(f"warning: {line}", file=sys.stderr, flush=True)
+    log(f"warning: {line}")

@@ -11,13 +11,11 @@ import traceback
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.lifecycle import ORPHANED, end_with_parent
+from dfvs_common.lifecycle import EXIT_FAILED, ORPHANED, cannot_run, end_with_parent
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.config import Engage
 from dfvs_service.gate.autopilot import Autopilot
 from dfvs_service.gate.process import (
-    EXIT_CANNOT_RUN,
-    EXIT_ENDED,
     GateProcess,
     SilentLink,
     start_autopilot,
@@ -63,12 +61,11 @@ def run() -> None:
     try:
         code = main()
     except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        code = EXIT_CANNOT_RUN
+        code = cannot_run(error)
     except Exception as error:  # noqa: BLE001 - the one place; whatever it is, the end is silence
         traceback.print_exc()
         print(f"error: the gate failed and is silent ({error!r})", file=sys.stderr)
-        code = EXIT_ENDED
+        code = EXIT_FAILED
     sys.stderr.flush()
     # MAVSDK's threads need not be waited for: nothing of theirs sends setpoints.
     os._exit(code)

@@ -15,6 +15,7 @@ from collections.abc import Callable
 from types import FrameType
 from typing import Protocol
 
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.authority import Authority
 from dfvs_core.gate.config import MS, S
@@ -46,8 +47,6 @@ TICK_NS = 20 * MS
 _CHECKED = frozenset({GateState.IDLE, GateState.PREFLIGHT, GateState.READY})
 
 _MAX_FAULTS = 3
-
-EXIT_REACHED, EXIT_ENDED, EXIT_CANNOT_RUN = 0, 1, 2
 
 
 class AutopilotLink(Protocol):
@@ -239,9 +238,9 @@ class GateProcess:
         if (problem := self._startup_problem(now_ns)) is not None:
             raise problem
         if self._stopping and machine.is_finished:
-            return EXIT_REACHED if machine.has_reached else EXIT_ENDED
+            return EXIT_OK if machine.has_reached else EXIT_FAILED
         if self._config.gate.exit_when_done and machine.is_finished:
-            return EXIT_REACHED if machine.has_reached else EXIT_ENDED
+            return EXIT_OK if machine.has_reached else EXIT_FAILED
         return None
 
     def _startup_problem(self, now_ns: int) -> DfvsError | None:

@@ -8,8 +8,9 @@ import sys
 import time
 from collections.abc import Sequence
 
-from dfvs_common.lifecycle import handle_ending_signals, run_command
-from dfvs_common.version import add_version
+from dfvs_common.command_line import add_version
+from dfvs_common.lifecycle import EXIT_OK, handle_ending_signals, run_command
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
@@ -17,7 +18,6 @@ from dfvs_service.record.preparation import require_record_extra
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
-EXIT_OK = 0
 DEFAULT_PORT = 8765
 _REPEAT_S = 1.0
 
@@ -69,7 +69,7 @@ def _serve(config: ServiceConfig, port: int) -> int:
     from dfvs_service.record.translation import Translation
 
     server = FoxgloveServer(f"dfvs {config.vehicle.name}", port)
-    print(f"serving ws://{LOOPBACK}:{server.port}", file=sys.stderr, flush=True)
+    log(f"serving ws://{LOOPBACK}:{server.port}")
     follower = Follower(config)
     handle_ending_signals(follower.stop)
     translation: Translation | None = None

@@ -7,12 +7,11 @@ import importlib.util
 import sys
 from collections.abc import Sequence
 
-from dfvs_common.lifecycle import run_command
-from dfvs_common.version import add_version
+from dfvs_common.command_line import add_version
+from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_core.errors import ConfigError
 from dfvs_service.settings.options import add_settings_options, settings_from
 
-EXIT_OK = 0
 DEFAULT_PORT = 9464
 LOOPBACK = "127.0.0.1"
 

@@ -5,7 +5,6 @@ from __future__ import annotations
 import contextlib
 import json
 import os
-import sys
 import threading
 import time
 
@@ -13,6 +12,7 @@ import zenoh
 from prometheus_client import CollectorRegistry, start_http_server
 
 from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.topics import Topics
 from dfvs_service.command import operators_zenoh
@@ -44,7 +44,7 @@ def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
         raise ConfigError(
             f"cannot serve on {address}:{port} ({error})", "a free port", "try --port"
         ) from error
-    print(f"serving http://{address}:{server.server_port}/metrics", file=sys.stderr, flush=True)
+    log(f"serving http://{address}:{server.server_port}/metrics")
     session = _connect(config, stopped)
     if session is not None:
         with session:

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import queue
-import sys
 from collections.abc import Callable
 from pathlib import Path
 
 import zenoh
 import zenoh.ext
 
+from dfvs_common.progress import log
 from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity
@@ -43,7 +43,7 @@ class CameraDoubts:
             problem = disagreement(self._camera, announced)
         if problem and problem not in self._reported and len(self._reported) < _MOST_WARNINGS:
             self._reported.add(problem)
-            print(f"warning: {problem}", file=sys.stderr, flush=True)
+            log(f"warning: {problem}")
 
 
 def subscribe_calibration(

@@ -9,12 +9,11 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.lifecycle import handle_ending_signals, run_command
-from dfvs_common.version import add_version
+from dfvs_common.command_line import add_version
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, handle_ending_signals, run_command
+from dfvs_common.progress import StatusLine, log
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
 from dfvs_service.settings.options import add_settings_options, settings_from
-
-EXIT_OK, EXIT_NOTHING = 0, 1
 
 _EXAMPLE = """\
 example, beside a running dfvs-service:
@@ -54,15 +53,15 @@ def _record(words: Sequence[str]) -> int:
     require_record_extra()
     from dfvs_service.record.follow import Follower
     from dfvs_service.record.process import record
-    from dfvs_service.record.progress import ProgressLine
+    from dfvs_service.record.progress import progress_text
 
     folder = prepare_folder(arguments.out)
     follower = Follower(config)
     handle_ending_signals(follower.stop)
-    print(f"recording {config.vehicle.name} in {folder}", file=sys.stderr, flush=True)
-    progress = ProgressLine(sys.stderr)
-    summary = record(config, folder, follower, progress.show)
-    progress.close()
+    log(f"recording {config.vehicle.name} in {folder}")
+    line = StatusLine()
+    summary = record(config, folder, follower, lambda state: line.show(progress_text(state)))
+    line.end()
     counts = summary.counts
     if arguments.json:
         print(json.dumps(dataclasses.asdict(summary)))
@@ -71,7 +70,7 @@ def _record(words: Sequence[str]) -> int:
             f"{counts.records} records, {summary.size_bytes / 1e6:.1f} MB in {summary.folder}/"
             f"{summary.name}-*.mcap; {counts.missing} missing, {counts.dropped} dropped"
         )
-    return EXIT_OK if counts.records else EXIT_NOTHING
+    return EXIT_OK if counts.records else EXIT_FAILED
 
 
 def _recover(words: Sequence[str]) -> int:
@@ -92,7 +91,7 @@ def _recover(words: Sequence[str]) -> int:
     target = arguments.out or source.with_name(f"{source.stem}-recovered.mcap")
     count = recover(source, target)
     print(f"{count} messages in {target}")
-    return EXIT_OK if count else EXIT_NOTHING
+    return EXIT_OK if count else EXIT_FAILED
 
 
 if __name__ == "__main__":

@@ -5,18 +5,17 @@ from __future__ import annotations
 import argparse
 import json
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.lifecycle import run_command
-from dfvs_common.version import add_version
+from dfvs_common.command_line import add_version
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
+from dfvs_common.progress import StatusLine
 from dfvs_core.errors import ConfigError
 from dfvs_service.page.page import require_page_extra
 from dfvs_service.record.preparation import require_record_extra
 from dfvs_service.supervisor.child import use_one_blas_thread
 
-EXIT_OK, EXIT_DIFFERS = 0, 1
 _SHOW_S = 0.5
 
 _EXAMPLE = """\
@@ -72,9 +71,11 @@ def _replay(arguments: argparse.Namespace) -> int:
     from dfvs_service.settings.config import load_config
 
     settings = None if arguments.config is None else load_config(arguments.config, {})
-    progress = _Progress()
-    result = replay(arguments.files, Trial(settings, arguments.bundle), progress.show)
-    progress.close()
+    progress = StatusLine(interval_s=_SHOW_S)
+    result = replay(
+        arguments.files, Trial(settings, arguments.bundle), lambda n: progress.show(f"{n} frames")
+    )
+    progress.clear()
     comparison = compare(result.frames)
     text = text_report(comparison, result.reasons)
     print(text)
@@ -85,24 +86,7 @@ def _replay(arguments: argparse.Namespace) -> int:
         page = html_report(comparison, result, arguments.files[0].name)
         write_whole(arguments.html, page)
     must_match = not result.reasons and result.frames
-    return EXIT_DIFFERS if must_match and not comparison.is_identical else EXIT_OK
-
-
-class _Progress:
-    """Counts frames on one line of a terminal."""
-
-    def __init__(self) -> None:
-        self._shown = sys.stderr.isatty()
-        self._next_s = 0.0
-
-    def show(self, frames: int) -> None:
-        if self._shown and time.monotonic() >= self._next_s:
-            self._next_s = time.monotonic() + _SHOW_S
-            print(f"\r\x1b[K{frames} frames", end="", file=sys.stderr, flush=True)
-
-    def close(self) -> None:
-        if self._shown:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
+    return EXIT_FAILED if must_match and not comparison.is_identical else EXIT_OK
 
 
 if __name__ == "__main__":

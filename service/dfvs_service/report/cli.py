@@ -6,14 +6,14 @@ import argparse
 import json
 import os
 import sys
-import time
 from collections.abc import Sequence
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from dfvs_common.atomic_file import write_atomic
-from dfvs_common.lifecycle import run_command
-from dfvs_common.version import add_version
+from dfvs_common.atomic_file import replace_file
+from dfvs_common.command_line import add_version
+from dfvs_common.lifecycle import EXIT_OK, run_command
+from dfvs_common.progress import StatusLine
 from dfvs_core.errors import ConfigError
 from dfvs_service.flights.store import FlightStore, flights_folder
 from dfvs_service.page.page import require_page_extra
@@ -22,9 +22,8 @@ from dfvs_service.settings.options import add_settings_options, settings_from
 from dfvs_service.supervisor.child import use_one_blas_thread
 
 if TYPE_CHECKING:
-    from dfvs_service.report.flight import FlightSource, FlightView
+    from dfvs_service.report.flight import FlightSource
 
-EXIT_OK = 0
 _NICENESS = 10
 _SHOW_S = 0.5
 
@@ -105,15 +104,13 @@ def _write(arguments: argparse.Namespace) -> int:
     flight = source.read()
     if arguments.truth is not None:
         add_truth(flight, arguments.truth)
-    progress = _Progress(flight.line.to_s)
-    text = make_report(source, flight, video, progress.show)
-    progress.close()
-    try:
-        write_atomic(page, text.encode())
-    except OSError as error:
-        raise ConfigError(
-            f"{page} cannot be written ({error.strerror})", "a folder that exists and is writable"
-        ) from error
+    progress = StatusLine(interval_s=_SHOW_S)
+    of = f"of {flight.line.to_s:.0f} s"
+    text = make_report(
+        source, flight, video, lambda view: progress.show(f"film: {view.t_s:.0f} {of}")
+    )
+    progress.clear()
+    replace_file(page, text.encode())
     written = [path for path in (page, video) if path.exists()]
     if arguments.json:
         files = [str(path) for path in written]
@@ -130,25 +127,6 @@ def _source(arguments: argparse.Namespace) -> FlightSource:
         flights = flights_folder(settings_from(arguments).black_box, os.environ)
         paths = [FlightStore(flights).folder(paths[0].name)]
     return open_flight(*paths)
-
-
-class _Progress:
-    """Shows on one line of a terminal how far the video is."""
-
-    def __init__(self, to_s: float) -> None:
-        self._shown = sys.stderr.isatty()
-        self._to_s = to_s
-        self._next_s = 0.0
-
-    def show(self, view: FlightView) -> None:
-        if self._shown and time.monotonic() >= self._next_s:
-            self._next_s = time.monotonic() + _SHOW_S
-            line = f"\r\x1b[Kfilm: {view.t_s:.0f} of {self._to_s:.0f} s"
-            print(line, end="", file=sys.stderr, flush=True)
-
-    def close(self) -> None:
-        if self._shown:
-            print("\r\x1b[K", end="", file=sys.stderr, flush=True)
 
 
 if __name__ == "__main__":

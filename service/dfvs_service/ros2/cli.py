@@ -10,14 +10,14 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from dfvs_common.lifecycle import handle_ending_signals, run_command
-from dfvs_common.version import add_version
+from dfvs_common.command_line import add_version
+from dfvs_common.lifecycle import EXIT_OK, handle_ending_signals, run_command
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.ros2 import Ros2Link
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
-EXIT_OK = 0
 _EPILOG = """\
 examples:
   dfvs-ros2 --link rmw --config service.toml      ros2 topic echo /drone1/dfvs/setpoint
@@ -97,12 +97,12 @@ def _relay(config: ServiceConfig, arguments: argparse.Namespace, stop: threading
             ros = stack.enter_context(other)
         relay = Relay(config.vehicle.name, (service, ros), link, arguments.domain)
         names = ", ".join(f"/{publisher.topic.plain}" for publisher in relay.publishers)
-        print(f"publishing {names}", file=sys.stderr, flush=True)
+        log(f"publishing {names}")
         stop.wait()
 
 
 def _log(line: str) -> None:
-    print(f"ros2: {line}", file=sys.stderr, flush=True)
+    log(f"ros2: {line}")
 
 
 if __name__ == "__main__":

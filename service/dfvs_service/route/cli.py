@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import sys
 import threading
 import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, handle_ending_signals
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import Frame, decode_frame, decode_header
 from dfvs_core.perception.route_recording import RouteRecordingLimits
@@ -23,7 +23,6 @@ from dfvs_service.route.recording import (
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
 
-EXIT_OK, EXIT_NOTHING = 0, 1
 _RECEIVE_S = 0.25
 _REPORT_S = 2.0
 _EPILOG = """\
@@ -70,7 +69,7 @@ def run(words: Sequence[str]) -> int:
     limits = RouteRecordingLimits(overlap=arguments.overlap)
     count = _record_route(config, arguments.out, limits, stop)
     print(f"{count} goals in {arguments.out}")
-    return EXIT_OK if count else EXIT_NOTHING
+    return EXIT_OK if count else EXIT_FAILED
 
 
 def _record_route(
@@ -111,4 +110,4 @@ def _decoded(sample: RawSample) -> Frame:
 
 
 def _log(text: str) -> None:
-    print(f"teach: {text}", file=sys.stderr, flush=True)
+    log(f"teach: {text}")

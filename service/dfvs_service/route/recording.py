@@ -7,6 +7,7 @@ import enum
 from collections.abc import Callable, Sequence
 from pathlib import Path
 
+from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.matcher import Matcher
@@ -19,7 +20,7 @@ from dfvs_core.servo.config import BY_NETWORK
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
 from dfvs_service.perception.frame_processor import FrameProcessor
-from dfvs_service.route.goal_writer import sidecar_of, write_goal
+from dfvs_service.route.goal_sidecar import sidecar_of
 from dfvs_service.settings.config import ServiceConfig
 
 _ROUTE_RECORDING = "ROUTE_RECORDING"

@@ -10,7 +10,7 @@ import dataclasses
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.atomic_file import write_atomic
+from dfvs_common.atomic_file import replace_file
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.settings.config import ServiceConfig, load_config
@@ -34,22 +34,6 @@ def write_calibration(path: Path, camera: CameraModel, remarks: Sequence[str]) -
         f"distortion = [{numbers}]",
     ]
     replace_file(path, ("\n".join(lines) + "\n").encode())
-
-
-def replace_file(path: Path, data: bytes) -> None:
-    """Write a file, complete or not at all.
-
-    Raises
-    ------
-    ConfigError
-        If it cannot be written.
-    """
-    try:
-        write_atomic(path, data)
-    except OSError as error:
-        raise ConfigError(
-            f"{path} cannot be written ({error.strerror})", "a folder that exists and is writable"
-        ) from error
 
 
 def read_calibration(path: Path) -> CameraModel:

@@ -10,7 +10,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.lifecycle import ONE_BLAS_THREAD, child_environment
+from dfvs_common.child import start_child
+from dfvs_common.lifecycle import ONE_BLAS_THREAD
 
 STEADY_HEAP = {
     "MALLOC_ARENA_MAX": "1",
@@ -49,12 +50,8 @@ class Child:
         self._stderr = stderr
         self._read = 0
         with stderr.open("wb") as errors:
-            self._process = subprocess.Popen(
-                list(command),
-                stdin=subprocess.PIPE,
-                stdout=subprocess.DEVNULL,
-                stderr=errors,
-                env=STEADY_HEAP | os.environ | ONE_BLAS_THREAD | child_environment(),
+            self._process = start_child(
+                command, subprocess.DEVNULL, errors, subprocess.PIPE, STEADY_HEAP
             )
         if self._process.stdin is None:
             raise RuntimeError("the child has no standard input")

@@ -4,13 +4,12 @@ from __future__ import annotations
 
 import argparse
 import signal
-import sys
 from collections.abc import Callable, Sequence
 from pathlib import Path
 from types import FrameType
 from typing import Protocol
 
-from dfvs_common.lifecycle import EXIT_CANNOT_RUN, ORPHANED, end_with_parent
+from dfvs_common.lifecycle import EXIT_OK, ORPHANED, cannot_run, end_with_parent
 from dfvs_core.errors import DfvsError
 from dfvs_service.settings.config import ServiceConfig, config_from_json
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -63,6 +62,5 @@ def run_child(
             signal.signal(number, process.stop)
         process.run()
     except DfvsError as error:
-        print(f"error: {error}", file=sys.stderr)
-        return EXIT_CANNOT_RUN
-    return 0
+        return cannot_run(error)
+    return EXIT_OK

@@ -18,7 +18,7 @@ from dataclasses import dataclass
 from pathlib import Path
 from types import FrameType
 
-from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.lifecycle import EXIT_CANNOT_RUN, EXIT_FAILED, handle_ending_signals
 from dfvs_core.errors import WireError
 from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_core.messages.goal import Goal
@@ -34,8 +34,6 @@ from dfvs_service.supervisor.heartbeat import Heartbeat
 from dfvs_service.supervisor.journal import Journal
 from dfvs_service.supervisor.priority import prefer_this_process
 from dfvs_service.supervisor.systemd_notify import Notifier
-
-EXIT_ENDED, EXIT_CANNOT_RUN = 1, 2
 
 _POLL_S = 0.02
 _PING_NS = 100 * MS
@@ -148,7 +146,7 @@ class Parent:
         if self._code is not None:
             return self._code
         code = self._gate.code
-        return code if code is not None and 0 <= code <= EXIT_CANNOT_RUN else EXIT_ENDED
+        return code if code is not None and 0 <= code <= EXIT_CANNOT_RUN else EXIT_FAILED
 
     def _report_end(self) -> None:
         """Say that the gate did not end by itself."""
@@ -162,7 +160,7 @@ class Parent:
         now_ns = time.monotonic_ns()
         if self._hang_detector.is_overdue(now_ns):
             self._gate.kill()
-            self._code = EXIT_ENDED
+            self._code = EXIT_FAILED
             self._report(
                 "error: the gate hung and was killed; the autopilot's failsafe has the vehicle"
             )
@@ -197,7 +195,7 @@ class Parent:
             return
         self._report(f"warning: {name} {child.describe_end()}")
         if self._heartbeat.state not in ENGAGED:
-            self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_ENDED
+            self._code = EXIT_CANNOT_RUN if code == EXIT_CANNOT_RUN else EXIT_FAILED
             self._stop_requested = True
 
     def _check_recorders(self) -> None:
@@ -228,7 +226,7 @@ class Parent:
             self._gate.ping()
         if self._gate.code is None:
             self._gate.kill()
-            self._code = EXIT_ENDED
+            self._code = EXIT_FAILED
             self._report("error: the gate did not end in time and was killed")
 
     def _end_all(self) -> None:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
-import sys
 import threading
 from typing import Any
 
@@ -13,6 +12,8 @@ import numpy as np
 import zenoh
 
 from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.progress import log
+from dfvs_common.zenoh_session import open_session
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
@@ -28,7 +29,6 @@ from dfvs_sim.options import add_camera_options, add_scene_option, camera_from, 
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
-from dfvs_sim.zenoh_session import open_peer
 
 _FORMATS = {
     "jpeg": PixelFormat.JPEG,
@@ -103,17 +103,17 @@ def run(args: argparse.Namespace) -> int:
         link = stack.enter_context(GroundLink(args.mavlink))
         if args.share is not None:
             stack.enter_context(LinkSharing(link, args.share))
-        session = stack.enter_context(open_peer(args.connect))
+        session = stack.enter_context(open_session("peer", (args.connect,)))
         tracker = PoseTracker(link)
 
         def T_scene_camera(t_ns: int) -> FloatArray | None:
             pose = tracker.pose_at(t_ns)
             return None if pose is None else T_scene_local @ pose.T_local_body() @ T_body_camera
 
-        print(f"camera: waiting for a vehicle on {args.mavlink}", file=sys.stderr, flush=True)
+        log(f"camera: waiting for a vehicle on {args.mavlink}")
         tracker.start()
         publish, key = _publisher(args, config, session)
-        print(f"camera: publishing on {key}", file=sys.stderr, flush=True)
+        log(f"camera: publishing on {key}")
         MockCamera(config, renderer, T_scene_camera, publish).run(stop)
     return 0
 

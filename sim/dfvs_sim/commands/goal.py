@@ -6,13 +6,12 @@ import argparse
 from pathlib import Path
 from typing import Any
 
-from dfvs_common.atomic_file import write_atomic
+from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import R_BODY_FORWARD_CAMERA, euler_from_rotation
 from dfvs_core.messages.goal import GoalSidecar
-from dfvs_core.messages.image import encode_png
 from dfvs_sim.options import (
     add_camera_options,
     add_scene_option,
@@ -82,32 +81,9 @@ def run(args: argparse.Namespace) -> int:
     if not (view.depth_m > 0).any():
         raise ConfigError("the camera sees nothing of the scene", "a pose inside the scene")
     sidecar = _sidecar(camera, T_world_camera)
-    write_goal(args.out, encode_png(view.image), sidecar)
-    print(f"wrote {args.out} and {sidecar_path(args.out)}")
+    write_goal(args.out, view.image, sidecar)
+    print(f"wrote {args.out} and {args.out.with_suffix('.json')}")
     return 0
-
-
-def sidecar_path(image: Path) -> Path:
-    """Where the sidecar of a goal image lies."""
-    return image.with_suffix(".json")
-
-
-def write_goal(image: Path, png: bytes, sidecar: GoalSidecar) -> None:
-    """Write a goal's two files, each complete or not at all.
-
-    Raises
-    ------
-    ConfigError
-        If the folder cannot be written to.
-    """
-    contents = {sidecar_path(image): sidecar.to_json().encode(), image: png}
-    try:
-        for path, data in contents.items():
-            write_atomic(path, data)
-    except OSError as error:
-        raise ConfigError(
-            f"{image} cannot be written ({error.strerror})", "a folder that exists", "check --out"
-        ) from error
 
 
 def _sidecar(camera: CameraModel, T_world_camera: FloatArray) -> GoalSidecar:

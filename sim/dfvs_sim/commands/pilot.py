@@ -7,6 +7,7 @@ import sys
 from collections.abc import Callable, Iterable, Sequence
 from typing import Any
 
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import LEAST_HEIGHT_M, MOST_HEIGHT_M, USUAL_HEIGHT_M, Pilot
@@ -65,7 +66,7 @@ def run(args: argparse.Namespace) -> int:
         parse(args.words)  # an error in the words comes before the wait for a vehicle
     with GroundLink(args.mavlink, args.system_id) as link:
         pilot = Pilot(link, log=print)
-        print(f"pilot: waiting for a vehicle on {args.mavlink}", file=sys.stderr, flush=True)
+        log(f"pilot: waiting for a vehicle on {args.mavlink}")
         link.wait_for_vehicle(_VEHICLE_S)
         if args.words:
             execute(pilot, args.words)

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 import math
-import sys
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 from dfvs_sim.dynamics.wind import WindGrade
@@ -77,11 +77,9 @@ def run(args: argparse.Namespace) -> int:
     """Fly until interrupted; exit code 0."""
     config = config_from_args(args)
     stop = stop_on_signals()
-    print(
+    log(
         f"vehicle: companion link to UDP {config.companion.remote}, "
-        f"ground station link to UDP {config.ground.remote}",
-        file=sys.stderr,
-        flush=True,
+        f"ground station link to UDP {config.ground.remote}"
     )
     run_vehicle(config, stop)
     return 0

@@ -6,7 +6,7 @@ import argparse
 import contextlib
 import time
 
-from dfvs_sim.child import Child
+from dfvs_common.child import Child
 from dfvs_sim.ground.sharing import DEFAULT_PORT
 
 _POLL_S = 0.2

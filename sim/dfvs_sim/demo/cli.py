@@ -7,8 +7,8 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
+from dfvs_common.command_line import add_version
 from dfvs_common.lifecycle import run_command
-from dfvs_common.version import add_version
 from dfvs_core.errors import ConfigError
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from, refuse_conditions
 from dfvs_sim.demo.fleet import check_vehicles

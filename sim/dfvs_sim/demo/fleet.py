@@ -12,9 +12,9 @@ from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.child import end_all
 from dfvs_common.lifecycle import child_environment
 from dfvs_core.errors import ConfigError
-from dfvs_sim.child import end_all
 
 MOST_VEHICLES = 4
 NO_FLIGHT = "no flight"

@@ -6,6 +6,7 @@ import argparse
 import sys
 from pathlib import Path
 
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import ConfigError
 from dfvs_sim.demo.conditions import Conditions, conditions_from
 from dfvs_sim.demo.fleet import Member, fly_together
@@ -26,9 +27,6 @@ from dfvs_sim.scene.glb import load_glb
 
 DOORWAY_ROUTE = ("0,-2,-1.3,90", "0,-1,-1.3,77", "0.1,-0.15,-1.3,47", "0.2,0.7,-1.3,16")
 """Start and goals in the two rooms: eastwards through the doorway, then round to the north."""
-
-
-EXIT_OK, EXIT_NOT_REACHED = 0, 1
 
 
 def fly_fleet(args: argparse.Namespace, words: tuple[str, ...], progress: Progress) -> int:
@@ -52,7 +50,7 @@ def fly_fleet(args: argparse.Namespace, words: tuple[str, ...], progress: Progre
     print(flight_table(documents))
     if args.json is not None:
         replace_json(args.json, documents)
-    return EXIT_OK if not any(codes) else max(EXIT_NOT_REACHED, *codes)
+    return EXIT_OK if not any(codes) else max(EXIT_FAILED, *codes)
 
 
 def fly_seeds(args: argparse.Namespace, progress: Progress) -> int:
@@ -78,7 +76,7 @@ def fly_seeds(args: argparse.Namespace, progress: Progress) -> int:
         _write_json(args, summaries)
     if args.runs > 1:
         print(flight_table([s.to_json() for s in summaries]))
-    return EXIT_OK if all(s.converged for s in summaries) else EXIT_NOT_REACHED
+    return EXIT_OK if all(s.converged for s in summaries) else EXIT_FAILED
 
 
 def _take_route(args: argparse.Namespace) -> None:

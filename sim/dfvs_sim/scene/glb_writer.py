@@ -87,8 +87,8 @@ def save_glb(path: str | Path, scene: Scene, quality: int = 70) -> None:
     low = corners.min(axis=0)
     scale = float(np.max(corners.max(axis=0) - low)) or 1.0
     primitives = []
-    for texture in np.unique(scene.texture_index):
-        primitives.append(_primitive(writer, scene, int(texture), (low, scale)))
+    for number in np.unique(scene.texture_index):
+        primitives.append(_primitive(writer, scene, int(number), (low, scale)))
     writer.json["meshes"] = [{"primitives": primitives}]
     node = {"mesh": 0, "translation": low.tolist(), "scale": [scale] * 3}
     writer.json |= {"nodes": [node], "scenes": [{"nodes": [0]}], "scene": 0}

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from box_sight import CAMERA, CLOCK, MS, KnowingMatcher, picture
 
+from dfvs_common.goal_file import write_goal
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import Frame, PixelFormat, decode_frame, decode_header, encode_frame
 from dfvs_core.messages.goal import Mount
@@ -13,7 +14,7 @@ from dfvs_core.messages.link import VehicleState
 from dfvs_core.perception.route_recording import RouteRecordingLimits
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks
-from dfvs_service.route.goal_writer import sidecar_of, write_goal
+from dfvs_service.route.goal_sidecar import sidecar_of
 from dfvs_service.route.recording import (
     Event,
     RouteRecorder,

@@ -14,10 +14,10 @@ from pathlib import Path
 
 import numpy as np
 
+from dfvs_common.child import end_worker_with_parent
 from dfvs_core.perception.frame_validator import Admission, Expected, GuardState, admit
 from dfvs_robustness.fuzz.frames.hostile_frames import CAMERA, CLOCK, NOW_NS, Corpus, HostileFrame
 from dfvs_robustness.fuzz.random_source import RandomSource
-from dfvs_sim.child import end_worker_with_parent
 
 EXPECTED = Expected(CAMERA, CLOCK)
 FRAMES_PER_JOB = 500

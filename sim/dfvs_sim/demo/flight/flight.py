@@ -9,11 +9,12 @@ from collections.abc import Callable, Iterator
 from dataclasses import dataclass
 from pathlib import Path
 
+from dfvs_common.child import Child
+from dfvs_common.goal_file import write_goal
+from dfvs_common.zenoh_session import open_session
 from dfvs_core.errors import DfvsError
-from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig
-from dfvs_sim.child import Child
 from dfvs_sim.demo.flight.camera_link import CameraLink, camera_link
 from dfvs_sim.demo.flight.camera_poses import FlightError, anchored_poses
 from dfvs_sim.demo.flight.engagement import ENDED, READY, UNDER_WAY, Engagement, engagement_of
@@ -28,7 +29,6 @@ from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.ground.pose import PoseTracker
-from dfvs_sim.zenoh_session import open_peer
 
 _STARTUP_S = 40.0
 _SETTLE_S = 1.0
@@ -133,9 +133,7 @@ class Flight:
 
     def _write_goals(self) -> None:
         for path, pose in zip(self._goal_images(), self._plan.goals, strict=True):
-            path.write_bytes(encode_png(self._plan.goal_image(pose)))
-            sidecar = self._plan.goal_sidecar(pose).to_json()
-            path.with_suffix(".json").write_text(sidecar, encoding="utf-8")
+            write_goal(path, self._plan.goal_image(pose), self._plan.goal_sidecar(pose))
 
     def _start(self, stack: contextlib.ExitStack) -> FlightSession:
         """Start everything, up to a service that is ready beside a vehicle in the air."""
@@ -147,7 +145,7 @@ class Flight:
         take_off = self._take_off()
         to_scene = anchored_poses(self._plan, tracker, take_off.height_m)
         track = Track(to_scene, self._plan.T_scene_goal)
-        session = stack.enter_context(open_peer(self._ports.zenoh_endpoint))
+        session = stack.enter_context(open_session("peer", (self._ports.zenoh_endpoint,)))
         camera = MockCamera(
             self._camera_config(), self._plan.renderer, to_scene, self._link.publisher(session)
         )

@@ -6,7 +6,7 @@ from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path
 
-from dfvs_sim.child import Child
+from dfvs_common.child import Child
 from dfvs_sim.demo.flight.camera_link import CameraLink
 from dfvs_sim.demo.flight.ports import LOOPBACK, FlightPorts
 from dfvs_sim.demo.image_size import service_threads

@@ -5,8 +5,8 @@ from __future__ import annotations
 import json
 from pathlib import Path
 
+from dfvs_common.child import Child
 from dfvs_core.errors import DfvsError
-from dfvs_sim.child import Child
 from dfvs_sim.demo.flight.engagement import option_values
 from dfvs_sim.demo.flight.track import Track
 

@@ -1,23 +1,32 @@
-"""How every command line of the simulator ends: an exit code, and one line where it cannot run."""
+"""Command lines of several commands: parsing, exit codes, one-line errors, ``--version``."""
 
 from __future__ import annotations
 
 import argparse
-import sys
 from collections.abc import Callable, Iterable, Sequence
+from importlib.metadata import version
 from typing import Any
 
 from dfvs_common import lifecycle
-from dfvs_common.version import add_version
-
-AddParser = Callable[[Any], None]
-"""Adds a subcommand to what ``ArgumentParser.add_subparsers`` gave."""
 
 
-def run_program(argv: Sequence[str] | None, commands: Iterable[AddParser], **texts: str) -> int:
+def add_version(parser: argparse.ArgumentParser) -> None:
+    """Add ``--version``: prints program and version of the distribution, exit code 0."""
+    parser.add_argument(
+        "--version",
+        action="version",
+        version=f"{parser.prog} {version('dfvs')}",
+        help="print the version and exit",
+    )
+
+
+def run_program(
+    argv: Sequence[str] | None, commands: Iterable[Callable[[Any], None]], **texts: str
+) -> int:
     """Run one of the commands of a program; its exit code.
 
-    ``texts`` are argparse's ``prog``, ``description`` and ``epilog``.
+    ``texts`` are argparse's ``prog``, ``description`` and ``epilog``; each of the commands adds
+    its parser to what ``ArgumentParser.add_subparsers`` gave.
     """
     formatter = argparse.RawDescriptionHelpFormatter
     parser = argparse.ArgumentParser(formatter_class=formatter, **texts)  # type: ignore[arg-type]
@@ -25,10 +34,10 @@ def run_program(argv: Sequence[str] | None, commands: Iterable[AddParser], **tex
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for add_parser in commands:
         add_parser(subparsers)
-    return run_command(parser, argv)
+    return run_subcommand(parser, argv)
 
 
-def run_command(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
+def run_subcommand(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:
     """Parse, call the chosen command's ``run(args)``, and turn errors into exit codes."""
     args = parser.parse_args(argv)
     return lifecycle.run_command(lambda: _run(args))
@@ -39,5 +48,4 @@ def _run(args: argparse.Namespace) -> int:
         return int(args.run(args))
     except OSError as error:  # a full disk, a folder without rights
         where = f"{error.filename}: " if error.filename else ""
-        print(f"error: {where}{error.strerror or error}", file=sys.stderr)
-        return lifecycle.EXIT_CANNOT_RUN
+        return lifecycle.cannot_run(f"{where}{error.strerror or error}")

@@ -1,4 +1,4 @@
-"""Child processes: they end with this one, and for certain when their context is left."""
+"""Child processes, which end with this one."""
 
 from __future__ import annotations
 
@@ -8,10 +8,10 @@ import os
 import subprocess
 import sys
 import time
-from collections.abc import Sequence
+from collections.abc import Mapping, Sequence
 from pathlib import Path
 from types import TracebackType
-from typing import Any, Self
+from typing import IO, Any, Self
 
 from dfvs_common.lifecycle import ONE_BLAS_THREAD, child_environment, end_with_parent
 
@@ -19,11 +19,28 @@ _GRACE_S = 4.0
 _TAIL_LINES = 6
 
 
-def end_worker_with_parent() -> None:
-    """Have a worker process of ``multiprocessing`` end when its parent is gone."""
-    parent = multiprocessing.parent_process()
-    if parent is not None:
-        end_with_parent(parent.pid)
+def start_child(
+    command: Sequence[str],
+    stdout: int | IO[bytes] | None,
+    stderr: int | IO[bytes] | None,
+    stdin: int = subprocess.DEVNULL,
+    environment: Mapping[str, str] | None = None,
+) -> subprocess.Popen[bytes]:
+    """Start a process that ends with this one and uses one BLAS thread.
+
+    It has to call :func:`end_with_parent`, as :func:`run_command` does.
+
+    Parameters
+    ----------
+    command : sequence of str
+        Program and its arguments.
+    stdout, stderr, stdin
+        As ``subprocess.Popen`` takes them.
+    environment : mapping, optional
+        Further variables; those of this process count before them.
+    """
+    variables = {**(environment or {}), **os.environ, **ONE_BLAS_THREAD, **child_environment()}
+    return subprocess.Popen(command, stdin=stdin, stdout=stdout, stderr=stderr, env=variables)
 
 
 def end_all(processes: Sequence[subprocess.Popen[Any]], grace_s: float) -> None:
@@ -38,6 +55,13 @@ def end_all(processes: Sequence[subprocess.Popen[Any]], grace_s: float) -> None:
         except subprocess.TimeoutExpired:
             process.kill()
             process.wait()
+
+
+def end_worker_with_parent() -> None:
+    """Have a worker process of ``multiprocessing`` end when its parent is gone."""
+    parent = multiprocessing.parent_process()
+    if parent is not None:
+        end_with_parent(parent.pid)
 
 
 class Child:
@@ -56,20 +80,14 @@ class Child:
     def __init__(self, name: str, arguments: list[str], log: Path | None = None) -> None:
         self.name = name
         self.log = log
-        self._arguments = [sys.executable, "-m", *arguments]
+        self._command = [sys.executable, "-m", *arguments]
         self._process: subprocess.Popen[bytes] | None = None
 
     def __enter__(self) -> Self:
         """Start it."""
         with contextlib.ExitStack() as stack:
             output = None if self.log is None else stack.enter_context(self.log.open("wb"))
-            self._process = subprocess.Popen(
-                self._arguments,
-                stdin=subprocess.DEVNULL,
-                stdout=output,
-                stderr=output,
-                env=os.environ | ONE_BLAS_THREAD | child_environment(),
-            )
+            self._process = start_child(self._command, output, output)
         return self
 
     def __exit__(

@@ -1,24 +1,14 @@
-"""Writer of a goal's image and sidecar."""
+"""Writing a goal's image and sidecar."""
 
 from __future__ import annotations
 
-import datetime
 from pathlib import Path
 
+from dfvs_common.atomic_file import replace_file
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.goal import GoalSidecar, Mount
+from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.messages.image import encode_png
-from dfvs_core.perception.vehicle_history import Motion
-from dfvs_service.settings.calibration_file import replace_file
-
-
-def sidecar_of(camera: CameraModel, mount: Mount, motion: Motion | None) -> GoalSidecar:
-    """Sidecar of an image that is taken now; without a motion the vehicle counts as level."""
-    now = datetime.datetime.now(datetime.UTC).isoformat(timespec="milliseconds")
-    roll, pitch = (0.0, 0.0) if motion is None else (motion.roll_rad, motion.pitch_rad)
-    return GoalSidecar(camera, roll, pitch, mount, taken_at=now)
 
 
 def write_goal(image_path: Path, image: ImageArray, sidecar: GoalSidecar) -> None:
