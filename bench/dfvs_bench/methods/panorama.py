@@ -27,18 +27,18 @@ _RING_COUNT = 8
 _LEAST_DEPTH = 0.1
 """Of a ray of unit depth, turned: what is further aside is not in view."""
 _SAME_PX = 3.0
-"""Distance within which two looks lead to the same point."""
+"""Distance within which two matches lead to the same point."""
 _LEAST_COMMON_RATIO, _SAME_RATIO = 0.005, 0.5
-"""Share of the image on which two looks are compared, and share of that which must agree."""
+"""Share of the image on which two matches are compared, and share of that which must agree."""
 
 
 def ring() -> list[FloatArray]:
-    """Rotations (3, 3) of the camera to look around by: straight ahead, then once round."""
+    """Rotations (3, 3) of the camera to scan by: straight ahead, then once round."""
     return [np.eye(3), *_around(RING_RAD, 0.0)]
 
 
 def outer_ring() -> list[FloatArray]:
-    """Rotations (3, 3) to look further around by, in directions between those of the ring."""
+    """Rotations (3, 3) to scan further around by, in directions between those of the ring."""
     return _around(OUTER_RING_RAD, 0.5)
 
 
@@ -50,60 +50,60 @@ def _around(aside_rad: float, first: float) -> list[FloatArray]:
 
 
 @dataclass(frozen=True, slots=True, eq=False)
-class Look:
-    """A match with the goal image in a camera turned by ``R_ahead_look`` (3, 3), and its score."""
+class ScanMatch:
+    """A match with the goal image in a camera turned by ``R_ahead_view`` (3, 3), and its score."""
 
-    R_ahead_look: FloatArray
+    R_ahead_view: FloatArray
     field: FlowField
     score: float
 
 
 class Panorama:
-    """Looks from one place.
+    """Matches of views from one place.
 
     Parameters
     ----------
     camera : CameraModel
-        Of the looks.
+        Of the views.
     """
 
     def __init__(self, camera: CameraModel) -> None:
         self._camera = camera
-        self._looks: list[Look] = []
+        self._matches: list[ScanMatch] = []
 
-    def add(self, look: Look) -> None:
-        """Take a look in that shows something."""
-        if look.score > 0.0:
-            self._looks.append(look)
+    def add(self, match: ScanMatch) -> None:
+        """Add a match that shows something."""
+        if match.score > 0.0:
+            self._matches.append(match)
 
-    def best(self) -> Look | None:
-        """The best of the looks that most speaks for, those that agree with it counted."""
-        if not self._looks:
+    def best(self) -> ScanMatch | None:
+        """Best match of the group of consistent matches with the highest total score."""
+        if not self._matches:
             return None
-        groups = [self._agreeing(look) for look in self._looks]
-        group = max(groups, key=lambda looks: sum(look.score for look in looks))
-        return max(group, key=lambda look: look.score)
+        groups = [self._agreeing(match) for match in self._matches]
+        group = max(groups, key=lambda matches: sum(match.score for match in matches))
+        return max(group, key=lambda match: match.score)
 
-    def dismiss(self, look: Look, *, place: bool) -> None:
-        """Take a look out, with all that show the goal in the same ``place`` if that was wrong."""
-        gone = [look, *self._agreeing(look)] if place else [look]
-        self._looks = [each for each in self._looks if all(each is not other for other in gone)]
+    def dismiss(self, match: ScanMatch, *, place: bool) -> None:
+        """Remove a match, with all that show the goal in the same ``place`` if that was wrong."""
+        gone = [match, *self._agreeing(match)] if place else [match]
+        self._matches = [each for each in self._matches if all(each is not other for other in gone)]
 
-    def _agreeing(self, look: Look) -> list[Look]:
-        """Looks that lead to the same points of the goal, itself first."""
-        others = [each for each in self._looks if each is not look]
-        turned = [self._turned(each, look.R_ahead_look) for each in others]
+    def _agreeing(self, match: ScanMatch) -> list[ScanMatch]:
+        """Matches that lead to the same points of the goal, itself first."""
+        others = [each for each in self._matches if each is not match]
+        turned = [self._turned(each, match.R_ahead_view) for each in others]
         pairs = zip(others, turned, strict=True)
-        return [look, *(each for each, field in pairs if _are_consistent(look.field, field))]
+        return [match, *(each for each, field in pairs if _are_consistent(match.field, field))]
 
-    def _turned(self, look: Look, R_ahead_other: FloatArray) -> FlowField:
-        """Flow of a look as a camera would have seen it that is turned by ``R_ahead_other``."""
-        field, camera = look.field, self._camera
+    def _turned(self, match: ScanMatch, R_ahead_other: FloatArray) -> FlowField:
+        """Flow of a match as a camera would have seen it that is turned by ``R_ahead_other``."""
+        field, camera = match.field, self._camera
         size = (camera.height, camera.width)
         pixels = pixel_grid(size)
         xy = camera.normalise(pixels.astype(np.float64))
         rays = np.concatenate([xy, np.ones((*size, 1))], axis=-1)
-        turned = rays @ (look.R_ahead_look.T @ R_ahead_other).T
+        turned = rays @ (match.R_ahead_view.T @ R_ahead_other).T
         ahead = turned[..., 2] > _LEAST_DEPTH
         at = camera.project(np.where(ahead[..., None], turned, [0.0, 0.0, 1.0])).astype(np.float32)
         ahead &= ((at >= 0.0) & (at <= np.array(camera.size) - 1.0)).all(axis=-1)

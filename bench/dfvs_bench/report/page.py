@@ -5,6 +5,7 @@ from __future__ import annotations
 import base64
 import html
 from collections.abc import Iterable, Sequence
+from pathlib import Path
 
 import cv2
 import numpy as np
@@ -12,44 +13,14 @@ import numpy as np
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.image import encode_jpeg
 
-STYLE = """
-:root { --column: 27rem; --text: 1rem; --small: .72rem; }
-body { font: var(--text)/1.45 "DejaVu Sans", Verdana, sans-serif; color: #222;
-       margin: 2rem auto; max-width: 88rem; padding: 0 1rem; }
-h1 { font-size: 1.5em; } h2 { font-size: 1.2em; margin-top: 2em; }
-p { max-width: 56rem; }
-table { display: block; overflow-x: auto; border-collapse: collapse; margin: 1em 0;
-        font-size: .8em; font-variant-numeric: tabular-nums; }
-th, td { padding: .2em .6em; text-align: right; vertical-align: top;
-         border-bottom: 1px solid #ddd; }
-th { vertical-align: bottom; } td { white-space: nowrap; }
-th:first-child, td:first-child { text-align: left; white-space: normal; min-width: 9em; }
-tr.paper td { color: #666; } td.nc { color: #b3362f; }
-table.scenes { font-size: .68em; } table.scenes th, table.scenes td { padding: .2em .4em; }
-figure { display: inline-block; vertical-align: top; width: var(--column);
-         max-width: 100%; margin: .5em 1.2em 1em 0; break-inside: avoid; }
-figcaption { font-weight: bold; font-size: .85em; margin-bottom: .3em; }
-figure img { display: block; width: 100%; }
-.panels { display: grid; grid-template-columns: repeat(4, 1fr); gap: .5em .4em;
-          font-size: var(--small); line-height: 1.2; }
-.panels > div { display: flex; flex-direction: column; justify-content: end;
-                overflow-wrap: anywhere; }
-.nc { color: #b3362f; }
-@page { size: A4; margin: 14mm; }
-@media print {
-  :root { --column: 88mm; --text: 9pt; --small: 6pt; }
-  body { margin: 0; padding: 0; max-width: none; }
-  figure { margin: 0 2mm 3mm 0; }
-  h2, h2 + p { break-after: avoid; }
-  table { display: table; break-inside: avoid; font-size: 7pt; } table.scenes { font-size: 5.2pt; }
-  table.scenes th, table.scenes td { padding: .2em .25em; }
-  td { white-space: normal; }
-}
-"""
-"""Of the page; a figure is as wide as one of two columns when it is printed."""
-
+_STYLE = Path(__file__).with_name("page.css")
 _JPEG_QUALITY = 88
 _PANEL_PX = 200
+
+
+def style() -> str:
+    """Style sheet of the page."""
+    return _STYLE.read_text(encoding="utf-8")
 
 
 def embedded(data: bytes, kind: str) -> str:

@@ -11,7 +11,7 @@ from dfvs_bench.basin.outcomes import Outcome
 from dfvs_bench.drone.records import FlightRecord
 from dfvs_bench.report.basin_section import basin_section
 from dfvs_bench.report.drone_section import drone_section
-from dfvs_bench.report.page import STYLE
+from dfvs_bench.report.page import style
 from dfvs_bench.report.paper import PAPER_COLUMNS, paper_scenes
 from dfvs_bench.report.table1_section import table1_section
 from dfvs_bench.trials.results import TrialRecord
@@ -72,7 +72,7 @@ def report_page(contents: Contents, progress: Callable[[str], None]) -> str:
         "<!doctype html><html lang='en'><meta charset='utf-8'>"
         "<meta name='viewport' content='width=device-width, initial-scale=1'>"
         "<title>DFVS benchmark</title>",
-        f"<style>{STYLE}</style><h1>DFVS benchmark</h1>",
+        f"<style>{style()}</style><h1>DFVS benchmark</h1>",
         f"<p>{_provenance(contents)}</p><p>{_differences(contents)}</p>",
     ]
     if contents.records:

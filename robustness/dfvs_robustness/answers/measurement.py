@@ -7,6 +7,7 @@ import os
 import time
 from collections import deque
 from collections.abc import Callable
+from contextlib import closing
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -217,16 +218,10 @@ def run_answers(
     folder: Path, tries_per_state: int, seconds: float, report: Callable[[Try], None]
 ) -> AnswerTimes:
     """Both measurements, each with a service of its own below the folder."""
-    harness = Harness(SEARCHING, folder / "rate", seed=0)
-    try:
+    with closing(Harness(SEARCHING, folder / "rate", seed=0)) as harness:
         rate = measure_state_rate(harness, seconds)
-    finally:
-        harness.close()
-    harness = Harness(TEXTURE, folder / "answers", seed=0)
-    try:
+    with closing(Harness(TEXTURE, folder / "answers", seed=0)) as harness:
         tries = measure_answers(harness, tries_per_state, report)
-    finally:
-        harness.close()
     cores = os.cpu_count() or 1
     return AnswerTimes(tries, rate, cores * _BUSY_PER_CORE, cores)
 

@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import dataclasses
 import functools
 import itertools
 import struct
 import zlib
 from collections.abc import Callable
+from dataclasses import replace
 
 import cv2
 import numpy as np
@@ -54,9 +54,7 @@ def _sends(change: Callable[[CapturedFrame, np.random.Generator], list[Packet]])
 
 def _shows(change: Callable[[ImageArray], ImageArray]) -> Inject:
     """Let the camera show something else."""
-    return _sends(
-        lambda captured, _: [captured.packet(np.ascontiguousarray(change(captured.image)))]
-    )
+    return _sends(lambda captured, _: [captured.showing(change(captured.image)).packet()])
 
 
 def _after_first(send: Callable[[CapturedFrame, CapturedFrame], Packet]) -> Inject:
@@ -78,7 +76,7 @@ def _after_first(send: Callable[[CapturedFrame, CapturedFrame], Packet]) -> Inje
 def _swapped_order(rng: np.random.Generator) -> Script:
     """Of three times two lie before the one that came before them: five good frames a second."""
     back_ns = itertools.cycle((3 * PERIOD_NS // 2, 5 * PERIOD_NS // 2, 0))
-    return lambda captured: [captured.packet(t_ns=captured.t_ns - next(back_ns))]
+    return lambda captured: [replace(captured, t_ns=captured.t_ns - next(back_ns)).packet()]
 
 
 def _damaged(captured: CapturedFrame, rng: np.random.Generator) -> list[Packet]:
@@ -104,7 +102,7 @@ def _other_size(captured: CapturedFrame, rng: np.random.Generator) -> list[Packe
     height, width = captured.image.shape[:2]
     factor = float(rng.choice([0.5, 2.0, 1.1]))
     other = cv2.resize(captured.image, (round(width * factor), round(height * factor)))
-    return [captured.packet(np.asarray(other, np.uint8))]
+    return [captured.showing(np.asarray(other, np.uint8)).packet()]
 
 
 def _other_format(captured: CapturedFrame, rng: np.random.Generator) -> list[Packet]:
@@ -124,7 +122,7 @@ def _bombs(rng: np.random.Generator) -> Script:
 
     def script(captured: CapturedFrame) -> list[Packet]:
         said = decode_header(captured.packet()[1])
-        header = dataclasses.replace(said, checksum=checksum, pixel_format=PNG)
+        header = replace(said, checksum=checksum, pixel_format=PNG)
         return [(payload, encode_header(header))]
 
     return script
@@ -207,7 +205,7 @@ def frame_faults() -> tuple[Fault, ...]:
         _abort("camera-stops-for-good", "camera stops for good", "3 s in HOLD", silent, 3600.0),
         _hold(
             *("camera-freezes", "camera freezes", "same pixels ×3"),
-            _after_first(lambda first, now: now.packet(first.image)),
+            _after_first(lambda first, now: now.showing(first.image).packet()),
         ),
         _hold(
             *("frames-repeat", "one sample again and again", "capture time"),
@@ -215,16 +213,16 @@ def frame_faults() -> tuple[Fault, ...]:
         ),
         _hold(
             *("stamps-old", "stamps a second old", "capture age"),
-            _sends(lambda s, _: [s.packet(t_ns=s.t_ns - 1000 * MS)]),
+            _sends(lambda s, _: [replace(s, t_ns=s.t_ns - 1000 * MS).packet()]),
         ),
         _hold(
             *("stamps-future", "stamps 0.1 s ahead", "clock skew"),
-            _sends(lambda s, _: [s.packet(t_ns=s.t_ns + 100 * MS)]),
+            _sends(lambda s, _: [replace(s, t_ns=s.t_ns + 100 * MS).packet()]),
         ),
         _hold("stamps-reordered", "frames out of order", "capture time", _films(_swapped_order)),
         _hold(
             *("other-clock", "stamped by another machine", "clock identity"),
-            _sends(lambda s, rng: [s.packet(clock=rng.bytes(16))]),
+            _sends(lambda s, rng: [replace(s, clock=rng.bytes(16)).packet()]),
         ),
         _hold("wrong-size", "wrong size", "calibration", _sends(_other_size)),
         _hold(

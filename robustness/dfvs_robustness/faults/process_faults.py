@@ -34,7 +34,10 @@ ROUTER = Setup(via_router=True)
 
 
 def _signals(name: str, number: signal.Signals) -> Inject:
-    """Send a signal to one of the service's processes."""
+    """Send a signal to one of the service's processes.
+
+    For perception the last good frame before it counts.
+    """
 
     def inject(harness: Harness, _: np.random.Generator) -> int:
         pid = harness.service.pid(name)
@@ -42,17 +45,7 @@ def _signals(name: str, number: signal.Signals) -> Inject:
         if name == "gate":
             harness.disturbed_ns = now_ns
         os.kill(pid, number)
-        return now_ns
-
-    return inject
-
-
-def _perception_is(number: signal.Signals) -> Inject:
-    """Send a signal to perception; what counts is the last good frame before it."""
-
-    def inject(harness: Harness, _: np.random.Generator) -> int:
-        os.kill(harness.service.pid("perception"), number)
-        return harness.camera.last_good_ns
+        return harness.camera.last_good_ns if name == "perception" else now_ns
 
     return inject
 
@@ -109,13 +102,13 @@ def process_faults() -> tuple[Fault, ...]:
         ),
         fault(
             ("perception-dies", "perception killed", "frame age"),
-            (hold, CAPTURE_MS, ANY_ENGAGED, _perception_is(kill)),
+            (hold, CAPTURE_MS, ANY_ENGAGED, _signals("perception", kill)),
             restarts=True,
             says=(Cause.FRAME_OLD,),
         ),
         fault(
             ("perception-hangs", "perception stopped", "frame age"),
-            (abort, 3700.0, (S.SERVO,), _perception_is(stop)),
+            (abort, 3700.0, (S.SERVO,), _signals("perception", stop)),
             restarts=True,
             says=(Cause.HOLD_TOO_LONG,),
         ),

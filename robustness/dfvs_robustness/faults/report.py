@@ -22,20 +22,7 @@ from dfvs_robustness.faults.fault import Fault, Outcome
 
 _MAX_CAUSE = 80
 _TIMES = ("p50 ms", "p99 ms", "max ms")
-_STYLE = """
-body { font: 15px/1.5 system-ui, sans-serif; margin: 2rem auto; max-width: 76rem; padding: 0 1rem;
-  color: #1c2733; background: #fff; }
-h1 { font-size: 1.5rem; } p { max-width: 52rem; }
-table { border-collapse: collapse; width: 100%; font-variant-numeric: tabular-nums; }
-th, td { padding: .3rem .6rem; text-align: left; border-bottom: 1px solid #d8dee6;
-  vertical-align: top; }
-th { position: sticky; top: 0; background: #eef2f6; } td.n { text-align: right; }
-tr.bad td { background: #fde8e6; } .ok { color: #14713a; }
-.fail { color: #b3261e; font-weight: 600; }
-.bar { position: relative; width: 11rem; height: .9rem; background: #eef2f6; }
-.bar i { position: absolute; top: 0; bottom: 0; width: 2px; background: #2f6fb0; opacity: .6; }
-code { background: #eef2f6; padding: 0 .25rem; }
-"""
+_STYLE = Path(__file__).with_name("report.css")
 
 _NOTE = (
     "The real `dfvs-service` flies a simulated vehicle and is disturbed from outside. Times go",
@@ -200,9 +187,10 @@ class Report:
         note = html.escape(" ".join(_NOTE)).replace("`dfvs-service`", "<code>dfvs-service</code>")
         words = ("fault", "in state", "seen by", "reaction", "gate's word", "passed")
         heads = (*words, "p50", "p99", "max", "limit, ms", "0 … limit")
+        style = _STYLE.read_text(encoding="utf-8")
         return f"""<!doctype html>
 <html lang="en"><head><meta charset="utf-8"><title>DFVS faults</title>
-<meta name="viewport" content="width=device-width, initial-scale=1"><style>{_STYLE}</style></head>
+<meta name="viewport" content="width=device-width, initial-scale=1"><style>{style}</style></head>
 <body><h1>Faults</h1>
 <p><b>{html.escape(self.verdict)}.</b></p>
 <p>Made by <code>{html.escape(self.command)}</code> on {html.escape(_machine())}. {note}</p>

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
+import bisect
 import math
 import subprocess
 import sys
 import time
-from typing import Any
 
 import numpy as np
 
@@ -15,7 +15,8 @@ from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.messages.goal import Mount
 from dfvs_robustness.faults.fault import Fault, Reaction, fault
 from dfvs_robustness.harness.harness import Harness
-from dfvs_robustness.harness.service import HarnessError, wait_until
+from dfvs_robustness.harness.records import Event
+from dfvs_robustness.harness.service import HarnessError, wait_for_first, wait_until
 from dfvs_robustness.harness.setup import NO_RESPONSE_CHECK, Setup
 
 S = GateState
@@ -43,18 +44,22 @@ def _frozen_view(harness: Harness, _: np.random.Generator) -> int:
     return time.monotonic_ns()
 
 
+def _poses(harness: Harness, since_ns: int) -> list[Event]:
+    """Poses of the vehicle, by the truth, since a time."""
+    events = harness.environment.events
+    first = bisect.bisect_left(events, since_ns, key=lambda e: int(e["t_ns"]))
+    return [e for e in events[first:] if e["kind"] == "pose"]
+
+
 def _initial_motion(harness: Harness, _: np.random.Generator) -> int:
     """When the vehicle itself, by the truth, began to move in this engagement."""
-    engaged_ns = harness.service.log.transitions()[-1]["t_ns"]
+    since_ns = harness.service.log.transitions()[-1]["t_ns"]
 
     def moving() -> list[int]:
-        poses = [e for e in harness.environment.events[-3000:] if e["kind"] == "pose"]
-        fast = [e for e in poses if math.hypot(*e["velocity"]) >= _MOVING_M_S]
-        return [e["t_ns"] for e in fast if e["t_ns"] >= engaged_ns]
+        poses = _poses(harness, since_ns)
+        return [e["t_ns"] for e in poses if math.hypot(*e["velocity"]) >= _MOVING_M_S]
 
-    if not wait_until(lambda: bool(moving()), _MOTION_S):
-        raise HarnessError("the vehicle does not move")
-    return moving()[0]
+    return wait_for_first(moving, _MOTION_S, "the vehicle does not move")
 
 
 def _engaged_ns(harness: Harness) -> int:
@@ -65,21 +70,14 @@ def _engaged_ns(harness: Harness) -> int:
 
 def _flown_far(harness: Harness, _: np.random.Generator) -> int:
     """When the vehicle itself, by the truth, was further from its start than it may be."""
-    engaged_ns, events = _engaged_ns(harness), harness.environment.events
-    first = next(k for k, e in enumerate(events) if e["t_ns"] >= engaged_ns)
-
-    def flown() -> list[dict[str, Any]]:
-        """Poses of this engagement; the record holds earlier flights, too."""
-        return [e for e in events[first:] if e["kind"] == "pose" and e["t_ns"] >= engaged_ns]
-
-    start = flown()[0]["place"]
+    engaged_ns = _engaged_ns(harness)
+    start = _poses(harness, engaged_ns)[0]["place"]
 
     def beyond() -> list[int]:
-        return [e["t_ns"] for e in flown() if math.dist(e["place"], start) > _TRAVEL_M]
+        poses = _poses(harness, engaged_ns)
+        return [e["t_ns"] for e in poses if math.dist(e["place"], start) > _TRAVEL_M]
 
-    if not wait_until(lambda: bool(beyond()), _TRAVEL_S):
-        raise HarnessError(f"the vehicle does not fly {_TRAVEL_M} m")
-    return beyond()[0]
+    return wait_for_first(beyond, _TRAVEL_S, f"the vehicle does not fly {_TRAVEL_M} m")
 
 
 def _flown_long(harness: Harness, _: np.random.Generator) -> int:

@@ -21,7 +21,7 @@ from dfvs_robustness.faults.fault import (
 from dfvs_robustness.harness.environment import BATTERY, GPS
 from dfvs_robustness.harness.harness import Harness
 from dfvs_robustness.harness.records import MODE_REPORTS
-from dfvs_robustness.harness.service import wait_until
+from dfvs_robustness.harness.service import wait_for_first
 from dfvs_sim.vehicle.modes import Mode
 from dfvs_sim.vehicle.px4 import Px4
 
@@ -45,8 +45,7 @@ def _next_sent(harness: Harness, since_ns: int, kinds: Sequence[str]) -> int:
         recent = harness.environment.events[-3000:]
         return [e["t_ns"] for e in recent if e["kind"] in kinds and e["t_ns"] > since_ns]
 
-    wait_until(lambda: bool(found()), _HEARTBEAT_S)
-    return found()[0]
+    return wait_for_first(found, _HEARTBEAT_S, f"none of {kinds} is sent")
 
 
 def _taken_over(harness: Harness, rng: np.random.Generator) -> int:

@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -29,14 +29,14 @@ class CapturedFrame:
     pixel_format: PixelFormat
     clock: bytes
 
-    def packet(
-        self, image: ImageArray | None = None, t_ns: int | None = None, clock: bytes | None = None
-    ) -> Packet:
-        """Encode the frame, with another image, time or clock where given."""
-        frame = Frame(
-            self.image if image is None else image, self.t_ns if t_ns is None else t_ns, self.seq
-        )
-        return encode_frame(frame, self.pixel_format, self.clock if clock is None else clock)
+    def packet(self) -> Packet:
+        """Encode the frame."""
+        frame = Frame(self.image, self.t_ns, self.seq)
+        return encode_frame(frame, self.pixel_format, self.clock)
+
+    def showing(self, image: ImageArray) -> CapturedFrame:
+        """The same frame with another image (H, W, 3)."""
+        return replace(self, image=np.ascontiguousarray(image))
 
 
 Script = Callable[[CapturedFrame], list[Packet]]
@@ -96,9 +96,9 @@ class ScriptedCamera:
 
     def lose_goal(self) -> None:
         """Show a view that shares nothing with the goal, from the next frame on."""
-        self.follow(lambda captured: [captured.packet(unrelated_view(captured.image))])
+        self.follow(lambda captured: [captured.showing(unrelated_view(captured.image)).packet()])
 
 
 def unrelated_view(image: ImageArray) -> ImageArray:
     """View (H, W, 3) that shares nothing with the one given."""
-    return np.ascontiguousarray(image[::-1, ::-1] ^ np.uint8(0xA5))
+    return image[::-1, ::-1] ^ np.uint8(0xA5)

@@ -10,10 +10,10 @@ import subprocess
 import sys
 import threading
 import time
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
 from pathlib import Path
-from typing import Any
+from typing import Any, TypeVar
 
 import psutil
 import zenoh
@@ -23,6 +23,8 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.gate.command import Command, encode_command
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.topics import Topics
+
+T = TypeVar("T")
 
 KEY = b"the harness signs its orders so."
 """Secret of the signed commands of the harness."""
@@ -221,3 +223,16 @@ def wait_until(condition: Callable[[], bool], timeout_s: float, poll_s: float = 
             return False
         time.sleep(poll_s)
     return True
+
+
+def wait_for_first(found: Callable[[], Sequence[T]], timeout_s: float, problem: str) -> T:
+    """First item of what is found, as soon as there is one.
+
+    Raises
+    ------
+    HarnessError
+        With the problem, if nothing is found in time.
+    """
+    if not wait_until(lambda: bool(found()), timeout_s):
+        raise HarnessError(problem)
+    return found()[0]

@@ -5,7 +5,7 @@ import math
 import numpy as np
 import pytest
 
-from dfvs_bench.methods.panorama import RING_RAD, Look, Panorama, ring
+from dfvs_bench.methods.panorama import RING_RAD, Panorama, ScanMatch, ring
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
 
@@ -21,7 +21,7 @@ def look(R, score, beside_px=0.0):
     at = CAMERA.project(rays) + np.array([beside_px, 0.0])
     inside = ((at >= 0) & (at <= np.array(CAMERA.size) - 1)).all(axis=-1)
     field = FlowField((at - pixels).astype(np.float32), inside.astype(np.float32))
-    return Look(R, field, score)
+    return ScanMatch(R, field, score)
 
 
 def panorama(*looks):
@@ -47,7 +47,7 @@ def test_two_that_agree_outweigh_a_better_one():
     assert panorama(*right, wrong := look(c, 0.08, beside_px=40)).best() is wrong
 
 
-def test_looks_that_do_not_overlap_cannot_agree():
+def test_matches_that_do_not_overlap_cannot_agree():
     ahead, right, *_ = ring()
     opposite = ring()[5]
     first, second = look(right @ right, 0.03), look(opposite @ opposite, 0.04)
@@ -56,7 +56,7 @@ def test_looks_that_do_not_overlap_cannot_agree():
     assert panorama(first, second, third).best() is third
 
 
-def test_a_wrong_place_takes_all_looks_at_it_along():
+def test_a_wrong_place_takes_all_matches_at_it_along():
     _, a, b, c, *_ = ring()
     wrong = look(a, 0.2, beside_px=30), look(b, 0.3, beside_px=30)
     right = look(c, 0.05)

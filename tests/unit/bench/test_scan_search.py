@@ -95,7 +95,7 @@ def test_what_sees_its_goal_is_left_alone():
     assert world.looked == 0
 
 
-def test_it_looks_around_from_where_it_began_and_follows_the_best_look():
+def test_it_matches_around_from_where_it_began_and_follows_the_best_look():
     world = World({6: 0}, [["go", "go", "lost"], ["go", "done"]])
     made = world.fly()
     assert made[-1].done
@@ -120,7 +120,7 @@ def test_a_wrong_place_is_left_for_another_one():
 
 
 @pytest.mark.parametrize("word", ["lost", "mistaken"])
-def test_looks_are_tried_one_after_the_other_until_none_is_left(word):
+def test_matches_are_tried_one_after_the_other_until_none_is_left(word):
     world = World({2: 0, 6: 20}, [["go", word], ["go", word], [word]])
     made = world.fly()
     assert made[-1].lost == "the goal is not seen in any direction"
@@ -128,7 +128,7 @@ def test_looks_are_tried_one_after_the_other_until_none_is_left(word):
     assert world.looked == 9 + 8
 
 
-def test_it_looks_further_around_where_nothing_is_left_to_follow():
+def test_it_matches_further_around_where_nothing_is_left_to_follow():
     world = World({2: 0, 12: 0}, [["go", "lost"], ["go", "lost"], ["go", "done"]])
     assert world.fly()[-1].done
     assert directions(world) == [0, 2, None]
