@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import math
 from collections.abc import Sequence
-from dataclasses import dataclass
+from dataclasses import replace
 from importlib.metadata import version
 from pathlib import Path
 
@@ -22,26 +22,11 @@ from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.progress import Progress
 from dfvs_sim.demo.results.files import write_results
-from dfvs_sim.demo.results.summary import CONVERGED_DEG, CONVERGED_M, FlightSummary
+from dfvs_sim.demo.results.summary import CONVERGED_DEG, CONVERGED_M
 from dfvs_sim.render.truth import visibility
 
-
-@dataclass(frozen=True, slots=True)
-class Times:
-    """Seconds from the pilot's switch to the first motion, and to the criterion for good."""
-
-    servo_s: float | None = None
-    within_s: float | None = None
-
-
-@dataclass(frozen=True, slots=True)
-class End:
-    """How a flight ended: the gate's state and cause, and figures where it was flown."""
-
-    state: str
-    cause: str
-    summary: FlightSummary | None = None
-    times: Times = Times()
+_FIGURES = ("converged", "final_translation_m", "final_rotation_deg", "path_ratio")
+"""Taken as they are from the flight's summary."""
 
 
 def fly(task: BenchTask, setting: Setting, folder: Path, progress: Progress) -> FlightRecord:
@@ -65,13 +50,16 @@ def fly(task: BenchTask, setting: Setting, folder: Path, progress: Progress) -> 
     try:
         log = flight.run(progress.show)
     except NotReadyError as error:
-        return _record(task, setting, End(NOT_READY, str(error)))
-    summary = write_results(log, folder)
+        return _record(task, setting, NOT_READY, str(error))
+    figures = write_results(log, folder).to_json()
     settled = [p for p in log.track.points if p.t_ns >= log.engaged_ns]
-    times = Times(
-        since(log.watch.states, "SERVO", log.engaged_ns), within_s(settled, log.engaged_ns)
+    return replace(
+        _record(task, setting, log.end_state, log.end_cause),
+        servo_s=since(log.watch.states, "SERVO", log.engaged_ns),
+        within_s=within_s(settled, log.engaged_ns),
+        done_s=figures["duration_s"],
+        **{name: figures[name] for name in _FIGURES},
     )
-    return _record(task, setting, End(log.end_state, log.end_cause, summary, times))
 
 
 def since(states: Sequence[tuple[int, str]], wanted: str, start_ns: int) -> float | None:
@@ -87,8 +75,8 @@ def within_s(points: Sequence[TrackPoint], start_ns: int) -> float | None:
     return None if first is None else (points[first].t_ns - start_ns) * 1e-9
 
 
-def _record(task: BenchTask, setting: Setting, end: End) -> FlightRecord:
-    summary = end.summary
+def _record(task: BenchTask, setting: Setting, end_state: str, end_cause: str) -> FlightRecord:
+    """Record of a flight whose figures are not known."""
     way_m = task.T_world_goal[:3, 3] - task.T_world_start[:3, 3]
     distance_m, angle_rad = task.initial_error
     return FlightRecord(
@@ -105,15 +93,8 @@ def _record(task: BenchTask, setting: Setting, end: End) -> FlightRecord:
         bound=straight_line_bound(way_m, turn_rad(task), setting.limits),
         initial_translation_m=distance_m,
         initial_rotation_deg=math.degrees(angle_rad),
-        end_state=end.state,
-        end_cause=end.cause,
-        converged=summary is not None and summary.converged,
-        final_translation_m=_finite(summary.final_translation_m if summary else None),
-        final_rotation_deg=_finite(summary.final_rotation_deg if summary else None),
-        servo_s=end.times.servo_s,
-        within_s=end.times.within_s,
-        done_s=_finite(summary.duration_s if summary else None),
-        path_ratio=_finite(summary.path_ratio if summary else None),
+        end_state=end_state,
+        end_cause=end_cause,
         version=version("dfvs"),
         revision=setting.revision,
         timeout_s=setting.timeout_s,
@@ -121,10 +102,6 @@ def _record(task: BenchTask, setting: Setting, end: End) -> FlightRecord:
         estimate=setting.conditions.estimate,
         wind=setting.conditions.wind,
     )
-
-
-def _finite(value: float | None) -> float | None:
-    return value if value is not None and math.isfinite(value) else None
 
 
 def _overlap(task: BenchTask) -> float:

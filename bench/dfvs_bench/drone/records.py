@@ -117,15 +117,15 @@ class FlightRecord:
     initial_rotation_deg: float
     end_state: str
     end_cause: str
-    converged: bool
-    final_translation_m: float | None
-    final_rotation_deg: float | None
-    servo_s: float | None
-    within_s: float | None
-    done_s: float | None
-    path_ratio: float | None
-    version: str
-    revision: str
+    converged: bool = False
+    final_translation_m: float | None = None
+    final_rotation_deg: float | None = None
+    servo_s: float | None = None
+    within_s: float | None = None
+    done_s: float | None = None
+    path_ratio: float | None = None
+    version: str = ""
+    revision: str = ""
     timeout_s: float = 0.0
     inputs: str = ""
     estimate: str = "perfect"

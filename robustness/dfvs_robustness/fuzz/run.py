@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import itertools
 import multiprocessing
 import time
 from collections.abc import Callable, Iterator
@@ -143,20 +144,13 @@ def run_episodes(
 @contextmanager
 def _outcomes(target: Target[T, E], workers: int, seed: int) -> Iterator[Iterator[Outcome[T, E]]]:
     """Give outcomes of one job after the other, for as long as they are asked for."""
-    jobs = _jobs(target, seed)
+    jobs = (Job(target, seed, first) for first in itertools.count(0, EPISODES_PER_JOB))
     if workers == 1:
         yield map(do, jobs)
         return
     pool: Pool
     with multiprocessing.get_context("spawn").Pool(workers, end_worker_with_parent) as pool:
         yield _pooled(pool, jobs, workers)
-
-
-def _jobs(target: Target[T, E], seed: int) -> Iterator[Job[T, E]]:
-    first = 0
-    while True:
-        yield Job(target, seed, first)
-        first += EPISODES_PER_JOB
 
 
 def _pooled(pool: Pool, jobs: Iterator[Job[T, E]], workers: int) -> Iterator[Outcome[T, E]]:
