@@ -2,20 +2,20 @@
 
 from __future__ import annotations
 
-import html
 import math
 from collections.abc import Callable, Sequence
+from typing import Any
 
 import numpy as np
 
 from dfvs_bench.methods.registry import METHODS
 from dfvs_bench.report.depth_figure import FIRST_STEP, DepthViews, depth_figure, depth_views
 from dfvs_bench.report.figures import controller_figure
-from dfvs_bench.report.page import embedded, figure, panel, panels, table
+from dfvs_bench.report.page import Panel, render
 from dfvs_bench.report.paper import PAPER_COLUMNS, paper_scenes
 from dfvs_bench.trials.perturbation import PERTURBATIONS, disturbance, perturbed_renderer
 from dfvs_bench.trials.results import TrialRecord
-from dfvs_bench.trials.tables import perturbed_table, share_text, summarise
+from dfvs_bench.trials.tables import perturbed_table, summarise
 from dfvs_bench.trials.task import BenchTask
 from dfvs_bench.trials.trial import CONVERGED_M, CONVERGED_RAD
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
@@ -26,22 +26,6 @@ from dfvs_sim.scene.glb import load_glb
 _GREY = 128
 _SHOWN_FRAME = 10
 _FAR_OFF_M = 0.5
-_HEAD = ("method", "converged", "iterations", "path ÷ line", "translation", "÷ depth", "rotation")
-_SUMMARY_NOTE = """<p>Means are over the trials that converged; "÷ depth" is the final translation
-over the median depth of the goal view. The paper's rows, for scale, are of its own ten scenes:
-converged by the same criterion, under 4 cm and 1°, counted from its Table I; its iterations and
-paths over the trials that it gives them for; its errors over all ten.</p>"""
-_PERTURBED_NOTE = """<p>Trials that converged, without and with a perturbation between goal and
-flight; "all of these" adds up those with one.</p>"""
-_DEPTH_NOTE = """<p>Depth in m of the view after {step:.0%} of the way from start to goal: the true
-one{network}, and α ÷ |flow| to the view at the start, rotation taken out, α by the true median.
-{missing}</p>"""
-_NETWORK = ", that by the network <code>{}</code>"
-_NO_NETWORK = "That by a network is left out: no depth bundle was given."
-_SCENES_NOTE = "<p>Final error; path; iterations. NC: not within 4 cm and 1°.</p>"
-_IMAGES_NOTE = """<p>Start, goal, and what is left between goal and end for every method: grey is
-none. Below each its final error.</p>"""
-
 _Records = dict[tuple[str, str], TrialRecord]
 
 
@@ -69,53 +53,27 @@ def table1_section(
         progress(task.name)
         renderer = Renderer(load_glb(task.scene))
         views.append(depth_views(task, renderer, matcher, network))
-        images.append(_images(task, renderer, methods, by_key))
+        images.append((task.name, _panels(task, renderer, methods, by_key)))
         of_task = [by_key[task.name, name] for name in methods if (task.name, name) in by_key]
         if of_task:
-            plot = embedded(controller_figure(of_task, "svg"), "svg+xml")
-            controllers.append(figure(task.name, plot))
-    depth_note = _DEPTH_NOTE.format(
+            controllers.append((task.name, controller_figure(of_task, "svg")))
+    summary = summarise(records, methods)
+    return render(
+        "table1.html.j2",
+        summary=summary,
+        texts=METHODS,
+        paper=[_paper_cells(k) for k in range(len(PAPER_COLUMNS))],
+        perturbed=_perturbed(tasks[0], summary) if "perturbed" in summary else None,
+        tasks=tasks,
+        methods=methods,
+        by_key=by_key,
+        error_text=_error_text,
         step=FIRST_STEP,
-        network=_NETWORK.format(html.escape(depth_bundle)) if depth_bundle else "",
-        missing="" if depth_bundle else _NO_NETWORK,
+        network=depth_bundle,
+        depths=depth_figure(views),
+        images=images,
+        controllers=controllers,
     )
-    parts = [
-        "<h2>Summary</h2>",
-        _summary_table(records, methods),
-        _perturbed(tasks[0], records, methods),
-        f"<h2>Every scene</h2>{_SCENES_NOTE}",
-        _scene_table(tasks, methods, by_key),
-        f"<h2>Depth (Fig. 2)</h2>{depth_note}",
-        f"<figure>{embedded(depth_figure(views), 'svg+xml')}</figure>",
-        f"<h2>Pictures (Fig. 4)</h2>{_IMAGES_NOTE}",
-        *images,
-        "<h2>Controllers (Fig. 5)</h2>",
-        *controllers,
-    ]
-    return "\n".join(parts)
-
-
-def _summary_table(records: Sequence[TrialRecord], methods: Sequence[str]) -> str:
-    rows = []
-    for name, s in summarise(records, methods)["methods"].items():
-        cells = [f"{name}: {METHODS[name].summary}", f"{s['converged']} of {s['scenes']}"]
-        if s["converged"]:
-            ratio = s["mean_path_ratio"]
-            cells += [
-                f"{s['mean_iterations']:.0f}",
-                "–" if ratio is None else f"{ratio:.2f}",
-                f"{1e3 * s['mean_translation_m']:.1f} mm",
-                share_text(s["mean_translation_over_depth"]),
-                f"{s['mean_rotation_deg']:.2f}°",
-            ]
-        rows.append(_row([*cells, *["–"] * (len(_HEAD) - len(cells))]))
-    rows += [_row(_paper_cells(k), "paper") for k in range(len(PAPER_COLUMNS))]
-    head = "<tr>" + "".join(f"<th>{name}" for name in _HEAD)
-    return f"<table>{head}{''.join(rows)}</table>{_SUMMARY_NOTE}"
-
-
-def _row(cells: Sequence[str], kind: str = "") -> str:
-    return f"<tr class='{kind}'>" + "".join(f"<td>{html.escape(cell)}" for cell in cells)
 
 
 def _paper_cells(k: int) -> list[str]:
@@ -139,43 +97,16 @@ def _paper_cells(k: int) -> list[str]:
     ]
 
 
-def _perturbed(task: BenchTask, records: Sequence[TrialRecord], methods: Sequence[str]) -> str:
-    """Convergence with perturbations, and what they look like in one task; or nothing."""
-    summary = summarise(records, methods)
-    if "perturbed" not in summary:
-        return ""
+def _perturbed(task: BenchTask, summary: dict[str, Any]) -> dict[str, Any]:
+    """Convergence with perturbations, and what they look like in one task."""
     renderer = Renderer(load_glb(task.scene))
-    shown = [panel(_view(renderer, task, task.T_world_goal), "goal")]
+    shown = [Panel(_view(renderer, task, task.T_world_goal), "goal")]
     for perturbation in (PERTURBATIONS[name] for name in summary["perturbed"]):
         scene = perturbed_renderer(perturbation, task, renderer)
         view = scene.render(task.camera, task.T_world_goal, antialias=True)
         seen = disturbance(perturbation, task)(_SHOWN_FRAME, view).image
-        shown.append(panel(seen, perturbation.name))
-    images = figure(f"{task.name}: the goal as it is seen in flight", panels(shown))
-    return f"<h2>Perturbed</h2>{_PERTURBED_NOTE}{table(*perturbed_table(summary))}{images}"
-
-
-def _scene_table(tasks: Sequence[BenchTask], methods: Sequence[str], by_key: _Records) -> str:
-    head = "<tr><th>method" + "".join(_scene_head(task) for task in tasks)
-    rows = [
-        f"<tr><td>{name}" + "".join(_cell(by_key.get((task.name, name))) for task in tasks)
-        for name in methods
-    ]
-    return f"<table class='scenes'>{head}{''.join(rows)}</table>"
-
-
-def _scene_head(task: BenchTask) -> str:
-    distance_m, angle_rad = task.initial_error
-    return f"<th>{html.escape(task.name)}<br>{distance_m:.2f} m {math.degrees(angle_rad):.0f}°"
-
-
-def _cell(record: TrialRecord | None) -> str:
-    if record is None:
-        return "<td>–"
-    trial = record.trial
-    if not trial.converged:
-        return f"<td class='nc' title='{html.escape(trial.end)}'>{_error_text(record)}<br>NC"
-    return f"<td>{_error_text(record)}<br>{trial.path_m:.2f} m; {trial.iterations}"
+        shown.append(Panel(seen, perturbation.name))
+    return {"table": perturbed_table(summary), "panels": shown}
 
 
 def _error_text(record: TrialRecord) -> str:
@@ -186,19 +117,22 @@ def _error_text(record: TrialRecord) -> str:
     return f"{final.distance_m:.2f} m {degrees:.0f}°"
 
 
-def _images(task: BenchTask, renderer: Renderer, methods: Sequence[str], by_key: _Records) -> str:
+def _panels(
+    task: BenchTask, renderer: Renderer, methods: Sequence[str], by_key: _Records
+) -> list[Panel]:
     """Start, goal and the difference that each method leaves."""
     goal = _view(renderer, task, task.T_world_goal)
-    parts = [panel(_view(renderer, task, task.T_world_start), "start"), panel(goal, "goal")]
+    parts = [Panel(_view(renderer, task, task.T_world_start), "start"), Panel(goal, "goal")]
     for name in methods:
         record = by_key.get((task.name, name))
         if record is not None:
             T_end = np.array(record.trial.T_world_end).reshape(4, 4)
             left = _difference(_view(renderer, task, T_end), goal)
-            is_good = record.trial.converged
-            note = _error_text(record) if is_good else f"NC: {_error_text(record)}"
-            parts.append(panel(left, name, note, "" if is_good else "nc"))
-    return figure(task.name, panels(parts))
+            note, kind = _error_text(record), ""
+            if not record.trial.converged:
+                note, kind = f"NC: {note}", "nc"
+            parts.append(Panel(left, name, note, kind))
+    return parts
 
 
 def _view(renderer: Renderer, task: BenchTask, T_world_camera: FloatArray) -> ImageArray:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path
@@ -10,6 +9,7 @@ from typing import Any
 
 import numpy as np
 
+from dfvs_common.templates import templates
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.measurement import ANSWER_MS, LEAST_STATE_HZ, MOST_GAP_MS
@@ -60,16 +60,16 @@ def markdown_table(heads: Sequence[str], rows: Iterable[Sequence[str]]) -> list[
 
 def html_section(document: Mapping[str, Any]) -> str:
     """Section of an HTML page."""
-    head = "".join(f"<th>{name}</th>" for name in _HEADS)
-    rows = "".join(
-        "<tr>" + "".join(f"<td>{html.escape(cell)}</td>" for cell in cells) + "</tr>"
-        for cells in _rows(document)
-    )
-    problems = "".join(f"<li>{html.escape(text)}</li>" for text in _problems(document))
     return (
-        f"<h2>{TITLE}</h2><p>{html.escape(_note(document))}</p>"
-        f"<table><thead><tr>{head}</tr></thead><tbody>{rows}</tbody></table>"
-        + (f"<ul>{problems}</ul>" if problems else "")
+        templates("dfvs_robustness.answers")
+        .get_template("answers.html.j2")
+        .render(
+            title=TITLE,
+            note=_note(document),
+            heads=_HEADS,
+            rows=_rows(document),
+            problems=_problems(document),
+        )
     )
 
 

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import html
 import json
 import math
 import os
@@ -16,13 +15,13 @@ from typing import Any
 import numpy as np
 
 from dfvs_common.atomic_file import write_atomic
+from dfvs_common.templates import templates
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.report import html_section, markdown_lines, markdown_table
 from dfvs_robustness.faults.fault import Fault, Outcome
 
 _MAX_CAUSE = 80
 _TIMES = ("p50 ms", "p99 ms", "max ms")
-_STYLE = Path(__file__).with_name("report.css")
 
 _NOTE = (
     "The real `dfvs-service` flies a simulated vehicle and is disturbed from outside. Times go",
@@ -180,43 +179,10 @@ class Report:
 
     def html(self) -> str:
         """Table for people, in one file without any other."""
-        body = "\n".join(_html_row(row) for row in self.rows)
-        listed = "".join(f"<li>{html.escape(text)}</li>" for text in self.violations)
-        found = f"<h2>Violations</h2><ul>{listed}</ul>" if self.violations else ""
-        answered = "" if self.answers is None else html_section(self.answers)
-        note = html.escape(" ".join(_NOTE)).replace("`dfvs-service`", "<code>dfvs-service</code>")
-        words = ("fault", "in state", "seen by", "reaction", "gate's word", "passed")
-        heads = (*words, "p50", "p99", "max", "limit, ms", "0 … limit")
-        style = _STYLE.read_text(encoding="utf-8")
-        return f"""<!doctype html>
-<html lang="en"><head><meta charset="utf-8"><title>DFVS faults</title>
-<meta name="viewport" content="width=device-width, initial-scale=1"><style>{style}</style></head>
-<body><h1>Faults</h1>
-<p><b>{html.escape(self.verdict)}.</b></p>
-<p>Made by <code>{html.escape(self.command)}</code> on {html.escape(_machine())}. {note}</p>
-<p>{html.escape(self.remark)}</p>
-<table><thead><tr>{"".join(f"<th>{h}</th>" for h in heads)}</tr></thead><tbody>
-{body}
-</tbody></table>{found}{answered}</body></html>
-"""
-
-
-def _html_row(row: Row) -> str:
-    good = row.passed == row.seeds
-    words = (row.what, row.state, row.seen_by, row.reaction, row.cause)
-    cells = "".join(f"<td>{html.escape(word)}</td>" for word in words)
-    title = html.escape("; ".join(row.problems), quote=True)
-    passed = f'<td class="{"ok" if good else "fail"}" title="{title}">{row.passed}/{row.seeds}</td>'
-    times = "".join(f'<td class="n">{number}</td>' for number in row.numbers)
-    return f'<tr class="{"" if good else "bad"}">{cells}{passed}{times}<td>{_bar(row)}</td></tr>'
-
-
-def _bar(row: Row) -> str:
-    """Every seed's time as a mark between zero and the limit."""
-    if row.limit_ms <= 0:
-        return ""
-    shares = [min(100.0 * t / row.limit_ms, 99.0) for t in row.times_ms]
-    return f'<div class="bar">{"".join(f"<i style=left:{s:.1f}%></i>" for s in shares)}</div>'
+        template = templates("dfvs_robustness.faults").get_template("report.html.j2")
+        answers = "" if self.answers is None else html_section(self.answers)
+        note = " ".join(_NOTE)
+        return template.render(report=self, machine=_machine(), note=note, answers=answers)
 
 
 def _machine() -> str:

@@ -10,6 +10,7 @@ from dataclasses import dataclass
 
 import cv2
 
+from dfvs_common.templates import templates
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.image import encode_jpeg
@@ -92,15 +93,7 @@ class Page:
 
 def render(page: Page) -> str:
     """HTML that needs nothing else, but for a video that it names as a file beside it."""
-    # Jinja2 is of an extra of the installation, and takes its time to load.
-    from jinja2 import Environment, PackageLoader, select_autoescape
-
-    environment = Environment(
-        loader=PackageLoader("dfvs_service.page", ""),
-        autoescape=select_autoescape(default=True),
-        trim_blocks=True,
-        lstrip_blocks=True,
-    )
+    environment = templates("dfvs_service.page")
     environment.filters["image"] = data_url
     environment.globals["zip"] = zip
     files = importlib.resources.files("dfvs_service.page")
