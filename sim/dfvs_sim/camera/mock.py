@@ -42,7 +42,6 @@ class MockCameraConfig:
     camera: CameraModel
     rate_hz: float = 20.0
     pixel_format: PixelFormat = PixelFormat.JPEG
-    quality: int = 90
     noise: float = 1.5
     seed: int = 0
     nice: int = 0
@@ -103,9 +102,7 @@ class MockCamera:
         image = self._renderer.render(self._config.camera, T_scene_camera).image
         image = self._noise.apply(image, self._rng)
         frame = Frame(image, t_ns, self.frames)
-        payload, attachment = encode_frame(
-            frame, self._config.pixel_format, self._clock, self._config.quality
-        )
+        payload, attachment = encode_frame(frame, self._config.pixel_format, self._clock)
         self._update_lead(time.monotonic_ns() - begun_ns)
         time.sleep(max(t_ns - time.monotonic_ns(), 0) * 1e-9)
         self._publish(payload, attachment, ENCODINGS[self._config.pixel_format])

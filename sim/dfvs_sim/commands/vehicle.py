@@ -4,9 +4,11 @@ from __future__ import annotations
 
 import argparse
 import math
+import threading
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
@@ -14,7 +16,7 @@ from dfvs_sim.dynamics.wind import WindGrade
 from dfvs_sim.options import grade_names, parse_estimate, parse_numbers, parse_wind
 from dfvs_sim.vehicle.messages.udp_link import UdpPorts
 from dfvs_sim.vehicle.motion.flight import VehicleConfig
-from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle, stop_on_signals
+from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle
 
 _EPILOG = """example:
   dfvs-sim vehicle --start 0,0,0,30 --record vehicle.jsonl
@@ -76,12 +78,13 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Fly until interrupted; exit code 0."""
     config = config_from_args(args)
-    stop = stop_on_signals()
+    stop = threading.Event()
+    handle_ending_signals(lambda *_: stop.set())
     log(
         f"vehicle: companion link to UDP {config.companion.remote}, "
         f"ground station link to UDP {config.ground.remote}"
     )
-    run_vehicle(config, stop)
+    run_vehicle(config, stop.is_set)
     return 0
 
 

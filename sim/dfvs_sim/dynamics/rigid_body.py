@@ -10,6 +10,8 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from dfvs_sim.dynamics.motion_state import MotionState
+
 GRAVITY_M_S2 = 9.80665
 
 
@@ -43,7 +45,7 @@ class Command:
     yaw_rate_rad_s: float = 0.0
 
 
-class Quadrotor:
+class Quadrotor(MotionState):
     """State of the vehicle in NED, with the origin of the local frame; advanced by ``step``.
 
     The attitude loop acts on the estimated attitude: the true one plus ``attitude_error_rad``
@@ -66,15 +68,10 @@ class Quadrotor:
         yaw_rad: float = 0.0,
     ) -> None:
         self.parameters = parameters or AirframeParameters()
+        super().__init__(down_m=ground_m, yaw_rad=yaw_rad)
         self.ground_m = ground_m
-        self.north_m, self.east_m, self.down_m = 0.0, 0.0, ground_m
-        self.v_north_m_s, self.v_east_m_s, self.v_down_m_s = 0.0, 0.0, 0.0
-        self.a_north_m_s2, self.a_east_m_s2, self.a_down_m_s2 = 0.0, 0.0, 0.0
-        self.roll_rad, self.pitch_rad, self.yaw_rad = 0.0, 0.0, yaw_rad
-        self.roll_rate_rad_s, self.pitch_rate_rad_s, self.yaw_rate_rad_s = 0.0, 0.0, 0.0
         self.wind_north_m_s, self.wind_east_m_s = 0.0, 0.0
         self.attitude_error_rad = (0.0, 0.0, 0.0)
-        self.on_ground = True
         self._thrust_m_s2 = 0.0
         self._yaw_torque_rad_s2 = 0.0
         self._yaw_integral_rad_s2 = 0.0

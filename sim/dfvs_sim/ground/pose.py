@@ -31,6 +31,8 @@ from dfvs_sim.ground.systems import LinkError
 from dfvs_sim.ground.truth import LocalOrigin, TruthFilter
 
 _KEPT = 128
+_REACH_NS = 200_000_000
+"""How far beyond the newest sample a pose may be extrapolated."""
 _RATE_HZ = 50.0
 _TRUTH, _ORIGIN, _PLACE, _ATTITUDE = (
     "HIL_STATE_QUATERNION",
@@ -76,13 +78,10 @@ class PoseTracker:
     ----------
     link : GroundLink
         Shared link; all three messages are asked for at 50 Hz by ``start``.
-    reach_ns : int
-        How far beyond the newest sample a pose may be extrapolated.
     """
 
-    def __init__(self, link: GroundLink, reach_ns: int = 200_000_000) -> None:
+    def __init__(self, link: GroundLink) -> None:
         self._link = link
-        self._reach_ns = reach_ns
         self._lock = threading.Lock()
         self._clock = ClockMap()
         self._delay_ns = 0
@@ -219,7 +218,7 @@ class PoseTracker:
         -------
         VehiclePose or None
             None before the first samples, for a time older than what is kept, and where the
-            newest sample is older than ``reach_ns``.
+            newest sample is more than 0.2 s older.
         """
         with self._lock:
             if not self._places or not self._turns:
@@ -227,7 +226,7 @@ class PoseTracker:
             stamp = t_ns - self._clock.offset_ns
             oldest = max(self._places[0].stamp_ns, self._turns[0].stamp_ns)
             newest = min(self._places[-1].stamp_ns, self._turns[-1].stamp_ns)
-            if stamp < oldest or stamp > newest + self._reach_ns:
+            if stamp < oldest or stamp > newest + _REACH_NS:
                 return None
             position, velocity = position_at(self._places, stamp)
             q = attitude_at(self._turns, stamp)

@@ -6,11 +6,9 @@ import time
 from collections.abc import Callable
 from dataclasses import dataclass, field
 from pathlib import Path
-from types import FrameType
 
 import numpy as np
 
-from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts, wait_for_data
 from dfvs_sim.vehicle.motion.flight import VehicleConfig
@@ -92,23 +90,10 @@ def _loop(
 def true_pose(px4: Px4, start_m: tuple[float, float, float]) -> dict[str, object]:
     """True pose and velocity: position in the scene's world frame (NED, m), angles in rad."""
     v = px4.flight.vehicle
-    local = (v.north_m, v.east_m, v.down_m)
     return {
-        "position": [round(a + b, 6) for a, b in zip(start_m, local, strict=True)],
-        "attitude": [round(a, 7) for a in (v.roll_rad, v.pitch_rad, v.yaw_rad)],
-        "velocity": [round(a, 6) for a in (v.v_north_m_s, v.v_east_m_s, v.v_down_m_s)],
+        "position": [round(a + b, 6) for a, b in zip(start_m, v.position_m, strict=True)],
+        "attitude": [round(a, 7) for a in v.attitude_rad],
+        "velocity": [round(a, 6) for a in v.velocity_m_s],
         "mode": px4.status.mode.name,
         "armed": px4.status.armed,
     }
-
-
-def stop_on_signals() -> Callable[[], bool]:
-    """Arrange that the signals to end a process end the loop; returns the question to ask."""
-    asked = False
-
-    def ask(signum: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        asked = True
-
-    handle_ending_signals(ask)
-    return lambda: asked

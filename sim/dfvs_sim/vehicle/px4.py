@@ -190,9 +190,8 @@ class Px4:
             self.send_text(refusal.value)
             return refusal
         if not self.status.armed:
-            e = self.flight.estimate
             self.status.armed, self.status.armed_ns, self.status.flew = True, now_ns, False
-            self.status.home_m = (e.north_m, e.east_m, e.down_m)
+            self.status.home_m = self.flight.estimate.position_m
             self.flight.prepare()
             self._journal_state(now_ns, "armed")
         return None
