@@ -12,6 +12,7 @@ from collections.abc import Sequence
 from dfvs_common.command_line import add_version
 from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_core.errors import ConfigError
+from dfvs_core.messages.frame import FORMAT_NAMES
 from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.options import (
     add_calibration_option,
@@ -24,7 +25,6 @@ from dfvs_service.camera.options import (
     source_options,
 )
 from dfvs_service.camera.publisher import (
-    FORMATS,
     FramePublisher,
     PublishOptions,
     publish_feed,
@@ -60,7 +60,9 @@ def parser() -> argparse.ArgumentParser:
     add_source_options(made, required=True)
     add_calibration_option(made)
     add_zenoh_options(made)
-    made.add_argument("--format", choices=sorted(FORMATS), default="jpeg", help="(default: jpeg)")
+    made.add_argument(
+        "--format", choices=sorted(FORMAT_NAMES), default="jpeg", help="(default: jpeg)"
+    )
     made.add_argument("--quality", type=int, default=90, metavar="Q", help="of JPEG, 1 to 100")
     made.add_argument("--frames", type=int, metavar="N", help="end after N frames")
     made.add_argument(
@@ -119,7 +121,7 @@ def _publish_options(arguments: argparse.Namespace) -> PublishOptions:
     asked = source_options(arguments, camera.size if camera else None)
     return PublishOptions(
         vehicle=settings_from(arguments).vehicle.name,
-        pixel_format=FORMATS[arguments.format],
+        pixel_format=FORMAT_NAMES[arguments.format],
         quality=arguments.quality,
         camera=camera,
         size=asked.size,

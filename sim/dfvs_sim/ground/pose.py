@@ -29,6 +29,7 @@ from dfvs_sim.ground.interpolation import (
 from dfvs_sim.ground.link import ACCEPTED, GroundLink, Message
 from dfvs_sim.ground.systems import LinkError
 from dfvs_sim.ground.truth import LocalOrigin, TruthFilter
+from dfvs_sim.viewpoints.poses import CameraPoses
 
 _KEPT = 128
 _REACH_NS = 200_000_000
@@ -210,6 +211,15 @@ class PoseTracker:
                 return None
             stamp = min(self._places[-1].stamp_ns, self._turns[-1].stamp_ns)
             return stamp + self._clock.offset_ns
+
+    def camera_poses(self, T_scene_local: FloatArray, T_body_camera: FloatArray) -> CameraPoses:
+        """Poses of a camera on the vehicle, whose local frame lies so in the scene."""
+
+        def T_scene_camera(t_ns: int) -> FloatArray | None:
+            pose = self.pose_at(t_ns)
+            return None if pose is None else T_scene_local @ pose.T_local_body() @ T_body_camera
+
+        return T_scene_camera
 
     def pose_at(self, t_ns: int) -> VehiclePose | None:
         """Pose at a monotonic time: interpolated, or extrapolated a little.
