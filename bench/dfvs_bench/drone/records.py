@@ -10,9 +10,9 @@ from dfvs_bench.drone.bound import TimeBound
 from dfvs_bench.trials.documents import read_document
 from dfvs_bench.trials.inputs import input_digest
 from dfvs_bench.trials.task import BenchTask, same_poses
+from dfvs_common.atomic_file import replace_json
 from dfvs_core.gate.limits import VelocityLimits
 from dfvs_sim.demo.conditions import Conditions
-from dfvs_sim.demo.results.files import replace_json
 
 NOT_READY = "NOT READY"
 """Instead of a gate's state, where the service would not fly."""
