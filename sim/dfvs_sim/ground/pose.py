@@ -16,14 +16,18 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.geometry.poses import make_pose, rotation_from_euler
+from dfvs_core.geometry.poses import (
+    euler_from_rotation,
+    make_pose,
+    rotation_from_euler,
+    rotation_from_quaternion,
+)
 from dfvs_sim.ground.clock import ClockMap
 from dfvs_sim.ground.interpolation import (
     AttitudeSample,
     PositionSample,
     append,
     attitude_at,
-    euler,
     position_at,
 )
 from dfvs_sim.ground.link import ACCEPTED, GroundLink, Message
@@ -240,4 +244,5 @@ class PoseTracker:
                 return None
             position, velocity = position_at(self._places, stamp)
             q = attitude_at(self._turns, stamp)
-        return VehiclePose(t_ns, position, velocity, *euler(q))
+        R = rotation_from_quaternion(np.array(q))
+        return VehiclePose(t_ns, position, velocity, *euler_from_rotation(R))
