@@ -40,7 +40,7 @@ Journal = Callable[[int, str, dict[str, Any]], None]
 """Where the vehicle's own record goes: (t_ns, kind, fields)."""
 
 
-def _no_journal(t_ns: int, kind: str, fields: dict[str, Any]) -> None:
+def no_journal(t_ns: int, kind: str, fields: dict[str, Any]) -> None:
     """Record nothing."""
 
 
@@ -52,7 +52,7 @@ class Px4:
         config: VehicleConfig,
         now_ns: int,
         rng: np.random.Generator,
-        journal: Journal = _no_journal,
+        journal: Journal = no_journal,
     ) -> None:
         self.config = config
         self.journal = journal
