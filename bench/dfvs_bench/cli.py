@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
@@ -19,7 +18,7 @@ from dfvs_bench.commands import (
     scenes,
     table1,
 )
-from dfvs_common.command_line import add_version, run_subcommand
+from dfvs_common.command_line import program_parser, run_subcommand
 
 _EPILOG = """examples:
   dfvs-bench flow pairs.npz --bundle classical --json flow.json
@@ -31,13 +30,11 @@ _EPILOG = """examples:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one measurement; 0 when it ran, 2 when it cannot, with one line that says why."""
-    parser = argparse.ArgumentParser(
-        prog="dfvs-bench",
-        description="Measure correspondences on image pairs, and servoing methods in scenes.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = program_parser(
+        "dfvs-bench",
+        "Measure correspondences on image pairs, and servoing methods in scenes.",
+        _EPILOG,
     )
-    add_version(parser)
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in (
         flow,

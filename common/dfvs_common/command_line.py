@@ -9,14 +9,17 @@ from importlib.metadata import version
 from dfvs_common import lifecycle
 
 
-def add_version(parser: argparse.ArgumentParser) -> None:
-    """Add ``--version``: prints program and version of the distribution, exit code 0."""
+def program_parser(prog: str, description: str, epilog: str) -> argparse.ArgumentParser:
+    """Parser of a program, whose texts keep their lines; ``--version`` prints and ends."""
+    formatter = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(prog, None, description, epilog, formatter_class=formatter)
     parser.add_argument(
         "--version",
         action="version",
-        version=f"{parser.prog} {version('dfvs')}",
+        version=f"{prog} {version('dfvs')}",
         help="print the version and exit",
     )
+    return parser
 
 
 def run_subcommand(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
-from dfvs_common.command_line import add_version, run_subcommand
+from dfvs_common.command_line import program_parser, run_subcommand
 from dfvs_robustness.commands import answers, faults, fuzz, soak
 
 _EPILOG = """examples:
@@ -18,13 +17,11 @@ _EPILOG = """examples:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; 0 when it worked, 2 when it cannot run, with one line that says why."""
-    parser = argparse.ArgumentParser(
-        prog="dfvs-robustness",
-        description="Disturb the service on purpose, and judge it by the safety invariants.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = program_parser(
+        "dfvs-robustness",
+        "Disturb the service on purpose, and judge it by the safety invariants.",
+        _EPILOG,
     )
-    add_version(parser)
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in (faults, answers, fuzz, soak):
         command.add_parser(subparsers)

@@ -9,7 +9,7 @@ import threading
 import time
 from collections.abc import Sequence
 
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import FORMAT_NAMES
@@ -24,11 +24,7 @@ from dfvs_service.camera.options import (
     log,
     source_options,
 )
-from dfvs_service.camera.publisher import (
-    FramePublisher,
-    PublishOptions,
-    publish_feed,
-)
+from dfvs_service.camera.publisher import FramePublisher, PublishOptions, publish_feed
 from dfvs_service.settings.options import settings_from
 from dfvs_service.zenoh_session import open_persistently
 
@@ -49,14 +45,12 @@ A live source that is lost is opened again every second. Exit code: 0 ended, 2 c
 
 def parser() -> argparse.ArgumentParser:
     """Options of publishing."""
-    made = argparse.ArgumentParser(
-        prog="dfvs-camera",
-        description="Publish images to the service: JPEG or raw, with the time of capture and "
+    made = program_parser(
+        "dfvs-camera",
+        "Publish images to the service: JPEG or raw, with the time of capture and "
         "the camera's calibration.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EPILOG,
     )
-    add_version(made)
     add_source_options(made, required=True)
     add_calibration_option(made)
     add_zenoh_options(made)

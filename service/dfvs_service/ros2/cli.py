@@ -10,7 +10,7 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_OK, handle_ending_signals, run_command
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
@@ -42,14 +42,12 @@ def _run(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-ros2",
-        description="Publish the service's telemetry as ROS 2 messages: the setpoint as "
+    parser = program_parser(
+        "dfvs-ros2",
+        "Publish the service's telemetry as ROS 2 messages: the setpoint as "
         "TwistStamped, state and figures as DiagnosticArray, the preview as CompressedImage.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EPILOG,
     )
-    add_version(parser)
     add_settings_options(parser)
     parser.add_argument(
         "--link",
