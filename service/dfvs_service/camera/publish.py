@@ -5,12 +5,11 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import threading
 import time
 from collections.abc import Sequence
 
 from dfvs_common.command_line import program_parser
-from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.lifecycle import stop_event
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import FORMAT_NAMES
 from dfvs_core.messages.topics import Topics
@@ -81,8 +80,7 @@ def run(words: Sequence[str]) -> int:
     """
     arguments = parser().parse_args(words)
     options = _publish_options(arguments)
-    stop = threading.Event()
-    handle_ending_signals(lambda *_: stop.set())
+    stop = stop_event()
     started_s = time.monotonic()
     with contextlib.closing(feed_of(arguments, options.wanted_size)) as feed:
         section = cameras_zenoh(settings_from(arguments).zenoh, arguments.connect)

@@ -11,7 +11,7 @@ import threading
 from collections.abc import Sequence
 
 from dfvs_common.command_line import program_parser
-from dfvs_common.lifecycle import EXIT_OK, handle_ending_signals, run_command
+from dfvs_common.lifecycle import EXIT_OK, run_command, stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.ros2 import Ros2Link
@@ -35,8 +35,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    stop = threading.Event()
-    handle_ending_signals(lambda *_: stop.set())
+    stop = stop_event()
     _relay(settings_from(arguments), arguments, stop)
     return EXIT_OK
 

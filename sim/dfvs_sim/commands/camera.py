@@ -5,13 +5,12 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
-import threading
 from typing import Any
 
 import numpy as np
 import zenoh
 
-from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.lifecycle import stop_event
 from dfvs_common.progress import log
 from dfvs_common.zenoh_session import open_session
 from dfvs_core.errors import ConfigError
@@ -83,8 +82,7 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Publish until interrupted; exit code 0."""
-    stop = threading.Event()
-    handle_ending_signals(lambda *_: stop.set())
+    stop = stop_event()
     if not 0.1 <= args.rate <= 240:
         raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
     mount = Mount(pitch_rad=math.radians(args.mount_pitch))

@@ -4,11 +4,10 @@ from __future__ import annotations
 
 import argparse
 import math
-import threading
 from pathlib import Path
 from typing import Any
 
-from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.lifecycle import stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
@@ -78,8 +77,7 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Fly until interrupted; exit code 0."""
     config = config_from_args(args)
-    stop = threading.Event()
-    handle_ending_signals(lambda *_: stop.set())
+    stop = stop_event()
     log(
         f"vehicle: companion link to UDP {config.companion.remote}, "
         f"ground station link to UDP {config.ground.remote}"
