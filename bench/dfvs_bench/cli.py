@@ -18,7 +18,7 @@ from dfvs_bench.commands import (
     scenes,
     table1,
 )
-from dfvs_common.command_line import run_program
+from dfvs_common.command_line import program_parser, run_subcommand
 
 _EPILOG = """examples:
   dfvs-bench flow pairs.npz --bundle classical --json flow.json
@@ -30,15 +30,16 @@ _EPILOG = """examples:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one measurement; 0 when it ran, 2 when it cannot, with one line that says why."""
-    modules = (flow, depth, scenes, table1, controller, basin)
-    more = (drone, lockstep, renderer, relocalise, report)
-    return run_program(
-        argv,
-        [module.add_parser for module in (*modules, *more)],
-        prog="dfvs-bench",
-        description="Measure correspondences on image pairs, and servoing methods in scenes.",
-        epilog=_EPILOG,
+    parser = program_parser(
+        "dfvs-bench",
+        "Measure correspondences on image pairs, and servoing methods in scenes.",
+        _EPILOG,
     )
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    measurements = (flow, depth, scenes, table1, controller, basin, drone, lockstep, renderer)
+    for command in (*measurements, relocalise, report):
+        command.add_parser(subparsers)
+    return run_subcommand(parser, argv)
 
 
 if __name__ == "__main__":

@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import contextlib
+import json
 import os
 from pathlib import Path
+from typing import Any
 
 from dfvs_core.errors import ConfigError
 
@@ -28,6 +30,19 @@ def write_atomic(path: Path, data: bytes) -> None:
         partial.unlink(missing_ok=True)
         raise
     sync_folder(path.parent)
+
+
+def replace_json(path: Path, document: Any) -> None:
+    """Write a JSON document whole or not at all.
+
+    Raises
+    ------
+    OSError
+        If it cannot be written; what was there before stays.
+    ValueError
+        If it holds NaN or infinity.
+    """
+    write_atomic(path, (json.dumps(document, indent=2, allow_nan=False) + "\n").encode())
 
 
 def replace_file(path: Path, data: bytes) -> None:

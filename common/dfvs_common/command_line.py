@@ -3,38 +3,23 @@
 from __future__ import annotations
 
 import argparse
-from collections.abc import Callable, Iterable, Sequence
+from collections.abc import Sequence
 from importlib.metadata import version
-from typing import Any
 
 from dfvs_common import lifecycle
 
 
-def add_version(parser: argparse.ArgumentParser) -> None:
-    """Add ``--version``: prints program and version of the distribution, exit code 0."""
+def program_parser(prog: str, description: str, epilog: str) -> argparse.ArgumentParser:
+    """Parser of a program, whose texts keep their lines; ``--version`` prints and ends."""
+    formatter = argparse.RawDescriptionHelpFormatter
+    parser = argparse.ArgumentParser(prog, None, description, epilog, formatter_class=formatter)
     parser.add_argument(
         "--version",
         action="version",
-        version=f"{parser.prog} {version('dfvs')}",
+        version=f"{prog} {version('dfvs')}",
         help="print the version and exit",
     )
-
-
-def run_program(
-    argv: Sequence[str] | None, commands: Iterable[Callable[[Any], None]], **texts: str
-) -> int:
-    """Run one of the commands of a program; its exit code.
-
-    ``texts`` are argparse's ``prog``, ``description`` and ``epilog``; each of the commands adds
-    its parser to what ``ArgumentParser.add_subparsers`` gave.
-    """
-    formatter = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(formatter_class=formatter, **texts)  # type: ignore[arg-type]
-    add_version(parser)
-    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
-    for add_parser in commands:
-        add_parser(subparsers)
-    return run_subcommand(parser, argv)
+    return parser
 
 
 def run_subcommand(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:

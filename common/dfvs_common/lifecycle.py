@@ -6,6 +6,7 @@ import ctypes
 import os
 import signal
 import sys
+import threading
 from collections.abc import Callable
 from types import FrameType
 
@@ -61,6 +62,13 @@ def handle_ending_signals(handler: Callable[[int, FrameType | None], None]) -> N
     for number in ENDING_SIGNALS:
         if number is not signal.SIGHUP or signal.getsignal(number) is not signal.SIG_IGN:
             signal.signal(number, handler)
+
+
+def stop_event() -> threading.Event:
+    """Event that is set at SIGTERM, SIGINT and SIGHUP."""
+    stop = threading.Event()
+    handle_ending_signals(lambda *_: stop.set())
+    return stop
 
 
 def exit_on_signals() -> list[int]:

@@ -54,7 +54,21 @@ class PixelFormat(enum.IntEnum):
     JPEG = 3
     PNG = 4
 
+    @property
+    def media_type(self) -> str:
+        """Media type of the payload, the encoding of its Zenoh sample."""
+        return _MEDIA_TYPES.get(self, "application/octet-stream")
 
+
+FORMAT_NAMES = {
+    "jpeg": PixelFormat.JPEG,
+    "png": PixelFormat.PNG,
+    "raw": PixelFormat.RGB8,
+    "mono": PixelFormat.MONO8,
+}
+"""Formats by their names on command lines."""
+
+_MEDIA_TYPES = {PixelFormat.JPEG: "image/jpeg", PixelFormat.PNG: "image/png"}
 _CHANNELS = {PixelFormat.RGB8: 3, PixelFormat.BGR8: 3, PixelFormat.MONO8: 1}
 
 

@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import cannot_run, run_command
 from dfvs_core.errors import ConfigError
 from dfvs_export.pose_cli import add_pose, add_train_pose
@@ -67,13 +67,11 @@ def parse_size(text: str, multiple: int = 16) -> tuple[int, int]:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-export",
-        description=__doc__,
-        epilog=_EXAMPLES,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = program_parser(
+        "dfvs-export",
+        __doc__,
+        _EXAMPLES,
     )
-    add_version(parser)
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
     _add_train(commands)
     _add_train_depth(commands)

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Sequence
 
-from dfvs_common.command_line import run_program
+from dfvs_common.command_line import program_parser, run_subcommand
 from dfvs_robustness.commands import answers, faults, fuzz, soak
 
 _EPILOG = """examples:
@@ -17,13 +17,15 @@ _EPILOG = """examples:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; 0 when it worked, 2 when it cannot run, with one line that says why."""
-    return run_program(
-        argv,
-        [module.add_parser for module in (faults, answers, fuzz, soak)],
-        prog="dfvs-robustness",
-        description="Disturb the service on purpose, and judge it by the safety invariants.",
-        epilog=_EPILOG,
+    parser = program_parser(
+        "dfvs-robustness",
+        "Disturb the service on purpose, and judge it by the safety invariants.",
+        _EPILOG,
     )
+    subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
+    for command in (faults, answers, fuzz, soak):
+        command.add_parser(subparsers)
+    return run_subcommand(parser, argv)
 
 
 if __name__ == "__main__":

@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
-from dfvs_common.command_line import add_version, run_subcommand
+from dfvs_common.command_line import program_parser, run_subcommand
 from dfvs_rooms.commands import pairs, room
 
 _EPILOG = """examples:
@@ -17,14 +16,12 @@ _EPILOG = """examples:
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Run one command; 0 when it worked, 2 when it cannot run, with one line that says why."""
-    parser = argparse.ArgumentParser(
-        prog="dfvs-rooms",
-        description="Generate furnished rooms from seeds, bake their light, and render pairs of "
+    parser = program_parser(
+        "dfvs-rooms",
+        "Generate furnished rooms from seeds, bake their light, and render pairs of "
         "views with exact flow.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EPILOG,
     )
-    add_version(parser)
     subparsers = parser.add_subparsers(metavar="COMMAND", required=True)
     for command in (room, pairs):
         command.add_parser(subparsers)

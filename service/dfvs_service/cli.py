@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.atomic_file import write_atomic
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.gate.config import Engage, OnDone
@@ -33,11 +33,7 @@ from dfvs_service.route.cli import run as teach
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.config_text import markdown_table, toml_text
 from dfvs_service.settings.exposure import exposure_warnings
-from dfvs_service.settings.goal_file import (
-    goal_command,
-    read_image,
-    route_images,
-)
+from dfvs_service.settings.goal_file import goal_command, read_image, route_images
 from dfvs_service.settings.key_file import create_key, load_key
 from dfvs_service.settings.options import add_settings_options, settings_from
 from dfvs_service.supervisor.console import shows_colours
@@ -138,13 +134,11 @@ def _renamed_image(path: str) -> Path:
 
 
 def _flight_parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-service",
-        description="Fly a PX4 drone to the view that a goal image shows.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = program_parser(
+        "dfvs-service",
+        "Fly a PX4 drone to the view that a goal image shows.",
+        _EXAMPLE,
     )
-    add_version(parser)
     parser.add_argument(
         "--goal",
         type=Path,

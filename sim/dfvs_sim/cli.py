@@ -2,11 +2,10 @@
 
 from __future__ import annotations
 
-import argparse
 import sys
 from collections.abc import Sequence
 
-from dfvs_common.command_line import add_version, run_subcommand
+from dfvs_common.command_line import program_parser, run_subcommand
 from dfvs_common.lifecycle import cannot_run
 from dfvs_sim.commands import camera, goal, pilot, vehicle, world
 
@@ -30,14 +29,12 @@ def main(argv: Sequence[str] | None = None) -> int:
     if words and words[0] in _MOVED:
         program = _MOVED[words[0]]
         return cannot_run(f"dfvs-sim has no command {words[0]!r}; use {program} {words[0]}")
-    parser = argparse.ArgumentParser(
-        prog="dfvs-sim",
-        description="A simulated drone with PX4's MAVLink face, a camera that renders what it "
+    parser = program_parser(
+        "dfvs-sim",
+        "A simulated drone with PX4's MAVLink face, a camera that renders what it "
         "sees, and rooms to fly in.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EPILOG,
     )
-    add_version(parser)
     subparsers = parser.add_subparsers(metavar="COMMAND")
     for command in (vehicle, camera, pilot, goal):
         command.add_parser(subparsers)

@@ -8,6 +8,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
@@ -130,7 +131,7 @@ def require_folder(option: str, path: Path | None) -> None:
 
 
 def write_json(path: Path, document: Any) -> None:
-    """Write what ``--json`` asks for.
+    """Write what ``--json`` asks for, whole or not at all.
 
     Raises
     ------
@@ -138,7 +139,7 @@ def write_json(path: Path, document: Any) -> None:
         If the file cannot be written.
     """
     try:
-        path.write_text(json.dumps(document, indent=2) + "\n", encoding="utf-8")
+        write_atomic(path, (json.dumps(document, indent=2) + "\n").encode())
     except OSError as error:
         raise ConfigError(
             f"--json {path} cannot be written ({error.strerror})", "a file in an existing folder"

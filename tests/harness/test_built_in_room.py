@@ -7,11 +7,12 @@ from concurrent.futures import ThreadPoolExecutor
 import cv2
 import numpy as np
 import pytest
+from view_warping import warp_to_a
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, pose_error
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.render.truth import exact_flow, visibility, warp_to_a
+from dfvs_sim.render.truth import exact_flow, visibility
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.scene.mesh import SceneError

@@ -21,8 +21,7 @@ from dfvs_sim.demo.flight.track import TrackPoint
 from dfvs_sim.demo.options import FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.demo.results.files import write_results
-from dfvs_sim.demo.results.summary import CONVERGED_DEG, CONVERGED_M
+from dfvs_sim.demo.results.summary import CONVERGED_DEG, CONVERGED_M, write_results
 from dfvs_sim.render.truth import visibility
 
 _FIGURES = ("converged", "final_translation_m", "final_rotation_deg", "path_ratio")

@@ -112,14 +112,7 @@ class HoveringVehicle:
     def state(self) -> VehicleState:
         """Vehicle state as the autopilot estimates it."""
         e = self._px4.flight.estimate
-        return VehicleState(
-            self.now_ns,
-            e.roll_rad,
-            e.pitch_rad,
-            e.yaw_rad,
-            (e.v_north_m_s, e.v_east_m_s, e.v_down_m_s),
-            (e.north_m, e.east_m, e.down_m),
-        )
+        return VehicleState(self.now_ns, *e.attitude_rad, e.velocity_m_s, e.position_m)
 
     def events(self, tick: int) -> Iterator[VehicleEvent]:
         """What the gate hears in its tick of 20 ms with that number."""

@@ -4,12 +4,12 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, replace
-from pathlib import Path
 
 import numpy as np
 
+from dfvs_common.clock import local_clock
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_robustness.harness.wall import Pose, Wall
 
 PERIOD_NS = 66_666_667
@@ -63,7 +63,7 @@ class ScriptedCamera:
         """Captures of all frames that nothing was wrong with."""
         self._format = pixel_format
         self._publish = publish
-        self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self._clock = local_clock()
         self._seq = 0
         self._good_to_come = 0
 

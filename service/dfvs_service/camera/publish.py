@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import contextlib
 import json
-import threading
 import time
 from collections.abc import Sequence
 
-from dfvs_common.command_line import add_version
-from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.command_line import program_parser
+from dfvs_common.lifecycle import stop_event
 from dfvs_core.errors import ConfigError
+from dfvs_core.messages.frame import FORMAT_NAMES
 from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.options import (
     add_calibration_option,
@@ -23,12 +23,7 @@ from dfvs_service.camera.options import (
     log,
     source_options,
 )
-from dfvs_service.camera.publisher import (
-    FORMATS,
-    FramePublisher,
-    PublishOptions,
-    publish_feed,
-)
+from dfvs_service.camera.publisher import FramePublisher, PublishOptions, publish_feed
 from dfvs_service.settings.options import settings_from
 from dfvs_service.zenoh_session import open_persistently
 
@@ -49,18 +44,18 @@ A live source that is lost is opened again every second. Exit code: 0 ended, 2 c
 
 def parser() -> argparse.ArgumentParser:
     """Options of publishing."""
-    made = argparse.ArgumentParser(
-        prog="dfvs-camera",
-        description="Publish images to the service: JPEG or raw, with the time of capture and "
+    made = program_parser(
+        "dfvs-camera",
+        "Publish images to the service: JPEG or raw, with the time of capture and "
         "the camera's calibration.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EPILOG,
     )
-    add_version(made)
     add_source_options(made, required=True)
     add_calibration_option(made)
     add_zenoh_options(made)
-    made.add_argument("--format", choices=sorted(FORMATS), default="jpeg", help="(default: jpeg)")
+    made.add_argument(
+        "--format", choices=sorted(FORMAT_NAMES), default="jpeg", help="(default: jpeg)"
+    )
     made.add_argument("--quality", type=int, default=90, metavar="Q", help="of JPEG, 1 to 100")
     made.add_argument("--frames", type=int, metavar="N", help="end after N frames")
     made.add_argument(
@@ -85,8 +80,7 @@ def run(words: Sequence[str]) -> int:
     """
     arguments = parser().parse_args(words)
     options = _publish_options(arguments)
-    stop = threading.Event()
-    handle_ending_signals(lambda *_: stop.set())
+    stop = stop_event()
     started_s = time.monotonic()
     with contextlib.closing(feed_of(arguments, options.wanted_size)) as feed:
         section = cameras_zenoh(settings_from(arguments).zenoh, arguments.connect)
@@ -119,7 +113,7 @@ def _publish_options(arguments: argparse.Namespace) -> PublishOptions:
     asked = source_options(arguments, camera.size if camera else None)
     return PublishOptions(
         vehicle=settings_from(arguments).vehicle.name,
-        pixel_format=FORMATS[arguments.format],
+        pixel_format=FORMAT_NAMES[arguments.format],
         quality=arguments.quality,
         camera=camera,
         size=asked.size,

@@ -6,13 +6,13 @@ import threading
 import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import zenoh
 import zenoh.ext
 
+from dfvs_common.clock import local_clock
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.schema import to_json
 from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.feed import Feed, Log
@@ -20,14 +20,6 @@ from dfvs_service.camera.reception import ReceptionReport
 from dfvs_service.camera.source import check_size
 from dfvs_service.frames import CapturedImage
 
-FORMATS = {
-    "jpeg": PixelFormat.JPEG,
-    "png": PixelFormat.PNG,
-    "raw": PixelFormat.RGB8,
-    "mono": PixelFormat.MONO8,
-}
-_ENCODINGS = {PixelFormat.JPEG: "image/jpeg", PixelFormat.PNG: "image/png"}
-_RAW_ENCODING = "application/octet-stream"
 _RECEIVE_S = 0.25
 _REPORT_S = 5.0
 _SILENCE_S = 2.0
@@ -65,7 +57,7 @@ class FramePublisher:
         topics = Topics(options.vehicle)
         drop = zenoh.CongestionControl.DROP
         self._options = options
-        self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self._clock = local_clock()
         self._frames = session.declare_publisher(topics.camera, congestion_control=drop)
         self._calibration: zenoh.ext.AdvancedPublisher | None = None
         if options.camera is not None:
@@ -98,8 +90,7 @@ class FramePublisher:
         pixel_format = self._options.pixel_format
         frame = Frame(captured.image, captured.t_capture_ns, self.count)
         payload, attachment = encode_frame(frame, pixel_format, self._clock, self._options.quality)
-        encoding = _ENCODINGS.get(pixel_format, _RAW_ENCODING)
-        self._frames.put(payload, encoding=encoding, attachment=attachment)
+        self._frames.put(payload, encoding=pixel_format.media_type, attachment=attachment)
         self.count += 1
         self.bytes += len(payload)
 

@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_core.errors import ConfigError
 
@@ -47,14 +47,12 @@ def _make(arguments: argparse.Namespace) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-certs",
-        description="Make an authority, a certificate for each role, and a router's configuration "
+    parser = program_parser(
+        "dfvs-certs",
+        "Make an authority, a certificate for each role, and a router's configuration "
         "for Zenoh, by which every role may do its own work and nothing else.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EPILOG,
     )
-    add_version(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where to")
     parser.add_argument(
         "--vehicle", action="append", default=[], metavar="NAME", help="may be repeated"

@@ -9,7 +9,7 @@ from collections.abc import Sequence
 from pathlib import Path
 from types import FrameType
 
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_OK, handle_ending_signals, run_command
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.goal_command import MAX_SIDECAR_BYTES
@@ -55,14 +55,12 @@ def _new_token(words: Sequence[str]) -> int:
 
 def make_parser() -> argparse.ArgumentParser:
     """Options of the command that serves the page."""
-    parser = argparse.ArgumentParser(
-        prog="dfvs-dashboard",
-        description="Serve a page that shows what the drone sees and does. Nothing is loaded from "
+    parser = program_parser(
+        "dfvs-dashboard",
+        "Serve a page that shows what the drone sees and does. Nothing is loaded from "
         "the internet, and nothing is ordered without a token and a key.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EXAMPLE,
     )
-    add_version(parser)
     add, many = parser.add_argument, "may be repeated"
     add("--config", type=Path, metavar="FILE", help="the service's settings: its zenoh section")
     add("--connect", action="append", metavar="ENDPOINT", help=f"Zenoh endpoint; {many}")

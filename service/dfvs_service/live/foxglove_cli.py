@@ -8,7 +8,7 @@ import sys
 import time
 from collections.abc import Sequence
 
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_OK, handle_ending_signals, run_command
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
@@ -31,14 +31,12 @@ from another machine: ssh -L 8765:127.0.0.1:8765 drone
 
 def main(argv: Sequence[str] | None = None) -> int:
     """Entry point; returns the exit code."""
-    parser = argparse.ArgumentParser(
-        prog="dfvs-foxglove",
-        description="Serve what a running dfvs-service sees, decides and sends to Foxglove, on "
+    parser = program_parser(
+        "dfvs-foxglove",
+        "Serve what a running dfvs-service sees, decides and sends to Foxglove, on "
         "127.0.0.1 only. Ends with Ctrl-C.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EXAMPLE,
     )
-    add_version(parser)
     parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="(default: 8765)")
     add_settings_options(parser)
     arguments = parser.parse_args(argv)

@@ -7,7 +7,7 @@ import importlib.util
 import sys
 from collections.abc import Sequence
 
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_core.errors import ConfigError
 from dfvs_service.settings.options import add_settings_options, settings_from
@@ -32,14 +32,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-metrics",
-        description="Serve a running dfvs-service's latencies, rates, states and drops at "
+    parser = program_parser(
+        "dfvs-metrics",
+        "Serve a running dfvs-service's latencies, rates, states and drops at "
         "/metrics, for Prometheus. Ends with Ctrl-C.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EXAMPLE,
     )
-    add_version(parser)
     parser.add_argument("--port", type=int, default=DEFAULT_PORT, help="(default: 9464)")
     parser.add_argument(
         "--address", default=LOOPBACK, metavar="ADDR", help="to serve on (default: 127.0.0.1)"

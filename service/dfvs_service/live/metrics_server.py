@@ -11,7 +11,7 @@ import time
 import zenoh
 from prometheus_client import CollectorRegistry, start_http_server
 
-from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.lifecycle import stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.topics import Topics
@@ -34,8 +34,7 @@ def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
         If the address cannot be served on.
     """
     os.nice(_NICENESS)
-    stopped = threading.Event()
-    handle_ending_signals(lambda *_: stopped.set())
+    stopped = stop_event()
     registry = CollectorRegistry()
     metrics = FlightMetrics(config.vehicle.name, registry, time.monotonic_ns)
     try:

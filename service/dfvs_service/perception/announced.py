@@ -4,15 +4,14 @@ from __future__ import annotations
 
 import queue
 from collections.abc import Callable
-from pathlib import Path
 
 import zenoh
 import zenoh.ext
 
+from dfvs_common.clock import local_clock
 from dfvs_common.progress import log
 from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity
 from dfvs_service.perception.frame_source import FrameSource, disagreement, make_frame_source
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.zenoh_session import open_session
@@ -100,9 +99,7 @@ def await_camera(
     """
     if config.camera.announced_s <= 0:
         return None
-    source = make_frame_source(
-        config, clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
-    )
+    source = make_frame_source(config, local_clock())
     announcements: queue.Queue[CameraModel | DfvsError] = queue.Queue()
     with open_link(config) as session:
         # Closing the session ends the subscription; the reference keeps it until then.

@@ -9,14 +9,13 @@ import time
 from collections import deque
 from collections.abc import Sequence
 from concurrent.futures import ThreadPoolExecutor
-from pathlib import Path
 from types import FrameType
 from typing import Any
 
 import zenoh
 
+from dfvs_common.clock import local_clock
 from dfvs_core.errors import DfvsError
-from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import encode_png
@@ -89,7 +88,7 @@ class PerceptionProcess:
         self._flight_feed = FlightFeed(runtime.black_box_socket)
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._latency = LatencyWindow()
-        self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self._clock = local_clock()
         self._source = make_frame_source(config, self._clock)
         self._goal = goal = goals[0]
         camera = config.camera.model() or goal.sidecar.camera

@@ -9,7 +9,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, handle_ending_signals, run_command
 from dfvs_common.progress import StatusLine, log
 from dfvs_service.record.preparation import prepare_folder, require_record_extra
@@ -36,14 +36,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _record(words: Sequence[str]) -> int:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-record",
-        description="Record what a running dfvs-service sees, decides and sends, as MCAP files "
+    parser = program_parser(
+        "dfvs-record",
+        "Record what a running dfvs-service sees, decides and sends, as MCAP files "
         "that Foxglove opens and dfvs-replay reruns. Ends with Ctrl-C.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EXAMPLE,
     )
-    add_version(parser)
     parser.add_argument("--out", type=Path, required=True, metavar="DIR", help="where files go")
     parser.add_argument("--json", action="store_true", help="print what was recorded as JSON")
     add_settings_options(parser)

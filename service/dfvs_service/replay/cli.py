@@ -8,7 +8,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, run_command
 from dfvs_common.progress import StatusLine
 from dfvs_core.errors import ConfigError
@@ -39,13 +39,11 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-replay",
-        description="Run perception again on a recorded flight. Nothing is flown.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+    parser = program_parser(
+        "dfvs-replay",
+        "Run perception again on a recorded flight. Nothing is flown.",
+        _EXAMPLE,
     )
-    add_version(parser)
     add = parser.add_argument
     add("files", type=Path, nargs="+", metavar="FILE", help="files of one recording (MCAP)")
     add("--bundle", default="", metavar="NAME", help="another model: 'classical' or a folder")

@@ -11,7 +11,7 @@ from pathlib import Path
 from typing import TYPE_CHECKING
 
 from dfvs_common.atomic_file import replace_file
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_common.progress import StatusLine
 from dfvs_core.errors import ConfigError
@@ -49,14 +49,12 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-report",
-        description="Make HTML page and video (MP4) of a flight: verdict, views, path, states, "
+    parser = program_parser(
+        "dfvs-report",
+        "Make HTML page and video (MP4) of a flight: verdict, views, path, states, "
         "distances, velocities, timing, faults and settings. The page needs nothing else.",
-        epilog=_EXAMPLE,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EXAMPLE,
     )
-    add_version(parser)
     add = parser.add_argument
     add(
         "flight",

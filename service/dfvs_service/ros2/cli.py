@@ -10,8 +10,8 @@ import sys
 import threading
 from collections.abc import Sequence
 
-from dfvs_common.command_line import add_version
-from dfvs_common.lifecycle import EXIT_OK, handle_ending_signals, run_command
+from dfvs_common.command_line import program_parser
+from dfvs_common.lifecycle import EXIT_OK, run_command, stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.ros2 import Ros2Link
@@ -35,21 +35,18 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _run(arguments: argparse.Namespace) -> int:
-    stop = threading.Event()
-    handle_ending_signals(lambda *_: stop.set())
+    stop = stop_event()
     _relay(settings_from(arguments), arguments, stop)
     return EXIT_OK
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-ros2",
-        description="Publish the service's telemetry as ROS 2 messages: the setpoint as "
+    parser = program_parser(
+        "dfvs-ros2",
+        "Publish the service's telemetry as ROS 2 messages: the setpoint as "
         "TwistStamped, state and figures as DiagnosticArray, the preview as CompressedImage.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EPILOG,
     )
-    add_version(parser)
     add_settings_options(parser)
     parser.add_argument(
         "--link",

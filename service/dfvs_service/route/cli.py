@@ -8,7 +8,7 @@ import time
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, handle_ending_signals
+from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK, stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame import Frame, decode_frame, decode_header
@@ -64,8 +64,7 @@ def run(words: Sequence[str]) -> int:
     if not 0.2 <= arguments.overlap <= 0.95:
         raise ConfigError(f"--overlap is {arguments.overlap:g}", "0.2 to 0.95")
     prepare_route_folder(arguments.out)
-    stop = threading.Event()
-    handle_ending_signals(lambda *_: stop.set())
+    stop = stop_event()
     limits = RouteRecordingLimits(overlap=arguments.overlap)
     count = _record_route(config, arguments.out, limits, stop)
     print(f"{count} goals in {arguments.out}")

@@ -4,13 +4,13 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
-from pathlib import Path
 
 import zenoh
 
+from dfvs_common.clock import local_clock
 from dfvs_core.errors import ConfigError, DfvsError
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity, decode_frame, decode_header
+from dfvs_core.messages.frame import decode_frame, decode_header
 from dfvs_service.command import operators_zenoh
 from dfvs_service.frames import CapturedImage, RawSample
 from dfvs_service.mailbox import Mailbox
@@ -72,7 +72,7 @@ class FrameQueue:
     def __init__(
         self, session: zenoh.Session, config: ServiceConfig, log: Callable[[str], None]
     ) -> None:
-        self.clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self.clock = local_clock()
         self._source = make_frame_source(config, self.clock)
         self._mailbox: Mailbox[RawSample] = Mailbox()
         self._log = log

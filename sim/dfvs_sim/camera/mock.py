@@ -8,20 +8,17 @@ import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import zenoh
 
-from dfvs_core.geometry.arrays import FloatArray
+from dfvs_common.clock import local_clock
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.sensor import SensorNoise
 from dfvs_sim.render.renderer import Renderer
-
-CameraPoses = Callable[[int], FloatArray | None]
-"""``T_scene_camera`` (4, 4) at a monotonic time in ns, None where it is not known."""
+from dfvs_sim.viewpoints.poses import CameraPoses
 
 _LONGEST_LEAD_NS = 100_000_000
 _LEAD_SHARE = 0.1
@@ -42,7 +39,6 @@ class MockCameraConfig:
     camera: CameraModel
     rate_hz: float = 20.0
     pixel_format: PixelFormat = PixelFormat.JPEG
-    quality: int = 90
     noise: float = 1.5
     seed: int = 0
     nice: int = 0
@@ -78,7 +74,7 @@ class MockCamera:
         self._publish = publish
         self._rng = np.random.default_rng(config.seed)
         self._noise = SensorNoise.make(config.camera.size, config.noise, self._rng)
-        self._clock = clock_identity(Path(BOOT_ID_FILE).read_text(encoding="ascii"))
+        self._clock = local_clock()
         self._lead_ns = 0
         self.frames = 0
         self.published_ns: deque[int] = deque(maxlen=_REMEMBERED)
@@ -103,12 +99,10 @@ class MockCamera:
         image = self._renderer.render(self._config.camera, T_scene_camera).image
         image = self._noise.apply(image, self._rng)
         frame = Frame(image, t_ns, self.frames)
-        payload, attachment = encode_frame(
-            frame, self._config.pixel_format, self._clock, self._config.quality
-        )
+        payload, attachment = encode_frame(frame, self._config.pixel_format, self._clock)
         self._update_lead(time.monotonic_ns() - begun_ns)
         time.sleep(max(t_ns - time.monotonic_ns(), 0) * 1e-9)
-        self._publish(payload, attachment, ENCODINGS[self._config.pixel_format])
+        self._publish(payload, attachment, self._config.pixel_format.media_type)
         self.published_ns.append(time.monotonic_ns())
         self.frames += 1
 
@@ -116,15 +110,6 @@ class MockCamera:
         """Update how long an image takes, without the wait for its moment."""
         lead_ns = self._lead_ns + _LEAD_SHARE * (taken_ns - self._lead_ns)
         self._lead_ns = min(round(lead_ns), _LONGEST_LEAD_NS)
-
-
-ENCODINGS = {
-    PixelFormat.JPEG: "image/jpeg",
-    PixelFormat.PNG: "image/png",
-    PixelFormat.RGB8: "application/octet-stream",
-    PixelFormat.BGR8: "application/octet-stream",
-    PixelFormat.MONO8: "application/octet-stream",
-}
 
 
 def zenoh_publisher(session: zenoh.Session, vehicle: str) -> Publish:

@@ -5,19 +5,18 @@ from __future__ import annotations
 import argparse
 import contextlib
 import math
-import threading
 from typing import Any
 
 import numpy as np
 import zenoh
 
-from dfvs_common.lifecycle import handle_ending_signals
+from dfvs_common.lifecycle import stop_event
 from dfvs_common.progress import log
 from dfvs_common.zenoh_session import open_session
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
-from dfvs_core.messages.frame import PixelFormat
+from dfvs_core.messages.frame import FORMAT_NAMES
 from dfvs_core.messages.goal import Mount
 from dfvs_core.messages.topics import Topics
 from dfvs_sim.camera.mock import MockCamera, MockCameraConfig, Publish, zenoh_publisher
@@ -30,12 +29,6 @@ from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
 
-_FORMATS = {
-    "jpeg": PixelFormat.JPEG,
-    "png": PixelFormat.PNG,
-    "raw": PixelFormat.RGB8,
-    "mono": PixelFormat.MONO8,
-}
 _EPILOG = """examples:
   dfvs-sim camera --mavlink udpin://127.0.0.1:14550 --origin 0,-1,-0.2,40 --share 14551
   dfvs-sim camera --ros2 rmw --format raw
@@ -72,7 +65,7 @@ def add_parser(subparsers: Any) -> None:
         f"on this UDP port (usually {DEFAULT_PORT})",
     )
     add("--rate", type=float, default=20.0, metavar="HZ", help="frames a second")
-    add("--format", choices=sorted(_FORMATS), default="jpeg", help="pixels on the wire")
+    add("--format", choices=sorted(FORMAT_NAMES), default="jpeg", help="pixels on the wire")
     add("--noise", type=float, default=1.5, help="sensor noise, grey levels")
     add("--ros2", choices=("rmw", "bridge"), help="publish ROS 2 messages instead")
     add("--mount-pitch", type=float, default=0.0, metavar="DEG", help="camera pitch, up positive")
@@ -89,14 +82,13 @@ def add_parser(subparsers: Any) -> None:
 
 def run(args: argparse.Namespace) -> int:
     """Publish until interrupted; exit code 0."""
-    stop = threading.Event()
-    handle_ending_signals(lambda *_: stop.set())
+    stop = stop_event()
     if not 0.1 <= args.rate <= 240:
         raise ConfigError(f"--rate is {args.rate:g}", "0.1 to 240 frames a second")
     mount = Mount(pitch_rad=math.radians(args.mount_pitch))
-    T_scene_local, T_body_camera = _origin(args.origin), mount.T_body_camera()
+    T_scene_local = _origin(args.origin)
     config = MockCameraConfig(
-        camera_from(args), args.rate, _FORMATS[args.format], noise=args.noise, seed=args.seed
+        camera_from(args), args.rate, FORMAT_NAMES[args.format], noise=args.noise, seed=args.seed
     )
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
     with contextlib.ExitStack() as stack:
@@ -105,16 +97,12 @@ def run(args: argparse.Namespace) -> int:
             stack.enter_context(LinkSharing(link, args.share))
         session = stack.enter_context(open_session("peer", (args.connect,)))
         tracker = PoseTracker(link)
-
-        def T_scene_camera(t_ns: int) -> FloatArray | None:
-            pose = tracker.pose_at(t_ns)
-            return None if pose is None else T_scene_local @ pose.T_local_body() @ T_body_camera
-
         log(f"camera: waiting for a vehicle on {args.mavlink}")
         tracker.start()
+        poses = tracker.camera_poses(T_scene_local, mount.T_body_camera())
         publish, key = _publisher(args, config, session)
         log(f"camera: publishing on {key}")
-        MockCamera(config, renderer, T_scene_camera, publish).run(stop)
+        MockCamera(config, renderer, poses, publish).run(stop)
     return 0
 
 

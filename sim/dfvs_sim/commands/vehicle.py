@@ -7,6 +7,7 @@ import math
 from pathlib import Path
 from typing import Any
 
+from dfvs_common.lifecycle import stop_event
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
@@ -14,7 +15,7 @@ from dfvs_sim.dynamics.wind import WindGrade
 from dfvs_sim.options import grade_names, parse_estimate, parse_numbers, parse_wind
 from dfvs_sim.vehicle.messages.udp_link import UdpPorts
 from dfvs_sim.vehicle.motion.flight import VehicleConfig
-from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle, stop_on_signals
+from dfvs_sim.vehicle.process import ProcessConfig, run_vehicle
 
 _EPILOG = """example:
   dfvs-sim vehicle --start 0,0,0,30 --record vehicle.jsonl
@@ -76,12 +77,12 @@ def add_options(parser: argparse.ArgumentParser) -> None:
 def run(args: argparse.Namespace) -> int:
     """Fly until interrupted; exit code 0."""
     config = config_from_args(args)
-    stop = stop_on_signals()
+    stop = stop_event()
     log(
         f"vehicle: companion link to UDP {config.companion.remote}, "
         f"ground station link to UDP {config.ground.remote}"
     )
-    run_vehicle(config, stop)
+    run_vehicle(config, stop.is_set)
     return 0
 
 

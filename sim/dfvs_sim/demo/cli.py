@@ -7,7 +7,7 @@ import sys
 from collections.abc import Sequence
 from pathlib import Path
 
-from dfvs_common.command_line import add_version
+from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import run_command
 from dfvs_core.errors import ConfigError
 from dfvs_sim.demo.conditions import add_condition_options, conditions_from, refuse_conditions
@@ -51,14 +51,12 @@ def _run(args: argparse.Namespace, words: tuple[str, ...]) -> int:
 
 
 def _parser() -> argparse.ArgumentParser:
-    parser = argparse.ArgumentParser(
-        prog="dfvs-demo",
-        description="Bring up a simulated drone, its camera, a stand-in pilot and the real "
+    parser = program_parser(
+        "dfvs-demo",
+        "Bring up a simulated drone, its camera, a stand-in pilot and the real "
         "dfvs-service, and fly to a goal image. Nothing but this machine is needed.",
-        epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
+        _EPILOG,
     )
-    add_version(parser)
     add_scene_option(parser)
     add_camera_options(parser, AUTO, SIZE_HELP)
     add = parser.add_argument

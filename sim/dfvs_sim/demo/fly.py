@@ -16,11 +16,10 @@ from dfvs_sim.demo.image_size import AUTO, SIZES, as_text, measured_size
 from dfvs_sim.demo.options import FIRST_SYSTEM_ID, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan, make_plan
 from dfvs_sim.demo.progress import Progress
-from dfvs_sim.demo.results.files import replace_json, write_results
 from dfvs_sim.demo.results.report import FlightReport, ReportError
-from dfvs_sim.demo.results.summary import FlightSummary
+from dfvs_sim.demo.results.summary import FlightSummary, write_results
 from dfvs_sim.demo.results.table import flight_table
-from dfvs_sim.options import camera_from, parse_camera_pose
+from dfvs_sim.options import camera_from, parse_camera_pose, write_json
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene import builtin_room_path, two_rooms_path
 from dfvs_sim.scene.glb import load_glb
@@ -49,7 +48,7 @@ def fly_fleet(args: argparse.Namespace, words: tuple[str, ...], progress: Progre
     documents = [member.document() for member in members]
     print(flight_table(documents))
     if args.json is not None:
-        replace_json(args.json, documents)
+        write_json(args.json, documents)
     return EXIT_OK if not any(codes) else max(EXIT_FAILED, *codes)
 
 
@@ -157,4 +156,4 @@ def _write_json(args: argparse.Namespace, summaries: list[FlightSummary]) -> Non
     if args.json is None:
         return
     documents = [s.to_json() for s in summaries]
-    replace_json(args.json, documents[0] if args.runs == 1 else documents)
+    write_json(args.json, documents[0] if args.runs == 1 else documents)

@@ -20,8 +20,6 @@ class FlightOptions:
 
     Parameters
     ----------
-    height_m : float or None
-        How far to climb; None climbs to the start's height above the scene's floor.
     timeout_s, ready_s : float
         How long the flight may take, and the service to be ready.
     rate_hz : float
@@ -49,7 +47,6 @@ class FlightOptions:
         Called before and after a flight with what the user may do.
     """
 
-    height_m: float | None = None
     timeout_s: float = 90.0
     ready_s: float = 40.0
     rate_hz: float = 15.0

@@ -12,9 +12,9 @@ from collections import deque
 from dataclasses import dataclass
 
 from dfvs_sim.dynamics.estimator import Estimate
+from dfvs_sim.dynamics.motion_state import Vector
 from dfvs_sim.dynamics.rigid_body import GRAVITY_M_S2, Command
 
-Vector = tuple[float, float, float]
 NAN_VECTOR: Vector = (math.nan, math.nan, math.nan)
 
 
@@ -78,10 +78,8 @@ class Controller:
             self._queue.append((self._time_s + self.gains.delay_s, demand))
         while self._queue and self._queue[0][0] <= self._time_s:
             self._active = self._queue.popleft()[1]
-        position = (vehicle.north_m, vehicle.east_m, vehicle.down_m)
-        velocity = (vehicle.v_north_m_s, vehicle.v_east_m_s, vehicle.v_down_m_s)
-        wanted = self._velocity(self._active, position)
-        acceleration = self._acceleration(dt_s, self._active, wanted, velocity, vehicle)
+        wanted = self._velocity(self._active, vehicle.position_m)
+        acceleration = self._acceleration(dt_s, self._active, wanted, vehicle)
         return Command(*acceleration, self._yaw_rate(self._active, vehicle.yaw_rad))
 
     def _velocity(self, demand: Demand, position: Vector) -> Vector:
@@ -99,11 +97,11 @@ class Controller:
         return north, east, down
 
     def _acceleration(
-        self, dt_s: float, demand: Demand, wanted: Vector, velocity: Vector, vehicle: Estimate
+        self, dt_s: float, demand: Demand, wanted: Vector, vehicle: Estimate
     ) -> Vector:
         """Velocity loop on each axis, with the integrator stopped where the tilt saturates."""
         g = self.gains
-        measured = (vehicle.a_north_m_s2, vehicle.a_east_m_s2, vehicle.a_down_m_s2)
+        velocity, measured = vehicle.velocity_m_s, vehicle.acceleration_m_s2
         p = (g.xy_velocity, g.xy_velocity, g.z_velocity)
         d = (g.xy_derivative, g.xy_derivative, 0.0)
         out = [0.0, 0.0, 0.0]

@@ -3,37 +3,26 @@
 from __future__ import annotations
 
 import math
-from dataclasses import dataclass
+from collections.abc import Sequence
+from dataclasses import dataclass, fields
 
 import numpy as np
 
 from dfvs_sim.dynamics.estimate_errors import ErrorProcess, EstimateErrors
+from dfvs_sim.dynamics.motion_state import MotionState
 from dfvs_sim.dynamics.rigid_body import Quadrotor
 
 _VELOCITY_RECOVERY_S = 1.0
 """Time constant with which the estimate comes back from a wrong velocity."""
 
 
-@dataclass(slots=True)
-class Estimate:
-    """Estimated motion in NED; the same names as in ``Quadrotor``."""
+_FIELDS = tuple(field.name for field in fields(MotionState))
 
-    north_m: float = 0.0
-    east_m: float = 0.0
-    down_m: float = 0.0
-    v_north_m_s: float = 0.0
-    v_east_m_s: float = 0.0
-    v_down_m_s: float = 0.0
-    a_north_m_s2: float = 0.0
-    a_east_m_s2: float = 0.0
-    a_down_m_s2: float = 0.0
-    roll_rad: float = 0.0
-    pitch_rad: float = 0.0
-    yaw_rad: float = 0.0
-    roll_rate_rad_s: float = 0.0
-    pitch_rate_rad_s: float = 0.0
-    yaw_rate_rad_s: float = 0.0
-    on_ground: bool = True
+
+@dataclass(slots=True)
+class Estimate(MotionState):
+    """Estimated motion."""
+
     valid: bool = True
     resets: int = 0
 
@@ -87,38 +76,28 @@ class Estimator:
         if any(self._velocity):
             left = 1.0 - dt_s / _VELOCITY_RECOVERY_S
             self._velocity = [left * v for v in self._velocity]
-        position, velocity = self._position, self._velocity
-        e.north_m = vehicle.north_m + position[0]
-        e.east_m = vehicle.east_m + position[1]
-        e.down_m = vehicle.down_m + position[2]
-        e.v_north_m_s = vehicle.v_north_m_s + velocity[0]
-        e.v_east_m_s = vehicle.v_east_m_s + velocity[1]
-        e.v_down_m_s = vehicle.v_down_m_s + velocity[2]
-        e.a_north_m_s2, e.a_east_m_s2 = vehicle.a_north_m_s2, vehicle.a_east_m_s2
-        e.a_down_m_s2 = vehicle.a_down_m_s2
-        e.roll_rad, e.pitch_rad, e.yaw_rad = vehicle.roll_rad, vehicle.pitch_rad, vehicle.yaw_rad
-        e.roll_rate_rad_s, e.pitch_rate_rad_s = vehicle.roll_rate_rad_s, vehicle.pitch_rate_rad_s
-        e.yaw_rate_rad_s = vehicle.yaw_rate_rad_s
-        e.on_ground = vehicle.on_ground
+        for name in _FIELDS:
+            setattr(e, name, getattr(vehicle, name))
+        self._add(self._position, self._velocity)
         if self._process is not None:
             self._process.step(dt_s)
-            self._add(self._process)
+            error = self._process
+            self._add(error.position_m, error.velocity_m_s)
+            e.a_north_m_s2 += error.acceleration_m_s2[0]
+            e.a_east_m_s2 += error.acceleration_m_s2[1]
+            e.roll_rad += error.attitude_rad[0]
+            e.pitch_rad += error.attitude_rad[1]
         if self._process is not None or self._yaw != 0.0:
             yaw = vehicle.yaw_rad + self.attitude_error_rad[2]
             e.yaw_rad = (yaw + math.pi) % (2.0 * math.pi) - math.pi
         return e
 
-    def _add(self, error: ErrorProcess) -> None:
-        """Add the present errors; those of the heading are added with its resets."""
+    def _add(self, position_m: Sequence[float], velocity_m_s: Sequence[float]) -> None:
+        """Add errors of position and velocity."""
         e = self.estimate
-        position, velocity = error.position_m, error.velocity_m_s
-        e.north_m += position[0]
-        e.east_m += position[1]
-        e.down_m += position[2]
-        e.v_north_m_s += velocity[0]
-        e.v_east_m_s += velocity[1]
-        e.v_down_m_s += velocity[2]
-        e.a_north_m_s2 += error.acceleration_m_s2[0]
-        e.a_east_m_s2 += error.acceleration_m_s2[1]
-        e.roll_rad += error.attitude_rad[0]
-        e.pitch_rad += error.attitude_rad[1]
+        e.north_m += position_m[0]
+        e.east_m += position_m[1]
+        e.down_m += position_m[2]
+        e.v_north_m_s += velocity_m_s[0]
+        e.v_east_m_s += velocity_m_s[1]
+        e.v_down_m_s += velocity_m_s[2]

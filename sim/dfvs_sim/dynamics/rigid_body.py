@@ -10,27 +10,19 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from dfvs_sim.dynamics.motion_state import MotionState
+
 GRAVITY_M_S2 = 9.80665
 
 
-@dataclass(frozen=True, slots=True)
-class AirframeParameters:
-    """Physics of the airframe with its attitude and rate loops.
-
-    ``attitude_gain`` turns a tilt error into a rate and ``rate_gain`` a rate error into an
-    angular acceleration; the yaw axis has a proportional and an integral rate gain, followed by
-    the lag of the rotors. Drag is linear in the velocity through the air, per unit of mass.
-    """
-
-    drag_1_s: float = 0.88
-    attitude_gain_1_s: float = 6.5
-    rate_gain_1_s: float = 10.7
-    yaw_rate_gain_1_s: float = 2.44
-    yaw_integral_gain_1_s2: float = 0.63
-    yaw_lag_s: float = 0.084
-    thrust_lag_s: float = 0.028
-    tilt_max_rad: float = math.radians(45.0)
-    thrust_max_m_s2: float = 2.0 * GRAVITY_M_S2
+DRAG_1_S = 0.88
+"""Drag, linear in the velocity through the air, per unit of mass."""
+TILT_MAX_RAD = math.radians(45.0)
+_THRUST_MAX_M_S2, _THRUST_LAG_S = 2.0 * GRAVITY_M_S2, 0.028
+_ATTITUDE_GAIN_1_S, _RATE_GAIN_1_S = 6.5, 10.7
+"""From an error of the tilt to a rate, and from one of the rate to an angular acceleration."""
+_YAW_RATE_GAIN_1_S, _YAW_INTEGRAL_GAIN_1_S2, _YAW_LAG_S = 2.44, 0.63, 0.084
+"""Proportional and integral gain of the yaw rate, and the lag of the rotors behind them."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -43,7 +35,7 @@ class Command:
     yaw_rate_rad_s: float = 0.0
 
 
-class Quadrotor:
+class Quadrotor(MotionState):
     """State of the vehicle in NED, with the origin of the local frame; advanced by ``step``.
 
     The attitude loop acts on the estimated attitude: the true one plus ``attitude_error_rad``
@@ -51,30 +43,17 @@ class Quadrotor:
 
     Parameters
     ----------
-    parameters : AirframeParameters
-        Physics.
     ground_m : float
         Down coordinate of the flat ground; the vehicle starts on it.
     yaw_rad : float
         Heading at the start.
     """
 
-    def __init__(
-        self,
-        parameters: AirframeParameters | None = None,
-        ground_m: float = 0.0,
-        yaw_rad: float = 0.0,
-    ) -> None:
-        self.parameters = parameters or AirframeParameters()
+    def __init__(self, ground_m: float = 0.0, yaw_rad: float = 0.0) -> None:
+        super().__init__(down_m=ground_m, yaw_rad=yaw_rad)
         self.ground_m = ground_m
-        self.north_m, self.east_m, self.down_m = 0.0, 0.0, ground_m
-        self.v_north_m_s, self.v_east_m_s, self.v_down_m_s = 0.0, 0.0, 0.0
-        self.a_north_m_s2, self.a_east_m_s2, self.a_down_m_s2 = 0.0, 0.0, 0.0
-        self.roll_rad, self.pitch_rad, self.yaw_rad = 0.0, 0.0, yaw_rad
-        self.roll_rate_rad_s, self.pitch_rate_rad_s, self.yaw_rate_rad_s = 0.0, 0.0, 0.0
         self.wind_north_m_s, self.wind_east_m_s = 0.0, 0.0
         self.attitude_error_rad = (0.0, 0.0, 0.0)
-        self.on_ground = True
         self._thrust_m_s2 = 0.0
         self._yaw_torque_rad_s2 = 0.0
         self._yaw_integral_rad_s2 = 0.0
@@ -87,55 +66,52 @@ class Quadrotor:
 
     def _turn(self, dt_s: float, command: Command, *, spinning: bool) -> None:
         """Run the attitude, yaw-rate and thrust loops."""
-        p = self.parameters
         thrust, roll, pitch = self._attitude_for(command) if spinning else (0.0, 0.0, 0.0)
-        self._thrust_m_s2 += (thrust - self._thrust_m_s2) * min(1.0, dt_s / p.thrust_lag_s)
+        self._thrust_m_s2 += (thrust - self._thrust_m_s2) * min(1.0, dt_s / _THRUST_LAG_S)
         if self.on_ground:
             roll = pitch = 0.0
         else:
             roll, pitch = roll - self.attitude_error_rad[0], pitch - self.attitude_error_rad[1]
-        for_roll = p.attitude_gain_1_s * (roll - self.roll_rad)
-        for_pitch = p.attitude_gain_1_s * (pitch - self.pitch_rad)
-        self.roll_rate_rad_s += p.rate_gain_1_s * (for_roll - self.roll_rate_rad_s) * dt_s
-        self.pitch_rate_rad_s += p.rate_gain_1_s * (for_pitch - self.pitch_rate_rad_s) * dt_s
+        for_roll = _ATTITUDE_GAIN_1_S * (roll - self.roll_rad)
+        for_pitch = _ATTITUDE_GAIN_1_S * (pitch - self.pitch_rad)
+        self.roll_rate_rad_s += _RATE_GAIN_1_S * (for_roll - self.roll_rate_rad_s) * dt_s
+        self.pitch_rate_rad_s += _RATE_GAIN_1_S * (for_pitch - self.pitch_rate_rad_s) * dt_s
         self.roll_rad += self.roll_rate_rad_s * dt_s
         self.pitch_rad += self.pitch_rate_rad_s * dt_s
         self._turn_yaw(dt_s, command.yaw_rate_rad_s)
 
     def _turn_yaw(self, dt_s: float, yaw_rate_rad_s: float) -> None:
         """Yaw-rate loop: proportional and integral, then the lag of the rotors."""
-        p = self.parameters
         if self.on_ground:
             self.yaw_rate_rad_s = self._yaw_torque_rad_s2 = self._yaw_integral_rad_s2 = 0.0
             return
         error = yaw_rate_rad_s - self.yaw_rate_rad_s
-        self._yaw_integral_rad_s2 += p.yaw_integral_gain_1_s2 * error * dt_s
-        wanted = p.yaw_rate_gain_1_s * error + self._yaw_integral_rad_s2
-        self._yaw_torque_rad_s2 += (wanted - self._yaw_torque_rad_s2) * dt_s / p.yaw_lag_s
+        self._yaw_integral_rad_s2 += _YAW_INTEGRAL_GAIN_1_S2 * error * dt_s
+        wanted = _YAW_RATE_GAIN_1_S * error + self._yaw_integral_rad_s2
+        self._yaw_torque_rad_s2 += (wanted - self._yaw_torque_rad_s2) * dt_s / _YAW_LAG_S
         self.yaw_rate_rad_s += self._yaw_torque_rad_s2 * dt_s
         yaw = self.yaw_rad + self.yaw_rate_rad_s * dt_s
         self.yaw_rad = (yaw + math.pi) % (2.0 * math.pi) - math.pi
 
     def _attitude_for(self, command: Command) -> tuple[float, float, float]:
         """Specific thrust (m/s²), roll and pitch (rad) that give the commanded acceleration."""
-        p = self.parameters
         heading = self.yaw_rad + self.attitude_error_rad[2]
         c, s = math.cos(heading), math.sin(heading)
         forward = c * command.north_m_s2 + s * command.east_m_s2
         right = -s * command.north_m_s2 + c * command.east_m_s2
         up = max(0.1 * GRAVITY_M_S2, GRAVITY_M_S2 - command.down_m_s2)
-        most = up * math.tan(p.tilt_max_rad)
+        most = up * math.tan(TILT_MAX_RAD)
         level = math.hypot(forward, right)
         if level > most:
             forward, right = forward * most / level, right * most / level
         pitch = math.atan2(-forward, up)
         roll = math.atan2(right, math.hypot(up, forward))
         thrust = math.sqrt(forward * forward + right * right + up * up)
-        return min(thrust, p.thrust_max_m_s2), roll, pitch
+        return min(thrust, _THRUST_MAX_M_S2), roll, pitch
 
     def _push(self, dt_s: float) -> None:
         """Thrust along the body's z, drag and gravity move the point mass."""
-        k = self.parameters.drag_1_s
+        k = DRAG_1_S
         cr, sr = math.cos(self.roll_rad), math.sin(self.roll_rad)
         cp, sp = math.cos(self.pitch_rad), math.sin(self.pitch_rad)
         cy, sy = math.cos(self.yaw_rad), math.sin(self.yaw_rad)

@@ -47,13 +47,6 @@ class Received:
     t_ns: int
 
 
-@dataclass(slots=True)
-class _Periodic:
-    interval_s: float
-    next_s: float
-    action: Callable[[], None]
-
-
 class GroundLink:
     """MAVLink to one vehicle over UDP, as a ground station.
 
@@ -78,7 +71,6 @@ class GroundLink:
         self._changed = threading.Condition(threading.RLock())
         self._latest: dict[str, Received] = {}
         self._subscribers: list[tuple[frozenset[str], Callback]] = []
-        self._periodic = [_Periodic(_HEARTBEAT_S, 0.0, self._send_heartbeat)]
         self._texts = StatusTexts()
         self._autopilots = Autopilots(system_id)
         self._closing = False
@@ -122,19 +114,6 @@ class GroundLink:
         def end() -> None:
             with self._changed:
                 self._subscribers = [e for e in self._subscribers if e is not entry]
-
-        return end
-
-    def every(self, interval_s: float, action: Callable[[], None]) -> Callable[[], None]:
-        """Call ``action`` at this interval on the link's thread; returns what ends that."""
-        entry = _Periodic(interval_s, time.monotonic(), action)
-        with self._changed:
-            self._periodic = [*self._periodic, entry]
-        self._wake.send(b"x")
-
-        def end() -> None:
-            with self._changed:
-                self._periodic = [e for e in self._periodic if e is not entry]
 
         return end
 
@@ -243,16 +222,15 @@ class GroundLink:
 
     def _run(self) -> None:
         """Receive, call and send until closed."""
+        next_s = 0.0
         while not self._closing:
-            now_s = time.monotonic()
-            due = min(p.next_s for p in self._periodic)
-            select.select([self._socket, self._woken], [], [], max(0.0, due - now_s))
+            wait_s = max(0.0, next_s - time.monotonic())
+            select.select([self._socket, self._woken], [], [], wait_s)
             self._receive()
             now_s = time.monotonic()
-            for entry in self._periodic:
-                if entry.next_s <= now_s:
-                    entry.next_s = max(entry.next_s + entry.interval_s, now_s)
-                    entry.action()
+            if now_s >= next_s:
+                next_s = max(next_s + _HEARTBEAT_S, now_s)
+                self._send_heartbeat()
 
     def _receive(self) -> None:
         for sock in (self._woken, self._socket):

@@ -16,7 +16,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from dfvs_core.errors import DfvsError
 from dfvs_sim.ground.link import ACCEPTED, GroundLink, Message
 from dfvs_sim.ground.parameters import get_parameter, set_parameter
-from dfvs_sim.ground.rest import RestDetector
+from dfvs_sim.ground.rest import WINDOW_S, RestDetector
 from dfvs_sim.vehicle.modes import Mode, mode_from_custom
 
 USUAL_HEIGHT_M = 1.5
@@ -26,7 +26,6 @@ LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.5, 20.0
 _PREARM = 0x10000000
 _ARMED = mavlink.MAV_MODE_FLAG_SAFETY_ARMED
 _HEARTBEAT_S = 2.5
-_STICK_INTERVAL_S = 0.04
 _TEXT_S = 0.1
 _LANDED_STATE_S = 2.5
 _TEXTS_SHOWN = 3
@@ -80,7 +79,6 @@ class Pilot:
         self._link = link
         self._timeouts = timeouts or Timeouts()
         self._log = log
-        self._end_sticks: Callable[[], None] | None = None
 
     def prepare(self) -> None:
         """Wait until the vehicle can be armed, and set the advised parameters."""
@@ -180,7 +178,7 @@ class Pilot:
             raise self._refused("the vehicle does not come to rest")
         self._log(
             f"the vehicle's estimate does not come to rest ({rest.speed_m_s:.2f} m/s in the mean "
-            f"of {rest.limits.window_s:g} s); the pilot goes on after {self._timeouts.hover:g} s"
+            f"of {WINDOW_S:g} s); the pilot goes on after {self._timeouts.hover:g} s"
         )
 
     def set_mode(self, mode: Mode) -> None:
@@ -195,8 +193,6 @@ class Pilot:
         what = f"switching to {mode.name}"
         self._command(what, mavlink.MAV_CMD_DO_SET_MODE, 1.0, float(main), float(sub))
         self._confirm(what, lambda m: _mode(m) is mode)
-        if not mode.needs_manual_control:
-            self.release_sticks()
 
     def engage_offboard(self) -> None:
         """Hand the vehicle to the companion computer, which must be sending setpoints."""
@@ -205,11 +201,6 @@ class Pilot:
     def hold(self) -> None:
         """Switch to Hold."""
         self.set_mode(Mode.HOLD)
-
-    def take_over(self) -> None:
-        """Take the vehicle by hand: sticks centred, then POSCTL."""
-        self.hold_sticks()
-        self.set_mode(Mode.POSITION)
 
     def land(self) -> None:
         """Land and wait until the vehicle has disarmed itself.
@@ -221,20 +212,6 @@ class Pilot:
         """
         self.set_mode(Mode.LAND)
         self._confirm("landing", lambda m: not m.base_mode & _ARMED, self._timeouts.landing)
-
-    def hold_sticks(self) -> None:
-        """Send centred sticks from now on, 25 times a second; POSCTL needs them."""
-        if self._end_sticks is None:
-            target = self._link.target
-            centred = mavlink.MAVLink_manual_control_message(target, 0, 0, 500, 0, 0)
-            self._link.send(centred)
-            self._end_sticks = self._link.every(_STICK_INTERVAL_S, lambda: self._link.send(centred))
-
-    def release_sticks(self) -> None:
-        """Stop sending sticks."""
-        if self._end_sticks is not None:
-            self._end_sticks()
-            self._end_sticks = None
 
     def mode(self) -> Mode | None:
         """Mode in the last heartbeat."""

@@ -16,21 +16,28 @@ import numpy as np
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.geometry.poses import make_pose, rotation_from_euler
+from dfvs_core.geometry.poses import (
+    euler_from_rotation,
+    make_pose,
+    rotation_from_euler,
+    rotation_from_quaternion,
+)
 from dfvs_sim.ground.clock import ClockMap
 from dfvs_sim.ground.interpolation import (
     AttitudeSample,
     PositionSample,
     append,
     attitude_at,
-    euler,
     position_at,
 )
 from dfvs_sim.ground.link import ACCEPTED, GroundLink, Message
 from dfvs_sim.ground.systems import LinkError
 from dfvs_sim.ground.truth import LocalOrigin, TruthFilter
+from dfvs_sim.viewpoints.poses import CameraPoses
 
 _KEPT = 128
+_REACH_NS = 200_000_000
+"""How far beyond the newest sample a pose may be extrapolated."""
 _RATE_HZ = 50.0
 _TRUTH, _ORIGIN, _PLACE, _ATTITUDE = (
     "HIL_STATE_QUATERNION",
@@ -76,13 +83,10 @@ class PoseTracker:
     ----------
     link : GroundLink
         Shared link; all three messages are asked for at 50 Hz by ``start``.
-    reach_ns : int
-        How far beyond the newest sample a pose may be extrapolated.
     """
 
-    def __init__(self, link: GroundLink, reach_ns: int = 200_000_000) -> None:
+    def __init__(self, link: GroundLink) -> None:
         self._link = link
-        self._reach_ns = reach_ns
         self._lock = threading.Lock()
         self._clock = ClockMap()
         self._delay_ns = 0
@@ -212,6 +216,15 @@ class PoseTracker:
             stamp = min(self._places[-1].stamp_ns, self._turns[-1].stamp_ns)
             return stamp + self._clock.offset_ns
 
+    def camera_poses(self, T_scene_local: FloatArray, T_body_camera: FloatArray) -> CameraPoses:
+        """Poses of a camera on the vehicle, whose local frame lies so in the scene."""
+
+        def T_scene_camera(t_ns: int) -> FloatArray | None:
+            pose = self.pose_at(t_ns)
+            return None if pose is None else T_scene_local @ pose.T_local_body() @ T_body_camera
+
+        return T_scene_camera
+
     def pose_at(self, t_ns: int) -> VehiclePose | None:
         """Pose at a monotonic time: interpolated, or extrapolated a little.
 
@@ -219,7 +232,7 @@ class PoseTracker:
         -------
         VehiclePose or None
             None before the first samples, for a time older than what is kept, and where the
-            newest sample is older than ``reach_ns``.
+            newest sample is more than 0.2 s older.
         """
         with self._lock:
             if not self._places or not self._turns:
@@ -227,8 +240,9 @@ class PoseTracker:
             stamp = t_ns - self._clock.offset_ns
             oldest = max(self._places[0].stamp_ns, self._turns[0].stamp_ns)
             newest = min(self._places[-1].stamp_ns, self._turns[-1].stamp_ns)
-            if stamp < oldest or stamp > newest + self._reach_ns:
+            if stamp < oldest or stamp > newest + _REACH_NS:
                 return None
             position, velocity = position_at(self._places, stamp)
             q = attitude_at(self._turns, stamp)
-        return VehiclePose(t_ns, position, velocity, *euler(q))
+        R = rotation_from_quaternion(np.array(q))
+        return VehiclePose(t_ns, position, velocity, *euler_from_rotation(R))

@@ -8,39 +8,21 @@ from __future__ import annotations
 
 import math
 from collections import deque
-from dataclasses import dataclass
 
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
 
+WINDOW_S = 2.0
+"""Span over which velocity and height are averaged."""
+_REST_M_S, _REST_STANDARD_ERRORS = 0.05, 2.0
+"""Mean velocity that is rest: in any case, or in standard errors of itself."""
+_SLOW_M_S = 0.6
+"""Mean velocity that an estimate with satellites alone shows of a hovering vehicle."""
+_HEIGHT_M = 0.25
+"""Distance to the wanted height."""
 _BATCHES = 4
 """Parts of a window whose means give the standard error: neighbouring samples err alike."""
-
-
-@dataclass(frozen=True, slots=True)
-class RestLimits:
-    """What counts as rest.
-
-    Parameters
-    ----------
-    window_s : float
-        Over which velocity and height are averaged.
-    speed_m_s : float
-        Mean velocity that is rest in any case.
-    standard_errors : float
-        Mean velocity that is rest as well, in standard errors of itself.
-    height_m : float
-        Distance to the wanted height.
-    slow_m_s : float
-        Mean velocity that an estimate with satellites alone shows of a hovering vehicle.
-    """
-
-    window_s: float = 2.0
-    speed_m_s: float = 0.05
-    standard_errors: float = 2.0
-    height_m: float = 0.25
-    slow_m_s: float = 0.6
 
 
 class RestDetector:
@@ -50,19 +32,17 @@ class RestDetector:
     ----------
     down_m : float or None
         Wanted height as local z; None takes any.
-    limits : RestLimits
     """
 
-    def __init__(self, down_m: float | None = None, limits: RestLimits | None = None) -> None:
+    def __init__(self, down_m: float | None = None) -> None:
         self._down_m = down_m
-        self.limits = limits or RestLimits()
         self._samples: deque[tuple[float, ...]] = deque()
         self._has_window = False
 
     def add(self, t_s: float, velocity_m_s: tuple[float, float, float], down_m: float) -> None:
         """Take one estimate: monotonic time, velocity and local z (NED)."""
         self._samples.append((t_s, *velocity_m_s, down_m))
-        while t_s - self._samples[0][0] >= self.limits.window_s:
+        while t_s - self._samples[0][0] >= WINDOW_S:
             self._samples.popleft()
             self._has_window = len(self._samples) >= 2 * _BATCHES
 
@@ -76,12 +56,12 @@ class RestDetector:
     @property
     def is_at_rest(self) -> bool:
         """Whether the vehicle hovers at its height."""
-        return self._is_below(max(self.limits.speed_m_s, self._tolerance_m_s()))
+        return self._is_below(max(_REST_M_S, self._tolerance_m_s()))
 
     @property
     def is_slow(self) -> bool:
         """Whether its estimate shows no more motion than a poor one does of a hovering vehicle."""
-        return self._is_below(self.limits.slow_m_s)
+        return self._is_below(_SLOW_M_S)
 
     def _window(self) -> FloatArray:
         return np.array(self._samples)
@@ -93,11 +73,11 @@ class RestDetector:
         batches = np.array_split(self._window()[:, 1:4], _BATCHES)
         means = np.array([batch.mean(axis=0) for batch in batches])
         error = np.linalg.norm(means.std(axis=0, ddof=1)) / math.sqrt(_BATCHES)
-        return self.limits.standard_errors * float(error)
+        return _REST_STANDARD_ERRORS * float(error)
 
     def _is_below(self, speed_m_s: float) -> bool:
         if self.speed_m_s >= speed_m_s:
             return False
         if self._down_m is None:
             return True
-        return abs(float(self._window()[:, 4].mean()) - self._down_m) < self.limits.height_m
+        return abs(float(self._window()[:, 4].mean()) - self._down_m) < _HEIGHT_M

@@ -12,23 +12,20 @@ import math
 from collections.abc import Sequence
 from dataclasses import dataclass
 
+from dfvs_sim.dynamics.motion_state import Vector
+from dfvs_sim.dynamics.rigid_body import DRAG_1_S, GRAVITY_M_S2
 from dfvs_sim.geodesy import metres_per_degree
 from dfvs_sim.ground.link import Message
-
-Vector = tuple[float, float, float]
 
 _CM = 0.01
 _RECOVERY_S, _VELOCITY_RECOVERY_S = 0.1, 0.3
 """Time constants with which a position outside its interval corrects position and velocity."""
 _SETTLING_S = 1.0
 """Time constant with which a velocity that nothing predicts goes to its interval's middle."""
-_DRAG_1_S = 0.88
-"""Drag of PX4's simulated quadrotor, per unit of mass."""
 _ADAPTATION_1_S = 3.0
 """Acceleration that the disturbance learns from a velocity outside its interval, per m/s."""
 _DISTURBANCE_S = 60.0
 """Time constant with which the disturbance is forgotten."""
-_GRAVITY_M_S2 = 9.80665
 _LEAST_UP = 0.5
 """Cosine of the tilt from which on it predicts nothing."""
 _GAP_S = 0.5
@@ -117,7 +114,7 @@ class _Axis:
         if tilt_m_s2 is None:
             predicted = before + (middle - before) * dt_s / _SETTLING_S
         else:
-            predicted = before + (tilt_m_s2 + self._disturbance_m_s2 - _DRAG_1_S * before) * dt_s
+            predicted = before + (tilt_m_s2 + self._disturbance_m_s2 - DRAG_1_S * before) * dt_s
         velocity = min(middle + half, max(middle - half, predicted))
         self._disturbance_m_s2 += _ADAPTATION_1_S * (velocity - predicted)
         self._disturbance_m_s2 -= self._disturbance_m_s2 * dt_s / _DISTURBANCE_S
@@ -134,7 +131,7 @@ def _tilt_acceleration(quaternion: Sequence[float]) -> tuple[float, float]:
     up = 1.0 - 2.0 * (x * x + y * y)
     if up < _LEAST_UP:
         return 0.0, 0.0
-    return -_GRAVITY_M_S2 * 2.0 * (x * z + w * y) / up, -_GRAVITY_M_S2 * 2.0 * (y * z - w * x) / up
+    return -GRAVITY_M_S2 * 2.0 * (x * z + w * y) / up, -GRAVITY_M_S2 * 2.0 * (y * z - w * x) / up
 
 
 def _middle(reported: int) -> float:

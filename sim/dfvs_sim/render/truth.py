@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import cv2
 import numpy as np
 
-from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, ImageArray, IntArray
+from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose
 
@@ -76,14 +75,6 @@ def visibility(
     seen = np.zeros(depth_a.shape, np.bool_)
     seen[inside] = agrees
     return seen
-
-
-def warp_to_a(image_b: ImageArray, flow: Float32Array) -> ImageArray:
-    """Image b (H, W, 3) as seen from a, by the flow a -> b (H, W, 2) px; NaN becomes black."""
-    v, u = np.mgrid[0 : flow.shape[0], 0 : flow.shape[1]].astype(np.float32)
-    x = np.nan_to_num(u + flow[..., 0], nan=-1e4).astype(np.float32)
-    y = np.nan_to_num(v + flow[..., 1], nan=-1e4).astype(np.float32)
-    return np.asarray(cv2.remap(image_b, x, y, cv2.INTER_LINEAR), dtype=np.uint8)
 
 
 def _neighbours(x: FloatArray, size: int) -> list[tuple[IntArray, FloatArray]]:

@@ -66,64 +66,50 @@ DEFAULTS: Mapping[str, Value] = {
 }
 
 
-class ParameterTable:
+class ParameterTable(dict[str, Value]):
     """Values by name, with PX4's types; integers and floats never change into each other."""
 
     def __init__(self, changes: Mapping[str, Value] | None = None) -> None:
-        self._values: dict[str, Value] = dict(sorted(DEFAULTS.items()))
-        for name, value in (changes or {}).items():
-            self._values[name] = type(DEFAULTS[name])(value)
-        self.names: tuple[str, ...] = tuple(self._values)
-
-    def __getitem__(self, name: str) -> Value:
-        """Value of a known parameter."""
-        return self._values[name]
-
-    def __contains__(self, name: str) -> bool:
-        """Whether there is such a parameter."""
-        return name in self._values
-
-    def __len__(self) -> int:
-        """Count of all parameters."""
-        return len(self._values)
+        changed = {n: type(DEFAULTS[n])(value) for n, value in (changes or {}).items()}
+        super().__init__(sorted({**DEFAULTS, **changed}.items()))
+        self.names: tuple[str, ...] = tuple(self)
 
     def kind(self, name: str) -> int:
         """MAV_PARAM_TYPE of a known parameter."""
-        return INT32 if isinstance(self._values[name], int) else REAL32
+        return INT32 if isinstance(self[name], int) else REAL32
 
     def on_wire(self, name: str) -> float:
         """Value as PARAM_VALUE.param_value carries it."""
-        value = self._values[name]
+        value = self[name]
         if isinstance(value, int):
             return float(struct.unpack("<f", struct.pack("<i", value))[0])
         return value
 
     def set_from_wire(self, name: str, wire_value: float, kind: int) -> bool:
         """Take PARAM_SET's value; False for an unknown name, another type or a value not finite."""
-        if name not in self._values or kind != self.kind(name):
+        if name not in self or kind != self.kind(name):
             return False
         if kind == INT32:
-            self._values[name] = struct.unpack("<i", struct.pack("<f", wire_value))[0]
+            self[name] = struct.unpack("<i", struct.pack("<f", wire_value))[0]
             return True
         if not math.isfinite(wire_value):
             return False
-        self._values[name] = wire_value
+        self[name] = wire_value
         return True
 
     def gains(self) -> Gains:
         """Gains and limits of the position and velocity loops."""
-        p = self._values
         return Gains(
-            xy_position=p["MPC_XY_P"],
-            z_position=p["MPC_Z_P"],
-            xy_velocity=p["MPC_XY_VEL_P_ACC"],
-            xy_integral=p["MPC_XY_VEL_I_ACC"],
-            xy_derivative=p["MPC_XY_VEL_D_ACC"],
-            z_integral=p["MPC_Z_VEL_I_ACC"],
-            yaw=p["MC_YAW_P"],
-            speed_xy_m_s=p["MPC_XY_VEL_MAX"],
-            speed_up_m_s=p["MPC_Z_VEL_MAX_UP"],
-            speed_down_m_s=p["MPC_Z_VEL_MAX_DN"],
-            tilt_max_rad=math.radians(p["MPC_TILTMAX_AIR"]),
-            yaw_rate_max_rad_s=math.radians(p["MC_YAWRATE_MAX"]),
+            xy_position=self["MPC_XY_P"],
+            z_position=self["MPC_Z_P"],
+            xy_velocity=self["MPC_XY_VEL_P_ACC"],
+            xy_integral=self["MPC_XY_VEL_I_ACC"],
+            xy_derivative=self["MPC_XY_VEL_D_ACC"],
+            z_integral=self["MPC_Z_VEL_I_ACC"],
+            yaw=self["MC_YAW_P"],
+            speed_xy_m_s=self["MPC_XY_VEL_MAX"],
+            speed_up_m_s=self["MPC_Z_VEL_MAX_UP"],
+            speed_down_m_s=self["MPC_Z_VEL_MAX_DN"],
+            tilt_max_rad=math.radians(self["MPC_TILTMAX_AIR"]),
+            yaw_rate_max_rad_s=math.radians(self["MC_YAWRATE_MAX"]),
         )

@@ -2,24 +2,20 @@
 
 from __future__ import annotations
 
+import contextlib
 import time
 from collections.abc import Callable
-from dataclasses import dataclass, field
+from dataclasses import dataclass
 from pathlib import Path
-from types import FrameType
 
 import numpy as np
 
-from dfvs_common.lifecycle import handle_ending_signals
 from dfvs_sim.vehicle.messages.streams import COMPANION, GROUND
 from dfvs_sim.vehicle.messages.udp_link import UdpLink, UdpPorts, wait_for_data
 from dfvs_sim.vehicle.motion.flight import VehicleConfig
-from dfvs_sim.vehicle.px4 import STEP_NS, Journal, Px4
+from dfvs_sim.vehicle.px4 import STEP_NS, Journal, Px4, no_journal
 from dfvs_sim.vehicle.record import VehicleRecord
 from dfvs_sim.vehicle.status import NS_PER_S
-
-COMPANION_PORTS, GROUND_PORTS = UdpPorts(14580, 14540), UdpPorts(18570, 14550)
-"""PX4's own: the vehicle's side, and the port on which the peer listens."""
 
 _POSE_NS = NS_PER_S // 30
 
@@ -31,15 +27,15 @@ class ProcessConfig:
     ``start_m`` is where the local frame's origin lies in the scene's world frame (NED).
     """
 
-    companion: UdpPorts = COMPANION_PORTS
-    ground: UdpPorts = GROUND_PORTS
-    record: Path | None = None
-    start_m: tuple[float, float, float] = (0.0, 0.0, 0.0)
-    seed: int = 0
-    vehicle: VehicleConfig = field(default_factory=VehicleConfig)
+    companion: UdpPorts
+    ground: UdpPorts
+    record: Path | None
+    start_m: tuple[float, float, float]
+    seed: int
+    vehicle: VehicleConfig
 
 
-def run_vehicle(config: ProcessConfig, stop: Callable[[], bool] = lambda: False) -> None:
+def run_vehicle(config: ProcessConfig, stop: Callable[[], bool]) -> None:
     """Fly until ``stop`` says so.
 
     Raises
@@ -47,42 +43,35 @@ def run_vehicle(config: ProcessConfig, stop: Callable[[], bool] = lambda: False)
     ConfigError
         If a port is taken or the record cannot be written.
     """
-    record = VehicleRecord(config.record) if config.record else None
-    links: list[UdpLink] = []
-    try:
-        links.append(UdpLink(COMPANION, config.companion, config.vehicle.system_id))
-        links.append(UdpLink(GROUND, config.ground, config.vehicle.system_id))
-        _loop(config, record, links, stop)
-    finally:
-        for link in links:
-            link.close()
-        if record:
-            record.close()
+    system_id = config.vehicle.system_id
+    with contextlib.ExitStack() as stack:
+        journal: Journal = no_journal
+        if config.record:
+            journal = stack.enter_context(contextlib.closing(VehicleRecord(config.record)))
+        links = {
+            name: stack.enter_context(contextlib.closing(UdpLink(name, ports, system_id)))
+            for name, ports in ((COMPANION, config.companion), (GROUND, config.ground))
+        }
+        _loop(config, journal, links, stop)
 
 
 def _loop(
-    config: ProcessConfig,
-    record: VehicleRecord | None,
-    links: list[UdpLink],
-    stop: Callable[[], bool],
+    config: ProcessConfig, journal: Journal, links: dict[str, UdpLink], stop: Callable[[], bool]
 ) -> None:
-    rng = np.random.default_rng(config.seed)
     now_ns = time.monotonic_ns()
-    journal: Journal = record or (lambda t_ns, kind, fields: None)
-    px4 = Px4(config.vehicle, now_ns, rng, journal)
-    by_name = {link.name: link for link in links}
+    px4 = Px4(config.vehicle, now_ns, np.random.default_rng(config.seed), journal)
     next_step_ns, next_pose_ns = now_ns, now_ns
     while not stop():
-        wait_for_data(links, (next_step_ns - time.monotonic_ns()) / NS_PER_S)
+        wait_for_data(links.values(), (next_step_ns - time.monotonic_ns()) / NS_PER_S)
         now_ns = time.monotonic_ns()
-        for link in links:
+        for name, link in links.items():
             for message in link.receive():
-                for answer in px4.handle(message, link.name, now_ns):
+                for answer in px4.handle(message, name, now_ns):
                     link.send(answer)
         if now_ns < next_step_ns:
             continue
         for name, message in px4.step(now_ns):
-            by_name[name].send(message)
+            links[name].send(message)
         next_step_ns = max(next_step_ns + STEP_NS, now_ns)
         if now_ns >= next_pose_ns:
             next_pose_ns = max(next_pose_ns + _POSE_NS, now_ns)
@@ -92,23 +81,10 @@ def _loop(
 def true_pose(px4: Px4, start_m: tuple[float, float, float]) -> dict[str, object]:
     """True pose and velocity: position in the scene's world frame (NED, m), angles in rad."""
     v = px4.flight.vehicle
-    local = (v.north_m, v.east_m, v.down_m)
     return {
-        "position": [round(a + b, 6) for a, b in zip(start_m, local, strict=True)],
-        "attitude": [round(a, 7) for a in (v.roll_rad, v.pitch_rad, v.yaw_rad)],
-        "velocity": [round(a, 6) for a in (v.v_north_m_s, v.v_east_m_s, v.v_down_m_s)],
+        "position": [round(a + b, 6) for a, b in zip(start_m, v.position_m, strict=True)],
+        "attitude": [round(a, 7) for a in v.attitude_rad],
+        "velocity": [round(a, 6) for a in v.velocity_m_s],
         "mode": px4.status.mode.name,
         "armed": px4.status.armed,
     }
-
-
-def stop_on_signals() -> Callable[[], bool]:
-    """Arrange that the signals to end a process end the loop; returns the question to ask."""
-    asked = False
-
-    def ask(signum: int, frame: FrameType | None) -> None:
-        nonlocal asked
-        asked = True
-
-    handle_ending_signals(ask)
-    return lambda: asked

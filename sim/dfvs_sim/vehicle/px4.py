@@ -40,7 +40,7 @@ Journal = Callable[[int, str, dict[str, Any]], None]
 """Where the vehicle's own record goes: (t_ns, kind, fields)."""
 
 
-def _no_journal(t_ns: int, kind: str, fields: dict[str, Any]) -> None:
+def no_journal(t_ns: int, kind: str, fields: dict[str, Any]) -> None:
     """Record nothing."""
 
 
@@ -52,7 +52,7 @@ class Px4:
         config: VehicleConfig,
         now_ns: int,
         rng: np.random.Generator,
-        journal: Journal = _no_journal,
+        journal: Journal = no_journal,
     ) -> None:
         self.config = config
         self.journal = journal
@@ -190,9 +190,8 @@ class Px4:
             self.send_text(refusal.value)
             return refusal
         if not self.status.armed:
-            e = self.flight.estimate
             self.status.armed, self.status.armed_ns, self.status.flew = True, now_ns, False
-            self.status.home_m = (e.north_m, e.east_m, e.down_m)
+            self.status.home_m = self.flight.estimate.position_m
             self.flight.prepare()
             self._journal_state(now_ns, "armed")
         return None

@@ -1,6 +1,8 @@
-"""Camera poses in a scene, given by hand."""
+"""Camera poses in a scene: given by hand, or known at every time."""
 
 from __future__ import annotations
+
+from collections.abc import Callable
 
 import numpy as np
 from numpy.typing import ArrayLike
@@ -9,6 +11,9 @@ from dfvs_core.errors import GeometryError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import R_BODY_FORWARD_CAMERA, make_pose, rotation_from_euler
 from dfvs_sim.scene.frames import ned_from_gltf
+
+CameraPoses = Callable[[int], FloatArray | None]
+"""``T_scene_camera`` (4, 4) at a monotonic time in ns, None where it is not known."""
 
 _DOWN: FloatArray = np.array([0.0, 0.0, 1.0])
 

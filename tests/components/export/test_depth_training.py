@@ -112,7 +112,7 @@ def test_a_short_training_changes_the_decoder_and_leaves_what_is_frozen(
     out, said = tmp_path / "depth.pt", []
     threads = torch.get_num_threads()
     try:
-        settings = DepthTrainSettings(folder, out, checkpoint, 0.001, 1e-3, 16, 0, 2)
+        settings = DepthTrainSettings(folder, out, checkpoint, 0.001, 1e-3, 16, 0, 1)
         train_depth(settings, said.append)
     finally:
         torch.set_num_threads(threads)

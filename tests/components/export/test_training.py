@@ -49,7 +49,7 @@ def test_a_short_training_changes_the_matcher_and_leaves_the_encoder(folder, tmp
     out, said = tmp_path / "matcher.pt", []
     threads = torch.get_num_threads()
     try:
-        train(TrainSettings(folder, out, None, 0.001, 1e-3, 0, 256, 0, 2), said.append)
+        train(TrainSettings(folder, out, None, 0.001, 1e-3, 0, 256, 0, 1), said.append)
     finally:
         torch.set_num_threads(threads)
     before, after = load_weights(None), load_weights(out)

@@ -14,7 +14,7 @@ from pathlib import Path
 import psutil
 
 START_S, END_S = 60.0, 15.0
-_POLL_S = 0.02
+_POLL_S = 0.05
 _MARK = "DFVS_TEST_START"
 _LAUNCH = """
 import os, signal, subprocess, sys

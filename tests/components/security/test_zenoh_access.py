@@ -6,6 +6,7 @@ import stat
 import subprocess
 import sys
 import time
+from concurrent.futures import ThreadPoolExecutor
 
 import numpy as np
 import pytest
@@ -310,7 +311,7 @@ def test_a_camera_without_a_cameras_role_says_so_and_ends(hub, folder, tmp_path)
     (tmp_path / "0.png").write_bytes(encode_png(np.zeros((48, 64, 3), np.uint8)))
 
     def film(name):
-        words = ["--source", str(tmp_path), "--loop", "--rate", "10", "--frames", "60"]
+        words = ["--source", str(tmp_path), "--loop", "--rate", "10", "--frames", "45"]
         words += ["--vehicle", "drone1", "--connect", hub.endpoint, "--require-subscriber", "3"]
         for key, path in tls(folder / name).items():
             words += ["--set", f"{key}={path!r}"]
@@ -320,9 +321,11 @@ def test_a_camera_without_a_cameras_role_says_so_and_ends(hub, folder, tmp_path)
 
     service = client(hub.endpoint, folder / hub.speaker) if hub.speaker else hub.session
     subscriber = service.declare_subscriber(OURS.camera, lambda _: None)
-    code, error = film("camera.drone1")
+    with ThreadPoolExecutor(2) as pool:  # each waits 3 s for somebody who receives
+        camera, dashboard = pool.map(film, ("camera.drone1", "dashboard.drone1"))
+    code, error = camera
     assert (code, "nobody receives" in error) == (0, False), error
-    code, error = film("dashboard.drone1")
+    code, error = dashboard
     assert code == 2
     assert "nobody receives dfvs/drone1/camera" in error.splitlines()[-1]
     assert "must have the role of a camera" in error.splitlines()[-1]

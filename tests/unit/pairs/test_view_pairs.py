@@ -3,6 +3,7 @@
 import numpy as np
 import pytest
 from tiny_scenes import scene_of, wall
+from view_warping import warp_to_a
 
 from dfvs_core.errors import ImageError
 from dfvs_core.geometry.poses import invert_pose, so3_log
@@ -11,7 +12,6 @@ from dfvs_models.evaluation_file import EVALUATION_CAMERA, read_flow_pairs
 from dfvs_rooms.pairs.drawing import PairSampler
 from dfvs_rooms.pairs.files import evaluation_arrays, write_arrays
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.render.truth import warp_to_a
 from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.frames import ned_pose_from_gltf
 from dfvs_sim.scene.glb import load_glb

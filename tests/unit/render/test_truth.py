@@ -1,10 +1,11 @@
 import numpy as np
 import pytest
 from tiny_scenes import CAMERA, NORTHWARD, scene_of, wall
+from view_warping import warp_to_a
 
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.render.truth import exact_flow, visibility, warp_to_a
+from dfvs_sim.render.truth import exact_flow, visibility
 from dfvs_sim.viewpoints.poses import camera_pose
 
 TWO_WALLS = np.concatenate([wall(2.0, 0.4, 0.4), wall(5.0)])

@@ -15,7 +15,7 @@ from numpy.typing import NDArray
 from dfvs_sim.dynamics.control import Controller, Demand
 from dfvs_sim.dynamics.estimate_errors import EstimateErrors
 from dfvs_sim.dynamics.estimator import Estimator
-from dfvs_sim.dynamics.rigid_body import GRAVITY_M_S2, AirframeParameters, Command, Quadrotor
+from dfvs_sim.dynamics.rigid_body import GRAVITY_M_S2, TILT_MAX_RAD, Command, Quadrotor
 
 DT_S = 0.004
 STEP_S = 6.0
@@ -170,7 +170,7 @@ def test_tilt_stays_within_its_limit() -> None:
         vehicle.step(DT_S, Command(north_m_s2=100.0))
         steepest = max(steepest, -vehicle.pitch_rad)
     # the attitude loop overshoots its limit of 45 degrees by a few percent
-    assert AirframeParameters().tilt_max_rad * 0.99 < steepest < math.radians(50.0)
+    assert TILT_MAX_RAD * 0.99 < steepest < math.radians(50.0)
 
 
 def test_a_steady_wind_is_held_against() -> None:

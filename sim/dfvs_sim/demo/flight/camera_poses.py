@@ -3,15 +3,11 @@
 from __future__ import annotations
 
 import time
-from collections.abc import Callable
 
 from dfvs_core.errors import DfvsError
-from dfvs_core.geometry.arrays import FloatArray
 from dfvs_sim.demo.plan import FlightPlan
 from dfvs_sim.ground.pose import PoseTracker
-
-CameraPoses = Callable[[int], FloatArray | None]
-"""``T_scene_camera`` (4, 4) at a monotonic time in ns, None where it is not known."""
+from dfvs_sim.viewpoints.poses import CameraPoses
 
 
 class FlightError(DfvsError):
@@ -38,10 +34,4 @@ def anchored_poses(plan: FlightPlan, tracker: PoseTracker, height_m: float) -> C
     if pose is None:
         raise FlightError("the vehicle's pose is not known", "LOCAL_POSITION_NED and attitude")
     T_scene_local = plan.T_scene_local(pose.T_local_body(), height_m)
-    T_body_camera = plan.mount.T_body_camera()
-
-    def T_scene_camera(t_ns: int) -> FloatArray | None:
-        now = tracker.pose_at(t_ns)
-        return None if now is None else T_scene_local @ now.T_local_body() @ T_body_camera
-
-    return T_scene_camera
+    return tracker.camera_poses(T_scene_local, plan.mount.T_body_camera())

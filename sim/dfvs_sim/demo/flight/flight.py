@@ -186,9 +186,7 @@ class Flight:
         pilot.prepare()
 
     def _take_off(self) -> TakeOff:
-        """How far to climb, by the scene's floor where nothing is said."""
-        if self._options.height_m is not None:
-            return TakeOff(self._options.height_m)
+        """How far to climb, by the scene's floor."""
         take_off = self._plan.take_off()
         if take_off.remark:
             self._log(take_off.remark)

@@ -4,12 +4,15 @@ from __future__ import annotations
 
 import bisect
 import itertools
+import json
 import math
 from dataclasses import asdict, dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 
+from dfvs_common.atomic_file import replace_json
 from dfvs_sim.demo.flight.flight import FlightLog
 from dfvs_sim.demo.flight.track import path_length_m, settled_error
 from dfvs_sim.vehicle.record import read_record
@@ -58,6 +61,15 @@ class FlightSummary:
             key: None if isinstance(value, float) and not math.isfinite(value) else value
             for key, value in asdict(self).items()
         }
+
+
+def write_results(log: FlightLog, folder: Path) -> FlightSummary:
+    """Write the summary and the servo's documents into the flight's folder."""
+    summary = summarise(log)
+    replace_json(folder / "summary.json", summary.to_json())
+    lines = (json.dumps(document) + "\n" for document in log.watch.servo)
+    (folder / "servo.jsonl").write_text("".join(lines), encoding="utf-8")
+    return summary
 
 
 def summarise(log: FlightLog) -> FlightSummary:

@@ -52,13 +52,13 @@ def true_state(vehicle: Quadrotor) -> mavlink.MAVLink_hil_state_quaternion_messa
     along, across = metres_per_degree(HOME_LATITUDE_DEG, HOME_ALTITUDE_M)
     return mavlink.MAVLink_hil_state_quaternion_message(
         0,
-        attitude_quaternion(v.roll_rad, v.pitch_rad, v.yaw_rad),
-        *(v.roll_rate_rad_s, v.pitch_rate_rad_s, v.yaw_rate_rad_s),
+        attitude_quaternion(*v.attitude_rad),
+        *v.rates_rad_s,
         int((HOME_LATITUDE_DEG + v.north_m / along) * 1e7),
         int((HOME_LONGITUDE_DEG + v.east_m / across) * 1e7),
         int((HOME_ALTITUDE_M - v.down_m) * 1e3),
-        *(int(100.0 * speed) for speed in (v.v_north_m_s, v.v_east_m_s, v.v_down_m_s)),
+        *(int(100.0 * speed) for speed in v.velocity_m_s),
         0,
         0,
-        *(int(a) for a in (v.a_north_m_s2, v.a_east_m_s2, v.a_down_m_s2)),
+        *(int(a) for a in v.acceleration_m_s2),
     )

@@ -8,6 +8,7 @@ from typing import Any
 
 from pymavlink.dialects.v20 import development as mavlink
 
+from dfvs_core.geometry.poses import rotation_from_euler
 from dfvs_sim.vehicle.messages.earth import (
     HOME_ALTITUDE_M,
     attitude_quaternion,
@@ -92,34 +93,19 @@ class Telemetry:
 
     def _attitude(self, now_ns: int) -> Message:
         e = self._e
-        return mavlink.MAVLink_attitude_message(
-            self._ms(now_ns),
-            e.roll_rad,
-            e.pitch_rad,
-            e.yaw_rad,
-            e.roll_rate_rad_s,
-            e.pitch_rate_rad_s,
-            e.yaw_rate_rad_s,
-        )
+        return mavlink.MAVLink_attitude_message(self._ms(now_ns), *e.attitude_rad, *e.rates_rad_s)
 
     def _attitude_quaternion(self, now_ns: int) -> Message:
         e = self._e
-        q = attitude_quaternion(e.roll_rad, e.pitch_rad, e.yaw_rad)
-        rates = (e.roll_rate_rad_s, e.pitch_rate_rad_s, e.yaw_rate_rad_s)
-        return mavlink.MAVLink_attitude_quaternion_message(self._ms(now_ns), *q, *rates)
+        q = attitude_quaternion(*e.attitude_rad)
+        return mavlink.MAVLink_attitude_quaternion_message(self._ms(now_ns), *q, *e.rates_rad_s)
 
     def _local_position(self, now_ns: int) -> Message | None:
         e = self._e
         if not self._status.estimator_ok:
             return None
         return mavlink.MAVLink_local_position_ned_message(
-            self._ms(now_ns),
-            e.north_m,
-            e.east_m,
-            e.down_m,
-            e.v_north_m_s,
-            e.v_east_m_s,
-            e.v_down_m_s,
+            self._ms(now_ns), *e.position_m, *e.velocity_m_s
         )
 
     def _global_position(self, now_ns: int) -> Message | None:
@@ -134,9 +120,7 @@ class Telemetry:
             longitude,
             round((HOME_ALTITUDE_M - e.down_m) * 1000),
             round((self._status.home_m[2] - e.down_m) * 1000),
-            round(e.v_north_m_s * 100),
-            round(e.v_east_m_s * 100),
-            round(e.v_down_m_s * 100),
+            *(round(speed * 100) for speed in e.velocity_m_s),
             heading,
         )
 
@@ -144,22 +128,16 @@ class Telemetry:
         e = self._e
         if not self._status.estimator_ok:
             return None
-        q = attitude_quaternion(e.roll_rad, e.pitch_rad, e.yaw_rad)
         unknown = [_NAN] * 21
         return mavlink.MAVLink_odometry_message(
             self._us(now_ns),
             mavlink.MAV_FRAME_LOCAL_NED,
             mavlink.MAV_FRAME_BODY_FRD,
-            e.north_m,
-            e.east_m,
-            e.down_m,
-            q,
-            *_to_body(q, e.v_north_m_s, e.v_east_m_s, e.v_down_m_s),
-            e.roll_rate_rad_s,
-            e.pitch_rate_rad_s,
-            e.yaw_rate_rad_s,
-            unknown,
-            unknown,
+            *e.position_m,
+            attitude_quaternion(*e.attitude_rad),
+            *(rotation_from_euler(*e.attitude_rad).T @ e.velocity_m_s).tolist(),
+            *e.rates_rad_s,
+            *(unknown, unknown),
             e.resets % 256,
             mavlink.MAV_ESTIMATOR_TYPE_AUTOPILOT,
             100,
@@ -214,12 +192,7 @@ class Telemetry:
             round(1000 * _voltage(s.battery)),
             -1,
             math.floor(100 * s.battery),
-            0,
-            0,
-            0,
-            0,
-            0,
-            0,
+            *[0] * 6,
         )
 
     def _battery(self, _: int) -> Message:
@@ -264,15 +237,3 @@ class Telemetry:
 def _voltage(share: float) -> float:
     """Voltage of four cells, linear between empty and full."""
     return 4.0 * (3.5 + 0.55 * share)
-
-
-def _to_body(
-    q: tuple[float, ...], north: float, east: float, down: float
-) -> tuple[float, float, float]:
-    """Take a vector from NED to the body frame of the quaternion (w, x, y, z)."""
-    w, x, y, z = q
-    return (
-        (1 - 2 * (y * y + z * z)) * north + 2 * (x * y + w * z) * east + 2 * (x * z - w * y) * down,
-        2 * (x * y - w * z) * north + (1 - 2 * (x * x + z * z)) * east + 2 * (y * z + w * x) * down,
-        2 * (x * z + w * y) * north + 2 * (y * z - w * x) * east + (1 - 2 * (x * x + y * y)) * down,
-    )

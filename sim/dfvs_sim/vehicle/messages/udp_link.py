@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import select
 import socket
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 from pymavlink.dialects.v20 import development as mavlink
@@ -82,6 +83,6 @@ class UdpLink:
         self.socket.close()
 
 
-def wait_for_data(links: list[UdpLink], timeout_s: float) -> None:
+def wait_for_data(links: Iterable[UdpLink], timeout_s: float) -> None:
     """Sleep until something arrives on a link, or until the timeout."""
     select.select([link.socket for link in links], [], [], max(0.0, timeout_s))

@@ -36,7 +36,7 @@ class Navigator:
     def __init__(self, parameters: ParameterTable, status: Status) -> None:
         self._parameters = parameters
         self._status = status
-        self._axes = [SmoothAxis(), SmoothAxis(), SmoothAxis()]
+        self._axes = [SmoothAxis() for _ in range(3)]
         self._target: list[float | None] = [None, None, None]
         self._yaw_rad = 0.0
         self._climbing = False
@@ -47,15 +47,10 @@ class Navigator:
 
     def enter(self, mode: Mode, estimate: Estimate, previous: Mode) -> None:
         """Start the mode from the vehicle's present motion."""
-        arrived = previous is Mode.TAKEOFF and mode is Mode.HOLD
-        if arrived:
+        if previous is Mode.TAKEOFF and mode is Mode.HOLD:
             return
         e = estimate
-        self._axes = [
-            SmoothAxis(e.north_m, e.v_north_m_s),
-            SmoothAxis(e.east_m, e.v_east_m_s),
-            SmoothAxis(e.down_m, e.v_down_m_s),
-        ]
+        self._axes = [SmoothAxis(*axis) for axis in zip(e.position_m, e.velocity_m_s, strict=True)]
         self._target = [None, None, None]
         self._yaw_rad = e.yaw_rad
         self._climbing = self._over_home = False
