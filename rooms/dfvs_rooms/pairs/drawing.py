@@ -58,7 +58,7 @@ class ViewPair:
     poses : tuple of (4, 4)
         ``T_world_a`` and ``T_world_b``, NED.
     views : tuple of View
-        Picture and depth of each.
+        Image and depth of each.
     flows : tuple of (H, W, 2) float32
         px, a to b and b to a; NaN where it means nothing.
     visible : tuple of (H, W) bool

@@ -9,7 +9,7 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 
-FOLDERS = ("dfvs_core", "dfvs", "models", "common", "service", "sim")
+FOLDERS = ("dfvs_core", "dfvs", "models", "common", "service", "sim", "export", "rooms")
 """Folders whose names are checked."""
 
 # Words that are never right in an identifier. Words that are also standard English, or names of
