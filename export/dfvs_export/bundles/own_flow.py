@@ -15,6 +15,7 @@ from dfvs_core.messages.manifest import Manifest
 from dfvs_core.messages.network_tensors import ImageInput
 from dfvs_export.bundles.flow_card import model_card
 from dfvs_export.bundles.manifest import Source, make_bundle
+from dfvs_export.bundles.rounding import round_weights
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
 from dfvs_export.bundles.tracing import TensorNames, trace
 from dfvs_export.networks.lighterglue import LighterGlue
@@ -88,7 +89,10 @@ class OwnFlow:
     def bundle(self, size: tuple[int, int]) -> Bundle:
         """Bundle in fp32 that works at ``size`` (width, height) px."""
         encode, match = _traced(*self.weights.networks(size, KEYPOINTS), size)
-        graphs = {"encode": (encode, _ENCODE), "match": (match, _MATCH)}
+        graphs = {
+            "encode": (round_weights(encode), _ENCODE),
+            "match": (round_weights(match), _MATCH),
+        }
         images = ImageInput(*size, multiple_of=32, channels="grey", scale=1.0)
         return make_bundle("encode-match", graphs, images, Source(NAME, self.origin, "Apache-2.0"))
 
