@@ -43,10 +43,7 @@ def trace(
 
 
 def trace_published(
-    name: str,
-    graph: nn.Module,
-    inputs: tuple[Tensor, ...],
-    names: TensorNames,
+    name: str, graph: nn.Module, inputs: tuple[Tensor, ...], names: TensorNames
 ) -> bytes:
     """Trace a network that may use operators that ONNX lacks.
 

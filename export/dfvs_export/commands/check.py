@@ -100,10 +100,7 @@ def _check_parity(arguments: argparse.Namespace, bundle: Bundle, report: dict[st
     if bundle.manifest.kind in _NOT_FLOW:
         report["greatest_difference"] = found.greatest
     else:
-        report |= {
-            "greatest_difference_px": found.greatest,
-            "mean_difference_px": found.mean,
-        }
+        report |= {"greatest_difference_px": found.greatest, "mean_difference_px": found.mean}
     return found.holds or bundle.manifest.precision != "fp32"
 
 

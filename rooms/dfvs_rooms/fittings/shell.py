@@ -119,11 +119,7 @@ def add_window(
 
 
 def add_curtains(
-    layout: Layout,
-    k: int,
-    place_m: tuple[float, float],
-    width_m: float,
-    rng: np.random.Generator,
+    layout: Layout, k: int, place_m: tuple[float, float], width_m: float, rng: np.random.Generator
 ) -> None:
     """Hang gathered curtains beside a window of a width, from above it to the floor."""
     top = min(place_m[1] + 1.0, layout.height_m - 0.12)

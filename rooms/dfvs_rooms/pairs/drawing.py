@@ -111,11 +111,7 @@ class PairSampler:
         return self._pair(EVALUATION_CAMERA, EVALUATION_RULES, (_upright_look, motion), rng)
 
     def _pair(
-        self,
-        camera: CameraModel,
-        rules: Rules,
-        draw: tuple[_Look, _Move],
-        rng: np.random.Generator,
+        self, camera: CameraModel, rules: Rules, draw: tuple[_Look, _Move], rng: np.random.Generator
     ) -> ViewPair:
         """Draw places, looks and motions until a pair follows the rules."""
         look, motion = draw
