@@ -41,10 +41,11 @@ def _torchvision_fits() -> bool:
 
 
 def convert(name: str, folder: Path) -> dict[str, object]:
-    from dfvs_export.bundles import described, write_bundle
-    from dfvs_export.check import parity
-    from dfvs_export.foreign import ForeignWeights, PublishedFlow
-    from dfvs_export.running import BundleRunner
+    from dfvs_export.bundles.folder import described, write_bundle
+    from dfvs_export.bundles.published_flow import PublishedFlow
+    from dfvs_export.bundles.runner import BundleRunner
+    from dfvs_export.checks.parity import parity
+    from dfvs_export.weights.published import ForeignWeights
     from dfvs_models.catalog import load_matcher
 
     network = PublishedFlow.load(name, ForeignWeights())
@@ -57,7 +58,7 @@ def convert(name: str, folder: Path) -> dict[str, object]:
     field = matcher.match(matcher.encode(first), matcher.encode(second))
     return {
         "name": name,
-        "greatest_px": agreement.greatest_px,
+        "greatest_px": agreement.greatest,
         "shape": field.flow.shape,
         "finite": field.is_finite(),
         "greatest_flow_px": float(np.abs(field.flow).max()),

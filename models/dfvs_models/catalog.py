@@ -102,10 +102,7 @@ def network_matcher(
 
 
 def load_depth(
-    choice: DepthChoice,
-    name_or_path: str,
-    threads: int = 2,
-    provider: str = "CPUExecutionProvider",
+    choice: DepthChoice, name_or_path: str, threads: int = 2, provider: str = "CPUExecutionProvider"
 ) -> DepthNetwork | None:
     """Load the ``mono`` bundle that a choice of depth needs; None where it needs none.
 

@@ -74,11 +74,7 @@ class PairMatcher:
         return PairImage(image, self._input)
 
     def match(
-        self,
-        current: ImageFeatures,
-        other: ImageFeatures,
-        *,
-        excluded: Sequence[FlowField] = (),
+        self, current: ImageFeatures, other: ImageFeatures, *, excluded: Sequence[FlowField] = ()
     ) -> FlowField:
         """Flow from ``current`` to ``other``; see ``dfvs_core.matching.matcher.Matcher``.
 

@@ -26,7 +26,7 @@ _WIDTHS = (96, 48, 32, 16)
 """Channels of the decoder at 1/16, 1/8, 1/4 and 1/2."""
 _LUMA = (0.299, 0.587, 0.114)
 _ROWS = 256
-"""Of the picture that the encoder sees, padded to a multiple of 32."""
+"""Of the image that the encoder sees, padded to a multiple of 32."""
 _LOG_RANGE = (-3.5, 3.5)
 """Of ln(inverse depth times focal length)."""
 _LOG_SIGMA_RANGE = (-4.0, 1.0)

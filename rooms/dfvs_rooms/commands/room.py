@@ -14,15 +14,11 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.image import encode_png
-from dfvs_rooms.generator.room import HEIGHT_M, LENGTH_M, VIEWS, WIDTH_M, Room
+from dfvs_rooms.generator.room import Room
 from dfvs_rooms.lighting.bake import bake_room, light_room
 from dfvs_rooms.lighting.path_traced import BakeSettings, load_mitsuba
-from dfvs_rooms.room_types.room_types import (
-    LIVING_ROOM,
-    REPETITIVE_KINDS,
-    ROOM_KINDS,
-    room_of_kind,
-)
+from dfvs_rooms.room_types.living_room import HEIGHT_M, LENGTH_M, VIEWS, WIDTH_M
+from dfvs_rooms.room_types.room_types import LIVING_ROOM, REPETITIVE_KINDS, ROOM_KINDS, room_of_kind
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import gltf_from_ned
 from dfvs_sim.scene.glb_writer import save_glb
@@ -66,7 +62,7 @@ def add_parser(subparsers: Any) -> None:
     add("--out", type=Path, required=True, metavar="FILE", help="scene to write (.glb)")
     add("--light", choices=("traced", "quick"), default="traced", help="default: traced")
     add("--samples", type=int, default=256, metavar="N", help="traced light paths a vertex")
-    add("--preview", type=Path, metavar="FILE", help="picture of the room to write (.png)")
+    add("--preview", type=Path, metavar="FILE", help="image of the room to write (.png)")
     parser.set_defaults(run=run)
 
 

@@ -119,11 +119,7 @@ def add_window(
 
 
 def add_curtains(
-    layout: Layout,
-    k: int,
-    place_m: tuple[float, float],
-    width_m: float,
-    rng: np.random.Generator,
+    layout: Layout, k: int, place_m: tuple[float, float], width_m: float, rng: np.random.Generator
 ) -> None:
     """Hang gathered curtains beside a window of a width, from above it to the floor."""
     top = min(place_m[1] + 1.0, layout.height_m - 0.12)
@@ -181,9 +177,9 @@ def enamel_lamp(drop_m: float, enamel: str) -> list[Part]:
     return [bulb, shade, tube((0, 0, 0.2 - drop_m), (0, 0, 0), 0.007, "black", sides=6)]
 
 
-def framed(picture: str, size_m: tuple[float, float], frame: str = "black") -> Piece:
-    """Picture of a size in a frame."""
-    return Piece.hanging(props.framed_picture(*size_m, picture, frame))
+def framed(artwork: str, size_m: tuple[float, float], frame: str = "black") -> Piece:
+    """Artwork of a size in a frame."""
+    return Piece.hanging(props.framed_artwork(*size_m, artwork, frame))
 
 
 def tin(radius_m: float, height_m: float, material: str) -> list[Part]:

@@ -23,7 +23,7 @@ _KIND = Kind(
     (0, 0),
     1.0,
 )
-_PICTURE_HEIGHT_M = 1.45
+_ARTWORK_HEIGHT_M = 1.45
 _OFF_WALL_M = 0.002
 
 
@@ -38,7 +38,7 @@ def doorway_rooms(seed: int) -> Room:
 
 
 def _partition(rng: np.random.Generator) -> list[Part]:
-    """Wall across the room at x = 0 with a doorway, and a picture on each of its four faces."""
+    """Wall across the room at x = 0 with a doorway, and an artwork on each of its four faces."""
     side_m = 0.5 * (WIDTH_M - DOOR_WIDTH_M)
     middle_m = 0.5 * (DOOR_WIDTH_M + side_m)
     parts: list[Part] = []
@@ -46,6 +46,6 @@ def _partition(rng: np.random.Generator) -> list[Part]:
         parts += box((THICKNESS_M, side_m, HEIGHT_M), (0.0, y, 0.0), "wall0", skip="-z +z")
         for face in (-1.0, 1.0):
             x = face * (0.5 * THICKNESS_M + _OFF_WALL_M)
-            parts += placed(pieces.picture(rng).parts, x, y, _PICTURE_HEIGHT_M, 90.0 * face)
+            parts += placed(pieces.artwork(rng).parts, x, y, _ARTWORK_HEIGHT_M, 90.0 * face)
     over = (THICKNESS_M, DOOR_WIDTH_M, HEIGHT_M - DOOR_HEIGHT_M)
     return parts + box(over, (0.0, 0.0, DOOR_HEIGHT_M), "wall0", skip="+z -y +y")

@@ -118,7 +118,7 @@ def book_row(
 def book(
     size: tuple[float, float, float], base: tuple[float, float, float], which: int, books: str
 ) -> list[Part]:
-    """Standing book whose spine, cut from a picture of 24 spines, looks to -y."""
+    """Standing book whose spine, cut from an image of 24 spines, looks to -y."""
     parts = []
     for k, face in enumerate(box(size, base, books, edge_m=0.2, skip="-z +y")):
         u = face.uv[:, 0] - face.uv[:, 0].min()

@@ -141,7 +141,7 @@ def furnished(kind: Kind, rng: np.random.Generator) -> tuple[Layout, tuple[Openi
     for _ in range(int(rng.integers(kind.islands[0], kind.islands[1] + 1))):
         layout.in_the_middle(_one_of(kind.in_the_middle, rng))
     for _ in range(round(rng.uniform(0.15, 0.6) * perimeter)):
-        draw = pieces.picture if rng.random() < 0.65 else pieces.wall_thing
+        draw = pieces.artwork if rng.random() < 0.65 else pieces.wall_thing
         layout.on_wall(draw(rng), (1.15, 1.9))
     layout.parts += _ceiling_lamps(size, rng)
     return layout, openings
@@ -204,7 +204,7 @@ def window(width: float, height: float, panes: int) -> list[Part]:
         (width, 0, 0),
         (0, 0, height),
         "garden",
-        picture=True,
+        stretched=True,
         edge_m=0.5,
     )
     parts = [view]
@@ -223,9 +223,9 @@ def _maybe_rug(layout: Layout, rng: np.random.Generator) -> None:
     if rng.random() < 0.5 or (limit < 1.0).any():
         return
     width, depth = (float(min(a, b)) for a, b in zip(limit, rng.uniform(1.2, 3.0, 2), strict=True))
-    material, picture = ("rug", True) if rng.random() < 0.5 else ("kilim", False)
+    material, stretched = ("rug", True) if rng.random() < 0.5 else ("kilim", False)
     corner = (-width / 2, -depth / 2, 0.012)
-    parts = [panel(corner, (width, 0, 0), (0, depth, 0), material, picture=picture)]
+    parts = [panel(corner, (width, 0, 0), (0, depth, 0), material, stretched=stretched)]
     parts += box((width, depth, 0.0118), (0, 0, 0), "linen", skip="+z -z", edge_m=0.2)
     layout.parts += placed(parts, *(float(v) for v in rng.uniform(-0.4, 0.4, 2)))
 

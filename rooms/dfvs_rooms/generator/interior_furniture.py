@@ -101,7 +101,7 @@ def _monitor() -> list[Part]:
     parts = box((0.24, 0.16, 0.012), (0, 0, 0), "black")
     parts.append(tube((0, 0.02, 0.01), (0, 0.02, 0.2), 0.02, "black"))
     parts += box((0.56, 0.03, 0.34), (0, 0, 0.14), "black", skip="-y")
-    front = panel((-0.28, -0.016, 0.14), (0.56, 0, 0), (0, 0, 0.34), "screen", picture=True)
+    front = panel((-0.28, -0.016, 0.14), (0.56, 0, 0), (0, 0, 0.34), "screen", stretched=True)
     return [*parts, front]
 
 
@@ -223,11 +223,11 @@ def door(rng: np.random.Generator) -> Piece:
     )
 
 
-def picture(rng: np.random.Generator) -> Piece:
+def artwork(rng: np.random.Generator) -> Piece:
     """Painting in a frame, one of six of a room."""
     name, frame = f"picture{rng.integers(6)}", str(rng.choice(["oak", "black", "walnut", "white"]))
     width, height = _between(rng, 0.25, 1.1), _between(rng, 0.25, 0.8)
-    return Piece.hanging(props.framed_picture(width, height, name, frame))
+    return Piece.hanging(props.framed_artwork(width, height, name, frame))
 
 
 def wall_thing(rng: np.random.Generator) -> Piece:

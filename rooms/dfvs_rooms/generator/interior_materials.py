@@ -18,7 +18,7 @@ from dfvs_rooms.surfaces.materials import Material
 from dfvs_rooms.surfaces.textures import SIZE_PX, Colour
 
 _Drawn: TypeAlias = tuple[Float32Array, float]
-"""A picture and the metres that it spans."""
+"""An image and the metres that it spans."""
 
 FULL_SIZE = frozenset(("wall", "floor", "ceiling", "rug", "books", "picture", "screen"))
 _SHINING = frozenset(("globe", "garden"))
@@ -52,7 +52,7 @@ def drawn_colour(
 
 
 def tiles(rng: np.random.Generator, colours: tuple[Colour, Colour], count: int) -> Float32Array:
-    """Square tiles, count x count to the picture, of two alternating colours, with joints."""
+    """Square tiles, count x count to the image, of two alternating colours, with joints."""
     x, y = textures.coordinates((SIZE_PX, SIZE_PX))
     column, row = np.floor(x * count).astype(int), np.floor(y * count).astype(int)
     dark = ((column + row) % 2).astype(np.float32)
@@ -66,7 +66,7 @@ def tiles(rng: np.random.Generator, colours: tuple[Colour, Colour], count: int) 
 
 
 def _tinted(rng: np.random.Generator, image: Float32Array, strength: float = 0.3) -> Float32Array:
-    """Same picture in another light: each channel takes a gain of its own."""
+    """Same image in another light: each channel takes a gain of its own."""
     gain = np.exp(rng.uniform(-strength, 0.4 * strength, 3))
     return np.asarray(np.clip(image * gain, 0.0, 1.0), np.float32)
 
@@ -142,7 +142,7 @@ def _leaf(rng: np.random.Generator) -> _Drawn:
     return textures.foliage(rng, green), 1.0
 
 
-def _picture(rng: np.random.Generator) -> _Drawn:
+def _artwork(rng: np.random.Generator) -> _Drawn:
     painters = (
         artwork.landscape,
         artwork.rectangles,
@@ -196,7 +196,7 @@ RECIPES: dict[str, Callable[[np.random.Generator], _Drawn]] = {
     "rug": lambda rng: (_tinted(rng, patterns.rug(rng), 0.8), 1.0),
     "books": lambda rng: (_tinted(rng, artwork.book_spines(rng)), 1.0),
     "clock": lambda rng: (artwork.clock_face(rng), 1.0),
-    "picture": _picture,
+    "picture": _artwork,
     "carton": _carton,
     "screen": _screen,
     "garden": lambda rng: (_tinted(rng, artwork.garden(rng)), 1.0),

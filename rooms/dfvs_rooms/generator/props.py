@@ -1,4 +1,4 @@
-"""Smaller things: pictures, plants, lamps, curtains, a radiator, a door.
+"""Smaller things: artworks, plants, lamps, curtains, a radiator, a door.
 
 Things on a wall hang at the origin with their back at y = 0 and look to -y.
 """
@@ -25,12 +25,16 @@ from dfvs_rooms.generator.solids import (
 )
 
 
-def framed_picture(width: float, height: float, picture: str, frame: str) -> list[Part]:
-    """Picture in a frame, its middle at the origin."""
+def framed_artwork(width: float, height: float, artwork: str, frame: str) -> list[Part]:
+    """Artwork in a frame, its middle at the origin."""
     bar, deep = 0.035, 0.03
     parts = [
         panel(
-            (-width / 2, -0.015, -height / 2), (width, 0, 0), (0, 0, height), picture, picture=True
+            (-width / 2, -0.015, -height / 2),
+            (width, 0, 0),
+            (0, 0, height),
+            artwork,
+            stretched=True,
         )
     ]
     for side in (-1, 1):

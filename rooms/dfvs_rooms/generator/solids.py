@@ -2,7 +2,7 @@
 
 Room axes are x east, y north, z up, in m, with the origin on the floor in the middle of the room.
 Texture coordinates of solids are metres along the surface: a material says how many metres its
-picture spans. Those of pictures run from 0 to 1.
+image spans. Those of stretched textures run from 0 to 1.
 """
 
 from __future__ import annotations
@@ -28,7 +28,7 @@ class Part:
     vertices, normals : (N, 3) float64
         Positions in room axes, m, and outward unit normals.
     uv : (N, 2) float64
-        Texture coordinates, m (or 0 to 1 for pictures).
+        Texture coordinates, m (or 0 to 1 where stretched).
     triangles : (M, 3) int32
         Vertex indices, anticlockwise seen from outside.
     material : str
@@ -139,18 +139,18 @@ def panel(  # noqa: PLR0913
     material: str,
     *,
     edge_m: float = EDGE_M,
-    picture: bool = False,
+    stretched: bool = False,
 ) -> Part:
     """Flat rectangle from its lower left corner, seen from the side where across is right.
 
-    ``picture`` stretches the texture over it once, its first row on top.
+    ``stretched`` lays the texture over it once, its first row on top.
     """
     o, a, b = (np.asarray(v, dtype=np.float64) for v in (origin, across, up))
     width, height = float(np.linalg.norm(a)), float(np.linalg.norm(b))
     u, v = steps(0.0, width, edge_m), steps(0.0, height, edge_m)
     gu, gv = np.meshgrid(u, v)
     points = o + gu[..., None] * a / width + gv[..., None] * b / height
-    uv = np.stack([gu / width, 1.0 - gv / height], -1) if picture else np.stack([gu, -gv], -1)
+    uv = np.stack([gu / width, 1.0 - gv / height], -1) if stretched else np.stack([gu, -gv], -1)
     return sheet(points, uv, material, is_sheet=False)
 
 

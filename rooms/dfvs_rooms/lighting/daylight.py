@@ -74,10 +74,7 @@ def _sky_beams(sky: Sky, rng: np.random.Generator) -> list[_Beam]:
 
 
 def _reached(
-    beam: _Beam,
-    offsets: FloatArray,
-    slope: FloatArray,
-    scene: tuple[Renderer, FloatArray, float],
+    beam: _Beam, offsets: FloatArray, slope: FloatArray, scene: tuple[Renderer, FloatArray, float]
 ) -> BoolArray:
     """Tell which points, at offsets (N, 3) from the scene's centre, a beam reaches."""
     blockers, centre, radius_m = scene

@@ -58,7 +58,7 @@ class ViewPair:
     poses : tuple of (4, 4)
         ``T_world_a`` and ``T_world_b``, NED.
     views : tuple of View
-        Picture and depth of each.
+        Image and depth of each.
     flows : tuple of (H, W, 2) float32
         px, a to b and b to a; NaN where it means nothing.
     visible : tuple of (H, W) bool
@@ -111,11 +111,7 @@ class PairSampler:
         return self._pair(EVALUATION_CAMERA, EVALUATION_RULES, (_upright_look, motion), rng)
 
     def _pair(
-        self,
-        camera: CameraModel,
-        rules: Rules,
-        draw: tuple[_Look, _Move],
-        rng: np.random.Generator,
+        self, camera: CameraModel, rules: Rules, draw: tuple[_Look, _Move], rng: np.random.Generator
     ) -> ViewPair:
         """Draw places, looks and motions until a pair follows the rules."""
         look, motion = draw

@@ -1,6 +1,6 @@
 """An arcade: what repeats in buildings, repeated exactly, so that places are taken for others.
 
-Equal windows, shelves of equal books, equal balusters, equal pictures and tiles, each at one
+Equal windows, shelves of equal books, equal balusters, equal artworks and tiles, each at one
 distance. One or two single things are all that tells its places apart.
 """
 
@@ -71,11 +71,11 @@ def _shelves(layout: Layout, books: int) -> None:
 
 
 def _end_walls(layout: Layout, period_m: float) -> None:
-    """Prints of one picture in two rows."""
-    for k, (picture, frame) in ((EAST, ("picture0", "black")), (WEST, ("poster0", "oak"))):
+    """Prints of one artwork in two rows."""
+    for k, (artwork, frame) in ((EAST, ("picture0", "black")), (WEST, ("poster0", "oak"))):
         for s in _places(layout.walls[k].length_m - 0.2, 0.7 * period_m):
             for z in (1.1, 2.0):
-                layout.hang(shell.framed(picture, (0.42, 0.56), frame), k, float(s), z)
+                layout.hang(shell.framed(artwork, (0.42, 0.56), frame), k, float(s), z)
 
 
 def _balustrade(length_m: float, step_m: float) -> list[Part]:

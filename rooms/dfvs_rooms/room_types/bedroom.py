@@ -42,7 +42,7 @@ def bedroom(rng: np.random.Generator) -> Place:
 
 def _rug(width: float, depth: float) -> list[Part]:
     corner = (-width / 2, -depth / 2, 0.012)
-    top = panel(corner, (width, 0, 0), (0, depth, 0), "rug", picture=True)
+    top = panel(corner, (width, 0, 0), (0, depth, 0), "rug", stretched=True)
     return [top, *box((width, depth, 0.0118), (0, 0, 0), "linen", skip="+z -z", edge_m=0.2)]
 
 

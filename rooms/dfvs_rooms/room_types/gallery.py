@@ -31,7 +31,7 @@ def gallery(rng: np.random.Generator) -> Place:
     for x, y in ((0.2, -1.0), (1.9, 0.3), (2.4, -1.9)):
         layout.set_down(_sculpture(rng), x + float(rng.uniform(-0.3, 0.3)), y)
     layout.set_down(_bench(), 0.6, 0.5)
-    layout.set_down(_screen_of_pictures(rng), -0.4, -2.2, float(rng.uniform(-12, 12)))
+    layout.set_down(_screen_of_artworks(rng), -0.4, -2.2, float(rng.uniform(-12, 12)))
     shell.scatter(layout, rng, (pieces.plant, pieces.seat), 3)
     shell.hang_lamps(layout, (3, 2), 1.1)
     return Place(layout, openings)
@@ -126,13 +126,13 @@ def _bench() -> Piece:
     return Piece.standing(parts)
 
 
-def _screen_of_pictures(rng: np.random.Generator) -> Piece:
-    """Free-standing wall with pictures on both sides."""
+def _screen_of_artworks(rng: np.random.Generator) -> Piece:
+    """Free-standing wall with artworks on both sides."""
     parts = box((2.4, 0.16, 2.1), (0, 0, 0), "wall2", skip="-z")
     for side, turn in ((-1, 0.0), (1, 180.0)):
         for j, x in enumerate((-0.65, 0.55)):
             name = f"picture{30 + 2 * j + (side > 0)}"
             size = float(rng.uniform(0.5, 0.9)), float(rng.uniform(0.5, 0.9))
-            hung = props.framed_picture(*size, name, "black")
+            hung = props.framed_artwork(*size, name, "black")
             parts += placed(hung, x, side * 0.082, 1.35, turn)
     return Piece.standing(parts)

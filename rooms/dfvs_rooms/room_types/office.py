@@ -62,7 +62,7 @@ def _monitor(screen: str) -> list[Part]:
     parts = box((0.24, 0.18, 0.012), (0, 0, 0), "black")
     parts.append(tube((0, 0.02, 0.01), (0, 0.02, 0.2), 0.02, "black"))
     parts += box((0.62, 0.03, 0.37), (0, 0, 0.13), "black", skip="-y")
-    face = panel((-0.3, -0.016, 0.14), (0.6, 0, 0), (0, 0, 0.35), screen, picture=True)
+    face = panel((-0.3, -0.016, 0.14), (0.6, 0, 0), (0, 0, 0.35), screen, stretched=True)
     return [*parts, face, *box((0.62, 0.004, 0.37), (0, -0.013, 0.13), "black", skip="+y")]
 
 

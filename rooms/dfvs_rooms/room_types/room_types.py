@@ -5,8 +5,9 @@ from __future__ import annotations
 from dfvs_core.errors import ConfigError
 from dfvs_rooms.generator.doorway import doorway_rooms
 from dfvs_rooms.generator.interior import KINDS, drawn_interior
-from dfvs_rooms.generator.room import Room, furnished_room
+from dfvs_rooms.generator.room import Room
 from dfvs_rooms.room_types.catalogue import PLACES, REPETITIVE_PLACES, drawn_place
+from dfvs_rooms.room_types.living_room import furnished_room
 
 LIVING_ROOM = "living-room"
 TWO_ROOMS = "two-rooms"

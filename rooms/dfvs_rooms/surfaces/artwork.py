@@ -1,4 +1,4 @@
-"""Pictures that hang or stand in a room: paintings, book spines, a dial, the view outside."""
+"""Artworks that hang or stand in a room: paintings, book spines, a dial, the view outside."""
 
 from __future__ import annotations
 

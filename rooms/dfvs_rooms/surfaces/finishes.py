@@ -24,7 +24,7 @@ class Bond:
     Parameters
     ----------
     rows, columns : int
-        Stones to the picture; rows are even where they are staggered.
+        Stones to the image; rows are even where they are staggered.
     tones : tuple of Colour
         Colours between which the stones vary.
     joint : Colour
@@ -73,7 +73,7 @@ def masonry(rng: np.random.Generator, bond: Bond) -> Float32Array:
 
 
 def herringbone(rng: np.random.Generator, colours: Sequence[Colour]) -> Float32Array:
-    """Parquet of blocks of 1 x 5, 40 widths to the picture of 1024 px."""
+    """Parquet of blocks of 1 x 5, 40 widths to the image of 1024 px."""
     size, units, long = 2 * SIZE_PX, 40, 5
     board = textures.wood(rng, colours)
     y, x = np.mgrid[0:size, 0:size].astype(np.float32) * (units / size)
@@ -192,7 +192,7 @@ def concrete(rng: np.random.Generator, colour: Colour) -> Float32Array:
 
 
 def pegboard(rng: np.random.Generator, colour: Colour) -> Float32Array:
-    """Painted board with a grid of holes, 20 x 20 to the picture."""
+    """Painted board with a grid of holes, 20 x 20 to the image."""
     x, y = textures.coordinates((SIZE_PX, SIZE_PX))
     hole = smoothstep(0.17, 0.12, np.hypot((x * 20) % 1 - 0.5, (y * 20) % 1 - 0.5))
     image = textures.paint(rng, colour)
@@ -200,7 +200,7 @@ def pegboard(rng: np.random.Generator, colour: Colour) -> Float32Array:
 
 
 def wainscot(rng: np.random.Generator, colour: Colour) -> Float32Array:
-    """Tongue-and-groove boarding, upright, 12 boards to the picture."""
+    """Tongue-and-groove boarding, upright, 12 boards to the image."""
     x, _ = textures.coordinates((SIZE_PX, SIZE_PX))
     u = (x * 12) % 1
     groove = 1.0 - 0.35 * smoothstep(0.05, 0.015, np.minimum(u, 1 - u))

@@ -1,4 +1,4 @@
-"""Materials of the living room: a picture each, and how many metres it spans."""
+"""Materials of the living room: an image each, and how many metres it spans."""
 
 from __future__ import annotations
 
@@ -19,21 +19,21 @@ _ON_SMALL_THINGS = frozenset(
         *("orange", "apple", "clay", "glaze", "earth", "fern", "rubber"),
     )
 )
-"""Materials that never fill a picture: half the texels will do."""
+"""Materials that never fill an image: half the texels will do."""
 
 _Draw: TypeAlias = Callable[[np.random.Generator], Float32Array]
 
 
 @dataclass(frozen=True, slots=True)
 class Material:
-    """Picture of a material.
+    """Image of a material.
 
     Parameters
     ----------
     image : (H, W, 3) uint8
         RGB.
     span_m : float
-        Metres that the picture spans before it repeats; 1 for pictures that are stretched.
+        Metres that the image spans before it repeats; 1 for images that are stretched.
     shines : bool
         Seen at full brightness whatever the light.
     """
@@ -46,12 +46,12 @@ class Material:
 def room_materials(rng: np.random.Generator) -> dict[str, Material]:
     """Draw all materials of the room, by name."""
     recipes = {**_surfaces(), **_wood_and_paint(), **_cloths(), **_ceramics_and_plants()}
-    recipes |= {name: (draw, 1.0) for name, draw in _pictures().items()}
+    recipes |= {name: (draw, 1.0) for name, draw in _images().items()}
     streams = rng.spawn(len(recipes) + 1)
     drawn = {}
     for (name, (draw, span_m)), stream in zip(recipes.items(), streams[1:], strict=True):
-        picture = draw(stream)
-        small = textures.halved(picture) if name in _ON_SMALL_THINGS else picture
+        image = draw(stream)
+        small = textures.halved(image) if name in _ON_SMALL_THINGS else image
         drawn[name] = Material(textures.pixels(small), span_m)
     drawn["globe"] = Material(np.full((4, 4, 3), 255, np.uint8), shines=True)
     drawn["garden"] = Material(textures.pixels(artwork.garden(streams[0])), shines=True)
@@ -118,7 +118,7 @@ def _ceramics_and_plants() -> dict[str, tuple[_Draw, float]]:
     }
 
 
-def _pictures() -> dict[str, _Draw]:
+def _images() -> dict[str, _Draw]:
     """Things that are shown once, and every painting only on one wall."""
     return {
         "rug": patterns.rug,

@@ -49,7 +49,7 @@ def _floats(image: ImageArray) -> Float32Array:
 def _written(
     image: ImageArray, box: tuple[int, int, int, int], ink: Colour, rng: np.random.Generator
 ) -> None:
-    """Fill a box (left, top, right, bottom), px, of a picture with a heading and lines, in place.
+    """Fill a box (left, top, right, bottom), px, of an image with a heading and lines, in place.
 
     Lines are broken into words of drawn lengths.
     """

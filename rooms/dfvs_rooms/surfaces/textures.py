@@ -29,7 +29,7 @@ def noise(
 ) -> Float32Array:
     """Periodic noise (H, W), mean 0 and deviation 1, amplitude ~ frequency ** -slope in a band.
 
-    ``band`` is in cycles per picture, ``stretch`` lengthens the structures along (x, y).
+    ``band`` is in cycles per image, ``stretch`` lengthens the structures along (x, y).
     """
     height, width = shape
     fy = np.fft.fftfreq(height, 1.0 / height)[:, None] * stretch[1]
@@ -90,14 +90,14 @@ def shaded(colour: Float32Array | Colour, light: Float32Array) -> Float32Array:
 
 
 def halved(image: Float32Array) -> Float32Array:
-    """Picture (H, W, 3) at half the size, averaged; repeats as before."""
+    """Image (H, W, 3) at half the size, averaged; repeats as before."""
     height, width = image.shape[:2]
     mean = image.reshape(height // 2, 2, width // 2, 2, 3).mean(axis=(1, 3))
     return np.asarray(mean, dtype=np.float32)
 
 
 def pixels(image: Float32Array) -> ImageArray:
-    """Picture as uint8 RGB."""
+    """Image as uint8 RGB."""
     return np.asarray(np.rint(np.clip(image, 0.0, 1.0) * 255.0), dtype=np.uint8)
 
 
@@ -114,7 +114,7 @@ def plaster(rng: np.random.Generator, colour: Colour, contrast: float = 1.0) -> 
 
 
 def bricks(rng: np.random.Generator) -> Float32Array:
-    """Old brickwork, 4 bricks by 12 courses to the picture."""
+    """Old brickwork, 4 bricks by 12 courses to the image."""
     rows, columns = 12, 4
     y, x = np.mgrid[0:SIZE_PX, 0:SIZE_PX].astype(np.float32)
     x += 2.2 * noise(rng, slope=1.2, band=(4.0, 60.0))

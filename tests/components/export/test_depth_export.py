@@ -10,13 +10,14 @@ import pytest
 import torch
 
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_export.check import drawn_pairs
+from dfvs_export.bundles.depth import DepthModel, Spreads
+from dfvs_export.checks.parity import PARITY_LIMIT, drawn_pairs
 from dfvs_export.cli import main
-from dfvs_export.depth import ANYTHING, DENSE, MIDAS, DepthModel, DepthWeights, Spreads
-from dfvs_export.depth_command import PARITY_LIMIT, parity
-from dfvs_export.depth_weights import TrainedDepth, load_depth_weights, save_depth_weights
+from dfvs_export.commands.comparison import agrees_with_torch
 from dfvs_export.networks.densedepth import DenseDepth
 from dfvs_export.networks.depth import DepthNet
+from dfvs_export.weights.depth import TrainedDepth, load_depth_weights, save_depth_weights
+from dfvs_export.weights.published_depth import ANYTHING, DENSE, MIDAS, DepthWeights
 from dfvs_models.bundle import Bundle, read_bundle
 from dfvs_models.catalog import load_depth
 from dfvs_models.depth import DepthNetwork
@@ -123,7 +124,7 @@ def test_densedepth_has_the_size_of_the_published_one():
 
 def test_densedepth_with_random_weights_is_as_in_torch(dense):
     model, bundle = dense
-    assert parity(model, bundle, 1) <= PARITY_LIMIT
+    assert agrees_with_torch(model, bundle)
     image = drawn_pairs(SMALL, 1, 5)[0][0]
     camera = CameraModel.from_horizontal_fov(*SMALL, 1.2)
     found = DepthNetwork(bundle, Execution(1)).estimate(image, camera)
@@ -142,7 +143,7 @@ def test_densedepth_with_random_weights_is_as_in_torch(dense):
 def test_published_networks_with_random_weights_are_as_in_torch(name, size):
     model = DepthModel.load(name, DepthWeights())
     bundle = model.bundle(size, Spreads())
-    assert parity(model, bundle, 1) <= PARITY_LIMIT
+    assert agrees_with_torch(model, bundle)
     assert bundle.manifest.depth is not None
     assert bundle.manifest.depth.unit == "affine"
     camera = CameraModel.from_horizontal_fov(100, 60, 1.2)
@@ -167,7 +168,7 @@ def test_a_folder_of_transformers_is_read(tmp_path, kind, unit):
     assert bundle.manifest.depth is not None
     assert bundle.manifest.depth.unit == unit
     assert "RANDOM" not in bundle.manifest.origin
-    assert parity(model, bundle, 1) <= PARITY_LIMIT
+    assert agrees_with_torch(model, bundle)
 
 
 @pytest.mark.parametrize(("name", "package"), [(MIDAS, "geffnet"), (ANYTHING, "transformers")])

@@ -10,12 +10,12 @@ pytest.importorskip("torch")
 import torch
 
 from dfvs_core.errors import ConfigError, ModelError
-from dfvs_export.depth_loss import Truth, depth_loss
-from dfvs_export.depth_views import DepthViewReader, normals_of
-from dfvs_export.depth_weights import TrainedDepth, load_depth_weights, save_depth_weights
 from dfvs_export.networks.depth import DepthNet, Prediction
-from dfvs_export.pairs import RoomFolder
-from dfvs_export.train_depth import DepthTrainSettings, train_depth
+from dfvs_export.training.depth import DepthTrainSettings, train_depth
+from dfvs_export.training.depth_loss import Truth, depth_loss
+from dfvs_export.training.depth_views import DepthViewReader, normals_of
+from dfvs_export.training.room_pairs import RoomFolder
+from dfvs_export.weights.depth import TrainedDepth, load_depth_weights, save_depth_weights
 
 FOCAL = 0.6
 

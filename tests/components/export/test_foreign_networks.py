@@ -19,18 +19,12 @@ safetensors = pytest.importorskip("safetensors.torch")
 
 from dfvs_core.errors import ConfigError, ModelError  # noqa: E402
 from dfvs_core.messages.manifest import sha256  # noqa: E402
-from dfvs_export.bundles import write_bundle  # noqa: E402
-from dfvs_export.check import PARITY_LIMIT_PX, drawn_pairs, parity  # noqa: E402
-from dfvs_export.foreign import (  # noqa: E402
-    ForeignWeights,
-    PairGraph,
-    PublishedFlow,
-    _read_weights,
-    load_foreign,
-    read_state,
-)
-from dfvs_export.precision import in_precision  # noqa: E402
-from dfvs_export.running import BundleRunner  # noqa: E402
+from dfvs_export.bundles.folder import write_bundle  # noqa: E402
+from dfvs_export.bundles.published_flow import PairGraph, PublishedFlow  # noqa: E402
+from dfvs_export.bundles.runner import BundleRunner  # noqa: E402
+from dfvs_export.checks.parity import PARITY_LIMIT, drawn_pairs, parity  # noqa: E402
+from dfvs_export.precision.conversion import in_precision  # noqa: E402
+from dfvs_export.weights.published import ForeignWeights, _read_weights, load_foreign, read_state  # noqa: E402
 from dfvs_models.catalog import load_matcher  # noqa: E402
 
 SMALL = ("rapidflow_it3", "neuflow2", "sea_raft_s", "fastflownet", "raft_small", "pwcnet")
@@ -127,7 +121,7 @@ def published() -> PublishedFlow:
     return PublishedFlow("layers", PairGraph(Layers()).eval(), ForeignWeights())
 
 
-def test_a_network_of_two_pictures_agrees_with_torch_and_runs_in_the_service(
+def test_a_network_of_two_images_agrees_with_torch_and_runs_in_the_service(
     published: PublishedFlow, tmp_path: Path
 ) -> None:
     bundle = published.bundle(SIZE)
@@ -147,19 +141,19 @@ def test_torch_and_onnx_runtime_differ_where_the_weights_do(published: Published
     with torch.no_grad():
         other.graph.network.layers[-1].bias[0] += 1e-3
     found = parity(other, BundleRunner(published.bundle(SIZE)), drawn_pairs(SIZE, 1, 1))
-    assert found.greatest_px == pytest.approx(20e-3, rel=1e-2)
+    assert found.greatest == pytest.approx(20e-3, rel=1e-2)
     assert not found.holds
 
 
 @pytest.mark.parametrize(("precision", "most_px"), [("fp16", 0.02), ("int8", 0.4)])
-def test_a_network_of_two_pictures_is_converted_to_fewer_bits(
+def test_a_network_of_two_images_is_converted_to_fewer_bits(
     published: PublishedFlow, precision: str, most_px: float
 ) -> None:
-    """Its middle layer alone is: the first reads pictures, the last gives flow."""
+    """Its middle layer alone is: the first reads images, the last gives flow."""
     pairs = drawn_pairs(SIZE, 2, 2)
     rounded = in_precision(published.bundle(SIZE), precision, pairs)
     assert rounded.manifest.precision == precision
-    assert 1e-5 < parity(published, BundleRunner(rounded), pairs).greatest_px < most_px
+    assert 1e-5 < parity(published, BundleRunner(rounded), pairs).greatest < most_px
 
 
 @pytest.fixture(scope="module")
@@ -179,7 +173,7 @@ def conversions(names: tuple[str, ...], folder: Path) -> dict[str, dict[str, obj
 
 
 def check_conversion(found: dict[str, object]) -> None:
-    assert found["greatest_px"] <= PARITY_LIMIT_PX
+    assert found["greatest_px"] <= PARITY_LIMIT
     assert found["shape"] == [128, 128, 2]
     assert found["finite"]
     assert found["greatest_flow_px"] > 1.0  # zeros would agree too

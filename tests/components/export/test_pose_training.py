@@ -12,13 +12,13 @@ import torch
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_export import planar_pairs
 from dfvs_export.cli import main
 from dfvs_export.networks.pose_regression import NETWORKS, SIZE, STRIDE
-from dfvs_export.pairs import RoomFolder
-from dfvs_export.planar_pairs import PlanarPoseReader, cluster, light
-from dfvs_export.pose_pairs import RoomPoseReader, rays
-from dfvs_export.pose_weights import (
+from dfvs_export.training import planar_pairs
+from dfvs_export.training.planar_pairs import PlanarPoseReader, cluster, light
+from dfvs_export.training.pose_pairs import RoomPoseReader, rays
+from dfvs_export.training.room_pairs import RoomFolder
+from dfvs_export.weights.pose import (
     TrainedPose,
     load_pose_weights,
     save_pose_weights,

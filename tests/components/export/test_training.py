@@ -9,9 +9,16 @@ import torch
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.poses import make_pose, so3_exp
-from dfvs_export.pairs import SIZE, PairReader, RoomFolder, TrainingPair, View, true_matches
-from dfvs_export.train import TrainSettings, train
-from dfvs_export.weights import load_weights
+from dfvs_export.training.flow import TrainSettings, train
+from dfvs_export.training.room_pairs import (
+    SIZE,
+    PairReader,
+    RoomFolder,
+    TrainingPair,
+    View,
+    true_matches,
+)
+from dfvs_export.weights.flow import load_weights
 
 STILL = np.array([[1.0, 0.0, 0.0], [0.0, 1.0, 0.0]])
 

@@ -6,7 +6,7 @@ import sys
 import pytest
 
 LOADS = "from dfvs_models.catalog import load_matcher; load_matcher('dfvs-flow', 1)"
-EXPORTS = "import dfvs_export.quantise; " + LOADS
+EXPORTS = "import dfvs_export.precision.int8; " + LOADS
 
 
 @pytest.mark.parametrize("code", [LOADS, EXPORTS])

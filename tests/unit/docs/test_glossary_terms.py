@@ -9,7 +9,18 @@ import pytest
 
 ROOT = Path(__file__).parents[3]
 
-FOLDERS = ("dfvs_core", "dfvs", "models", "common", "service", "bench", "robustness")
+FOLDERS = (
+    "dfvs_core",
+    "dfvs",
+    "models",
+    "common",
+    "service",
+    "sim",
+    "export",
+    "rooms",
+    "bench",
+    "robustness",
+)
 """Folders whose names are checked."""
 
 # Words that are never right in an identifier. Words that are also standard English, or names of

@@ -9,15 +9,15 @@ import numpy as np
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_export.calibration import graph_feeds, read_frames
-from dfvs_export.running import BundleRunner
+from dfvs_export.bundles.runner import BundleRunner
+from dfvs_export.precision.calibration import graph_feeds, read_frames
 from dfvs_models.bundle import read_bundle
 
 SIZE = (32, 16)
 
 
-def pictures(count: int, level: int = 0) -> np.ndarray:
-    """Plain pictures (N, 16, 32, 3), each of its number's brightness."""
+def images(count: int, level: int = 0) -> np.ndarray:
+    """Plain images (N, 16, 32, 3), each of its number's brightness."""
     numbers = np.arange(count, dtype=np.uint8) + np.uint8(level)
     return np.broadcast_to(numbers[:, None, None, None], (count, 16, 32, 3)).copy()
 
@@ -27,20 +27,20 @@ def brightness(pairs) -> list[tuple[int, int]]:
 
 
 def test_pairs_of_a_file_are_taken_evenly(tmp_path: Path) -> None:
-    np.savez(tmp_path / "p.npz", IA=pictures(9), IB=pictures(9, 100))
+    np.savez(tmp_path / "p.npz", IA=images(9), IB=images(9, 100))
     pairs = read_frames(tmp_path / "p.npz", SIZE, 3)
     assert brightness(pairs) == [(0, 100), (4, 104), (8, 108)]
 
 
 def test_all_pairs_are_taken_where_there_are_fewer(tmp_path: Path) -> None:
-    np.savez(tmp_path / "p.npz", IA=pictures(2), IB=pictures(2, 100))
+    np.savez(tmp_path / "p.npz", IA=images(2), IB=images(2, 100))
     assert len(read_frames(tmp_path / "p.npz", SIZE, 30)) == 2
 
 
-def test_pictures_of_a_folder_are_paired_half_a_flight_apart(tmp_path: Path) -> None:
-    for k, picture in enumerate(pictures(6)):
-        cv2.imwrite(str(tmp_path / f"frame{k:03}.png"), picture)
-    (tmp_path / "notes.txt").write_text("no picture")
+def test_images_of_a_folder_are_paired_half_a_flight_apart(tmp_path: Path) -> None:
+    for k, image in enumerate(images(6)):
+        cv2.imwrite(str(tmp_path / f"frame{k:03}.png"), image)
+    (tmp_path / "notes.txt").write_text("no image")
     assert brightness(read_frames(tmp_path, SIZE, 9)) == [(0, 3), (1, 4), (2, 5)]
 
 
@@ -53,15 +53,15 @@ def test_colours_are_read_as_rgb(tmp_path: Path) -> None:
     assert first[0, 0].tolist() == [200, 0, 0]
 
 
-def test_pictures_of_another_size_are_resized(tmp_path: Path) -> None:
-    np.savez(tmp_path / "p.npz", IA=pictures(1), IB=pictures(1))
+def test_images_of_another_size_are_resized(tmp_path: Path) -> None:
+    np.savez(tmp_path / "p.npz", IA=images(1), IB=images(1))
     ((first, second),) = read_frames(tmp_path / "p.npz", (64, 48), 1)
     assert first.shape == second.shape == (48, 64, 3)
 
 
 def feeds_of(folder: Path, count: int):
     runner = BundleRunner(read_bundle(folder))
-    return graph_feeds(runner, list(zip(pictures(count), pictures(count, 100), strict=True)))
+    return graph_feeds(runner, list(zip(images(count), images(count, 100), strict=True)))
 
 
 def test_both_graphs_are_calibrated_on_what_goes_into_them(tmp_path: Path) -> None:
@@ -72,7 +72,7 @@ def test_both_graphs_are_calibrated_on_what_goes_into_them(tmp_path: Path) -> No
     assert feeds["match"][0]["second_points"].shape == (1, grid_network.COUNT, 2)
 
 
-def test_a_network_of_two_pictures_is_calibrated_on_both(tmp_path: Path) -> None:
+def test_a_network_of_two_images_is_calibrated_on_both(tmp_path: Path) -> None:
     feeds = feeds_of(lucas_kanade_network.write_bundle(tmp_path), 2)
     assert set(feeds) == {"pair"}
     shown = [(f["current"].mean(), f["other"].mean()) for f in feeds["pair"]]
@@ -92,18 +92,18 @@ def no_archive(folder: Path) -> Path:
     return folder / "x.npz"
 
 
-def without_second_pictures(folder: Path) -> Path:
-    np.savez(folder / "x.npz", IA=pictures(2))
+def without_second_images(folder: Path) -> Path:
+    np.savez(folder / "x.npz", IA=images(2))
     return folder / "x.npz"
 
 
 def of_floats(folder: Path) -> Path:
-    np.savez(folder / "x.npz", IA=pictures(2) / 255.0, IB=pictures(2) / 255.0)
+    np.savez(folder / "x.npz", IA=images(2) / 255.0, IB=images(2) / 255.0)
     return folder / "x.npz"
 
 
 def of_unequal_counts(folder: Path) -> Path:
-    np.savez(folder / "x.npz", IA=pictures(2), IB=pictures(3))
+    np.savez(folder / "x.npz", IA=images(2), IB=images(3))
     return folder / "x.npz"
 
 
@@ -112,9 +112,9 @@ def of_objects(folder: Path) -> Path:
     return folder / "x.npz"
 
 
-def a_broken_picture(folder: Path) -> Path:
+def a_broken_image(folder: Path) -> Path:
     for k in range(2):
-        (folder / f"{k}.png").write_bytes(b"no picture")
+        (folder / f"{k}.png").write_bytes(b"no image")
     return folder
 
 
@@ -124,15 +124,15 @@ def a_broken_picture(folder: Path) -> Path:
         empty_folder,
         missing_file,
         no_archive,
-        without_second_pictures,
+        without_second_images,
         of_floats,
         of_unequal_counts,
         of_objects,
-        a_broken_picture,
+        a_broken_image,
     ],
 )
 def test_what_holds_no_pairs_is_refused_in_one_line(make, tmp_path: Path) -> None:
     with pytest.raises(ConfigError) as caught:
         read_frames(make(tmp_path), SIZE, 4)
     assert "\n" not in str(caught.value)
-    assert "a folder of pictures" in str(caught.value) or "uint8" in str(caught.value)
+    assert "a folder of images" in str(caught.value) or "uint8" in str(caught.value)

@@ -8,8 +8,8 @@ import onnxruntime
 import pytest
 from onnx import TensorProto, helper, numpy_helper
 
-from dfvs_export.half import to_half
-from dfvs_export.heavy_nodes import carrying_nodes, heavy_nodes
+from dfvs_export.precision.half import to_half
+from dfvs_export.precision.heavy_nodes import carrying_nodes, heavy_nodes
 
 SHAPE = (1, 4, 8, 8)
 
@@ -23,10 +23,10 @@ def convolution(name: str, source: str, groups: int = 1) -> onnx.NodeProto:
 
 @pytest.fixture
 def model() -> onnx.ModelProto:
-    """Picture -> first -> middle -> grouped -> times itself; plus middle -> step; that is flow."""
+    """Image -> first -> middle -> grouped -> times itself; plus middle -> step; that is flow."""
     rng = np.random.default_rng(4)
     nodes = [
-        helper.make_node("Mul", ["picture", "two"], ["scaled"], name="scale"),
+        helper.make_node("Mul", ["image", "two"], ["scaled"], name="scale"),
         convolution("first", "scaled"),
         convolution("middle", "first_out"),
         convolution("grouped", "middle_out", groups=4),
@@ -42,26 +42,26 @@ def model() -> onnx.ModelProto:
     graph = helper.make_graph(
         nodes,
         "small",
-        [helper.make_tensor_value_info("picture", TensorProto.FLOAT, SHAPE)],
+        [helper.make_tensor_value_info("image", TensorProto.FLOAT, SHAPE)],
         [helper.make_tensor_value_info("flow", TensorProto.FLOAT, SHAPE)],
         [numpy_helper.from_array(w.astype(np.float32), n) for n, w in weights.items()],
     )
     return helper.make_model(graph, opset_imports=[helper.make_opsetid("", 17)], ir_version=8)
 
 
-OF_PICTURES = partial(heavy_nodes, takes_pictures=True)
+OF_IMAGES = partial(heavy_nodes, takes_images=True)
 
 
-def names(model: onnx.ModelProto, takes_pictures: bool) -> list[str]:
-    return [node.name for node in heavy_nodes(model.graph, takes_pictures)]
+def names(model: onnx.ModelProto, takes_images: bool) -> list[str]:
+    return [node.name for node in heavy_nodes(model.graph, takes_images)]
 
 
-def test_what_reads_the_picture_or_gives_the_output_keeps_its_bits(model) -> None:
-    assert names(model, takes_pictures=True) == ["middle"]
+def test_what_reads_the_image_or_gives_the_output_keeps_its_bits(model) -> None:
+    assert names(model, takes_images=True) == ["middle"]
 
 
-def test_features_in_are_no_picture(model) -> None:
-    assert names(model, takes_pictures=False) == ["first", "middle"]
+def test_features_in_are_no_image(model) -> None:
+    assert names(model, takes_images=False) == ["first", "middle"]
 
 
 def product(name: str, inputs: list[str]) -> onnx.NodeProto:
@@ -96,17 +96,17 @@ def test_what_lies_between_two_heavy_nodes_is_carried_and_nothing_else() -> None
     assert [node.name for node in carrying_nodes(graph, heavy)] == ["relu", "add"]
 
 
-def run(data: bytes, picture: np.ndarray) -> np.ndarray:
+def run(data: bytes, image: np.ndarray) -> np.ndarray:
     session = onnxruntime.InferenceSession(data, providers=["CPUExecutionProvider"])
-    (flow,) = session.run(["flow"], {"picture": picture})
+    (flow,) = session.run(["flow"], {"image": image})
     return flow
 
 
 def test_half_precision_rounds_and_keeps_single_precision_outside(model) -> None:
-    picture = np.random.default_rng(5).random(SHAPE, dtype=np.float32)
-    exact = run(model.SerializeToString(), picture)
-    data = to_half(model.SerializeToString(), OF_PICTURES)
-    found = run(data, picture)
+    image = np.random.default_rng(5).random(SHAPE, dtype=np.float32)
+    exact = run(model.SerializeToString(), image)
+    data = to_half(model.SerializeToString(), OF_IMAGES)
+    found = run(data, image)
     assert found.dtype == np.float32
     # eleven bits of the one convolution that was chosen, squared by the product behind it
     np.testing.assert_allclose(found, exact, rtol=0.0, atol=4e-3 * np.abs(exact).max())
@@ -114,7 +114,7 @@ def test_half_precision_rounds_and_keeps_single_precision_outside(model) -> None
 
 
 def test_half_precision_halves_the_chosen_weights_and_drops_the_whole_ones(model) -> None:
-    made = onnx.load_model_from_string(to_half(model.SerializeToString(), OF_PICTURES))
+    made = onnx.load_model_from_string(to_half(model.SerializeToString(), OF_IMAGES))
     kinds = {tensor.name: tensor.data_type for tensor in made.graph.initializer}
     assert kinds.pop("middle_weights_half") == TensorProto.FLOAT16
     assert set(kinds) == {"first_weights", "grouped_weights", "step_weights", "two"}
@@ -126,7 +126,7 @@ def test_weights_beyond_half_precision_stay_finite(model) -> None:
     values = numpy_helper.to_array(weights).copy()
     values.flat[0] = 1e6
     weights.CopyFrom(numpy_helper.from_array(values, weights.name))
-    made = onnx.load_model_from_string(to_half(model.SerializeToString(), OF_PICTURES))
+    made = onnx.load_model_from_string(to_half(model.SerializeToString(), OF_IMAGES))
     (halved,) = (t for t in made.graph.initializer if t.name == "middle_weights_half")
     assert np.isfinite(numpy_helper.to_array(halved)).all()
 
@@ -140,12 +140,12 @@ def test_layers_that_share_weights_share_their_halves(model) -> None:
     model.graph.node.insert(3, copy)
     model.graph.node.insert(4, second)
     next(node for node in model.graph.node if node.name == "step").input[0] = "second_out"
-    picture = np.random.default_rng(7).random(SHAPE, dtype=np.float32)
-    data = to_half(model.SerializeToString(), OF_PICTURES)
+    image = np.random.default_rng(7).random(SHAPE, dtype=np.float32)
+    data = to_half(model.SerializeToString(), OF_IMAGES)
     made = onnx.load_model_from_string(data).graph
     assert "Identity" not in {node.op_type for node in made.node}
     assert "middle_weights" not in {tensor.name for tensor in made.initializer}
     readers = [n.name for n in made.node if "middle_weights_half" in n.input]
     assert readers == ["middle", "second"]
-    exact = run(model.SerializeToString(), picture)
-    np.testing.assert_allclose(run(data, picture), exact, atol=4e-3 * np.abs(exact).max())
+    exact = run(model.SerializeToString(), image)
+    np.testing.assert_allclose(run(data, image), exact, atol=4e-3 * np.abs(exact).max())

@@ -3,7 +3,8 @@
 import numpy as np
 import pytest
 
-from dfvs_export.check import drawn_pairs, error_ratios, parity
+from dfvs_export.checks.accuracy import error_ratios
+from dfvs_export.checks.parity import drawn_pairs, parity
 from dfvs_models.evaluation import PairScore, summarise
 
 PAIR = (np.zeros((4, 6, 3), np.uint8), np.zeros((4, 6, 3), np.uint8))
@@ -16,7 +17,7 @@ class Network:
     def __init__(self, off: float) -> None:
         self.off = [0.0, off, 0.0]
 
-    def differences_px(self, runner, pair):
+    def differences(self, runner, pair):
         differences = np.zeros(VECTORS, np.float32)
         differences[7] = self.off.pop()
         return differences
@@ -27,15 +28,15 @@ def test_one_vector_of_one_pair_decides(off: float, holds: bool) -> None:
     found = parity(Network(off), None, [PAIR] * 3)
     assert found.holds is holds
     assert found.pairs == 3
-    assert found.greatest_px == pytest.approx(off, rel=1e-5)
-    assert found.mean_px == pytest.approx(off / (3 * VECTORS), rel=1e-5)
+    assert found.greatest == pytest.approx(off, rel=1e-5)
+    assert found.mean == pytest.approx(off / (3 * VECTORS), rel=1e-5)
 
 
 @pytest.mark.parametrize("off", [float("nan"), float("inf")])
 def test_what_is_not_finite_never_agrees(off: float) -> None:
     found = parity(Network(off), None, [PAIR] * 3)
     assert not found.holds
-    assert not np.isfinite(found.greatest_px)
+    assert not np.isfinite(found.greatest)
 
 
 def test_drawn_pairs_are_the_same_for_a_seed_and_others_for_another() -> None:

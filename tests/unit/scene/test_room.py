@@ -4,11 +4,12 @@ import numpy as np
 import pytest
 
 from dfvs_rooms.generator.furniture import armchair, bookcase, chair, sideboard, table
-from dfvs_rooms.generator.props import curtain, framed_picture, palm
-from dfvs_rooms.generator.room import HEIGHT_M, LENGTH_M, WIDTH_M, Room, room_parts
+from dfvs_rooms.generator.props import curtain, framed_artwork, palm
+from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import Part, box, cushion, disc, lathe, panel, sphere, tube
 from dfvs_rooms.lighting.exposure import exposed, filled, smoothed
 from dfvs_rooms.lighting.path_traced import BakeError, BakeSettings, measure_irradiance
+from dfvs_rooms.room_types.living_room import HEIGHT_M, LENGTH_M, WIDTH_M, room_parts
 from dfvs_rooms.surfaces.materials import Material
 
 _FOOT_M = 1e-3  # a leg that leans dips its rim into the floor by less than a millimetre
@@ -76,7 +77,7 @@ class TestFurniture:
             assert lowest == pytest.approx(0.0, abs=_FOOT_M)
 
     def test_hangs_in_front_of_the_wall(self, rng):
-        parts = framed_picture(0.6, 0.4, "city", "oak")
+        parts = framed_artwork(0.6, 0.4, "city", "oak")
         assert max(part.vertices[:, 1].max() for part in parts) <= 1e-9
         (sheet,) = curtain(rng, 0.6, 2.4, "drape")
         assert sheet.is_sheet

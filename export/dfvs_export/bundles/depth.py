@@ -1,0 +1,168 @@
+"""Depth networks as ``mono`` bundles: ours and published ones."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass, replace
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from dfvs_core.depth.network import DepthUnit
+from dfvs_core.errors import ConfigError
+from dfvs_core.geometry.arrays import Float32Array, ImageArray
+from dfvs_core.messages.manifest import Manifest
+from dfvs_core.messages.network_tensors import DepthOutput, ImageInput
+from dfvs_export.bundles.depth_card import depth_card
+from dfvs_export.bundles.manifest import Source, make_bundle
+from dfvs_export.bundles.runner import FOCAL, BundleRunner, ImagePair
+from dfvs_export.bundles.tracing import TensorNames, trace_published
+from dfvs_export.networks.depth_anything import DepthAnything
+from dfvs_export.weights.depth import load_depth_weights
+from dfvs_export.weights.published_depth import ANYTHING, DENSE, LOADERS, MIDAS, DepthWeights
+from dfvs_models.bundle import Bundle
+from dfvs_models.depth_evaluation import MeasuredDepth
+
+OWN = "dfvs-depth"
+_SEED = 0
+_LEAST_RANGE = 0.01
+"""Range of an output over its size, below which differences are of rounding."""
+_LEAST_SPREAD, _MOST_SPREAD = 0.001, 10.0
+_MEAN, _STD = (0.485, 0.456, 0.406), (0.229, 0.224, 0.225)
+"""Of ImageNet's images."""
+
+
+@dataclass(frozen=True, slots=True)
+class Spreads:
+    """Standard deviations of the logarithm of depth that a manifest states.
+
+    ``local`` is that of a network that does not estimate its own, ``scale`` that of a metric
+    network's whole scale.
+    """
+
+    local: float = 0.3
+    scale: float = 0.2
+
+    def __post_init__(self) -> None:
+        """Refuse what no manifest may state."""
+        for option, value in (("spread", self.local), ("scale-spread", self.scale)):
+            if not _LEAST_SPREAD <= value <= _MOST_SPREAD:
+                raise ConfigError(
+                    f"--{option} is {value:g}", f"{_LEAST_SPREAD:g} to {_MOST_SPREAD:g}"
+                )
+
+
+@dataclass(frozen=True, slots=True)
+class _Kind:
+    """What is known of a network by its name: it gives inverse depth in ``unit``.
+
+    ``size`` (width, height) px is the default, of multiples of ``multiple``.
+    """
+
+    size: tuple[int, int]
+    multiple: int
+    unit: DepthUnit
+    stride: int
+    licence: str
+    is_normalised: bool = False
+    estimates_spread: bool = False
+
+
+_KINDS: Mapping[str, _Kind] = {
+    OWN: _Kind((320, 240), 16, "1/m", 2, "Apache-2.0", estimates_spread=True),
+    DENSE: _Kind((640, 480), 32, "1/m", 2, "see its authors"),
+    ANYTHING: _Kind((322, 238), 14, "affine", 1, "see its authors", True),
+    MIDAS: _Kind((256, 192), 32, "affine", 1, "see its authors", True),
+}
+MODELS = tuple(_KINDS)
+
+
+@dataclass(frozen=True, slots=True)
+class DepthModel:
+    """A depth network in torch; the module takes what the graph ``mono`` takes.
+
+    ``origin`` is one line; ``training`` a paragraph, empty where it is not ours.
+    """
+
+    name: str
+    module: nn.Module
+    origin: str
+    training: str = ""
+
+    @classmethod
+    def load(cls, name: str, weights: DepthWeights) -> DepthModel:
+        """Build a network and load its weights.
+
+        Raises
+        ------
+        ConfigError, ModelError
+            If a package that it needs is not installed, or the weights cannot be used.
+        """
+        if (weights.folder is not None) and name != ANYTHING:
+            raise ConfigError(f"--from for {name}", "--checkpoint FILE")
+        if weights.checkpoint is not None and name == ANYTHING:
+            raise ConfigError(f"--checkpoint for {name}", "--from FOLDER")
+        torch.manual_seed(_SEED)
+        if name == OWN:
+            own = load_depth_weights(weights.checkpoint)
+            origin = f"{own.origin}, trained on by this project, weights {own.digest}"
+            return cls(name, own.network(), origin, own.training)
+        return cls(name, LOADERS[name](weights).eval(), f"{name}, {weights.origin}")
+
+    def bundle(self, size: tuple[int, int] | None, spreads: Spreads) -> Bundle:
+        """Bundle in fp32 for images of ``size`` (width, height) px, or of the network's own.
+
+        Raises
+        ------
+        ConfigError
+            If the network takes no images of this size.
+        ModelError
+            If torch cannot trace it.
+        """
+        kind = _KINDS[self.name]
+        width, height = size or kind.size
+        if width % kind.multiple or height % kind.multiple:
+            raise ConfigError(f"size {width}x{height}", f"multiples of {kind.multiple}")
+        if self.name == OWN and (width, height) != kind.size:
+            raise ConfigError(f"size {width}x{height}", f"{kind.size[0]}x{kind.size[1]} for {OWN}")
+        names: TensorNames = (
+            ("image", "focal")[: 2 if self.name == OWN else 1],
+            ("depth", "spread")[: 2 if kind.estimates_spread else 1],
+        )
+        image = torch.rand(1, 3, height, width, generator=torch.Generator().manual_seed(_SEED))
+        example = (image, torch.full((1, 1), FOCAL))[: len(names[0])]
+        onnx = trace_published(self.name, self.module, example, names)
+        images = ImageInput(width, height, kind.multiple)
+        if kind.is_normalised:
+            images = replace(images, mean=_MEAN, std=_STD)
+        source = Source(self.name, self.origin, kind.licence)
+        depth = self._output(kind, spreads)
+        return make_bundle("mono", {"mono": (onnx, names)}, images, source, depth=depth)
+
+    def _output(self, kind: _Kind, spreads: Spreads) -> DepthOutput:
+        local = None if kind.estimates_spread else spreads.local
+        if isinstance(self.module, DepthAnything) and self.module.is_metric:
+            return DepthOutput("depth", "m", kind.stride, local, spreads.scale)
+        scale = spreads.scale if kind.unit == "1/m" else None
+        return DepthOutput("inverse-depth", kind.unit, kind.stride, local, scale)
+
+    def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
+        """How far ONNX Runtime's outputs are from torch's, over the range of torch's values."""
+        return np.concatenate([self._differences(runner, image) for image in pair])
+
+    def _differences(self, runner: BundleRunner, image: ImageArray) -> Float32Array:
+        tensors = runner.encode(image)
+        found = runner.match(tensors, tensors)
+        with torch.no_grad():
+            outputs = self.module(*(torch.from_numpy(tensor) for tensor in tensors))
+        expected = (outputs,) if isinstance(outputs, Tensor) else outputs
+        apart = [
+            np.abs(a - b).ravel() / max(float(np.ptp(b)), _LEAST_RANGE * float(np.abs(b).max()))
+            for a, b in zip(found, (each.numpy() for each in expected), strict=True)
+        ]
+        return np.concatenate(apart).astype(np.float32)
+
+    def card(self, manifest: Manifest, measured: Mapping[str, MeasuredDepth]) -> str:
+        """Text of the model card; ``measured`` by the file's name may be empty."""
+        return depth_card(manifest, self.training, measured)

@@ -1,0 +1,139 @@
+"""dfvs-flow with its weights, as something that bundles are made of."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+from pathlib import Path
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from dfvs_core.geometry.arrays import Float32Array
+from dfvs_core.messages.manifest import Manifest
+from dfvs_core.messages.network_tensors import ImageInput
+from dfvs_export.bundles.flow_card import model_card
+from dfvs_export.bundles.manifest import Source, make_bundle
+from dfvs_export.bundles.rounding import round_weights
+from dfvs_export.bundles.runner import BundleRunner, ImagePair
+from dfvs_export.bundles.tracing import TensorNames, trace
+from dfvs_export.networks.lighterglue import LighterGlue
+from dfvs_export.networks.xfeat import Keypoints, XFeat
+from dfvs_export.weights.flow import Weights, load_weights
+from dfvs_models.bundle import Bundle
+from dfvs_models.evaluation import LevelScore
+
+NAME = "dfvs-flow"
+KEYPOINTS = 1280
+"""Keypoints of an image."""
+_SAME_KEYPOINTS = 0.99
+"""Share of the keypoints that torch and ONNX Runtime find alike; scores that tie may swap."""
+_ENCODE: TensorNames = (("image",), ("points", "descriptors", "scores"))
+_MATCH: TensorNames = (
+    tuple(f"{side}_{name}" for side in ("first", "second") for name in _ENCODE[1]),
+    ("partners", "confidence"),
+)
+_ANY_COUNT = {
+    name: {1: "second" if name.startswith("second") else "first"} for name in sum(_MATCH, ())
+}
+"""The count of keypoints is chosen from match to match."""
+_MATCHED = 0.1
+"""Confidence from which on a keypoint counts as matched."""
+
+
+class MatchGraph(nn.Module):
+    """Keypoints of two images to partners (1, N, 2) px of the first's, and confidence (1, N).
+
+    The confidence is 0 where two points are not each other's likeliest partner.
+    """
+
+    def __init__(self, matcher: LighterGlue) -> None:
+        super().__init__()
+        self.matcher = matcher
+
+    def forward(self, *tensors: Tensor) -> tuple[Tensor, Tensor]:
+        """Partners and confidence."""
+        first, second = Keypoints(*tensors[:3]), Keypoints(*tensors[3:])
+        log = self.matcher(first, second).log_probability
+        best, partner = log.max(dim=2)
+        back = log.argmax(dim=1).gather(1, partner)
+        own = torch.arange(log.shape[1], device=log.device)[None]
+        mutual = (back == own).to(log.dtype) * (first.scores > 0).to(log.dtype)
+        points = second.points.gather(1, partner[..., None].expand(-1, -1, 2))
+        return points, best.exp() * mutual
+
+
+@dataclass(frozen=True, slots=True)
+class OwnFlow:
+    """dfvs-flow with trained weights; a ``MatchingNetwork``."""
+
+    weights: Weights
+
+    @classmethod
+    def load(cls, path: Path | None) -> OwnFlow:
+        """Read a checkpoint or the published wheel, or where none is named the shipped weights.
+
+        Raises
+        ------
+        ModelError
+            If it cannot be used.
+        """
+        return cls(load_weights(path))
+
+    @property
+    def origin(self) -> str:
+        """Where the weights come from, and which they are, as manifests say it."""
+        return f"{self.weights.origin}, weights {self.weights.digest}"
+
+    def bundle(self, size: tuple[int, int]) -> Bundle:
+        """Bundle in fp32 that works at ``size`` (width, height) px."""
+        encode, match = _traced(*self.weights.networks(size, KEYPOINTS), size)
+        graphs = {
+            "encode": (round_weights(encode), _ENCODE),
+            "match": (round_weights(match), _MATCH),
+        }
+        images = ImageInput(*size, multiple_of=32, channels="grey", scale=1.0)
+        return make_bundle("encode-match", graphs, images, Source(NAME, self.origin, "Apache-2.0"))
+
+    def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
+        """How far partners from ONNX Runtime are from torch's, or the keypoints if others."""
+        taken = runner.bundle.manifest.input
+        encoder, matcher = self.weights.networks((taken.width, taken.height), KEYPOINTS)
+        with torch.no_grad():
+            sides = [encoder(torch.from_numpy(runner.tensor(image))) for image in pair]
+            expected, expected_confidence = (
+                value.numpy()[0] for value in MatchGraph(matcher)(*sides[0], *sides[1])
+            )
+        tensors = [[value.numpy() for value in side] for side in sides]
+        for image, (points, _, scores) in zip(pair, tensors, strict=True):
+            apart = _apart_px(points[0][scores[0] > 0], runner.encode(image)[0][0])
+            if np.count_nonzero(apart) > (1 - _SAME_KEYPOINTS) * len(apart):
+                return apart
+        partners, confidence = (value[0] for value in runner.match(*tensors))
+        either = np.maximum(confidence, expected_confidence) > _MATCHED
+        apart = np.linalg.norm(partners - expected, axis=1)[either]
+        return np.append(apart, np.abs(confidence - expected_confidence).max()).astype(np.float32)
+
+    def card(self, manifest: Manifest, scores: Mapping[str, LevelScore], pairs_name: str) -> str:
+        """Text of the model card; ``scores`` may be empty."""
+        return model_card(self.weights, manifest, scores, pairs_name)
+
+
+def _apart_px(expected: Float32Array, found: Float32Array) -> Float32Array:
+    """Distance (N,) of each point (N, 2) from the nearest of those found (M, 2)."""
+    distances = np.linalg.norm(expected[:, None] - found, axis=2)
+    return np.asarray(distances.min(axis=1), np.float32)
+
+
+def _traced(encoder: XFeat, matcher: LighterGlue, size: tuple[int, int]) -> tuple[bytes, bytes]:
+    """ONNX files of both graphs for images of ``size`` (width, height) px."""
+    width, height = size
+    image = 255 * torch.rand(1, 1, height, width, generator=torch.Generator().manual_seed(0))
+    with torch.no_grad():
+        keypoints = encoder.eval()(image)
+    match = MatchGraph(matcher).eval()
+    return (
+        trace(encoder, (image,), _ENCODE),
+        trace(match, (*keypoints, *keypoints), _MATCH, _ANY_COUNT),
+    )

@@ -1,0 +1,107 @@
+"""Published flow networks from ptlflow as ``pair`` bundles."""
+
+from __future__ import annotations
+
+from collections.abc import Mapping
+from dataclasses import dataclass
+
+import numpy as np
+import torch
+from torch import Tensor, nn
+
+from dfvs_core.geometry.arrays import Float32Array
+from dfvs_core.messages.manifest import Manifest
+from dfvs_core.messages.network_tensors import FlowOutput, ImageInput
+from dfvs_export.bundles.flow_card import accuracy_table
+from dfvs_export.bundles.manifest import Source, make_bundle
+from dfvs_export.bundles.runner import BundleRunner, ImagePair
+from dfvs_export.bundles.tracing import TensorNames, trace_published
+from dfvs_export.weights.published import ForeignWeights, load_foreign
+from dfvs_models.bundle import Bundle
+from dfvs_models.evaluation import LevelScore
+
+PREFIX = "ptlflow:"
+_MULTIPLE = 16
+_TENSORS: TensorNames = (("first", "second"), ("flow",))
+_CARD = """# {name}
+
+A published network, converted through ptlflow: {origin}.
+
+- Input: {width} x {height} px, BGR, 0 to 1. Precision: {precision}.
+- Its licence, and that of its weights, is its authors': look there before you use it.
+
+## Accuracy
+{accuracy}
+"""
+
+
+class PairGraph(nn.Module):
+    """Two images (1, 3, H, W), BGR from 0 to 1, to flow (1, 2, H, W) px."""
+
+    def __init__(self, network: nn.Module) -> None:
+        super().__init__()
+        self.network = network
+
+    def forward(self, first: Tensor, second: Tensor) -> Tensor:
+        """Stack the images as ptlflow wants them and take its flow."""
+        flows: Tensor = self.network({"images": torch.stack([first, second], dim=1)})["flows"]
+        return flows[:, 0]
+
+
+@dataclass(frozen=True, slots=True)
+class PublishedFlow:
+    """A network of ptlflow; a ``MatchingNetwork``."""
+
+    name: str
+    graph: PairGraph
+    weights: ForeignWeights
+
+    @classmethod
+    def load(cls, name: str, weights: ForeignWeights) -> PublishedFlow:
+        """Build the network and load its weights; see ``load_foreign`` for what is raised."""
+        return cls(name, PairGraph(load_foreign(name, weights)).eval(), weights)
+
+    @property
+    def origin(self) -> str:
+        """Where the weights come from, in words."""
+        if self.weights.source is None:
+            return "RANDOM weights, only to try out"
+        return f"weights {self.weights.source}"
+
+    def bundle(self, size: tuple[int, int]) -> Bundle:
+        """Bundle in fp32 for images of ``size`` (width, height) px.
+
+        Raises
+        ------
+        ModelError
+            If torch cannot trace the network.
+        """
+        width, height = size
+        g = torch.Generator().manual_seed(0)
+        example = tuple(torch.rand(1, 3, height, width, generator=g) for _ in _TENSORS[0])
+        onnx = trace_published(self.name, self.graph, example, _TENSORS)
+        source = Source(self.name, f"ptlflow {self.name}, {self.origin}", "see its authors")
+        graphs, images = (
+            {"pair": (onnx, _TENSORS)},
+            ImageInput(width, height, _MULTIPLE, channels="bgr"),
+        )
+        return make_bundle("pair", graphs, images, source, flow=FlowOutput())
+
+    def differences(self, runner: BundleRunner, pair: ImagePair) -> Float32Array:
+        """How far the flow of ONNX Runtime is from torch's, at every pixel."""
+        sides = [runner.encode(image) for image in pair]
+        (flow,) = runner.match(*sides)
+        with torch.no_grad():
+            expected = self.graph(*(torch.from_numpy(side[0]) for side in sides)).numpy()
+        return np.asarray(np.linalg.norm(flow - expected, axis=1).ravel(), np.float32)
+
+    def card(self, manifest: Manifest, scores: Mapping[str, LevelScore], pairs_name: str) -> str:
+        """Text of the model card; ``scores`` may be empty."""
+        return _CARD.format(
+            name=manifest.name,
+            origin=self.origin,
+            width=manifest.input.width,
+            height=manifest.input.height,
+            precision=manifest.precision,
+            accuracy=accuracy_table(scores, pairs_name),
+        )

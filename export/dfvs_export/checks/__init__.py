@@ -1,0 +1,1 @@
+"""Comparison of bundles with torch, their accuracy and their times."""

@@ -1,0 +1,34 @@
+"""What ``dfvs-export bench`` does; it needs no torch."""
+
+from __future__ import annotations
+
+import argparse
+import json
+
+from dfvs_core.errors import ModelError
+from dfvs_export.checks.timing import BenchPlan, bench
+from dfvs_export.commands.progress import say
+from dfvs_models.catalog import bundle_folder
+
+
+def run_bench(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
+    """Measure bundles side by side.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If a bundle cannot be used, or the results cannot be written.
+    """
+    plan = BenchPlan(size, arguments.threads, arguments.runs)
+    results = bench([bundle_folder(name) for name in arguments.bundles], plan, say)
+    for r in results:
+        print(
+            f"{r.bundle:24} {r.precision}  median {r.median_ms:8.1f} ms  p99 {r.p99_ms:8.1f} ms"
+            f"  {r.resident_mb:7.1f} MB"
+        )
+    if arguments.json:
+        try:
+            arguments.json.write_text(json.dumps([r.as_json() for r in results], indent=2) + "\n")
+        except OSError as error:
+            raise ModelError(f"cannot write {arguments.json} ({error.strerror})") from error
+    return 0

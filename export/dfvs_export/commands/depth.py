@@ -1,0 +1,75 @@
+"""What ``dfvs-export depth`` does."""
+
+from __future__ import annotations
+
+import argparse
+from collections.abc import Mapping
+
+from dfvs_export.bundles.depth import OWN, DepthModel, Spreads
+from dfvs_export.bundles.folder import check_free, described, write_bundle
+from dfvs_export.commands.comparison import (
+    agrees_with_torch,
+    calibration_frames,
+    check_calibration,
+    compare_with_torch,
+)
+from dfvs_export.commands.progress import say
+from dfvs_export.precision.conversion import in_precision
+from dfvs_export.weights.published_depth import DepthWeights
+from dfvs_models.depth import DepthNetwork
+from dfvs_models.depth_evaluation import MeasuredDepth, mean_score, measure_depth
+from dfvs_models.onnx_session import Execution
+
+
+def run_depth(arguments: argparse.Namespace, size: tuple[int, int] | None) -> int:
+    """Make a bundle of a depth network; 1 where ONNX Runtime does not give what torch gives.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If a package is missing, or weights, size, frames or folder cannot be used.
+    """
+    check_free(arguments.out)
+    check_calibration(arguments)
+    spreads = Spreads(arguments.spread, arguments.scale_spread)
+    model = named_depth_model(arguments)
+    say(f"tracing {arguments.model}")
+    bundle = model.bundle(size, spreads)
+    if not agrees_with_torch(model, bundle, " of the range"):
+        return 1
+    if arguments.precision == "int8":
+        say("converting to int8")
+        bundle = in_precision(bundle, "int8", calibration_frames(arguments, bundle))
+        found = compare_with_torch(model, bundle, 2)
+        say(f"greatest difference from torch: {found.greatest:.1e}")
+    network = DepthNetwork(bundle, Execution())  # as the service loads it: shapes, numbers
+    measured = {path.name: measure_depth(network, path) for path in arguments.pairs}
+    card = model.card(bundle.manifest, measured)
+    write_bundle(arguments.out, described(bundle, card, _figures(measured)))
+    if arguments.model != OWN and arguments.checkpoint is None and arguments.folder is None:
+        print("warning: these weights are random; name --checkpoint or --from to use the network")
+    print(f"wrote {arguments.out}")
+    return 0
+
+
+def named_depth_model(arguments: argparse.Namespace) -> DepthModel:
+    """The depth network that ``--model`` and the weights name.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If it or its weights cannot be used.
+    """
+    weights = DepthWeights(arguments.checkpoint, arguments.folder, arguments.sha256)
+    return DepthModel.load(arguments.model, weights)
+
+
+def _figures(measured: Mapping[str, MeasuredDepth]) -> dict[str, float]:
+    """What the manifest says of accuracy: means over the files."""
+    if not measured:
+        return {}
+    scores = mean_score([result.score for result in measured.values()])
+    figures = {"aligned_abs_rel": scores.aligned.abs_rel, "scale_log": scores.scale_log}
+    if scores.metric is not None:
+        figures["metric_abs_rel"] = scores.metric.abs_rel
+    return figures

@@ -1,0 +1,32 @@
+"""What ``dfvs-export pose`` does."""
+
+from __future__ import annotations
+
+import argparse
+
+from dfvs_export.bundles.folder import check_free, described, write_bundle
+from dfvs_export.bundles.pose import PoseModel
+from dfvs_export.commands.comparison import agrees_with_torch
+from dfvs_export.commands.progress import say
+from dfvs_models.onnx_session import Execution
+from dfvs_models.pose import PoseNetwork
+
+
+def run_pose(arguments: argparse.Namespace) -> int:
+    """Make a bundle of a trained network; 1 where ONNX Runtime does not give what torch gives.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If the weights or the folder cannot be used.
+    """
+    check_free(arguments.out)
+    model = PoseModel.load(arguments.checkpoint)
+    say(f"tracing {model.name}")
+    bundle = model.bundle()
+    if not agrees_with_torch(model, bundle):
+        return 1
+    PoseNetwork(bundle, Execution())  # as the benchmark loads it: shapes, numbers
+    write_bundle(arguments.out, described(bundle, model.card(bundle.manifest), {}))
+    print(f"wrote {arguments.out}")
+    return 0

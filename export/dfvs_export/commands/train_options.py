@@ -1,0 +1,119 @@
+"""``dfvs-export train``, ``train-depth`` and ``train-pose``: their options."""
+
+from __future__ import annotations
+
+import argparse
+from dataclasses import fields
+from pathlib import Path
+from typing import TYPE_CHECKING, TypeVar
+
+if TYPE_CHECKING:
+    from _typeshed import DataclassInstance
+
+    _Settings = TypeVar("_Settings", bound=DataclassInstance)
+
+
+def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add ``train``."""
+    train = commands.add_parser(
+        "train",
+        help="train dfvs-flow on pairs of dfvs-sim",
+        description="Train the matcher of dfvs-flow, and with --encoder-blocks the last blocks of"
+        " its encoder, on wide-baseline pairs (dfvs-rooms pairs --format wide). Writes a checkpoint"
+        " every few minutes.",
+    )
+    _add_training(train, learning_rate=2e-4)
+    add = train.add_argument
+    add("--from", dest="start", type=Path, metavar="FILE", help="checkpoint or published wheel")
+    add("--encoder-blocks", type=int, default=0, choices=range(5), metavar="0..4")
+    add("--keypoints", type=int, default=1024, metavar="N", help="of a view (default 1024)")
+    train.set_defaults(run=_run_train)
+
+
+def _run_train(arguments: argparse.Namespace) -> int:
+    from dfvs_export.training.flow import TrainSettings, train
+
+    train(_settings_from(TrainSettings, arguments), _say_line)
+    print(f"wrote {arguments.out}")
+    return 0
+
+
+def add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add ``train-depth``."""
+    train = commands.add_parser(
+        "train-depth",
+        help="train dfvs-depth on views of dfvs-sim",
+        description="Train dfvs-depth on the views of wide-baseline pairs "
+        "(dfvs-rooms pairs --format wide). Writes a checkpoint every few minutes.",
+    )
+    _add_training(train, learning_rate=5e-4)
+    add = train.add_argument
+    add(
+        "--from",
+        dest="start",
+        type=Path,
+        required=True,
+        metavar="FILE",
+        help="checkpoint, or the wheel of ImageNet's encoder",
+    )
+    add("--frozen-blocks", type=int, default=3, choices=range(17), metavar="0..16")
+    train.set_defaults(run=_run_train_depth)
+
+
+def _run_train_depth(arguments: argparse.Namespace) -> int:
+    from dfvs_export.training.depth import DepthTrainSettings, train_depth
+
+    train_depth(_settings_from(DepthTrainSettings, arguments), _say_line)
+    print(f"wrote {arguments.out}")
+    return 0
+
+
+def add_train_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
+    """Add ``train-pose``."""
+    train = commands.add_parser(
+        "train-pose",
+        help="train a network that regresses the pose between two images",
+        description="Train a baseline of the benchmark: after Saxena et al. on wide-baseline pairs"
+        " (dfvs-rooms pairs --format wide) and near ones made of them by depth, or after Bateux et"
+        " al. on homographies of their views. Writes a checkpoint every few minutes.",
+    )
+    add = train.add_argument
+    add("--network", choices=("saxena", "bateux"), required=True)
+    _add_training(train, learning_rate=5e-4)
+    add(
+        "--from",
+        dest="start",
+        type=Path,
+        metavar="FILE",
+        help="checkpoint to go on from; of bateux, else the wheel of ImageNet's encoder",
+    )
+    train.set_defaults(run=_run_train_pose)
+
+
+def _run_train_pose(arguments: argparse.Namespace) -> int:
+    from dfvs_export.training.pose import PoseTrainSettings, train_pose
+
+    train_pose(_settings_from(PoseTrainSettings, arguments), _say_line)
+    print(f"wrote {arguments.out}")
+    return 0
+
+
+def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> None:
+    """Add pairs, checkpoint, time, rate, seed and threads."""
+    add = command.add_argument
+    add("--pairs", type=Path, required=True, metavar="DIR", help="folder of wide-baseline pairs")
+    add("--out", type=Path, required=True, metavar="FILE.pt", help="checkpoint to write")
+    add("--minutes", type=float, default=60.0)
+    add("--learning-rate", type=float, default=learning_rate)
+    add("--seed", type=int, default=0)
+    add("--threads", type=int, default=2)
+
+
+def _settings_from(kind: type[_Settings], arguments: argparse.Namespace) -> _Settings:
+    """Settings of a training, each from the option of its name."""
+    return kind(**{f.name: getattr(arguments, f.name) for f in fields(kind)})
+
+
+def _say_line(line: str) -> None:
+    """Print a line of progress at once."""
+    print(line, flush=True)

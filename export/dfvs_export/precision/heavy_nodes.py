@@ -1,0 +1,117 @@
+"""Which operators of a graph bear fewer bits: those that cost time and carry features."""
+
+from __future__ import annotations
+
+from collections import defaultdict
+from collections.abc import Iterable, Mapping
+
+from onnx import GraphProto, NodeProto
+
+_PRODUCTS = frozenset({"Conv", "Gemm", "MatMul"})
+_LEAST_TERMS = 16
+"""Terms in a sum of a product from which on fewer bits save more than converting costs."""
+_CARRYING = frozenset({"Add", "Concat", "Relu"})
+"""What computes as well in 8 bits, so that nothing is converted between two heavy nodes."""
+
+
+def heavy_nodes(graph: GraphProto, takes_images: bool) -> list[NodeProto]:
+    """Layers that may be computed with fewer bits: products with learned weights.
+
+    Three kinds stay as they are. What reads the image itself, and what gives flow, keypoints or
+    descriptors with nothing but adding and resampling behind it: there every lost bit is one of the
+    image or the output, and both are cheap. And convolutions in groups, which ONNX Runtime
+    computes more slowly in 8 bits than in 32.
+
+    Parameters
+    ----------
+    graph : GraphProto
+        With names for all nodes, weights as initialisers.
+    takes_images : bool
+        Whether its inputs are images, not features.
+    """
+    shapes = {tensor.name: tuple(tensor.dims) for tensor in graph.initializer}
+    turning = {node.name for node in graph.node if _turns_over(node, shapes)}
+    kept = _last(graph, turning)
+    if takes_images:
+        kept |= _first(graph, turning, set(shapes))
+    return [
+        node
+        for node in graph.node
+        if _is_layer(node, shapes) and node.name not in kept and not _in_groups(node)
+    ]
+
+
+def carrying_nodes(graph: GraphProto, heavy: Iterable[NodeProto]) -> list[NodeProto]:
+    """Nodes on the way from one heavy node to others that can be computed in 8 bits with them."""
+    readers: dict[str, list[NodeProto]] = defaultdict(list)
+    for node in graph.node:
+        for name in node.input:
+            readers[name].append(node)
+    behind = {name for node in heavy for name in node.output}
+    found: list[NodeProto] = []
+    for node in graph.node:  # in topological order
+        if node.op_type in _CARRYING and not behind.isdisjoint(node.input):
+            found.append(node)
+            behind.update(node.output)
+    before = {name for node in heavy for name in node.input}
+    leading: list[NodeProto] = []
+    for node in reversed(found):
+        if not before.isdisjoint(node.output):
+            leading.append(node)
+            before.update(node.input)
+    return leading[::-1]
+
+
+def _is_layer(node: NodeProto, shapes: Mapping[str, tuple[int, ...]]) -> bool:
+    """Whether a node multiplies by learned weights, which stand second.
+
+    A constant that stands first, or is a few numbers only, is one of the method's own, such as
+    the sums of a least-squares fit.
+    """
+    if node.op_type not in _PRODUCTS or node.input[1] not in shapes:
+        return False
+    return node.op_type == "Conv" or min(shapes[node.input[1]]) >= _LEAST_TERMS
+
+
+def _turns_over(node: NodeProto, shapes: Mapping[str, tuple[int, ...]]) -> bool:
+    """Whether values stop being image or output here: behind it, an error is one of features."""
+    if node.op_type == "ArgMax" or _is_layer(node, shapes):
+        return True
+    return node.op_type == "MatMul" and shapes.keys().isdisjoint(node.input)
+
+
+def _in_groups(node: NodeProto) -> bool:
+    return any(a.name == "group" and a.i > 1 for a in node.attribute)
+
+
+def _first(graph: GraphProto, turning: set[str], constants: set[str]) -> set[str]:
+    """Names of the turning nodes that no other stands before."""
+    raw = {i.name for i in graph.input} - constants  # nodes are in topological order
+    found = set()
+    for node in graph.node:
+        if raw.isdisjoint(node.input):
+            continue
+        if node.name in turning:
+            found.add(node.name)
+        else:
+            raw.update(node.output)
+    return found
+
+
+def _last(graph: GraphProto, turning: set[str]) -> set[str]:
+    """Names of the turning nodes that no other stands behind on some way to an output."""
+    direct = {o.name for o in graph.output}
+    found = set()
+    for node in reversed(graph.node):
+        if direct.isdisjoint(node.output):
+            continue
+        if node.name in turning:
+            found.add(node.name)
+        else:
+            direct.update(_filled(node.input))
+    return found
+
+
+def _filled(names: Iterable[str]) -> set[str]:
+    """Names but for those of inputs that a node leaves out."""
+    return {name for name in names if name}

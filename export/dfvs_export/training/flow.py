@@ -1,0 +1,172 @@
+"""Training of dfvs-flow on wide-baseline pairs.
+
+The matcher is trained with the loss of LightGlue: the log probability of true matches, and that of
+unmatchable points being so. The encoder stays as it is, or its last blocks are trained with it.
+Views are augmented on their own, and one of two is turned by the angle that the service would
+turn it by. While the encoder stays as it is, encoded pairs are kept and learnt from again.
+"""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import torch
+from torch import Tensor
+from torch.nn import functional
+
+from dfvs_export.networks.xfeat import Keypoints, XFeat
+from dfvs_export.training.descent import Descent, check_training
+from dfvs_export.training.room_pairs import SIZE, PairReader, RoomFolder, TrueMatches, true_matches
+from dfvs_export.weights.flow import Weights, load_weights, save_weights
+
+_PAIRS_PER_STEP = 8
+_ENCODER_RATE = 0.3
+"""Learning rate of the encoder in that of the matcher."""
+_PAIRS_PER_REPORT = 400
+_LEAST_MATCHES = 4
+_UNMATCHED_WEIGHT = 0.5
+_LEAST_KEPT, _MOST_KEPT = 400, 6000
+_NEW = 0.3
+"""Share of pairs that are drawn anew when encoded ones are kept."""
+
+
+@dataclass(frozen=True, slots=True)
+class EncodedPair:
+    """Keypoints of both views of a pair, and their true matches."""
+
+    first: Keypoints
+    second: Keypoints
+    truth: TrueMatches
+
+
+@dataclass(frozen=True, slots=True)
+class TrainSettings:
+    """What a training run is asked for; see ``dfvs-export train --help``."""
+
+    pairs: Path
+    out: Path
+    start: Path | None
+    minutes: float
+    learning_rate: float
+    encoder_blocks: int
+    keypoints: int
+    seed: int
+    threads: int
+
+    def __post_init__(self) -> None:
+        """Refuse what trains nothing."""
+        check_training(self, self.out, ("minutes", "learning_rate", "keypoints", "threads"))
+
+
+def train(settings: TrainSettings, say: Callable[[str], None]) -> None:
+    """Train, write a checkpoint every few hundred pairs, and at the end.
+
+    Raises
+    ------
+    ConfigError, ModelError
+        If there are no pairs, or the weights to start from cannot be used.
+    """
+    torch.set_num_threads(settings.threads)
+    run = _Run(settings, load_weights(settings.start))
+    began = time.monotonic()
+    done = 0.0
+    while done < 1.0:
+        for _ in range(_PAIRS_PER_STEP):
+            run.learn_from(run.draw())
+        run.descent.step(done)
+        done = (time.monotonic() - began) / (60.0 * settings.minutes)
+        if run.pairs % _PAIRS_PER_REPORT == 0:
+            say(run.report())
+            run.save()
+    run.save()
+
+
+class _Run:
+    """Networks in training, their optimiser, and the figures since the last report."""
+
+    def __init__(self, settings: TrainSettings, start: Weights) -> None:
+        self._settings, self._start = settings, start
+        self._reader = PairReader(RoomFolder(settings.pairs), settings.seed)
+        self._rng = np.random.default_rng([settings.seed, 1])
+        self._kept: list[EncodedPair] = []
+        self._encoder, self._matcher = start.networks(SIZE, settings.keypoints)
+        self._encoder.requires_grad_(False)
+        blocks = _last_blocks(self._encoder)[: settings.encoder_blocks]
+        for block in blocks:
+            block.requires_grad_(True)
+        rate = settings.learning_rate
+        self.descent = Descent({self._matcher: rate, self._encoder: _ENCODER_RATE * rate})
+        self.pairs = 0
+        self._figures: list[tuple[float, int, int, int]] = []
+
+    def draw(self) -> EncodedPair:
+        """Draw the next pair: a new one, or one that was kept."""
+        keep = self._settings.encoder_blocks == 0
+        if keep and len(self._kept) > _LEAST_KEPT and self._rng.uniform() > _NEW:
+            return self._kept[self._rng.integers(len(self._kept))]
+        pair = self._reader.draw()
+        first, second = (self._keypoints(view.image) for view in (pair.first, pair.second))
+        truth = true_matches(pair, *(k.points[0].numpy() for k in (first, second)))
+        encoded = EncodedPair(first, second, truth)
+        if keep and len(self._kept) < _MOST_KEPT:
+            self._kept.append(encoded)
+        elif keep:
+            self._kept[self._rng.integers(_MOST_KEPT)] = encoded
+        return encoded
+
+    def learn_from(self, pair: EncodedPair) -> None:
+        """Add the gradient of one pair."""
+        self.pairs += 1
+        truth = pair.truth
+        with torch.autocast("cpu", torch.bfloat16):
+            x, y = self._matcher.attend(pair.first, pair.second)
+        found = self._matcher.assign(pair.first, pair.second, x.float(), y.float())
+        losses = []
+        if len(truth.first) >= _LEAST_MATCHES:
+            losses.append(-found.log_probability[0, truth.first, truth.second].mean())
+        for logit, unmatchable in (
+            (found.first_matchable, truth.first_unmatchable),
+            (found.second_matchable, truth.second_unmatchable),
+        ):
+            if unmatchable.any():
+                unmatched = functional.softplus(logit[0, torch.from_numpy(unmatchable)]).mean()
+                losses.append(_UNMATCHED_WEIGHT * unmatched)
+        if losses:
+            loss: Tensor = torch.stack(losses).sum()
+            (loss / _PAIRS_PER_STEP).backward()  # type: ignore[no-untyped-call]
+            partner = found.log_probability[0].argmax(dim=1)[truth.first].numpy()
+            right = int(np.sum(partner == truth.second))
+            self._figures.append((loss.item(), len(truth.first), right, 1))
+
+    def report(self) -> str:
+        """One line about the pairs since the last report."""
+        loss, true, right, count = np.sum(self._figures, axis=0) if self._figures else (0, 1, 0, 1)
+        self._figures.clear()
+        return f"{self.pairs} pairs: loss {loss / count:.3f}, {right / max(true, 1):.1%} right"
+
+    def save(self) -> None:
+        """Write the checkpoint."""
+        s = self._settings
+        line = (
+            f"{self.pairs} wide-baseline pairs of rooms, {s.encoder_blocks} encoder blocks trained,"
+            f" learning rate {s.learning_rate:g}, seed {s.seed}."
+        )
+        states: list[dict[str, Any]] = [n.state_dict() for n in (self._encoder, self._matcher)]
+        origin = "XFeat and LighterGlue as published, trained on by this project"
+        history = f"{self._start.training} Then: {line}"
+        save_weights(s.out, Weights(states[0], states[1], origin, history))
+
+    def _keypoints(self, image: Any) -> Keypoints:
+        with torch.set_grad_enabled(self._settings.encoder_blocks > 0):
+            found: Keypoints = self._encoder(torch.from_numpy(image)[None, None])
+        return found
+
+
+def _last_blocks(encoder: XFeat) -> list[torch.nn.Module]:
+    """Blocks of the encoder from the last one backwards."""
+    return [encoder.block_fusion, encoder.block5, encoder.block4, encoder.block3]

@@ -1,0 +1,1 @@
+"""Weights of networks: read from checkpoints and published files, and written."""

@@ -1,0 +1,139 @@
+"""Weights of published networks, loaded without trust; flow networks from ptlflow.
+
+A checkpoint of a stranger is a pickle, and a pickle runs code if let. So it is read as plain
+tensors only (``weights_only=True``), and only if its SHA-256 is the one that the user names.
+"""
+
+from __future__ import annotations
+
+import importlib
+import io
+import tempfile
+from dataclasses import dataclass
+from pathlib import Path
+from typing import Any
+
+import safetensors.torch
+import torch
+from torch import Tensor, nn
+
+from dfvs_core.errors import ConfigError, ModelError
+from dfvs_core.messages.manifest import sha256
+from dfvs_export.weights.checkpoint import fill
+
+_SAFETENSORS = ".safetensors"
+
+
+@dataclass(frozen=True, slots=True)
+class ForeignWeights:
+    """Where weights come from: a file, or a name that ptlflow knows; and the hash to expect.
+
+    With neither, weights are drawn from ``seed``: good for trying the path, not for flying.
+    """
+
+    source: str | None = None
+    sha256: str | None = None
+    seed: int = 0
+
+
+def load_foreign(name: str, weights: ForeignWeights) -> nn.Module:
+    """Network ``name`` of ptlflow in evaluation mode.
+
+    Raises
+    ------
+    ConfigError
+        If ptlflow is not installed, or has no such network or weights.
+    ModelError
+        If the weights are not what was announced, or hold more than tensors.
+    """
+    ptlflow = _ptlflow()
+    torch.manual_seed(weights.seed)
+    try:
+        reference = ptlflow.get_model_reference(name)
+    except ValueError as error:
+        raise ConfigError(f"ptlflow has no network {name!r}", "a name that it lists") from error
+    network: nn.Module = ptlflow.get_model(name)
+    if weights.source is not None:
+        data = _read_weights(reference, weights)
+        state = read_state(data, weights.source)
+        fill(network, state, f"{weights.source} does not fit {name}", "weights for it")
+    return network.eval()
+
+
+def _ptlflow() -> Any:
+    try:
+        return importlib.import_module("ptlflow")
+    except (ImportError, RuntimeError) as error:  # the latter for a torchvision of another build
+        reason = str(error).splitlines()[0]
+        raise ConfigError(
+            f"ptlflow cannot be imported ({reason})",
+            "it, with torchvision",
+            "pip install 'dfvs-lab[published]'",
+        ) from error
+
+
+def _read_weights(reference: Any, weights: ForeignWeights) -> bytes:
+    """Bytes of a checkpoint, whose hash was checked."""
+    source = str(weights.source)
+    if Path(source).is_file():
+        data = Path(source).read_bytes()
+    else:
+        data = _download(getattr(reference, "pretrained_checkpoints", {}), source)
+    return checked_digest(data, source, weights.sha256)
+
+
+def checked_digest(data: bytes, source: str, expected: str | None) -> bytes:
+    """Bytes of weights, which have to have the SHA-256 that the user names.
+
+    Raises
+    ------
+    ModelError
+        If it is another one, or none was named.
+    """
+    found = sha256(data)
+    if expected is None:
+        raise ModelError(
+            f"{source} has SHA-256 {found}",
+            "the hash to be named beforehand",
+            f"check where the file comes from, then add --sha256 {found}",
+        )
+    if found != expected.lower():
+        raise ModelError(f"{source} has SHA-256 {found}", expected.lower())
+    return data
+
+
+def _download(known: dict[str, str], name: str) -> bytes:
+    if name not in known:
+        listed = ", ".join(known) or "none"
+        raise ConfigError(f"no weights {name!r}", f"a file, or one of: {listed}")
+    with tempfile.TemporaryDirectory() as folder:
+        path = Path(folder) / "weights"
+        try:
+            torch.hub.download_url_to_file(known[name], str(path), progress=True)
+        except OSError as error:
+            raise ModelError(
+                f"{known[name]} cannot be fetched ({error})", "an internet connection"
+            ) from error
+        return path.read_bytes()
+
+
+def read_state(data: bytes, name: str) -> dict[str, Tensor]:
+    """Weights of a checkpoint (``.safetensors``, or torch's own kind) as plain tensors.
+
+    Raises
+    ------
+    ModelError
+        If it holds anything but plain data, or no weights.
+    """
+    try:
+        if name.endswith(_SAFETENSORS):
+            return safetensors.torch.load(data)
+        found = torch.load(io.BytesIO(data), map_location="cpu", weights_only=True)
+    except Exception as error:  # torch raises a dozen kinds for a bad file
+        raise ModelError(
+            f"{name} is no plain checkpoint: {type(error).__name__}", "tensors and nothing else"
+        ) from error
+    state = found.get("state_dict", found) if isinstance(found, dict) else None
+    if not isinstance(state, dict) or not all(isinstance(v, Tensor) for v in state.values()):
+        raise ModelError(f"{name} holds no weights", "a state_dict of tensors")
+    return state
