@@ -10,16 +10,8 @@ import pytest
 ROOT = Path(__file__).parents[3]
 
 FOLDERS = (
-    "dfvs_core",
-    "dfvs",
-    "models",
-    "common",
-    "service",
-    "sim",
-    "export",
-    "rooms",
-    "bench",
-    "robustness",
+    *("dfvs_core", "dfvs", "models", "common", "service"),
+    *("sim", "export", "rooms", "bench", "robustness"),
 )
 """Folders whose names are checked."""
 
