@@ -1,4 +1,4 @@
-"""A hovering vehicle in simulated time, with the messages that a gate hears from it."""
+"""A hovering vehicle in simulated time, with the messages that a gate receives from it."""
 
 from __future__ import annotations
 
@@ -115,7 +115,7 @@ class HoveringVehicle:
         return VehicleState(self.now_ns, *e.attitude_rad, e.velocity_m_s, e.position_m)
 
     def events(self, tick: int) -> Iterator[VehicleEvent]:
-        """What the gate hears in its tick of 20 ms with that number."""
+        """Messages that the gate receives in its tick of 20 ms with that number."""
         now_ns, s = self.now_ns, self.state()
         armed = self._px4.status.armed
         yield Attitude(now_ns, s.roll_rad, s.pitch_rad, s.yaw_rad)

@@ -38,7 +38,7 @@ def add_parser(subparsers: Any) -> None:
     parser = subparsers.add_parser(
         "soak",
         help="fly goal after goal and watch memory, descriptors and threads",
-        description="Fly the real dfvs-service from goal to goal by signed orders, with the same "
+        description="Fly the real dfvs-service from goal to goal by signed commands, with the same "
         "processes all the time, and judge whether their memory, file descriptors or threads grow.",
         epilog=_EPILOG,
         formatter_class=argparse.RawDescriptionHelpFormatter,

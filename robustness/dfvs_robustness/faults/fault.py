@@ -31,7 +31,7 @@ class Reaction(enum.Enum):
     ABORT = "zero, ABORT"
     RELEASED = "silence, RELEASED"
     ENDED = "zero, ABORT or RELEASED"
-    """The autopilot leaves OFFBOARD for it as well: what the gate hears first decides."""
+    """The autopilot leaves OFFBOARD for it as well: what the gate receives first decides."""
     SILENCE = "silence"
     EXIT = "zero, Hold, end"
     STREAM = "setpoints go on"

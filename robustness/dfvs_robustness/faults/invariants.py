@@ -183,7 +183,7 @@ def _takeovers(
     ``flown`` are the states in which the vehicle is the gate's, and OFFBOARD confirmed.
 
     A message takes its time: a gate that aborts for a fault of its own in that moment, as of the
-    very estimate for which the autopilot has left OFFBOARD, may ask for Hold before it hears.
+    very estimate for which the autopilot has left OFFBOARD, may request Hold before it receives it.
     """
     taken_ns: int | None = None
     for event in events:

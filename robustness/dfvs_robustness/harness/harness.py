@@ -152,7 +152,7 @@ class Harness:
     def start_service(self, *, silent_vehicle: bool = False) -> None:
         """Start a fresh service and wait for its state.
 
-        With ``silent_vehicle`` it hears nothing of the vehicle until the repair.
+        With ``silent_vehicle`` it receives nothing of the vehicle until the repair.
 
         Raises
         ------
@@ -229,7 +229,7 @@ class Harness:
             raise HarnessError(f"perception uses no frame in {self.state}")
 
     def await_heartbeat(self) -> None:
-        """Wait for the vehicle's next heartbeat to have been heard by the service."""
+        """Wait for the vehicle's next heartbeat to have reached the service."""
         since_ns = time.monotonic_ns()
         wait_until(
             lambda: any(

@@ -101,7 +101,7 @@ def _to_done(harness: Harness) -> None:
 
 
 def _is_held(harness: Harness) -> bool:
-    """Whether the gate holds because it was ordered to."""
+    """Whether the gate holds because it was commanded to."""
     return (
         harness.state is S.HOLD and harness.service.log.changes[-1]["cause"] == Cause.OPERATOR_HOLD
     )
