@@ -4,10 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dfvs_core.gate.checks.initial_response import Response
+from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.engagement import Engagement, cap
-from dfvs_core.gate.initial_response import Response
-from dfvs_core.gate.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import (
     Fault,

@@ -20,6 +20,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
+from dfvs_core.gate.checks.preflight import failures
 from dfvs_core.gate.config import MS
 from dfvs_core.gate.engagement import begin, offer
 from dfvs_core.gate.events import (
@@ -36,7 +37,6 @@ from dfvs_core.gate.events import (
     VehicleMode,
 )
 from dfvs_core.gate.flight import Moment, decide
-from dfvs_core.gate.preflight import failures
 from dfvs_core.gate.states import ENGAGED, FLYING, Cause, GateState
 from dfvs_core.gate.transitions import TransitionState
 from dfvs_core.gate.vehicle import Fault

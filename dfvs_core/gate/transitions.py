@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
+from dfvs_core.gate.checks.initial_response import InitialResponse
+from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
+from dfvs_core.gate.checks.preflight import Check, preflight, sole_commander
 from dfvs_core.gate.config import Engage, GateConfig, OnDone
 from dfvs_core.gate.engagement import begin
 from dfvs_core.gate.events import ModeRequest
 from dfvs_core.gate.flight import holds_visually
-from dfvs_core.gate.initial_response import InitialResponse
 from dfvs_core.gate.limits import BodyVelocity
-from dfvs_core.gate.perception_monitor import PerceptionMonitor
-from dfvs_core.gate.preflight import Check, preflight, sole_commander
 from dfvs_core.gate.states import ENDED, GateState, Transition
 from dfvs_core.gate.stream import SetpointStream
 from dfvs_core.gate.vehicle import Fault, VehicleMonitor

@@ -45,7 +45,7 @@ from dfvs_core.servo.exchange import (
 )
 from dfvs_core.servo.points import without_cells
 from dfvs_core.servo.step import servo_step
-from dfvs_core.servo.structure import observe_depth
+from dfvs_core.servo.structure.relative_depth import observe_depth
 from dfvs_core.servo.task import ServoTask
 
 DEPTH_PERIOD_NS = 200_000_000

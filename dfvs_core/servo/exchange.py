@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from dfvs_core.depth.source import DepthState
 from dfvs_core.geometry.arrays import BoolArray, FloatArray
 from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.servo.checks.motion_monitor import MotionMonitor
 from dfvs_core.servo.goal_filter import GoalEstimate
-from dfvs_core.servo.motion_monitor import MotionMonitor
 from dfvs_core.servo.points import GridSamples
 
 _LEAST_DEPTH_M = 1e-3
@@ -170,10 +170,10 @@ class ServoResult:
         Weighted median length of the flow to the goal, after taking both views level.
     feature_error : float
         The same in normalised units, of the same features from frame to frame while engaged
-        (:mod:`dfvs_core.servo.feature_error`): what comes into view does not change it, and
+        (:mod:`dfvs_core.servo.checks.feature_error`): what comes into view does not change it, and
         ``error_m`` may jump as depth becomes known.
     mounting_score : float or None
-        Test statistic of the camera's mounting (:mod:`dfvs_core.servo.mounting`); None where
+        Test statistic of the camera's mounting (:mod:`dfvs_core.servo.checks.mounting`); None where
         nothing can be told.
     residual_px : float
         Weighted median reprojection error of the estimated motion.

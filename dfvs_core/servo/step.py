@@ -12,6 +12,8 @@ import numpy as np
 from dfvs_core.geometry.arrays import BoolArray, FloatArray
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
 from dfvs_core.geometry.robust_weights import weighted_median
+from dfvs_core.servo.checks.motion_monitor import FrameMotion, MotionMeasures, velocity_error
+from dfvs_core.servo.checks.mounting import probing_velocity
 from dfvs_core.servo.exchange import (
     LastFrame,
     ServoInputs,
@@ -24,11 +26,9 @@ from dfvs_core.servo.goal_filter import GoalEstimate
 from dfvs_core.servo.law import NormalEquations
 from dfvs_core.servo.level import attitude_error, corrected, level_points
 from dfvs_core.servo.motion import find_goal, is_clear, wanted_motion
-from dfvs_core.servo.motion_monitor import FrameMotion, MotionMeasures, velocity_error
-from dfvs_core.servo.mounting import probing_velocity
 from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose
-from dfvs_core.servo.structure import estimate_depth, in_metres, scaled
+from dfvs_core.servo.structure.relative_depth import estimate_depth, in_metres, scaled
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import correct_goal, elapsed_s, predict_goal
 from dfvs_core.servo.velocity import AdaptiveGain, saturate, velocity_for

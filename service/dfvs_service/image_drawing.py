@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_service.perception.preview import CONFIDENT, DOUBTFUL
+from dfvs_service.perception.telemetry.preview import CONFIDENT, DOUBTFUL
 
 Colour = tuple[int, int, int]
 

@@ -17,7 +17,7 @@ from dfvs_core.messages.schema import to_json
 from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.feed import Feed, Log
 from dfvs_service.camera.reception import ReceptionReport
-from dfvs_service.camera.source import check_size
+from dfvs_service.camera.sources.source import check_size
 from dfvs_service.frames import CapturedImage
 
 _RECEIVE_S = 0.25

@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from dfvs_core.errors import DfvsError
-from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.outbox import ImageKind, Outbox, encode_image_message
-from dfvs_service.dashboard.sample import BrowserImage, Sample
-from dfvs_service.dashboard.vehicle_model import Update, VehicleModel
+from dfvs_service.dashboard.vehicles.clock import Moment
+from dfvs_service.dashboard.vehicles.sample import BrowserImage, Sample
+from dfvs_service.dashboard.vehicles.vehicle_model import Update, VehicleModel
 
 MAX_VEHICLES = 64
 

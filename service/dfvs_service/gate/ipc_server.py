@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from dfvs_core.errors import WireError
-from dfvs_core.gate.authority import Authority
+from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.gate.events import BadReport, Event, OperatorCommand, OtherServices, Report
 from dfvs_core.messages.link import (
     CommandAnswer,

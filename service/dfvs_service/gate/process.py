@@ -17,7 +17,7 @@ from typing import Protocol
 
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import DfvsError
-from dfvs_core.gate.authority import Authority
+from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import (
     Event,

@@ -64,7 +64,7 @@ def _serve(config: ServiceConfig, port: int) -> int:
     # Foxglove and Zenoh take their time to load.
     from dfvs_service.live.foxglove_server import LOOPBACK, FoxgloveServer
     from dfvs_service.record.follow import Follower
-    from dfvs_service.record.translation import Translation
+    from dfvs_service.record.messages.translation import Translation
 
     server = FoxgloveServer(f"dfvs {config.vehicle.name}", port)
     log(f"serving ws://{LOOPBACK}:{server.port}")

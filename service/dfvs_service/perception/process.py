@@ -39,14 +39,14 @@ from dfvs_service.perception.assembly import (
 from dfvs_service.perception.frame_processor import FrameProcessor, ProcessedFrame, unhealthy_report
 from dfvs_service.perception.frame_rate_limiter import FrameRateLimiter
 from dfvs_service.perception.frame_source import make_frame_source
-from dfvs_service.perception.images import TelemetryImages
-from dfvs_service.perception.latency import LatencyWindow
-from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.perception.preallocation import preallocate
 from dfvs_service.perception.record_publisher import RecordPublisher
 from dfvs_service.perception.recorder import FrameRecorder
 from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.perception.session_header import make_session_header
+from dfvs_service.perception.telemetry.images import TelemetryImages
+from dfvs_service.perception.telemetry.latency import LatencyWindow
+from dfvs_service.perception.telemetry.messages import servo_document, timing_document
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.goal_file import commanded_goal
 from dfvs_service.settings.runtime import RuntimeFolder

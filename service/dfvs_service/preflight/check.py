@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from dfvs_core.errors import DfvsError
-from dfvs_core.gate.preflight import Check
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.goal import Goal
 from dfvs_core.messages.topics import Topics

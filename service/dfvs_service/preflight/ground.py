@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from dfvs_core.errors import DfvsError
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import MS, Engage, GateTiming
-from dfvs_core.gate.preflight import Check
 from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.messages.goal import Goal
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files

@@ -22,7 +22,7 @@ from dfvs_service.image_drawing import (
     resized,
     write_text,
 )
-from dfvs_service.perception.preview import draw_flow
+from dfvs_service.perception.telemetry.preview import draw_flow
 from dfvs_service.preflight.live_view import View
 
 _WIDTH = 480

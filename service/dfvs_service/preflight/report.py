@@ -6,7 +6,7 @@ import enum
 import json
 from dataclasses import dataclass
 
-from dfvs_core.gate.preflight import Check
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.messages.schema import dump
 from dfvs_service.supervisor.console import Colour, painted
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dfvs_core.errors import DfvsError
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import S
-from dfvs_core.gate.preflight import Check
 from dfvs_core.messages.frame import decode_header
 from dfvs_core.messages.goal import Goal
 from dfvs_service.frames import RawSample

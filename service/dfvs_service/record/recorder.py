@@ -14,9 +14,9 @@ from pathlib import Path
 
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
-from dfvs_service.record.channels import Message
 from dfvs_service.record.mcap_file import McapFile
-from dfvs_service.record.translation import Translation
+from dfvs_service.record.messages.channels import Message
+from dfvs_service.record.messages.translation import Translation
 
 MB = 1_000_000
 _SYNC_NS = 1_000_000_000

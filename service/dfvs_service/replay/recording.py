@@ -17,7 +17,7 @@ from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.link import GateStatus
 from dfvs_core.messages.schema import from_json
 from dfvs_service.flights.records import StateChange
-from dfvs_service.record import channels
+from dfvs_service.record.messages import channels
 from dfvs_service.record.reading import RecordingError, open_records
 
 

@@ -25,7 +25,7 @@ from dfvs_service.image_drawing import (
     resized,
     write_text,
 )
-from dfvs_service.perception.preview import draw_flow
+from dfvs_service.perception.telemetry.preview import draw_flow
 from dfvs_service.report.flight import Flight, FlightView
 from dfvs_service.report.series import FlightSeries, value_at
 

@@ -9,9 +9,9 @@ from box_room import BoxRoom
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import DepthMap
 from dfvs_core.messages.goal import GoalSidecar, Mount
+from dfvs_core.servo.checks.motion_monitor import FrameMotion, MotionMonitor
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.goal_filter import FilterModel, PositionMeasurement, begin
-from dfvs_core.servo.motion_monitor import FrameMotion, MotionMonitor
 from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_core.servo.task import ServoTask
 

@@ -11,7 +11,6 @@ from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView, GoalLin
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose
 from dfvs_core.matching.correspondence import DepthMap
-from dfvs_core.servo.depth_choice import depth_source
 from dfvs_core.servo.exchange import (
     Attitude,
     EarlierMatch,
@@ -23,8 +22,9 @@ from dfvs_core.servo.goal_filter import restructured
 from dfvs_core.servo.level import level_points, real_pose
 from dfvs_core.servo.motion import find_goal, wanted_motion
 from dfvs_core.servo.points import GridSamples, points_from_flow, sample_grid
+from dfvs_core.servo.structure.depth_choice import depth_source
+from dfvs_core.servo.structure.two_view import earlier_view
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.two_view import earlier_view
 
 _PASSES = 2
 """How often structure and pose of the goal are estimated in turn."""

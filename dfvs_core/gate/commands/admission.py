@@ -6,7 +6,7 @@ It has no key: what it admits is still for the gate's authority to judge.
 from __future__ import annotations
 
 from dfvs_core.errors import WireError
-from dfvs_core.gate.command import MAX_COMMAND_BYTES, decode_command
+from dfvs_core.gate.commands.command import MAX_COMMAND_BYTES, decode_command
 from dfvs_core.messages.goal_command import goal_digest
 from dfvs_core.messages.link import MAX_DATAGRAM_BYTES, ForwardedCommand, to_datagram
 from dfvs_core.messages.rate_limit import Rate, RateLimit

@@ -12,17 +12,15 @@ import numpy as np
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.robust_weights import weighted_median
 from dfvs_core.matching.correspondence import DepthMap
-from dfvs_core.servo.feature_error import Reference, feature_error
-from dfvs_core.servo.goal_filter import GoalEstimate
-from dfvs_core.servo.image_turn import image_turn, point_tracks
-from dfvs_core.servo.mounting import (
+from dfvs_core.servo.checks.feature_error import Reference, feature_error
+from dfvs_core.servo.checks.image_turn import image_turn, point_tracks
+from dfvs_core.servo.checks.mounting import (
     MountingState,
     begin_mounting,
     follow_mounting,
     mounting_score,
 )
-from dfvs_core.servo.points import GridSamples, ServoPoints
-from dfvs_core.servo.stop import (
+from dfvs_core.servo.checks.stop import (
     StopState,
     error_sample,
     is_reached,
@@ -30,6 +28,8 @@ from dfvs_core.servo.stop import (
     update_stop,
     window_error,
 )
+from dfvs_core.servo.goal_filter import GoalEstimate
+from dfvs_core.servo.points import GridSamples, ServoPoints
 from dfvs_core.servo.task import ServoTask
 
 _APPROACH_M_S = 0.02
@@ -70,7 +70,7 @@ class MotionMeasures:
     """Numbers of one frame; see ``ServoResult`` for the first three.
 
     ``mean_error_m`` and ``spread_m`` are the mean error of the last second and the spread about
-    it; ``is_reached`` and ``is_stuck`` are those of :mod:`dfvs_core.servo.stop`.
+    it; ``is_reached`` and ``is_stuck`` are those of :mod:`dfvs_core.servo.checks.stop`.
     """
 
     feature_error: float

@@ -10,7 +10,7 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_service.camera.boards import BoardView
+from dfvs_service.camera.calibration.boards import BoardView
 
 COLUMNS, ROWS = 4, 3
 ENOUGH_VIEWS, ENOUGH_CORNERS, ENOUGH_TILTED = 12, 6, 2

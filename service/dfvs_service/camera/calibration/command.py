@@ -16,15 +16,15 @@ import numpy as np
 from dfvs_common.atomic_file import replace_file
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.image import encode_png
-from dfvs_service.camera.boards import Board, BoardView, parse_board
-from dfvs_service.camera.calibration import Calibration, calibrate
-from dfvs_service.camera.calibration_report import coverage_image, report_document
-from dfvs_service.camera.coverage import Coverage, coverage_of
+from dfvs_service.camera.calibration.boards import Board, BoardView, parse_board
+from dfvs_service.camera.calibration.coverage import Coverage, coverage_of
+from dfvs_service.camera.calibration.intrinsics import Calibration, calibrate
+from dfvs_service.camera.calibration.report import coverage_image, report_document
 from dfvs_service.camera.feed import Feed
-from dfvs_service.camera.open_source import open_source
 from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
-from dfvs_service.camera.source import SourceOptions
-from dfvs_service.camera.spec import CameraError, SourceKind, SourceSpec, parse_source
+from dfvs_service.camera.sources.open_source import open_source
+from dfvs_service.camera.sources.source import SourceOptions
+from dfvs_service.camera.sources.spec import CameraError, SourceKind, SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import write_calibration
 
 _RECEIVE_S = 0.25
@@ -143,7 +143,7 @@ def _from_images(
     board: Board, spec: SourceSpec, options: SourceOptions
 ) -> tuple[list[BoardView], tuple[int, int]]:
     """Views from all images of a folder, which must be of one size."""
-    from dfvs_service.camera.images import image_paths
+    from dfvs_service.camera.sources.images import image_paths
 
     source = open_source(spec, options)
     views: list[BoardView] = []

@@ -8,7 +8,7 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dfvs_core.errors import WireError
-from dfvs_core.gate.command import SignedCommand, command_mac, decode_command, request_id
+from dfvs_core.gate.commands.command import SignedCommand, command_mac, decode_command, request_id
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
 

@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 from typing import Protocol
 
-from dfvs_service.camera.spec import CameraError
+from dfvs_service.camera.sources.spec import CameraError
 from dfvs_service.frames import CapturedImage
 
 

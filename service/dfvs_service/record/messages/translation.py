@@ -18,10 +18,10 @@ from dfvs_core.messages.link import GateStatus, PerceptionReport, VehicleState
 from dfvs_core.messages.schema import dump, parse, to_json
 from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.pace import Pace
-from dfvs_service.record import channels, foxglove_messages
-from dfvs_service.record.channels import Channel, Message, json_channel
 from dfvs_service.record.flight_log import FlightLog
 from dfvs_service.record.flown_path import FlownPath
+from dfvs_service.record.messages import channels, foxglove
+from dfvs_service.record.messages.channels import Channel, Message, json_channel
 from dfvs_service.settings.config import CameraSection
 
 _NO_VEHICLE = VehicleState(0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
@@ -71,9 +71,9 @@ class Translation:
         """
         header = self._header
         t_ns = self._unix(header.opened_ns) if now_unix_ns is None else now_unix_ns
-        goal = foxglove_messages.compressed_image(t_ns, "goal", image, "png")
-        calibration = foxglove_messages.calibration(t_ns, self._camera)
-        transforms = foxglove_messages.still_transforms(t_ns, self._mount)
+        goal = foxglove.compressed_image(t_ns, "goal", image, "png")
+        calibration = foxglove.calibration(t_ns, self._camera)
+        transforms = foxglove.still_transforms(t_ns, self._mount)
         for channel, data in (
             (channels.SESSION_HEADER, to_json(header)),
             (channels.GOAL_IMAGE, goal),
@@ -99,13 +99,13 @@ class Translation:
         """Flow of a frame, told after the last frame record."""
         number, t_ns = self._last
         at_ns = self._unix(grid.t_capture_ns)
-        data = foxglove_messages.flow_annotations(at_ns, grid, self._min_confidence)
+        data = foxglove.flow_annotations(at_ns, grid, self._min_confidence)
         return Message(channels.FLOW, self._unix(t_ns), number, data)
 
     def _status(self, status: GateStatus, number: int) -> Iterator[Message]:
         t_ns = self._unix(status.t_ns)
         for entry in self._log.entries(status):
-            data = foxglove_messages.log(t_ns, "gate", entry)
+            data = foxglove.log(t_ns, "gate", entry)
             yield Message(channels.GATE_LOG, t_ns, number, data)
         yield self._json(STATE, t_ns, number, dump(status))
         forward, right, down, yaw = status.setpoint
@@ -119,14 +119,14 @@ class Translation:
         vehicle = status.vehicle
         if vehicle is not None:
             at_ns = self._unix(vehicle.t_ns)
-            pose = foxglove_messages.pose(at_ns, vehicle)
+            pose = foxglove.pose(at_ns, vehicle)
             yield Message(channels.POSE, t_ns, number, pose)
-            transform = foxglove_messages.body_transform(at_ns, vehicle)
+            transform = foxglove.body_transform(at_ns, vehicle)
             yield Message(channels.TRANSFORMS, t_ns, number, transform)
             self._is_path_new |= self._path.add(vehicle.position_m)
         if self._is_path_new and self._path_pace.due(status.t_ns):
             self._is_path_new = False
-            path = foxglove_messages.path(t_ns, self._path.positions_m)
+            path = foxglove.path(t_ns, self._path.positions_m)
             yield Message(channels.PATH, t_ns, number, path)
 
     def _image(self, sight: FrameInput, payload: bytes, t_ns: int, number: int) -> Message:
@@ -142,11 +142,11 @@ class Translation:
         t_ns = self._unix(header.t_capture_ns)
         compressed = _COMPRESSED.get(header.pixel_format)
         if compressed is not None:
-            image = foxglove_messages.compressed_image(t_ns, "camera", payload, compressed)
+            image = foxglove.compressed_image(t_ns, "camera", payload, compressed)
             return channels.COMPRESSED_IMAGE, image
         encoding, bytes_per_px = _RAW[header.pixel_format]
-        layout = foxglove_messages.RawLayout(header.width, header.height, encoding, bytes_per_px)
-        return channels.RAW_IMAGE, foxglove_messages.raw_image(t_ns, payload, layout)
+        layout = foxglove.RawLayout(header.width, header.height, encoding, bytes_per_px)
+        return channels.RAW_IMAGE, foxglove.raw_image(t_ns, payload, layout)
 
     def _servo_channel(self, document: dict[str, Any]) -> Channel:
         """Channel of the servo documents, its schema made from the first of them."""

@@ -7,7 +7,7 @@ from pathlib import Path
 
 from dfvs_core.errors import ImageError
 from dfvs_core.messages.image import MAX_IMAGE_BYTES, decode_image
-from dfvs_service.camera.spec import IMAGE_SUFFIXES, CameraError
+from dfvs_service.camera.sources.spec import IMAGE_SUFFIXES, CameraError
 from dfvs_service.frames import CapturedImage
 
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import cv2
 import numpy as np
 
-from dfvs_service.camera.source import SourceOptions
-from dfvs_service.camera.spec import CameraError, SourceKind, SourceLostError, SourceSpec
+from dfvs_service.camera.sources.source import SourceOptions
+from dfvs_service.camera.sources.spec import CameraError, SourceKind, SourceLostError, SourceSpec
 from dfvs_service.frames import CapturedImage
 
 TIMEOUT_MS = 4000

@@ -11,7 +11,7 @@ import numpy as np
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_service.camera.boards import BoardView
+from dfvs_service.camera.calibration.boards import BoardView
 
 FEWEST_VIEWS = 5
 _PIXEL_CENTRE = 0.5

@@ -14,9 +14,9 @@ from typing import Any
 from dfvs_core.errors import WireError
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.messages.schema import dump, parse
-from dfvs_service.dashboard.clock import Moment, SenderClock
-from dfvs_service.dashboard.rates import StreamRate
-from dfvs_service.dashboard.sample import BrowserImage
+from dfvs_service.dashboard.vehicles.clock import Moment, SenderClock
+from dfvs_service.dashboard.vehicles.rates import StreamRate
+from dfvs_service.dashboard.vehicles.sample import BrowserImage
 
 Update = dict[str, Any]
 

@@ -20,7 +20,7 @@ import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.messages.link import MOUNTING_SCORE
-from dfvs_core.servo.image_turn import ImageTurn
+from dfvs_core.servo.checks.image_turn import ImageTurn
 
 _MEMORY_S = 5.0
 """Time constant of the regression's forgetting."""

@@ -2,8 +2,8 @@
 
 from __future__ import annotations
 
-from dfvs_service.camera.source import Source, SourceOptions
-from dfvs_service.camera.spec import SourceKind, SourceSpec
+from dfvs_service.camera.sources.source import Source, SourceOptions
+from dfvs_service.camera.sources.spec import SourceKind, SourceSpec
 
 
 def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
@@ -17,13 +17,13 @@ def open_source(spec: SourceSpec, options: SourceOptions) -> Source:
         If it can never be opened like this.
     """
     if spec.kind is SourceKind.PICAMERA:
-        from dfvs_service.camera.picamera import PicameraSource
+        from dfvs_service.camera.sources.picamera import PicameraSource
 
         return PicameraSource(int(spec.place), options)
     if spec.kind is SourceKind.IMAGES:
-        from dfvs_service.camera.images import ImageSource
+        from dfvs_service.camera.sources.images import ImageSource
 
         return ImageSource(spec.place)
-    from dfvs_service.camera.capture import CaptureSource
+    from dfvs_service.camera.sources.capture import CaptureSource
 
     return CaptureSource(spec, options)

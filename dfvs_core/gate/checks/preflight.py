@@ -4,8 +4,8 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.config import MS, GateConfig, S
-from dfvs_core.gate.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.vehicle import (
     NEVER,
     Fault,

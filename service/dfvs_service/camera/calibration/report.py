@@ -10,9 +10,9 @@ import numpy as np
 
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.schema import dump
-from dfvs_service.camera.boards import BoardView
-from dfvs_service.camera.calibration import Calibration
-from dfvs_service.camera.coverage import COLUMNS, ROWS, Coverage
+from dfvs_service.camera.calibration.boards import BoardView
+from dfvs_service.camera.calibration.coverage import COLUMNS, ROWS, Coverage
+from dfvs_service.camera.calibration.intrinsics import Calibration
 
 _PAPER, _INK, _GRID = (250, 250, 248), (30, 34, 40), (214, 216, 220)
 _GOOD, _BAD = (36, 122, 87), (200, 60, 40)

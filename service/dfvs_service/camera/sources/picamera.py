@@ -7,8 +7,8 @@ from typing import Any
 
 import numpy as np
 
-from dfvs_service.camera.source import SourceOptions
-from dfvs_service.camera.spec import CameraError, SourceLostError
+from dfvs_service.camera.sources.source import SourceOptions
+from dfvs_service.camera.sources.spec import CameraError, SourceLostError
 from dfvs_service.frames import CapturedImage
 
 _DEFAULT_SIZE = (640, 480)
