@@ -72,7 +72,7 @@ def approach_result(frame, left, flow, mounting_score=12.3, knows_uncertainty=Tr
         motion=np.array([0.8 * left, 0.3 * left, -0.1 * left, 0.3 * left]),
         error_m=error_m,
         error_rad=0.3 * left + 0.1 * abs(wobble),
-        feature_error_px=60.0 * left,
+        median_error_px=60.0 * left,
         feature_error=0.4 * left,
         mounting_score=mounting_score,
         residual_px=0.4 + 4 * abs(wobble),

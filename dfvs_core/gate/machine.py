@@ -1,6 +1,6 @@
 """State machine of the gate.
 
-``step`` takes the events since the last step and the monotonic time, and says what to send. The
+``step`` takes the events since the last step and the monotonic time, and returns what to send. The
 machine is deterministic: the same events and times give the same outputs, so that a recorded
 flight can be replayed. It has no word for arming or taking off.
 
@@ -12,7 +12,7 @@ Rules that hold in every state:
 - A heartbeat is judged in the order of arrival, before anything is sent in that step: one that
   shows a takeover silences the gate at once, even if the next one shows OFFBOARD again. The
   autopilot re-enters OFFBOARD by itself when setpoints resume, so RELEASED is latched.
-- Acknowledgements prove nothing; the autopilot's mode is what its heartbeat says.
+- Acknowledgements prove nothing; the autopilot's mode is that of its heartbeat.
 """
 
 from __future__ import annotations
@@ -247,7 +247,7 @@ class GateMachine(TransitionState):
                 self._request = ModeRequest.OFFBOARD
 
     def _evaluate_abort(self) -> None:
-        """Zeros until a heartbeat tells the mode; Hold, once, where that is OFFBOARD."""
+        """Zeros until a heartbeat shows the mode; Hold, once, where that is OFFBOARD."""
         timing = self.config.timing
         if self._elapsed(self._since) > timing.mode_known_ns:
             self.stream.silence()

@@ -52,7 +52,7 @@ class TransitionState:
 
     @property
     def is_finished(self) -> bool:
-        """Tell whether the flight is over: only an operator's command can lead on from here."""
+        """Whether the flight is over: only an operator's command can lead on from here."""
         return self.stream.is_silent and self.state in ENDED
 
     @property
@@ -85,7 +85,7 @@ class TransitionState:
 
     @property
     def _is_moving(self) -> bool:
-        """Tell whether setpoints other than zero may be sent in this state."""
+        """Whether setpoints other than zero may be sent in this state."""
         return self.state is GateState.SERVO or self._holds_visually
 
     def _abort(self, cause: Fault) -> None:

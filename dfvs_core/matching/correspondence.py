@@ -45,7 +45,7 @@ class FlowField:
             )
 
     def is_finite(self) -> bool:
-        """Tell whether every value is a finite number."""
+        """Whether every value is a finite number."""
         return bool(np.isfinite(self.flow).all() and np.isfinite(self.confidence).all())
 
 

@@ -36,7 +36,7 @@ class PerceptionReport:
     (:mod:`dfvs_core.servo.checks.mounting`): clearly positive where it is as the settings say,
     clearly negative where not, None where nothing can be told.
     Before the first frame ``t_capture_ns`` is 0. ``goal`` is the digest of the goal that an
-    operator ordered, empty while it is the one of the start.
+    operator commanded, empty while it is the one of the start.
     """
 
     seq: int
@@ -56,7 +56,7 @@ class PerceptionReport:
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """What the autopilot says of the vehicle, stamped with the time of its arrival.
+    """State of the vehicle by the autopilot, stamped with the time of its arrival.
 
     Angles in rad (world NED, body FRD), velocity NED in m/s, position NED in m relative to the
     autopilot's origin.

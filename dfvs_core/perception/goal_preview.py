@@ -62,7 +62,7 @@ def make_goal_view(
 
 @dataclass(frozen=True, slots=True)
 class GoalPreview:
-    """What a keyframe says about another goal, and the observation that tracking begins with."""
+    """Result of a keyframe for another goal, and the observation that tracking begins with."""
 
     result: ServoResult
     observation: Observation | None

@@ -2,7 +2,7 @@
 
 A repeated structure can be matched with another one of its kind. All correspondences agree on a
 motion, and the error falls to nothing at a false goal. At the true goal the view is the goal
-image, and nearly all of its texture matches; far from it nothing can be said.
+image, and nearly all of its texture matches; far from it nothing is verified.
 """
 
 from __future__ import annotations

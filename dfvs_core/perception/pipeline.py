@@ -134,7 +134,7 @@ class Pipeline:
     def evaluate_next_goal(
         self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
     ) -> Preview | None:
-        """What a keyframe says about another goal, to be worked out on any thread.
+        """Preview of another goal from a keyframe, to be computed on any thread.
 
         Nothing of it is remembered: the frames to come give the same results without it. None
         where there is no such keyframe.

@@ -100,8 +100,8 @@ class LastFrame:
 class ServoState:
     """Memory from frame to frame.
 
-    ``depth`` is relative, in units whose length in metres ``estimate`` tells; ``depth_map``, on the
-    grid, and ``T_current_goal`` are of the last frame and metric. ``outliers`` (h, w) tells which
+    ``depth`` is relative, in units whose length in metres is in ``estimate``; ``depth_map``, on the
+    grid, and ``T_current_goal`` are of the last frame and metric. ``outliers`` (h, w) marks which
     points of that grid contradict the motion to the goal, where it explains the others and they are
     many. ``last`` is the last frame, None before the first one.
     """
@@ -154,7 +154,7 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True)
 class ServoResult:
-    """What one frame says.
+    """Result of one frame.
 
     Parameters
     ----------
@@ -166,7 +166,7 @@ class ServoResult:
         From here to the goal, m and rad: the estimated error.
     error_m, error_rad : float
         Length of the translation and angle of the rotation in ``motion``.
-    feature_error_px : float
+    median_error_px : float
         Weighted median length of the flow to the goal, after taking both views level.
     feature_error : float
         The same in normalised units, of the same features from frame to frame while engaged
@@ -194,7 +194,7 @@ class ServoResult:
     motion: FloatArray
     error_m: float
     error_rad: float
-    feature_error_px: float
+    median_error_px: float
     feature_error: float
     mounting_score: float | None
     residual_px: float

@@ -131,7 +131,7 @@ def servo_step(
         motion=motion,
         error_m=estimate.distance_m,
         error_rad=_angle(task, motion),
-        feature_error_px=measures.feature_error_px,
+        median_error_px=measures.median_error_px,
         feature_error=measures.feature_error,
         mounting_score=measures.mounting_score,
         residual_px=residual_px,
@@ -186,11 +186,11 @@ def _judge(
     equations: NormalEquations,
     measures: MotionMeasures,
 ) -> Status:
-    """Tell whether the frame may be flown, and if not why not."""
+    """Status of the frame: whether its velocity may be flown, and if not why not."""
     config = task.config
     unexplained = pose.residual * task.camera.fx
     tolerated = max(
-        _NOISE_FACTOR * config.flow_noise_px, config.max_residual * measures.feature_error_px
+        _NOISE_FACTOR * config.flow_noise_px, config.max_residual * measures.median_error_px
     )
     if pose.inlier_share < config.min_inliers or unexplained > tolerated:
         return Status.NO_AGREEMENT
@@ -211,7 +211,7 @@ def _refused(task: ServoTask, status: Status, overlap: float) -> ServoResult:
         motion=zero_motion,
         error_m=unknown,
         error_rad=unknown,
-        feature_error_px=unknown,
+        median_error_px=unknown,
         feature_error=unknown,
         mounting_score=None,
         residual_px=unknown,

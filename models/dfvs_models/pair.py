@@ -40,7 +40,7 @@ class PairImage(ImageFeatures):
 class PairMatcher:
     """Runs a ``pair`` network both ways for every match.
 
-    Flow there and back tells what is visible in both images, which a network that gives flow
+    Flow there and back shows what is visible in both images, which a network that gives flow
     alone does not; it doubles the time of a match. A prediction is not used.
 
     Raises

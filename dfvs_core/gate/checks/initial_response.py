@@ -109,7 +109,7 @@ class InitialResponse:
         return math.copysign(1.0, self.asked_rad) * self.turned_rad if self.asked_rad else 0.0
 
     def evaluate(self, now_ns: int, timing: GateTiming) -> Response:
-        """Tell what is shown."""
+        """Result so far."""
         since_ns, score = now_ns - self.start_ns, self.mounting_score
         if since_ns < timing.response_ns:
             return Response.OPEN
@@ -131,7 +131,7 @@ class InitialResponse:
         )
 
     def _has_fallen(self) -> bool:
-        """Tell whether an error has clearly fallen while the vehicle moved as asked."""
+        """Whether an error has clearly fallen while the vehicle moved as asked."""
         moved, turned = self.followed_m >= MIN_PATH_M, self.followed_rad >= MIN_TURN_RAD
         if not (moved or turned):
             return False
@@ -157,7 +157,7 @@ def _in_body(own: VehicleMotion) -> tuple[float, float, float]:
 
 
 def _is_falling(errors: list[float]) -> bool:
-    """Tell whether the last errors are below the first by more than their noise explains.
+    """Whether the last errors are below the first by more than their noise explains.
 
     The noise is that of the changes from one report to the next; the median of n values is off by
     1.25 / sqrt(n) of it.

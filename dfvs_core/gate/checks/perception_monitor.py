@@ -36,7 +36,7 @@ def report_fault(report: PerceptionReport, t_ns: int, timing: GateTiming) -> Fau
 
 
 def is_late(report: PerceptionReport, t_ns: int, timing: GateTiming) -> bool:
-    """Tell whether a result came too long after its frame to be flown by."""
+    """Whether a result came too long after its frame to be flown by."""
     return t_ns - report.t_capture_ns > timing.result_age_ns
 
 
@@ -131,7 +131,7 @@ class PerceptionMonitor:
         return self.fault
 
     def mounting_fault(self) -> Fault | None:
-        """Tell that the images turn about another axis than the vehicle does."""
+        """Whether the images turn about another axis than the vehicle does."""
         score = None if self.good is None else self.good.mounting_score
         if score is None or score > -MOUNTING_SCORE:
             return None

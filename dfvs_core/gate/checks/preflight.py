@@ -13,7 +13,7 @@ from dfvs_core.gate.vehicle import (
     battery_fault,
     estimate_fault,
     link_fault,
-    watch_fault,
+    monitor_fault,
 )
 from dfvs_core.messages.link import MOUNTING_SCORE
 
@@ -36,7 +36,7 @@ class Check:
 
     @property
     def refuses(self) -> bool:
-        """Tell whether the gate stays in PREFLIGHT because of this."""
+        """Whether the gate stays in PREFLIGHT because of this."""
         return self.binding and not self.ok
 
 
@@ -51,7 +51,7 @@ def preflight(
         _battery(vehicle, config),
         _parameters(vehicle, config, now_ns),
         _advice(vehicle),
-        _from_fault("watch", watch_fault(vehicle, config, now_ns), _WATCH),
+        _from_fault("watch", monitor_fault(vehicle, config, now_ns), _WATCH),
         _frames(perception, config, now_ns),
         _overlap(perception, config),
         _mounting(perception),

@@ -23,7 +23,7 @@ class AuthorityAnswer:
 
     ``request`` is the command's request id and ``text`` the answer, one line. ``action`` is what
     must be done now: None where the command is rejected, and where it was accepted before.
-    ``is_repeated`` tells the latter.
+    ``is_repeated`` marks the latter.
     """
 
     action: Action | None

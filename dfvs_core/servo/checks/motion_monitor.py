@@ -74,7 +74,7 @@ class MotionMeasures:
     """
 
     feature_error: float
-    feature_error_px: float
+    median_error_px: float
     mounting_score: float | None
     mean_error_m: float
     spread_m: float
@@ -151,7 +151,7 @@ class MotionMonitor:
         lengths = np.linalg.norm(frame.points.error, axis=1)
         measures = MotionMeasures(
             feature_error=length,
-            feature_error_px=weighted_median(lengths, frame.weight) * task.camera.fx,
+            median_error_px=weighted_median(lengths, frame.weight) * task.camera.fx,
             mounting_score=mounting_score(self.mounting),
             mean_error_m=window.mean[0] * config.tolerance_m,
             spread_m=window.spread[0] * config.tolerance_m,

@@ -95,7 +95,7 @@ def follow_mounting(
     turn : ImageTurn or None
         Turn of the camera since then by the images.
     R_body_camera : (3, 3)
-        Mounting that the settings tell.
+        Mounting by the settings.
     """
     dt_s = (now.t_ns - state.t_ns) * 1e-9
     here = replace(state, t_ns=now.t_ns, R_world_body=now.R_world_body)

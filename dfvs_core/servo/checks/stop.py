@@ -54,7 +54,7 @@ class ErrorSample:
 class WindowError:
     """Length of the mean error and spread about it, of distance and angle, in tolerances.
 
-    ``is_full`` tells whether the samples span the window.
+    ``is_full``: the samples span the window.
     """
 
     mean: tuple[float, float]
@@ -121,7 +121,7 @@ def window_error(state: StopState, window_ns: int = _SHORT_NS) -> WindowError:
 
 
 def is_reached(state: StopState) -> bool:
-    """Tell whether the goal is reached: within tolerance on average over a window.
+    """Whether the goal is reached: within tolerance on average over a window.
 
     A calm vehicle, whose spread is within tolerance too, is judged by one second; the mean is then
     known well. One that wind and its own estimate move about is judged by three, and to within the
@@ -137,7 +137,7 @@ def is_reached(state: StopState) -> bool:
 
 
 def is_stuck(state: StopState, progress_s: float) -> bool:
-    """Tell whether the error stopped falling, far from the goal and from its own fluctuations."""
+    """Whether the error stopped falling, far from the goal and from its own fluctuations."""
     if not state.recent or state.progress is None:
         return False
     if state.recent[-1].t_ns - state.progress.t_ns <= progress_s * 1e9:

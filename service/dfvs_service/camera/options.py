@@ -28,7 +28,7 @@ Log = Callable[[str], None]
 
 
 def log(text: str) -> None:
-    """Tell the user something on standard error."""
+    """Write a line to the user on standard error."""
     progress.log(f"camera: {text}")
 
 

@@ -16,7 +16,7 @@ _REMEDY = (
 
 @dataclass(slots=True)
 class ReceptionReport:
-    """Says when nobody receives the frames, and when somebody does again.
+    """Logs when nobody receives the frames, and when somebody does again.
 
     Parameters
     ----------

@@ -56,7 +56,7 @@ class Dashboard:
         self._bridge: AsyncBridge | None = None
 
     async def run(self) -> None:
-        """Receive and tell until cancelled."""
+        """Receive and distribute until cancelled."""
         self._bridge = AsyncBridge(asyncio.get_running_loop(), self.hub.on_samples)
         self._receivers = [self._receiver(link, self._bridge) for link in self._links]
         for receiver in self._receivers:

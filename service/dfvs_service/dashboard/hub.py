@@ -35,7 +35,7 @@ class Hub:
     clock : callable
         The present moment.
     on_watch : callable
-        Told which vehicles are watched by anybody, whenever that changes.
+        Called with the vehicles that are watched by anybody, whenever they change.
     """
 
     def __init__(self, clock: Clock, on_watch: Watch) -> None:
@@ -58,7 +58,7 @@ class Hub:
         return self._models.get(vehicle)
 
     def join(self, outbox: Outbox) -> None:
-        """Serve one more browser; it is told of all vehicles, and watches none yet."""
+        """Serve one more browser; it receives all vehicles' names, and watches none yet."""
         self._watchers[outbox] = None
         outbox.offer({"vehicles": self._vehicles_json()})
 
@@ -90,7 +90,7 @@ class Hub:
                 log.debug("%s of %r not read: %s", sample.stream, sample.vehicle, error)
 
     def tick(self, extra: Update) -> None:
-        """Tell everybody of vehicles and links; to be called once or twice a second."""
+        """Send vehicles and links to everybody; to be called once or twice a second."""
         now = self._clock()
         vehicles, common = self._vehicles_json(), _encode(extra)
         for outbox, vehicle in self._watchers.items():

@@ -97,6 +97,6 @@ def _watch(
     observer.end = lambda: parent.stop(signal.SIGTERM, None)
     supervise(parent)
     if not observer.is_done or not observer.checks:
-        said = [line.removeprefix(_ERROR) for line in observer.lines if line.startswith(_ERROR)]
-        raise DfvsError(said[-1] if said else "the check ended before the gate said anything")
+        errors = [line.removeprefix(_ERROR) for line in observer.lines if line.startswith(_ERROR)]
+        raise DfvsError(errors[-1] if errors else "the check ended before the gate said anything")
     return observer.checks

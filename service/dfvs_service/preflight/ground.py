@@ -28,7 +28,7 @@ must not be older than the gate accepts."""
 
 
 def error_check(name: str, error: DfvsError) -> Check:
-    """Line for an error that says itself what to do."""
+    """Line for an error whose text has the remedy."""
     return Check(name, False, error.problem, error.remedy or f"expected {error.expected}")
 
 
@@ -95,7 +95,7 @@ def exposure_checks(config: ServiceConfig) -> tuple[Check, Check]:
 
 
 def command_check(config: ServiceConfig) -> Check:
-    """Find the key of signed commands, where orders are to be taken."""
+    """Find the key of signed commands, where commands are accepted."""
     key_file = config.gate.command_key_file
     if not key_file:
         needed = config.gate.engage is Engage.COMMAND

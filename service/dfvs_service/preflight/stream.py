@@ -69,7 +69,7 @@ def listen(take: Callable[[], RawSample | None], tick: Callable[[], int]) -> Str
             continue
         try:
             header = decode_header(sample.attachment)
-        except DfvsError:  # perception refuses it as well, and says why
+        except DfvsError:  # perception refuses it as well, with the reason
             continue
         if not arrivals:
             end_ns = sample.t_arrival_ns + _LISTEN_NS

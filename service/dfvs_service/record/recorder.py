@@ -133,7 +133,7 @@ class Recorder:
     # --- files ----------------------------------------------------------------------------
 
     def _write(self, messages: Iterable[Message], *, first: bool = False) -> bool:
-        """Write to the file, and whatever is due then; tell whether that went well."""
+        """Write to the file, and whatever is due then; returns whether that went well."""
         file, now_ns = self._file, self._tick()
         if file is None:
             return False
@@ -156,7 +156,7 @@ class Recorder:
         return True
 
     def _begin(self) -> bool:
-        """Begin the next file; tell whether there is one."""
+        """Begin the next file; returns whether there is one."""
         if self._header is None or self._translation is None or self._tick() < self._retry_ns:
             return False
         if not self._has_room():

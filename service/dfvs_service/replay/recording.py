@@ -113,7 +113,7 @@ def _payload(topic: str, data: bytes) -> bytes | None:
 
 
 class StateLog:
-    """Changes of the gate's state, from what the gate said.
+    """Changes of the gate's state, from its statuses.
 
     Parameters
     ----------

@@ -42,7 +42,7 @@ class Rerun:
 
     @property
     def is_identical(self) -> bool:
-        """Whether the gate would have been told the very same."""
+        """Whether the report to the gate is the very same."""
         return self.report == self.record.report
 
 

@@ -87,7 +87,7 @@ class VideoWriter:
         self._view, self._image = view, None
 
     def close(self) -> bool:
-        """Bring the video to its end; tell whether there is one.
+        """Finish the video; returns whether there is one.
 
         Raises
         ------

@@ -30,7 +30,7 @@ def servo(**fields):
         "reason": "",
         "error_m": 0.25,
         "error_rad": 0.1,
-        "feature_error_px": 3.0,
+        "median_error_px": 3.0,
         "residual_px": None,
         "inlier_share": 0.9,
         "overlap": 0.8,

@@ -22,13 +22,13 @@ from dfvs_core.gate.events import (
     GateOutput,
     Health,
     LocalPosition,
+    MonitorFailed,
     OperatorCommand,
     OtherServices,
     Report,
     Stop,
     VehicleMode,
     VelocityTarget,
-    WatchEnded,
 )
 from dfvs_core.gate.replay import Step, encode_gap, encode_start, encode_step, read_steps, replay
 from dfvs_core.gate.states import GateState
@@ -178,7 +178,7 @@ EVENTS: list[Event] = [
     ForeignSetpoint(9, "x"),
     OtherServices(10, ("a",), ("b", "c")),
     BadReport(11, ""),
-    WatchEnded(12, "failed"),
+    MonitorFailed(12, "failed"),
 ]
 
 

@@ -61,7 +61,7 @@ def test_the_mean_error_is_told_in_metres():
     measures, _ = watched(frame(k) for k in range(12))
     assert measures.mean_error_m == pytest.approx(1.0)
     assert measures.spread_m == pytest.approx(0.0, abs=1e-9)
-    assert measures.feature_error_px == pytest.approx(measures.feature_error * CAMERA.fx, rel=0.05)
+    assert measures.median_error_px == pytest.approx(measures.feature_error * CAMERA.fx, rel=0.05)
 
 
 def test_another_goal_begins_without_errors_and_progress():

@@ -145,6 +145,6 @@ class Board:
 
 
 def _on_a_line(points_m: Float32Array) -> bool:
-    """Tell whether corners lie in one row: they fix no pose."""
+    """Whether corners lie in one row: they fix no pose."""
     centred = points_m[:, :2] - points_m[:, :2].mean(axis=0)
     return bool(np.linalg.matrix_rank(centred, tol=1e-6) < 2)

@@ -189,7 +189,7 @@ def _from_feed(
 
 
 def _is_new(view: BoardView, views: Sequence[BoardView], width: int) -> bool:
-    """Tell whether the board is elsewhere, or tilted otherwise, than in every image so far."""
+    """Whether the board is elsewhere, or tilted otherwise, than in every image so far."""
     outline = _outline(view)
     return all(np.abs(outline - _outline(other)).max() > _NEW_SHARE * width for other in views)
 

@@ -108,7 +108,7 @@ def _opened(spec: SourceSpec, options: SourceOptions) -> cv2.VideoCapture:
 
 
 def _is_built_in(kind: SourceKind) -> bool:
-    """The registry lists backends that only a plugin could provide; the build tells the truth."""
+    """The registry lists backends that only a plugin could provide; the build is right."""
     if kind is not SourceKind.GSTREAMER:
         return True
     lines = cv2.getBuildInformation().splitlines()
@@ -137,7 +137,7 @@ def _configure(capture: cv2.VideoCapture, options: SourceOptions) -> None:
 
 
 def _not_opened(spec: SourceSpec) -> SourceLostError | CameraError:
-    """Say why a source could not be opened, as far as can be told."""
+    """Reason why a source could not be opened, as far as known."""
     if spec.kind is SourceKind.VIDEO:
         return CameraError(f"{spec.place} cannot be read", "a video file, or a PNG or JPEG")
     if spec.kind is SourceKind.STREAM:

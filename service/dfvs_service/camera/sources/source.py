@@ -15,7 +15,7 @@ class SourceOptions:
 
     ``size`` (width, height) px and ``rate_hz`` are asked of a camera where they are not None.
     ``latency_ns`` is what is known to pass between capture and arrival where a source does not
-    tell the time of capture (a network stream).
+    give the time of capture (a network stream).
     """
 
     size: tuple[int, int] | None = None
@@ -27,7 +27,7 @@ class Source(Protocol):
     """An open source."""
 
     rate_hz: float
-    """Images a second that it says to have; 0 where it does not say."""
+    """Images a second that it reports; 0 where it reports none."""
 
     def read(self) -> CapturedImage | None:
         """Wait for the next image; None at the end of a recording.

@@ -47,7 +47,7 @@ class SourceSpec:
 
     @property
     def is_live(self) -> bool:
-        """Tell whether images come at their own pace, and may come back after a loss."""
+        """Whether images come at their own pace, and may come back after a loss."""
         return self.kind in LIVE
 
     def __str__(self) -> str:
@@ -55,7 +55,7 @@ class SourceSpec:
 
 
 def parse_source(text: str) -> SourceSpec:
-    """Tell what kind of source a word of the command line names.
+    """Kind of source that a word of the command line names.
 
     Raises
     ------

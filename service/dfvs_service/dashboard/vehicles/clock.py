@@ -16,7 +16,7 @@ class Moment:
 
 
 class SenderClock:
-    """Tells how old a stamp of one sender is.
+    """Ages of one sender's stamps.
 
     A sender on this machine stamps with our own monotonic clock, and ages are exact. A sender
     elsewhere counts from its own boot: then the quickest message so far counts as undelayed, and

@@ -21,7 +21,7 @@ from dfvs_service.dashboard.vehicles.sample import Arrival
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
-TOLD = ("state", "servo", "timing")
+DOCUMENTS = ("state", "servo", "timing")
 KEPT = ("config", "goal")
 SHOWN = ("camera", "flow")
 
@@ -69,22 +69,22 @@ class Receiver:
             self._thread.join(2.0)
 
     def _run(self) -> None:
-        said = ""
+        last_error = ""
         while not self._stopped:
             try:
                 with open_session(self.config) as session:
                     self._serve(session)
             except (DfvsError, zenoh.ZError) as error:
                 self.is_connected = False
-                if str(error) != said:
-                    said = str(error)
-                    log.info("not connected yet: %s", said)
+                if str(error) != last_error:
+                    last_error = str(error)
+                    log.info("not connected yet: %s", last_error)
                 self._changed.wait(_RETRY_S)
                 self._changed.clear()
 
     def _serve(self, session: zenoh.Session) -> None:
         """Keep the wanted subscriptions until told to stop; Zenoh itself reconnects."""
-        always = [self._subscribe(session, f"dfvs/*/{stream}") for stream in TOLD]
+        always = [self._subscribe(session, f"dfvs/*/{stream}") for stream in DOCUMENTS]
         always += [self._subscribe_kept(session, f"dfvs/*/{stream}") for stream in KEPT]
         images: dict[str, list[zenoh.Subscriber[None]]] = {}
         while not self._stopped:

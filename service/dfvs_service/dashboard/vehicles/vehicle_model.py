@@ -23,7 +23,7 @@ Update = dict[str, Any]
 _SERVO_NUMBERS = (
     "error_m",
     "error_rad",
-    "feature_error_px",
+    "median_error_px",
     "residual_px",
     "inlier_share",
     "overlap",

@@ -26,7 +26,7 @@ def servo_document(
         "motion": [float(v) for v in result.motion],
         "error_m": _number(result.error_m),
         "error_rad": _number(result.error_rad),
-        "feature_error_px": _number(result.feature_error_px),
+        "median_error_px": _number(result.median_error_px),
         "residual_px": _number(result.residual_px),
         "inlier_share": result.inlier_share,
         "overlap": result.overlap,

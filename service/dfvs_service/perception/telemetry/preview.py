@@ -20,8 +20,8 @@ def draw_flow(
 ) -> ImageArray:
     """Copy of the image (H, W, 3) with arrows from trusted points to their goal.
 
-    The points lie ``stride_px`` apart. Green arrows are sure, orange ones doubtful; points below
-    ``min_confidence`` get none.
+    The points lie ``stride_px`` apart. Green arrows are confident, orange ones doubtful; points
+    below ``min_confidence`` get none.
     """
     canvas = image.copy()
     samples = sample_grid(flow, stride_px)

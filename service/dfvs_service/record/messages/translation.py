@@ -96,7 +96,7 @@ class Translation:
             yield self._json(self._servo_channel(record.servo), t_ns, record.number, record.servo)
 
     def flow(self, grid: FlowGrid) -> Message:
-        """Flow of a frame, told after the last frame record."""
+        """Flow of a frame, published after the last frame record."""
         number, t_ns = self._last
         at_ns = self._unix(grid.t_capture_ns)
         data = foxglove.flow_annotations(at_ns, grid, self._min_confidence)
