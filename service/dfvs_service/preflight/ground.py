@@ -100,7 +100,7 @@ def command_check(config: ServiceConfig) -> Check:
     if not key_file:
         needed = config.gate.engage is Engage.COMMAND
         remedy = "make one: dfvs-service command new-key, and set gate.command_key_file"
-        detail = "engage by command, but no key" if needed else "no key: no orders are accepted"
+        detail = "engage by command, but no key" if needed else "no key: no commands are accepted"
         return Check("commands", not needed, detail, remedy if needed else "")
     try:
         load_key(Path(key_file))
