@@ -130,7 +130,7 @@ def servo_step(
         else np.zeros_like(velocity),
         motion=motion,
         error_m=estimate.distance_m,
-        error_rad=_angle(task, motion),
+        error_rad=float(np.linalg.norm((task.basis.B @ motion)[3:])),
         median_error_px=measures.median_error_px,
         feature_error=measures.feature_error,
         mounting_score=measures.mounting_score,
@@ -163,10 +163,6 @@ def _filtered_motion(
     """Motion (d,) to the goal, m and rad: the filtered position with the measured rotation."""
     T = unit_task.basis.exp(measured)
     return task.basis.log(make_pose(T[:3, :3], estimate.position_m))
-
-
-def _angle(task: ServoTask, motion: FloatArray) -> float:
-    return float(np.linalg.norm((task.basis.B @ motion)[3:]))
 
 
 def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:

@@ -11,7 +11,6 @@ import numpy as np
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.warping import flow_at_size
-from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.image_drawing import (
     INK,
     LINE_PX,
@@ -64,13 +63,9 @@ def _frame(view: View, min_confidence: float, height: int) -> ImageArray:
     image = _scaled(view.image)
     if view.flow is None:
         return image
-    flow = flow_at_size(_field(view.flow), (image.shape[0], _WIDTH))
+    in_steps = FlowField(view.flow.flow / np.float32(view.flow.stride_px), view.flow.confidence)
+    flow = flow_at_size(in_steps, (image.shape[0], _WIDTH))
     return draw_flow(image, flow, min_confidence, _STRIDE_PX)
-
-
-def _field(grid: FlowGrid) -> FlowField:
-    """Flow in steps of the grid."""
-    return FlowField(grid.flow / np.float32(grid.stride_px), grid.confidence)
 
 
 def _write_panel(canvas: ImageArray, top: int, view: View) -> None:
