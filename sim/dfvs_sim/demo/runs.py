@@ -1,4 +1,4 @@
-"""Flights as the command line asks for them: seed after seed, or several vehicles at a time."""
+"""Runs of flights by the command line: seed after seed, or several vehicles at a time."""
 
 from __future__ import annotations
 
