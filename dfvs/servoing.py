@@ -24,7 +24,7 @@ _AT_REST = Motion.at_rest(0.0, 0.0)
 
 @dataclass(frozen=True, slots=True)
 class _LastStep:
-    """Motion at the last frame, the velocity (d,) that followed, and whether odometry told it."""
+    """Motion at the last frame, the velocity (d,) that followed, and whether it is by odometry."""
 
     motion: Motion
     velocity: FloatArray
@@ -34,7 +34,7 @@ class _LastStep:
 class Servo:
     """Velocities that lead a camera to a goal image.
 
-    It remembers what earlier frames told: one object serves one flight to one goal. It moves
+    It keeps what was learnt from earlier frames: one object serves one flight to one goal. It moves
     nothing, and none of the gate's limits and watchdogs hold for what it returns.
 
     Parameters
@@ -124,7 +124,7 @@ class Servo:
             ``velocity`` of a free camera is its twist (6,) in the optical frame (x right, y down, z
             forward), m/s and rad/s; with a mounting it is (4,): forward, right and down of the
             level body in m/s, and the yaw rate in rad/s. It is zero unless ``status`` is
-            ``Status.OK``. ``reached`` tells that the goal is reached.
+            ``Status.OK``. ``reached``: the goal is reached.
 
         Raises
         ------

@@ -19,9 +19,9 @@ from dfvs_service.perception.assembly import (
     flow_matcher,
     servo_task,
 )
-from dfvs_service.perception.messages import servo_document
 from dfvs_service.perception.recorder import FrameRecorder
 from dfvs_service.perception.session_header import make_session_header
+from dfvs_service.perception.telemetry.messages import servo_document
 from dfvs_service.record.recorder import Recorder, RecordLimits
 from dfvs_service.settings.config import load_config
 

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import secrets
 
-from dfvs_core.gate.command import Command, encode_command
+from dfvs_core.gate.commands.command import Command, encode_command
 from dfvs_core.gate.events import Action
 
 

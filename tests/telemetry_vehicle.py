@@ -15,7 +15,7 @@ from pathlib import Path
 import numpy as np
 from textured_wall import Wall, exact_flow, texture, turned
 
-from dfvs_core.gate.authority import Authority
+from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_identity, encode_frame
 from dfvs_core.messages.goal_command import GoalCommand, goal_digest
@@ -25,8 +25,8 @@ from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.frame_result import FrameResult
 from dfvs_core.perception.goal_tracker import TrackingState
 from dfvs_core.servo.exchange import ServoResult, Status, Uncertainty
-from dfvs_service.perception.images import TelemetryImages
-from dfvs_service.perception.messages import servo_document, timing_document
+from dfvs_service.perception.telemetry.images import TelemetryImages
+from dfvs_service.perception.telemetry.messages import servo_document, timing_document
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.key_file import load_key
 from dfvs_service.telemetry import Telemetry
@@ -72,7 +72,7 @@ def approach_result(frame, left, flow, mounting_score=12.3, knows_uncertainty=Tr
         motion=np.array([0.8 * left, 0.3 * left, -0.1 * left, 0.3 * left]),
         error_m=error_m,
         error_rad=0.3 * left + 0.1 * abs(wobble),
-        feature_error_px=60.0 * left,
+        median_error_px=60.0 * left,
         feature_error=0.4 * left,
         mounting_score=mounting_score,
         residual_px=0.4 + 4 * abs(wobble),

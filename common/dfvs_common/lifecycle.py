@@ -19,7 +19,7 @@ ENDING_SIGNALS = (signal.SIGTERM, signal.SIGINT, signal.SIGHUP)
 """Ask a process to end: a supervisor, the terminal's Ctrl-C, the closing of the terminal."""
 
 ORPHANED = signal.SIGUSR1
-"""Tells a process that handles it apart from SIGTERM that its parent is gone."""
+"""Signal that the parent is gone, apart from SIGTERM."""
 
 ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "OMP_NUM_THREADS": "1"}
 """Variables of a child process whose matrices are small: BLAS threads would only spin."""

@@ -17,7 +17,7 @@ UNKNOWN_VARIANCE = 1e6
 
 @dataclass(frozen=True, slots=True)
 class EarlierView:
-    """What an earlier frame says about the current grid.
+    """Measurement of the current grid by an earlier frame.
 
     Parameters
     ----------

@@ -46,11 +46,11 @@ class GateTiming:
     heartbeat_age_ns: int = 2 * S
     telemetry_age_ns: int = 500 * MS
     status_age_ns: int = 2 * S
-    """Of what the autopilot tells less often: its estimator's flags, sensors, battery, landing."""
+    """Of what the autopilot sends less often: its estimator's flags, sensors, battery, landing."""
     parameters_age_ns: int = 30 * S
     """Failsafe parameters read longer ago may have been changed since."""
     services_age_ns: int = 5 * S
-    """The operator link tells of other services every second."""
+    """The operator link reports other services every second."""
     stall_ns: int = 150 * MS
     """A gate that was away for longer let the stream pause, and stops."""
     slew_step_ns: int = 100 * MS

@@ -5,9 +5,9 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from dfvs_core.gate.checks.initial_response import InitialResponse
 from dfvs_core.gate.config import Engage, GateConfig
 from dfvs_core.gate.events import Heartbeat, VehicleMode
-from dfvs_core.gate.initial_response import InitialResponse
 from dfvs_core.gate.states import Cause
 from dfvs_core.gate.vehicle import Fault, VehicleMonitor
 

@@ -93,7 +93,7 @@ class Battery:
 class Health:
     """Sensors of the autopilot; ``detail`` names what is not healthy.
 
-    ``can_arm`` tells whether its checks before arming pass, which counts on the ground alone.
+    ``can_arm``: its checks before arming pass, which counts on the ground alone.
     """
 
     t_ns: int
@@ -151,8 +151,8 @@ class OtherServices:
 
 
 @dataclass(frozen=True, slots=True)
-class WatchEnded:
-    """The watch over parameters and other commanders failed and was given up."""
+class MonitorFailed:
+    """The monitor of parameters and other commanders failed and was given up."""
 
     t_ns: int
     detail: str
@@ -205,7 +205,7 @@ VehicleEvent = (
     | VelocityTarget
     | ForeignSetpoint
     | OtherServices
-    | WatchEnded
+    | MonitorFailed
 )
 Event = VehicleEvent | Report | BadReport | OperatorCommand | Stop
 

@@ -4,17 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 
+from dfvs_core.gate.checks.initial_response import Response
+from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.config import GateConfig, S
 from dfvs_core.gate.engagement import Engagement, cap
-from dfvs_core.gate.initial_response import Response
-from dfvs_core.gate.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import (
     Fault,
     VehicleMonitor,
     flight_fault,
+    monitor_fault,
     parameters_fault,
-    watch_fault,
 )
 
 
@@ -63,7 +63,7 @@ def decide(engagement: Engagement, moment: Moment) -> Decision | None:
 
 
 def holds_visually(engagement: Engagement) -> bool:
-    """Tell whether the goal is reached, and the vehicle kept there by vision."""
+    """Whether the goal is reached, and the vehicle kept there by vision."""
     return engagement.reached_ns is not None
 
 
@@ -98,7 +98,7 @@ def _motion_fault(moment: Moment) -> Fault | None:
 def _unwatched(moment: Moment) -> Fault | None:
     """Name what is not watched any more."""
     seen = moment.vehicle, moment.config, moment.now_ns
-    return watch_fault(*seen) or parameters_fault(*seen)
+    return monitor_fault(*seen) or parameters_fault(*seen)
 
 
 def _decide_servo(engagement: Engagement, moment: Moment) -> Decision | None:

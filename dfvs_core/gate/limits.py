@@ -21,7 +21,7 @@ class BodyVelocity:
     yaw_rad_s: float = 0.0
 
     def is_finite(self) -> bool:
-        """Tell whether all four numbers are finite."""
+        """Whether all four numbers are finite."""
         values = (self.forward_m_s, self.right_m_s, self.down_m_s, self.yaw_rad_s)
         return all(math.isfinite(v) for v in values)
 

@@ -1,6 +1,6 @@
 """State machine of the gate.
 
-``step`` takes the events since the last step and the monotonic time, and says what to send. The
+``step`` takes the events since the last step and the monotonic time, and returns what to send. The
 machine is deterministic: the same events and times give the same outputs, so that a recorded
 flight can be replayed. It has no word for arming or taking off.
 
@@ -12,7 +12,7 @@ Rules that hold in every state:
 - A heartbeat is judged in the order of arrival, before anything is sent in that step: one that
   shows a takeover silences the gate at once, even if the next one shows OFFBOARD again. The
   autopilot re-enters OFFBOARD by itself when setpoints resume, so RELEASED is latched.
-- Acknowledgements prove nothing; the autopilot's mode is what its heartbeat says.
+- Acknowledgements prove nothing; the autopilot's mode is that of its heartbeat.
 """
 
 from __future__ import annotations
@@ -20,6 +20,7 @@ from __future__ import annotations
 import dataclasses
 from collections.abc import Sequence
 
+from dfvs_core.gate.checks.preflight import failures
 from dfvs_core.gate.config import MS
 from dfvs_core.gate.engagement import begin, offer
 from dfvs_core.gate.events import (
@@ -36,7 +37,6 @@ from dfvs_core.gate.events import (
     VehicleMode,
 )
 from dfvs_core.gate.flight import Moment, decide
-from dfvs_core.gate.preflight import failures
 from dfvs_core.gate.states import ENGAGED, FLYING, Cause, GateState
 from dfvs_core.gate.transitions import TransitionState
 from dfvs_core.gate.vehicle import Fault
@@ -247,7 +247,7 @@ class GateMachine(TransitionState):
                 self._request = ModeRequest.OFFBOARD
 
     def _evaluate_abort(self) -> None:
-        """Zeros until a heartbeat tells the mode; Hold, once, where that is OFFBOARD."""
+        """Zeros until a heartbeat shows the mode; Hold, once, where that is OFFBOARD."""
         timing = self.config.timing
         if self._elapsed(self._since) > timing.mode_known_ns:
             self.stream.silence()

@@ -17,9 +17,9 @@ from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import (
     ForeignSetpoint,
     Heartbeat,
+    MonitorFailed,
     OtherServices,
     VelocityTarget,
-    WatchEnded,
 )
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.states import Cause
@@ -35,7 +35,7 @@ _UNEXPLAINED_LAPSE_NS = 1 * S
 _SENT_NS = 500 * MS
 _NEVER = -(1 << 62)
 
-OtherCommanderEvent = OtherServices | ForeignSetpoint | VelocityTarget | WatchEnded
+OtherCommanderEvent = OtherServices | ForeignSetpoint | VelocityTarget | MonitorFailed
 
 
 @dataclass(slots=True)
@@ -44,7 +44,7 @@ class OtherCommanders:
 
     services: OtherServices = field(default_factory=lambda: OtherServices(_NEVER))
     setpoint: ForeignSetpoint = field(default_factory=lambda: ForeignSetpoint(_NEVER, ""))
-    watch_ended: str = ""
+    monitor_failure: str = ""
     """Why parameters and other commanders are not watched any more, empty where they are."""
     _sent: deque[tuple[int, BodyVelocity]] = field(default_factory=deque)
     _first_unexplained_ns: int | None = None
@@ -67,7 +67,7 @@ class OtherCommanders:
         self._lapse()
 
     def on_heartbeat(self, heartbeat: Heartbeat, *, is_offboard: bool) -> None:
-        """Take a heartbeat, which tells whether an unexplained target was a change of the mode."""
+        """Update by a heartbeat: an unexplained target may have been a change of the mode."""
         if not is_offboard:
             self._lapse()
         elif self._first_unexplained_ns is not None and heartbeat.t_ns > self._first_unexplained_ns:
@@ -80,8 +80,8 @@ class OtherCommanders:
                 self.services = event
             case ForeignSetpoint():
                 self.setpoint = event
-            case WatchEnded():
-                self.watch_ended = event.detail
+            case MonitorFailed():
+                self.monitor_failure = event.detail
             case _:
                 self._compare(event, yaw_rad)
 

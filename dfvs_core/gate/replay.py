@@ -16,7 +16,7 @@ from typing import Any
 
 from dfvs_core.errors import ConfigError, WireError
 from dfvs_core.gate.config import GateConfig
-from dfvs_core.gate.events import Event, GateOutput, OperatorCommand
+from dfvs_core.gate.events import Event, GateOutput, MonitorFailed, OperatorCommand
 from dfvs_core.gate.machine import GateMachine
 from dfvs_core.gate.states import Transition
 from dfvs_core.messages.schema import dump, parse, rebuild, with_present_names
@@ -24,7 +24,7 @@ from dfvs_core.messages.schema import dump, parse, rebuild, with_present_names
 JOURNAL_FORMAT = "dfvs-gate-journal/1"
 
 EVENT_KINDS: dict[str, type[Any]] = {cls.__name__: cls for cls in typing.get_args(Event)}
-EVENT_KINDS["Order"] = OperatorCommand
+EVENT_KINDS |= {"Order": OperatorCommand, "WatchEnded": MonitorFailed}
 """Kinds of events by name, those of older journals among them."""
 
 

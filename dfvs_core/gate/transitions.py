@@ -4,14 +4,14 @@ from __future__ import annotations
 
 import math
 
+from dfvs_core.gate.checks.initial_response import InitialResponse
+from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
+from dfvs_core.gate.checks.preflight import Check, preflight, sole_commander
 from dfvs_core.gate.config import Engage, GateConfig, OnDone
 from dfvs_core.gate.engagement import begin
 from dfvs_core.gate.events import ModeRequest
 from dfvs_core.gate.flight import holds_visually
-from dfvs_core.gate.initial_response import InitialResponse
 from dfvs_core.gate.limits import BodyVelocity
-from dfvs_core.gate.perception_monitor import PerceptionMonitor
-from dfvs_core.gate.preflight import Check, preflight, sole_commander
 from dfvs_core.gate.states import ENDED, GateState, Transition
 from dfvs_core.gate.stream import SetpointStream
 from dfvs_core.gate.vehicle import Fault, VehicleMonitor
@@ -52,7 +52,7 @@ class TransitionState:
 
     @property
     def is_finished(self) -> bool:
-        """Tell whether the flight is over: only an operator's command can lead on from here."""
+        """Whether the flight is over: only an operator's command can lead on from here."""
         return self.stream.is_silent and self.state in ENDED
 
     @property
@@ -85,7 +85,7 @@ class TransitionState:
 
     @property
     def _is_moving(self) -> bool:
-        """Tell whether setpoints other than zero may be sent in this state."""
+        """Whether setpoints other than zero may be sent in this state."""
         return self.state is GateState.SERVO or self._holds_visually
 
     def _abort(self, cause: Fault) -> None:

@@ -108,22 +108,22 @@ class VehicleMonitor:
 
     @property
     def has_heartbeat(self) -> bool:
-        """Tell whether any heartbeat was received."""
+        """Whether any heartbeat was received."""
         return self.heartbeat.t_ns != NEVER
 
     @property
     def is_offboard(self) -> bool:
-        """Tell whether the autopilot last told of OFFBOARD."""
+        """Whether the last heartbeat showed OFFBOARD."""
         return self.heartbeat.mode is VehicleMode.OFFBOARD
 
     @property
     def is_armed(self) -> bool:
-        """Tell whether the last heartbeat showed the vehicle armed."""
+        """Whether the last heartbeat showed the vehicle armed."""
         return self.heartbeat.armed
 
     @property
     def is_flying(self) -> bool:
-        """Tell whether the vehicle is armed and in the air."""
+        """Whether the vehicle is armed and in the air."""
         return self.is_armed and self.landed.in_air
 
 
@@ -145,10 +145,10 @@ def link_fault(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Faul
     return None
 
 
-def watch_fault(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Fault | None:
+def monitor_fault(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Fault | None:
     """Say that other commanders, or the vehicle's parameters, are not watched any more."""
-    if vehicle.other_commanders.watch_ended:
-        return Cause.WATCH_LOST, vehicle.other_commanders.watch_ended
+    if vehicle.other_commanders.monitor_failure:
+        return Cause.WATCH_LOST, vehicle.other_commanders.monitor_failure
     received_ns = vehicle.other_commanders.services.t_ns
     if now_ns - received_ns > config.timing.services_age_ns:
         return Cause.WATCH_LOST, f"other services, {_ago(received_ns, now_ns)}"

@@ -99,7 +99,7 @@ def working_size(image: ImageArray, most_width_px: int | None = None) -> tuple[i
 
 def check_pair(
     current: ImageFeatures, other: ImageFeatures, kind: type[OwnFeatures]
-) -> list[OwnFeatures]:
+) -> tuple[OwnFeatures, OwnFeatures]:
     """Both images, as a matcher's own kind.
 
     Raises
@@ -112,7 +112,6 @@ def check_pair(
         raise ImageError(
             f"images of {w} x {h} and {ow} x {oh} px cannot be matched", "one size for both"
         )
-    pair = [image for image in (current, other) if isinstance(image, kind)]
-    if len(pair) < 2:
+    if not (isinstance(current, kind) and isinstance(other, kind)):
         raise ImageError("images were prepared by another matcher", "the same matcher's")
-    return pair
+    return current, other

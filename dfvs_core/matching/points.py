@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 from typing import Protocol, TypeVar
 
 import numpy as np
 
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray, IntArray
+from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import FlowField
 
 Features = TypeVar("Features")
 
@@ -41,6 +43,14 @@ class PointMatches:
         """Distance (N,) of ``other`` from where a flow (H, W, 2) leads."""
         moved = flow[self.pixels(flow.shape)] - (self.other - self.current)
         return np.asarray(np.linalg.norm(moved, axis=1), np.float32)
+
+
+def is_excluded(
+    matches: PointMatches, excluded: Sequence[FlowField], config: MatchingConfig
+) -> BoolArray:
+    """Mask (N,) of the matches that lead to the same place as a flow that is excluded."""
+    same = [matches.miss_px(wrong.flow) < config.same_px for wrong in excluded]
+    return np.asarray(np.reshape(same, (len(excluded), len(matches))).any(axis=0), np.bool_)
 
 
 Exclusion = Callable[[PointMatches], BoolArray]

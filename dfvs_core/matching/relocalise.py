@@ -17,9 +17,8 @@ import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
-from dfvs_core.matching.confidence import CONFIDENT, merge_by_confidence
 from dfvs_core.matching.config import PATCH_PX, MatchingConfig
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import CONFIDENT, FlowField, merge_by_confidence
 from dfvs_core.matching.dense_search import search_residual
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.smooth_flow import confident_matches, smooth_flow

@@ -1,9 +1,9 @@
 """Smooth interpolation of scattered matches to a flow field.
 
-A robust similarity is fitted first. What it leaves is interpolated on a grid of cells by affine
-normalised convolution (Knutsson and Westin, CVPR 1993), octave by octave from the width of the
-image to a cell. Planes are extended as planes, and where there are no matches the wider motion
-stays.
+A similarity of least median of squares is fitted first. What it leaves is interpolated on a grid
+of cells by affine normalised convolution (Knutsson and Westin, CVPR 1993), octave by octave from
+the width of the image to a cell. Planes are extended as planes, and where there are no matches the
+wider motion stays.
 """
 
 from __future__ import annotations
@@ -14,9 +14,8 @@ import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
-from dfvs_core.matching.confidence import CONFIDENT
 from dfvs_core.matching.config import PATCH_PX, MatchingConfig
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import CONFIDENT, FlowField
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.warping import pixel_grid, sample
 
@@ -25,7 +24,10 @@ def smooth_flow(
     matches: PointMatches, size: tuple[int, int], config: MatchingConfig
 ) -> Float32Array:
     """Flow (H, W, 2) px of an image of ``size`` (height, width) through one match or more."""
-    A = _fit_similarity(matches)
+    found, _ = cv2.estimateAffinePartial2D(
+        matches.current.astype(np.float64), matches.other.astype(np.float64), method=cv2.LMEDS
+    )
+    A = np.eye(2, 3) if found is None else np.asarray(found, np.float64)
     height, width = size
     cells = -(-height // PATCH_PX), -(-width // PATCH_PX)
     at = ((matches.current + 0.5) / PATCH_PX - 0.5).astype(np.float32)
@@ -74,11 +76,3 @@ def _interpolate(
     normal = to_cell @ sums[..., :3] @ to_cell.swapaxes(-1, -2)
     normal += damping * np.diag([1.0, sigma * sigma, sigma * sigma])
     return np.asarray(np.linalg.solve(normal, to_cell @ sums[..., 3:])[..., 0, :], np.float32)
-
-
-def _fit_similarity(matches: PointMatches) -> FloatArray:
-    """Similarity (2, 3) px of least median of squares; no motion where there is none."""
-    found, _ = cv2.estimateAffinePartial2D(
-        matches.current.astype(np.float64), matches.other.astype(np.float64), method=cv2.LMEDS
-    )
-    return np.eye(2, 3) if found is None else np.asarray(found, np.float64)

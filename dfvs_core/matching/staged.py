@@ -10,11 +10,10 @@ import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray
-from dfvs_core.matching.confidence import empty_flow, exclude, is_excluded
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField, empty_flow, exclude
 from dfvs_core.matching.matcher import ImageFeatures, check_pair, working_size
-from dfvs_core.matching.points import Features, PointMatcher, PointMatches
+from dfvs_core.matching.points import Features, PointMatcher, PointMatches, is_excluded
 from dfvs_core.matching.relocalise import relocalise
 from dfvs_core.matching.track import track
 from dfvs_core.matching.warping import resized
@@ -99,8 +98,5 @@ class StagedMatcher(Generic[Features]):
         def exclusion(found: PointMatches) -> BoolArray:
             return is_excluded(scaled(found), excluded, self._config)
 
-        hypotheses = self._points.hypotheses(
-            current.features, other.features, exclusion if excluded else None
-        )
-        for matches in hypotheses:
+        for matches in self._points.hypotheses(current.features, other.features, exclusion):
             yield scaled(matches.select(~exclusion(matches)))

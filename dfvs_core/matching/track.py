@@ -9,9 +9,8 @@
 from __future__ import annotations
 
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.matching.confidence import confident_ratio
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField, confident_ratio
 from dfvs_core.matching.dense_search import search_residual
 from dfvs_core.matching.smooth_flow import confident_matches, smooth_flow
 

@@ -11,11 +11,9 @@ import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray
-from dfvs_core.matching.confidence import CONFIDENT
-from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.config import PATCH_PX, MatchingConfig
+from dfvs_core.matching.correspondence import CONFIDENT, FlowField
 from dfvs_core.matching.points import PointMatches
-from dfvs_core.matching.texture import has_texture
 from dfvs_core.matching.warping import lands_inside
 
 
@@ -37,15 +35,7 @@ def fit_two_views(matches: PointMatches, config: MatchingConfig) -> PointMatches
 
 
 def probability(confirmed: float, explained: float, config: MatchingConfig) -> float:
-    """Probability that a hypothesis is right: its odds are the matches that appearance confirms.
-
-    Parameters
-    ----------
-    confirmed : float
-        Of :func:`support`.
-    explained : float
-        Of :func:`explained_ratio`.
-    """
+    """Probability that a hypothesis is right, from its support and its explained ratio."""
     odds = confirmed * explained
     return odds / (odds + config.even_odds_matches) if odds > 0.0 else 0.0
 
@@ -57,19 +47,19 @@ def support(matches: PointMatches, field: FlowField, config: MatchingConfig) -> 
     return float(matches.confidence[confirmed].sum())
 
 
+def has_texture(grey: ImageArray, config: MatchingConfig | None = None) -> BoolArray:
+    """(H, W): whether the patch around a pixel of a grey image could be matched."""
+    u, v = (cv2.Sobel(grey, cv2.CV_32F, *order) for order in ((1, 0), (0, 1)))
+    square = cv2.blur(u * u + v * v, (PATCH_PX + 1, PATCH_PX + 1))
+    return np.asarray(square > (config or MatchingConfig()).least_gradient ** 2)
+
+
 def explained_ratio(
     current: ImageArray, predicted: Float32Array, field: FlowField, config: MatchingConfig
 ) -> float:
     """Share of the texture in view of both images that is confidently matched.
 
-    Parameters
-    ----------
-    current : (H, W)
-        Grey.
-    predicted : (H, W, 2)
-        Flow of the hypothesis.
-    field : FlowField
-        Found from it.
+    ``current`` is grey (H, W), ``predicted`` the hypothesis' flow (H, W, 2), ``field`` found by it.
     """
     in_both: BoolArray = has_texture(current, config) & lands_inside(predicted)
     if not in_both.any():

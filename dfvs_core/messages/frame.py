@@ -116,7 +116,7 @@ def encode_frame(
 
 
 def encode_header(header: FrameHeader) -> bytes:
-    """Attachment that says what is known of a frame."""
+    """Attachment with what is known of a frame."""
     return _HEADER.pack(
         _MAGIC,
         _VERSION,

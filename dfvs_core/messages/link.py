@@ -29,14 +29,14 @@ class PerceptionReport:
     frame. ``healthy`` says that it may be flown; where it is false ``reason`` says why not.
     ``reached`` says that the frame shows the goal within tolerance. ``lost`` says that the goal
     cannot be reached any more (wrong goal, no progress), which aborts. ``overlap`` is the share
-    of the current view that shows the goal, 0 to 1. ``feature_error`` is the
-    length of the flow to the goal in normalised units, of the same features from report to report
-    and independent of depth. The gate's initial-response check uses it, and ``error_m`` and
-    ``error_rad``. ``mounting_score`` is
-    the test statistic of the camera's mounting (:mod:`dfvs_core.servo.mounting`): clearly positive
-    where it is as the settings say, clearly negative where not, None where nothing can be told.
+    of the current view that shows the goal, 0 to 1. ``feature_error`` is the length of the flow to
+    the goal in normalised units, of the same features from report to report and independent of
+    depth. The gate's initial-response check uses it, and ``error_m`` and ``error_rad``.
+    ``mounting_score`` is the test statistic of the camera's mounting
+    (:mod:`dfvs_core.servo.checks.mounting`): clearly positive where it is as the settings say,
+    clearly negative where not, None where nothing can be told.
     Before the first frame ``t_capture_ns`` is 0. ``goal`` is the digest of the goal that an
-    operator ordered, empty while it is the one of the start.
+    operator commanded, empty while it is the one of the start.
     """
 
     seq: int
@@ -56,7 +56,7 @@ class PerceptionReport:
 
 @dataclass(frozen=True, slots=True)
 class VehicleState:
-    """What the autopilot says of the vehicle, stamped with the time of its arrival.
+    """State of the vehicle by the autopilot, stamped with the time of its arrival.
 
     Angles in rad (world NED, body FRD), velocity NED in m/s, position NED in m relative to the
     autopilot's origin.

@@ -16,7 +16,7 @@ class Rate:
 
 
 class RateLimit:
-    """Tells of each thing whether it is still within a rate, and counts those that are not.
+    """Rate limit of each key; counts what exceeds it.
 
     Parameters
     ----------

@@ -34,7 +34,7 @@ _DEFAULT_QOS = "::,10:,:,:,,"
 class Ros2Topic:
     """A topic and its type, such as ``drone1/camera/image_raw``, ``sensor_msgs/msg/Image``.
 
-    ``domain`` is the ROS domain; the bridge's keys do not tell it.
+    ``domain`` is the ROS domain; the bridge's keys do not contain it.
     """
 
     name: str

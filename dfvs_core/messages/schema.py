@@ -3,7 +3,7 @@
 An error names the place: of an unknown or missing key, a wrong type, a number that is not finite or
 out of the field's range. For an unknown key it also names the nearest known one.
 
-A name tells its unit. A settings file has ``_deg``, ``_deg_s`` and ``_deg_s2`` where a dataclass
+A name contains its unit. A settings file has ``_deg``, ``_deg_s`` and ``_deg_s2`` where a dataclass
 has ``_rad``, ``_rad_s`` and ``_rad_s2``: value, range and error messages are in degrees there.
 """
 

@@ -16,14 +16,14 @@ STRIDE_PX = 8
 MIN_CONFIDENCE = 0.5
 MIN_POINTS = 40
 MIN_CHROMA = 10.0
-"""Mean difference of red and blue in grey levels; below it an image is grey and says nothing."""
+"""Mean difference of red and blue in grey levels; below it an image counts as grey."""
 
 CLEARLY = 0.6
 """Share of the difference that must be left when red and blue are exchanged."""
 
 
 def is_channel_order_swapped(image: ImageArray, goal: ImageArray, flow: FlowField) -> bool:
-    """Tell whether red and blue of an image are exchanged against the goal image.
+    """Whether red and blue of an image are exchanged against the goal image.
 
     Parameters
     ----------

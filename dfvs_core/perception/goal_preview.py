@@ -35,6 +35,13 @@ class GoalView:
     features: ImageFeatures
     depth: Callable[[], GoalDepth | None]
 
+    def task(self, task: ServoTask) -> ServoTask:
+        """A task with both cameras at the working size, and the depth of this goal."""
+        height, width = self.features.size
+        camera, goal_camera = (c.scaled(width, height) for c in (task.camera, task.goal.camera))
+        goal = replace(task.goal, camera=goal_camera)
+        return replace(task, camera=camera, goal=goal, goal_depth=self.depth())
+
 
 def make_goal_view(
     matcher: Matcher, network: DepthEstimator | None, config: ServoConfig, goal: Goal
@@ -55,7 +62,7 @@ def make_goal_view(
 
 @dataclass(frozen=True, slots=True)
 class GoalPreview:
-    """What a keyframe says about another goal, and the observation that tracking begins with."""
+    """Result of a keyframe for another goal, and the observation that tracking begins with."""
 
     result: ServoResult
     observation: Observation | None
@@ -66,8 +73,8 @@ Preview = Callable[[], GoalPreview]
 
 
 def preview_goal(matcher: Matcher, task: ServoTask, goal: GoalView, frame: Keyframe) -> GoalPreview:
-    """Match a keyframe with a goal, without a prior; ``task`` is at the working size."""
-    task = replace(task, goal_depth=goal.depth())
+    """Match a keyframe with a goal, without a prior."""
+    task = goal.task(task)
     flow = matcher.match(frame.features, goal.features)
     frame.features.release()
     result, state = servo_step(task, frame.state, replace(frame.inputs, flow=flow))

@@ -9,16 +9,14 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, replace
+from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.geometry.poses import invert_pose
-from dfvs_core.matching.confidence import confident_ratio, empty_flow
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.geometry.poses import invert_pose, pose_error
+from dfvs_core.matching.correspondence import DepthMap, FlowField, confident_ratio, empty_flow
 from dfvs_core.matching.matcher import ImageFeatures, Matcher
-from dfvs_core.perception.rejected_goals import RejectedGoals
 from dfvs_core.servo.task import ServoTask
 
 COAST_NS = 60_000_000
@@ -29,6 +27,13 @@ TRACKED_NS = 5_000_000_000
 
 _SETTLED_RATIO = 0.45
 """Confident share of the image from which on no more of the goal is looked for."""
+
+_SAME_M, _SAME_RAD = 0.3, 0.2
+"""Distance within which two false goals count as one."""
+_TIMES = 2
+"""Rejections after which a false goal is excluded: somebody may hide the true goal once."""
+_REMEMBERED_NS = 30_000_000_000
+"""Time after which a rejection expires: odometry drifts."""
 
 
 class TrackingState(StrEnum):
@@ -54,6 +59,35 @@ class Observation:
     T_world_camera: FloatArray
 
 
+@dataclass(slots=True)
+class _FalseGoal:
+    T_world_goal: FloatArray
+    t_ns: int
+    times: int = 1
+
+
+@dataclass(slots=True)
+class _RejectedGoals:
+    """False goals, such as repeated structures, that relocalisation would find again."""
+
+    _goals: list[_FalseGoal] = field(default_factory=list)
+
+    def add(self, T_world_goal: FloatArray, t_ns: int) -> None:
+        """Add a rejection: the goal camera's pose (4, 4) by odometry, m, and the time."""
+        self._goals = [goal for goal in self._goals if t_ns - goal.t_ns <= _REMEMBERED_NS]
+        for known in self._goals:
+            distance_m, angle_rad = pose_error(known.T_world_goal, T_world_goal)
+            if distance_m < _SAME_M and angle_rad < _SAME_RAD:
+                known.T_world_goal, known.t_ns, known.times = T_world_goal, t_ns, known.times + 1
+                return
+        self._goals.append(_FalseGoal(T_world_goal, t_ns))
+
+    def excluded(self, t_ns: int) -> list[FloatArray]:
+        """Pose ``T_world_goal`` (4, 4), m, of each that is excluded at a time."""
+        recent = [goal for goal in self._goals if t_ns - goal.t_ns <= _REMEMBERED_NS]
+        return [goal.T_world_goal for goal in recent if goal.times >= _TIMES]
+
+
 class GoalTracker:
     """Matches frames with one goal, and keeps the last observation of it.
 
@@ -71,7 +105,7 @@ class GoalTracker:
         self._matcher, self._goal, self._task = matcher, goal, task
         self._last: Observation | None = None
         self._state = TrackingState.SEARCHING
-        self._rejected = RejectedGoals()
+        self._rejected = _RejectedGoals()
         self._has_excluded = False
         """Whether the last relocalisation excluded rejected goals, and nothing was found since."""
 
@@ -150,13 +184,13 @@ class GoalTracker:
             flow = self._matcher.track(image, self._goal, predicted)
         return flow
 
-    def rematch(self, image: ImageFeatures, t_capture_ns: int, depth: DepthMap) -> bool:
+    def rematch(self, image: ImageFeatures, t_capture_ns: int, depth: DepthMap | None) -> bool:
         """Look for more of the goal in the frame matched last, where pose and depth predict it.
 
         Returns whether it was tried: the goal was observed, in a small part of the image.
         """
         last = self._last
-        if last is None or last.t_capture_ns != t_capture_ns:
+        if last is None or depth is None or last.t_capture_ns != t_capture_ns:
             return False
         if confident_ratio(last.flow) >= _SETTLED_RATIO:
             return False

@@ -2,7 +2,7 @@
 
 A repeated structure can be matched with another one of its kind. All correspondences agree on a
 motion, and the error falls to nothing at a false goal. At the true goal the view is the goal
-image, and nearly all of its texture matches; far from it nothing can be said.
+image, and nearly all of its texture matches; far from it nothing is verified.
 """
 
 from __future__ import annotations
@@ -13,9 +13,8 @@ import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.matching.confidence import CONFIDENT
-from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.texture import has_texture
+from dfvs_core.matching.correspondence import CONFIDENT, FlowField
+from dfvs_core.matching.verify import has_texture
 from dfvs_core.perception.channel_order import is_channel_order_swapped
 from dfvs_core.servo.exchange import ServoResult, Status
 
@@ -67,14 +66,8 @@ class GoalVerifier:
         """Result of a frame: the servo's, refused where the view is not the goal's.
 
         A view that counts as the goal and does not match its image has not reached it; after
-        ``PATIENCE_NS`` it is a false goal.
-
-        Parameters
-        ----------
-        servo, t_capture_ns
-            Of the frame.
-        image, flow : (H, W, 3) uint8, FlowField
-            The view, at the size of the flow, and that to the goal image.
+        ``PATIENCE_NS`` it is a false goal. ``image`` (H, W, 3) uint8 is the view, at the size of
+        the flow to the goal image.
         """
         if servo.status is not Status.OK:
             return servo

@@ -16,8 +16,8 @@ from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
-from dfvs_core.geometry.poses import invert_pose
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.geometry.poses import invert_pose, so3_log
+from dfvs_core.matching.correspondence import DepthMap, empty_flow
 from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.matching.warping import resized
 from dfvs_core.messages.frame import Frame
@@ -33,9 +33,7 @@ from dfvs_core.perception.goal_preview import (
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation
 from dfvs_core.perception.goal_verification import GoalVerifier
 from dfvs_core.perception.keyframes import Keyframe, Keyframes
-from dfvs_core.perception.odometry import odometry
 from dfvs_core.perception.vehicle_history import Motion
-from dfvs_core.perception.working_size import at_working_size, resized_depth, with_goal
 from dfvs_core.servo.config import BY_NETWORK
 from dfvs_core.servo.exchange import (
     Attitude,
@@ -47,7 +45,7 @@ from dfvs_core.servo.exchange import (
 )
 from dfvs_core.servo.points import without_cells
 from dfvs_core.servo.step import servo_step
-from dfvs_core.servo.structure import observe_depth
+from dfvs_core.servo.structure.relative_depth import observe_depth
 from dfvs_core.servo.task import ServoTask
 
 DEPTH_PERIOD_NS = 200_000_000
@@ -55,9 +53,7 @@ DEPTH_PERIOD_NS = 200_000_000
 DEPTH_PATIENCE_NS = 600_000_000
 """So long depth waits for frames to be on time again."""
 
-_LEARNT = ("motion", "fused")
-"""Choices of depth that learn from the camera's motion."""
-_NO_FLOW = FlowField(np.zeros((0, 0, 2), np.float32), np.zeros((0, 0), np.float32))
+_NO_FLOW = empty_flow((0, 0))
 """Instead of the flow of a keyframe: a field for each would take tens of megabytes."""
 
 
@@ -91,8 +87,7 @@ class Pipeline:
         tick: Callable[[], int],
         depth: DepthEstimator | None = None,
     ) -> None:
-        self._matcher, self._tick = matcher, tick
-        self._config = task.config
+        self._task, self._matcher, self._tick = task, matcher, tick
         self._depth = depth if task.config.depth in BY_NETWORK else None
         if self._depth is None and task.config.depth in BY_NETWORK:
             raise ConfigError(f"servo.depth = {task.config.depth!r} without a depth network")
@@ -112,7 +107,7 @@ class Pipeline:
 
     def prepare(self, goal: Goal) -> GoalView:
         """Compute once what depends on another goal's image alone."""
-        return make_goal_view(self._matcher, self._depth, self._config, goal)
+        return make_goal_view(self._matcher, self._depth, self._task.config, goal)
 
     def set_goal(
         self, task: ServoTask, goal: GoalView, observation: Observation | None = None
@@ -130,7 +125,7 @@ class Pipeline:
         if observation is not None and self._keyframes.find(observation.t_capture_ns) is None:
             observation = None
         self._observed_ns = None if observation is None else observation.t_capture_ns
-        self._task = task = with_goal(task, goal)
+        self._task = task = goal.task(task)
         self._state = self._state.without_goal()
         self._tracker = GoalTracker(self._matcher, goal.features, task)
         self._tracker.update(observation)
@@ -139,7 +134,7 @@ class Pipeline:
     def evaluate_next_goal(
         self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
     ) -> Preview | None:
-        """What a keyframe says about another goal, to be worked out on any thread.
+        """Preview of another goal from a keyframe, to be computed on any thread.
 
         Nothing of it is remembered: the frames to come give the same results without it. None
         where there is no such keyframe.
@@ -154,7 +149,7 @@ class Pipeline:
         frame = self._keyframes.find(t_capture_ns)
         if frame is None:
             return None
-        return partial(preview_goal, self._matcher, at_working_size(task, goal), goal, frame)
+        return partial(preview_goal, self._matcher, task, goal, frame)
 
     def process_frame(
         self, frame: Frame, motion: Motion, engaged: bool, depth: DepthMap | None = None
@@ -172,7 +167,7 @@ class Pipeline:
         depth : DepthMap, optional
             Of the frame, where something else measures it (``depth = "given"``).
         """
-        T_world_camera = motion.T_world_body() @ self._T_body_camera
+        t_ns, T_world_camera = frame.t_capture_ns, motion.T_world_body() @ self._T_body_camera
         marks = [self._tick()]
 
         # 1. Bring the image to the working size.
@@ -180,34 +175,31 @@ class Pipeline:
         marks.append(self._tick())
 
         # 2. Match it with the goal.
-        flow = self._tracker.match(
-            features, frame.t_capture_ns, T_world_camera, self._state.depth_map
-        )
+        flow = self._tracker.match(features, t_ns, T_world_camera, self._state.depth_map)
         marks.append(self._tick())
 
         # 3. Match it with the last frame, where depth is taken from each of them.
-        earlier = None
-        if self._task.config.depth == "flow":
-            earlier = self._compare(features, T_world_camera, self._last)
+        last = self._last if self._task.config.depth == "flow" else None
+        earlier = self._compare(features, T_world_camera, last)
 
         # 4. Servo: level, depth, pose, velocity.
-        velocity, motion_m = odometry(self._task, self._last, motion, T_world_camera)
+        velocity, motion_m = self._odometry(motion, T_world_camera)
         inputs = ServoInputs(
             now_ns=self._tick(),
-            t_capture_ns=frame.t_capture_ns,
+            t_capture_ns=t_ns,
             flow=flow,
             velocity=velocity,
             attitude=Attitude(motion.roll_rad, motion.pitch_rad, motion.yaw_rad),
             motion_m=motion_m,
             earlier=earlier,
-            given_depth=None if depth is None else resized_depth(depth, features.size),
+            given_depth=None if depth is None else depth.resized(features.size),
             engaged=engaged,
         )
         servo, self._state = servo_step(self._task, self._state, inputs)
 
         # 5. Verify that the view is the goal's, and conclude.
         image = resized(frame.image, features.size)
-        result = self._verifier.verify(servo, image, flow, frame.t_capture_ns)
+        result = self._verifier.verify(servo, image, flow, t_ns)
         marks.append(self._tick())
 
         self._remember(inputs, features, T_world_camera, result)
@@ -222,11 +214,31 @@ class Pipeline:
         few vectors are confident, once more with the goal. It is skipped while frames are late.
         """
         start_ns, last = self._tick(), self._last
-        if self._task.config.depth not in _LEARNT or last is None or self._is_pressed(last):
+        is_learnt = self._task.config.depth in ("motion", "fused")
+        if last is None or not is_learnt or self._is_pressed(last):
             return 0
-        tried = self._rematch(last) if self._is_depth_new else self._learn_depth(last)
+        if self._is_depth_new:
+            depth = self._state.depth_map
+            tried = self._tracker.rematch(last.features, last.t_capture_ns, depth)
+        else:
+            tried = self._learn_depth(last)
         self._is_depth_new = tried and not self._is_depth_new
         return self._tick() - start_ns if tried else 0
+
+    def _odometry(
+        self, motion: Motion, T_world_camera: FloatArray
+    ) -> tuple[FloatArray, tuple[float, float, float]]:
+        """Velocity (d,) in the task's basis; motion from the last frame, m, in its optical axes."""
+        R, moved, turning = T_world_camera[:3, :3], np.zeros(3), np.zeros(3)
+        if self._last is not None:
+            R_last = self._last.T_world_camera[:3, :3]
+            moved = R_last.T @ (T_world_camera[:3, 3] - self._last.T_world_camera[:3, 3])
+            if (since_ns := motion.t_ns - self._last.t_capture_ns) > 0:
+                turning = so3_log(R_last.T @ R) / (since_ns * 1e-9)
+        x, y, z = moved.tolist()
+        if self._task.mount is not None:
+            return motion.level_velocity(), (x, y, z)
+        return np.append(R.T @ motion.velocity_m_s, turning), (x, y, z)
 
     def _is_pressed(self, last: Keyframe) -> bool:
         """Whether the next frame waits already: the last took longer than from one to the next."""
@@ -235,16 +247,10 @@ class Pipeline:
             return False
         return last.inputs.now_ns - t_ns >= self._period_ns
 
-    def _rematch(self, last: Keyframe) -> bool:
-        """Look for more of the goal in the last frame; False where that was not worth a try."""
-        depth = self._state.depth_map
-        return depth is not None and self._tracker.rematch(last.features, last.t_capture_ns, depth)
-
     def _learn_depth(self, last: Keyframe) -> bool:
         """Compare the last frame with a keyframe; False if too soon, or none is far enough."""
-        if last.t_capture_ns - self._depth_ns < DEPTH_PERIOD_NS:
-            return False
-        chosen = self._keyframes.for_depth(last.T_world_camera, self._depth_m)
+        is_due = last.t_capture_ns - self._depth_ns >= DEPTH_PERIOD_NS
+        chosen = self._keyframes.for_depth(last.T_world_camera, self._depth_m) if is_due else None
         if chosen is None:
             return False
         self._depth_ns = last.t_capture_ns
@@ -272,22 +278,20 @@ class Pipeline:
         T_world_camera: FloatArray,
         result: ServoResult,
     ) -> None:
+        t_ns, observation = inputs.t_capture_ns, None
         self._has_flown |= inputs.engaged
-        observation = None
         if result.status in (Status.OK, Status.STUCK):
             flow, outliers = inputs.flow, self._state.outliers
             if outliers is not None:
                 flow = without_cells(flow, outliers, self._task.config.stride_px)
-            observation = observe(
-                self._task, self._state, flow, inputs.t_capture_ns, T_world_camera
-            )
+            observation = observe(self._task, self._state, flow, t_ns, T_world_camera)
         self._tracker.update(observation)
         if result.status is Status.FALSE_GOAL:
             self._tracker.reject(self._has_flown)
             self._state = self._state.without_goal()
         if self._last is not None:
             self._last.features.release()  # of earlier frames only previews are searched, and few
-            self._period_ns = inputs.t_capture_ns - self._last.t_capture_ns
+            self._period_ns = t_ns - self._last.t_capture_ns
         if result.depth_m > 0:
             self._depth_m = result.depth_m
         inputs = replace(inputs, flow=_NO_FLOW, earlier=None, engaged=False)

@@ -13,7 +13,7 @@ from dfvs_core.servo.exchange import ServoResult, Status
 S = 1_000_000_000
 PREVIEW_PERIOD_NS = S // 4
 IN_SIGHT_PREVIEWS = 2
-"""Looks ahead in a row that must show the next goal."""
+"""Previews in a row that must show the next goal."""
 
 RESPONSE_NS = 6 * S
 """The gate's initial-response check goes by the error of one goal: it is not changed meanwhile."""
@@ -46,7 +46,7 @@ class RouteState:
 def on_result(
     state: RouteState, limits: RouteLimits, result: ServoResult, t_ns: int, *, engaged: bool
 ) -> RouteState:
-    """Take in what a frame says about the goal at hand."""
+    """State after a frame's result for the current goal."""
     since_ns = (
         (t_ns if state.engaged_since_ns is None else state.engaged_since_ns) if engaged else None
     )
@@ -62,7 +62,7 @@ def on_result(
 
 
 def wants_preview(state: RouteState, t_ns: int) -> bool:
-    """Tell whether it is time to look for the next goal."""
+    """Whether it is time to look for the next goal."""
     if state.near_since_ns is None:
         return False
     if state.engaged_since_ns is not None and t_ns - state.engaged_since_ns < RESPONSE_NS:
@@ -71,18 +71,18 @@ def wants_preview(state: RouteState, t_ns: int) -> bool:
 
 
 def on_preview(state: RouteState, limits: RouteLimits, ahead: ServoResult, t_ns: int) -> RouteState:
-    """Take in what the same frame says about the next goal."""
+    """State after the same frame's preview of the next goal."""
     in_sight = ahead.status is Status.OK and ahead.overlap >= limits.overlap
     return replace(state, previewed_ns=t_ns, seen=state.seen + 1 if in_sight else 0)
 
 
 def may_go_on(state: RouteState) -> bool:
-    """Tell whether the next goal takes the place of this one."""
+    """Whether the next goal takes the place of this one."""
     return state.seen >= IN_SIGHT_PREVIEWS
 
 
 def is_lost(state: RouteState, limits: RouteLimits, t_ns: int) -> bool:
-    """Tell whether the next goal should have been in sight for too long."""
+    """Whether the next goal should have been in sight for too long."""
     if state.engaged_since_ns is None or state.near_since_ns is None or state.seen:
         return False
     since_ns = max(state.near_since_ns, state.engaged_since_ns + RESPONSE_NS)

@@ -9,7 +9,7 @@ from dfvs_core.servo.exchange import ServoResult, Status
 
 
 class KeyframeDecision(enum.Enum):
-    """What a frame means for the route that is being taught."""
+    """Decision on a frame for the route that is recorded."""
 
     NEAR = "the last goal is still near"
     DUE = "the next goal is due"
@@ -35,7 +35,7 @@ class RouteRecordingLimits:
 def evaluate(
     result: ServoResult, limits: RouteRecordingLimits, full_overlap: float
 ) -> KeyframeDecision:
-    """Judge a frame by what it says about the last goal.
+    """Judge a frame by its result for the last goal.
 
     ``full_overlap`` is the greatest overlap with that goal so far. The next one is due while the
     last one is in sight for certain, so that the way back can be found.

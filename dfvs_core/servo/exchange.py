@@ -8,8 +8,8 @@ from dataclasses import dataclass, field
 from dfvs_core.depth.source import DepthState
 from dfvs_core.geometry.arrays import BoolArray, FloatArray
 from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.servo.checks.motion_monitor import MotionMonitor
 from dfvs_core.servo.goal_filter import GoalEstimate
-from dfvs_core.servo.motion_monitor import MotionMonitor
 from dfvs_core.servo.points import GridSamples
 
 _LEAST_DEPTH_M = 1e-3
@@ -100,8 +100,8 @@ class LastFrame:
 class ServoState:
     """Memory from frame to frame.
 
-    ``depth`` is relative, in units whose length in metres ``estimate`` tells; ``depth_map``, on the
-    grid, and ``T_current_goal`` are of the last frame and metric. ``outliers`` (h, w) tells which
+    ``depth`` is relative, in units whose length in metres is in ``estimate``; ``depth_map``, on the
+    grid, and ``T_current_goal`` are of the last frame and metric. ``outliers`` (h, w) marks which
     points of that grid contradict the motion to the goal, where it explains the others and they are
     many. ``last`` is the last frame, None before the first one.
     """
@@ -154,7 +154,7 @@ class Uncertainty:
 
 @dataclass(frozen=True, slots=True)
 class ServoResult:
-    """What one frame says.
+    """Result of one frame.
 
     Parameters
     ----------
@@ -166,14 +166,14 @@ class ServoResult:
         From here to the goal, m and rad: the estimated error.
     error_m, error_rad : float
         Length of the translation and angle of the rotation in ``motion``.
-    feature_error_px : float
+    median_error_px : float
         Weighted median length of the flow to the goal, after taking both views level.
     feature_error : float
         The same in normalised units, of the same features from frame to frame while engaged
-        (:mod:`dfvs_core.servo.feature_error`): what comes into view does not change it, and
+        (:mod:`dfvs_core.servo.checks.feature_error`): what comes into view does not change it, and
         ``error_m`` may jump as depth becomes known.
     mounting_score : float or None
-        Test statistic of the camera's mounting (:mod:`dfvs_core.servo.mounting`); None where
+        Test statistic of the camera's mounting (:mod:`dfvs_core.servo.checks.mounting`); None where
         nothing can be told.
     residual_px : float
         Weighted median reprojection error of the estimated motion.
@@ -194,7 +194,7 @@ class ServoResult:
     motion: FloatArray
     error_m: float
     error_rad: float
-    feature_error_px: float
+    median_error_px: float
     feature_error: float
     mounting_score: float | None
     residual_px: float

@@ -1,6 +1,6 @@
 """Kalman filter of the goal's position, the odometry's error and the metric scale.
 
-The images tell where the goal is in units of the relative depth; the odometry tells in metres how
+The images give the goal's place in units of the relative depth; the odometry gives in metres how
 the vehicle moves, with an error that lasts for seconds. Together they give the scale, weighed over
 the whole flight, and the error.
 
@@ -87,7 +87,7 @@ class FilterModel:
 class OdometryDelta:
     """Motion of the camera between two frames by the odometry.
 
-    ``displacement_m`` (3,), by its position, and ``velocity_m_s`` (3,), as it tells it, are in the
+    ``displacement_m`` (3,), by its position, and ``velocity_m_s`` (3,), as reported, are in the
     axes of the earlier frame; ``R_earlier_current`` is (3, 3).
     """
 

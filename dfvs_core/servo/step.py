@@ -12,6 +12,8 @@ import numpy as np
 from dfvs_core.geometry.arrays import BoolArray, FloatArray
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
 from dfvs_core.geometry.robust_weights import weighted_median
+from dfvs_core.servo.checks.motion_monitor import FrameMotion, MotionMeasures, velocity_error
+from dfvs_core.servo.checks.mounting import probing_velocity
 from dfvs_core.servo.exchange import (
     LastFrame,
     ServoInputs,
@@ -24,11 +26,9 @@ from dfvs_core.servo.goal_filter import GoalEstimate
 from dfvs_core.servo.law import NormalEquations
 from dfvs_core.servo.level import attitude_error, corrected, level_points
 from dfvs_core.servo.motion import find_goal, is_clear, wanted_motion
-from dfvs_core.servo.motion_monitor import FrameMotion, MotionMeasures, velocity_error
-from dfvs_core.servo.mounting import probing_velocity
 from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_core.servo.pose import GoalPose
-from dfvs_core.servo.structure import estimate_depth, in_metres, scaled
+from dfvs_core.servo.structure.relative_depth import estimate_depth, in_metres, scaled
 from dfvs_core.servo.task import ServoTask
 from dfvs_core.servo.tracking import correct_goal, elapsed_s, predict_goal
 from dfvs_core.servo.velocity import AdaptiveGain, saturate, velocity_for
@@ -130,8 +130,8 @@ def servo_step(
         else np.zeros_like(velocity),
         motion=motion,
         error_m=estimate.distance_m,
-        error_rad=_angle(task, motion),
-        feature_error_px=measures.feature_error_px,
+        error_rad=float(np.linalg.norm((task.basis.B @ motion)[3:])),
+        median_error_px=measures.median_error_px,
         feature_error=measures.feature_error,
         mounting_score=measures.mounting_score,
         residual_px=residual_px,
@@ -165,10 +165,6 @@ def _filtered_motion(
     return task.basis.log(make_pose(T[:3, :3], estimate.position_m))
 
 
-def _angle(task: ServoTask, motion: FloatArray) -> float:
-    return float(np.linalg.norm((task.basis.B @ motion)[3:]))
-
-
 def _outliers(task: ServoTask, pose: GoalPose, trusted: BoolArray) -> BoolArray:
     """Which of the grid's points (N,) contradict a pose that explains those that are trusted.
 
@@ -186,11 +182,11 @@ def _judge(
     equations: NormalEquations,
     measures: MotionMeasures,
 ) -> Status:
-    """Tell whether the frame may be flown, and if not why not."""
+    """Status of the frame: whether its velocity may be flown, and if not why not."""
     config = task.config
     unexplained = pose.residual * task.camera.fx
     tolerated = max(
-        _NOISE_FACTOR * config.flow_noise_px, config.max_residual * measures.feature_error_px
+        _NOISE_FACTOR * config.flow_noise_px, config.max_residual * measures.median_error_px
     )
     if pose.inlier_share < config.min_inliers or unexplained > tolerated:
         return Status.NO_AGREEMENT
@@ -211,7 +207,7 @@ def _refused(task: ServoTask, status: Status, overlap: float) -> ServoResult:
         motion=zero_motion,
         error_m=unknown,
         error_rad=unknown,
-        feature_error_px=unknown,
+        median_error_px=unknown,
         feature_error=unknown,
         mounting_score=None,
         residual_px=unknown,

@@ -21,7 +21,7 @@ class ServoTask:
 
     ``mount`` None is a free camera with six degrees of freedom; otherwise a level body with
     four, carrying the camera so. ``unit_m`` is the length of a unit of depth, m: translations of
-    ``basis`` are in that unit. ``goal_depth`` is what a network says of the goal view, if one does.
+    ``basis`` are in that unit. ``goal_depth`` is a network's depth of the goal view, if any.
     """
 
     config: ServoConfig

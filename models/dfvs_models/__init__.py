@@ -3,7 +3,7 @@
 import os
 
 os.environ.setdefault("ORT_DISABLE_TELEMETRY", "1")
-"""ONNX Runtime tells its makers what is run, and on what, unless this is set before its import."""
+"""ONNX Runtime reports to its makers what is run unless this is set before its import."""
 
 DEFAULT_MATCHER = "dfvs-flow"
 """What the service and the benchmark use where nobody names a matcher."""

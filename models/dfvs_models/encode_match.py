@@ -119,7 +119,7 @@ class EncodeMatchPoints:
     ) -> Iterator[PointMatches]:
         """Matches with the other image, turned and reduced; see ``dfvs_core.matching.points``.
 
-        The strongest keypoints tell which change is the likeliest; all of them are matched when a
+        The strongest keypoints rank the changes; all of them are matched when a
         hypothesis is asked for. Points with an unwanted match are left out, and the others matched
         once more. Output that is not finite gives no match.
         """

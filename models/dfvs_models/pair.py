@@ -10,9 +10,8 @@ import numpy as np
 
 from dfvs_core.errors import ModelError
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
-from dfvs_core.matching.confidence import empty_flow, exclude
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField, empty_flow, exclude
 from dfvs_core.matching.dense_search import (
     forward_backward_consistency,
     normalised_cross_correlation,
@@ -41,7 +40,7 @@ class PairImage(ImageFeatures):
 class PairMatcher:
     """Runs a ``pair`` network both ways for every match.
 
-    Flow there and back tells what is visible in both images, which a network that gives flow
+    Flow there and back shows what is visible in both images, which a network that gives flow
     alone does not; it doubles the time of a match. A prediction is not used.
 
     Raises
@@ -81,13 +80,13 @@ class PairMatcher:
         Output that is not finite gives a field of zeros without confidence. A network finds what it
         finds: if that is to be passed over there is nothing.
         """
-        current, other = check_pair(current, other, PairImage)
-        there, back = self._run(current, other), self._run(other, current)
+        first, second = check_pair(current, other, PairImage)
+        there, back = self._run(first, second), self._run(second, first)
         if not (np.isfinite(there).all() and np.isfinite(back).all()):
-            return empty_flow(current.size)
-        brought = sample(other.grey, pixel_grid(current.size) + there)
+            return empty_flow(first.size)
+        brought = sample(second.grey, pixel_grid(first.size) + there)
         confidence = forward_backward_consistency(there, back, self._config)
-        confidence *= np.maximum(normalised_cross_correlation(current.grey, brought), 0.0)
+        confidence *= np.maximum(normalised_cross_correlation(first.grey, brought), 0.0)
         field = FlowField(there, confidence * lands_inside(there))
         return exclude(field, excluded, self._config)
 

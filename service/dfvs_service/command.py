@@ -13,7 +13,7 @@ from typing import Any
 import zenoh
 
 from dfvs_core.errors import DfvsError
-from dfvs_core.gate.command import Command, encode_command, request_id
+from dfvs_core.gate.commands.command import Command, encode_command, request_id
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import GoalCommand, goal_digest
 from dfvs_core.messages.topics import Topics

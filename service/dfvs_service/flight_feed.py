@@ -25,7 +25,7 @@ class FlightFeed:
         self._socket.setsockopt(socket.SOL_SOCKET, socket.SO_SNDBUF, _SEND_BUFFER_BYTES)
 
     def put(self, stream: str, payload: bytes) -> bool:
-        """Send one record of a stream, from one thread; tell whether it was taken."""
+        """Send one record of a stream, from one thread; returns whether it was taken."""
         try:
             self._socket.sendto(stream.encode() + b"\n" + payload, self._address)
         except OSError:

@@ -70,7 +70,7 @@ def check_camera(config: ServiceConfig, goal_path: Path, goal: Goal) -> None:
 
 
 def _with_announced(config: ServiceConfig, sidecar: GoalSidecar | None) -> ServiceConfig:
-    """Settings with the intrinsics that the camera announces, where nothing else tells them."""
+    """Settings with the intrinsics that the camera announces, where nothing else gives them."""
     if config.camera.announced_s <= 0 or sidecar is not None or config.camera.model() is not None:
         return config
     # Zenoh is needed here alone, and takes its time to load.

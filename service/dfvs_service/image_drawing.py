@@ -6,7 +6,7 @@ import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_service.perception.preview import CONFIDENT, DOUBTFUL
+from dfvs_service.perception.telemetry.preview import CONFIDENT, DOUBTFUL
 
 Colour = tuple[int, int, int]
 
@@ -27,10 +27,10 @@ def write_text(
 
 
 def draw_flow_key(image: ImageArray, at: tuple[int, int]) -> None:
-    """Write three lines that say what the arrows of the flow mean, from (x, y) px on."""
+    """Write a legend of the arrows of the flow, three lines from (x, y) px on."""
     x, y = at
     write_text(image, "flow to the goal", (x, y), SOFT)
-    for text, colour in (("sure", CONFIDENT), ("doubtful", DOUBTFUL)):
+    for text, colour in (("confident", CONFIDENT), ("doubtful", DOUBTFUL)):
         y += LINE_PX
         cv2.arrowedLine(image, (x + 84, y - 4), (x + 110, y - 4), colour, 1, cv2.LINE_AA, 0, 0.35)
         write_text(image, text, (x + 120, y), INK)

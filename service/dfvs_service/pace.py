@@ -18,7 +18,7 @@ class Pace:
         return cls(round(1e9 / rate_hz) if rate_hz > 0 else 0)
 
     def due(self, now_ns: int) -> bool:
-        """Tell whether it is time, and start the next period if so."""
+        """Whether it is time; starts the next period if so."""
         if self.period_ns <= 0 or now_ns < self.next_ns:
             return False
         # What is late does not shift what follows, unless a whole period was missed.

@@ -38,7 +38,7 @@ class LocalPort:
     port: int
 
     def is_in_use(self) -> bool:
-        """Tell whether another program has the port; what else is wrong with it does not count."""
+        """Whether another program has the port; what else is wrong with it does not count."""
         with contextlib.suppress(socket.gaierror):
             places = socket.getaddrinfo(self.host, self.port, type=self.kind)
             return any(_is_bound(family, kind, address) for family, kind, _, _, address in places)
@@ -122,7 +122,7 @@ def _local_port(kind: socket.SocketKind | None, address: str) -> LocalPort | Non
 
 
 def _is_bound(family: int, kind: int, address: tuple[object, ...]) -> bool:
-    """Tell whether somebody has the address; a port that is merely being closed is free."""
+    """Whether somebody has the address; a port that is merely being closed is free."""
     with socket.socket(family, kind) as probe:
         if kind == socket.SOCK_STREAM:
             probe.setsockopt(socket.SOL_SOCKET, socket.SO_REUSEADDR, 1)

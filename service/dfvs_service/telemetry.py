@@ -21,7 +21,7 @@ _CACHED = ("state", "config", "goal", "route")
 _ON_DEMAND = ("preview", "flow")
 _KEPT = ("state", "servo", "timing", "thumbnail")
 _KEPT_ONCE = ("goal", "route", "build")
-"""Are told once, so they are sent until the black box takes them."""
+"""Published once, so they are sent until the black box takes them."""
 _NOT_PUBLISHED = ("thumbnail", "build")
 
 
@@ -48,7 +48,7 @@ class Telemetry:
     report : callable
         Takes one line about a failure of the thread, from any thread.
     keep : callable, optional
-        Takes stream and payload for the black box and tells whether it got them; must not block.
+        Takes stream and payload for the black box and returns whether it got them; must not block.
     """
 
     def __init__(

@@ -102,7 +102,7 @@ def open_persistently(
 ) -> zenoh.Session | None:
     """Open a session, however long its router stays away; None if stopped before.
 
-    ``log`` receives the line that tells of the first failure.
+    ``log`` receives the line about the first failure.
 
     Raises
     ------

@@ -20,7 +20,7 @@ from dfvs_service.route.recording import Event, RouteRecorder, route_recording_s
 from dfvs_service.settings.config import load_config
 from dfvs_service.settings.goal_file import load_goal, route_images
 from dfvs_sim.camera.sensor import SensorNoise
-from dfvs_sim.demo.fly import DOORWAY_ROUTE
+from dfvs_sim.demo.runs import DOORWAY_ROUTE
 from dfvs_sim.options import parse_camera_pose
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.render.truth import visibility

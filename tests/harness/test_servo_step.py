@@ -13,7 +13,7 @@ from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import Attitude, EarlierMatch, ServoInputs, ServoState, Status
 from dfvs_core.servo.step import servo_step
-from dfvs_core.servo.structure import observe_depth
+from dfvs_core.servo.structure.relative_depth import observe_depth
 from dfvs_core.servo.task import ServoTask
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, np.radians(75))

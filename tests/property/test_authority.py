@@ -8,8 +8,8 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from signed_commands import signed
 
-from dfvs_core.gate.authority import ROTATION_NS, Authority
-from dfvs_core.gate.command import decode_command, request_id
+from dfvs_core.gate.commands.authority import ROTATION_NS, Authority
+from dfvs_core.gate.commands.command import decode_command, request_id
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
 

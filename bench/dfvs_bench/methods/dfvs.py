@@ -148,7 +148,7 @@ class PipelineMethod:
         given_up = result.status is Status.STUCK or self._refused >= _REFUSALS
         return Decision(
             T_current_next=se3_exp(self._flown(observation, result.velocity) * FRAME_PERIOD_S),
-            error=result.feature_error_px,
+            error=result.median_error_px,
             done=result.reached,
             lost=result.status.value if given_up else "",
         )

@@ -15,8 +15,7 @@ import numpy as np
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import so3_exp
-from dfvs_core.matching.confidence import CONFIDENT
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import CONFIDENT, FlowField
 from dfvs_core.matching.warping import pixel_grid, sample
 
 RING_RAD = math.radians(25.0)

@@ -17,7 +17,7 @@ from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalObservation,
 from dfvs_bench.methods.panorama import Panorama, ScanMatch, outer_ring, ring
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose, se3_exp, se3_log
-from dfvs_core.matching.confidence import confident_ratio
+from dfvs_core.matching.correspondence import confident_ratio
 from dfvs_core.matching.matcher import Matcher
 
 ITERATIONS = 300

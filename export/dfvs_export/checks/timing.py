@@ -67,7 +67,7 @@ class BenchResult:
 
 
 def bench(
-    folders: Sequence[Path], plan: BenchPlan, say: Callable[[str], None]
+    folders: Sequence[Path], plan: BenchPlan, log: Callable[[str], None]
 ) -> list[BenchResult]:
     """Measure bundles; round by round every bundle has its turn, so that all meet the same load.
 
@@ -86,7 +86,7 @@ def bench(
             process.start()
             workers.append((here, process))
             there.close()
-        times, memory = _rounds([pipe for pipe, _ in workers], plan.runs, say)
+        times, memory = _rounds([pipe for pipe, _ in workers], plan.runs, log)
     finally:
         for pipe, worker in workers:
             pipe.close()
@@ -119,7 +119,7 @@ def _precision(folder: Path, size: tuple[int, int]) -> str:
 
 
 def _rounds(
-    pipes: Sequence[Connection], runs: int, say: Callable[[str], None]
+    pipes: Sequence[Connection], runs: int, log: Callable[[str], None]
 ) -> tuple[list[list[float]], list[float]]:
     """Seconds of every worker's runs, and the most memory that each held, MB."""
     for pipe in pipes:
@@ -130,7 +130,7 @@ def _rounds(
             pipe.send("run")
             samples.append(_expect(pipe))
         if (k + 1) % _PER_REPORT == 0 or k + 1 == runs:
-            say(f"round {k + 1} of {runs}")
+            log(f"round {k + 1} of {runs}")
     memory = []
     for pipe in pipes:
         pipe.send("end")

@@ -5,9 +5,9 @@ from __future__ import annotations
 import argparse
 import json
 
+from dfvs_common.progress import log
 from dfvs_core.errors import ModelError
 from dfvs_export.checks.timing import BenchPlan, bench
-from dfvs_export.commands.progress import say
 from dfvs_models.catalog import bundle_folder
 
 
@@ -20,7 +20,7 @@ def run_bench(arguments: argparse.Namespace, size: tuple[int, int]) -> int:
         If a bundle cannot be used, or the results cannot be written.
     """
     plan = BenchPlan(size, arguments.threads, arguments.runs)
-    results = bench([bundle_folder(name) for name in arguments.bundles], plan, say)
+    results = bench([bundle_folder(name) for name in arguments.bundles], plan, log)
     for r in results:
         print(
             f"{r.bundle:24} {r.precision}  median {r.median_ms:8.1f} ms  p99 {r.p99_ms:8.1f} ms"

@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 import json
 
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.matching.matcher import Matcher
 from dfvs_export.bundles.depth import MODELS
@@ -16,7 +17,6 @@ from dfvs_export.checks.operators import operators
 from dfvs_export.commands.comparison import compare_with_torch
 from dfvs_export.commands.depth import named_depth_model
 from dfvs_export.commands.flow import named_matching_network
-from dfvs_export.commands.progress import say
 from dfvs_models.bundle import Bundle, read_bundle
 from dfvs_models.catalog import bundle_folder, network_matcher
 from dfvs_models.depth import DepthNetwork
@@ -95,7 +95,7 @@ def _check_parity(arguments: argparse.Namespace, bundle: Bundle, report: dict[st
     if isinstance(network, str):
         report["torch"] = f"not compared: {network}"
         return True
-    say(f"comparing with torch on {arguments.count} drawn pairs")
+    log(f"comparing with torch on {arguments.count} drawn pairs")
     found = compare_with_torch(network, bundle, arguments.count)
     if bundle.manifest.kind in _NOT_FLOW:
         report["greatest_difference"] = found.greatest
@@ -108,13 +108,13 @@ def _check_accuracy(
     arguments: argparse.Namespace, matcher: Matcher, report: dict[str, object]
 ) -> bool:
     """Measure accuracy and, where a reference is given, how much of it was lost."""
-    say(f"measuring accuracy on {arguments.pairs}")
+    log(f"measuring accuracy on {arguments.pairs}")
     pairs = read_flow_pairs(arguments.pairs)
     scores = accuracy(matcher, pairs)
     report["accuracy"] = accuracy_figures(scores)
     if not arguments.reference:
         return True
-    say(f"measuring accuracy of {arguments.reference}")
+    log(f"measuring accuracy of {arguments.reference}")
     reference = network_matcher(read_bundle(bundle_folder(arguments.reference)), Execution())
     ratios = error_ratios(scores, accuracy(reference, pairs))
     report["error_over_reference"] = ratios

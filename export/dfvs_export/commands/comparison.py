@@ -6,11 +6,11 @@ import argparse
 
 import numpy as np
 
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_export.bundles.network import TorchNetwork
 from dfvs_export.bundles.runner import BundleRunner, ImagePair
 from dfvs_export.checks.parity import Parity, drawn_pairs, parity
-from dfvs_export.commands.progress import say
 from dfvs_export.precision.calibration import read_frames
 from dfvs_models.bundle import Bundle
 
@@ -40,7 +40,7 @@ def compare_with_torch(network: TorchNetwork, bundle: Bundle, count: int) -> Par
 def agrees_with_torch(network: TorchNetwork, bundle: Bundle, unit: str = "") -> bool:
     """Compare a new bundle in fp32 with torch, and tell how far it is off in ``unit``."""
     found = compare_with_torch(network, bundle, _PARITY_PAIRS)
-    say(f"greatest difference from torch: {found.greatest:.1e}{unit}")
+    log(f"greatest difference from torch: {found.greatest:.1e}{unit}")
     if not found.holds:
         print(f"not written: ONNX Runtime differs from torch by {found.greatest:.1e}{unit}")
     return found.holds

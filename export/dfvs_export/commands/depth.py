@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from collections.abc import Mapping
 
+from dfvs_common.progress import log
 from dfvs_export.bundles.depth import OWN, DepthModel, Spreads
 from dfvs_export.bundles.folder import check_free, described, write_bundle
 from dfvs_export.commands.comparison import (
@@ -13,7 +14,6 @@ from dfvs_export.commands.comparison import (
     check_calibration,
     compare_with_torch,
 )
-from dfvs_export.commands.progress import say
 from dfvs_export.precision.conversion import in_precision
 from dfvs_export.weights.published_depth import DepthWeights
 from dfvs_models.depth import DepthNetwork
@@ -33,15 +33,15 @@ def run_depth(arguments: argparse.Namespace, size: tuple[int, int] | None) -> in
     check_calibration(arguments)
     spreads = Spreads(arguments.spread, arguments.scale_spread)
     model = named_depth_model(arguments)
-    say(f"tracing {arguments.model}")
+    log(f"tracing {arguments.model}")
     bundle = model.bundle(size, spreads)
     if not agrees_with_torch(model, bundle, " of the range"):
         return 1
     if arguments.precision == "int8":
-        say("converting to int8")
+        log("converting to int8")
         bundle = in_precision(bundle, "int8", calibration_frames(arguments, bundle))
         found = compare_with_torch(model, bundle, 2)
-        say(f"greatest difference from torch: {found.greatest:.1e}")
+        log(f"greatest difference from torch: {found.greatest:.1e}")
     network = DepthNetwork(bundle, Execution())  # as the service loads it: shapes, numbers
     measured = {path.name: measure_depth(network, path) for path in arguments.pairs}
     card = model.card(bundle.manifest, measured)

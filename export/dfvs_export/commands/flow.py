@@ -5,6 +5,7 @@ from __future__ import annotations
 import argparse
 from pathlib import Path
 
+from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_export.bundles.folder import check_free, described, write_bundle
 from dfvs_export.bundles.network import MatchingNetwork
@@ -12,7 +13,6 @@ from dfvs_export.bundles.own_flow import NAME, OwnFlow
 from dfvs_export.bundles.published_flow import PREFIX, PublishedFlow
 from dfvs_export.checks.accuracy import accuracy, accuracy_figures
 from dfvs_export.commands.comparison import calibration_frames, check_calibration
-from dfvs_export.commands.progress import say
 from dfvs_export.precision.conversion import in_precision
 from dfvs_export.weights.published import ForeignWeights
 from dfvs_models.catalog import network_matcher
@@ -35,15 +35,15 @@ def run_flow(arguments: argparse.Namespace, size: tuple[int, int] | None) -> int
     check_calibration(arguments)
     size = size or (_OWN_SIZE if arguments.model == NAME else _PAIR_SIZE)
     network = named_matching_network(arguments)
-    say(f"tracing {arguments.model} at {size[0]}x{size[1]}")
+    log(f"tracing {arguments.model} at {size[0]}x{size[1]}")
     bundle = network.bundle(size)
     if arguments.precision != "fp32":
-        say(f"converting to {arguments.precision}")
+        log(f"converting to {arguments.precision}")
         frames = calibration_frames(arguments, bundle) if arguments.precision == "int8" else []
         bundle = in_precision(bundle, arguments.precision, frames)
     scores = {}
     if pairs is not None:
-        say(f"measuring accuracy on {arguments.pairs}")
+        log(f"measuring accuracy on {arguments.pairs}")
         scores = accuracy(network_matcher(bundle, Execution()), pairs)
     card = network.card(bundle.manifest, scores, Path(arguments.pairs or "").name)
     write_bundle(arguments.out, described(bundle, card, accuracy_figures(scores)))

@@ -4,10 +4,10 @@ from __future__ import annotations
 
 import argparse
 
+from dfvs_common.progress import log
 from dfvs_export.bundles.folder import check_free, described, write_bundle
 from dfvs_export.bundles.pose import PoseModel
 from dfvs_export.commands.comparison import agrees_with_torch
-from dfvs_export.commands.progress import say
 from dfvs_models.onnx_session import Execution
 from dfvs_models.pose import PoseNetwork
 
@@ -22,7 +22,7 @@ def run_pose(arguments: argparse.Namespace) -> int:
     """
     check_free(arguments.out)
     model = PoseModel.load(arguments.checkpoint)
-    say(f"tracing {model.name}")
+    log(f"tracing {model.name}")
     bundle = model.bundle()
     if not agrees_with_torch(model, bundle):
         return 1

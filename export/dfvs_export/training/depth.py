@@ -41,7 +41,7 @@ class DepthTrainSettings:
         check_training(self, self.out, ("minutes", "learning_rate", "threads"))
 
 
-def train_depth(settings: DepthTrainSettings, say: Callable[[str], None]) -> None:
+def train_depth(settings: DepthTrainSettings, log: Callable[[str], None]) -> None:
     """Train, write a checkpoint every few hundred views, and at the end.
 
     The encoder's batch normalisation keeps its statistics.
@@ -77,7 +77,7 @@ def train_depth(settings: DepthTrainSettings, say: Callable[[str], None]) -> Non
         done = (time.monotonic() - began) / (60.0 * settings.minutes)
         losses.append(loss.item())
         if steps % _STEPS_PER_REPORT == 0 or done >= 1.0:
-            say(f"{_VIEWS_PER_STEP * steps} views: loss {np.mean(losses):.3f}")
+            log(f"{_VIEWS_PER_STEP * steps} views: loss {np.mean(losses):.3f}")
             losses.clear()
             line = (
                 f"{_VIEWS_PER_STEP * steps} views of rooms, the first {settings.frozen_blocks}"

@@ -63,7 +63,7 @@ class TrainSettings:
         check_training(self, self.out, ("minutes", "learning_rate", "keypoints", "threads"))
 
 
-def train(settings: TrainSettings, say: Callable[[str], None]) -> None:
+def train(settings: TrainSettings, log: Callable[[str], None]) -> None:
     """Train, write a checkpoint every few hundred pairs, and at the end.
 
     Raises
@@ -81,7 +81,7 @@ def train(settings: TrainSettings, say: Callable[[str], None]) -> None:
         run.descent.step(done)
         done = (time.monotonic() - began) / (60.0 * settings.minutes)
         if run.pairs % _PAIRS_PER_REPORT == 0:
-            say(run.report())
+            log(run.report())
             run.save()
     run.save()
 

@@ -66,7 +66,7 @@ class _Batch(NamedTuple):
     flow: Tensor
 
 
-def train_pose(settings: PoseTrainSettings, say: Callable[[str], None]) -> None:
+def train_pose(settings: PoseTrainSettings, log: Callable[[str], None]) -> None:
     """Train, write a checkpoint every 200 steps, and at the end.
 
     The encoder of ImageNet keeps its first blocks and the statistics of its normalisation.
@@ -93,7 +93,7 @@ def train_pose(settings: PoseTrainSettings, say: Callable[[str], None]) -> None:
         done = (time.monotonic() - began) / (60.0 * settings.minutes)
         if steps % _STEPS_PER_REPORT == 0 or done >= 1.0:
             t, r, flow = np.mean(errors, axis=0)
-            say(
+            log(
                 f"{_PAIRS_PER_STEP * steps} pairs: off by {t:.3f} {network.unit},"
                 f" {np.degrees(r):.2f} deg, flow {flow:.3f} widths"
             )

@@ -15,7 +15,7 @@ from typing import Any
 import numpy as np
 import zenoh
 
-from dfvs_core.gate.command import request_id
+from dfvs_core.gate.commands.command import request_id
 from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import ENGAGED, GateState
 from dfvs_robustness.harness.harness import Harness

@@ -20,7 +20,7 @@ import zenoh
 
 from dfvs_common.child import start_child
 from dfvs_core.errors import DfvsError
-from dfvs_core.gate.command import Command, encode_command
+from dfvs_core.gate.commands.command import Command, encode_command
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.topics import Topics
 

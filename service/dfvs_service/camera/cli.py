@@ -15,13 +15,13 @@ def _publish(words: Sequence[str]) -> int:
 
 
 def _board(words: Sequence[str]) -> int:
-    from dfvs_service.camera.calibrate import run_board
+    from dfvs_service.camera.calibration.command import run_board
 
     return run_board(words)
 
 
 def _calibrate(words: Sequence[str]) -> int:
-    from dfvs_service.camera.calibrate import run
+    from dfvs_service.camera.calibration.command import run
 
     return run(words)
 

@@ -9,8 +9,8 @@ from collections.abc import Callable
 from typing import Protocol
 
 from dfvs_core.errors import DfvsError
-from dfvs_service.camera.source import Source
-from dfvs_service.camera.spec import SourceLostError
+from dfvs_service.camera.sources.source import Source
+from dfvs_service.camera.sources.spec import SourceLostError
 from dfvs_service.frames import CapturedImage
 from dfvs_service.mailbox import Mailbox
 

@@ -23,8 +23,8 @@ from dfvs_service.camera.options import (
     feed_of,
     log,
 )
-from dfvs_service.camera.source import check_size
-from dfvs_service.camera.spec import CameraError
+from dfvs_service.camera.sources.source import check_size
+from dfvs_service.camera.sources.spec import CameraError
 from dfvs_service.frames import CapturedImage
 from dfvs_service.route.frame_queue import FrameQueue, known_camera, open_beside
 from dfvs_service.route.goal_sidecar import sidecar_of

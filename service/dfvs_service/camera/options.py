@@ -15,9 +15,9 @@ from dfvs_common import progress
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
-from dfvs_service.camera.open_source import open_source
-from dfvs_service.camera.source import Source, SourceOptions
-from dfvs_service.camera.spec import SourceSpec, parse_source
+from dfvs_service.camera.sources.open_source import open_source
+from dfvs_service.camera.sources.source import Source, SourceOptions
+from dfvs_service.camera.sources.spec import SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import read_calibration
 from dfvs_service.settings.config import ZenohSection
 from dfvs_service.settings.options import add_settings_options
@@ -28,7 +28,7 @@ Log = Callable[[str], None]
 
 
 def log(text: str) -> None:
-    """Tell the user something on standard error."""
+    """Write a line to the user on standard error."""
     progress.log(f"camera: {text}")
 
 

@@ -17,7 +17,7 @@ from dfvs_core.messages.schema import to_json
 from dfvs_core.messages.topics import Topics
 from dfvs_service.camera.feed import Feed, Log
 from dfvs_service.camera.reception import ReceptionReport
-from dfvs_service.camera.source import check_size
+from dfvs_service.camera.sources.source import check_size
 from dfvs_service.frames import CapturedImage
 
 _RECEIVE_S = 0.25
@@ -97,7 +97,7 @@ class FramePublisher:
 
 @dataclass(slots=True)
 class RateReport:
-    """Says how many frames go out, and when they cease to."""
+    """Logs how many frames go out, and when they cease to."""
 
     log: Log
     next_s: float
@@ -114,7 +114,7 @@ class RateReport:
         self.is_silent = False
 
     def update(self, now_s: float) -> None:
-        """Say what there is to be said by now."""
+        """Log what is due."""
         if now_s - self.last_frame_s > _SILENCE_S and not self.is_silent:
             self.is_silent = True
             self.log(f"no image for {now_s - self.last_frame_s:.1f} s")

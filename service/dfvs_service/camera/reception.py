@@ -5,7 +5,7 @@ from __future__ import annotations
 from dataclasses import dataclass
 
 from dfvs_service.camera.feed import Log
-from dfvs_service.camera.spec import CameraError
+from dfvs_service.camera.sources.spec import CameraError
 
 _PATIENCE_S = 2.0
 _REMEDY = (
@@ -16,7 +16,7 @@ _REMEDY = (
 
 @dataclass(slots=True)
 class ReceptionReport:
-    """Says when nobody receives the frames, and when somebody does again.
+    """Logs when nobody receives the frames, and when somebody does again.
 
     Parameters
     ----------

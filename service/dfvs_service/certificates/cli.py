@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import sys
 from collections.abc import Sequence
 from pathlib import Path
@@ -11,6 +10,7 @@ from pathlib import Path
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_core.errors import ConfigError
+from dfvs_service.extras import require_package
 
 _EPILOG = """\
 example:
@@ -29,12 +29,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 
 
 def _make(arguments: argparse.Namespace) -> int:
-    if importlib.util.find_spec("cryptography") is None:
-        raise ConfigError(
-            "dfvs-certs needs the Python package 'cryptography'",
-            "the extra 'deploy'",
-            "pip install 'dfvs[deploy]'",
-        )
+    require_package("dfvs-certs needs", "cryptography", "deploy")
     from dfvs_service.certificates.roles import make_everything
 
     try:

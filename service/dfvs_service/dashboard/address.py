@@ -30,7 +30,7 @@ class PublicAddress:
 
     @property
     def origins(self) -> frozenset[str]:
-        """What a browser says in ``Origin`` when our own page asks."""
+        """Value of a browser's ``Origin`` header for our own page."""
         return frozenset(f"{self.scheme}://{host}" for host in self.hosts)
 
     def security_policy(self) -> str:

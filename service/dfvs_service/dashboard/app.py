@@ -16,13 +16,13 @@ from starlette.websockets import WebSocket
 
 from dfvs_service.dashboard.async_bridge import AsyncBridge
 from dfvs_service.dashboard.client_session import AppContext, ClientSession
-from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.command_queue import CommandQueue
 from dfvs_service.dashboard.hub import MAX_VEHICLES, Clock, Hub
 from dfvs_service.dashboard.origin_check import OriginCheckMiddleware
-from dfvs_service.dashboard.receiver import Receiver
-from dfvs_service.dashboard.sample import Arrival
 from dfvs_service.dashboard.settings import DashboardSettings
+from dfvs_service.dashboard.vehicles.clock import Moment
+from dfvs_service.dashboard.vehicles.receiver import Receiver
+from dfvs_service.dashboard.vehicles.sample import Arrival
 from dfvs_service.settings.config import ZenohSection
 
 PAGE = Path(__file__).parent / "page"
@@ -56,7 +56,7 @@ class Dashboard:
         self._bridge: AsyncBridge | None = None
 
     async def run(self) -> None:
-        """Receive and tell until cancelled."""
+        """Receive and distribute until cancelled."""
         self._bridge = AsyncBridge(asyncio.get_running_loop(), self.hub.on_samples)
         self._receivers = [self._receiver(link, self._bridge) for link in self._links]
         for receiver in self._receivers:

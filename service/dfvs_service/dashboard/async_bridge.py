@@ -13,8 +13,8 @@ from collections import deque
 from collections.abc import Callable
 
 from dfvs_core.errors import DfvsError
-from dfvs_service.dashboard.receiver import SHOWN
-from dfvs_service.dashboard.sample import Arrival, Sample, unpack
+from dfvs_service.dashboard.vehicles.receiver import SHOWN
+from dfvs_service.dashboard.vehicles.sample import Arrival, Sample, unpack
 
 _MAX_DOCUMENTS = 1024
 _PATIENCE_S = 1.0

@@ -12,13 +12,13 @@ from typing import Any
 from starlette.websockets import WebSocket, WebSocketDisconnect
 
 from dfvs_core.messages.link import MOUNTING_SCORE
-from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.command_queue import CommandQueue
 from dfvs_service.dashboard.hub import Clock, Hub
 from dfvs_service.dashboard.messages import commanded_goal, read_message
 from dfvs_service.dashboard.outbox import Outbox
 from dfvs_service.dashboard.tokens import Role, Tokens
-from dfvs_service.dashboard.vehicle_model import PATH_COLUMNS, SERVO_COLUMNS
+from dfvs_service.dashboard.vehicles.clock import Moment
+from dfvs_service.dashboard.vehicles.vehicle_model import PATH_COLUMNS, SERVO_COLUMNS
 
 MAX_BROWSERS = 32
 MAX_UNKNOWN = 8

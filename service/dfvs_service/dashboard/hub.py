@@ -12,10 +12,10 @@ from collections.abc import Callable, Iterable
 from typing import Any
 
 from dfvs_core.errors import DfvsError
-from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.outbox import ImageKind, Outbox, encode_image_message
-from dfvs_service.dashboard.sample import BrowserImage, Sample
-from dfvs_service.dashboard.vehicle_model import Update, VehicleModel
+from dfvs_service.dashboard.vehicles.clock import Moment
+from dfvs_service.dashboard.vehicles.sample import BrowserImage, Sample
+from dfvs_service.dashboard.vehicles.vehicle_model import Update, VehicleModel
 
 MAX_VEHICLES = 64
 
@@ -35,7 +35,7 @@ class Hub:
     clock : callable
         The present moment.
     on_watch : callable
-        Told which vehicles are watched by anybody, whenever that changes.
+        Called with the vehicles that are watched by anybody, whenever they change.
     """
 
     def __init__(self, clock: Clock, on_watch: Watch) -> None:
@@ -58,7 +58,7 @@ class Hub:
         return self._models.get(vehicle)
 
     def join(self, outbox: Outbox) -> None:
-        """Serve one more browser; it is told of all vehicles, and watches none yet."""
+        """Serve one more browser; it receives all vehicles' names, and watches none yet."""
         self._watchers[outbox] = None
         outbox.offer({"vehicles": self._vehicles_json()})
 
@@ -90,7 +90,7 @@ class Hub:
                 log.debug("%s of %r not read: %s", sample.stream, sample.vehicle, error)
 
     def tick(self, extra: Update) -> None:
-        """Tell everybody of vehicles and links; to be called once or twice a second."""
+        """Send vehicles and links to everybody; to be called once or twice a second."""
         now = self._clock()
         vehicles, common = self._vehicles_json(), _encode(extra)
         for outbox, vehicle in self._watchers.items():

@@ -17,7 +17,7 @@ def read_message(text: str | None, data: bytes | None) -> dict[str, Any]:
     """Read a message; what cannot be read is taken for an empty one.
 
     ``data`` is the length of a header (uint32, little-endian), the header as JSON, and an image,
-    which is put into the message beside what the header says.
+    which is put into the message beside the header's values.
     """
     image = None
     if data is not None:

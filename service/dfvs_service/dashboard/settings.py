@@ -62,7 +62,7 @@ def dashboard_settings(arguments: Namespace) -> DashboardSettings:
 
 
 def is_loopback(host: str) -> bool:
-    """Tell whether a listening address means this machine alone."""
+    """Whether a listening address means this machine alone."""
     try:
         return host == "localhost" or ipaddress.ip_address(host).is_loopback
     except ValueError:
@@ -78,7 +78,7 @@ def _tokens(arguments: Namespace) -> Tokens:
 
 
 def _check_certificate(cert: Path | None, key: Path | None) -> bool:
-    """Tell whether TLS is to be used, after certificate and key were found to be a pair."""
+    """Whether TLS is to be used, after certificate and key were found to be a pair."""
     if cert is None and key is None:
         return False
     if cert is None or key is None:
@@ -115,7 +115,7 @@ def _is_any(host: str) -> bool:
 
 
 def _check_port(host: str, port: int) -> None:
-    """Try to listen, so that what is wrong is said in one line."""
+    """Try to listen, so that what is wrong is reported in one line."""
     try:
         family = socket.getaddrinfo(host, port, type=socket.SOCK_STREAM)[0][0]
         with socket.socket(family) as probe:

@@ -60,7 +60,25 @@ class AppendFile:
             os.close(self._descriptor)
 
 
-class LogCopy:
+class _Log:
+    """Log whose file is opened with its first record."""
+
+    def __init__(self) -> None:
+        self._file: AppendFile | None = None
+
+    def sync(self) -> None:
+        """Have the disk keep what was written."""
+        if self._file is not None:
+            self._file.sync()
+
+    def close(self) -> None:
+        """Close; never raises."""
+        if self._file is not None:
+            self._file.close()
+            self._file = None
+
+
+class LogCopy(_Log):
     """Copy of a log that another process writes: whole lines, up to a greatest size.
 
     Parameters
@@ -74,10 +92,10 @@ class LogCopy:
     """
 
     def __init__(self, source: Path, target: Path, max_bytes: int) -> None:
+        super().__init__()
         self._source = source
         self._target = target
         self._max_bytes = max_bytes
-        self._file: AppendFile | None = None
         self.copied_bytes = 0
         self.is_full = False
 
@@ -98,17 +116,6 @@ class LogCopy:
             self._file.append(lines)
             self.copied_bytes += len(lines)
 
-    def sync(self) -> None:
-        """Have the disk keep what was copied."""
-        if self._file is not None:
-            self._file.sync()
-
-    def close(self) -> None:
-        """Close the copy; never raises."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
-
     def _new_lines(self) -> Iterator[bytes]:
         """Whole lines that are not copied yet, in chunks."""
         while not self.is_full:
@@ -124,7 +131,7 @@ class LogCopy:
             yield data[:end]
 
 
-class SegmentedLog:
+class SegmentedLog(_Log):
     """Append-only log in files ``STEM-000.jsonl``, ...; the oldest goes beyond a total size.
 
     Parameters
@@ -137,11 +144,11 @@ class SegmentedLog:
     """
 
     def __init__(self, folder: Path, stem: str, max_bytes: int) -> None:
+        super().__init__()
         self._folder = folder
         self._stem = stem
         self._segment_bytes = max_bytes // _SEGMENTS
         self._paths: deque[Path] = deque()
-        self._file: AppendFile | None = None
         self._begun = 0
 
     def append(self, line: bytes) -> None:
@@ -153,17 +160,6 @@ class SegmentedLog:
             self._begin()
         if self._file is not None:
             self._file.append(record)
-
-    def sync(self) -> None:
-        """Have the disk keep what was added."""
-        if self._file is not None:
-            self._file.sync()
-
-    def close(self) -> None:
-        """Close; never raises."""
-        if self._file is not None:
-            self._file.close()
-            self._file = None
 
     def _begin(self) -> None:
         path = self._folder / f"{self._stem}-{self._begun:03d}.jsonl"

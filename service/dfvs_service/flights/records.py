@@ -34,7 +34,7 @@ class FlightSummary:
     """What happened in a flight.
 
     ``duration_s`` is the time from the start to the last record; ``exit_code`` is the service's,
-    None where it was not recorded; ``told`` are the errors and warnings that the user was shown.
+    None where it was not recorded; ``told`` are the errors and warnings shown to the user.
     """
 
     name: str

@@ -98,7 +98,7 @@ class Autopilot:
         ConfigError
             If another program has the port.
         VehicleError
-            If the connection cannot be opened or no autopilot is heard in time.
+            If the connection cannot be opened or no autopilot is received in time.
         """
         require_free_mavlink_port(url)
         kind = ComponentType.COMPANION_COMPUTER
@@ -188,7 +188,7 @@ class Autopilot:
     def _on_ack(self, _t_ns: int, fields: Mapping[str, Any]) -> None:
         # Only for the log: PX4 acknowledges a mode change twice, and the first one always says
         # yes. What happened is seen in the mode. An interval is refused by an autopilot that does
-        # not know the message, such as CURRENT_MODE before PX4 1.15: that is said once.
+        # not know the message, such as CURRENT_MODE before PX4 1.15: that is logged once.
         result = fields.get("result")
         if px4.answers_interval(fields):
             if result in self._expected:
@@ -197,7 +197,7 @@ class Autopilot:
         self._note("ack", f"command {fields.get('command')} result {result}")
 
     def watch(self) -> None:
-        """Keep telemetry coming, parameters read and other systems heard; never returns.
+        """Keep telemetry coming, parameters read and other systems monitored; never returns.
 
         All of it again and again: a request may be lost, an autopilot starts anew with other
         parameters, and a system that sends setpoints need not have been there before.
@@ -226,7 +226,7 @@ class Autopilot:
             self._send("COMMAND_LONG", fields)
 
     def _read_failsafe(self) -> bool:
-        """Read the failsafe parameters back; tell whether the autopilot told them."""
+        """Read the failsafe parameters back; returns whether the autopilot sent them."""
         if self._param is None:
             return False
         loss_s = _read(LOSS_TIME, self._param.get_param_float)
@@ -259,7 +259,7 @@ class Autopilot:
 
 
 def _read(name: str, get: Callable[[str], float]) -> float | None:
-    """Value of a parameter, None where the autopilot does not tell it."""
+    """Value of a parameter, None where the autopilot does not send it."""
     try:
         return get(name)
     except MavsdkError:

@@ -23,7 +23,7 @@ _ACTIONS = {
     6: "terminate",
     7: "disarm",
 }
-"""COM_OBL_RC_ACT. PX4 flies the modes that need sticks as return-to-launch where none are heard."""
+"""COM_OBL_RC_ACT. Without sticks, PX4 flies the modes that need them as return-to-launch."""
 
 _RETURNS = (0, 1, 2, 3)
 _STOPS = (4, 5)

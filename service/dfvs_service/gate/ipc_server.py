@@ -8,7 +8,7 @@ from collections.abc import Callable, Iterator
 from pathlib import Path
 
 from dfvs_core.errors import WireError
-from dfvs_core.gate.authority import Authority
+from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.gate.events import BadReport, Event, OperatorCommand, OtherServices, Report
 from dfvs_core.messages.link import (
     CommandAnswer,
@@ -92,17 +92,17 @@ class IpcServer:
         return Report(now_ns, message)
 
     def _judge(self, command: ForwardedCommand, now_ns: int) -> OperatorCommand | None:
-        verdict = self._authority.evaluate(command.payload.encode(errors="replace"), now_ns)
-        if verdict.action is not None:
-            self._accepted[verdict.request] = verdict.text
-            self._set_result(verdict.text)
-            return OperatorCommand(now_ns, verdict.action, verdict.argument)
-        if verdict.is_repeated:
-            self._note("command", f"repeated: {verdict.text}")
+        answer = self._authority.evaluate(command.payload.encode(errors="replace"), now_ns)
+        if answer.action is not None:
+            self._accepted[answer.request] = answer.text
+            self._set_result(answer.text)
+            return OperatorCommand(now_ns, answer.action, answer.argument)
+        if answer.is_repeated:
+            self._note("command", f"repeated: {answer.text}")
         else:
-            self._set_result(verdict.text)
-        if verdict.request not in self._accepted:
-            self._answer(verdict.request, verdict.text)
+            self._set_result(answer.text)
+        if answer.request not in self._accepted:
+            self._answer(answer.request, answer.text)
         return None
 
     def answer_accepted(self, refusal: str) -> None:

@@ -32,7 +32,7 @@ class ParentWatchdog:
         return self._descriptor
 
     def poll(self, now_ns: int) -> Stop | None:
-        """Read the signs of life; the order to stop, once, when they are missing."""
+        """Read the signs of life; the command to stop, once, when they are missing."""
         if self.is_cut:
             return None
         try:

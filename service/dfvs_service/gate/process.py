@@ -17,16 +17,16 @@ from typing import Protocol
 
 from dfvs_common.lifecycle import EXIT_FAILED, EXIT_OK
 from dfvs_core.errors import DfvsError
-from dfvs_core.gate.authority import Authority
+from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import (
     Event,
     GateOutput,
     ModeRequest,
+    MonitorFailed,
     ParametersRead,
     Stop,
     VehicleEvent,
-    WatchEnded,
 )
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.machine import GateMachine
@@ -132,9 +132,9 @@ class GateProcess:
         """End because the vehicle cannot be reached, from any thread."""
         self._fatal = error
 
-    def on_watch_ended(self, line: str) -> None:
+    def on_monitor_failed(self, line: str) -> None:
         """Take the end of the watch over parameters and other commanders, from any thread."""
-        self._event_queue.put(WatchEnded(time.monotonic_ns(), line))
+        self._event_queue.put(MonitorFailed(time.monotonic_ns(), line))
 
     def stop(self, signal_number: int, _frame: FrameType | None) -> None:
         """Signal handler: bring the vehicle to Hold, then end."""
@@ -274,7 +274,7 @@ def start_autopilot(
         except DfvsError as error:
             gate.fail(error)
             return
-        run_watched("autopilot-watch", watch, gate.report, gate.on_watch_ended)
+        run_watched("autopilot-watch", watch, gate.report, gate.on_monitor_failed)
 
     thread = threading.Thread(target=work, name="autopilot-watch", daemon=True)
     thread.start()

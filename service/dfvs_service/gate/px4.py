@@ -195,14 +195,14 @@ def interval_fields(message_id: int, interval_us: int, system_id: int) -> dict[s
 
 
 def answers_interval(ack: Mapping[str, Any]) -> bool:
-    """Tell whether COMMAND_ACK answers what is asked for again and again: a message's interval."""
+    """Whether COMMAND_ACK answers what is asked for again and again: a message's interval."""
     return ack.get("command") == _SET_MESSAGE_INTERVAL
 
 
 def plain_text(text: str) -> str:
     """Text of the autopilot on one line, without control characters.
 
-    PX4 ends a STATUSTEXT with a tab where it tells the same as an event too.
+    PX4 ends a STATUSTEXT with a tab where it is sent as an event too.
     """
     printable = (" " if unicodedata.category(letter) == "Cc" else letter for letter in text)
     return " ".join("".join(printable).split())

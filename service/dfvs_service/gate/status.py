@@ -12,13 +12,13 @@ from dfvs_core.messages.link import GateStatus, VehicleState
 _MAX_CAUSE = 300
 _MAX_WARNINGS = 4
 _MOST_CARRIED_S = 0.1
-"""Positions come less often than attitudes; an older one is not carried on further."""
+"""Positions come less often than attitudes; an older one is not extrapolated further."""
 
 
 def vehicle_state(vehicle: VehicleMonitor) -> VehicleState | None:
-    """Attitude with the newest velocity, and the position carried on to its time.
+    """Attitude with the newest velocity, and the position extrapolated to its time.
 
-    None until both were heard, and where a number is not finite: the wire carries none of those.
+    None until both were received, and where a number is not finite: the wire carries none of those.
     """
     attitude, position = vehicle.attitude, vehicle.position
     angles = (attitude.roll_rad, attitude.pitch_rad, attitude.yaw_rad)

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import sys
 import time
 from collections.abc import Sequence
@@ -14,6 +13,7 @@ from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
+from dfvs_service.extras import require_package
 from dfvs_service.record.preparation import require_record_extra
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from
@@ -50,12 +50,7 @@ def _run(arguments: argparse.Namespace) -> int:
 
 def _check(port: int) -> None:
     require_record_extra()
-    if importlib.util.find_spec("foxglove") is None:
-        raise ConfigError(
-            "dfvs-foxglove needs the Python package 'foxglove-sdk'",
-            "the extra 'foxglove'",
-            "pip install 'dfvs[foxglove]'",
-        )
+    require_package("dfvs-foxglove needs", "foxglove", "foxglove", "foxglove-sdk")
     if not 0 <= port <= 65535:
         raise ConfigError(f"--port is {port}", "0 to 65535")
 
@@ -64,7 +59,7 @@ def _serve(config: ServiceConfig, port: int) -> int:
     # Foxglove and Zenoh take their time to load.
     from dfvs_service.live.foxglove_server import LOOPBACK, FoxgloveServer
     from dfvs_service.record.follow import Follower
-    from dfvs_service.record.translation import Translation
+    from dfvs_service.record.messages.translation import Translation
 
     server = FoxgloveServer(f"dfvs {config.vehicle.name}", port)
     log(f"serving ws://{LOOPBACK}:{server.port}")

@@ -8,7 +8,7 @@ import foxglove
 from foxglove.websocket import WebSocketServer
 
 from dfvs_core.errors import ConfigError
-from dfvs_service.record.channels import Channel, Message
+from dfvs_service.record.messages.channels import Channel, Message
 
 LOOPBACK = "127.0.0.1"
 

@@ -3,13 +3,13 @@
 from __future__ import annotations
 
 import argparse
-import importlib.util
 import sys
 from collections.abc import Sequence
 
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_core.errors import ConfigError
+from dfvs_service.extras import require_package
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 DEFAULT_PORT = 9464
@@ -47,12 +47,7 @@ def _parser() -> argparse.ArgumentParser:
 
 
 def _serve(arguments: argparse.Namespace) -> int:
-    if importlib.util.find_spec("prometheus_client") is None:
-        raise ConfigError(
-            "dfvs-metrics needs the Python package 'prometheus-client'",
-            "the extra 'metrics'",
-            "pip install 'dfvs[metrics]'",
-        )
+    require_package("dfvs-metrics needs", "prometheus_client", "metrics", "prometheus-client")
     if not 0 <= arguments.port <= 65535:
         raise ConfigError(f"--port is {arguments.port}", "0 to 65535")
     config = settings_from(arguments)

@@ -10,7 +10,7 @@ import logging
 import threading
 
 from dfvs_core.errors import WireError
-from dfvs_core.gate.admission import CommandAdmission
+from dfvs_core.gate.commands.admission import CommandAdmission
 from dfvs_core.messages.link import ForwardedCommand
 from dfvs_core.messages.rate_limit import Rate, RateLimit
 from dfvs_service.goal_store import GoalStore

@@ -2,7 +2,7 @@
 
 Every service shows a Zenoh liveliness token that vanishes with it, and a second one while its
 gate is engaged. Whoever sees another service's tokens does not engage; whoever is engaged and
-sees another that is, aborts. This process only hears and tells: the gate judges.
+sees another that is, aborts. This process only receives and reports: the gate judges.
 """
 
 from __future__ import annotations
@@ -38,7 +38,7 @@ class NameLease:
     tell : callable
         Takes what is known of others, for the gate.
     watches : bool
-        Only look for others; show them nothing.
+        Only monitor others; show them nothing.
     """
 
     def __init__(
@@ -74,7 +74,7 @@ class NameLease:
             self._in_command = None
 
     def notify(self) -> None:
-        """Tell the gate of others: at once of every change, and again every second."""
+        """Report others to the gate: every change at once, and again every second."""
         holders, now_ns = self.holders(), time.monotonic_ns()
         if holders != self._notified or now_ns - self._notified_ns >= _REPEAT_NS:
             self._notified, self._notified_ns = holders, now_ns

@@ -37,7 +37,7 @@ log = logging.getLogger("dfvs.operator_link")
 
 
 class OperatorLink:
-    """Publishes what the gate says, and passes on to it what operators send.
+    """Publishes the gate's state, and forwards operators' commands to it.
 
     Parameters
     ----------

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import html
+import itertools
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, field
@@ -17,6 +18,7 @@ Interval = tuple[float, float, float]
 """Time in s, lower and upper value."""
 
 T = TypeVar("T")
+Sample = TypeVar("Sample", tuple[float, float], Interval)
 
 _WIDTH, _HEIGHT = 520, 220
 _LEFT, _RIGHT, _TOP, _STATES, _BOTTOM = 56, 10, 10, 20, 22
@@ -99,7 +101,7 @@ def time_chart(plot: Plot, line: TimeLine) -> str:
     parts += [_y_axis(axis, bottom), _x_axis(line), _state_line(line, bottom)]
     parts += [
         f'<polygon class="band" points="{_around(run, line, y)}"/>'
-        for run in _band_runs(plot.band, line)
+        for run in _runs([interval for interval in plot.band if line.shows(interval[0])])
     ]
     for curve, samples in zip(plot.curves, shown, strict=True):
         for run in _runs(samples):
@@ -213,28 +215,10 @@ def _state_line(line: TimeLine, top: float) -> str:
     return "".join(parts)
 
 
-def _runs(samples: Samples) -> list[Samples]:
-    """Samples between those that interrupt."""
-    runs: list[Samples] = [[]]
-    for sample in samples:
-        if math.isfinite(sample[1]):
-            runs[-1].append(sample)
-        elif runs[-1]:
-            runs.append([])
-    return [run for run in runs if run]
-
-
-def _band_runs(band: Sequence[Interval], line: TimeLine) -> list[list[Interval]]:
-    """Intervals in the span of time between those that interrupt."""
-    runs: list[list[Interval]] = [[]]
-    for interval in band:
-        if not line.shows(interval[0]):
-            continue
-        if all(map(math.isfinite, interval)):
-            runs[-1].append(interval)
-        elif runs[-1]:
-            runs.append([])
-    return [run for run in runs if run]
+def _runs(samples: Sequence[Sample]) -> list[list[Sample]]:
+    """Samples, or intervals, between those that interrupt."""
+    groups = itertools.groupby(samples, lambda sample: all(map(math.isfinite, sample)))
+    return [list(run) for is_known, run in groups if is_known]
 
 
 def _around(run: Sequence[Interval], line: TimeLine, y: Callable[[float], float]) -> str:

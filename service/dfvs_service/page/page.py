@@ -5,15 +5,14 @@ from __future__ import annotations
 import base64
 import hashlib
 import importlib.resources
-import importlib.util
 from dataclasses import dataclass
 
 import cv2
 
 from dfvs_common.templates import templates
-from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.image import encode_jpeg
+from dfvs_service.extras import require_package
 from dfvs_service.page.charts import Plot, TimeLine, time_chart
 
 _VIEW_WIDTH = 480
@@ -117,12 +116,7 @@ def require_page_extra(command: str) -> None:
     ConfigError
         If Jinja2 is not installed.
     """
-    if importlib.util.find_spec("jinja2") is None:
-        raise ConfigError(
-            f"{command} needs the Python package 'jinja2'",
-            "the extra 'report'",
-            "pip install 'dfvs[report]'",
-        )
+    require_package(f"{command} needs", "jinja2", "report")
 
 
 def data_url(image: ImageArray) -> str:

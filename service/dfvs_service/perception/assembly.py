@@ -21,12 +21,12 @@ from dfvs_service.settings.config import FlowSection, ServiceConfig
 class Clocks:
     """Where perception reads the time: monotonic ns, of the clock with the identity ``identity``.
 
-    ``look`` is read when a frame is first judged, ``servo`` in the pipeline. In flight both are
+    ``validation`` is read when a frame is validated, ``servo`` in the pipeline. In flight both are
     the same; a replay puts recorded times into either.
     """
 
     identity: bytes
-    look: Callable[[], int]
+    validation: Callable[[], int]
     servo: Callable[[], int]
 
 
@@ -84,4 +84,4 @@ def build_frame_processor(
     """Perception of a goal, with resolved settings; ``depth`` is theirs (:func:`depth_network`)."""
     task = servo_task(config, goal)
     pipeline = Pipeline(task, matcher, goal, clocks.servo, depth)
-    return FrameProcessor(task.camera, pipeline, clocks.identity, clocks.look)
+    return FrameProcessor(task.camera, pipeline, clocks.identity, clocks.validation)

@@ -24,7 +24,7 @@ SERVO_STATES = frozenset({"SERVO"})
 
 @dataclass(frozen=True, slots=True)
 class ProcessedFrame:
-    """What became of one sample: a report always, frame and outcome where it was usable.
+    """What became of one sample: a report always, frame and result where it was usable.
 
     ``t_look_ns`` is the time at which the frame's age was judged.
     """
@@ -109,7 +109,7 @@ class FrameProcessor:
     def evaluate_next_goal(
         self, task: ServoTask, goal: GoalView, t_capture_ns: int | None = None
     ) -> Preview | None:
-        """What a kept frame says about another goal; see :meth:`Pipeline.evaluate_next_goal`."""
+        """Preview of another goal from a keyframe; see :meth:`Pipeline.evaluate_next_goal`."""
         return self._pipeline.evaluate_next_goal(task, goal, t_capture_ns)
 
     def set_goal(

@@ -7,7 +7,7 @@ from dfvs_core.messages.frame import decode_header
 from dfvs_core.messages.rate_limit import Rate, RateLimit
 
 BAD_FRAME_RATE = Rate(per_s=5.0, burst=5)
-"""So many are let in all the same, so that perception says what is wrong with them."""
+"""So many are let in all the same, so that perception reports what is wrong with them."""
 
 
 class FrameRateLimiter:
@@ -31,7 +31,7 @@ class FrameRateLimiter:
         return self._bad.dropped
 
     def admits(self, attachment: bytes, now_ns: int) -> bool:
-        """Tell whether perception shall look at a frame with this attachment."""
+        """Whether perception shall process a frame with this attachment."""
         try:
             header = decode_header(attachment)
         except WireError:

@@ -39,14 +39,14 @@ from dfvs_service.perception.assembly import (
 from dfvs_service.perception.frame_processor import FrameProcessor, ProcessedFrame, unhealthy_report
 from dfvs_service.perception.frame_rate_limiter import FrameRateLimiter
 from dfvs_service.perception.frame_source import make_frame_source
-from dfvs_service.perception.images import TelemetryImages
-from dfvs_service.perception.latency import LatencyWindow
-from dfvs_service.perception.messages import servo_document, timing_document
 from dfvs_service.perception.preallocation import preallocate
 from dfvs_service.perception.record_publisher import RecordPublisher
 from dfvs_service.perception.recorder import FrameRecorder
 from dfvs_service.perception.route_follower import RouteFollower
 from dfvs_service.perception.session_header import make_session_header
+from dfvs_service.perception.telemetry.images import TelemetryImages
+from dfvs_service.perception.telemetry.latency import LatencyWindow
+from dfvs_service.perception.telemetry.messages import servo_document, timing_document
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.goal_file import commanded_goal
 from dfvs_service.settings.runtime import RuntimeFolder
@@ -99,7 +99,7 @@ class PerceptionProcess:
         )
         self._matcher = flow_matcher(config.flow)
         self._depth = depth_network(config)
-        self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="look-ahead")
+        self._workers = ThreadPoolExecutor(max_workers=1, thread_name_prefix="next-goal")
         self._route = RouteFollower(config, goals, self._workers)
         self._goal_digest = self._goal_flaw = ""
         self._frame_processor = self._build_frame_processor(goal)
@@ -153,7 +153,7 @@ class PerceptionProcess:
         return build_frame_processor(self._config, goal, self._matcher, clocks, self._depth)
 
     def _publish_goal(self, telemetry: Telemetry, publisher: RecordPublisher) -> None:
-        """Tell recorders with what the frame records from here on work, and everybody the goal."""
+        """Publish the session header of the frame records from here on, and the goal."""
         header = make_session_header(
             self._config,
             self._goal,
@@ -170,7 +170,7 @@ class PerceptionProcess:
         telemetry.offer_json("build", {"versions": header.build, "model": header.model})
 
     def _change_goal(self, digest: str, telemetry: Telemetry, publisher: RecordPublisher) -> None:
-        """Look for the goal that the gate accepted; one that is unusable is none, and said so."""
+        """Take the goal that the gate accepted; an unusable one is none, and reported."""
         self._goal_digest, self._goal_flaw = digest, ""
         settings = self._config.camera
         camera = settings.model() or self._goal.sidecar.camera
@@ -227,7 +227,7 @@ class PerceptionProcess:
             gc.collect()
 
     def _send(self, report: PerceptionReport) -> None:
-        """Tell the gate, and about which goal it is."""
+        """Report to the gate, with the goal that it is about."""
         report = self._route.amend(report)
         self._gate.send(dataclasses.replace(report, goal=self._goal_digest))
 
@@ -245,7 +245,7 @@ class PerceptionProcess:
             self._publish_goal(telemetry, publisher)
 
     def _read_gate(self) -> list[GateStatus]:
-        """Take in everything the gate said since the last step, and return it."""
+        """Receive all statuses of the gate since the last step, and return them."""
         statuses = []
         while self._statuses:
             statuses.append(self._statuses.popleft())

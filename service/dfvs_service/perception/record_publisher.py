@@ -126,7 +126,7 @@ class RecordPublisher:
                 elif self._wanted:
                     self._records.put(pack(queued.message, queued.payload))
             except zenoh.ZError as error:
-                log.warning("turn not published: %s", error)
+                log.warning("frame record not published: %s", error)
 
     def _has_recorder(self) -> bool:
         # Zenoh's own type hint says bool, which it is not.

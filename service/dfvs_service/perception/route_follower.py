@@ -35,7 +35,7 @@ class RouteFollower:
     goals : sequence of Goal
         In the order in which they are to be reached.
     workers : Executor
-        Takes looks at the next goal: each costs as much as a match, and the frames that are
+        Computes previews of the next goal: each costs as much as a match, and the frames that are
         flown by must not wait for it.
     """
 
@@ -63,11 +63,11 @@ class RouteFollower:
 
     @property
     def is_last(self) -> bool:
-        """Tell whether no goal follows."""
+        """Whether no goal follows."""
         return self.index == len(self._goals) - 1
 
     def amend(self, report: PerceptionReport) -> PerceptionReport:
-        """Report as the gate may hear it: only the last goal is ever reached."""
+        """Report for the gate: only the last goal is ever reached."""
         if self.is_last:
             return report
         if self._is_lost:
@@ -78,7 +78,7 @@ class RouteFollower:
         return dataclasses.replace(report, reached=False)
 
     def follow(self, processor: FrameProcessor, frame_result: FrameResult, t_ns: int) -> None:
-        """Take in what a frame says about the goal at hand."""
+        """Update by a frame's result for the current goal."""
         if self.is_last:
             return
         self._state = on_result(
@@ -87,7 +87,7 @@ class RouteFollower:
         self._is_lost = is_lost(self._state, self._limits, t_ns)
 
     def go_on(self, processor: FrameProcessor, t_ns: int) -> bool:
-        """Look for the next goal if it is time; tell whether it has become the goal at hand."""
+        """Evaluate the next goal if it is time; returns whether it has become the current one."""
         if self.is_last:
             return False
         if self._evaluation is None:
@@ -105,7 +105,7 @@ class RouteFollower:
         return True
 
     def _begin_evaluation(self, processor: FrameProcessor, t_ns: int) -> None:
-        """Have a look taken at the next goal, if it is time for one."""
+        """Request a preview of the next goal, if it is time for one."""
         if not wants_preview(self._state, t_ns):
             return
         if self._ahead is None:

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dfvs_core.gate.preflight import Check
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import Goal
 from dfvs_service.settings.config import ServiceConfig

@@ -7,7 +7,7 @@ import time
 from collections.abc import Callable
 
 from dfvs_core.errors import DfvsError
-from dfvs_core.gate.preflight import Check
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.goal import Goal
 from dfvs_core.messages.topics import Topics
@@ -97,6 +97,6 @@ def _watch(
     observer.end = lambda: parent.stop(signal.SIGTERM, None)
     supervise(parent)
     if not observer.is_done or not observer.checks:
-        said = [line.removeprefix(_ERROR) for line in observer.lines if line.startswith(_ERROR)]
-        raise DfvsError(said[-1] if said else "the check ended before the gate said anything")
+        errors = [line.removeprefix(_ERROR) for line in observer.lines if line.startswith(_ERROR)]
+        raise DfvsError(errors[-1] if errors else "the check ended before the gate said anything")
     return observer.checks

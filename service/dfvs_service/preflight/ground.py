@@ -10,8 +10,8 @@ from pathlib import Path
 import numpy as np
 
 from dfvs_core.errors import DfvsError
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import MS, Engage, GateTiming
-from dfvs_core.gate.preflight import Check
 from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.messages.goal import Goal
 from dfvs_service.perception.assembly import depth_network, flow_matcher, perception_files
@@ -28,7 +28,7 @@ must not be older than the gate accepts."""
 
 
 def error_check(name: str, error: DfvsError) -> Check:
-    """Line for an error that says itself what to do."""
+    """Line for an error whose text has the remedy."""
     return Check(name, False, error.problem, error.remedy or f"expected {error.expected}")
 
 
@@ -95,12 +95,12 @@ def exposure_checks(config: ServiceConfig) -> tuple[Check, Check]:
 
 
 def command_check(config: ServiceConfig) -> Check:
-    """Find the key of signed commands, where orders are to be taken."""
+    """Find the key of signed commands, where commands are accepted."""
     key_file = config.gate.command_key_file
     if not key_file:
         needed = config.gate.engage is Engage.COMMAND
         remedy = "make one: dfvs-service command new-key, and set gate.command_key_file"
-        detail = "engage by command, but no key" if needed else "no key: no orders are accepted"
+        detail = "engage by command, but no key" if needed else "no key: no commands are accepted"
         return Check("commands", not needed, detail, remedy if needed else "")
     try:
         load_key(Path(key_file))

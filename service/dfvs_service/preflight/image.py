@@ -11,7 +11,6 @@ import numpy as np
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.warping import flow_at_size
-from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.image_drawing import (
     INK,
     LINE_PX,
@@ -22,7 +21,7 @@ from dfvs_service.image_drawing import (
     resized,
     write_text,
 )
-from dfvs_service.perception.preview import draw_flow
+from dfvs_service.perception.telemetry.preview import draw_flow
 from dfvs_service.preflight.live_view import View
 
 _WIDTH = 480
@@ -52,9 +51,9 @@ def draw_image(goal: ImageArray, view: View, min_confidence: float) -> ImageArra
     for image, x in zip(shown, (0, _WIDTH + _GAP), strict=True):
         canvas[: image.shape[0], x : x + _WIDTH] = image
     write_text(canvas, f"goal, {_size(goal)}", (8, 18), WHITE, shaded=True)
-    told = "no camera frame" if view.image is None else f"frame, {_size(view.image)}"
-    write_text(canvas, told, (_WIDTH + _GAP + 8, 18), WHITE, shaded=True)
-    _tell(canvas, height + _MARGIN + 4, view)
+    label = "no camera frame" if view.image is None else f"frame, {_size(view.image)}"
+    write_text(canvas, label, (_WIDTH + _GAP + 8, 18), WHITE, shaded=True)
+    _write_panel(canvas, height + _MARGIN + 4, view)
     return canvas
 
 
@@ -64,34 +63,30 @@ def _frame(view: View, min_confidence: float, height: int) -> ImageArray:
     image = _scaled(view.image)
     if view.flow is None:
         return image
-    flow = flow_at_size(_field(view.flow), (image.shape[0], _WIDTH))
+    in_steps = FlowField(view.flow.flow / np.float32(view.flow.stride_px), view.flow.confidence)
+    flow = flow_at_size(in_steps, (image.shape[0], _WIDTH))
     return draw_flow(image, flow, min_confidence, _STRIDE_PX)
 
 
-def _field(grid: FlowGrid) -> FlowField:
-    """Flow in steps of the grid."""
-    return FlowField(grid.flow / np.float32(grid.stride_px), grid.confidence)
-
-
-def _tell(canvas: ImageArray, top: int, view: View) -> None:
+def _write_panel(canvas: ImageArray, top: int, view: View) -> None:
     """Write the panel: error, command and key."""
     servo = view.servo
     forward, right, down, yaw = (_numbers(servo.get("velocity")) + [math.nan] * 4)[:4]
     error = [
         ("error", "to the goal"),
-        ("distance", _told(servo.get("error_m"), ".3f", "m")),
-        ("angle", _told(servo.get("error_rad"), ".1f", "deg", math.degrees(1.0))),
-        ("overlap", _told(servo.get("overlap"), ".0f", "%", 100.0)),
+        ("distance", _number(servo.get("error_m"), ".3f", "m")),
+        ("angle", _number(servo.get("error_rad"), ".1f", "deg", math.degrees(1.0))),
+        ("overlap", _number(servo.get("overlap"), ".0f", "%", 100.0)),
     ]
     command = [
         ("command", "that would follow"),
-        ("forward", _told(forward, "+.3f", "m/s")),
-        ("right", _told(right, "+.3f", "m/s")),
-        ("down", _told(down, "+.3f", "m/s")),
+        ("forward", _number(forward, "+.3f", "m/s")),
+        ("right", _number(right, "+.3f", "m/s")),
+        ("down", _number(down, "+.3f", "m/s")),
     ]
     turn = [
         ("", "(not sent; before the gate's limits)"),
-        ("yaw rate", _told(yaw, "+.1f", "deg/s, right +", math.degrees(1.0))),
+        ("yaw rate", _number(yaw, "+.1f", "deg/s, right +", math.degrees(1.0))),
         ("result", str(servo.get("reason") or servo.get("status", "--")).lower()),
     ]
     for lines, x in zip((error, command, turn), _COLUMNS, strict=False):
@@ -110,15 +105,15 @@ def _write_lines(canvas: ImageArray, lines: Sequence[tuple[str, str]], at: tuple
         y += LINE_PX
 
 
-def _told(value: Any, form: str, unit: str, factor: float = 1.0) -> str:
+def _number(value: Any, form: str, unit: str, factor: float = 1.0) -> str:
     (number,) = _numbers([value])
     return f"{number * factor:{form}} {unit}" if math.isfinite(number) else "--"
 
 
 def _numbers(values: Any) -> list[float]:
     """Values of a JSON list as numbers, NaN for what is none."""
-    told = values if isinstance(values, list) else []
-    return [float(v) if isinstance(v, int | float) else math.nan for v in told]
+    listed = values if isinstance(values, list) else []
+    return [float(v) if isinstance(v, int | float) else math.nan for v in listed]
 
 
 def _size(image: ImageArray) -> str:

@@ -20,7 +20,7 @@ from dfvs_service.settings.config import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
 _RECORDS = 16
-"""Turns that are kept until the flow of one of them arrives: flow comes at 10 Hz, frames faster."""
+"""Frame records kept until the flow of one of them arrives: flow comes at 10 Hz, frames faster."""
 _PAUSE_S = 0.1
 
 

@@ -6,7 +6,7 @@ import enum
 import json
 from dataclasses import dataclass
 
-from dfvs_core.gate.preflight import Check
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.messages.schema import dump
 from dfvs_service.supervisor.console import Colour, painted
 
@@ -44,7 +44,7 @@ class CheckReport:
 
     @property
     def ok(self) -> bool:
-        """Tell whether nothing fails, or waits for what fails; warnings are no failures."""
+        """Whether nothing fails, or waits for what fails; warnings are no failures."""
         statuses = {self.status(check) for check in self.checks if not check.pending}
         return statuses <= {Status.PASS, Status.WARNING}
 

@@ -7,8 +7,8 @@ from collections.abc import Callable
 from dataclasses import dataclass
 
 from dfvs_core.errors import DfvsError
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import S
-from dfvs_core.gate.preflight import Check
 from dfvs_core.messages.frame import decode_header
 from dfvs_core.messages.goal import Goal
 from dfvs_service.frames import RawSample
@@ -69,7 +69,7 @@ def listen(take: Callable[[], RawSample | None], tick: Callable[[], int]) -> Str
             continue
         try:
             header = decode_header(sample.attachment)
-        except DfvsError:  # perception refuses it as well, and says why
+        except DfvsError:  # perception refuses it as well, with the reason
             continue
         if not arrivals:
             end_ns = sample.t_arrival_ns + _LISTEN_NS

@@ -6,8 +6,8 @@ import dataclasses
 import time
 from collections.abc import Callable
 
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import Engage
-from dfvs_core.gate.preflight import Check
 from dfvs_core.gate.states import GateState
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.supervisor.heartbeat import Heartbeat

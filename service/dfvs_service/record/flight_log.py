@@ -30,7 +30,7 @@ _SEVERITY: dict[str, Severity] = {GateState.HOLD: Severity.WARNING, GateState.AB
 
 
 class FlightLog:
-    """Tells changes of state with their cause, answers to commands, and each warning once."""
+    """Logs changes of state with their cause, answers to commands, and each warning once."""
 
     def __init__(self) -> None:
         self._last: GateStatus | None = None

@@ -18,7 +18,7 @@ class FlownPath:
         self.positions_m: list[Position] = []
 
     def add(self, position_m: Position) -> bool:
-        """Take a position; tell whether it is kept."""
+        """Take a position; returns whether it is kept."""
         kept = self.positions_m
         if kept and math.dist(kept[-1], position_m) < self._spacing_m:
             return False

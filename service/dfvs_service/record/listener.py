@@ -20,13 +20,13 @@ _BATCH = 4
 """Few enough that whoever is told to end is asked in time."""
 
 Event = tuple[SessionHeader | FrameRecord | FlowGrid, bytes]
-"""What was told, and the bytes beside it: a goal's image, or a sample's payload."""
+"""What was published, and the bytes beside it: a goal's image, or a sample's payload."""
 
 _Kind = type[SessionHeader] | type[FrameRecord] | type[FlowGrid]
 
 
 class RecordListener:
-    """Takes in what perception tells, and keeps it until it is asked for.
+    """Receives what perception publishes, and keeps it until it is requested.
 
     The callbacks only queue: a Zenoh thread that waits would hold up its whole session.
     """

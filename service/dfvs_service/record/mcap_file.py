@@ -10,7 +10,7 @@ from typing import Any
 
 from mcap.writer import CompressionType, Writer
 
-from dfvs_service.record.channels import Channel, Message
+from dfvs_service.record.messages.channels import Channel, Message
 
 CHUNK_BYTES = 256 * 1024
 _LIBRARY = "dfvs"

@@ -2,11 +2,11 @@
 
 from __future__ import annotations
 
-import importlib.util
 import os
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError
+from dfvs_service.extras import require_package
 
 _MODULES = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 
@@ -20,12 +20,7 @@ def require_record_extra() -> None:
         If one of the libraries is not installed.
     """
     for name in _MODULES:
-        if importlib.util.find_spec(name) is None:
-            raise ConfigError(
-                f"recordings need the Python package {name!r}",
-                "the extra 'record'",
-                "pip install 'dfvs[record]'",
-            )
+        require_package("recordings need", name, "record")
 
 
 def prepare_folder(path: Path) -> Path:

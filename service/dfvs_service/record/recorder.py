@@ -14,9 +14,9 @@ from pathlib import Path
 
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
-from dfvs_service.record.channels import Message
 from dfvs_service.record.mcap_file import McapFile
-from dfvs_service.record.translation import Translation
+from dfvs_service.record.messages.channels import Message
+from dfvs_service.record.messages.translation import Translation
 
 MB = 1_000_000
 _SYNC_NS = 1_000_000_000
@@ -133,7 +133,7 @@ class Recorder:
     # --- files ----------------------------------------------------------------------------
 
     def _write(self, messages: Iterable[Message], *, first: bool = False) -> bool:
-        """Write to the file, and whatever is due then; tell whether that went well."""
+        """Write to the file, and whatever is due then; returns whether that went well."""
         file, now_ns = self._file, self._tick()
         if file is None:
             return False
@@ -156,7 +156,7 @@ class Recorder:
         return True
 
     def _begin(self) -> bool:
-        """Begin the next file; tell whether there is one."""
+        """Begin the next file; returns whether there is one."""
         if self._header is None or self._translation is None or self._tick() < self._retry_ns:
             return False
         if not self._has_room():

@@ -64,7 +64,7 @@ class Comparison:
 
     @property
     def is_identical(self) -> bool:
-        """Whether the gate would have been told the very same, frame by frame."""
+        """Whether the reports to the gate are the very same, frame by frame."""
         return bool(self.frames) and self.identical == len(self.frames)
 
 

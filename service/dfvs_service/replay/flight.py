@@ -97,7 +97,7 @@ class FlightReplay:
 
 
 def replay(paths: Sequence[Path], trial: Trial, show: Callable[[int], None]) -> Replay:
-    """Run a recording again; ``show`` is told how many frames were, after each.
+    """Run a recording again; ``show`` receives how many frames were, after each.
 
     Raises
     ------

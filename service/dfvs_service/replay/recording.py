@@ -17,7 +17,7 @@ from dfvs_core.messages.frame_record import FrameRecord, SessionHeader
 from dfvs_core.messages.link import GateStatus
 from dfvs_core.messages.schema import from_json
 from dfvs_service.flights.records import StateChange
-from dfvs_service.record import channels
+from dfvs_service.record.messages import channels
 from dfvs_service.record.reading import RecordingError, open_records
 
 
@@ -113,7 +113,7 @@ def _payload(topic: str, data: bytes) -> bytes | None:
 
 
 class StateLog:
-    """Changes of the gate's state, from what the gate said.
+    """Changes of the gate's state, from its statuses.
 
     Parameters
     ----------

@@ -6,9 +6,10 @@ They are part of every frame record, so the same code, model and settings give t
 
 from __future__ import annotations
 
+import contextlib
 import dataclasses
 import time
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import dataclass
 
 from dfvs_core.depth.network import DepthEstimator
@@ -42,7 +43,7 @@ class Rerun:
 
     @property
     def is_identical(self) -> bool:
-        """Whether the gate would have been told the very same."""
+        """Whether the report to the gate is the very same."""
         return self.report == self.record.report
 
 
@@ -64,32 +65,28 @@ class TimedMatcher:
 
     def encode(self, image: ImageArray) -> ImageFeatures:
         """See :class:`Matcher`."""
-        start_ns = self._tick()
-        features = self._matcher.encode(image)
-        self.spent_ns += self._tick() - start_ns
-        return features
+        with self._timed():
+            return self._matcher.encode(image)
 
     def match(
-        self,
-        current: ImageFeatures,
-        other: ImageFeatures,
-        *,
-        excluded: Sequence[FlowField] = (),
+        self, current: ImageFeatures, other: ImageFeatures, *, excluded: Sequence[FlowField] = ()
     ) -> FlowField:
         """See :class:`Matcher`."""
-        start_ns = self._tick()
-        flow = self._matcher.match(current, other, excluded=excluded)
-        self.spent_ns += self._tick() - start_ns
-        return flow
+        with self._timed():
+            return self._matcher.match(current, other, excluded=excluded)
 
     def track(
         self, current: ImageFeatures, other: ImageFeatures, predicted: FlowField
     ) -> FlowField | None:
         """See :class:`Matcher`."""
+        with self._timed():
+            return self._matcher.track(current, other, predicted)
+
+    @contextlib.contextmanager
+    def _timed(self) -> Iterator[None]:
         start_ns = self._tick()
-        flow = self._matcher.track(current, other, predicted)
+        yield
         self.spent_ns += self._tick() - start_ns
-        return flow
 
 
 def recorded_settings(header: SessionHeader) -> ServiceConfig:

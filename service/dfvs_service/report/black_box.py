@@ -14,8 +14,8 @@ from dfvs_core.gate.events import (
     Event,
     ForeignSetpoint,
     LocalPosition,
+    MonitorFailed,
     Report,
-    WatchEnded,
 )
 from dfvs_core.gate.replay import Step, read_start, read_steps
 from dfvs_core.geometry.arrays import ImageArray
@@ -25,7 +25,7 @@ from dfvs_service.flights.records import read_lines, read_summary
 from dfvs_service.report.flight import BLACK_BOX, Flight, FlightView
 from dfvs_service.report.series import SeriesBuilder
 
-_FAULTS = BadReport | ForeignSetpoint | WatchEnded
+_FAULTS = BadReport | ForeignSetpoint | MonitorFailed
 
 
 class BlackBoxFlight:

@@ -84,8 +84,13 @@ def _page(flight: Flight, thumbnails: Thumbnails, video: Path | None, note: str)
         line=flight.line,
         views=_views(flight, thumbnails),
         strip=tuple(View(_caption(flight, view), view.image) for view in thumbnails.strip),
-        path=path_chart(_flown_path(flight)),
-        tables=(_states(flight), _faults(flight), _messages(flight), _timing(flight, series)),
+        path=path_chart([(n, e) for t_s, n, e in series.path if flight.line.shows(t_s)]),
+        tables=(
+            _states(flight),
+            _faults(flight),
+            Table("Errors and warnings", ("text",), tuple((t,) for t in flight.summary.told)),
+            _timing(flight, series),
+        ),
         texts=(
             ("Settings, angles in rad", flight.settings),
             ("Versions of code, libraries and model", flight.build),
@@ -223,11 +228,6 @@ def _caption(flight: Flight, view: FlightView) -> str:
     return caption
 
 
-def _flown_path(flight: Flight) -> list[tuple[float, float]]:
-    """Path (north, east) of the time that the page shows."""
-    return [(north, east) for t_s, north, east in flight.series.path if flight.line.shows(t_s)]
-
-
 def _states(flight: Flight) -> Table:
     rows = tuple(
         (f"{c.t_s:.2f}", c.state, c.cause + (f" ({c.detail})" if c.detail else ""))
@@ -250,10 +250,6 @@ def _faults(flight: Flight) -> Table:
     )
     head = ("s", "for, s", "times", "fault")
     return Table("Faults", head, rows, head[:3], "None in the time of the plots.")
-
-
-def _messages(flight: Flight) -> Table:
-    return Table("Errors and warnings", ("text",), tuple((text,) for text in flight.summary.told))
 
 
 def _timing(flight: Flight, series: FlightSeries) -> Table:

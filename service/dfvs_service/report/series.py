@@ -95,7 +95,7 @@ class SeriesBuilder:
         self._origin: Vector | None = None
 
     def add_setpoint(self, t_ns: int, velocity: tuple[float, float, float, float]) -> None:
-        """Take a velocity that the vehicle was told: forward, right, down, m/s; yaw rate, rad/s."""
+        """Add a commanded velocity: forward, right, down, m/s; yaw rate, rad/s."""
         for curve, value in zip(self.series.commanded, velocity, strict=True):
             _append(curve, self._s(t_ns), float(value))
 
@@ -126,7 +126,7 @@ class SeriesBuilder:
             _append(curve, t_s, value)
 
     def add_report(self, t_ns: int, report: PerceptionReport) -> None:
-        """Take what perception told the gate."""
+        """Add a report of perception to the gate."""
         series, t_s, is_seen = self.series, self._s(t_ns), report.healthy
         _append(series.error_m, t_s, report.error_m if is_seen else math.nan)
         _append(series.error_deg, t_s, math.degrees(report.error_rad) if is_seen else math.nan)

@@ -25,7 +25,7 @@ from dfvs_service.image_drawing import (
     resized,
     write_text,
 )
-from dfvs_service.perception.preview import draw_flow
+from dfvs_service.perception.telemetry.preview import draw_flow
 from dfvs_service.report.flight import Flight, FlightView
 from dfvs_service.report.series import FlightSeries, value_at
 
@@ -87,7 +87,7 @@ class VideoWriter:
         self._view, self._image = view, None
 
     def close(self) -> bool:
-        """Bring the video to its end; tell whether there is one.
+        """Finish the video; returns whether there is one.
 
         Raises
         ------

@@ -70,7 +70,7 @@ class RouteRecorder:
         self.count = 0
 
     def on_vehicle_states(self, states: Sequence[VehicleState]) -> None:
-        """Take in what the vehicle said."""
+        """Update by a state of the vehicle."""
         for state in states:
             self._history.add(state)
             if self._frame_processor is not None:
@@ -95,7 +95,7 @@ class RouteRecorder:
         return Event.NOTHING
 
     def finish(self) -> bool:
-        """Save the last view in which the route was not lost; tell whether there was one."""
+        """Save the last view in which the route was not lost; returns whether there was one."""
         return self._last is not None and self._save(self._last)
 
     def _save(self, frame: Frame) -> bool:

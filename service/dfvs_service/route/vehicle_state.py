@@ -14,7 +14,7 @@ _KEPT = 256
 
 
 class VehicleStateListener:
-    """Keeps the states that were heard until they are asked for."""
+    """Keeps the received states until they are requested."""
 
     def __init__(self) -> None:
         self._lock = threading.Lock()
@@ -22,12 +22,12 @@ class VehicleStateListener:
         self._states: deque[VehicleState] = deque(maxlen=_KEPT)
 
     def connect(self, url: str, timeout_s: float) -> None:
-        """Listen to an autopilot; blocks until it is heard.
+        """Listen to an autopilot; blocks until it is received.
 
         Raises
         ------
         VehicleError
-            If the connection cannot be opened, or nobody is heard in time.
+            If the connection cannot be opened, or none is received in time.
         """
         # MAVSDK is needed here alone, and takes its time to load.
         from dfvs_service.gate.autopilot import Autopilot

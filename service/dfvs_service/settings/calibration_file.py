@@ -74,7 +74,7 @@ def with_calibration(config: ServiceConfig) -> ServiceConfig:
 def with_intrinsics(
     config: ServiceConfig, camera: CameraModel, origin: str = "the camera"
 ) -> ServiceConfig:
-    """Settings with a camera's intrinsics; ``origin`` is who says them.
+    """Settings with a camera's intrinsics; ``origin`` is their source.
 
     Raises
     ------

@@ -49,7 +49,7 @@ __all__ = [
 
 
 _MOST_SILENCE_S = 0.2
-"""A camera that is silent for longer is told to the gate before its last frame is too old."""
+"""A camera that is silent for longer is reported to the gate before its last frame is too old."""
 
 
 @dataclass(frozen=True, slots=True)

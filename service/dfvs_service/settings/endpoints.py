@@ -7,12 +7,12 @@ _LOCAL = ("unixsock-stream", "unixpipe")
 
 
 def is_encrypted(endpoint: str) -> bool:
-    """Tell whether a Zenoh endpoint needs certificates."""
+    """Whether a Zenoh endpoint needs certificates."""
     return endpoint.partition("/")[0] in _ENCRYPTED
 
 
 def is_private(endpoint: str) -> bool:
-    """Tell whether a Zenoh endpoint is encrypted or stays on this machine."""
+    """Whether a Zenoh endpoint is encrypted or stays on this machine."""
     protocol, _, rest = endpoint.partition("/")
     if protocol in (*_ENCRYPTED, *_LOCAL):
         return True
@@ -20,7 +20,7 @@ def is_private(endpoint: str) -> bool:
 
 
 def is_private_mavlink(url: str) -> bool:
-    """Tell whether a MAVLink connection is a serial line or stays on this machine."""
+    """Whether a MAVLink connection is a serial line or stays on this machine."""
     scheme, _, rest = url.partition("://")
     return scheme.startswith("serial") or _is_loopback(rest)
 

@@ -7,7 +7,7 @@ from dfvs_service.settings.endpoints import is_private_mavlink
 
 
 def exposure_warnings(config: ServiceConfig) -> tuple[str, ...]:
-    """What the settings let others do; said whenever the service starts."""
+    """What the settings let others do; logged whenever the service starts."""
     lines = [
         f"{endpoint} is NOT ENCRYPTED: whoever is on that network can see the camera's frames and "
         "send other ones, by which the vehicle would fly (zenoh.allow_plaintext)"

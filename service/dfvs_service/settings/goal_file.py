@@ -73,7 +73,7 @@ def load_goal(image_path: str | Path) -> Goal:
     Raises
     ------
     ImageError
-        If the image cannot be read or has another size than its sidecar says.
+        If the image cannot be read or has another size than in its sidecar.
     ConfigError
         If there is no sidecar or it cannot be used.
 
@@ -156,7 +156,7 @@ def goal_command(image_path: Path) -> GoalCommand:
 
 
 def commanded_goal(command: GoalCommand, flown: GoalSidecar) -> Goal:
-    """Goal of a command whose signature was verified; what its sidecar lacks is as ``flown`` says.
+    """Goal of a command whose signature was verified; what its sidecar lacks is as in ``flown``.
 
     Raises
     ------

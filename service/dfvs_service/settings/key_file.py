@@ -8,7 +8,7 @@ import stat
 from pathlib import Path
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.gate.command import MIN_KEY_BYTES
+from dfvs_core.gate.commands.command import MIN_KEY_BYTES
 
 _NEW_KEY_BYTES = 32
 _MAX_KEY_BYTES = 4096

@@ -86,7 +86,7 @@ class RuntimeFolder:
 
     @property
     def service_log(self) -> Path:
-        """JSON lines: all that the parent told the user, and the exit code."""
+        """JSON lines: all lines of the parent to the user, and the exit code."""
         return self.path / "service.jsonl"
 
     @property

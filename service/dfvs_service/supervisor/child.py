@@ -82,7 +82,7 @@ class Child:
         self._process.kill()
 
     def wait(self, timeout_s: float) -> bool:
-        """Wait for its end; tell whether it came."""
+        """Wait for its end; returns whether it ended."""
         with contextlib.suppress(subprocess.TimeoutExpired):
             self._process.wait(timeout_s)
         return self.code is not None

@@ -27,7 +27,7 @@ def painted(text: str, colour: Colour) -> str:
 
 
 def shows_colours(stream: TextIO, environment: Mapping[str, str]) -> bool:
-    """Tell whether colours are wanted: a terminal, unless ``NO_COLOR`` or ``TERM=dumb`` is set."""
+    """Whether colours are wanted: a terminal, unless ``NO_COLOR`` or ``TERM=dumb`` is set."""
     is_plain = environment.get("NO_COLOR") or environment.get("TERM") == "dumb"
     return stream.isatty() and not is_plain
 

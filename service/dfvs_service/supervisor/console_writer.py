@@ -17,7 +17,7 @@ from dfvs_service.supervisor.heartbeat import Heartbeat
 
 _MOST_LINES = 256
 _MOST_STATES = 8
-"""So many wait at most before states are left out: the next one tells more."""
+"""So many wait at most before states are left out: the next one is newer."""
 
 
 class ConsoleWriter:
@@ -39,7 +39,7 @@ class ConsoleWriter:
         self._put(lambda: self._display.log(line))
 
     def close(self, timeout_s: float) -> bool:
-        """Leave the terminal clean; tell whether all was said in time."""
+        """Leave the terminal clean; returns whether all was written in time."""
         self._put(self._display.close)
         self._put(None)
         self._thread.join(timeout_s)

@@ -119,7 +119,7 @@ class Parent:
         self._stop_requested = False
         self._stop_by_s: float | None = None
         self.is_all_shown = True
-        """Whether all that was said has reached the terminal, once ``run`` has ended."""
+        """Whether all lines have reached the terminal, once ``run`` has ended."""
         self._code: int | None = None
 
     def stop(self, _signal: int, _frame: FrameType | None) -> None:

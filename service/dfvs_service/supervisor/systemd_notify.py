@@ -8,7 +8,7 @@ from collections.abc import Mapping
 
 
 class Notifier:
-    """Tells systemd that the service is up and alive; without systemd it does nothing.
+    """Notifies systemd that the service is up and alive; without systemd it does nothing.
 
     Parameters
     ----------

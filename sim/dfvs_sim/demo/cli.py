@@ -14,10 +14,10 @@ from dfvs_sim.demo.conditions import add_condition_options, conditions_from, ref
 from dfvs_sim.demo.fleet import check_vehicles
 from dfvs_sim.demo.flight.camera_link import CAMERAS
 from dfvs_sim.demo.flight.engagement import engagement_of
-from dfvs_sim.demo.fly import fly_fleet, fly_seeds
 from dfvs_sim.demo.image_size import AUTO, RATE_HZ, SHARED_RATE_HZ, SIZE_HELP, is_shared
 from dfvs_sim.demo.options import VEHICLE_NAME
 from dfvs_sim.demo.progress import Progress
+from dfvs_sim.demo.runs import fly_fleet, fly_seeds
 from dfvs_sim.options import add_camera_options, add_scene_option, require_folder
 
 _EPILOG = """examples:

@@ -77,8 +77,8 @@ class CommandHandler:
             mavlink.MAV_CMD_SET_MESSAGE_INTERVAL: self._set_interval,
             mavlink.MAV_CMD_GET_MESSAGE_INTERVAL: self._get_interval,
             mavlink.MAV_CMD_REQUEST_MESSAGE: self._request_message,
-            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._request_version,
-            mavlink.MAV_CMD_GET_HOME_POSITION: self._request_home,
+            mavlink.MAV_CMD_REQUEST_AUTOPILOT_CAPABILITIES: self._sends("AUTOPILOT_VERSION"),
+            mavlink.MAV_CMD_GET_HOME_POSITION: self._sends("HOME_POSITION"),
             mavlink.MAV_CMD_INJECT_FAILURE: self._inject_failure,
         }
 
@@ -162,11 +162,8 @@ class CommandHandler:
     def _request_message(self, params: Params, link: str, now_ns: int) -> int:
         return self._send_once(_message_name(params[0]), link, now_ns)
 
-    def _request_version(self, params: Params, link: str, now_ns: int) -> int:
-        return self._send_once("AUTOPILOT_VERSION", link, now_ns)
-
-    def _request_home(self, params: Params, link: str, now_ns: int) -> int:
-        return self._send_once("HOME_POSITION", link, now_ns)
+    def _sends(self, name: str) -> Callable[[Params, str, int], int]:
+        return lambda params, link, now_ns: self._send_once(name, link, now_ns)
 
     def _inject_failure(self, params: Params, link: str, now_ns: int) -> int:
         px4 = self._px4

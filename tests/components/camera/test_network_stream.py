@@ -10,9 +10,9 @@ import pytest
 
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_service.camera.feed import LiveFeed
-from dfvs_service.camera.open_source import open_source
-from dfvs_service.camera.source import SourceOptions
-from dfvs_service.camera.spec import parse_source
+from dfvs_service.camera.sources.open_source import open_source
+from dfvs_service.camera.sources.source import SourceOptions
+from dfvs_service.camera.sources.spec import parse_source
 
 PERIOD_S = 0.03
 

@@ -15,12 +15,12 @@ from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.schema import dump
 from dfvs_service.dashboard.address import PublicAddress
 from dfvs_service.dashboard.app import Dashboard, make_app
-from dfvs_service.dashboard.clock import Moment
-from dfvs_service.dashboard.sample import Arrival, Sample, unpack
 from dfvs_service.dashboard.settings import DashboardSettings
 from dfvs_service.dashboard.tokens import Tokens
-from dfvs_service.perception.images import TelemetryImages
-from dfvs_service.perception.messages import servo_document, timing_document
+from dfvs_service.dashboard.vehicles.clock import Moment
+from dfvs_service.dashboard.vehicles.sample import Arrival, Sample, unpack
+from dfvs_service.perception.telemetry.images import TelemetryImages
+from dfvs_service.perception.telemetry.messages import servo_document, timing_document
 from dfvs_service.settings.config import load_config
 
 S = 1_000_000_000

@@ -9,7 +9,7 @@ import numpy as np
 import pytest
 from loopback import free_endpoint
 
-from dfvs_core.gate.authority import Authority
+from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.messages.goal_command import GoalCommand

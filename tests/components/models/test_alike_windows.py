@@ -4,8 +4,7 @@ import numpy as np
 import pytest
 from textured_wall import HEIGHT, WIDTH, Wall, texture
 
-from dfvs_core.matching.confidence import confident_ratio
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField, confident_ratio
 from dfvs_models.catalog import load_matcher
 
 ROWS = slice(70, 170)

@@ -12,9 +12,9 @@ from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.image import encode_png
 from dfvs_service.camera import cli
-from dfvs_service.camera.boards import Board, BoardView, parse_board
-from dfvs_service.camera.calibration import calibrate
-from dfvs_service.camera.coverage import coverage_of
+from dfvs_service.camera.calibration.boards import Board, BoardView, parse_board
+from dfvs_service.camera.calibration.coverage import coverage_of
+from dfvs_service.camera.calibration.intrinsics import calibrate
 from dfvs_service.settings.calibration_file import read_calibration
 
 CAMERA = CameraModel(480, 360, 402.0, 398.5, 246.3, 174.8, (-0.21, 0.08, 0.0012, -0.0009, 0.0))

@@ -8,7 +8,7 @@ import pytest
 
 from dfvs_service.camera.feed import LiveFeed, RecordedFeed
 from dfvs_service.camera.publisher import RateReport
-from dfvs_service.camera.spec import CameraError, SourceLostError
+from dfvs_service.camera.sources.spec import CameraError, SourceLostError
 from dfvs_service.frames import CapturedImage
 
 

@@ -3,7 +3,7 @@
 import pytest
 
 from dfvs_service.camera.reception import ReceptionReport
-from dfvs_service.camera.spec import CameraError
+from dfvs_service.camera.sources.spec import CameraError
 
 
 @pytest.fixture

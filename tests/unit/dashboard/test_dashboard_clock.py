@@ -1,4 +1,4 @@
-from dfvs_service.dashboard.clock import Moment, SenderClock
+from dfvs_service.dashboard.vehicles.clock import Moment, SenderClock
 
 MS = 1_000_000
 HOUR = 3_600_000 * MS

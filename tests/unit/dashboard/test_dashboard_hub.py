@@ -6,10 +6,10 @@ import pytest
 
 from dfvs_core.messages.link import GateStatus
 from dfvs_core.messages.schema import dump
-from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.hub import MAX_VEHICLES, Hub
 from dfvs_service.dashboard.outbox import ImageKind, Outbox
-from dfvs_service.dashboard.sample import BrowserImage, Sample
+from dfvs_service.dashboard.vehicles.clock import Moment
+from dfvs_service.dashboard.vehicles.sample import BrowserImage, Sample
 
 
 class Rig:

@@ -9,7 +9,7 @@ from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.image import decode_image, encode_png
 from dfvs_core.perception.flow_grid import encode_flow_grid, sample_flow
 from dfvs_service.dashboard.outbox import ImageKind
-from dfvs_service.dashboard.sample import MAX_VIEW_WIDTH, Arrival, unpack
+from dfvs_service.dashboard.vehicles.sample import MAX_VIEW_WIDTH, Arrival, unpack
 
 
 def frame(width=64, height=48):

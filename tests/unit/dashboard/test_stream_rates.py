@@ -1,6 +1,6 @@
 import pytest
 
-from dfvs_service.dashboard.rates import StreamRate
+from dfvs_service.dashboard.vehicles.rates import StreamRate
 
 S = 1_000_000_000
 

@@ -7,10 +7,10 @@ import pytest
 from dfvs_core.errors import DfvsError
 from dfvs_core.messages.link import GateStatus, VehicleState
 from dfvs_core.messages.schema import dump
-from dfvs_service.dashboard.clock import Moment
 from dfvs_service.dashboard.outbox import ImageKind
-from dfvs_service.dashboard.sample import BrowserImage
-from dfvs_service.dashboard.vehicle_model import PATH_COLUMNS, SERVO_COLUMNS, VehicleModel
+from dfvs_service.dashboard.vehicles.clock import Moment
+from dfvs_service.dashboard.vehicles.sample import BrowserImage
+from dfvs_service.dashboard.vehicles.vehicle_model import PATH_COLUMNS, SERVO_COLUMNS, VehicleModel
 
 MS = 1_000_000
 NOW = Moment(10_000 * MS, 1_000_000.0)
@@ -30,7 +30,7 @@ def servo(**fields):
         "reason": "",
         "error_m": 0.25,
         "error_rad": 0.1,
-        "feature_error_px": 3.0,
+        "median_error_px": 3.0,
         "residual_px": None,
         "inlier_share": 0.9,
         "overlap": 0.8,

@@ -6,9 +6,9 @@ import json
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.gate import authority
-from dfvs_core.gate.admission import CommandAdmission
-from dfvs_core.gate.authority import Authority
+from dfvs_core.gate.commands import authority
+from dfvs_core.gate.commands.admission import CommandAdmission
+from dfvs_core.gate.commands.authority import Authority
 from dfvs_core.messages.rate_limit import RateLimit
 from dfvs_robustness.commands import fuzz
 from dfvs_robustness.fuzz.commands.replay import REPLAY

@@ -9,15 +9,16 @@ from pathlib import Path
 import pytest
 
 from dfvs_core.errors import ConfigError
-from dfvs_core.gate import flight, perception_monitor, stream, transitions
+from dfvs_core.gate import flight, stream, transitions
+from dfvs_core.gate.checks import perception_monitor
+from dfvs_core.gate.checks.initial_response import InitialResponse, Response
+from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import MS, GateConfig, S
 from dfvs_core.gate.engagement import Engagement
 from dfvs_core.gate.events import Attitude, GateOutput, ModeRequest
-from dfvs_core.gate.initial_response import InitialResponse, Response
 from dfvs_core.gate.limits import BodyVelocity
 from dfvs_core.gate.machine import GateMachine
-from dfvs_core.gate.perception_monitor import PerceptionMonitor
-from dfvs_core.gate.preflight import Check
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.stream import SetpointStream
 from dfvs_robustness.commands import fuzz

@@ -6,8 +6,8 @@ import pytest
 from signed_commands import signed
 
 from dfvs_core.errors import WireError
-from dfvs_core.gate.admission import COMMAND_RATE, GOAL_RATE, CommandAdmission
-from dfvs_core.gate.command import MAX_COMMAND_BYTES
+from dfvs_core.gate.commands.admission import COMMAND_RATE, GOAL_RATE, CommandAdmission
+from dfvs_core.gate.commands.command import MAX_COMMAND_BYTES
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import GoalCommand, goal_digest
 from dfvs_core.messages.link import MAX_DATAGRAM_BYTES, to_datagram

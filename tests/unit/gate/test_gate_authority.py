@@ -9,8 +9,8 @@ from hypothesis import strategies as st
 from signed_commands import signed
 
 from dfvs_core.errors import WireError
-from dfvs_core.gate.authority import MAX_ANSWERS, ROTATION_NS, Authority, AuthorityAnswer
-from dfvs_core.gate.command import MAX_COMMAND_BYTES, decode_command, request_id
+from dfvs_core.gate.commands.authority import MAX_ANSWERS, ROTATION_NS, Authority, AuthorityAnswer
+from dfvs_core.gate.commands.command import MAX_COMMAND_BYTES, decode_command, request_id
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
 

@@ -6,6 +6,8 @@ import math
 import pytest
 from gate_rehearsal import Rehearsal, auto_config
 
+from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
+from dfvs_core.gate.checks.preflight import failures, preflight
 from dfvs_core.gate.config import MS, GateConfig, GateTiming, OnDone, S
 from dfvs_core.gate.engagement import Engagement, cap
 from dfvs_core.gate.events import (
@@ -21,8 +23,6 @@ from dfvs_core.gate.events import (
     VehicleMode,
 )
 from dfvs_core.gate.limits import VelocityLimits
-from dfvs_core.gate.perception_monitor import PerceptionMonitor
-from dfvs_core.gate.preflight import failures, preflight
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import (
     VehicleMonitor,

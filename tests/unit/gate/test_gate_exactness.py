@@ -5,6 +5,7 @@ import math
 import pytest
 from gate_rehearsal import TICK_NS, Rehearsal, auto_config, pilot_config
 
+from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor, report_fault
 from dfvs_core.gate.config import MS, Engage, GateTiming, OnDone, S
 from dfvs_core.gate.events import (
     Action,
@@ -21,7 +22,6 @@ from dfvs_core.gate.events import (
 )
 from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.other_commanders import MAX_UNEXPLAINED_M_S, SEEN_NS, OtherCommanders
-from dfvs_core.gate.perception_monitor import PerceptionMonitor, report_fault
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import VehicleMonitor, link_fault
 

@@ -6,9 +6,9 @@ import math
 import pytest
 from gate_rehearsal import TICK_NS, Rehearsal, auto_config
 
+from dfvs_core.gate.checks.initial_response import InitialResponse, Response
 from dfvs_core.gate.config import MS, GateTiming, S
 from dfvs_core.gate.events import BadReport
-from dfvs_core.gate.initial_response import InitialResponse, Response
 from dfvs_core.gate.limits import ZERO, BodyVelocity
 from dfvs_core.gate.states import Cause, GateState
 from dfvs_core.gate.vehicle import VehicleMotion

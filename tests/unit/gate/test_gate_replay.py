@@ -22,13 +22,13 @@ from dfvs_core.gate.events import (
     GateOutput,
     Health,
     LocalPosition,
+    MonitorFailed,
     OperatorCommand,
     OtherServices,
     Report,
     Stop,
     VehicleMode,
     VelocityTarget,
-    WatchEnded,
 )
 from dfvs_core.gate.replay import Step, encode_gap, encode_start, encode_step, read_steps, replay
 from dfvs_core.gate.states import GateState
@@ -111,8 +111,13 @@ def test_a_journal_names_what_was_asked_for():
 def test_a_journal_with_former_names_is_replayed():
     gate = Recorded(auto_config(engage=Engage.COMMAND)).run(1.5)
     gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
+    gate.tick(MonitorFailed(gate.now_ns, "failed"))
     text = "".join(gate.lines)
-    for present, former in (("OperatorCommand", "Order"), ("command_valid_ns", "order_valid_ns")):
+    for present, former in (
+        ("OperatorCommand", "Order"),
+        ("MonitorFailed", "WatchEnded"),
+        ("command_valid_ns", "order_valid_ns"),
+    ):
         assert present in text
         text = text.replace(present, former)
     assert replay(text.splitlines(keepends=True)) == replay(gate.lines)
@@ -178,7 +183,7 @@ EVENTS: list[Event] = [
     ForeignSetpoint(9, "x"),
     OtherServices(10, ("a",), ("b", "c")),
     BadReport(11, ""),
-    WatchEnded(12, "failed"),
+    MonitorFailed(12, "failed"),
 ]
 
 

@@ -2,8 +2,8 @@
 
 import pytest
 
+from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor, is_late
 from dfvs_core.gate.config import MS, GateTiming
-from dfvs_core.gate.perception_monitor import PerceptionMonitor, is_late
 from dfvs_core.gate.states import Cause
 from dfvs_core.messages.link import PerceptionReport
 

@@ -4,7 +4,7 @@ import pytest
 from gate_rehearsal import Rehearsal, auto_config, pilot_config
 
 from dfvs_core.gate.config import MS, GateTiming, S
-from dfvs_core.gate.events import ModeRequest, OtherServices, ParametersRead, WatchEnded
+from dfvs_core.gate.events import ModeRequest, MonitorFailed, OtherServices, ParametersRead
 from dfvs_core.gate.limits import ZERO
 from dfvs_core.gate.states import Cause, GateState
 
@@ -19,7 +19,7 @@ def flying(**timing):
 
 def end_watch(gate):
     gate.now_ns += MS
-    return gate.send([WatchEnded(gate.now_ns, LOST)])
+    return gate.send([MonitorFailed(gate.now_ns, LOST)])
 
 
 @pytest.mark.parametrize("name", ["others_watched", "parameters_told"])

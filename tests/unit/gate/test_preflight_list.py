@@ -5,6 +5,7 @@ import math
 import pytest
 from gate_rehearsal import Rehearsal, pilot_config
 
+from dfvs_core.gate.checks.preflight import Check, failures, sole_commander
 from dfvs_core.gate.config import GateConfig
 from dfvs_core.gate.events import (
     Battery,
@@ -17,7 +18,6 @@ from dfvs_core.gate.events import (
     VehicleMode,
 )
 from dfvs_core.gate.machine import GateMachine
-from dfvs_core.gate.preflight import Check, failures, sole_commander
 from dfvs_core.gate.states import GateState
 from dfvs_core.gate.vehicle import VehicleMonitor
 

@@ -12,7 +12,7 @@ from recorded_flight import fly
 from dfvs_core.gate.states import GateState
 from dfvs_core.messages.frame_record import FrameRecord
 from dfvs_core.perception.flow_grid import FlowGrid
-from dfvs_service.record.translation import Translation
+from dfvs_service.record.messages.translation import Translation
 
 LAYOUT = json.loads(
     (Path(__file__).parents[3] / "deploy" / "foxglove_layout.json").read_text(encoding="utf-8")

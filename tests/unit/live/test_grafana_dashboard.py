@@ -13,7 +13,7 @@ from dfvs_core.gate.states import GateState
 from dfvs_core.messages.link import GateStatus
 from dfvs_core.messages.schema import dump
 from dfvs_service.live.metrics import FlightMetrics
-from dfvs_service.perception.messages import timing_document
+from dfvs_service.perception.telemetry.messages import timing_document
 
 DASHBOARD = json.loads(
     (Path(__file__).parents[3] / "deploy" / "grafana_dashboard.json").read_text(encoding="utf-8")

@@ -7,8 +7,7 @@ from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, textu
 
 from dfvs_core.errors import ImageError
 from dfvs_core.matching.classical import classical_matcher
-from dfvs_core.matching.confidence import confident_ratio, empty_flow
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField, confident_ratio, empty_flow
 from dfvs_core.matching.matcher import ImageFeatures, track_or_match
 
 MATCHER = classical_matcher()

@@ -2,16 +2,15 @@
 
 import numpy as np
 
-from dfvs_core.matching.confidence import (
+from dfvs_core.matching.config import MatchingConfig
+from dfvs_core.matching.correspondence import (
+    FlowField,
     confident_ratio,
     empty_flow,
     exclude,
-    is_excluded,
     merge_by_confidence,
 )
-from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.points import PointMatches
+from dfvs_core.matching.points import PointMatches, is_excluded
 
 SIZE = (40, 60)
 CONFIG = MatchingConfig()

@@ -6,9 +6,8 @@ import pytest
 from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, texture, turned
 from two_planes import TwoPlanes
 
-from dfvs_core.matching.confidence import confident_ratio
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField, confident_ratio
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.relocalise import relocalise
 from dfvs_core.matching.staged import StagedMatcher

@@ -5,9 +5,8 @@ import numpy as np
 import pytest
 from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, texture, turned
 
-from dfvs_core.matching.confidence import empty_flow
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import FlowField, empty_flow
 from dfvs_core.matching.track import track
 
 CONFIG, SIZE = MatchingConfig(), (HEIGHT, WIDTH)

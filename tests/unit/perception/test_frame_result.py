@@ -11,7 +11,7 @@ from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
-from dfvs_service.perception.messages import servo_document
+from dfvs_service.perception.telemetry.messages import servo_document
 
 PERIOD_NS = 40_000_000
 

@@ -7,8 +7,7 @@ import pytest
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose
-from dfvs_core.matching.confidence import confident_ratio
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.correspondence import DepthMap, FlowField, confident_ratio
 from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation, TrackingState

@@ -9,8 +9,8 @@ import numpy as np
 import pytest
 
 from dfvs_core.errors import ConfigError, ModelError
+from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.gate.config import MS
-from dfvs_core.gate.preflight import Check
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.goal import Goal, GoalSidecar

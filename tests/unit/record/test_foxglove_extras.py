@@ -17,7 +17,7 @@ from dfvs_core.messages.link import GateStatus
 from dfvs_core.perception.flow_grid import sample_flow
 from dfvs_service.record.flight_log import Entry, FlightLog, Severity
 from dfvs_service.record.flown_path import FlownPath
-from dfvs_service.record.foxglove_messages import flow_annotations, log, path
+from dfvs_service.record.messages.foxglove import flow_annotations, log, path
 
 STATUS = GateStatus("READY", "", None, since_ns=1)
 

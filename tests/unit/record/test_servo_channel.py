@@ -10,7 +10,7 @@ from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.messages.schema import dump
 from dfvs_core.servo.config import ServoConfig
-from dfvs_service.record.translation import Translation
+from dfvs_service.record.messages.translation import Translation
 from dfvs_service.settings.config import CameraSection
 
 REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0)

@@ -52,7 +52,7 @@ class Told:
 
     def __init__(self):
         self.reports, self.ends, self.failures = [], [], []
-        self.report, self.on_watch_ended, self.fail = (
+        self.report, self.on_monitor_failed, self.fail = (
             self.reports.append,
             self.ends.append,
             self.failures.append,
@@ -74,7 +74,7 @@ def test_a_watch_that_fails_twice_is_reported_twice_and_lost():
 
 
 def test_a_watch_that_ended_keeps_the_gate_from_ready(gate):
-    gate.on_watch_ended("it has ended")
+    gate.on_monitor_failed("it has ended")
     run_to_the_end(gate)
     checks = {check.name: check for check in gate._machine.checks()}
     assert checks["watch"].detail == "watch lost, it has ended"

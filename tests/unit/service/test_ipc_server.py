@@ -6,8 +6,8 @@ import pytest
 from gate_rehearsal import Rehearsal
 from signed_commands import signed
 
-from dfvs_core.gate.authority import Authority
-from dfvs_core.gate.command import request_id
+from dfvs_core.gate.commands.authority import Authority
+from dfvs_core.gate.commands.command import request_id
 from dfvs_core.gate.events import Action, BadReport, OperatorCommand, Report
 from dfvs_core.messages.link import (
     CommandAnswer,

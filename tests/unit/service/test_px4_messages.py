@@ -7,11 +7,11 @@ from hypothesis import given
 from hypothesis import strategies as st
 from vehicle_in_hand import VehicleInHand
 
+from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
+from dfvs_core.gate.checks.preflight import preflight
 from dfvs_core.gate.config import GateConfig, GateTiming
 from dfvs_core.gate.events import CurrentMode, Heartbeat, ModeRequest, VehicleMode
 from dfvs_core.gate.limits import BodyVelocity
-from dfvs_core.gate.perception_monitor import PerceptionMonitor
-from dfvs_core.gate.preflight import preflight
 from dfvs_core.gate.vehicle import VehicleMonitor
 from dfvs_core.geometry.poses import quaternion_from_rotation, rotation_from_euler
 from dfvs_service.gate import px4

@@ -3,7 +3,7 @@
 import numpy as np
 import pytest
 
-from dfvs_core.servo.feature_error import by_cell, feature_error
+from dfvs_core.servo.checks.feature_error import by_cell, feature_error
 from dfvs_core.servo.points import ServoPoints
 
 CELL = 0.03

@@ -9,9 +9,9 @@ from box_room import BoxRoom
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import DepthMap
 from dfvs_core.messages.goal import GoalSidecar, Mount
+from dfvs_core.servo.checks.motion_monitor import FrameMotion, MotionMonitor
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.goal_filter import FilterModel, PositionMeasurement, begin
-from dfvs_core.servo.motion_monitor import FrameMotion, MotionMonitor
 from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_core.servo.task import ServoTask
 
@@ -61,7 +61,7 @@ def test_the_mean_error_is_told_in_metres():
     measures, _ = watched(frame(k) for k in range(12))
     assert measures.mean_error_m == pytest.approx(1.0)
     assert measures.spread_m == pytest.approx(0.0, abs=1e-9)
-    assert measures.feature_error_px == pytest.approx(measures.feature_error * CAMERA.fx, rel=0.05)
+    assert measures.median_error_px == pytest.approx(measures.feature_error * CAMERA.fx, rel=0.05)
 
 
 def test_another_goal_begins_without_errors_and_progress():

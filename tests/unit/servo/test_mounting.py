@@ -6,8 +6,8 @@ import pytest
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, rotation_from_euler
 from dfvs_core.messages.goal import Mount
-from dfvs_core.servo.image_turn import PointTracks, image_turn, point_tracks
-from dfvs_core.servo.mounting import (
+from dfvs_core.servo.checks.image_turn import PointTracks, image_turn, point_tracks
+from dfvs_core.servo.checks.mounting import (
     MOST_SCORE,
     MountingState,
     begin_mounting,

@@ -3,8 +3,7 @@
 import numpy as np
 import pytest
 
-from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.stop import (
+from dfvs_core.servo.checks.stop import (
     ErrorSample,
     StopState,
     error_sample,
@@ -13,6 +12,7 @@ from dfvs_core.servo.stop import (
     update_stop,
     window_error,
 )
+from dfvs_core.servo.config import ServoConfig
 
 FRAME_NS = 50_000_000
 NONE = np.zeros(3)

@@ -20,8 +20,8 @@ from dfvs_core.matching.correspondence import DepthMap, FlowField
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import EarlierMatch
+from dfvs_core.servo.structure.two_view import earlier_view
 from dfvs_core.servo.task import ServoTask
-from dfvs_core.servo.two_view import earlier_view
 
 CAMERA = CameraModel.from_horizontal_fov(320, 240, np.radians(75))
 ROOM = BoxRoom(CAMERA)

@@ -6,8 +6,8 @@ import hashlib
 from dataclasses import dataclass, field
 
 from dfvs_core.errors import WireError
-from dfvs_core.gate.admission import CommandAdmission
-from dfvs_core.gate.authority import Authority, AuthorityAnswer
+from dfvs_core.gate.commands.admission import CommandAdmission
+from dfvs_core.gate.commands.authority import Authority, AuthorityAnswer
 from dfvs_core.gate.events import Action
 
 KEY = b"k" * 32

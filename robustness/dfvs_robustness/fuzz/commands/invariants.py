@@ -18,7 +18,7 @@ import pickle
 from collections import OrderedDict, deque
 from typing import Any
 
-from dfvs_core.gate.command import Command, encode_command
+from dfvs_core.gate.commands.command import Command, encode_command
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
 from dfvs_robustness.fuzz.commands.ingress import KEY, REFUSAL, VEHICLE, Ingress, Passed, Sending

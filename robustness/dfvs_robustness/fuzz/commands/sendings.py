@@ -5,7 +5,7 @@ from __future__ import annotations
 import heapq
 from collections import deque
 
-from dfvs_core.gate.command import Command, SignedCommand, command_mac, encode_command
+from dfvs_core.gate.commands.command import Command, SignedCommand, command_mac, encode_command
 from dfvs_core.gate.config import MS, S
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import goal_digest

@@ -20,6 +20,7 @@ from dfvs_core.gate.events import (
     Heartbeat,
     LandedState,
     LocalPosition,
+    MonitorFailed,
     OperatorCommand,
     OtherServices,
     ParametersRead,
@@ -27,7 +28,6 @@ from dfvs_core.gate.events import (
     Stop,
     VehicleMode,
     VelocityTarget,
-    WatchEnded,
 )
 from dfvs_core.messages.link import PerceptionReport
 from dfvs_robustness.fuzz.random_source import RandomSource
@@ -216,7 +216,7 @@ _ODD_EVENTS: tuple[Callable[[int, RandomSource], Event], ...] = (
     lambda t, rng: VelocityTarget(t, _triple(rng)),
     lambda t, rng: ForeignSetpoint(t, "from elsewhere"),
     lambda t, rng: OtherServices(t, *rng.pick(((), (("another",),), ((), ("another",))))),
-    lambda t, rng: WatchEnded(t, "failed") if rng.chance(0.1) else ParametersRead(t),
+    lambda t, rng: MonitorFailed(t, "failed") if rng.chance(0.1) else ParametersRead(t),
     _stop,
     lambda t, rng: Report(t, odd_report(t, rng)),
 )

@@ -23,13 +23,13 @@ from dfvs_core.gate.events import (
     Heartbeat,
     LandedState,
     LocalPosition,
+    MonitorFailed,
     OperatorCommand,
     OtherServices,
     ParametersRead,
     Report,
     Stop,
     VehicleMode,
-    WatchEnded,
 )
 from dfvs_core.messages.link import PerceptionReport
 
@@ -106,7 +106,7 @@ class Oracle:
                 self.faults.append(f"ordered to {event.action}")
             case ParametersRead():
                 self._parameters_ns = t_ns
-            case WatchEnded():
+            case MonitorFailed():
                 self._is_watched = False
             case _:
                 self._on_vehicle(event, t_ns)

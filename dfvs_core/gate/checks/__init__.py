@@ -1,0 +1,1 @@
+"""Checks before and during a flight: preflight, initial response, perception's reports."""

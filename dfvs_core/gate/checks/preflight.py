@@ -1,0 +1,164 @@
+"""Preflight checks."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
+from dfvs_core.gate.config import MS, GateConfig, S
+from dfvs_core.gate.vehicle import (
+    NEVER,
+    Fault,
+    VehicleMonitor,
+    battery_fault,
+    estimate_fault,
+    link_fault,
+    monitor_fault,
+)
+from dfvs_core.messages.link import MOUNTING_SCORE
+
+
+@dataclass(frozen=True, slots=True)
+class Check:
+    """One line of the preflight list.
+
+    ``detail`` says what is wrong, or what was found where all is well; ``remedy`` what to do about
+    it. What is not ``binding`` is advice: it is shown, and refuses nothing. Of what is ``pending``
+    nothing is known yet: it refuses nothing either, and does not count as passed.
+    """
+
+    name: str
+    ok: bool
+    detail: str = ""
+    remedy: str = ""
+    binding: bool = True
+    pending: bool = False
+
+    @property
+    def refuses(self) -> bool:
+        """Whether the gate stays in PREFLIGHT because of this."""
+        return self.binding and not self.ok
+
+
+def preflight(
+    vehicle: VehicleMonitor, perception: PerceptionMonitor, config: GateConfig, now_ns: int
+) -> tuple[Check, ...]:
+    """Preflight list of this moment."""
+    return (
+        _from_fault("link", link_fault(vehicle, config, now_ns), _LINK),
+        _from_fault("estimator", estimate_fault(vehicle, config), _ESTIMATOR),
+        _health(vehicle),
+        _battery(vehicle, config),
+        _parameters(vehicle, config, now_ns),
+        _advice(vehicle),
+        _from_fault("watch", monitor_fault(vehicle, config, now_ns), _WATCH),
+        _frames(perception, config, now_ns),
+        _overlap(perception, config),
+        _mounting(perception),
+    )
+
+
+_LINK = "check vehicle.mavlink, the cable, and that the autopilot streams what is missing"
+_ESTIMATOR = (
+    "wait for the autopilot's estimate; give it GNSS, flow or vision, and space to calibrate"
+)
+_HEALTH = "see what the ground station says; calibrate, or wait until the autopilot is ready to arm"
+_ARMING = (
+    "see what the ground station says; wait, calibrate, or choose Hold mode; a PX4 before 1.13 "
+    "does not report the check: arm it, the check counts on a disarmed vehicle alone"
+)
+_BATTERY = "charge or change the battery, or give the autopilot a power module"
+_PARAMETERS = "set them in the ground station: COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5"
+_WATCH = "wait a few seconds; where it stays lost, see the log and start the service anew"
+_FRAMES = "check the camera, its Zenoh key, its light, and that flow.model is fast enough here"
+_GOAL = "move to where the goal is in view, or take another goal image"
+_MOUNTING = "mount the camera as camera.mount says, or correct camera.mount"
+_COMMANDER = "end the other commander, or give the vehicle back to Hold or Position mode"
+
+
+def sole_commander(vehicle: VehicleMonitor, now_ns: int, *, may_be_offboard: bool) -> Check:
+    """Refuse a vehicle that somebody else commands, or stands by to.
+
+    ``may_be_offboard`` is for the moment in which the pilot's switch to OFFBOARD is awaited.
+    """
+    if vehicle.is_offboard and vehicle.is_armed and not may_be_offboard:
+        detail = "the vehicle is in OFFBOARD, but not by this service"
+    else:
+        detail = vehicle.other_commanders.preflight_fault(now_ns)
+    return Check("sole commander", not detail, detail, _COMMANDER if detail else "")
+
+
+def failures(checks: tuple[Check, ...]) -> str:
+    """One line that names every check that refuses, empty where there is none."""
+    return "; ".join(f"{c.name}: {c.detail}" for c in checks if c.refuses)
+
+
+def _from_fault(name: str, fault: Fault | None, remedy: str, found: str = "") -> Check:
+    if fault is None:
+        return Check(name, True, found)
+    cause, detail = fault
+    return Check(name, False, f"{cause}, {detail}" if detail else str(cause), remedy)
+
+
+def _health(vehicle: VehicleMonitor) -> Check:
+    if vehicle.heartbeat.failsafe:
+        return Check("health", False, "autopilot in failsafe", _HEALTH)
+    if not vehicle.health.ok:
+        return Check("health", False, vehicle.health.detail, _HEALTH)
+    if not vehicle.is_armed and not vehicle.health.can_arm:
+        detail = "the autopilot does not report that its checks before arming pass"
+        return Check("health", False, detail, _ARMING)
+    return Check("health", True)
+
+
+def _battery(vehicle: VehicleMonitor, config: GateConfig) -> Check:
+    remaining = vehicle.battery.remaining
+    found = "" if remaining is None else f"{remaining:.0%} left"
+    return _from_fault("battery", battery_fault(vehicle, config), _BATTERY, found)
+
+
+def _parameters(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Check:
+    """Refuse a failsafe that is not known, or that would not bring the vehicle to a stop."""
+    read = vehicle.parameters
+    if now_ns - read.t_ns > config.timing.parameters_age_ns:
+        when = "yet" if read.t_ns == NEVER else f"for {(now_ns - read.t_ns) / S:.0f} s"
+        return Check("parameters", False, f"not read back {when}", "wait a few seconds")
+    detail = "; ".join(read.refusals)
+    return Check("parameters", not detail, detail or read.found, _PARAMETERS if detail else "")
+
+
+def _advice(vehicle: VehicleMonitor) -> Check:
+    detail = "; ".join(vehicle.parameters.advice)
+    remedy = _PARAMETERS if detail else ""
+    return Check("advised parameters", not detail, detail, remedy, binding=False)
+
+
+def _frames(perception: PerceptionMonitor, config: GateConfig, now_ns: int) -> Check:
+    rate_hz, delay_ns = perception.pace(now_ns)
+    found = f"{rate_hz:.1f} a second, results {delay_ns / MS:.0f} ms after capture"
+    stale = perception.stale(now_ns)
+    if stale is not None:
+        return _from_fault("frames", stale, _FRAMES)
+    if rate_hz < config.min_frame_hz:
+        needed = f"{config.min_frame_hz:g} needed"
+        return Check("frames", False, f"{found}; {needed}", _FRAMES)
+    return Check("frames", True, found)
+
+
+def _overlap(perception: PerceptionMonitor, config: GateConfig) -> Check:
+    if perception.lost:
+        return Check("goal", False, f"goal lost, {perception.reason}", _GOAL)
+    found = f"overlap {perception.overlap:.0%}"
+    if perception.overlap < config.min_overlap:
+        return Check("goal", False, f"{found}, {config.min_overlap:.0%} needed", _GOAL)
+    return Check("goal", True, found)
+
+
+def _mounting(perception: PerceptionMonitor) -> Check:
+    """Refuse a camera whose images turn about another axis than the vehicle does."""
+    if (fault := perception.mounting_fault()) is not None:
+        return Check("mounting", False, f"{fault[0]}: {fault[1]}", _MOUNTING)
+    score = None if perception.good is None else perception.good.mounting_score
+    if score is None or score < MOUNTING_SCORE:
+        return Check("mounting", True, "not known before the vehicle tilts", pending=True)
+    return Check("mounting", True, f"right by {score:.0f} standard deviations")

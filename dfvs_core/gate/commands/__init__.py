@@ -1,0 +1,1 @@
+"""Operator commands: admission, signature and command authority."""

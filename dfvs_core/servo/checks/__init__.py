@@ -1,0 +1,1 @@
+"""Checks of the motion against the images: numbers, not decisions about the flight."""

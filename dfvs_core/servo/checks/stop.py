@@ -1,0 +1,149 @@
+"""Stop rule and progress check.
+
+Photometric error never decides: light changes. What counts is where the goal is by the
+correspondences, on average over a window: a hovering vehicle is never quite still.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.servo.config import ServoConfig
+
+_SHORT_NS, _LONG_NS = 1_000_000_000, 3_000_000_000
+"""Windows of the stop rule: of a calm vehicle, and of one that is moved about."""
+
+_FULL = 0.9
+"""Share of its window that the errors must span."""
+
+_MOST_SPREAD = 5.0
+"""Spread of the error, in tolerances, above which nothing is reached."""
+
+_INDEPENDENT = 3.0
+"""Independent errors in the long window, which the uncertainty of their mean follows from."""
+
+_PROGRESS_FACTOR = 0.95
+_NEARLY_THERE = 3.0
+"""Error in tolerances, and mean error in spreads, below which progress is not asked for."""
+
+
+@dataclass(frozen=True, slots=True)
+class ErrorSample:
+    """Error of one frame in units of the tolerance: 1 is just good enough.
+
+    ``offset`` (3,) is the goal's position and ``turn`` (3,) its rotation vector, both in the
+    camera's axes. ``feature_error`` does not change when the depth is learnt, as they do: a start
+    that seems near may turn out to be far, and flying there is progress.
+    """
+
+    t_ns: int
+    offset: FloatArray
+    turn: FloatArray
+    feature_error: float
+
+    @property
+    def score(self) -> float:
+        """The worse of distance and angle."""
+        return max(float(np.linalg.norm(self.offset)), float(np.linalg.norm(self.turn)))
+
+
+@dataclass(frozen=True, slots=True)
+class WindowError:
+    """Length of the mean error and spread about it, of distance and angle, in tolerances.
+
+    ``is_full``: the samples span the window.
+    """
+
+    mean: tuple[float, float]
+    spread: tuple[float, float]
+    is_full: bool
+
+
+@dataclass(frozen=True, slots=True)
+class Progress:
+    """The smallest errors so far, and when either of them last fell."""
+
+    t_ns: int
+    score: float
+    feature_error: float
+
+
+@dataclass(frozen=True, slots=True)
+class StopState:
+    """Memory of the stop rule: recent errors, oldest first, and the progress so far."""
+
+    recent: tuple[ErrorSample, ...] = ()
+    progress: Progress | None = None
+
+
+def error_sample(
+    t_ns: int, offset_m: FloatArray, turn_rad: FloatArray, feature_error: float, config: ServoConfig
+) -> ErrorSample:
+    """Error of one frame: goal position (3,) in m and rotation vector (3,) in rad."""
+    offset, turn = offset_m / config.tolerance_m, turn_rad / config.tolerance_rad
+    return ErrorSample(t_ns, offset, turn, feature_error)
+
+
+def update_stop(state: StopState, now: ErrorSample, engaged: bool) -> StopState:
+    """Take one frame's error in; progress counts only while engaged."""
+    since = now.t_ns - _LONG_NS
+    recent = (*(s for s in state.recent if s.t_ns >= since), now)
+    if not engaged or state.progress is None:
+        return StopState(recent, Progress(now.t_ns, now.score, now.feature_error))
+    return StopState(recent, _advance(state.progress, now))
+
+
+def _advance(progress: Progress, now: ErrorSample) -> Progress:
+    """Lower each smallest error that was clearly undercut; either one is progress."""
+    nearer = now.score < _PROGRESS_FACTOR * progress.score
+    alike = now.feature_error < _PROGRESS_FACTOR * progress.feature_error
+    return Progress(
+        t_ns=now.t_ns if nearer or alike else progress.t_ns,
+        score=now.score if nearer else progress.score,
+        feature_error=now.feature_error if alike else progress.feature_error,
+    )
+
+
+def window_error(state: StopState, window_ns: int = _SHORT_NS) -> WindowError:
+    """Statistics of the errors of the last ``window_ns``; of no sample, an infinite error."""
+    if not state.recent:
+        return WindowError((np.inf, np.inf), (np.inf, np.inf), is_full=False)
+    newest_ns = state.recent[-1].t_ns
+    recent = [s for s in state.recent if s.t_ns >= newest_ns - window_ns]
+    parts = [np.array([s.offset for s in recent]), np.array([s.turn for s in recent])]
+    mean = [float(np.linalg.norm(part.mean(axis=0))) for part in parts]
+    spread = [float(np.sqrt(part.var(axis=0).sum())) for part in parts]
+    is_full = newest_ns - recent[0].t_ns >= _FULL * window_ns
+    return WindowError((mean[0], mean[1]), (spread[0], spread[1]), is_full)
+
+
+def is_reached(state: StopState) -> bool:
+    """Whether the goal is reached: within tolerance on average over a window.
+
+    A calm vehicle, whose spread is within tolerance too, is judged by one second; the mean is then
+    known well. One that wind and its own estimate move about is judged by three, and to within the
+    uncertainty of that mean.
+    """
+    short = window_error(state, _SHORT_NS)
+    if short.is_full and max(short.mean) <= 1.0 and max(short.spread) <= 1.0:
+        return True
+    long = window_error(state, _LONG_NS)
+    margin = [1.0 + spread / _INDEPENDENT**0.5 for spread in long.spread]
+    within = all(mean <= most for mean, most in zip(long.mean, margin, strict=True))
+    return long.is_full and within and max(long.spread) <= _MOST_SPREAD
+
+
+def is_stuck(state: StopState, progress_s: float) -> bool:
+    """Whether the error stopped falling, far from the goal and from its own fluctuations."""
+    if not state.recent or state.progress is None:
+        return False
+    if state.recent[-1].t_ns - state.progress.t_ns <= progress_s * 1e9:
+        return False
+    error = window_error(state, _LONG_NS)
+    return any(
+        mean > _NEARLY_THERE * max(1.0, spread)
+        for mean, spread in zip(error.mean, error.spread, strict=True)
+    )

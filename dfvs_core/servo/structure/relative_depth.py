@@ -1,0 +1,216 @@
+"""Relative depth of a frame's points, from earlier frames."""
+
+from __future__ import annotations
+
+from dataclasses import replace
+
+import numpy as np
+
+from dfvs_core.depth.motion import MotionDepth
+from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView, GoalLink
+from dfvs_core.geometry.arrays import Float32Array, FloatArray
+from dfvs_core.geometry.poses import invert_pose, make_pose
+from dfvs_core.matching.correspondence import DepthMap
+from dfvs_core.servo.exchange import (
+    Attitude,
+    EarlierMatch,
+    LastFrame,
+    ServoInputs,
+    ServoState,
+)
+from dfvs_core.servo.goal_filter import restructured
+from dfvs_core.servo.level import level_points, real_pose
+from dfvs_core.servo.motion import find_goal, wanted_motion
+from dfvs_core.servo.points import GridSamples, points_from_flow, sample_grid
+from dfvs_core.servo.structure.depth_choice import depth_source
+from dfvs_core.servo.structure.two_view import earlier_view
+from dfvs_core.servo.task import ServoTask
+
+_PASSES = 2
+"""How often structure and pose of the goal are estimated in turn."""
+_FIRST_PASSES = 5
+"""The same for a first frame, whose pose is not predicted."""
+_LEAST_POINTS = 24
+"""Points by which a pose is estimated, or two structures are compared."""
+_MEASURED = 0.1
+"""Validity from which on a depth is more than a guess."""
+
+
+def scaled(T: FloatArray, factor: float) -> FloatArray:
+    """Pose (4, 4) with its translation times a factor."""
+    return make_pose(T[:3, :3], factor * T[:3, 3])
+
+
+def in_metres(depth: DepthMap, unit_m: float) -> DepthMap:
+    """Depth map with its depth times the length of a unit, m."""
+    return DepthMap(np.asarray(depth.z_m * np.float32(unit_m)), depth.validity)
+
+
+def goal_link(
+    task: ServoTask, attitude: Attitude, samples: GridSamples, T_current_goal: FloatArray
+) -> GoalLink:
+    """Where a frame's grid is seen in the goal view.
+
+    Parameters
+    ----------
+    task : ServoTask
+    attitude : Attitude
+        Of the frame.
+    samples : GridSamples
+        Its flow to the goal.
+    T_current_goal : (4, 4)
+        Pose of the goal in the virtual camera, in units.
+    """
+    camera, stride = task.goal.camera, task.config.stride_px
+    partners = samples.pixels + samples.flow
+    rows, columns = _grid_size(camera.height, stride), _grid_size(camera.width, stride)
+    index = np.floor(partners / stride).astype(np.intp)
+    inside = ((index >= 0) & (index < [columns, rows])).all(axis=2)
+    matched = inside & (samples.confidence > task.config.min_confidence)
+    cell = np.where(matched, index[..., 1] * columns + index[..., 0], -1)
+    T = invert_pose(real_pose(task, attitude, T_current_goal))
+    return GoalLink(cell, camera.normalise(partners), T, (rows, columns))
+
+
+def _grid_size(pixels: int, stride: int) -> int:
+    return -(-pixels // stride)
+
+
+def _first_link(
+    task: ServoTask,
+    state: ServoState,
+    inputs: ServoInputs,
+    samples: GridSamples,
+    structure: DepthState,
+) -> tuple[GoalLink | None, DepthState | None]:
+    """Link of a first frame to its goal, by the network's structure of the goal view.
+
+    None where hardly any of the goal is seen. Where the frame's depth is known from the flight to
+    another goal, the structure takes its unit, so that the metric scale stays what it is.
+    """
+    source = depth_source(task.config, task.camera)
+    xy = task.camera.normalise(samples.pixels)
+    last = LastFrame(inputs.t_capture_ns, inputs.attitude, samples)
+    T = np.eye(4)
+    link = goal_link(task, inputs.attitude, samples, T)
+    if np.count_nonzero(link.cell >= 0) < _LEAST_POINTS:
+        return None, None
+    for _ in range(_FIRST_PASSES):
+        depth, _ = source.estimate(DepthInputs(xy, link=link), structure)
+        T, _ = _goal_pose(task, last, depth, T)
+        link = goal_link(task, inputs.attitude, samples, T)
+    if state.depth is None and state.depth_map is not None:
+        before = in_metres(state.depth_map, 1.0 / task.unit_m)
+        depth, _ = source.estimate(DepthInputs(xy, link=link), structure)
+        factor = _ratio(depth, before, link)
+        structure = DepthState(structure.rho * factor, structure.variance * factor**2)
+        link = replace(link, T_current_goal=scaled(link.T_current_goal, 1.0 / factor))
+    return link, structure
+
+
+def _ratio(depth: DepthMap, other: DepthMap, link: GoalLink) -> float:
+    """Median ratio of two depths of a grid, where both are known and the goal is seen; or 1."""
+    known = (link.cell >= 0) & (np.minimum(depth.validity, other.validity) > _MEASURED)
+    if np.count_nonzero(known) < _LEAST_POINTS:
+        return 1.0
+    return float(np.median(depth.z_m[known] / other.z_m[known]))
+
+
+def estimate_depth(
+    task: ServoTask,
+    state: ServoState,
+    inputs: ServoInputs,
+    samples: GridSamples,
+    T_guess: FloatArray | None,
+) -> tuple[DepthMap, DepthState | None]:
+    """Relative depth of the grid points, and the depth source's memory.
+
+    ``T_guess`` (4, 4) is the predicted pose of the goal in the virtual camera, in units.
+    """
+    source = depth_source(task.config, task.camera)
+    link, structure = None, state.depth
+    if T_guess is not None:
+        link = goal_link(task, inputs.attitude, samples, T_guess)
+    elif task.goal_depth is not None:
+        structure = structure or task.goal_depth.structure
+        link, structure = _first_link(task, state, inputs, samples, structure)
+    is_linked = link is not None and structure is not None
+    if isinstance(source, MotionDepth) and not is_linked and state.depth_map is not None:
+        return in_metres(state.depth_map, 1.0 / task.unit_m), structure
+    depth_inputs = DepthInputs(
+        xy=task.camera.normalise(samples.pixels),
+        earlier=None if inputs.earlier is None else _by_odometry(task, inputs.earlier),
+        link=link,
+        given=_on_grid(inputs.given_depth, task.config.stride_px),
+    )
+    return source.estimate(depth_inputs, structure)
+
+
+def _by_odometry(task: ServoTask, match: EarlierMatch) -> EarlierView:
+    samples = sample_grid(match.flow, task.config.stride_px)
+    xy = task.camera.normalise(samples.pixels + samples.flow)
+    return EarlierView(xy, samples.confidence, match.T_earlier_current)
+
+
+def _on_grid(depth: DepthMap | None, stride: int) -> DepthMap | None:
+    if depth is None:
+        return None
+
+    def pick(values: Float32Array) -> Float32Array:
+        return values[stride // 2 :: stride, stride // 2 :: stride]
+
+    return DepthMap(pick(depth.z_m), pick(depth.validity))
+
+
+def observe_depth(task: ServoTask, state: ServoState, match: EarlierMatch) -> ServoState:
+    """Learn about depth from the frame of the last ``servo_step`` and an earlier one.
+
+    A comparison costs as much as the match with the goal; done after the velocity was sent, it
+    serves the frames to come and delays none.
+    """
+    source = depth_source(task.config, task.camera)
+    last, T_current_goal, estimate = state.last, state.T_current_goal, state.estimate
+    if state.depth_map is None or last is None or T_current_goal is None or estimate is None:
+        return state
+    if not isinstance(source, MotionDepth) or last.position is None:
+        return state
+    unit_task = replace(task, unit_m=estimate.metres_per_unit)
+    per_m = 1.0 / estimate.metres_per_unit
+    relative = in_metres(state.depth_map, per_m)
+    in_units = replace(match, T_earlier_current=scaled(match.T_earlier_current, per_m))
+    view = earlier_view(task, in_units, relative)
+    if view is None:
+        return state
+    xy = task.camera.normalise(last.samples.pixels)
+    T_unit, learnt, depth, position = scaled(T_current_goal, per_m), None, relative, last.position
+    for _ in range(_PASSES):
+        # The goal view's structure depends on where the goal is, and that on the structure.
+        link = goal_link(unit_task, last.attitude, last.samples, T_unit)
+        memory = state.depth if state.depth is not None else source.adopt(xy, relative, link)
+        learnt = source.observe(xy, view, link, memory)
+        depth, _ = source.estimate(DepthInputs(xy, link=link), learnt)
+        T_unit, position = _goal_pose(unit_task, last, depth, T_unit)
+    estimate = restructured(estimate, last.position, position)
+    return replace(
+        state,
+        depth=learnt,
+        depth_map=in_metres(depth, estimate.metres_per_unit),
+        T_current_goal=scaled(T_unit, estimate.metres_per_unit),
+        estimate=estimate,
+        last=replace(last, position=position),
+    )
+
+
+def _goal_pose(
+    task: ServoTask, last: LastFrame, depth: DepthMap, T_guess: FloatArray
+) -> tuple[FloatArray, FloatArray]:
+    """Pose (4, 4) of the goal in the last frame, and its position (3,) as the law has it, in units.
+
+    ``task`` has the length of a unit.
+    """
+    points = points_from_flow(last.samples, depth, task.camera, task.goal.camera)
+    points = level_points(task, last.attitude, points)
+    points = points.select(points.weight > task.config.min_confidence)
+    pose = find_goal(task, points, T_guess)
+    measured, _ = wanted_motion(task, replace(points, weight=pose.weight), pose)
+    return pose.T_current_goal, task.basis.exp(measured)[:3, 3]

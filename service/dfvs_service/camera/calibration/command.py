@@ -1,0 +1,224 @@
+"""``dfvs-camera calibrate`` and ``dfvs-camera board``."""
+
+from __future__ import annotations
+
+import argparse
+import contextlib
+import json
+import signal
+import threading
+from collections.abc import Sequence
+from pathlib import Path
+
+import cv2
+import numpy as np
+
+from dfvs_common.atomic_file import replace_file
+from dfvs_core.errors import ConfigError
+from dfvs_core.messages.image import encode_png
+from dfvs_service.camera.calibration.boards import Board, BoardView, parse_board
+from dfvs_service.camera.calibration.coverage import Coverage, coverage_of
+from dfvs_service.camera.calibration.intrinsics import Calibration, calibrate
+from dfvs_service.camera.calibration.report import coverage_image, report_document
+from dfvs_service.camera.feed import Feed
+from dfvs_service.camera.options import add_source_options, feed_of, log, source_options
+from dfvs_service.camera.sources.open_source import open_source
+from dfvs_service.camera.sources.source import SourceOptions
+from dfvs_service.camera.sources.spec import CameraError, SourceKind, SourceSpec, parse_source
+from dfvs_service.settings.calibration_file import write_calibration
+
+_RECEIVE_S = 0.25
+_NEW_SHARE = 0.06
+"""A live image is kept if the board moved by this share of the image's width since the last."""
+
+_MOST_VIEWS = 60
+_EPILOG = """\
+examples:
+  dfvs-camera board --board charuco:7x5:0.04:0.03 --out board.png       print it, glue it flat
+  dfvs-camera calibrate --board charuco:7x5:0.04:0.03 --source 0 --size 640x480 --out camera.toml
+  dfvs-camera calibrate --board chessboard:9x6:0.025 --source pictures/ --out camera.toml
+
+It writes camera.toml (for the service's settings), camera.json (report) and camera.png (coverage
+and every image's error). From a live source, images are taken by themselves whenever the board
+has moved; Ctrl-C ends with what there is. Exit code: 0 done, 1 done but doubtful, 2 cannot run.
+"""
+
+
+def _board_option(parser: argparse.ArgumentParser) -> None:
+    parser.add_argument(
+        "--board",
+        required=True,
+        metavar="BOARD",
+        help="charuco:COLUMNSxROWS:SQUARE:MARKER or chessboard:COLUMNSxROWS:SQUARE, in squares, m",
+    )
+
+
+def run_board(words: Sequence[str]) -> int:
+    """Draw a board to be printed; exit code 0.
+
+    Raises
+    ------
+    ConfigError
+        If there is no such board, or the file cannot be written.
+    """
+    parser = argparse.ArgumentParser(
+        prog="dfvs-camera board",
+        description="Draw a calibration board, ready to be printed at its true size.",
+        epilog="example: dfvs-camera board --board charuco:7x5:0.04:0.03 --dpi 300 --out board.png",
+    )
+    _board_option(parser)
+    parser.add_argument("--dpi", type=int, default=300, help="of the printer (default: 300)")
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="PNG to write")
+    arguments = parser.parse_args(words)
+    board = Board(parse_board(arguments.board))
+    if not 50 <= arguments.dpi <= 1200:
+        raise ConfigError(f"--dpi is {arguments.dpi}", "50 to 1200")
+    square_px = round(board.spec.square_m / 0.0254 * arguments.dpi)
+    image = board.draw(square_px, square_px // 2)
+    replace_file(arguments.out, encode_png(np.repeat(image[:, :, None], 3, axis=2)))
+    side_mm = square_px / arguments.dpi * 25.4
+    print(
+        f"wrote {arguments.out}: print at {arguments.dpi} dpi; a square must measure "
+        f"{side_mm:.2f} mm"
+    )
+    return 0
+
+
+def run(words: Sequence[str]) -> int:
+    """Calibrate; exit code 0, or 1 where the result is doubtful.
+
+    Raises
+    ------
+    DfvsError
+        If source, board or output cannot be used, or the images fix no camera.
+    """
+    arguments = _parser().parse_args(words)
+    board = Board(parse_board(arguments.board))
+    if arguments.out.suffix != ".toml":
+        raise ConfigError(f"--out is {str(arguments.out)!r}", "a name that ends in .toml")
+    views, size = _collect(board, arguments)
+    calibration = calibrate(views, size, arguments.lens)
+    coverage = coverage_of(views, size)
+    _write(arguments.out, views, calibration, coverage)
+    document = report_document(calibration, coverage)
+    print(json.dumps(document) if arguments.json else _summary(arguments.out, document))
+    return 1 if document["missing"] or document["doubts"] else 0
+
+
+def _parser() -> argparse.ArgumentParser:
+    parser = argparse.ArgumentParser(
+        prog="dfvs-camera calibrate",
+        description="Find a camera's intrinsics from images of a board.",
+        epilog=_EPILOG,
+        formatter_class=argparse.RawDescriptionHelpFormatter,
+    )
+    _board_option(parser)
+    add_source_options(parser, required=True)
+    parser.add_argument("--out", type=Path, required=True, metavar="FILE", help="TOML to write")
+    parser.add_argument(
+        "--lens",
+        choices=("pinhole", "plumb_bob", "rational"),
+        default="plumb_bob",
+        help="distortion: none, 5 coefficients (default), or 8 for wide lenses",
+    )
+    parser.add_argument("--json", action="store_true", help="print the report as JSON")
+    return parser
+
+
+def _collect(
+    board: Board, arguments: argparse.Namespace
+) -> tuple[list[BoardView], tuple[int, int]]:
+    """Views of the board, and the images' size (width, height) px."""
+    spec = parse_source(arguments.source)
+    options = source_options(arguments, None)
+    if spec.kind is SourceKind.IMAGES:
+        return _from_images(board, spec, options)
+    stop = threading.Event()
+    signal.signal(signal.SIGINT, lambda *_: stop.set())
+    with contextlib.closing(feed_of(arguments, None)) as feed:
+        return _from_feed(board, feed, stop)
+
+
+def _from_images(
+    board: Board, spec: SourceSpec, options: SourceOptions
+) -> tuple[list[BoardView], tuple[int, int]]:
+    """Views from all images of a folder, which must be of one size."""
+    from dfvs_service.camera.sources.images import image_paths
+
+    source = open_source(spec, options)
+    views: list[BoardView] = []
+    size: tuple[int, int] | None = None
+    for path in image_paths(spec.place):
+        captured = source.read()
+        if captured is None:
+            break
+        height, width = captured.image.shape[:2]
+        if size not in (None, (width, height)):
+            raise CameraError(
+                f"{path} has {width} x {height} px", f"{size}, the size of those before it"
+            )
+        size = (width, height)
+        view = board.find(captured.image, path.name)
+        log(f"{path.name}: {'no board' if view is None else f'{len(view.pixels)} corners'}")
+        if view is not None:
+            views.append(view)
+    return views, size or (0, 0)
+
+
+def _from_feed(
+    board: Board, feed: Feed, stop: threading.Event
+) -> tuple[list[BoardView], tuple[int, int]]:
+    """Views from a live source: one whenever the board has moved, until nothing is missing."""
+    views: list[BoardView] = []
+    size = (0, 0)
+    while not stop.is_set() and not feed.ended and len(views) < _MOST_VIEWS:
+        captured = feed.receive(_RECEIVE_S)
+        if captured is None:
+            continue
+        size = (captured.image.shape[1], captured.image.shape[0])
+        view = board.find(captured.image, f"image {len(views) + 1}")
+        if view is None or not _is_new(view, views, size[0]):
+            continue
+        views.append(view)
+        missing = coverage_of(views, size).advice()
+        if not missing:
+            log(f"image {len(views)}: enough")
+            break
+        log(f"image {len(views)}: {'; '.join(missing[:2])}")
+    return views, size
+
+
+def _is_new(view: BoardView, views: Sequence[BoardView], width: int) -> bool:
+    """Whether the board is elsewhere, or tilted otherwise, than in every image so far."""
+    outline = _outline(view)
+    return all(np.abs(outline - _outline(other)).max() > _NEW_SHARE * width for other in views)
+
+
+def _outline(view: BoardView) -> np.ndarray[tuple[int, ...], np.dtype[np.float32]]:
+    """Four corners of the board's bounding box and the extent of its diagonals, px."""
+    u, v = view.pixels[:, 0], view.pixels[:, 1]
+    return np.array([u.min(), u.max(), v.min(), v.max(), (u + v).min(), (u - v).max()], np.float32)
+
+
+def _write(
+    out: Path, views: Sequence[BoardView], calibration: Calibration, coverage: Coverage
+) -> None:
+    used = sum(view.is_used for view in calibration.views)
+    remarks = [
+        "Camera calibration by dfvs-camera calibrate (OpenCV " + cv2.__version__ + ")",
+        f"{used} images, root mean square reprojection error {calibration.rms_px:.3f} px",
+    ]
+    write_calibration(out, calibration.camera, remarks)
+    document = json.dumps(report_document(calibration, coverage), indent=2) + "\n"
+    replace_file(out.with_suffix(".json"), document.encode())
+    replace_file(out.with_suffix(".png"), encode_png(coverage_image(views, calibration)))
+
+
+def _summary(out: Path, document: dict[str, object]) -> str:
+    lines = [f"wrote {out}, {out.with_suffix('.json')} and {out.with_suffix('.png')}"]
+    lines.append(f"root mean square error {document['rms_px']} px")
+    for key, title in (("missing", "to be better"), ("doubts", "doubtful")):
+        items = document[key]
+        if isinstance(items, list):
+            lines += [f"{title}: {item}" for item in items]
+    return "\n".join(lines)

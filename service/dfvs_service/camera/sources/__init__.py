@@ -1,0 +1,1 @@
+"""Image sources: cameras, streams, videos and folders of images."""

@@ -1,0 +1,61 @@
+"""Interface of image sources."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+from typing import Protocol
+
+from dfvs_service.camera.sources.spec import CameraError
+from dfvs_service.frames import CapturedImage
+
+
+@dataclass(frozen=True, slots=True)
+class SourceOptions:
+    """How a source is to be opened.
+
+    ``size`` (width, height) px and ``rate_hz`` are asked of a camera where they are not None.
+    ``latency_ns`` is what is known to pass between capture and arrival where a source does not
+    give the time of capture (a network stream).
+    """
+
+    size: tuple[int, int] | None = None
+    rate_hz: float | None = None
+    latency_ns: int = 0
+
+
+class Source(Protocol):
+    """An open source."""
+
+    rate_hz: float
+    """Images a second that it reports; 0 where it reports none."""
+
+    def read(self) -> CapturedImage | None:
+        """Wait for the next image; None at the end of a recording.
+
+        Raises
+        ------
+        SourceLostError
+            If a live source gives no more images.
+        CameraError
+            If what it gives cannot be used.
+        """
+
+    def close(self) -> None:
+        """Give the device or file back."""
+
+
+def check_size(captured: CapturedImage, wanted: tuple[int, int] | None, who: str) -> None:
+    """Refuse an image of another size than the one that was asked for.
+
+    Raises
+    ------
+    CameraError
+        If it has another size.
+    """
+    height, width = captured.image.shape[:2]
+    if wanted is not None and (width, height) != wanted:
+        raise CameraError(
+            f"{who} gives images of {width} x {height} px",
+            f"{wanted[0]} x {wanted[1]} px, as --size or the calibration says",
+            "choose a size that the camera has",
+        )

@@ -1,0 +1,86 @@
+"""Specification of an image source: the argument of ``--source``."""
+
+from __future__ import annotations
+
+import enum
+import re
+from dataclasses import dataclass
+from pathlib import Path
+
+from dfvs_core.errors import DfvsError
+
+IMAGE_SUFFIXES = frozenset({".png", ".jpg", ".jpeg"})
+
+_DEVICE = re.compile(r"(?:/dev/video)?(\d+)")
+_PICAMERA = re.compile(r"picamera2?(?::(\d+))?")
+_URL = re.compile(r"[a-z][a-z0-9+.-]*://", re.IGNORECASE)
+
+
+class CameraError(DfvsError):
+    """A camera, stream or file that cannot be used as asked: trying again would not help."""
+
+
+class SourceLostError(DfvsError):
+    """A live source that cannot be reached right now: trying again may help."""
+
+
+class SourceKind(enum.StrEnum):
+    """Where images can come from."""
+
+    V4L2 = "V4L2 device"
+    STREAM = "stream"
+    GSTREAMER = "GStreamer pipeline"
+    PICAMERA = "Picamera2"
+    VIDEO = "video file"
+    IMAGES = "pictures"
+
+
+LIVE = frozenset({SourceKind.V4L2, SourceKind.STREAM, SourceKind.GSTREAMER, SourceKind.PICAMERA})
+
+
+@dataclass(frozen=True, slots=True)
+class SourceSpec:
+    """A source: its kind, and the device number, URL, pipeline or path."""
+
+    kind: SourceKind
+    place: str
+
+    @property
+    def is_live(self) -> bool:
+        """Whether images come at their own pace, and may come back after a loss."""
+        return self.kind in LIVE
+
+    def __str__(self) -> str:
+        return f"{self.kind} {self.place}"
+
+
+def parse_source(text: str) -> SourceSpec:
+    """Kind of source that a word of the command line names.
+
+    Raises
+    ------
+    CameraError
+        If it is none of them, or may not be read.
+    """
+    if match := _DEVICE.fullmatch(text):
+        return SourceSpec(SourceKind.V4L2, match[1])
+    if match := _PICAMERA.fullmatch(text):
+        return SourceSpec(SourceKind.PICAMERA, match[1] or "0")
+    if text.startswith("gst:") or " ! " in text:
+        return SourceSpec(SourceKind.GSTREAMER, text.removeprefix("gst:").strip())
+    if _URL.match(text):
+        return SourceSpec(SourceKind.STREAM, text)
+    path = Path(text)
+    try:
+        is_folder, is_file = path.is_dir(), path.is_file()
+    except OSError as error:
+        raise CameraError(f"the source {text[:200]!r} cannot be read ({error.strerror})") from error
+    if is_folder or (is_file and path.suffix.lower() in IMAGE_SUFFIXES):
+        return SourceSpec(SourceKind.IMAGES, text)
+    if is_file:
+        return SourceSpec(SourceKind.VIDEO, text)
+    raise CameraError(
+        f"there is no source {text!r}",
+        "a device (0, /dev/video0), URL (rtsp://...), GStreamer pipeline (gst:...), picamera, or "
+        "an existing video, image or folder of images",
+    )

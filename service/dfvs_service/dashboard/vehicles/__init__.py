@@ -1,0 +1,1 @@
+"""Vehicles as the dashboard sees them: samples, models, rates and clocks."""

@@ -1,0 +1,229 @@
+"""Vehicle model of the dashboard: last telemetry, history, and health of links.
+
+Pure: telemetry and the time go in, news for the page comes out as plain mappings.
+"""
+
+from __future__ import annotations
+
+import dataclasses
+import math
+from collections import deque
+from collections.abc import Mapping, Sequence
+from typing import Any
+
+from dfvs_core.errors import WireError
+from dfvs_core.messages.link import GateStatus, VehicleState
+from dfvs_core.messages.schema import dump, parse
+from dfvs_service.dashboard.vehicles.clock import Moment, SenderClock
+from dfvs_service.dashboard.vehicles.rates import StreamRate
+from dfvs_service.dashboard.vehicles.sample import BrowserImage
+
+Update = dict[str, Any]
+
+_SERVO_NUMBERS = (
+    "error_m",
+    "error_rad",
+    "median_error_px",
+    "residual_px",
+    "inlier_share",
+    "overlap",
+    "condition",
+    "depth_m",
+    "error_spread_m",
+    "scale_spread",
+    "odometry_error_m_s",
+    "mean_error_m",
+    "mean_error_spread_m",
+    "mounting_score",
+)
+_SERVO_VECTORS = ("motion", "velocity_error")
+SERVO_COLUMNS = ("t_ms", "delay_ms", *_SERVO_NUMBERS, *_SERVO_VECTORS)
+_PATH_NUMBERS = ("north_m", "east_m", "down_m", "roll_rad", "pitch_rad", "yaw_rad")
+PATH_COLUMNS = ("t_ms", *_PATH_NUMBERS, "setpoint", "flown")
+"""``setpoint`` is the commanded and ``flown`` the estimated velocity in the level body frame:
+forward, right, down in m/s, and yaw rate in rad/s (None where it is unknown)."""
+
+_KEPT_ROWS = 3000
+_KEPT_PERIOD_MS = 90.0
+"""Shortest time between rows of the servo history: five minutes are kept."""
+_PAUSE_S = 1.0
+_KEPT_TRANSITIONS = 50
+_STATUS_FIELDS = frozenset(field.name for field in dataclasses.fields(GateStatus))
+_SECRETS = frozenset({"challenge"})
+_COUNTERS = ("frames", "refused", "overtaken")
+_MOST_STAGES = 32
+
+
+class VehicleModel:
+    """One vehicle as the dashboard sees it.
+
+    Parameters
+    ----------
+    name : str
+        Of the vehicle.
+    """
+
+    def __init__(self, name: str) -> None:
+        self.name = name
+        self.status: GateStatus | None = None
+        self.rates = {stream: StreamRate() for stream in ("camera", "servo", "state", "flow")}
+        self._clock = SenderClock()
+        self._vehicle: VehicleState | None = None
+        self._newest: Update = {}
+        self._servo: deque[list[Any]] = deque(maxlen=_KEPT_ROWS)
+        self._path: deque[list[Any]] = deque(maxlen=_KEPT_ROWS)
+        self._transitions: deque[Update] = deque(maxlen=_KEPT_TRANSITIONS)
+
+    def on_document(self, stream: str, document: object, now: Moment) -> Update:
+        """Take a document of a stream; returns what is new to the page.
+
+        Raises
+        ------
+        DfvsError
+            If it does not follow its schema; fields that are not known yet are passed over.
+        """
+        if not isinstance(document, Mapping):
+            raise WireError(f"{stream} telemetry is not a mapping")
+        if stream == "state":
+            return self._on_state(document, now)
+        if stream == "servo":
+            return self._on_servo(document, now)
+        if stream == "timing":
+            return self._on_timing(document, now)
+        return self._on_config(document)
+
+    def _on_state(self, document: Mapping[str, Any], now: Moment) -> Update:
+        """Take the gate's status."""
+        # A newer service may say more than our schema knows.
+        known = {key: value for key, value in document.items() if key in _STATUS_FIELDS}
+        status = parse(GateStatus, known)
+        self.rates["state"].note(now.t_ns)
+        t_ms = self._clock.wall_ms(status.t_ns, now)
+        shown = {key: value for key, value in dump(status).items() if key not in _SECRETS}
+        shown["t_ms"] = t_ms
+        shown["since_ms"] = t_ms - max(status.t_ns - status.since_ns, 0) * 1e-6
+        shown["accepts_commands"] = bool(status.challenge)
+        update: Update = {"state": shown}
+        if self.status is None or status.state != self.status.state:
+            transition = {"t_ms": shown["since_ms"], "to": status.state, "cause": status.cause}
+            self._transitions.append(transition)
+            update["transitions"] = [transition]
+        self.status = status
+        self._newest["state"] = shown
+        vehicle = status.vehicle
+        if vehicle is not None and vehicle != self._vehicle:
+            vehicle_ms = t_ms - max(status.t_ns - vehicle.t_ns, 0) * 1e-6
+            row = [vehicle_ms, *_path_row(vehicle, self._vehicle, status.setpoint)]
+            self._vehicle = vehicle
+            self._path.append(row)
+            update["path"] = [row]
+        return update
+
+    def _on_servo(self, document: Mapping[str, Any], now: Moment) -> Update:
+        """Take one frame's result."""
+        t_ns, t_capture_ns = _time(document, "t_ns"), _time(document, "t_capture_ns")
+        self.rates["servo"].note(now.t_ns)
+        row: list[Any] = [self._clock.wall_ms(t_capture_ns, now), (t_ns - t_capture_ns) * 1e-6]
+        row += [_number(document.get(name)) for name in _SERVO_NUMBERS]
+        row += [_numbers(document.get(name)) for name in _SERVO_VECTORS]
+        if not self._servo or abs(row[0] - self._servo[-1][0]) >= _KEPT_PERIOD_MS:
+            self._servo.append(row)
+        verdict = {name: str(document.get(name, ""))[:200] for name in ("status", "reason")}
+        self._newest["verdict"] = verdict
+        return {"servo": [row], "verdict": verdict}
+
+    def _on_timing(self, document: Mapping[str, Any], now: Moment) -> Update:
+        """Take the latencies of the stages, and what perception counted."""
+        stages = {
+            str(name)[:40]: [_number(stage.get(key)) for key in ("p50_ms", "p99_ms")]
+            for name, stage in list(_inner(document, "stages").items())[:_MOST_STAGES]
+            if isinstance(stage, Mapping)
+        }
+        counters = {name: _number(document.get(name)) for name in _COUNTERS}
+        self._newest["timing"] = {"t_ms": now.wall_ms, "stages": stages, **counters}
+        return {"timing": self._newest["timing"]}
+
+    def _on_config(self, document: Mapping[str, Any]) -> Update:
+        """Take the resolved settings; the page shows but a few of them."""
+        self._newest["settings"] = {
+            "model": str(_inner(document, "flow").get("model", ""))[:200],
+            "engage": str(_inner(document, "gate").get("engage", ""))[:20],
+            "min_confidence": _number(_inner(document, "servo").get("min_confidence")),
+            "tolerance_m": _number(_inner(document, "servo").get("tolerance_m")),
+            "camera_width": _number(_inner(document, "camera").get("width")),
+            "max_distance_m": _number(_inner(document, "limits").get("max_distance_m")),
+        }
+        return {"settings": self._newest["settings"]}
+
+    def on_image(self, stream: str, image: BrowserImage, now: Moment) -> float:
+        """Note an image of the camera, flow or goal stream; wall-clock time of its stamp, ms."""
+        if stream in self.rates:
+            seq = image.seq if stream == "camera" else None
+            self.rates[stream].note(now.t_ns, len(image.data), seq)
+        return self._clock.wall_ms(image.t_ns, now)
+
+    def link_update(self, now: Moment) -> Update:
+        """Rates and ages of the streams; whether ages are exact."""
+        streams = {name: rate.summary(now.t_ns) for name, rate in self.rates.items()}
+        link = {"t_ms": now.wall_ms, "streams": streams, "is_foreign_clock": self._clock.is_foreign}
+        return {"link": link}
+
+    def history(self) -> Update:
+        """Everything that a page needs which has just begun to watch."""
+        return {
+            **self._newest,
+            "history": {
+                "servo": list(self._servo),
+                "path": list(self._path),
+                "transitions": list(self._transitions),
+            },
+        }
+
+    def listing(self) -> Update:
+        """One line for the choice of vehicles: name, newest state, and when it was sent."""
+        state = self._newest.get("state", {})
+        return {"name": self.name, "state": state.get("state", ""), "t_ms": state.get("t_ms")}
+
+
+def _path_row(
+    vehicle: VehicleState, before: VehicleState | None, setpoint: Sequence[float]
+) -> list[Any]:
+    """``PATH_COLUMNS`` without the time."""
+    cos, sin = math.cos(vehicle.yaw_rad), math.sin(vehicle.yaw_rad)
+    north, east, down = vehicle.velocity_m_s
+    flown = [cos * north + sin * east, cos * east - sin * north, down, _yaw_rate(vehicle, before)]
+    angles = vehicle.roll_rad, vehicle.pitch_rad, vehicle.yaw_rad
+    return [*vehicle.position_m, *angles, list(setpoint), flown]
+
+
+def _yaw_rate(vehicle: VehicleState, before: VehicleState | None) -> float | None:
+    """Mean yaw rate since the state before, rad/s; None after a pause."""
+    dt_s = 0.0 if before is None else (vehicle.t_ns - before.t_ns) * 1e-9
+    if before is None or not 0 < dt_s < _PAUSE_S:
+        return None
+    return math.remainder(vehicle.yaw_rad - before.yaw_rad, 2 * math.pi) / dt_s
+
+
+def _time(document: Mapping[str, Any], name: str) -> int:
+    value = document.get(name)
+    if not isinstance(value, int) or isinstance(value, bool) or abs(value) > 1 << 62:
+        raise WireError(f"servo telemetry has {name} = {value!r}"[:200], "ns as an integer")
+    return value
+
+
+def _number(value: object) -> float | None:
+    """Finite number, or None: nothing else reaches the page."""
+    if not isinstance(value, int | float) or isinstance(value, bool) or abs(value) > 1e300:
+        return None
+    return float(value) if math.isfinite(value) else None
+
+
+def _numbers(value: object) -> list[float | None]:
+    if not isinstance(value, Sequence) or isinstance(value, str) or len(value) > 6:
+        return []
+    return [_number(item) for item in value]
+
+
+def _inner(document: Mapping[str, Any], name: str) -> Mapping[str, Any]:
+    inner = document.get(name)
+    return inner if isinstance(inner, Mapping) else {}

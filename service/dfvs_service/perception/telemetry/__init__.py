@@ -1,0 +1,1 @@
+"""Telemetry of perception: documents, images and latency."""

@@ -1,0 +1,69 @@
+"""Telemetry images: preview, goal image and flow."""
+
+from __future__ import annotations
+
+from typing import cast
+
+import cv2
+
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.warping import flow_at_size
+from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
+from dfvs_core.perception.flow_grid import FLOW_GRID_ENCODING, encode_flow_grid, sample_flow
+from dfvs_service.perception.telemetry.preview import draw_flow
+from dfvs_service.telemetry import Note
+
+_GOAL_QUALITY = 90
+_THUMBNAIL_QUALITY = 70
+_THUMBNAIL_WIDTH = 240
+"""Width of the black box's views, px."""
+
+
+class TelemetryImages:
+    """Makes notes of images and flow; called on the telemetry thread.
+
+    Parameters
+    ----------
+    clock : bytes
+        Identity of the clock that frames are stamped with.
+    min_confidence : float
+        The preview shows no flow below.
+    quality : int
+        JPEG quality of the preview, 1 to 100.
+    """
+
+    def __init__(self, clock: bytes, min_confidence: float, quality: int) -> None:
+        self._clock = clock
+        self._min_confidence = min_confidence
+        self._quality = quality
+
+    def preview(self, frame: Frame, flow: FlowField) -> Note:
+        """JPEG of the view with the flow drawn on it, as a frame on the wire."""
+        drawn = draw_flow(frame.image, _of_frame(flow, frame), self._min_confidence)
+        return self._jpeg(Frame(drawn, frame.t_capture_ns, frame.seq), self._quality)
+
+    def thumbnail(self, frame: Frame) -> Note:
+        """Small JPEG of the view alone."""
+        height, width = frame.image.shape[:2]
+        size = (_THUMBNAIL_WIDTH, max(round(height * _THUMBNAIL_WIDTH / width), 1))
+        small = cast(ImageArray, cv2.resize(frame.image, size, interpolation=cv2.INTER_AREA))
+        return self._jpeg(Frame(small, frame.t_capture_ns, frame.seq), _THUMBNAIL_QUALITY)
+
+    def goal(self, image: ImageArray, t_ns: int) -> Note:
+        """JPEG of the goal image (H, W, 3), stamped with the time of publishing."""
+        return self._jpeg(Frame(image, t_ns, 0), _GOAL_QUALITY)
+
+    def flow(self, frame: Frame, flow: FlowField) -> Note:
+        """Coarse grid of the flow to the goal."""
+        grid = sample_flow(_of_frame(flow, frame), frame.seq, frame.t_capture_ns)
+        return Note(encode_flow_grid(grid), FLOW_GRID_ENCODING)
+
+    def _jpeg(self, frame: Frame, quality: int) -> Note:
+        payload, attachment = encode_frame(frame, PixelFormat.JPEG, self._clock, quality)
+        return Note(payload, "image/jpeg", attachment)
+
+
+def _of_frame(flow: FlowField, frame: Frame) -> FlowField:
+    """Flow in px of the frame."""
+    return flow_at_size(flow, (frame.image.shape[0], frame.image.shape[1]))

@@ -1,0 +1,1 @@
+"""Messages of a recording: channels, conversion, Foxglove's schemas."""

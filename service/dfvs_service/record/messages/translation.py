@@ -1,0 +1,163 @@
+"""Conversion of session headers and frame records to messages of a recording.
+
+``/dfvs/turn`` with the image of the same sequence number holds all that a replay needs. The
+other channels say the same in Foxglove's standard schemas and as plain JSON, for people.
+"""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Iterator
+from typing import Any
+
+from dfvs_core.errors import WireError
+from dfvs_core.messages.frame import FrameHeader, PixelFormat, decode_header
+from dfvs_core.messages.frame_record import FrameInput, FrameRecord, SessionHeader
+from dfvs_core.messages.goal import GoalSidecar, Mount
+from dfvs_core.messages.link import GateStatus, PerceptionReport, VehicleState
+from dfvs_core.messages.schema import dump, parse, to_json
+from dfvs_core.perception.flow_grid import FlowGrid
+from dfvs_service.pace import Pace
+from dfvs_service.record.flight_log import FlightLog
+from dfvs_service.record.flown_path import FlownPath
+from dfvs_service.record.messages import channels, foxglove
+from dfvs_service.record.messages.channels import Channel, Message, json_channel
+from dfvs_service.settings.config import CameraSection
+
+_NO_VEHICLE = VehicleState(0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
+_NO_REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0, 0.0)
+
+STATE = json_channel("/gate/state", "dfvs.GateStatus", dump(GateStatus("", "", _NO_VEHICLE)))
+SETPOINT = json_channel(
+    "/gate/setpoint",
+    "dfvs.Setpoint",
+    dict.fromkeys(("forward_m_s", "right_m_s", "down_m_s", "yaw_rad_s"), 0.0),
+)
+REPORT = json_channel("/perception/report", "dfvs.PerceptionReport", dump(_NO_REPORT))
+_COMPRESSED = {PixelFormat.JPEG: "jpeg", PixelFormat.PNG: "png"}
+_RAW = {
+    PixelFormat.RGB8: ("rgb8", 3),
+    PixelFormat.BGR8: ("bgr8", 3),
+    PixelFormat.MONO8: ("mono8", 1),
+}
+
+
+_PATH_HZ = 1.0
+
+_SERVO_VECTORS = ("velocity_error",)
+"""Arrays in a servo document that are null where they are unknown."""
+
+
+class Translation:
+    """Messages of one session header and of the frame records that follow from it."""
+
+    def __init__(self, header: SessionHeader) -> None:
+        self._header = header
+        sidecar = parse(GoalSidecar, header.sidecar)
+        camera = parse(CameraSection, header.settings["camera"])
+        self._camera = camera.model() or sidecar.camera
+        self._mount = camera.mount or Mount()
+        self._min_confidence = float(header.settings["servo"]["min_confidence"])
+        self._servo: Channel | None = None
+        self._log = FlightLog()
+        self._path, self._path_pace = FlownPath(), Pace.of_rate(_PATH_HZ)
+        self._is_path_new = False
+        self._last = (header.first_turn, header.opened_ns)
+
+    def header(self, image: bytes, now_unix_ns: int | None = None) -> Iterator[Message]:
+        """Settings, goal image (PNG), calibration and the frames that stand still.
+
+        Stamped with the session header's own time, or with another one where they are repeated.
+        """
+        header = self._header
+        t_ns = self._unix(header.opened_ns) if now_unix_ns is None else now_unix_ns
+        goal = foxglove.compressed_image(t_ns, "goal", image, "png")
+        calibration = foxglove.calibration(t_ns, self._camera)
+        transforms = foxglove.still_transforms(t_ns, self._mount)
+        for channel, data in (
+            (channels.SESSION_HEADER, to_json(header)),
+            (channels.GOAL_IMAGE, goal),
+            (channels.CALIBRATION, calibration),
+            (channels.TRANSFORMS, transforms),
+        ):
+            yield Message(channel, t_ns, header.first_turn, data)
+
+    def record(self, record: FrameRecord, payload: bytes) -> Iterator[Message]:
+        """One frame record with its sample's payload."""
+        t_ns = self._unix(record.t_ns)
+        self._last = (record.number, record.t_ns)
+        yield Message(channels.FRAME_RECORD, t_ns, record.number, to_json(record))
+        for status in record.heard:
+            yield from self._status(status, record.number)
+        yield self._json(REPORT, t_ns, record.number, dump(record.report))
+        if record.sight is not None:
+            yield self._image(record.sight, payload, t_ns, record.number)
+        if record.servo:
+            yield self._json(self._servo_channel(record.servo), t_ns, record.number, record.servo)
+
+    def flow(self, grid: FlowGrid) -> Message:
+        """Flow of a frame, published after the last frame record."""
+        number, t_ns = self._last
+        at_ns = self._unix(grid.t_capture_ns)
+        data = foxglove.flow_annotations(at_ns, grid, self._min_confidence)
+        return Message(channels.FLOW, self._unix(t_ns), number, data)
+
+    def _status(self, status: GateStatus, number: int) -> Iterator[Message]:
+        t_ns = self._unix(status.t_ns)
+        for entry in self._log.entries(status):
+            data = foxglove.log(t_ns, "gate", entry)
+            yield Message(channels.GATE_LOG, t_ns, number, data)
+        yield self._json(STATE, t_ns, number, dump(status))
+        forward, right, down, yaw = status.setpoint
+        setpoint = {
+            "forward_m_s": forward,
+            "right_m_s": right,
+            "down_m_s": down,
+            "yaw_rad_s": yaw,
+        }
+        yield self._json(SETPOINT, t_ns, number, setpoint)
+        vehicle = status.vehicle
+        if vehicle is not None:
+            at_ns = self._unix(vehicle.t_ns)
+            pose = foxglove.pose(at_ns, vehicle)
+            yield Message(channels.POSE, t_ns, number, pose)
+            transform = foxglove.body_transform(at_ns, vehicle)
+            yield Message(channels.TRANSFORMS, t_ns, number, transform)
+            self._is_path_new |= self._path.add(vehicle.position_m)
+        if self._is_path_new and self._path_pace.due(status.t_ns):
+            self._is_path_new = False
+            path = foxglove.path(t_ns, self._path.positions_m)
+            yield Message(channels.PATH, t_ns, number, path)
+
+    def _image(self, sight: FrameInput, payload: bytes, t_ns: int, number: int) -> Message:
+        """Sample as it came; where not even its header can be read, as bare bytes."""
+        try:
+            header = decode_header(bytes.fromhex(sight.attachment))
+        except WireError:
+            return Message(channels.UNREADABLE, t_ns, number, payload)
+        channel, data = self._encoded(header, payload)
+        return Message(channel, t_ns, number, data)
+
+    def _encoded(self, header: FrameHeader, payload: bytes) -> tuple[Channel, bytes]:
+        t_ns = self._unix(header.t_capture_ns)
+        compressed = _COMPRESSED.get(header.pixel_format)
+        if compressed is not None:
+            image = foxglove.compressed_image(t_ns, "camera", payload, compressed)
+            return channels.COMPRESSED_IMAGE, image
+        encoding, bytes_per_px = _RAW[header.pixel_format]
+        layout = foxglove.RawLayout(header.width, header.height, encoding, bytes_per_px)
+        return channels.RAW_IMAGE, foxglove.raw_image(t_ns, payload, layout)
+
+    def _servo_channel(self, document: dict[str, Any]) -> Channel:
+        """Channel of the servo documents, its schema made from the first of them."""
+        if self._servo is None:
+            unknown = {key: [0.0] for key in _SERVO_VECTORS if document.get(key, ()) is None}
+            self._servo = json_channel("/perception/servo", "dfvs.Servo", document | unknown)
+        return self._servo
+
+    def _json(self, channel: Channel, t_ns: int, number: int, document: object) -> Message:
+        return Message(channel, t_ns, number, json.dumps(document, separators=(",", ":")).encode())
+
+    def _unix(self, t_ns: int) -> int:
+        """Unix time of a monotonic one; MCAP knows no negative times."""
+        return max(t_ns + self._header.unix_offset_ns, 0)
