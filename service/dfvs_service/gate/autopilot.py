@@ -31,6 +31,7 @@ from mavsdk.plugins.mavlink_direct.mavlink_direct import (
 from mavsdk.plugins.param.param import Param
 from mavsdk.system import System
 
+from dfvs_common.status_text import plain_text
 from dfvs_core.errors import DfvsError
 from dfvs_core.gate.events import ModeRequest, VehicleEvent
 from dfvs_core.gate.limits import BodyVelocity
@@ -82,7 +83,7 @@ class Autopilot:
 
     def _on_log(self, level: LogLevel, message: str, _file: str | None, _line: int) -> bool:
         if level >= LogLevel.WARN:
-            self._note("mavsdk", px4.plain_text(message))
+            self._note("mavsdk", plain_text(message))
         return True
 
     @property

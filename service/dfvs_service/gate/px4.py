@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import math
-import unicodedata
 from collections.abc import Mapping
 from typing import Any
 
@@ -197,15 +196,6 @@ def interval_fields(message_id: int, interval_us: int, system_id: int) -> dict[s
 def answers_interval(ack: Mapping[str, Any]) -> bool:
     """Whether COMMAND_ACK answers what is asked for again and again: a message's interval."""
     return ack.get("command") == _SET_MESSAGE_INTERVAL
-
-
-def plain_text(text: str) -> str:
-    """Text of the autopilot on one line, without control characters.
-
-    PX4 ends a STATUSTEXT with a tab where it is sent as an event too.
-    """
-    printable = (" " if unicodedata.category(letter) == "Cc" else letter for letter in text)
-    return " ".join("".join(printable).split())
 
 
 def _command(number: int, system_id: int, values: tuple[float, ...]) -> dict[str, Any]:

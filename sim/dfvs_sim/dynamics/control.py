@@ -11,6 +11,7 @@ import math
 from collections import deque
 from dataclasses import dataclass
 
+from dfvs_core.geometry.poses import wrap_angle
 from dfvs_sim.dynamics.estimator import Estimate
 from dfvs_sim.dynamics.motion_state import Vector
 from dfvs_sim.dynamics.rigid_body import GRAVITY_M_S2, Command
@@ -125,7 +126,7 @@ class Controller:
         g = self.gains
         rate = demand.yaw_rate_rad_s if demand.yaw_rate_rad_s == demand.yaw_rate_rad_s else 0.0
         if demand.yaw_rad == demand.yaw_rad:
-            error = (demand.yaw_rad - yaw_rad + math.pi) % (2.0 * math.pi) - math.pi
+            error = wrap_angle(demand.yaw_rad - yaw_rad)
             rate += g.yaw * error
         return min(g.yaw_rate_max_rad_s, max(-g.yaw_rate_max_rad_s, rate))
 

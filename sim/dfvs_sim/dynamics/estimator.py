@@ -2,12 +2,12 @@
 
 from __future__ import annotations
 
-import math
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 
 import numpy as np
 
+from dfvs_core.geometry.poses import wrap_angle
 from dfvs_sim.dynamics.estimate_errors import ErrorProcess, EstimateErrors
 from dfvs_sim.dynamics.motion_state import MotionState
 from dfvs_sim.dynamics.rigid_body import Quadrotor
@@ -89,7 +89,7 @@ class Estimator:
             e.pitch_rad += error.attitude_rad[1]
         if self._process is not None or self._yaw != 0.0:
             yaw = vehicle.yaw_rad + self.attitude_error_rad[2]
-            e.yaw_rad = (yaw + math.pi) % (2.0 * math.pi) - math.pi
+            e.yaw_rad = wrap_angle(yaw)
         return e
 
     def _add(self, position_m: Sequence[float], velocity_m_s: Sequence[float]) -> None:

@@ -10,6 +10,7 @@ from __future__ import annotations
 import math
 from dataclasses import dataclass
 
+from dfvs_core.geometry.poses import wrap_angle
 from dfvs_sim.dynamics.motion_state import MotionState
 
 GRAVITY_M_S2 = 9.80665
@@ -91,7 +92,7 @@ class Quadrotor(MotionState):
         self._yaw_torque_rad_s2 += (wanted - self._yaw_torque_rad_s2) * dt_s / _YAW_LAG_S
         self.yaw_rate_rad_s += self._yaw_torque_rad_s2 * dt_s
         yaw = self.yaw_rad + self.yaw_rate_rad_s * dt_s
-        self.yaw_rad = (yaw + math.pi) % (2.0 * math.pi) - math.pi
+        self.yaw_rad = wrap_angle(yaw)
 
     def _attitude_for(self, command: Command) -> tuple[float, float, float]:
         """Specific thrust (m/s²), roll and pitch (rad) that give the commanded acceleration."""

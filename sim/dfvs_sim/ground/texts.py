@@ -6,6 +6,8 @@ from collections import deque
 from dataclasses import dataclass
 from typing import Any
 
+from dfvs_common.status_text import plain_text
+
 _KEPT = 20
 
 
@@ -33,13 +35,4 @@ class StatusTexts:
     @property
     def all(self) -> tuple[tuple[int, str], ...]:
         """Texts with their arrival (monotonic ns), oldest first."""
-        return tuple((text.t_ns, printable(text.raw)) for text in self._texts)
-
-
-def printable(text: str) -> str:
-    """Text up to its first NUL, in one line, without control characters.
-
-    PX4 ends texts that it also sends as events with a tab.
-    """
-    plain = text.partition("\0")[0]
-    return " ".join("".join(c if c.isprintable() else " " for c in plain).split())
+        return tuple((text.t_ns, plain_text(text.raw.partition("\0")[0])) for text in self._texts)

@@ -7,6 +7,7 @@ from hypothesis import given
 from hypothesis import strategies as st
 from vehicle_in_hand import VehicleInHand
 
+from dfvs_common.status_text import plain_text
 from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor
 from dfvs_core.gate.checks.preflight import preflight
 from dfvs_core.gate.config import GateConfig, GateTiming
@@ -244,4 +245,4 @@ def test_a_foreign_setpoint_names_its_sender(target, is_ours):
     ],
 )
 def test_a_text_of_px4_becomes_one_line_without_control_characters(text, plain):
-    assert px4.plain_text(text) == plain
+    assert plain_text(text) == plain
