@@ -77,14 +77,12 @@ class HoveringVehicle:
     def T_local_body(self) -> FloatArray:
         """True pose (4, 4) of the body in the local frame."""
         v = self._px4.flight.vehicle
-        R = rotation_from_euler(v.roll_rad, v.pitch_rad, v.yaw_rad)
-        return make_pose(R, np.array([v.north_m, v.east_m, v.down_m]))
+        return make_pose(rotation_from_euler(*v.attitude_rad), np.array(v.position_m))
 
     @property
     def true_velocity_m_s(self) -> FloatArray:
         """True velocity (3,), NED."""
-        v = self._px4.flight.vehicle
-        return np.array([v.v_north_m_s, v.v_east_m_s, v.v_down_m_s])
+        return np.array(self._px4.flight.vehicle.velocity_m_s)
 
     def request(self, mode: ModeRequest) -> None:
         """Change the mode as the gate asks for."""
@@ -94,15 +92,8 @@ class HoveringVehicle:
     def follow(self, setpoint: BodyVelocity) -> None:
         """Take a setpoint, as from SET_POSITION_TARGET_LOCAL_NED in BODY_NED."""
         velocity = (setpoint.forward_m_s, setpoint.right_m_s, setpoint.down_m_s)
-        message = Setpoint(
-            BODY_NED,
-            _VELOCITY_AND_YAW_RATE,
-            _NAN3,
-            velocity,
-            _NAN3,
-            float("nan"),
-            setpoint.yaw_rad_s,
-        )
+        numbers = (_NAN3, velocity, _NAN3, float("nan"), setpoint.yaw_rad_s)
+        message = Setpoint(BODY_NED, _VELOCITY_AND_YAW_RATE, *numbers)
         demand = demand_from_setpoint(message, self._px4.flight.estimate.yaw_rad)
         assert demand is not None
         self._px4.status.setpoint_ns = self.now_ns

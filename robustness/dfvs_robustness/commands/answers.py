@@ -5,7 +5,6 @@ from __future__ import annotations
 import argparse
 import contextlib
 import dataclasses
-import json
 import os
 import tempfile
 from pathlib import Path
@@ -16,7 +15,7 @@ from dfvs_common.progress import log
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.measurement import Try, run_answers
 from dfvs_robustness.answers.report import markdown_lines
-from dfvs_sim.options import require_folder, require_range
+from dfvs_sim.options import require_folder, require_range, write_json
 
 _EPILOG = """examples:
   dfvs-robustness answers                                  10 tries in every state
@@ -57,7 +56,7 @@ def run(args: argparse.Namespace) -> int:
         times = run_answers(Path(folder), per_state, args.seconds, _show)
     document = {**dataclasses.asdict(times), "passed": times.passed}
     if args.json is not None:
-        args.json.write_text(json.dumps(document) + "\n", encoding="utf-8")
+        write_json(args.json, document)
     print("\n".join(markdown_lines(document)))
     return EXIT_OK if times.passed else EXIT_FAILED
 

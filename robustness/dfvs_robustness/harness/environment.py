@@ -248,8 +248,8 @@ class Environment:
             if now_ns >= next_pose_ns:
                 next_pose_ns = now_ns + _POSE_NS
                 v = self._px4.flight.vehicle
-                velocity = [round(a, 4) for a in (v.v_north_m_s, v.v_east_m_s, v.v_down_m_s)]
-                place = [round(a, 4) for a in (v.north_m, v.east_m, v.down_m)]
+                velocity = [round(a, 4) for a in v.velocity_m_s]
+                place = [round(a, 4) for a in v.position_m]
                 self._note(now_ns, "pose", {"velocity": velocity, "place": place})
 
     def _answer(self) -> None:
