@@ -103,7 +103,7 @@ def test_a_report_of_nothing_is_refused(tmp_path, capsys):
     ("words", "message"),
     [
         (("--rotations", "20,20"), "three angles"),
-        (("--translations", "near"), "--translations has 'near'"),
+        (("--translations", "near"), "--translations is 'near'"),
         (("--translations", "0"), "translation is 0 m"),
         (("--trials", "0"), "--trials is 0"),
         (("--seed", "-1"), "--seed is -1"),

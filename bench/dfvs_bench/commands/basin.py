@@ -129,7 +129,8 @@ def cells_from(args: argparse.Namespace) -> tuple[Cell, ...]:
         rotations = [parse_numbers(t, "--rotations", 3, expected) for t in args.rotations]
     translations: tuple[float, ...] = TRANSLATIONS_M
     if text := args.translations:
-        translations = parse_numbers(text, "--translations", text.count(",") + 1)
+        count, expected = text.count(",") + 1, "numbers separated by commas"
+        translations = parse_numbers(text, "--translations", count, expected)
     pairs = [(t, r) for r in dict.fromkeys(rotations) for t in dict.fromkeys(translations)]
     return tuple(Cell(translation, (x, y, z)) for translation, (x, y, z) in pairs)
 
