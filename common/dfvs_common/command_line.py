@@ -5,14 +5,23 @@ from __future__ import annotations
 import argparse
 from collections.abc import Sequence
 from importlib.metadata import version
+from typing import Any
 
 from dfvs_common import lifecycle
 
 
+class _Parser(argparse.ArgumentParser):
+    """Parser, also of subcommands, whose texts keep their lines where it has an epilog."""
+
+    def __init__(self, **options: Any) -> None:
+        if options.get("epilog"):
+            options["formatter_class"] = argparse.RawDescriptionHelpFormatter
+        super().__init__(**options)
+
+
 def program_parser(prog: str, description: str, epilog: str) -> argparse.ArgumentParser:
     """Parser of a program, whose texts keep their lines; ``--version`` prints and ends."""
-    formatter = argparse.RawDescriptionHelpFormatter
-    parser = argparse.ArgumentParser(prog, None, description, epilog, formatter_class=formatter)
+    parser = _Parser(prog=prog, description=description, epilog=epilog)
     parser.add_argument(
         "--version",
         action="version",

@@ -28,7 +28,7 @@ from dfvs_service.flight_setup import (
     with_model,
 )
 from dfvs_service.flights.cli import flights
-from dfvs_service.replay_gate import replay_gate
+from dfvs_service.replay.gate import replay_gate
 from dfvs_service.route.cli import run as teach
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.config_text import markdown_table, toml_text

@@ -17,7 +17,8 @@ from dfvs_core.gate.commands.command import Command, encode_command, request_id
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import GoalCommand, goal_digest
 from dfvs_core.messages.topics import Topics
-from dfvs_service.settings.config import ServiceConfig, ZenohSection
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.sections import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
 _SENDINGS, _GOAL_SENDINGS = 6, 2

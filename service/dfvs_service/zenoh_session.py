@@ -14,9 +14,9 @@ from dfvs_common import zenoh_session
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.zenoh_settings import Encryption, TlsFiles
 from dfvs_service.ports import require_free_zenoh_ports
-from dfvs_service.settings.config import ZenohSection
 from dfvs_service.settings.key_file import check_private
 from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.settings.sections import ZenohSection
 
 _PEM = b"-----BEGIN "
 _RETRY_S = 1.0

@@ -67,7 +67,6 @@ def add_parser(subparsers: Any) -> None:
         description="Lead a free camera to goals from further and further away, and tell how often "
         "each method converges, with 95 % intervals (DFVS Fig. 6).",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     tasks_help = "tasks.json: its scenes (default: sixteen rooms)"
     add_trial_options(parser, tasks_help, "basin-runs", DEFAULT_METHODS)

@@ -25,7 +25,6 @@ def add_parser(subparsers: Any) -> None:
         description="Plot the trials that table1 kept of one task: error, velocities, camera path "
         "(DFVS Fig. 5).",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--runs", type=Path, default=Path("bench-runs"), metavar="DIR", help="default: bench-runs")

@@ -32,7 +32,6 @@ def add_parser(subparsers: Any) -> None:
         description="Estimate the depth of images whose depth is known; print relative error, "
         "RMSE and the share within 25 %%, metric and aligned, and the time of an image.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_pairs_options(parser, "the network")
     parser.add_argument("--depth-bundle", nargs="+", default=[DEFAULT_DEPTH], metavar="NAME")

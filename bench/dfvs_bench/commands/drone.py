@@ -53,7 +53,6 @@ def add_parser(subparsers: Any) -> None:
         description="Fly the benchmark's tasks with four degrees of freedom: final errors, and the "
         "time against the bound of a straight flight at the limits.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_task_options(parser, "tasks.json (default: the ten scenes)", "drone-runs")
     add = parser.add_argument

@@ -75,7 +75,6 @@ def add_parser(subparsers: Any) -> None:
         description="Match image pairs whose flow is known; print end-point error, share "
         "under 3 px, error of the more confident half, and time a pair.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_pairs_options(parser, "the network and OpenCV")
     parser.add_argument(

@@ -45,7 +45,6 @@ def add_parser(subparsers: Any) -> None:
         description="Fly seeds in simulated time: ends and false alarms, how well the goal is "
         "held, and the distance estimate against the truth and against its stated uncertainty.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_scene_option(parser)
     add = parser.add_argument

@@ -64,7 +64,6 @@ def add_parser(subparsers: Any) -> None:
         description="Match single pairs of wide baseline in any scenes, without a prior, and "
         "judge each by the pose that follows with true depth.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("scene", type=Path, nargs="+", metavar="SCENE.glb")

@@ -34,7 +34,6 @@ def add_parser(subparsers: Any) -> None:
         description="Render a scene from many places at 640 x 480 and 320 x 240, with and without "
         "anti-aliasing, and print the time of a frame (colour and depth).",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_scene_option(parser)
     add = parser.add_argument

@@ -32,7 +32,6 @@ def add_parser(subparsers: Any) -> None:
         "tables, depth (DFVS Fig. 2), pictures (Fig. 4), plots (Fig. 5 and 6), and the paper's "
         "figures beside ours, made to be printed. What was not measured is left out.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add(

@@ -38,7 +38,6 @@ def add_parser(subparsers: Any) -> None:
         "those that come with the package, a quarter of an hour and Mitsuba 3 (extra [bake]). "
         "Rooms that are in the folder already are kept.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--out", type=Path, metavar="DIR", help="make the scenes anew, into this folder")

@@ -55,7 +55,6 @@ def add_parser(subparsers: Any) -> None:
         description="Lead a free camera from start to goal in every scene with every method, and "
         "tabulate final errors, path length and iterations (DFVS Table I).",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     tasks_help = "tasks.json (default: the ten scenes)"
     add_trial_options(parser, tasks_help, "bench-runs", DEFAULT_METHODS)

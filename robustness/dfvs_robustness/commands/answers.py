@@ -35,7 +35,6 @@ def add_parser(subparsers: Any) -> None:
         description="Send hold and abort to the real dfvs-service in every state of the gate with "
         "every core busy, and measure the state's rate while the goal is out of view.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--tries", type=int, default=90, metavar="N", help="commands in all (default: 90)")

@@ -41,7 +41,6 @@ def add_parser(subparsers: Any) -> None:
         description="Start the real dfvs-service beside a simulated vehicle, cause faults from "
         "outside in every state of the gate, and judge its reactions by the vehicle's record.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--only", action="append", default=[], metavar="FAULT", help="may be repeated")

@@ -37,7 +37,6 @@ def add_parser(subparsers: Any) -> None:
         "wrong headers) to the decoder that perception uses. Nothing but its own refusal may "
         "come back, and no frame may take much more time or memory than a good one.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--count", type=int, default=100_000, metavar="N", help="number of frames")

@@ -63,7 +63,6 @@ class FuzzCommand(Generic[T, E]):
             help=self.help,
             description=self.description,
             epilog=epilog,
-            formatter_class=argparse.RawDescriptionHelpFormatter,
         )
         add = parser.add_argument
         add("--events", type=int, default=1_000_000, metavar="N", help="at least so many events")

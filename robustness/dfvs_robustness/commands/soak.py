@@ -41,7 +41,6 @@ def add_parser(subparsers: Any) -> None:
         description="Fly the real dfvs-service from goal to goal by signed commands, with the same "
         "processes all the time, and judge whether their memory, file descriptors or threads grow.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_scene_option(parser)
     add_camera_options(parser, AUTO, SIZE_HELP)

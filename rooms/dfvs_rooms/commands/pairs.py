@@ -45,7 +45,6 @@ def add_parser(subparsers: Any) -> None:
         "turn with exact flow for dfvs-bench, or a folder of wide-baseline pairs with depth and "
         "pose, a file a room, for dfvs-export train. The seed and the rooms decide every bit.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     rooms = parser.add_mutually_exclusive_group(required=True)

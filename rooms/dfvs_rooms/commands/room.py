@@ -54,7 +54,6 @@ def add_parser(subparsers: Any) -> None:
         "in the other kinds is drawn. In an arcade everything comes again and again, so that "
         "places are taken for others.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("--kind", choices=ROOM_KINDS + REPETITIVE_KINDS, default=LIVING_ROOM)

@@ -19,8 +19,8 @@ from dfvs_service.camera.sources.open_source import open_source
 from dfvs_service.camera.sources.source import Source, SourceOptions
 from dfvs_service.camera.sources.spec import SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import read_calibration
-from dfvs_service.settings.config import ZenohSection
 from dfvs_service.settings.options import add_settings_options
+from dfvs_service.settings.sections import ZenohSection
 
 _SIZE = re.compile(r"(\d{2,4})x(\d{2,4})")
 

@@ -8,9 +8,9 @@ from collections.abc import Sequence
 from pathlib import Path
 
 from dfvs_common.command_line import program_parser
+from dfvs_common.extras import require_package
 from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_core.errors import ConfigError
-from dfvs_service.extras import require_package
 
 _EPILOG = """\
 example:

@@ -23,7 +23,7 @@ from dfvs_service.dashboard.settings import DashboardSettings
 from dfvs_service.dashboard.vehicles.clock import Moment
 from dfvs_service.dashboard.vehicles.receiver import Receiver
 from dfvs_service.dashboard.vehicles.sample import Arrival
-from dfvs_service.settings.config import ZenohSection
+from dfvs_service.settings.sections import ZenohSection
 
 PAGE = Path(__file__).parent / "page"
 _TICK_S = 0.5

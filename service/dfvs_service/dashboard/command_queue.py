@@ -10,7 +10,8 @@ from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import GoalCommand
 from dfvs_core.messages.image import image_size
 from dfvs_service.command import send_command
-from dfvs_service.settings.config import ServiceConfig, VehicleSection, ZenohSection
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.sections import VehicleSection, ZenohSection
 
 COMMAND_TIMEOUT_S = 3.0
 

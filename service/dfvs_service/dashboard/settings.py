@@ -14,8 +14,9 @@ from dfvs_core.errors import ConfigError
 from dfvs_service.command import operators_zenoh
 from dfvs_service.dashboard.address import LOOPBACK_NAMES, PublicAddress
 from dfvs_service.dashboard.tokens import Tokens
-from dfvs_service.settings.config import ZenohSection, load_config
+from dfvs_service.settings.config import load_config
 from dfvs_service.settings.key_file import load_key
+from dfvs_service.settings.sections import ZenohSection
 
 
 @dataclass(frozen=True, slots=True)

@@ -8,12 +8,12 @@ import time
 from collections.abc import Sequence
 
 from dfvs_common.command_line import program_parser
+from dfvs_common.extras import require_package
 from dfvs_common.lifecycle import EXIT_OK, handle_ending_signals, run_command
 from dfvs_common.progress import log
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages.frame_record import SessionHeader
 from dfvs_core.perception.flow_grid import FlowGrid
-from dfvs_service.extras import require_package
 from dfvs_service.record.preparation import require_record_extra
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.options import add_settings_options, settings_from

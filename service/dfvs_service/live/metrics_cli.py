@@ -7,9 +7,9 @@ import sys
 from collections.abc import Sequence
 
 from dfvs_common.command_line import program_parser
+from dfvs_common.extras import require_package
 from dfvs_common.lifecycle import EXIT_OK, run_command
 from dfvs_core.errors import ConfigError
-from dfvs_service.extras import require_package
 from dfvs_service.settings.options import add_settings_options, settings_from
 
 DEFAULT_PORT = 9464

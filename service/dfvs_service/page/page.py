@@ -9,10 +9,10 @@ from dataclasses import dataclass
 
 import cv2
 
+from dfvs_common.extras import require_package
 from dfvs_common.templates import templates
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.image import encode_jpeg
-from dfvs_service.extras import require_package
 from dfvs_service.page.charts import Plot, TimeLine, time_chart
 
 _VIEW_WIDTH = 480

@@ -14,7 +14,8 @@ from dfvs_core.servo.task import ServoTask
 from dfvs_models.catalog import depth_files, load_depth, load_matcher, model_files
 from dfvs_models.depth import DepthNetwork
 from dfvs_service.perception.frame_processor import FrameProcessor
-from dfvs_service.settings.config import FlowSection, ServiceConfig
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.sections import FlowSection
 
 
 @dataclass(frozen=True, slots=True)

@@ -5,8 +5,8 @@ from __future__ import annotations
 import os
 from pathlib import Path
 
+from dfvs_common.extras import require_package
 from dfvs_core.errors import ConfigError
-from dfvs_service.extras import require_package
 
 _MODULES = ("mcap", "mcap_protobuf", "foxglove_schemas_protobuf")
 

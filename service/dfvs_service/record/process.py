@@ -15,7 +15,8 @@ from dfvs_core.perception.flow_grid import FlowGrid
 from dfvs_service.record.follow import Follower
 from dfvs_service.record.preparation import prepare_folder
 from dfvs_service.record.recorder import MB, RecordCounts, Recorder, RecordLimits
-from dfvs_service.settings.config import RecordSection, ServiceConfig
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.record_sections import RecordSection
 
 
 @dataclass(frozen=True, slots=True)

@@ -15,7 +15,8 @@ from dfvs_service.perception.frame_processor import ProcessedFrame
 from dfvs_service.replay.identity import reasons_to_differ
 from dfvs_service.replay.recording import StateLog, read_recording
 from dfvs_service.replay.rerun import Rerun, Rerunner, recorded_settings, with_trial
-from dfvs_service.settings.config import FlowSection, ServiceConfig
+from dfvs_service.settings.config import ServiceConfig
+from dfvs_service.settings.sections import FlowSection
 
 
 @dataclass(frozen=True, slots=True)

@@ -29,25 +29,6 @@ from dfvs_service.settings.sections import (
     ZenohSection,
 )
 
-__all__ = [
-    "BlackBoxSection",
-    "CameraSection",
-    "DepthSection",
-    "FlowSection",
-    "GateSection",
-    "LimitsSection",
-    "RecordSection",
-    "RouteSection",
-    "ServiceConfig",
-    "TelemetrySection",
-    "VehicleSection",
-    "ZenohSection",
-    "config_from_json",
-    "load_config",
-    "parse_assignment",
-]
-
-
 _MOST_SILENCE_S = 0.2
 """A camera that is silent for longer is reported to the gate before its last frame is too old."""
 

@@ -43,7 +43,6 @@ def add_parser(subparsers: Any) -> None:
         description="Render what a vehicle sees and publish it over Zenoh. The pose comes from "
         "the vehicle's MAVLink telemetry, so it works beside a real PX4 as well.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_scene_option(parser)
     add_camera_options(parser)

@@ -51,7 +51,6 @@ def add_parser(subparsers: Any) -> None:
         help="render a goal image with its sidecar",
         description=_DESCRIPTION,
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_scene_option(parser)
     add_camera_options(parser)

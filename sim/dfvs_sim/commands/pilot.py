@@ -46,7 +46,6 @@ def add_parser(subparsers: Any) -> None:
         help="fly a vehicle by words: arm, takeoff, offboard, hold, land",
         description=_DESCRIPTION + words,
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add = parser.add_argument
     add("words", nargs="*", metavar="WORD", help="what to do (default: ask at a prompt)")

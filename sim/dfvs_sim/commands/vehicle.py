@@ -33,7 +33,6 @@ def add_parser(subparsers: Any) -> None:
         description="A simulated quadrotor that answers on MAVLink as PX4 does. A companion "
         "listens on UDP 14540, a ground station on UDP 14550.",
         epilog=_EPILOG,
-        formatter_class=argparse.RawDescriptionHelpFormatter,
     )
     add_options(parser)
     parser.set_defaults(run=run)

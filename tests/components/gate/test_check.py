@@ -20,8 +20,9 @@ from dfvs_core.messages.frame import BOOT_ID_FILE, Frame, PixelFormat, clock_ide
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.topics import Topics
 from dfvs_service.preflight.watch_only import watching
-from dfvs_service.settings.config import ZenohSection, load_config
+from dfvs_service.settings.config import load_config
 from dfvs_service.settings.runtime import RuntimeFolder
+from dfvs_service.settings.sections import ZenohSection
 from dfvs_service.supervisor.parent import Parent, Programs, prepare_runtime
 from dfvs_service.zenoh_session import open_session
 

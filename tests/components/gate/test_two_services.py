@@ -18,7 +18,7 @@ from loopback import free_endpoint, listening_peer
 from vehicle_process import companion_connected, free_port
 
 from dfvs_core.errors import DfvsError
-from dfvs_service.settings.config import ZenohSection
+from dfvs_service.settings.sections import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
 pytestmark = pytest.mark.real_time

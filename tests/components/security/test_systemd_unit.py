@@ -10,7 +10,8 @@ from pathlib import Path
 import pytest
 
 from dfvs_core.gate.config import GateTiming
-from dfvs_service.settings.config import BlackBoxSection, load_config
+from dfvs_service.settings.config import load_config
+from dfvs_service.settings.record_sections import BlackBoxSection
 
 DEPLOY = Path(__file__).parents[3] / "deploy"
 NAMES = ("service", "camera", "dashboard", "metrics")

@@ -4,8 +4,7 @@ import pytest
 
 from dfvs_core.errors import ConfigError
 from dfvs_service.camera.options import cameras_zenoh
-from dfvs_service.settings.config import ZenohSection
-from dfvs_service.settings.sections import TlsFiles
+from dfvs_service.settings.sections import TlsFiles, ZenohSection
 
 TLS = TlsFiles("ca.pem", "camera.pem", "camera-key.pem")
 

@@ -16,7 +16,7 @@ from dfvs_service.ports import (
     require_free_zenoh_ports,
     zenoh_port,
 )
-from dfvs_service.settings.config import ZenohSection
+from dfvs_service.settings.sections import ZenohSection
 
 TCP, UDP = socket.SOCK_STREAM, socket.SOCK_DGRAM
 

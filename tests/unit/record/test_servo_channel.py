@@ -11,7 +11,7 @@ from dfvs_core.messages.link import PerceptionReport
 from dfvs_core.messages.schema import dump
 from dfvs_core.servo.config import ServoConfig
 from dfvs_service.record.messages.translation import Translation
-from dfvs_service.settings.config import CameraSection
+from dfvs_service.settings.camera_section import CameraSection
 
 REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0)
 KNOWN = {"error_m": 0.5, "error_spread_m": 0.02, "velocity_error": [0.01, 0.0, 0.0, 0.0]}

@@ -18,7 +18,7 @@ import zenoh.ext
 from dfvs_core.errors import DfvsError
 from dfvs_core.messages.topics import Topics
 from dfvs_service.dashboard.vehicles.sample import Arrival
-from dfvs_service.settings.config import ZenohSection
+from dfvs_service.settings.sections import ZenohSection
 from dfvs_service.zenoh_session import open_session
 
 DOCUMENTS = ("state", "servo", "timing")

@@ -22,7 +22,7 @@ from dfvs_service.record.flight_log import FlightLog
 from dfvs_service.record.flown_path import FlownPath
 from dfvs_service.record.messages import channels, foxglove
 from dfvs_service.record.messages.channels import Channel, Message, json_channel
-from dfvs_service.settings.config import CameraSection
+from dfvs_service.settings.camera_section import CameraSection
 
 _NO_VEHICLE = VehicleState(0, 0.0, 0.0, 0.0, (0.0, 0.0, 0.0), (0.0, 0.0, 0.0))
 _NO_REPORT = PerceptionReport(0, 0, (0.0,) * 4, False, False, False, "", 0.0, 0.0, 0.0, 0.0)
