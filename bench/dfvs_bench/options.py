@@ -250,17 +250,15 @@ class Countdown:
     ----------
     count : int
         Jobs that are to be done.
-    now_s : callable
-        Clock.
     """
 
-    def __init__(self, count: int, now_s: Callable[[], float] = time.monotonic) -> None:
+    def __init__(self, count: int) -> None:
         self._count, self._done = count, 0
-        self._now_s, self._began_s = now_s, now_s()
+        self._began_s = time.monotonic()
 
     def step(self) -> str:
         """Count one more as done: ``[12/70, 9 min left]``."""
         self._done += 1
-        elapsed_s = self._now_s() - self._began_s
+        elapsed_s = time.monotonic() - self._began_s
         left_min = elapsed_s / self._done * (self._count - self._done) / 60.0
         return f"[{self._done}/{self._count}, {left_min:.0f} min left]"

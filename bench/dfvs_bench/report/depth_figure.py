@@ -84,14 +84,8 @@ def _flow_depth(
     return np.asarray(depth.z_m, np.float64)
 
 
-def depth_figure(rows: Sequence[DepthViews], file_format: str = "svg") -> bytes:
-    """Draw a row of panels for every view, with one scale of depth for each row.
-
-    Returns
-    -------
-    bytes
-        The file, in ``png``, ``svg`` or ``pdf``.
-    """
+def depth_figure(rows: Sequence[DepthViews]) -> bytes:
+    """SVG with a row of panels for every view, with one scale of depth for each row."""
     names = list(rows[0].depths)
     height, width = rows[0].image.shape[:2]
     panel_in = (COLUMN_IN - _SIDES_IN) / (1 + len(names))
@@ -104,7 +98,7 @@ def depth_figure(rows: Sequence[DepthViews], file_format: str = "svg") -> bytes:
             _draw_row(figure, axes, row)
         for axes, name in zip(panels[0], ("image", *names), strict=True):
             axes.set_title(name, loc="center")
-        return file_of(figure, file_format)
+        return file_of(figure, "svg")
 
 
 def _draw_row(figure: Figure, panels: Any, row: DepthViews) -> None:

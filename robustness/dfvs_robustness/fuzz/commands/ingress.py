@@ -68,7 +68,7 @@ class Ingress:
         self.authority = Authority(KEY, VEHICLE, Challenges(), born_ns)
 
     def challenge(self, now_ns: int) -> str:
-        """Challenge that the state tells."""
+        """Challenge that the state publishes."""
         return self.authority.challenge(now_ns)
 
     def take(self, sending: Sending) -> Passed | None:

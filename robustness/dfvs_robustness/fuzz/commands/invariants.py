@@ -37,8 +37,8 @@ class CommandChecker:
     """Follows one ingress from its birth."""
 
     def __init__(self) -> None:
-        self._told_ns: OrderedDict[str, int] = OrderedDict()
-        """When each challenge was first told."""
+        self._published_ns: OrderedDict[str, int] = OrderedDict()
+        """When each challenge was first published."""
         self._used: set[str] = set()
         self._obeyed: set[bytes] = set()
         self._answers: OrderedDict[bytes, str] = OrderedDict()
@@ -47,13 +47,13 @@ class CommandChecker:
         self._count = 0
 
     def see_challenge(self, challenge: str, now_ns: int) -> None:
-        """Take the challenge that is told at ``now_ns``."""
-        self._told_ns.setdefault(challenge, now_ns)
+        """Take the challenge that is published at ``now_ns``."""
+        self._published_ns.setdefault(challenge, now_ns)
 
     def check(
         self, sending: Sending, challenge: str, passed: Passed | None, ingress: Ingress
     ) -> None:
-        """Judge what became of a sending that arrived while ``challenge`` was told.
+        """Judge what became of a sending that arrived while ``challenge`` was published.
 
         Raises
         ------
@@ -94,9 +94,11 @@ class CommandChecker:
         if passed.command in self._obeyed:
             raise InvariantError("once", f"obeyed {said} twice")
         challenge = signed["challenge"]
-        told_ns = self._told_ns.get(challenge)
-        if told_ns is None or now_ns - told_ns >= _LIFETIME_NS or challenge in self._used:
-            raise InvariantError("fresh", f"challenge told at {told_ns}, obeyed at {now_ns}")
+        published_ns = self._published_ns.get(challenge)
+        if published_ns is None or now_ns - published_ns >= _LIFETIME_NS or challenge in self._used:
+            raise InvariantError(
+                "fresh", f"challenge published at {published_ns}, obeyed at {now_ns}"
+            )
         if sending.goal is not None and answer.argument != hashlib.sha256(sending.goal).hexdigest():
             raise InvariantError("authentic", "a goal is not the one that was signed")
         self._used.add(challenge)

@@ -55,7 +55,7 @@ class Sender:
         self._now_ns = born_ns
         self._sent: deque[Sending] = deque(maxlen=_REMEMBERED)
         self._goals: deque[Sending] = deque(maxlen=8)
-        self._told: deque[str] = deque(maxlen=8)
+        self._published: deque[str] = deque(maxlen=8)
         self._delayed: list[tuple[int, bytes]] = []
         self._pace = _PACES[0]
 
@@ -69,9 +69,9 @@ class Sender:
         return self._now_ns
 
     def next(self, challenge: str) -> Sending:
-        """Next sending, by somebody who knows the challenge that is told now."""
-        if challenge not in self._told:
-            self._told.append(challenge)
+        """Next sending, by somebody who knows the challenge that is published now."""
+        if challenge not in self._published:
+            self._published.append(challenge)
         if self._delayed and self._delayed[0][0] <= self._now_ns:
             command = heapq.heappop(self._delayed)[1]
             return self._remember(Sending(self._now_ns, command, None, "late"))
@@ -119,7 +119,7 @@ class Sender:
         if kind == "rubbish":
             return rng.rng.bytes(rng.integer(0, 1200))
         if kind == "expired":
-            challenge = rng.pick(self._told)
+            challenge = rng.pick(self._published)
         elif kind == "unknown challenge":
             challenge = self._hexadecimal()
         command = self._signable(challenge, "drone2" if kind == "other vehicle" else VEHICLE)

@@ -61,12 +61,12 @@ class Environment:
     yaw_rad: float = 0.0
     follows: float = 1.0
     """Share of a setpoint that the vehicle flies; negative where it goes the wrong way."""
-    beats: bool = True
-    tells_mode: bool = True
+    sends_heartbeat: bool = True
+    sends_mode: bool = True
     """CURRENT_MODE after each change, as PX4 from 1.15 on does."""
-    tells_attitude: bool = True
-    tells_position: bool = True
-    tells_status: bool = True
+    sends_attitude: bool = True
+    sends_position: bool = True
+    sends_status: bool = True
     obeys: bool = True
     sees: bool = True
     latency_ns: int = 40 * MS
@@ -90,7 +90,7 @@ def calm(environment: Environment, rng: RandomSource) -> Environment:
     position_m = environment.position_m
     return Environment(
         mode=environment.mode,
-        tells_mode=rng.chance(0.7),
+        sends_mode=rng.chance(0.7),
         position_m=position_m if all(map(math.isfinite, position_m)) else (1.0, 2.0, -3.0),
         yaw_rad=environment.yaw_rad if math.isfinite(environment.yaw_rad) else 0.0,
         reached=rng.chance(0.3),
@@ -145,11 +145,11 @@ def _numbers(environment: Environment, rng: RandomSource) -> Environment:
 def _telemetry(environment: Environment, rng: RandomSource) -> Environment:
     north, east, down = environment.position_m
     changes = (
-        {"beats": False},
-        {"tells_mode": False},
-        {"tells_attitude": False},
-        {"tells_position": False},
-        {"tells_status": False},
+        {"sends_heartbeat": False},
+        {"sends_mode": False},
+        {"sends_attitude": False},
+        {"sends_position": False},
+        {"sends_status": False},
         {"roll_rad": math.nan},
         {"estimator_valid": False},
         {"healthy": False},

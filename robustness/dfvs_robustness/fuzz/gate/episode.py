@@ -106,10 +106,10 @@ class Surroundings:
         self._rng = rng
         self._now_ns = t_ns
         self._environment = calm(Environment(), rng)
-        self._beat_ns = self._capture_ns = self._slow_ns = t_ns - 10 * S
+        self._heartbeat_ns = self._capture_ns = self._slow_ns = t_ns - 10 * S
         self._seq = 0
         self._flown_m_s = (0.0, 0.0, 0.0)
-        self._told_mode = VehicleMode.OTHER
+        self._sent_mode = VehicleMode.OTHER
         self._wanted_goal = self._seen_goal = ""
         self._commanded_goal: str | None = None
 
@@ -119,7 +119,7 @@ class Surroundings:
         self._advance()
         if rng.chance(0.02):
             environment = disturbed(environment, rng)
-        elif rng.chance(0.06 if environment.tells_status else 0.01):  # two seconds count there
+        elif rng.chance(0.06 if environment.sends_status else 0.01):  # two seconds count there
             environment = calm(environment, rng)
         self._environment = environment
         self._people(state)
@@ -184,23 +184,23 @@ class Surroundings:
         events: list[Event] = []
         if environment.sees:
             events.append(Report(now, self._report()))
-        if environment.tells_attitude:
+        if environment.sends_attitude:
             events.append(Attitude(now, environment.roll_rad, 0.0, environment.yaw_rad))
-        if environment.tells_position:
+        if environment.sends_position:
             events.append(LocalPosition(now, environment.position_m, environment.velocity_m_s))
-        if environment.beats and now - self._beat_ns >= 300 * MS:
-            self._beat_ns = now
+        if environment.sends_heartbeat and now - self._heartbeat_ns >= 300 * MS:
+            self._heartbeat_ns = now
             events.append(Heartbeat(now, environment.mode, environment.armed, environment.failsafe))
         if (
-            environment.tells_mode
-            and environment.mode is not self._told_mode
+            environment.sends_mode
+            and environment.mode is not self._sent_mode
             and self._rng.chance(0.7)
         ):
-            self._told_mode = environment.mode
+            self._sent_mode = environment.mode
             events.append(CurrentMode(now, environment.mode))
         if environment.mode is VehicleMode.OFFBOARD and self._rng.chance(0.3):
             events.append(VelocityTarget(now, self._flown_m_s))
-        if environment.tells_status and now - self._slow_ns >= 700 * MS:
+        if environment.sends_status and now - self._slow_ns >= 700 * MS:
             self._slow_ns = now
             events += self._slow(now)
         if self._rng.chance(0.15 if state in {*self._ended, GateState.READY} else 0.01):
