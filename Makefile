@@ -19,7 +19,9 @@ demo: .venv/.stamp-sim
 seeds: .venv/.stamp-sim
 	$(BIN)/dfvs-demo --runs 10 $(ARGS)
 
-test: lint types imports docs coverage pytest
+test: .venv/.stamp-test
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync lint types imports docs coverage
+	@$(MAKE) --no-print-directory pytest
 
 setup: .venv/.stamp-dev
 
