@@ -16,7 +16,7 @@ from dfvs_export.cli import main
 from dfvs_export.commands.comparison import agrees_with_torch
 from dfvs_export.networks.densedepth import DenseDepth
 from dfvs_export.networks.depth import DepthNet
-from dfvs_export.weights.depth import TrainedDepth, load_depth_weights, save_depth_weights
+from dfvs_export.weights.depth import TrainedDepth, load_depth_weights
 from dfvs_export.weights.published_depth import ANYTHING, DENSE, MIDAS, DepthWeights
 from dfvs_models.bundle import Bundle, read_bundle
 from dfvs_models.catalog import load_depth
@@ -32,7 +32,7 @@ def checkpoint(path, bias=0.0):
     network = DepthNet()
     with torch.no_grad():
         network.head.bias += bias
-    save_depth_weights(path, TrainedDepth(network.state_dict(), "drawn", "None."))
+    TrainedDepth(network.state_dict(), "drawn", "None.").save(path)
     return ["--model", "dfvs-depth", "--checkpoint", str(path)]
 
 
