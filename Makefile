@@ -19,7 +19,9 @@ demo: .venv/.stamp-sim
 seeds: .venv/.stamp-sim
 	$(BIN)/dfvs-demo --runs 10 $(ARGS)
 
-test: lint types imports docs coverage pytest
+test: .venv/.stamp-test
+	@$(MAKE) --no-print-directory --jobs=2 --output-sync lint types imports docs coverage
+	@$(MAKE) --no-print-directory pytest
 
 setup: .venv/.stamp-dev
 
@@ -37,13 +39,15 @@ imports: .venv/.stamp-test
 docs: .venv/.stamp-test
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
-# Two workers on one BLAS thread each. Tests in real time follow: in pairs (marker real_time), or
-# alone (serial).
+# Two workers on one thread each. Tests in real time follow, which mostly wait: three at a time
+# (marker real_time), or alone (serial).
+IN_PARALLEL := --dist loadscope --no-loadscope-reorder
+
 pytest: .venv/.stamp-test
 ifeq ($(strip $(ARGS)),)
-	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 \
-	    $(BIN)/python -m pytest -n 2 --dist loadscope -m "not real_time and not serial"
-	$(BIN)/python -m pytest -n 2 --dist loadscope -m "real_time and not serial"
+	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 \
+	    $(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "not real_time and not serial"
+	$(BIN)/python -m pytest -n 3 $(IN_PARALLEL) -m "real_time and not serial"
 	$(BIN)/python -m pytest -m serial
 else
 	$(BIN)/python -m pytest $(ARGS)

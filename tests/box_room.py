@@ -18,18 +18,23 @@ class BoxRoom:
     camera: CameraModel
 
     @cached_property
+    def pixels(self):
+        """(H, W, 2) their centres."""
+        return self.camera.grid()
+
+    @cached_property
     def rays(self):
-        """(H, W, 3) of the pixels, z = 1."""
-        xy = self.camera.normalise(self.camera.grid())
-        return np.concatenate([xy, np.ones((*xy.shape[:2], 1))], axis=2)
+        """(3, H * W) of the pixels, z = 1."""
+        xy = self.camera.normalise(self.pixels).reshape(-1, 2).T
+        return np.concatenate([xy, np.ones((1, xy.shape[1]))])
 
     def depth(self, T_world_camera):
         """(H, W) m along the optical axis."""
-        directions = self.rays @ T_world_camera[:3, :3].T
-        walls = np.where(directions > 0, HALF_SIZE_M, -HALF_SIZE_M)
+        directions = T_world_camera[:3, :3] @ self.rays
+        walls = np.copysign(HALF_SIZE_M[:, None], directions)
         with np.errstate(divide="ignore"):
-            reach = (walls - T_world_camera[:3, 3]) / directions
-        return np.minimum(np.minimum(reach[..., 0], reach[..., 1]), reach[..., 2])
+            reach = (walls - T_world_camera[:3, 3:]) / directions
+        return reach.min(axis=0).reshape(self.pixels.shape[:2])
 
     def depth_map(self, T_world_camera):
         z = self.depth(T_world_camera).astype(np.float32)
@@ -37,14 +42,14 @@ class BoxRoom:
 
     def flow(self, T_world_a, T_world_b):
         """Exact flow a to b; confidence 1 where b sees the point."""
-        pixels = self.camera.grid()
-        P = self.rays * self.depth(T_world_a)[..., None]
+        P = self.rays * self.depth(T_world_a).ravel()
         T = invert_pose(T_world_b) @ T_world_a
-        Q = P @ T[:3, :3].T + T[:3, 3]
-        ahead = Q[..., 2] > 0.05
-        Q[..., 2] = np.where(ahead, Q[..., 2], 1.0)
-        partners = self.camera.project(Q)
-        inside = (partners >= 0) & (partners < [self.camera.width, self.camera.height])
-        visible = ahead & inside.all(axis=2)
-        flow = np.where(visible[..., None], partners - pixels, 0.0)
+        x, y, z = T[:3, :3] @ P + T[:3, 3:]
+        ahead = z > 0.05
+        z = np.where(ahead, z, 1.0)
+        partners = self.camera.denormalise(np.stack([x / z, y / z], axis=-1))
+        u, v = partners.T
+        inside = (u >= 0) & (u < self.camera.width) & (v >= 0) & (v < self.camera.height)
+        visible = (ahead & inside).reshape(self.pixels.shape[:2])
+        flow = np.where(visible[..., None], partners.reshape(self.pixels.shape) - self.pixels, 0.0)
         return FlowField(flow.astype(np.float32), visible.astype(np.float32))

@@ -6,8 +6,9 @@ import contextlib
 import multiprocessing
 import time
 from collections.abc import Callable, Sequence
+from concurrent.futures import ProcessPoolExecutor
+from concurrent.futures.process import BrokenProcessPool
 from dataclasses import asdict, dataclass
-from multiprocessing.connection import Connection
 from pathlib import Path
 
 import cv2
@@ -77,22 +78,10 @@ def bench(
         If a bundle cannot be used, or has another input size.
     """
     precisions = [_precision(folder, plan.size) for folder in folders]
-    context = multiprocessing.get_context("spawn")
-    workers: list[tuple[Connection, multiprocessing.process.BaseProcess]] = []
     try:
-        for folder in folders:
-            here, there = context.Pipe()
-            process = context.Process(target=_work, args=(there, folder, plan), daemon=True)
-            process.start()
-            workers.append((here, process))
-            there.close()
-        times, memory = _rounds([pipe for pipe, _ in workers], plan.runs, log)
-    finally:
-        for pipe, worker in workers:
-            pipe.close()
-            worker.join(timeout=5.0)
-            if worker.is_alive():
-                worker.terminate()
+        times, memory = _rounds(folders, plan, log)
+    except BrokenProcessPool as error:
+        raise ModelError("a measuring process ended by itself") from error
     return [
         BenchResult(
             folder.resolve().name,
@@ -119,57 +108,54 @@ def _precision(folder: Path, size: tuple[int, int]) -> str:
 
 
 def _rounds(
-    pipes: Sequence[Connection], runs: int, log: Callable[[str], None]
+    folders: Sequence[Path], plan: BenchPlan, log: Callable[[str], None]
 ) -> tuple[list[list[float]], list[float]]:
-    """Seconds of every worker's runs, and the most memory that each held, MB."""
-    for pipe in pipes:
-        _expect(pipe)  # ready and warm
-    times: list[list[float]] = [[] for _ in pipes]
-    for k in range(runs):
-        for pipe, samples in zip(pipes, times, strict=True):
-            pipe.send("run")
-            samples.append(_expect(pipe))
-        if (k + 1) % _PER_REPORT == 0 or k + 1 == runs:
-            log(f"round {k + 1} of {runs}")
-    memory = []
-    for pipe in pipes:
-        pipe.send("end")
-        memory.append(_expect(pipe))
-    return times, memory
+    """Seconds of every bundle's runs, and the most memory that its process held, MB."""
+    context = multiprocessing.get_context("spawn")
+    with contextlib.ExitStack() as stack:
+        workers = [
+            stack.enter_context(ProcessPoolExecutor(1, context, end_worker_with_parent))
+            for _ in folders
+        ]
+        loading = [
+            worker.submit(_prepare, folder, plan)
+            for worker, folder in zip(workers, folders, strict=True)
+        ]
+        for future in loading:
+            future.result()
+        times: list[list[float]] = [[] for _ in workers]
+        for k in range(plan.runs):
+            for worker, samples in zip(workers, times, strict=True):
+                samples.append(worker.submit(_run).result())
+            if (k + 1) % _PER_REPORT == 0 or k + 1 == plan.runs:
+                log(f"round {k + 1} of {plan.runs}")
+        return times, [worker.submit(_most_memory_mb).result() for worker in workers]
 
 
-def _expect(pipe: Connection) -> float:
-    """Return a worker's number, or raise what it says went wrong."""
-    try:
-        answer = pipe.recv()
-    except EOFError as error:
-        raise ModelError("a measuring process ended by itself") from error
-    if isinstance(answer, str):
-        raise ModelError(answer)
-    return float(answer)
+_bundle_run: list[Callable[[], object]] = []
+"""In a measuring process: one run of its bundle."""
 
 
-def _work(pipe: Connection, folder: Path, plan: BenchPlan) -> None:
-    """Serve one bundle: a run per request, in the order they come."""
-    end_worker_with_parent()
+def _prepare(folder: Path, plan: BenchPlan) -> None:
+    """Load a bundle in a measuring process, and run it until it is warm."""
     width, height = plan.size
     rng = np.random.default_rng(0)
     images = rng.integers(0, 256, (2, height, width, 3), dtype=np.uint8)
     try:
         runner = BundleRunner(read_bundle(folder), plan.threads)
         goal = runner.encode(images[1])
+        _bundle_run[:] = [lambda: runner.match(runner.encode(images[0]), goal)]
         for _ in range(_WARM_UP):
-            runner.match(runner.encode(images[0]), goal)
+            _run()
     except (DfvsError, ValueError, cv2.error) as error:  # also what is not as its manifest says
-        pipe.send(f"bundle {folder.name} cannot be run: {error}")
-        return
-    with contextlib.suppress(EOFError, OSError):  # another worker failed, and so all end
-        pipe.send(0.0)
-        while pipe.recv() == "run":
-            start = time.perf_counter()
-            runner.match(runner.encode(images[0]), goal)
-            pipe.send(time.perf_counter() - start)
-        pipe.send(_most_memory_mb())
+        raise ModelError(f"bundle {folder.name} cannot be run: {error}") from error
+
+
+def _run() -> float:
+    """Seconds of a run."""
+    start = time.perf_counter()
+    _bundle_run[0]()
+    return time.perf_counter() - start
 
 
 def _most_memory_mb() -> float:

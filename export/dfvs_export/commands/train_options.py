@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import argparse
+import functools
 from dataclasses import fields
 from pathlib import Path
 from typing import TYPE_CHECKING, TypeVar
@@ -11,6 +12,8 @@ if TYPE_CHECKING:
     from _typeshed import DataclassInstance
 
     _Settings = TypeVar("_Settings", bound=DataclassInstance)
+
+_PRINT = functools.partial(print, flush=True)
 
 
 def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -31,9 +34,9 @@ def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
 
 
 def _run_train(arguments: argparse.Namespace) -> int:
-    from dfvs_export.training.flow import TrainSettings, train
+    from dfvs_export.training.flow import FlowTrainSettings, train
 
-    train(_settings_from(TrainSettings, arguments), _say_line)
+    train(_settings_from(FlowTrainSettings, arguments), _PRINT)
     print(f"wrote {arguments.out}")
     return 0
 
@@ -63,7 +66,7 @@ def add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser
 def _run_train_depth(arguments: argparse.Namespace) -> int:
     from dfvs_export.training.depth import DepthTrainSettings, train_depth
 
-    train_depth(_settings_from(DepthTrainSettings, arguments), _say_line)
+    train_depth(_settings_from(DepthTrainSettings, arguments), _PRINT)
     print(f"wrote {arguments.out}")
     return 0
 
@@ -93,7 +96,7 @@ def add_train_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]
 def _run_train_pose(arguments: argparse.Namespace) -> int:
     from dfvs_export.training.pose import PoseTrainSettings, train_pose
 
-    train_pose(_settings_from(PoseTrainSettings, arguments), _say_line)
+    train_pose(_settings_from(PoseTrainSettings, arguments), _PRINT)
     print(f"wrote {arguments.out}")
     return 0
 
@@ -112,8 +115,3 @@ def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> Non
 def _settings_from(kind: type[_Settings], arguments: argparse.Namespace) -> _Settings:
     """Settings of a training, each from the option of its name."""
     return kind(**{f.name: getattr(arguments, f.name) for f in fields(kind)})
-
-
-def _say_line(line: str) -> None:
-    """Print a line of progress at once."""
-    print(line, flush=True)

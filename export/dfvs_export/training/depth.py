@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 
 import numpy as np
 import torch
@@ -13,9 +11,10 @@ from torch import Tensor
 
 from dfvs_export.training.depth_loss import Truth, depth_loss
 from dfvs_export.training.depth_views import DepthViewReader
-from dfvs_export.training.descent import Descent, check_training, drawn_ahead
+from dfvs_export.training.descent import Descent, TrainSettings, drawn_ahead
 from dfvs_export.training.room_pairs import RoomFolder
-from dfvs_export.weights.depth import TrainedDepth, load_depth_weights, save_depth_weights
+from dfvs_export.weights.checkpoint import state_of
+from dfvs_export.weights.depth import TrainedDepth, load_depth_weights
 
 _VIEWS_PER_STEP = 8
 _ENCODER_RATE = 0.3
@@ -23,22 +22,11 @@ _ENCODER_RATE = 0.3
 _STEPS_PER_REPORT = 50
 
 
-@dataclass(frozen=True, slots=True)
-class DepthTrainSettings:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class DepthTrainSettings(TrainSettings):
     """What a training run is asked for; see ``dfvs-export train-depth --help``."""
 
-    pairs: Path
-    out: Path
-    start: Path
-    minutes: float
-    learning_rate: float
     frozen_blocks: int
-    seed: int
-    threads: int
-
-    def __post_init__(self) -> None:
-        """Refuse what trains nothing."""
-        check_training(self, self.out, ("minutes", "learning_rate", "threads"))
 
 
 def train_depth(settings: DepthTrainSettings, log: Callable[[str], None]) -> None:
@@ -64,30 +52,28 @@ def train_depth(settings: DepthTrainSettings, log: Callable[[str], None]) -> Non
     }
     descent = Descent(rates)
     reader = DepthViewReader(RoomFolder(settings.pairs), settings.seed)
-    began, steps, done, losses = time.monotonic(), 0, 0.0, list[float]()
     batches = drawn_ahead(lambda: _batch(reader))
-    while done < 1.0:
+    losses = list[float]()
+
+    def learn() -> None:
         image, focal, truth = next(batches)
         with torch.autocast("cpu", torch.bfloat16):
             found = network.logs(image, focal)
         loss = depth_loss(found, truth)
         loss.backward()  # type: ignore[no-untyped-call]
-        steps += 1
-        descent.step(done)
-        done = (time.monotonic() - began) / (60.0 * settings.minutes)
         losses.append(loss.item())
-        if steps % _STEPS_PER_REPORT == 0 or done >= 1.0:
-            log(f"{_VIEWS_PER_STEP * steps} views: loss {np.mean(losses):.3f}")
-            losses.clear()
-            line = (
-                f"{_VIEWS_PER_STEP * steps} views of rooms, the first {settings.frozen_blocks}"
-                f" blocks of the encoder frozen, learning rate {settings.learning_rate:g}, seed"
-                f" {settings.seed}."
-            )
-            state = {k: v.contiguous() for k, v in network.state_dict().items()}
-            save_depth_weights(
-                settings.out, TrainedDepth(state, start.origin, f"{start.training} Then: {line}")
-            )
+
+    def report(steps: int) -> None:
+        log(f"{_VIEWS_PER_STEP * steps} views: loss {np.mean(losses):.3f}")
+        losses.clear()
+
+    def save(steps: int) -> None:
+        frozen = f"the first {settings.frozen_blocks} blocks of the encoder frozen"
+        what = f"{_VIEWS_PER_STEP * steps} views of rooms, {frozen}"
+        training = settings.history(start.training, what)
+        TrainedDepth(state_of(network), start.origin, training).save(settings.out)
+
+    descent.run(settings.minutes, learn, {report: _STEPS_PER_REPORT, save: _STEPS_PER_REPORT})
 
 
 def _batch(reader: DepthViewReader) -> tuple[Tensor, Tensor, Truth]:

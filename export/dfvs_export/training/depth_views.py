@@ -10,7 +10,7 @@ import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_export.networks.depth import NORMALS_STRIDE, SIZE, STRIDE
-from dfvs_export.training.room_pairs import RoomFolder, augmented, view_of
+from dfvs_export.training.room_pairs import RoomReader, augmented, view_of
 
 _ZOOM = 1.8
 """The longest focal length in that of the rendered view."""
@@ -35,18 +35,8 @@ class DepthView:
     focal: float
 
 
-class DepthViewReader:
-    """Draws augmented views from a folder of wide-baseline pairs.
-
-    Raises
-    ------
-    ConfigError
-        If there are none, or a file cannot be read.
-    """
-
-    def __init__(self, rooms: RoomFolder, seed: int) -> None:
-        self._rooms = rooms
-        self._rng = np.random.default_rng(seed)
+class DepthViewReader(RoomReader):
+    """Draws augmented views from a folder of wide-baseline pairs."""
 
     def draw(self) -> DepthView:
         """Draw the next view."""

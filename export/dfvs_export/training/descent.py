@@ -3,10 +3,12 @@
 from __future__ import annotations
 
 import math
-from collections.abc import Callable, Iterator, Mapping, Sequence
+import time
+from collections.abc import Callable, Iterator, Mapping
 from concurrent.futures import ThreadPoolExecutor
+from dataclasses import dataclass
 from pathlib import Path
-from typing import TypeVar
+from typing import ClassVar, TypeVar
 
 import torch
 from torch import nn
@@ -19,19 +21,37 @@ _WARM_UP_STEPS = 50
 _WEIGHT_DECAY = 1e-4
 
 
-def check_training(settings: object, out: Path, positive: Sequence[str]) -> None:
-    """Refuse settings that train nothing, or whose checkpoint lies in no folder.
+@dataclass(frozen=True, slots=True, kw_only=True)
+class TrainSettings:
+    """What every training run is asked for; see ``dfvs-export train --help``.
 
     Raises
     ------
     ConfigError
-        If one of the ``positive`` fields is not, or ``out`` cannot be written.
+        If it trains nothing, or its checkpoint lies in no folder.
     """
-    for name in positive:
-        if not getattr(settings, name) > 0:
-            raise ConfigError(f"{name} is {getattr(settings, name)}", "more than 0")
-    if not out.absolute().parent.is_dir():
-        raise ConfigError(f"{out} lies in no folder", "an existing folder")
+
+    pairs: Path
+    out: Path
+    start: Path | None
+    minutes: float
+    learning_rate: float
+    seed: int
+    threads: int
+
+    POSITIVE: ClassVar[tuple[str, ...]] = ("minutes", "learning_rate", "threads")
+
+    def __post_init__(self) -> None:
+        """Refuse what trains nothing."""
+        for name in self.POSITIVE:
+            if not getattr(self, name) > 0:
+                raise ConfigError(f"{name} is {getattr(self, name)}", "more than 0")
+        if not self.out.absolute().parent.is_dir():
+            raise ConfigError(f"{self.out} lies in no folder", "an existing folder")
+
+    def history(self, before: str, what: str) -> str:
+        """Paragraph for the model card: how the weights came about, and what was learnt since."""
+        return f"{before} Then: {what}, learning rate {self.learning_rate:g}, seed {self.seed}."
 
 
 def drawn_ahead(draw: Callable[[], T]) -> Iterator[T]:
@@ -59,7 +79,29 @@ class Descent:
         self._optimiser = torch.optim.AdamW(groups, weight_decay=_WEIGHT_DECAY)
         self._steps = 0
 
-    def step(self, done: float) -> None:
+    def run(
+        self, minutes: float, learn: Callable[[], None], every: Mapping[Callable[[int], None], int]
+    ) -> None:
+        """Take steps for some minutes.
+
+        Parameters
+        ----------
+        minutes : float
+        learn : callable
+            Adds the gradients of a step.
+        every : mapping
+            What is called with the count of steps, after so many of them and at the end.
+        """
+        began, done = time.monotonic(), 0.0
+        while done < 1.0:
+            learn()
+            self._step(done)
+            done = (time.monotonic() - began) / (60.0 * minutes)
+            for act, steps in every.items():
+                if self._steps % steps == 0 or done >= 1.0:
+                    act(self._steps)
+
+    def _step(self, done: float) -> None:
         """Take a step with the gradients there are; ``done`` is the share of the run so far."""
         self._steps += 1
         factor = min(1.0, self._steps / _WARM_UP_STEPS) * 0.5 * (1.0 + math.cos(math.pi * done))

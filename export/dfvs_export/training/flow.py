@@ -8,10 +8,8 @@ turn it by. While the encoder stays as it is, encoded pairs are kept and learnt 
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable
 from dataclasses import dataclass
-from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,14 +18,15 @@ from torch import Tensor
 from torch.nn import functional
 
 from dfvs_export.networks.xfeat import Keypoints, XFeat
-from dfvs_export.training.descent import Descent, check_training
+from dfvs_export.training.descent import Descent, TrainSettings
 from dfvs_export.training.room_pairs import SIZE, PairReader, RoomFolder, TrueMatches, true_matches
-from dfvs_export.weights.flow import Weights, load_weights, save_weights
+from dfvs_export.weights.checkpoint import state_of
+from dfvs_export.weights.flow import Weights, load_weights
 
 _PAIRS_PER_STEP = 8
 _ENCODER_RATE = 0.3
 """Learning rate of the encoder in that of the matcher."""
-_PAIRS_PER_REPORT = 400
+_STEPS_PER_REPORT = 50
 _LEAST_MATCHES = 4
 _UNMATCHED_WEIGHT = 0.5
 _LEAST_KEPT, _MOST_KEPT = 400, 6000
@@ -44,26 +43,17 @@ class EncodedPair:
     truth: TrueMatches
 
 
-@dataclass(frozen=True, slots=True)
-class TrainSettings:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class FlowTrainSettings(TrainSettings):
     """What a training run is asked for; see ``dfvs-export train --help``."""
 
-    pairs: Path
-    out: Path
-    start: Path | None
-    minutes: float
-    learning_rate: float
     encoder_blocks: int
     keypoints: int
-    seed: int
-    threads: int
 
-    def __post_init__(self) -> None:
-        """Refuse what trains nothing."""
-        check_training(self, self.out, ("minutes", "learning_rate", "keypoints", "threads"))
+    POSITIVE = (*TrainSettings.POSITIVE, "keypoints")
 
 
-def train(settings: TrainSettings, log: Callable[[str], None]) -> None:
+def train(settings: FlowTrainSettings, log: Callable[[str], None]) -> None:
     """Train, write a checkpoint every few hundred pairs, and at the end.
 
     Raises
@@ -73,23 +63,17 @@ def train(settings: TrainSettings, log: Callable[[str], None]) -> None:
     """
     torch.set_num_threads(settings.threads)
     run = _Run(settings, load_weights(settings.start))
-    began = time.monotonic()
-    done = 0.0
-    while done < 1.0:
-        for _ in range(_PAIRS_PER_STEP):
-            run.learn_from(run.draw())
-        run.descent.step(done)
-        done = (time.monotonic() - began) / (60.0 * settings.minutes)
-        if run.pairs % _PAIRS_PER_REPORT == 0:
-            log(run.report())
-            run.save()
-    run.save()
+    run.descent.run(
+        settings.minutes,
+        run.learn,
+        {lambda _: log(run.report()): _STEPS_PER_REPORT, lambda _: run.save(): _STEPS_PER_REPORT},
+    )
 
 
 class _Run:
     """Networks in training, their optimiser, and the figures since the last report."""
 
-    def __init__(self, settings: TrainSettings, start: Weights) -> None:
+    def __init__(self, settings: FlowTrainSettings, start: Weights) -> None:
         self._settings, self._start = settings, start
         self._reader = PairReader(RoomFolder(settings.pairs), settings.seed)
         self._rng = np.random.default_rng([settings.seed, 1])
@@ -104,7 +88,7 @@ class _Run:
         self.pairs = 0
         self._figures: list[tuple[float, int, int, int]] = []
 
-    def draw(self) -> EncodedPair:
+    def _draw(self) -> EncodedPair:
         """Draw the next pair: a new one, or one that was kept."""
         keep = self._settings.encoder_blocks == 0
         if keep and len(self._kept) > _LEAST_KEPT and self._rng.uniform() > _NEW:
@@ -119,7 +103,12 @@ class _Run:
             self._kept[self._rng.integers(_MOST_KEPT)] = encoded
         return encoded
 
-    def learn_from(self, pair: EncodedPair) -> None:
+    def learn(self) -> None:
+        """Add the gradients of the pairs of a step."""
+        for _ in range(_PAIRS_PER_STEP):
+            self._learn_from(self._draw())
+
+    def _learn_from(self, pair: EncodedPair) -> None:
         """Add the gradient of one pair."""
         self.pairs += 1
         truth = pair.truth
@@ -151,15 +140,12 @@ class _Run:
 
     def save(self) -> None:
         """Write the checkpoint."""
-        s = self._settings
-        line = (
-            f"{self.pairs} wide-baseline pairs of rooms, {s.encoder_blocks} encoder blocks trained,"
-            f" learning rate {s.learning_rate:g}, seed {s.seed}."
-        )
-        states: list[dict[str, Any]] = [n.state_dict() for n in (self._encoder, self._matcher)]
+        blocks = f"{self._settings.encoder_blocks} encoder blocks trained"
+        what = f"{self.pairs} wide-baseline pairs of rooms, {blocks}"
+        training = self._settings.history(self._start.training, what)
         origin = "XFeat and LighterGlue as published, trained on by this project"
-        history = f"{self._start.training} Then: {line}"
-        save_weights(s.out, Weights(states[0], states[1], origin, history))
+        states = state_of(self._encoder), state_of(self._matcher)
+        Weights(*states, origin, training).save(self._settings.out)
 
     def _keypoints(self, image: Any) -> Keypoints:
         with torch.set_grad_enabled(self._settings.encoder_blocks > 0):

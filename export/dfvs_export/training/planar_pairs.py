@@ -17,7 +17,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_export.networks.pose_regression import SIZE, STRIDE
 from dfvs_export.training.pose_pairs import PosePair, flow_to, normalised, rays
-from dfvs_export.training.room_pairs import RoomFolder, augmented, view_of
+from dfvs_export.training.room_pairs import RoomReader, augmented, view_of
 
 _MOST_TRANSLATION = (0.22, 0.22, 0.16)
 _MOST_ROTATION_RAD = tuple(np.radians((18.0, 18.0, 45.0)))
@@ -35,18 +35,8 @@ _OCCLUDED, _MOST_OCCLUDED = 0.4, 0.3
 """Share of views that something is in front of, and the most that it covers."""
 
 
-class PlanarPoseReader:
-    """Draws pairs of views of a photograph on a plane; the photographs are views of rooms.
-
-    Raises
-    ------
-    ConfigError
-        If there are none, or a file cannot be read.
-    """
-
-    def __init__(self, rooms: RoomFolder, seed: int) -> None:
-        self._rooms = rooms
-        self._rng = np.random.default_rng(seed)
+class PlanarPoseReader(RoomReader):
+    """Draws pairs of views of a photograph on a plane; the photographs are views of rooms."""
 
     def draw(self) -> PosePair:
         """Draw the next pair; its unit is the depth at the second view's middle."""

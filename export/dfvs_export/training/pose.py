@@ -2,10 +2,8 @@
 
 from __future__ import annotations
 
-import time
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from pathlib import Path
 from typing import NamedTuple
 
 import numpy as np
@@ -16,11 +14,12 @@ from torch.nn import functional
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.poses import quaternion_from_rotation, so3_log
 from dfvs_export.networks.pose_regression import PoseNet, PosePrediction, SiameseNet
-from dfvs_export.training.descent import Descent, check_training, drawn_ahead
+from dfvs_export.training.descent import Descent, TrainSettings, drawn_ahead
 from dfvs_export.training.planar_pairs import PlanarPoseReader
 from dfvs_export.training.pose_pairs import PosePairReader, RoomPoseReader
 from dfvs_export.training.room_pairs import RoomFolder
-from dfvs_export.weights.pose import TrainedPose, save_pose_weights, starting_weights
+from dfvs_export.weights.checkpoint import state_of
+from dfvs_export.weights.pose import TrainedPose, starting_weights
 
 _PAIRS_PER_STEP = 16
 _FROZEN_BLOCKS = 5
@@ -37,22 +36,11 @@ _READERS: Mapping[str, tuple[Callable[[RoomFolder, int], PosePairReader], str]] 
 }
 
 
-@dataclass(frozen=True, slots=True)
-class PoseTrainSettings:
+@dataclass(frozen=True, slots=True, kw_only=True)
+class PoseTrainSettings(TrainSettings):
     """What a training run is asked for; see ``dfvs-export train-pose --help``."""
 
     network: str
-    pairs: Path
-    out: Path
-    start: Path | None
-    minutes: float
-    learning_rate: float
-    seed: int
-    threads: int
-
-    def __post_init__(self) -> None:
-        """Refuse what trains nothing."""
-        check_training(self, self.out, ("minutes", "learning_rate", "threads"))
 
 
 class _Batch(NamedTuple):
@@ -84,30 +72,26 @@ def train_pose(settings: PoseTrainSettings, log: Callable[[str], None]) -> None:
     batches = drawn_ahead(lambda: _batch(reader, network))
     descent = Descent(_rates(network, settings.learning_rate))
     _to_training(network)
-    began, steps, done = time.monotonic(), 0, 0.0
     errors = list[tuple[float, float, float]]()
-    while done < 1.0:
-        errors.append(_learn(network, next(batches)))
-        steps += 1
-        descent.step(done)
-        done = (time.monotonic() - began) / (60.0 * settings.minutes)
-        if steps % _STEPS_PER_REPORT == 0 or done >= 1.0:
-            t, r, flow = np.mean(errors, axis=0)
-            log(
-                f"{_PAIRS_PER_STEP * steps} pairs: off by {t:.3f} {network.unit},"
-                f" {np.degrees(r):.2f} deg, flow {flow:.3f} widths"
-            )
-            errors.clear()
-        if steps % _STEPS_PER_CHECKPOINT == 0 or done >= 1.0:
-            line = (
-                f"{_PAIRS_PER_STEP * steps} {what}, learning rate {settings.learning_rate:g},"
-                f" seed {settings.seed}."
-            )
-            state = {k: v.contiguous() for k, v in network.state_dict().items()}
-            training = f"{start.training} Then: {line}"
-            save_pose_weights(
-                settings.out, TrainedPose(settings.network, state, start.origin, training)
-            )
+
+    def report(steps: int) -> None:
+        t, r, flow = np.mean(errors, axis=0)
+        log(
+            f"{_PAIRS_PER_STEP * steps} pairs: off by {t:.3f} {network.unit},"
+            f" {np.degrees(r):.2f} deg, flow {flow:.3f} widths"
+        )
+        errors.clear()
+
+    def save(steps: int) -> None:
+        training = settings.history(start.training, f"{_PAIRS_PER_STEP * steps} {what}")
+        weights = TrainedPose(settings.network, state_of(network), start.origin, training)
+        weights.save(settings.out)
+
+    descent.run(
+        settings.minutes,
+        lambda: errors.append(_learn(network, next(batches))),
+        {report: _STEPS_PER_REPORT, save: _STEPS_PER_CHECKPOINT},
+    )
 
 
 def _rates(network: PoseNet, rate: float) -> dict[torch.nn.Module, float]:

@@ -13,7 +13,7 @@ from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, Image
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, so3_exp
 from dfvs_export.networks.pose_regression import SIZE, STRIDE
-from dfvs_export.training.room_pairs import RoomFolder, augmented, view_of
+from dfvs_export.training.room_pairs import RoomReader, augmented, view_of
 
 _NEAR = 0.5
 """Share of pairs whose one view is made from the other one by its depth."""
@@ -65,21 +65,12 @@ class _Seen(NamedTuple):
     inside: BoolArray
 
 
-class RoomPoseReader:
+class RoomPoseReader(RoomReader):
     """Draws pairs of views of rooms, in m: wide-baseline pairs, and near ones made by depth.
 
     Both views of a pair are cut to the same symmetrical area, so that borders do not give the
     motion away.
-
-    Raises
-    ------
-    ConfigError
-        If there are none, or a file cannot be read.
     """
-
-    def __init__(self, rooms: RoomFolder, seed: int) -> None:
-        self._rooms = rooms
-        self._rng = np.random.default_rng(seed)
 
     def draw(self) -> PosePair:
         """Draw the next pair."""

@@ -98,12 +98,22 @@ def view_of(room: Mapping[str, NDArray[Any]], pair: int, side: str) -> ImageArra
     return cast(ImageArray, cv2.imdecode(room[f"{side}{pair}"], 0))
 
 
-class PairReader:
-    """Draws augmented pairs from rooms."""
+class RoomReader:
+    """Draws from the views of rooms.
+
+    Raises
+    ------
+    ConfigError
+        If a file cannot be read.
+    """
 
     def __init__(self, rooms: RoomFolder, seed: int) -> None:
         self._rooms = rooms
         self._rng = np.random.default_rng(seed)
+
+
+class PairReader(RoomReader):
+    """Draws augmented pairs."""
 
     def draw(self) -> TrainingPair:
         """Draw the next pair."""

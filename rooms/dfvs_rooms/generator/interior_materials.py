@@ -14,14 +14,13 @@ import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array
 from dfvs_rooms.surfaces import artwork, patterns, textures
-from dfvs_rooms.surfaces.materials import Material
+from dfvs_rooms.surfaces.materials import Material, drawn_materials
 from dfvs_rooms.surfaces.textures import SIZE_PX, Colour
 
 _Drawn: TypeAlias = tuple[Float32Array, float]
 """An image and the metres that it spans."""
 
 FULL_SIZE = frozenset(("wall", "floor", "ceiling", "rug", "books", "picture", "screen"))
-_SHINING = frozenset(("globe", "garden"))
 
 
 def interior_materials(names: Iterable[str], rng: np.random.Generator) -> dict[str, Material]:
@@ -32,15 +31,7 @@ def interior_materials(names: Iterable[str], rng: np.random.Generator) -> dict[s
     KeyError
         If a name is of no known kind.
     """
-    wanted = sorted(set(names))
-    drawn = {}
-    for name, stream in zip(wanted, rng.spawn(len(wanted)), strict=True):
-        kind = name.rstrip("0123456789")
-        image, span_m = RECIPES[kind](stream)
-        if kind not in FULL_SIZE:
-            image = textures.halved(image)
-        drawn[name] = Material(textures.pixels(image), span_m, shines=kind in _SHINING)
-    return drawn
+    return drawn_materials(names, rng, lambda kind, stream: RECIPES[kind](stream), FULL_SIZE)
 
 
 def drawn_colour(
@@ -143,15 +134,7 @@ def _leaf(rng: np.random.Generator) -> _Drawn:
 
 
 def _artwork(rng: np.random.Generator) -> _Drawn:
-    painters = (
-        artwork.landscape,
-        artwork.rectangles,
-        artwork.contours,
-        artwork.swirls,
-        artwork.city,
-        artwork.botanical,
-    )
-    return _tinted(rng, painters[int(rng.integers(len(painters)))](rng), 0.4), 1.0
+    return _tinted(rng, artwork.painting(rng), 0.4), 1.0
 
 
 def _carton(rng: np.random.Generator) -> _Drawn:

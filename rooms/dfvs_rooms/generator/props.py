@@ -11,6 +11,7 @@ import numpy as np
 
 from dfvs_rooms.generator.furniture import book_row
 from dfvs_rooms.generator.solids import (
+    EDGE_M,
     Part,
     box,
     cushion,
@@ -188,15 +189,9 @@ def floor_lamp(height: float, shade: str) -> list[Part]:
 def table_lamp(shade: str) -> list[Part]:
     """Lamp with a turned foot and a cloth shade."""
     profile = [
-        (0.02, 0.0),
-        (0.075, 0.0),
-        (0.08, 0.015),
-        (0.03, 0.05),
-        (0.07, 0.13),
-        (0.075, 0.18),
-        (0.03, 0.26),
-        (0.012, 0.29),
-    ]
+        (0.02, 0.0), (0.075, 0.0), (0.08, 0.015), (0.03, 0.05), (0.07, 0.13), (0.075, 0.18),
+        (0.03, 0.26), (0.012, 0.29),
+    ]  # fmt: skip
     return [lathe(profile, "glaze", sides=20), *_shade(0.16, 0.11, 0.28, 0.50, shade)]
 
 
@@ -213,31 +208,18 @@ def vase(height: float, glaze: str) -> Part:
     """Bellied vase."""
     h = height
     profile = [
-        (0.01, 0.0),
-        (0.22 * h, 0.0),
-        (0.34 * h, 0.25 * h),
-        (0.30 * h, 0.55 * h),
-        (0.13 * h, 0.80 * h),
-        (0.15 * h, 0.96 * h),
-        (0.17 * h, h),
-        (0.12 * h, 0.97 * h),
-    ]
+        (0.01, 0.0), (0.22 * h, 0.0), (0.34 * h, 0.25 * h), (0.30 * h, 0.55 * h),
+        (0.13 * h, 0.80 * h), (0.15 * h, 0.96 * h), (0.17 * h, h), (0.12 * h, 0.97 * h),
+    ]  # fmt: skip
     return lathe(profile, glaze, sides=22)
 
 
 def fruit_bowl(rng: np.random.Generator) -> list[Part]:
     """Bowl with oranges and apples."""
     profile = [
-        (0.01, 0.0),
-        (0.06, 0.0),
-        (0.07, 0.01),
-        (0.14, 0.05),
-        (0.17, 0.09),
-        (0.165, 0.09),
-        (0.13, 0.055),
-        (0.05, 0.02),
-        (0.005, 0.018),
-    ]
+        (0.01, 0.0), (0.06, 0.0), (0.07, 0.01), (0.14, 0.05), (0.17, 0.09), (0.165, 0.09),
+        (0.13, 0.055), (0.05, 0.02), (0.005, 0.018),
+    ]  # fmt: skip
     parts = [lathe(profile, "glaze", sides=26)]
     for k in range(7):
         angle, r = 2 * np.pi * k / 6, 0.075 if k < 6 else 0.0
@@ -247,21 +229,27 @@ def fruit_bowl(rng: np.random.Generator) -> list[Part]:
     return parts
 
 
+def rug(
+    material: str, width: float, depth: float, *, stretched: bool = True, edge_m: float = EDGE_M
+) -> list[Part]:
+    """Rug, 12 mm thick."""
+    corner = (-width / 2, -depth / 2, 0.012)
+    top = panel(corner, (width, 0, 0), (0, depth, 0), material, edge_m=edge_m, stretched=stretched)
+    return [top, *box((width, depth, 0.0118), (0, 0, 0), "linen", skip="+z -z", edge_m=0.2)]
+
+
 def basket(radius: float, height: float) -> list[Part]:
     """Wicker basket with a folded blanket in it."""
     parts = [
         lathe(
             [
-                (0.8 * radius, 0.0),
-                (radius, 0.5 * height),
-                (0.95 * radius, height),
-                (0.90 * radius, height),
-                (0.9 * radius, 0.7 * height),
+                (0.8 * radius, 0.0), (radius, 0.5 * height), (0.95 * radius, height),
+                (0.90 * radius, height), (0.9 * radius, 0.7 * height),
             ],
             "wicker",
             sides=24,
         )
-    ]
+    ]  # fmt: skip
     soft = cushion((1.3 * radius, 1.3 * radius, 0.16), (0, 0, height - 0.08), "ikat", power=3)
     return parts + soft
 

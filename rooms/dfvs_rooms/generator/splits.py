@@ -14,13 +14,6 @@ SPLITS = {
 """Thresholds are chosen on the second, and never on the third."""
 
 
-def split_of(seed: int) -> str:
-    """Name of the split that a seed belongs to; "none" outside of all."""
-    if seed in BENCHMARK_SEEDS:
-        return "reporting"
-    return next((name for name, seeds in SPLITS.items() if seed in seeds), "none")
-
-
 def require_training(first: int, last: int) -> None:
     """Refuse seeds to train on that are kept for something else.
 

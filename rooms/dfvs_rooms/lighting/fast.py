@@ -19,13 +19,8 @@ from dfvs_core.geometry.poses import make_pose
 from dfvs_rooms.generator.room import Opening, Room
 from dfvs_rooms.generator.solids import Part, merged
 from dfvs_rooms.lighting.daylight import sky_irradiance
-from dfvs_rooms.lighting.path_traced import (
-    LAMP_RADIANCE,
-    BakeSettings,
-    mean_albedo,
-    pulled_inwards,
-    sides,
-)
+from dfvs_rooms.lighting.path_traced import LAMP_RADIANCE, BakeSettings, mean_albedo
+from dfvs_rooms.lighting.vertices import at_all_parts, lit_parts, means_of_sides, side_points
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import ned_from_room
 from dfvs_sim.scene.mesh import NO_TEXTURE, Int32Array, Scene
@@ -93,33 +88,14 @@ def fast_irradiance(room: Room, seed: int, count: LightPoints = ROUGH) -> list[F
     for source in sources:
         bounced += shadows.light(source, surface)
     total = direct + bounced / (1.0 - np.minimum(albedo, 0.7))
-    values = _per_part(surface.parts, total)
-    return [values.get(id(p), np.zeros_like(p.vertices)) for p in room.parts]
+    return at_all_parts(room, total)
 
 
 def _surface(room: Room) -> _Surface:
     """Points just above the vertices of all that does not shine, every side of every part."""
-    parts = [p for p in room.parts if not room.materials[p.material].shines]
-    points, normals = [], []
-    for part in parts:
-        for side in sides(part):
-            normal = side * part.normals
-            points.append(pulled_inwards(part) + _LIFT_M * normal)
-            normals.append(normal)
-    return _Surface(
-        parts, ned_from_room(np.concatenate(points)), ned_from_room(np.concatenate(normals))
-    )
-
-
-def _per_part(parts: list[Part], values: FloatArray) -> dict[int, FloatArray]:
-    """Values (N, 3) of a surface by the id of the part, the mean of its sides."""
-    result, at = {}, 0
-    for part in parts:
-        shape = (len(sides(part)), len(part.vertices), 3)
-        count = shape[0] * shape[1]
-        result[id(part)] = values[at : at + count].reshape(shape).mean(axis=0)
-        at += count
-    return result
+    parts = lit_parts(room)
+    points, normals = side_points(parts)
+    return _Surface(parts, ned_from_room(points + _LIFT_M * normals), ned_from_room(normals))
 
 
 def _lamp_points(lamps: list[Part], rng: np.random.Generator) -> list[_Source]:
@@ -170,7 +146,7 @@ def _bounce_points(
     parts = surface.parts
     vertices, triangles = merged(parts)
     normals = np.concatenate([p.normals for p in parts])
-    light = np.concatenate(list(_per_part(parts, direct).values()))[triangles].mean(axis=1)
+    light = np.concatenate(means_of_sides(parts, direct))[triangles].mean(axis=1)
     counts = [len(p.triangles) for p in parts]
     albedo = np.repeat([mean_albedo(room.materials[p.material]) for p in parts], counts, axis=0)
     a, b, c = (vertices[triangles[:, k]] for k in range(3))

@@ -22,6 +22,7 @@ from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_rooms.generator.outdoors import Sky
 from dfvs_rooms.generator.room import Opening, Room
 from dfvs_rooms.generator.solids import Part, merged
+from dfvs_rooms.lighting.vertices import at_all_parts, lit_parts, side_points
 from dfvs_rooms.surfaces.materials import Material
 from dfvs_sim.scene.mesh import Int32Array
 from dfvs_sim.scene.texture import linear_from_srgb
@@ -114,7 +115,7 @@ class _Tracer:
     def __init__(self, mi: Any, room: Room, settings: BakeSettings, folder: Path) -> None:
         self._mi, self._settings, self._folder = mi, settings, folder
         self._things = {"type": "scene", "integrator": self._integrator()}
-        self._lit = [p for p in room.parts if not room.materials[p.material].shines]
+        self._lit = lit_parts(room)
         for name, material in room.materials.items():
             parts = [p for p in self._lit if p.material == name]
             if parts:
@@ -122,21 +123,22 @@ class _Tracer:
         self._add_lights([p for p in room.parts if p.emission > 0], room.openings)
         if room.sky is not None:
             self._add_daylight(room.sky)
-        self._parts = room.parts
+        self._room = room
 
     def _integrator(self) -> dict[str, Any]:
         return {"type": "path", "max_depth": self._settings.bounces, "rr_depth": 5}
 
     def _shape(self, name: str, parts: list[Part], albedo: FloatArray) -> dict[str, Any]:
         vertices, triangles = merged(parts)
+        return self._mesh(name, vertices.astype(np.float32), triangles, albedo)
+
+    def _mesh(
+        self, name: str, vertices: Float32Array, triangles: Int32Array, albedo: Any
+    ) -> dict[str, Any]:
         path = self._folder / f"{name}.ply"
-        write_ply(path, vertices.astype(np.float32), triangles)
-        return {
-            "type": "ply",
-            "filename": str(path),
-            "face_normals": True,
-            "bsdf": _diffuse(albedo),
-        }
+        write_ply(path, vertices, triangles)
+        bsdf = {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": _rgb(albedo)}}
+        return {"type": "ply", "filename": str(path), "face_normals": True, "bsdf": bsdf}
 
     def _add_lights(self, lamps: list[Part], openings: tuple[Opening, ...]) -> None:
         """Shining balls in the room's lamps, and the sky's light in the windows' openings."""
@@ -173,20 +175,7 @@ class _Tracer:
 
     def measure(self, progress: Progress) -> list[FloatArray]:
         """Irradiance (N, 3) at the vertices of each part, 0 for what shines by itself."""
-        points, normals = [], []
-        for part in self._lit:
-            pulled = pulled_inwards(part)
-            for side in sides(part):
-                points.append(pulled)
-                normals.append(side * part.normals)
-        values = self._irradiance(np.concatenate(points), np.concatenate(normals), progress)
-        result, at = {}, 0
-        for part in self._lit:
-            shape = (len(sides(part)), len(part.vertices), 3)
-            block = values[at : at + shape[0] * shape[1]].reshape(shape)
-            at += shape[0] * shape[1]
-            result[id(part)] = block.mean(axis=0)
-        return [result.get(id(p), np.zeros_like(p.vertices)) for p in self._parts]
+        return at_all_parts(self._room, self._irradiance(*side_points(self._lit), progress))
 
     def _irradiance(
         self, points: FloatArray, normals: FloatArray, progress: Progress
@@ -208,19 +197,13 @@ class _Tracer:
         return values
 
     def _plates(self, points: FloatArray, normals: FloatArray) -> dict[str, Any]:
-        path = self._folder / "plates.ply"
-        write_ply(path, *_triangles_at(points + _PLATE_HEIGHT_M * normals, normals, _PLATE_SIZE_M))
-        return {
-            "type": "ply",
-            "filename": str(path),
-            "face_normals": True,
-            "bsdf": _diffuse([_PLATE_ALBEDO] * 3),
-        }
+        above = points + _PLATE_HEIGHT_M * normals
+        plates = _triangles_at(above, normals, _PLATE_SIZE_M)
+        return self._mesh("plates", *plates, [_PLATE_ALBEDO] * 3)
 
     def _meters(self, points: FloatArray, normals: FloatArray) -> dict[str, Any]:
-        path = self._folder / "meters.ply"
         above = points + _METER_HEIGHT_M * normals
-        write_ply(path, *_triangles_at(above, -normals, _METER_SIZE_M))
+        meters = self._mesh("meters", *_triangles_at(above, -normals, _METER_SIZE_M), [0.0] * 3)
         film = {
             "type": "hdrfilm",
             "width": 1,
@@ -230,17 +213,8 @@ class _Tracer:
             "component_format": "float32",
         }
         sampler = {"type": "multijitter", "sample_count": self._settings.samples}
-        return {
-            "type": "ply",
-            "filename": str(path),
-            "face_normals": True,
-            "bsdf": _diffuse([0.0] * 3),
-            "sensor": {"type": "irradiancemeter", "film": film, "sampler": sampler},
-        }
-
-
-def _diffuse(albedo: Any) -> dict[str, Any]:
-    return {"type": "twosided", "bsdf": {"type": "diffuse", "reflectance": _rgb(albedo)}}
+        sensor = {"type": "irradiancemeter", "film": film, "sampler": sampler}
+        return {**meters, "sensor": sensor}
 
 
 def _rgb(value: Any) -> dict[str, Any]:
@@ -250,23 +224,6 @@ def _rgb(value: Any) -> dict[str, Any]:
 def _emitter(radiance: Any, weight: float) -> dict[str, Any]:
     """Area light; lights of more weight are sampled more often."""
     return {"type": "area", "radiance": _rgb(radiance), "sampling_weight": weight}
-
-
-def sides(part: Part) -> tuple[float, ...]:
-    """Sides on which light falls, as signs of the normal."""
-    return (1.0, -1.0) if part.is_sheet else (1.0,)
-
-
-def pulled_inwards(part: Part) -> FloatArray:
-    """Vertices moved along the surface towards their triangles, so away from its borders."""
-    middle = part.vertices[part.triangles].mean(axis=1)
-    total, count = np.zeros_like(part.vertices), np.zeros(len(part.vertices))
-    for k in range(3):
-        np.add.at(total, part.triangles[:, k], middle)
-        np.add.at(count, part.triangles[:, k], 1.0)
-    towards = total / np.maximum(count, 1.0)[:, None] - part.vertices
-    towards -= np.sum(towards * part.normals, axis=1, keepdims=True) * part.normals
-    return part.vertices + np.where(count[:, None] > 0, 0.2 * towards, 0.0)
 
 
 def _triangles_at(

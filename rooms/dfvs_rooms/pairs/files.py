@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-import os
+import io
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any
@@ -10,7 +10,7 @@ from typing import Any
 import numpy as np
 from numpy.typing import NDArray
 
-from dfvs_core.errors import ConfigError
+from dfvs_common.atomic_file import replace_file
 from dfvs_models.evaluation import LEVELS
 from dfvs_rooms.pairs.drawing import ViewPair
 from dfvs_sim.scene.frames import gltf_pose_from_ned
@@ -42,11 +42,6 @@ def write_arrays(path: Path, arrays: Arrays) -> None:
     ConfigError
         If it cannot be written.
     """
-    part = path.with_name(f".{path.name}.{os.getpid()}.part")
-    try:
-        with part.open("wb") as file:
-            np.savez_compressed(file, allow_pickle=False, **arrays)
-        part.replace(path)
-    except OSError as error:
-        part.unlink(missing_ok=True)
-        raise ConfigError(f"{path} cannot be written ({error})", "a writable folder") from error
+    file = io.BytesIO()
+    np.savez_compressed(file, allow_pickle=False, **arrays)
+    replace_file(path, file.getvalue())

@@ -10,7 +10,7 @@ from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
 from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator.layout import Piece
-from dfvs_rooms.generator.solids import Part, box, cushion, panel, placed, tube
+from dfvs_rooms.generator.solids import box, cushion, placed, tube
 
 
 def bedroom(rng: np.random.Generator) -> Place:
@@ -35,15 +35,9 @@ def bedroom(rng: np.random.Generator) -> Place:
     layout.set_down(Piece.standing(furniture.armchair("armchair", "print")), -1.5, -1.25, -125.0)
     shell.scatter(layout, rng, (pieces.plant, pieces.basket, pieces.seat, pieces.standing_lamp), 5)
     shell.hang_anywhere(layout, rng, pieces.wall_thing, 2)
-    layout.parts += placed(_rug(2.5, 1.7), bed, -0.25)
+    layout.parts += placed(props.rug("rug", 2.5, 1.7), bed, -0.25)
     shell.hang_lamps(layout, (1, 1), 0.5)
     return Place(layout, openings)
-
-
-def _rug(width: float, depth: float) -> list[Part]:
-    corner = (-width / 2, -depth / 2, 0.012)
-    top = panel(corner, (width, 0, 0), (0, depth, 0), "rug", stretched=True)
-    return [top, *box((width, depth, 0.0118), (0, 0, 0), "linen", skip="+z -z", edge_m=0.2)]
 
 
 def _bed(rng: np.random.Generator) -> Piece:

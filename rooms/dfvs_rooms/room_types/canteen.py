@@ -9,7 +9,6 @@ from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
 from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.room import Opening
 from dfvs_rooms.generator.solids import Part, box, lathe, placed, tube
 
 
@@ -21,9 +20,7 @@ def canteen(rng: np.random.Generator) -> Place:
     for k in (EAST, SOUTH, WEST):
         reach = layout.walls[k].length_m / 2
         shell.clad(layout, k, (-reach, reach, 0.09, 1.0), "wainscot")
-    openings: tuple[Opening, ...] = ()
-    for s in (-3.0, 0.0, 3.0):
-        openings += shell.add_window(layout, SOUTH, (s, 2.0), (2.0, 1.6), panes=3)
+    openings = shell.add_windows(layout, SOUTH, (-3.0, 0.0, 3.0), 2.0, (2.0, 1.6), panes=3)
     _counter(layout, rng)
     e, n = (float(v) for v in layout.half)
     for x in (-0.36 * e, 0.36 * e):
@@ -69,9 +66,7 @@ def _counter(layout: Layout, rng: np.random.Generator) -> None:
 
 
 def _jar(rng: np.random.Generator) -> list[Part]:
-    size = float(rng.uniform(0.06, 0.09)), float(rng.uniform(0.15, 0.3))
-    jar = shell.tin(*size, f"label{rng.integers(6)}")
-    return placed(jar, 0, 0, 0, float(rng.uniform(0, 360)))
+    return shell.drawn_tin(rng, (0.06, 0.09), (0.15, 0.3), 6)
 
 
 def _served(rng: np.random.Generator) -> list[Part]:

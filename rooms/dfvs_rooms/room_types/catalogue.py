@@ -6,7 +6,7 @@ from collections.abc import Callable
 
 import numpy as np
 
-from dfvs_rooms.fittings.natural import WALLS, kind_of, natural_materials
+from dfvs_rooms.fittings.natural import WALLS, natural_materials
 from dfvs_rooms.fittings.shell import Place
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import joined
@@ -20,6 +20,7 @@ from dfvs_rooms.room_types.library import library
 from dfvs_rooms.room_types.office import office
 from dfvs_rooms.room_types.passage import passage
 from dfvs_rooms.room_types.workshop import workshop
+from dfvs_rooms.surfaces.materials import kind_of
 
 PLACES: dict[str, Callable[[np.random.Generator], Place]] = {
     "kitchen": kitchen,

@@ -9,7 +9,6 @@ from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.room import Opening
 from dfvs_rooms.generator.solids import Part, box, cushion, lathe, placed, sphere, tilted, tube
 
 _LEVEL_M, _LANDING_M, _SLAB_M = 2.55, 1.5, 0.2
@@ -23,9 +22,7 @@ def gallery(rng: np.random.Generator) -> Place:
     floor = str(rng.choice(["parquet", "terrazzo", "planks"]))
     shell.build_shell(layout, Finish(floor, ("wall0", "wall0", "wall1", "bricks")), edge_m=0.13)
     _stairs_and_landing(layout)
-    openings: tuple[Opening, ...] = ()
-    for s in (-2.3, 0.0, 2.3):
-        openings += shell.add_window(layout, SOUTH, (s, 3.8), (1.5, 1.3), panes=3)
+    openings = shell.add_windows(layout, SOUTH, (-2.3, 0.0, 2.3), 3.8, (1.5, 1.3), panes=3)
     layout.stand(Piece.standing(props.door(1.2, 2.3, "walnut", "black")), SOUTH, 2.4)
     _paintings(layout, rng)
     for x, y in ((0.2, -1.0), (1.9, 0.3), (2.4, -1.9)):

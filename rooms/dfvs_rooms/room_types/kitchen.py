@@ -74,9 +74,7 @@ def _shelves(layout: Layout, rng: np.random.Generator) -> None:
 def _kept_thing(rng: np.random.Generator) -> list[Part]:
     kind = int(rng.integers(4))
     if kind < 2:
-        size = float(rng.uniform(0.04, 0.055)), float(rng.uniform(0.1, 0.2))
-        jar = shell.tin(*size, f"label{rng.integers(5)}")
-        return placed(jar, 0, 0, 0, float(rng.uniform(0, 360)))
+        return shell.drawn_tin(rng, (0.04, 0.055), (0.1, 0.2), 5)
     if kind == 2:
         radius = 0.055
         stack: list[Part] = []

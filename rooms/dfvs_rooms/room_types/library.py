@@ -10,7 +10,6 @@ from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
 from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.room import Opening
 from dfvs_rooms.generator.solids import Part, box, lathe, placed, sphere, tilted, tube
 
 _HIGH_M = 2.5
@@ -21,9 +20,7 @@ def library(rng: np.random.Generator) -> Place:
     layout = shell.drawn_layout(rng, (7.0, 8.4), (5.2, 6.2), (3.2, 3.6))
     finish = Finish("parquet", ("wall0", "wall0", "wall1", "wall0"), skirting="walnut")
     shell.build_shell(layout, finish)
-    openings: tuple[Opening, ...] = ()
-    for s in (-2.2, 0.0, 2.2):
-        openings += shell.add_window(layout, SOUTH, (s, 1.9), (1.1, 1.9), panes=2)
+    openings = shell.add_windows(layout, SOUTH, (-2.2, 0.0, 2.2), 1.9, (1.1, 1.9), panes=2)
     _along_walls(layout, rng)
     for x in (-1.9, 1.7)[: int(rng.integers(1, 3))]:
         layout.set_down(_double_case(rng), x, 0.55, 90.0)

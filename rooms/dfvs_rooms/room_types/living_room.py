@@ -31,6 +31,7 @@ from dfvs_rooms.generator.props import (
     pendant_lamp,
     radiator,
     rubber_tree,
+    rug,
     table_lamp,
     vase,
     wall_shelf,
@@ -85,8 +86,9 @@ def _shell() -> list[Part]:
         *_moulding((0.018, 0.09), 0.0, ((-n, 0.96), (2.04, n))),
         *_moulding((0.06, 0.07), h - 0.07, ((-n, n),)),
     ]
-    parts += placed(_rug("rug", 2.9, 1.95, stretched=True), 0.1, -0.65)
-    return parts + placed(_rug("kilim", 1.9, 1.8, stretched=False), -2.42, 0.25)
+    parts += placed(rug("rug", 2.9, 1.95, edge_m=_FLOOR_EDGE_M), 0.1, -0.65)
+    kilim = rug("kilim", 1.9, 1.8, stretched=False, edge_m=_FLOOR_EDGE_M)
+    return parts + placed(kilim, -2.42, 0.25)
 
 
 def _moulding(
@@ -172,13 +174,6 @@ def _window(rng: np.random.Generator) -> list[Part]:
         parts += placed(curtain(rng, 0.62, 2.42, "drape"), x, _NORTH - 0.13)
     parts += placed(curtain_rail(w + 1.35, "brass"), cx, _NORTH - 0.13, 2.45)
     return parts + placed(radiator(1.7, 0.55, "white"), cx, _NORTH)
-
-
-def _rug(material: str, width: float, depth: float, *, stretched: bool) -> list[Part]:
-    """Rug, 12 mm thick."""
-    corner = (-width / 2, -depth / 2, 0.012)
-    top = panel(corner, (width, 0, 0), (0, depth, 0), material, edge_m=0.085, stretched=stretched)
-    return [top, *box((width, depth, 0.0118), (0, 0, 0), "linen", skip="+z -z", edge_m=0.2)]
 
 
 def _furniture(rng: np.random.Generator) -> list[Part]:

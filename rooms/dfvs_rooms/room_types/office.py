@@ -10,7 +10,6 @@ from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
 from dfvs_rooms.generator import furniture, props
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator.layout import Piece
-from dfvs_rooms.generator.room import Opening
 from dfvs_rooms.generator.solids import Part, box, cushion, lathe, panel, placed, tube
 
 
@@ -18,9 +17,7 @@ def office(rng: np.random.Generator) -> Place:
     """Furnish an office."""
     layout = shell.drawn_layout(rng, (5.4, 6.8), (4.4, 5.4), (2.6, 2.9))
     shell.build_shell(layout, Finish("carpet", ("wall0", "wall1", "wall0", "wall0")))
-    openings: tuple[Opening, ...] = ()
-    for s in (-1.2, 1.0):
-        openings += shell.add_window(layout, WEST, (s, 1.55), (1.5, 1.3), panes=2)
+    openings = shell.add_windows(layout, WEST, (-1.2, 1.0), 1.55, (1.5, 1.3), panes=2)
     layout.hang(shell.framed("whiteboard", (1.8, 1.2), "steel"), NORTH, -0.9, 1.55)
     layout.hang(shell.framed("noticeboard", (1.5, 1.0), "oak"), EAST, 0.9, 1.6)
     layout.stand(Piece.standing(props.door(0.95, 2.05, "oak", "white")), SOUTH, 1.8)

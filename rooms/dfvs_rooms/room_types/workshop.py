@@ -9,7 +9,6 @@ from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
 from dfvs_rooms.generator import interior_furniture as pieces
 from dfvs_rooms.generator import props
 from dfvs_rooms.generator.layout import Layout, Piece
-from dfvs_rooms.generator.room import Opening
 from dfvs_rooms.generator.solids import Part, box, placed
 
 
@@ -18,9 +17,7 @@ def workshop(rng: np.random.Generator) -> Place:
     layout = shell.drawn_layout(rng, (6.0, 7.6), (4.8, 5.8), (2.9, 3.3))
     walls = ("bricks", "blockwork", "bricks", "wall0")
     shell.build_shell(layout, Finish("concrete", walls, skirting=""))
-    openings: tuple[Opening, ...] = ()
-    for s in (-1.2, 1.0):
-        openings += shell.add_window(layout, WEST, (s, 1.9), (1.6, 1.1), panes=4)
+    openings = shell.add_windows(layout, WEST, (-1.2, 1.0), 1.9, (1.6, 1.1), panes=4)
     _benches(layout, rng)
     layout.stand(Piece.standing(props.door(1.1, 2.1, "sage", "metal")), SOUTH, 1.9)
     layout.stand(Piece.standing(tools.leaning_boards(rng, 8)), SOUTH, -0.2)
@@ -73,9 +70,7 @@ def _bench_thing(rng: np.random.Generator) -> list[Part]:
 
 
 def _paint_tin(rng: np.random.Generator) -> list[Part]:
-    size = float(rng.uniform(0.06, 0.085)), float(rng.uniform(0.12, 0.2))
-    jar = shell.tin(*size, f"label{rng.integers(5)}")
-    return placed(jar, 0, 0, 0, float(rng.uniform(0, 360)))
+    return shell.drawn_tin(rng, (0.06, 0.085), (0.12, 0.2), 5)
 
 
 def _tin_rack(rng: np.random.Generator) -> Piece:

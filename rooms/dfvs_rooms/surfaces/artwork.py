@@ -50,12 +50,9 @@ def rectangles(rng: np.random.Generator, shape: tuple[int, int] = (384, 288)) ->
     ys = np.sort(rng.choice(np.arange(1, 14), 5, replace=False)) * shape[0] // 14
     xs, ys = np.r_[0, xs, shape[1]], np.r_[0, ys, shape[0]]
     palette = [
-        (0.80, 0.12, 0.10),
-        (0.08, 0.22, 0.55),
-        (0.95, 0.78, 0.15),
-        (0.1, 0.1, 0.1),
+        (0.80, 0.12, 0.10), (0.08, 0.22, 0.55), (0.95, 0.78, 0.15), (0.1, 0.1, 0.1),
         (0.75, 0.74, 0.7),
-    ]
+    ]  # fmt: skip
     for j in range(len(ys) - 1):
         for i in range(len(xs) - 1):
             if rng.random() < 0.45:
@@ -75,14 +72,10 @@ def contours(rng: np.random.Generator, shape: tuple[int, int] = (288, 384)) -> F
     image = ramp(
         t,
         [
-            (0.42, 0.62, 0.70),
-            (0.60, 0.76, 0.76),
-            (0.80, 0.86, 0.68),
-            (0.90, 0.82, 0.62),
-            (0.78, 0.62, 0.48),
-            (0.95, 0.94, 0.92),
+            (0.42, 0.62, 0.70), (0.60, 0.76, 0.76), (0.80, 0.86, 0.68), (0.90, 0.82, 0.62),
+            (0.78, 0.62, 0.48), (0.95, 0.94, 0.92),
         ],
-    )
+    )  # fmt: skip
     step = (height * 5.0) % 1.0
     slope = np.hypot(*np.gradient(height)) * 5.0
     line = smoothstep(1.6, 0.8, np.minimum(step, 1 - step) / np.maximum(slope, 1e-3))
@@ -103,12 +96,9 @@ def swirls(rng: np.random.Generator, shape: tuple[int, int] = (384, 384)) -> Flo
         field = warped(field, strength * dx, strength * dy)
     t = (0.5 + 0.5 * np.sin(4.2 * field)).astype(np.float32)
     hues = [
-        (0.07, 0.13, 0.25),
-        (0.10, 0.38, 0.45),
-        (0.85, 0.80, 0.66),
-        (0.84, 0.45, 0.22),
+        (0.07, 0.13, 0.25), (0.10, 0.38, 0.45), (0.85, 0.80, 0.66), (0.84, 0.45, 0.22),
         (0.42, 0.10, 0.14),
-    ]
+    ]  # fmt: skip
     return _canvas(rng, ramp(t, hues))
 
 
@@ -161,6 +151,12 @@ def botanical(rng: np.random.Generator, shape: tuple[int, int] = (384, 288)) -> 
     return _canvas(rng, image)
 
 
+def painting(rng: np.random.Generator) -> Float32Array:
+    """Any of the paintings above."""
+    painters = (landscape, rectangles, contours, swirls, city, botanical)
+    return painters[int(rng.integers(len(painters)))](rng)
+
+
 def _canvas(rng: np.random.Generator, image: Float32Array) -> Float32Array:
     """Add the grain of paint on canvas."""
     shape = image.shape[:2]
@@ -179,18 +175,11 @@ def book_spines(rng: np.random.Generator, count: int = 24) -> Float32Array:
     bounds = np.linspace(0, width, count + 1).astype(int)
     hues = np.array(
         [
-            (0.45, 0.10, 0.10),
-            (0.10, 0.20, 0.38),
-            (0.12, 0.32, 0.22),
-            (0.80, 0.72, 0.55),
-            (0.15, 0.14, 0.15),
-            (0.62, 0.38, 0.14),
-            (0.52, 0.50, 0.46),
-            (0.30, 0.14, 0.30),
-            (0.85, 0.84, 0.80),
-            (0.70, 0.25, 0.12),
+            (0.45, 0.10, 0.10), (0.10, 0.20, 0.38), (0.12, 0.32, 0.22), (0.80, 0.72, 0.55),
+            (0.15, 0.14, 0.15), (0.62, 0.38, 0.14), (0.52, 0.50, 0.46), (0.30, 0.14, 0.30),
+            (0.85, 0.84, 0.80), (0.70, 0.25, 0.12),
         ]
-    )
+    )  # fmt: skip
     for a, b in itertools.pairwise(bounds):
         base = np.clip(hues[rng.integers(len(hues))] * rng.uniform(0.8, 1.2), 0, 1)
         image[:, a:b] = base

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from functools import partial
 from typing import TypeAlias
@@ -20,6 +20,8 @@ _ON_SMALL_THINGS = frozenset(
     )
 )
 """Materials that never fill an image: half the texels will do."""
+
+_SHINING = frozenset(("globe", "garden", "sky"))
 
 _Draw: TypeAlias = Callable[[np.random.Generator], Float32Array]
 
@@ -41,6 +43,39 @@ class Material:
     image: ImageArray
     span_m: float = 1.0
     shines: bool = False
+
+
+def kind_of(name: str) -> str:
+    """A material's name without its number."""
+    return name.rstrip("0123456789")
+
+
+def drawn_materials(
+    names: Iterable[str],
+    rng: np.random.Generator,
+    draw: Callable[[str, np.random.Generator], tuple[Float32Array, float]],
+    large: Collection[str],
+) -> dict[str, Material]:
+    """Draw materials by name.
+
+    Parameters
+    ----------
+    names : iterable of str
+    rng : numpy.random.Generator
+    draw : callable
+        Gives the image of a kind (:func:`kind_of`) and the metres that it spans.
+    large : collection of str
+        Kinds that fill an image; half the texels will do for others.
+    """
+    wanted = sorted(set(names))
+    drawn = {}
+    for name, stream in zip(wanted, rng.spawn(len(wanted)), strict=True):
+        kind = kind_of(name)
+        image, span_m = draw(kind, stream)
+        if kind not in large:
+            image = textures.halved(image)
+        drawn[name] = Material(textures.pixels(image), span_m, shines=kind in _SHINING)
+    return drawn
 
 
 def room_materials(rng: np.random.Generator) -> dict[str, Material]:

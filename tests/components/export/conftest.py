@@ -14,5 +14,5 @@ def folder(tmp_path_factory):
     """A handful of the built-in room."""
     out = tmp_path_factory.mktemp("pairs")
     sampler = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
-    write_arrays(out / "room.npz", sampler.arrays(3))
+    write_arrays(out / "room.npz", sampler.arrays(4))
     return out

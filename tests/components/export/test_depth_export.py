@@ -16,7 +16,7 @@ from dfvs_export.cli import main
 from dfvs_export.commands.comparison import agrees_with_torch
 from dfvs_export.networks.densedepth import DenseDepth
 from dfvs_export.networks.depth import DepthNet
-from dfvs_export.weights.depth import TrainedDepth, load_depth_weights, save_depth_weights
+from dfvs_export.weights.depth import TrainedDepth, load_depth_weights
 from dfvs_export.weights.published_depth import ANYTHING, DENSE, MIDAS, DepthWeights
 from dfvs_models.bundle import Bundle, read_bundle
 from dfvs_models.catalog import load_depth
@@ -32,14 +32,28 @@ def checkpoint(path, bias=0.0):
     network = DepthNet()
     with torch.no_grad():
         network.head.bias += bias
-    save_depth_weights(path, TrainedDepth(network.state_dict(), "drawn", "None."))
+    TrainedDepth(network.state_dict(), "drawn", "None.").save(path)
     return ["--model", "dfvs-depth", "--checkpoint", str(path)]
 
 
-@pytest.fixture
-def own(tmp_path):
+@pytest.fixture(scope="module")
+def weights(tmp_path_factory):
+    """Checkpoint of dfvs-depth."""
+    return tmp_path_factory.mktemp("weights") / "depth.pt"
+
+
+@pytest.fixture(scope="module")
+def own(weights):
     """Arguments that convert dfvs-depth."""
-    return checkpoint(tmp_path / "depth.pt")
+    return checkpoint(weights)
+
+
+@pytest.fixture(scope="module")
+def converted(own, tmp_path_factory):
+    """Folder of dfvs-depth as a bundle."""
+    out = tmp_path_factory.mktemp("converted") / "depth"
+    assert main(["depth", *own, "--out", str(out)]) == 0
+    return out
 
 
 @pytest.fixture(scope="module")
@@ -53,7 +67,7 @@ def needs(package):
     return pytest.mark.skipif(not found, reason=f"{package} comes with dfvs-lab[published-depth]")
 
 
-def test_our_network_becomes_a_bundle_that_the_service_loads(own, tmp_path, capsys):
+def test_our_network_becomes_a_bundle_that_the_service_loads(own, weights, tmp_path, capsys):
     out = tmp_path / "bundle"
     assert main(["depth", *own, "--out", str(out)]) == 0
     manifest = read_bundle(out).manifest
@@ -65,7 +79,7 @@ def test_our_network_becomes_a_bundle_that_the_service_loads(own, tmp_path, caps
     camera = CameraModel.from_horizontal_fov(320, 240, 1.2)
     image = drawn_pairs((320, 240), 1, 5)[0][0]
     found = network.estimate(image, camera)
-    wanted, _ = load_depth_weights(tmp_path / "depth.pt").network()(
+    wanted, _ = load_depth_weights(weights).network()(
         torch.from_numpy(image.transpose(2, 0, 1)[None].astype(np.float32) / 255.0),
         torch.tensor([[camera.fx / 320]], dtype=torch.float32),
     )
@@ -76,9 +90,8 @@ def test_our_network_becomes_a_bundle_that_the_service_loads(own, tmp_path, caps
     assert 0.0 < found.spread.min() < found.spread.max() < 1.0
 
 
-def test_the_bundle_in_eight_bits_gives_nearly_the_same(own, tmp_path):
-    folders = [tmp_path / "fp32", tmp_path / "int8"]
-    assert main(["depth", *own, "--out", str(folders[0])]) == 0
+def test_the_bundle_in_eight_bits_gives_nearly_the_same(own, converted, tmp_path):
+    folders = [converted, tmp_path / "int8"]
     words = ["--precision", "int8", "--calibration-pairs", "2", "--out", str(folders[1])]
     assert main(["depth", *own, *words]) == 0
     assert read_bundle(folders[1]).manifest.precision == "int8"
@@ -88,31 +101,24 @@ def test_the_bundle_in_eight_bits_gives_nearly_the_same(own, tmp_path):
     np.testing.assert_allclose(few, full, rtol=0.1)
 
 
-def test_check_compares_with_torch(own, tmp_path, capsys):
-    out = tmp_path / "bundle"
-    main(["depth", *own, "--out", str(out)])
+def test_check_compares_with_torch(own, converted, capsys):
     capsys.readouterr()
-    assert main(["check", str(out), *own, "--count", "1", "--json"]) == 0
+    assert main(["check", str(converted), *own, "--count", "1", "--json"]) == 0
     report = json.loads(capsys.readouterr().out)
     assert 0.0 < report["greatest_difference"] <= PARITY_LIMIT
-    assert main(["check", str(out), "--json"]) == 0
+    assert main(["check", str(converted), "--json"]) == 0
     assert "not compared" in json.loads(capsys.readouterr().out)["torch"]
 
 
-def test_check_tells_a_bundle_of_other_weights(own, tmp_path, capsys):
-    out = tmp_path / "bundle"
-    main(["depth", *own, "--out", str(out)])
+def test_check_tells_a_bundle_of_other_weights(converted, tmp_path, capsys):
     capsys.readouterr()
-
     other = checkpoint(tmp_path / "other.pt", bias=0.01)
-    assert main(["check", str(out), *other, "--count", "1", "--json"]) == 1
+    assert main(["check", str(converted), *other, "--count", "1", "--json"]) == 1
     assert json.loads(capsys.readouterr().out)["greatest_difference"] > PARITY_LIMIT
 
 
-def test_bench_times_a_depth_bundle(own, tmp_path, capsys):
-    out = tmp_path / "depth"
-    main(["depth", *own, "--out", str(out)])
-    assert main(["bench", str(out), "--runs", "2", "--threads", "1"]) == 0
+def test_bench_times_a_depth_bundle(converted, capsys):
+    assert main(["bench", str(converted), "--runs", "2", "--threads", "1"]) == 0
     assert "depth " in capsys.readouterr().out
 
 

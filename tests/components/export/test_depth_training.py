@@ -15,7 +15,7 @@ from dfvs_export.training.depth import DepthTrainSettings, train_depth
 from dfvs_export.training.depth_loss import Truth, depth_loss
 from dfvs_export.training.depth_views import DepthViewReader, normals_of
 from dfvs_export.training.room_pairs import RoomFolder
-from dfvs_export.weights.depth import TrainedDepth, load_depth_weights, save_depth_weights
+from dfvs_export.weights.depth import TrainedDepth, load_depth_weights
 
 FOCAL = 0.6
 
@@ -24,8 +24,21 @@ FOCAL = 0.6
 def checkpoint(tmp_path_factory):
     torch.manual_seed(0)
     path = tmp_path_factory.mktemp("weights") / "drawn.pt"
-    save_depth_weights(path, TrainedDepth(DepthNet().state_dict(), "drawn", "None."))
+    TrainedDepth(DepthNet().state_dict(), "drawn", "None.").save(path)
     return path
+
+
+def settings_of(pairs, out, start, *, minutes=1.0, frozen_blocks=3, threads=2):
+    return DepthTrainSettings(
+        pairs=pairs,
+        out=out,
+        start=start,
+        minutes=minutes,
+        learning_rate=1e-3,
+        frozen_blocks=frozen_blocks,
+        seed=0,
+        threads=threads,
+    )
 
 
 def plane(normal, distance_m):
@@ -112,7 +125,7 @@ def test_a_short_training_changes_the_decoder_and_leaves_what_is_frozen(
     out, said = tmp_path / "depth.pt", []
     threads = torch.get_num_threads()
     try:
-        settings = DepthTrainSettings(folder, out, checkpoint, 0.001, 1e-3, 16, 0, 1)
+        settings = settings_of(folder, out, checkpoint, minutes=0.001, frozen_blocks=16, threads=1)
         train_depth(settings, said.append)
     finally:
         torch.set_num_threads(threads)
@@ -129,7 +142,7 @@ def test_a_short_training_changes_the_decoder_and_leaves_what_is_frozen(
     ("change", "match"), [({"minutes": 0.0}, "minutes is 0.0"), ({"threads": -1}, "threads is -1")]
 )
 def test_settings_that_train_nothing_are_refused(tmp_path, change, match):
-    settings = DepthTrainSettings(tmp_path, tmp_path / "d.pt", None, 1.0, 1e-3, 3, 0, 2)
+    settings = settings_of(tmp_path, tmp_path / "d.pt", None)
     with pytest.raises(ConfigError, match=match):
         dataclasses.replace(settings, **change)
 

@@ -25,7 +25,7 @@ from dfvs_export.bundles.runner import BundleRunner  # noqa: E402
 from dfvs_export.checks.operators import operators  # noqa: E402
 from dfvs_export.checks.parity import drawn_pairs, parity  # noqa: E402
 from dfvs_export.cli import main  # noqa: E402
-from dfvs_export.weights.flow import Weights, load_weights, save_weights  # noqa: E402
+from dfvs_export.weights.flow import Weights, load_weights  # noqa: E402
 from dfvs_models.bundle import read_bundle  # noqa: E402
 from dfvs_models.catalog import bundle_folder  # noqa: E402
 from dfvs_models.encode_match import EncodeMatchPoints  # noqa: E402
@@ -41,7 +41,7 @@ CONFIDENT = 0.5
 def checkpoint(tmp_path_factory) -> Path:
     """The shipped weights under another name."""
     path = tmp_path_factory.mktemp("weights") / "ours.pt"
-    save_weights(path, replace(load_weights(None), origin="a test", training="None."))
+    replace(load_weights(None), origin="a test", training="None.").save(path)
     return path
 
 
@@ -229,7 +229,7 @@ def changed(checkpoint: Path, path: Path, part: str, name: str, by: float) -> Pa
     """Checkpoint in which one weight of the encoder or matcher is larger."""
     weights = load_weights(checkpoint)
     getattr(weights, part)[name].view(-1)[0] += by
-    save_weights(path, weights)
+    weights.save(path)
     return path
 
 
@@ -444,7 +444,7 @@ def test_weights_are_told_apart_by_their_values(checkpoint: Path, tmp_path: Path
 
 def test_a_checkpoint_is_read_as_it_was_written(checkpoint: Path, tmp_path: Path) -> None:
     written = load_weights(checkpoint)
-    save_weights(tmp_path / "again.pt", written)
+    written.save(tmp_path / "again.pt")
     found = load_weights(tmp_path / "again.pt")
     assert (found.origin, found.training) == (written.origin, written.training)
     assert found.digest == written.digest

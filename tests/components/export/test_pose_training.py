@@ -21,26 +21,12 @@ from dfvs_export.training.room_pairs import RoomFolder
 from dfvs_export.weights.pose import (
     TrainedPose,
     load_pose_weights,
-    save_pose_weights,
     starting_weights,
 )
 from dfvs_models.bundle import read_bundle
 from dfvs_models.catalog import load_pose
-from dfvs_rooms.pairs.files import write_arrays
-from dfvs_rooms.pairs.wide import WidePairSampler
-from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.scene import builtin_room_path
-from dfvs_sim.scene.glb import load_glb
 
 READERS = pytest.mark.parametrize("reader", [RoomPoseReader, PlanarPoseReader])
-
-
-@pytest.fixture(scope="module")
-def folder(tmp_path_factory):
-    out = tmp_path_factory.mktemp("pairs")
-    sampler = WidePairSampler(Renderer(load_glb(builtin_room_path())), 3)
-    write_arrays(out / "room.npz", sampler.arrays(4))
-    return out
 
 
 @pytest.fixture
@@ -52,9 +38,7 @@ def checkpoints(tmp_path):
         network = make()
         torch.nn.init.normal_(network.head[-1].weight, std=0.1)
         paths[name] = tmp_path / f"{name}.pt"
-        save_pose_weights(
-            paths[name], TrainedPose(name, network.state_dict(), "drawn weights", "None.")
-        )
+        TrainedPose(name, network.state_dict(), "drawn weights", "None.").save(paths[name])
     return paths
 
 

@@ -9,7 +9,7 @@ import torch
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.poses import make_pose, so3_exp
-from dfvs_export.training.flow import TrainSettings, train
+from dfvs_export.training.flow import FlowTrainSettings, train
 from dfvs_export.training.room_pairs import (
     SIZE,
     PairReader,
@@ -56,7 +56,18 @@ def test_a_short_training_changes_the_matcher_and_leaves_the_encoder(folder, tmp
     out, said = tmp_path / "matcher.pt", []
     threads = torch.get_num_threads()
     try:
-        train(TrainSettings(folder, out, None, 0.001, 1e-3, 0, 256, 0, 1), said.append)
+        settings = FlowTrainSettings(
+            pairs=folder,
+            out=out,
+            start=None,
+            minutes=0.001,
+            learning_rate=1e-3,
+            encoder_blocks=0,
+            keypoints=256,
+            seed=0,
+            threads=1,
+        )
+        train(settings, said.append)
     finally:
         torch.set_num_threads(threads)
     before, after = load_weights(None), load_weights(out)
@@ -80,5 +91,5 @@ def test_what_cannot_be_trained_is_refused(folder, tmp_path, change, match):
     given |= {k: tmp_path / v if isinstance(v, str) else v for k, v in change.items()}
     given |= {"learning_rate": 1e-4, "encoder_blocks": 0, "keypoints": 256, "seed": 0, "threads": 1}
     with pytest.raises(ConfigError, match=match):
-        train(TrainSettings(**given), print)
+        train(FlowTrainSettings(**given), print)
     assert not list(tmp_path.iterdir())

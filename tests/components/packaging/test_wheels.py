@@ -32,6 +32,13 @@ NEEDS = [
     ("dfvs-lab[export]", "dfvs-export flow --out bundle"),
     ("dfvs-lab[bake]", "dfvs-rooms room --seed 1 --out room.glb"),
 ]
+VERSIONS = """
+import contextlib, runpy, sys
+for path in sys.argv[1:]:
+    sys.argv = [path, "--version"]
+    with contextlib.suppress(SystemExit):
+        runpy.run_path(path, run_name="__main__")
+"""
 pytestmark = pytest.mark.slow
 
 
@@ -127,11 +134,21 @@ def test_the_laboratory_s_wheel_holds_its_rooms_with_their_assets(wheels):
     assert any(name.endswith("LICENSE") for name in names)
 
 
+@pytest.mark.parametrize("project", [AIRCRAFT, LAB], ids=["aircraft", "lab"])
+def test_every_command_tells_its_version(commands, project):
+    """All of an environment in one process."""
+    paths = [str(commands[name]) for name in project["scripts"]]
+    python = commands[next(iter(project["scripts"]))].parent / "python"
+    told = subprocess.run(
+        [python, "-c", VERSIONS, *paths], capture_output=True, text=True, check=False
+    )
+    assert (told.returncode, told.stderr) == (0, "")
+    expected = [f"{name} {AIRCRAFT['version']}" for name in project["scripts"]]
+    assert told.stdout.splitlines() == expected
+
+
 @pytest.mark.parametrize("name", [*AIRCRAFT["scripts"], *LAB["scripts"]])
 def test_every_command_starts_without_extras(run, name):
-    version = run(name, "--version")
-    assert (version.returncode, version.stderr) == (0, "")
-    assert version.stdout == f"{name} {AIRCRAFT['version']}\n"
     told = run(name, "--help")
     assert (told.returncode, told.stderr) == (0, "")
     assert told.stdout.startswith(f"usage: {name}")

@@ -84,11 +84,16 @@ def test_a_goal_that_changed_in_flight_changes_in_replay(tmp_path):
     assert abs(after - before) > 0.02  # another goal, indeed
 
 
-def test_a_goal_tracked_from_its_preview_is_replayed_bit_for_bit(tmp_path):
-    flight = fly(np.random.default_rng(12), 12, next_goal_at=8, preview_of=5)
-    opening = next(m for m, _ in flight.events if isinstance(m, SessionHeader) and m.first_turn)
+@pytest.fixture(scope="module")
+def previewed():
+    """A flight whose second goal is tracked from its preview."""
+    return fly(np.random.default_rng(12), 12, next_goal_at=8, preview_of=5)
+
+
+def test_a_goal_tracked_from_its_preview_is_replayed_bit_for_bit(previewed, tmp_path):
+    opening = next(m for m, _ in previewed.events if isinstance(m, SessionHeader) and m.first_turn)
     assert opening.observed_ns is not None
-    result = rerun(write_recording(tmp_path, flight.events))
+    result = rerun(write_recording(tmp_path, previewed.events))
     assert result.reasons == ()
     assert compare(result.frames).is_identical
 
@@ -123,20 +128,20 @@ def test_another_depth_network_is_named_as_the_reason_to_differ(wall_depth, tmp_
     assert not compare(result.frames).is_identical
 
 
-def test_without_the_preview_the_commands_differ(tmp_path):
+def test_without_the_preview_the_commands_differ(previewed, tmp_path):
     """The observation matters, so the session header has to tell its frame."""
-    flight = fly(np.random.default_rng(12), 12, next_goal_at=8, preview_of=5)
     events = [
         (dataclasses.replace(m, observed_ns=None) if isinstance(m, SessionHeader) else m, payload)
-        for m, payload in flight.events
+        for m, payload in previewed.events
     ]
     assert not compare(rerun(write_recording(tmp_path, events)).frames).is_identical
 
 
-def test_a_preview_whose_frame_was_not_recorded_is_named_as_the_reason_to_differ(tmp_path):
-    flight = fly(np.random.default_rng(12), 12, next_goal_at=8, preview_of=5)
-    frame = next(i for i, (m, _) in enumerate(flight.events) if getattr(m, "number", None) == 5)
-    events = flight.events[:frame] + flight.events[frame + 1 :]
+def test_a_preview_whose_frame_was_not_recorded_is_named_as_the_reason_to_differ(
+    previewed, tmp_path
+):
+    frame = next(i for i, (m, _) in enumerate(previewed.events) if getattr(m, "number", None) == 5)
+    events = previewed.events[:frame] + previewed.events[frame + 1 :]
     result = rerun(write_recording(tmp_path, events))
     assert result.reasons == ("1 frame records before frame record 6 were not recorded",)
 

@@ -1,11 +1,15 @@
+import hashlib
 import os
+import shutil
 import subprocess
 import sys
+from pathlib import Path
 
 import numpy as np
 import pytest
 from tiny_scenes import CAMERA, NORTHWARD, SKY, random_triangles, scene_of, wall
 
+import dfvs_sim
 from dfvs_core.errors import GeometryError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_sim.render.renderer import NEAR_M, Renderer
@@ -133,8 +137,21 @@ def test_refuses_a_pose_that_is_none():
         renderer.render(CAMERA, 2.0 * np.eye(4))
 
 
+@pytest.fixture
+def compiled(pytestconfig, tmp_path):
+    """Folder for compiled kernels; it stays for later runs of the same sources."""
+    sources = sorted(Path(dfvs_sim.__file__).parent.rglob("*.py"))
+    digest = hashlib.sha256(b"".join(path.read_bytes() for path in sources)).hexdigest()
+    if not pytestconfig.pluginmanager.hasplugin("cacheprovider"):
+        return tmp_path
+    folder = pytestconfig.cache.mkdir(f"bounds-{digest[:16]}")
+    for old in set(folder.parent.glob("bounds-*")) - {folder}:
+        shutil.rmtree(old)
+    return folder
+
+
 @pytest.mark.slow
-def test_never_reads_or_writes_outside_its_arrays(tmp_path):
+def test_never_reads_or_writes_outside_its_arrays(compiled):
     """The kernels again, compiled with bounds checks: out of range raises instead of crashing."""
     program = """
 import numpy as np
@@ -157,7 +174,7 @@ except IndexError:
 """
     environment = os.environ | {
         "NUMBA_BOUNDSCHECK": "1",
-        "NUMBA_CACHE_DIR": str(tmp_path),
+        "NUMBA_CACHE_DIR": str(compiled),
         "PYTHONPATH": os.pathsep.join(sys.path),
     }
     done = subprocess.run(

@@ -9,12 +9,13 @@ import pytest
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose
-from dfvs_rooms.fittings.natural import kind_of, natural_materials
+from dfvs_rooms.fittings.natural import natural_materials
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.generator.solids import joined
 from dfvs_rooms.lighting.bake import lit_scene
 from dfvs_rooms.room_types.catalogue import PLACES, REPETITIVE_PLACES
 from dfvs_rooms.room_types.room_types import ROOM_KINDS, room_of_kind
+from dfvs_rooms.surfaces.materials import kind_of
 from dfvs_sim.render.renderer import Renderer
 from dfvs_sim.scene.frames import ned_from_room
 from dfvs_sim.viewpoints.free_space import CUBE_FACES, FreeSpace
