@@ -1,11 +1,11 @@
 """``dfvs-bench flow`` on a pairs file made here."""
 
-import argparse
 import json
 
 import numpy as np
 import pytest
 from lucas_kanade_network import write_bundle
+from subcommand import run_subcommand
 from textured_wall import Wall, exact_flow, inside, texture, turned
 
 from dfvs_bench.commands import flow
@@ -31,10 +31,7 @@ def pairs(tmp_path_factory):
 
 
 def bench(*words):
-    parser = argparse.ArgumentParser()
-    flow.add_parser(parser.add_subparsers())
-    args = parser.parse_args(["flow", *map(str, words)])
-    return args.run(args)
+    return run_subcommand(flow, *words)
 
 
 def test_the_table_and_the_json_tell_precision_by_level(pairs, tmp_path, capsys):

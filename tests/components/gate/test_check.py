@@ -98,12 +98,6 @@ def views():
     return [cv2.resize(wall, SIZE, interpolation=cv2.INTER_AREA) for wall in walls]
 
 
-@pytest.fixture(scope="module")
-def vehicle(tmp_path_factory):
-    with hovering_vehicle(tmp_path_factory.mktemp("vehicle")) as hovering:
-        yield hovering
-
-
 @contextlib.contextmanager
 def camera_running(endpoint, picture):
     camera = Camera(endpoint, picture)

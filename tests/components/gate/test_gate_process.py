@@ -26,13 +26,6 @@ pytestmark = pytest.mark.real_time
 KEY = b"0123456789abcdef0123456789abcdef"
 
 
-@pytest.fixture(scope="module")
-def vehicle(tmp_path_factory):
-    """One vehicle for all tests here; it holds between them."""
-    with hovering_vehicle(tmp_path_factory.mktemp("vehicle")) as hovering:
-        yield hovering
-
-
 def assert_limits(setpoints):
     """I1, on the vehicle's side; float32 on the wire rounds at 1e-7."""
     for before, after in itertools.pairwise(setpoints):

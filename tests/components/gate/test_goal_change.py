@@ -6,7 +6,6 @@ import time
 
 import cv2
 import pytest
-from gate_flight import hovering_vehicle
 from loopback import free_endpoint
 from test_check import CAMERA, SIZE, TOPICS, Watch, camera_running, views
 
@@ -63,12 +62,6 @@ class Service:
         while not condition():
             assert time.monotonic() < deadline, (self.watch.beat, self.log()[-2000:])
             time.sleep(0.05)
-
-
-@pytest.fixture
-def vehicle(tmp_path):
-    with hovering_vehicle(tmp_path) as hovering:
-        yield hovering
 
 
 def save(path, picture):

@@ -7,32 +7,19 @@ import signal
 import time
 
 import pytest
-from gate_flight import hovering_vehicle, service_running
+from gate_flight import service_running
 from loopback import free_endpoint
 
 from dfvs_core.messages.topics import Topics
 from dfvs_service import cli
 from dfvs_service.command import operators_zenoh
 from dfvs_service.settings.config import load_config
-from dfvs_service.settings.key_file import create_key
 from dfvs_service.zenoh_session import open_session
 
 pytestmark = pytest.mark.real_time
 
 S = 1_000_000_000
 TOPICS = Topics("drone1")
-
-
-@pytest.fixture
-def vehicle(tmp_path):
-    with hovering_vehicle(tmp_path) as hovering:
-        yield hovering
-
-
-@pytest.fixture
-def key_file(tmp_path):
-    create_key(tmp_path / "key")
-    return tmp_path / "key"
 
 
 @contextlib.contextmanager

@@ -92,12 +92,6 @@ def endpoint():
 
 
 @pytest.fixture
-def key_file(tmp_path):
-    create_key(tmp_path / "key")
-    return tmp_path / "key"
-
-
-@pytest.fixture
 def listening(endpoint, tmp_path):
     """Starts a service with a key, or with none."""
     services = []

@@ -1,9 +1,9 @@
 """The command ingress under hostile sendings, and a checker that notices one that is broken."""
 
-import argparse
 import json
 
 import pytest
+from subcommand import run_subcommand
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate.commands import authority
@@ -16,10 +16,7 @@ from dfvs_robustness.fuzz.commands.target import COMMANDS, CommandTally, replay_
 
 
 def run(*words):
-    parser = argparse.ArgumentParser()
-    fuzz.add_parser(parser.add_subparsers())
-    args = parser.parse_args(["fuzz", "commands", *map(str, words)])
-    return args.run(args)
+    return run_subcommand(fuzz, "commands", *words)
 
 
 def test_hostile_commands_violate_nothing_and_good_ones_are_obeyed(tmp_path):

@@ -1,11 +1,11 @@
 """Hostile frames through the decoder, and proof that a decoder that is not safe is noticed."""
 
-import argparse
 import json
 import mmap
 
 import numpy as np
 import pytest
+from subcommand import run_subcommand
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.messages import frame as wire_frame
@@ -23,10 +23,7 @@ from dfvs_robustness.fuzz.frames.hostile_frames import KINDS
 
 
 def run(*words):
-    parser = argparse.ArgumentParser()
-    fuzz.add_parser(parser.add_subparsers())
-    args = parser.parse_args(["fuzz", "frames", *map(str, words)])
-    return args.run(args)
+    return run_subcommand(fuzz, "frames", *words)
 
 
 def test_a_thousand_hostile_frames_do_no_harm(tmp_path, capsys):

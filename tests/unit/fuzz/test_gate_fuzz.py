@@ -1,12 +1,12 @@
 """The gate under random inputs, and a checker that notices a gate that is broken."""
 
-import argparse
 import dataclasses
 import json
 import math
 from pathlib import Path
 
 import pytest
+from subcommand import run_subcommand
 
 from dfvs_core.errors import ConfigError
 from dfvs_core.gate import flight, stream, transitions
@@ -34,10 +34,7 @@ DATA = Path(__file__).parents[2] / "data"
 
 
 def run(*words):
-    parser = argparse.ArgumentParser()
-    fuzz.add_parser(parser.add_subparsers())
-    args = parser.parse_args(["fuzz", "gate", *map(str, words)])
-    return args.run(args)
+    return run_subcommand(fuzz, "gate", *words)
 
 
 def test_a_hundred_thousand_events_violate_nothing_and_reach_every_state(tmp_path, capsys):

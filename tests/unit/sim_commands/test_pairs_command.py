@@ -1,8 +1,8 @@
-import argparse
 import json
 
 import numpy as np
 import pytest
+from subcommand import run_subcommand
 
 from dfvs_core.errors import DfvsError
 from dfvs_models.evaluation_file import read_flow_pairs
@@ -11,10 +11,7 @@ from dfvs_sim.scene import builtin_room_path
 
 
 def run(*words):
-    parser = argparse.ArgumentParser()
-    pairs.add_parser(parser.add_subparsers())
-    args = parser.parse_args(["pairs", *map(str, words)])
-    return args.run(args)
+    return run_subcommand(pairs, *words)
 
 
 def test_an_evaluation_file_takes_the_levels_in_turn(tmp_path, capsys):

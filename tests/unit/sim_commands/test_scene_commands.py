@@ -1,9 +1,9 @@
-import argparse
 import json
 import sys
 
 import numpy as np
 import pytest
+from subcommand import run_subcommand
 
 from dfvs_bench.commands import renderer
 from dfvs_core.errors import DfvsError
@@ -18,18 +18,11 @@ from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.viewpoints.poses import camera_pose
 
 
-def run(command, *words):
-    parser = argparse.ArgumentParser()
-    command.add_parser(parser.add_subparsers())
-    args = parser.parse_args([command.__name__.rpartition(".")[2].replace("_", "-"), *words])
-    return args.run(args)
-
-
 class TestGoal:
     def test_writes_what_the_camera_sees_and_how_it_stood(self, tmp_path):
         out = tmp_path / "goal.png"
         words = ["--pose", "0.5,-1,-1.3,40", "--size", "160x120", "--fov", "60"]
-        assert run(goal, *words, "--out", str(out)) == 0
+        assert run_subcommand(goal, *words, "--out", str(out)) == 0
         sidecar = GoalSidecar.from_json((tmp_path / "goal.json").read_text())
         assert sidecar.camera.size == (160, 120)
         assert sidecar.camera.fx == pytest.approx(80 / np.tan(np.radians(30)))
@@ -43,7 +36,7 @@ class TestGoal:
     def test_takes_points_in_the_axes_of_the_file(self, tmp_path):
         # file (-1, 1.3, -0.5) is 0.5 m north, 1 m west, 1.3 m up; the target is south-east of it
         words = ["--eye=-1,1.3,-0.5", "--look-at", "0,1.3,0.5", "--size", "64x48"]
-        assert run(goal, *words, "--out", str(tmp_path / "g.png")) == 0
+        assert run_subcommand(goal, *words, "--out", str(tmp_path / "g.png")) == 0
         sidecar = GoalSidecar.from_json((tmp_path / "g.json").read_text())
         pose = np.array(sidecar.pose_camera).reshape(4, 4)
         np.testing.assert_allclose(
@@ -52,7 +45,7 @@ class TestGoal:
 
     def test_notes_the_pitch_of_a_view_that_looks_down(self, tmp_path):
         words = ["--eye", "0,1.5,0", "--look-at", "0,0.5,-1", "--size", "64x48"]
-        run(goal, *words, "--out", str(tmp_path / "g.png"))
+        run_subcommand(goal, *words, "--out", str(tmp_path / "g.png"))
         sidecar = GoalSidecar.from_json((tmp_path / "g.json").read_text())
         assert sidecar.pitch_rad == pytest.approx(-np.pi / 4)
 
@@ -71,21 +64,21 @@ class TestGoal:
     )
     def test_says_what_is_wrong(self, tmp_path, words, match):
         with pytest.raises(DfvsError, match=match):
-            run(goal, *words, "--out", str(tmp_path / "goal.png"))
+            run_subcommand(goal, *words, "--out", str(tmp_path / "goal.png"))
         assert not list(tmp_path.iterdir())
 
     def test_wants_a_png_in_a_folder_that_exists(self, tmp_path):
         pose = ["--pose", "0,0,-1.2,0"]
         with pytest.raises(DfvsError, match=r"ends in \.png"):
-            run(goal, *pose, "--out", str(tmp_path / "goal.jpg"))
+            run_subcommand(goal, *pose, "--out", str(tmp_path / "goal.jpg"))
         with pytest.raises(DfvsError, match="cannot be written"):
-            run(goal, *pose, "--out", str(tmp_path / "none" / "goal.png"))
+            run_subcommand(goal, *pose, "--out", str(tmp_path / "none" / "goal.png"))
 
 
 class TestBenchRenderer:
     def test_prints_and_writes_the_time_of_every_kind(self, tmp_path, capsys):
         out = tmp_path / "times.json"
-        assert run(renderer, "--frames", "3", "--json", str(out)) == 0
+        assert run_subcommand(renderer, "--frames", "3", "--json", str(out)) == 0
         rows = json.loads(out.read_text())["results"]
         kinds = {(row["width"], row["height"], row["antialias"]) for row in rows}
         assert len(kinds) == 4
@@ -94,7 +87,7 @@ class TestBenchRenderer:
 
     def test_wants_frames_to_time(self):
         with pytest.raises(DfvsError, match="--frames is 1"):
-            run(renderer, "--frames", "1")
+            run_subcommand(renderer, "--frames", "1")
 
 
 class TestRoom:
@@ -102,7 +95,7 @@ class TestRoom:
         monkeypatch.setitem(sys.modules, "mitsuba", None)
         out = tmp_path / "hallway.glb"
         words = ["--kind", "corridor", "--light", "quick", "--seed", "5", "--out", str(out)]
-        assert run(room, *words, "--preview", str(tmp_path / "hallway.png")) == 0
+        assert run_subcommand(room, *words, "--preview", str(tmp_path / "hallway.png")) == 0
         told = json.loads((tmp_path / "hallway.json").read_text())
         assert (told["kind"], told["light"], told["samples"]) == ("corridor", "quick", None)
         scene = load_glb(out)
@@ -122,7 +115,7 @@ class TestRoom:
     def test_without_mitsuba_says_how_to_get_it(self, tmp_path, monkeypatch):
         monkeypatch.setitem(sys.modules, "mitsuba", None)
         with pytest.raises(DfvsError, match=r"pip install 'dfvs-lab\[bake\]'"):
-            run(room, "--seed", "1", "--out", str(tmp_path / "room.glb"))
+            run_subcommand(room, "--seed", "1", "--out", str(tmp_path / "room.glb"))
 
     @pytest.mark.parametrize(
         ("words", "match"),
@@ -136,4 +129,4 @@ class TestRoom:
     def test_says_what_is_wrong_before_the_work(self, tmp_path, monkeypatch, words, match):
         monkeypatch.chdir(tmp_path)
         with pytest.raises(DfvsError, match=match):
-            run(room, *words)
+            run_subcommand(room, *words)

@@ -1,4 +1,3 @@
-import argparse
 import json
 import mmap
 import os
@@ -6,6 +5,7 @@ import os
 import numpy as np
 import psutil
 import pytest
+from subcommand import run_subcommand
 
 from dfvs_core.errors import ConfigError
 from dfvs_robustness.cli import main
@@ -172,11 +172,8 @@ def test_plots_are_drawn_of_few_samples(tmp_path):
 
 @pytest.mark.parametrize("minutes", ["0", "nan", "1e9"])
 def test_an_impossible_time_is_refused(minutes, tmp_path):
-    parser = argparse.ArgumentParser()
-    soak.add_parser(parser.add_subparsers())
-    args = parser.parse_args(["soak", "--minutes", minutes, "--out", str(tmp_path)])
     with pytest.raises(ConfigError, match="--minutes"):
-        args.run(args)
+        run_subcommand(soak, "--minutes", minutes, "--out", tmp_path)
 
 
 @pytest.mark.parametrize("words", [["--rate", "0.5"], ["--minutes", "0"]])
