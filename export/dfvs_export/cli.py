@@ -9,7 +9,7 @@ from pathlib import Path
 
 from dfvs_common.command_line import program_parser
 from dfvs_common.lifecycle import cannot_run, run_command
-from dfvs_core.errors import ConfigError
+from dfvs_export.commands.deferred import deferred
 from dfvs_export.commands.train_options import add_train, add_train_depth, add_train_pose
 
 _EXAMPLES = """examples:
@@ -48,23 +48,6 @@ def _run(arguments: argparse.Namespace) -> int:
     return result
 
 
-def parse_size(text: str, multiple: int = 16) -> tuple[int, int]:
-    """(width, height) px from ``"320x240"``.
-
-    Raises
-    ------
-    ConfigError
-        If the text is no size, or not of multiples of ``multiple``.
-    """
-    parts = text.lower().split("x")
-    if len(parts) != 2 or not all(p.isdecimal() for p in parts):
-        raise ConfigError(f"size {text!r}", "WIDTHxHEIGHT in px, such as 320x240")
-    width, height = int(parts[0]), int(parts[1])
-    if width < 64 or height < 64 or width % multiple or height % multiple:
-        raise ConfigError(f"size {text!r}", f"multiples of {multiple}, 64 px or more")
-    return width, height
-
-
 def _parser() -> argparse.ArgumentParser:
     parser = program_parser(
         "dfvs-export",
@@ -93,7 +76,7 @@ def _add_flow(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     _add_calibration(flow)
     flow.add_argument("--pairs", type=Path, metavar="PAIRS.npz", help="measure accuracy on these")
     flow.add_argument("--out", type=Path, required=True, metavar="FOLDER")
-    flow.set_defaults(run=_run_flow)
+    flow.set_defaults(run=deferred("flow", "run_flow"))
 
 
 def _add_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -138,13 +121,7 @@ def _add_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="images with depth to measure accuracy on, for the model card",
     )
     add("--out", type=Path, required=True, metavar="FOLDER")
-    depth.set_defaults(run=_run_depth)
-
-
-def _run_depth(arguments: argparse.Namespace) -> int:
-    from dfvs_export.commands.depth import run_depth
-
-    return run_depth(arguments, parse_size(arguments.size, 2) if arguments.size else None)
+    depth.set_defaults(run=deferred("depth", "run_depth"))
 
 
 def _add_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -156,13 +133,7 @@ def _add_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     add = pose.add_argument
     add("--checkpoint", type=Path, required=True, metavar="FILE.pt", help="of train-pose")
     add("--out", type=Path, required=True, metavar="FOLDER")
-    pose.set_defaults(run=_run_pose)
-
-
-def _run_pose(arguments: argparse.Namespace) -> int:
-    from dfvs_export.commands.pose import run_pose
-
-    return run_pose(arguments)
+    pose.set_defaults(run=deferred("pose", "run_pose"))
 
 
 def _add_folder(command: argparse.ArgumentParser) -> None:
@@ -202,12 +173,6 @@ def _add_network(command: argparse.ArgumentParser) -> None:
     command.add_argument("--sha256", metavar="HEX", help="what these weights have to hash to")
 
 
-def _run_flow(arguments: argparse.Namespace) -> int:
-    from dfvs_export.commands.flow import run_flow
-
-    return run_flow(arguments, parse_size(arguments.size) if arguments.size else None)
-
-
 def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
     check = commands.add_parser(
         "check",
@@ -227,13 +192,7 @@ def _add_check(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
         help="with --pairs: fail where the error is more than 15 %% above this bundle's",
     )
     check.add_argument("--json", action="store_true", help="print one line of JSON")
-    check.set_defaults(run=_run_check)
-
-
-def _run_check(arguments: argparse.Namespace) -> int:
-    from dfvs_export.commands.check import run_check
-
-    return run_check(arguments)
+    check.set_defaults(run=deferred("check", "run_check"))
 
 
 def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -243,13 +202,7 @@ def _add_bench(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     bench.add_argument("--threads", type=int, default=2)
     bench.add_argument("--runs", type=int, default=30)
     bench.add_argument("--json", type=Path, metavar="FILE")
-    bench.set_defaults(run=_run_bench)
-
-
-def _run_bench(arguments: argparse.Namespace) -> int:
-    from dfvs_export.commands.bench import run_bench
-
-    return run_bench(arguments, parse_size(arguments.size))
+    bench.set_defaults(run=deferred("bench", "run_bench"))
 
 
 if __name__ == "__main__":

@@ -14,6 +14,7 @@ from dfvs_export.commands.comparison import (
     check_calibration,
     compare_with_torch,
 )
+from dfvs_export.commands.image_size import parse_size
 from dfvs_export.precision.conversion import in_precision
 from dfvs_export.weights.published_depth import DepthWeights
 from dfvs_models.depth import DepthNetwork
@@ -21,7 +22,7 @@ from dfvs_models.depth_evaluation import MeasuredDepth, mean_score, measure_dept
 from dfvs_models.onnx_session import Execution
 
 
-def run_depth(arguments: argparse.Namespace, size: tuple[int, int] | None) -> int:
+def run_depth(arguments: argparse.Namespace) -> int:
     """Make a bundle of a depth network; 1 where ONNX Runtime does not give what torch gives.
 
     Raises
@@ -29,6 +30,7 @@ def run_depth(arguments: argparse.Namespace, size: tuple[int, int] | None) -> in
     ConfigError, ModelError
         If a package is missing, or weights, size, frames or folder cannot be used.
     """
+    size = parse_size(arguments.size, 2) if arguments.size else None
     check_free(arguments.out)
     check_calibration(arguments)
     spreads = Spreads(arguments.spread, arguments.scale_spread)

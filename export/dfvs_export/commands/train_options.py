@@ -3,17 +3,9 @@
 from __future__ import annotations
 
 import argparse
-import functools
-from dataclasses import fields
 from pathlib import Path
-from typing import TYPE_CHECKING, TypeVar
 
-if TYPE_CHECKING:
-    from _typeshed import DataclassInstance
-
-    _Settings = TypeVar("_Settings", bound=DataclassInstance)
-
-_PRINT = functools.partial(print, flush=True)
+from dfvs_export.commands.deferred import training
 
 
 def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -30,15 +22,7 @@ def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     add("--from", dest="start", type=Path, metavar="FILE", help="checkpoint or published wheel")
     add("--encoder-blocks", type=int, default=0, choices=range(5), metavar="0..4")
     add("--keypoints", type=int, default=1024, metavar="N", help="of a view (default 1024)")
-    train.set_defaults(run=_run_train)
-
-
-def _run_train(arguments: argparse.Namespace) -> int:
-    from dfvs_export.training.flow import FlowTrainSettings, train
-
-    train(_settings_from(FlowTrainSettings, arguments), _PRINT)
-    print(f"wrote {arguments.out}")
-    return 0
+    train.set_defaults(run=training("flow", "train", "FlowTrainSettings"))
 
 
 def add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -60,15 +44,7 @@ def add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser
         help="checkpoint, or the wheel of ImageNet's encoder",
     )
     add("--frozen-blocks", type=int, default=3, choices=range(17), metavar="0..16")
-    train.set_defaults(run=_run_train_depth)
-
-
-def _run_train_depth(arguments: argparse.Namespace) -> int:
-    from dfvs_export.training.depth import DepthTrainSettings, train_depth
-
-    train_depth(_settings_from(DepthTrainSettings, arguments), _PRINT)
-    print(f"wrote {arguments.out}")
-    return 0
+    train.set_defaults(run=training("depth", "train_depth", "DepthTrainSettings"))
 
 
 def add_train_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> None:
@@ -90,15 +66,7 @@ def add_train_pose(commands: argparse._SubParsersAction[argparse.ArgumentParser]
         metavar="FILE",
         help="checkpoint to go on from; of bateux, else the wheel of ImageNet's encoder",
     )
-    train.set_defaults(run=_run_train_pose)
-
-
-def _run_train_pose(arguments: argparse.Namespace) -> int:
-    from dfvs_export.training.pose import PoseTrainSettings, train_pose
-
-    train_pose(_settings_from(PoseTrainSettings, arguments), _PRINT)
-    print(f"wrote {arguments.out}")
-    return 0
+    train.set_defaults(run=training("pose", "train_pose", "PoseTrainSettings"))
 
 
 def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> None:
@@ -110,8 +78,3 @@ def _add_training(command: argparse.ArgumentParser, learning_rate: float) -> Non
     add("--learning-rate", type=float, default=learning_rate)
     add("--seed", type=int, default=0)
     add("--threads", type=int, default=2)
-
-
-def _settings_from(kind: type[_Settings], arguments: argparse.Namespace) -> _Settings:
-    """Settings of a training, each from the option of its name."""
-    return kind(**{f.name: getattr(arguments, f.name) for f in fields(kind)})
