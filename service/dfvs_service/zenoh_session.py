@@ -124,9 +124,12 @@ def open_persistently(
 
 
 def open_within(
-    section: ZenohSection, patience_s: float, is_stopped: Callable[[], bool]
+    section: ZenohSection,
+    patience_s: float,
+    is_stopped: Callable[[], bool],
+    pause_s: float = _LOCAL_RETRY_S,
 ) -> zenoh.Session | None:
-    """Open a session to a local process that may still be starting; None if stopped before.
+    """Open a session to a process that may still be starting; None if stopped before.
 
     Raises
     ------
@@ -140,5 +143,5 @@ def open_within(
         except ConfigError:
             if time.monotonic() > deadline:
                 raise
-        time.sleep(_LOCAL_RETRY_S)
+        time.sleep(pause_s)
     return None

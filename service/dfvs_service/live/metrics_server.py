@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import contextlib
 import json
+import math
 import os
-import threading
 import time
 
 import zenoh
@@ -18,7 +17,7 @@ from dfvs_core.messages.topics import Topics
 from dfvs_service.command import operators_zenoh
 from dfvs_service.live.metrics import FlightMetrics
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.zenoh_session import open_session
+from dfvs_service.zenoh_session import open_within
 
 _STREAMS = ("state", "servo", "timing")
 _CONNECT_PAUSE_S = 0.5
@@ -44,7 +43,8 @@ def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
             f"cannot serve on {address}:{port} ({error})", "a free port", "try --port"
         ) from error
     log(f"serving http://{address}:{server.server_port}/metrics")
-    session = _connect(config, stopped)
+    section = operators_zenoh(config.zenoh)
+    session = open_within(section, math.inf, stopped.is_set, _CONNECT_PAUSE_S)
     if session is not None:
         with session:
             _kept = _subscribe(session, Topics(config.vehicle.name), metrics)
@@ -52,16 +52,6 @@ def serve_metrics(config: ServiceConfig, address: str, port: int) -> None:
     server.shutdown()
     server.server_close()
     thread.join(1.0)
-
-
-def _connect(config: ServiceConfig, stopped: threading.Event) -> zenoh.Session | None:
-    """Wait for the service, or its router, to be there; None if told to stop before."""
-    section = operators_zenoh(config.zenoh)
-    while not stopped.is_set():
-        with contextlib.suppress(ConfigError):
-            return open_session(section)
-        stopped.wait(_CONNECT_PAUSE_S)
-    return None
 
 
 def _subscribe(session: zenoh.Session, topics: Topics, metrics: FlightMetrics) -> list[object]:

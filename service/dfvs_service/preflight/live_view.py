@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import math
 import threading
 from collections import deque
 from collections.abc import Callable
@@ -10,18 +11,17 @@ from typing import Any
 
 import zenoh
 
-from dfvs_core.errors import ConfigError, WireError
+from dfvs_core.errors import WireError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame_record import FrameRecord, unpack
 from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.flow_grid import FlowGrid, decode_flow_grid
 from dfvs_service.frame_record_image import record_image
 from dfvs_service.settings.sections import ZenohSection
-from dfvs_service.zenoh_session import open_session
+from dfvs_service.zenoh_session import open_within
 
 _RECORDS = 16
 """Frame records kept until the flow of one of them arrives: flow comes at 10 Hz, frames faster."""
-_PAUSE_S = 0.1
 
 
 @dataclass(frozen=True, slots=True)
@@ -98,7 +98,7 @@ class LiveView:
         return self._views.view()
 
     def _run(self) -> None:
-        session = self._session()
+        session = open_within(self._section, math.inf, self._closed.is_set)
         if session is None:
             return
         with session:
@@ -109,15 +109,6 @@ class LiveView:
             ]
             self._closed.wait()
             del subscribers
-
-    def _session(self) -> zenoh.Session | None:
-        """Session, once the operator link takes it; None if closed before."""
-        while not self._closed.wait(_PAUSE_S):
-            try:
-                return open_session(self._section)
-            except ConfigError:
-                continue
-        return None
 
 
 def _taker(take: Callable[[bytes], None]) -> Callable[[zenoh.Sample], None]:

@@ -2,20 +2,17 @@
 
 from __future__ import annotations
 
-import contextlib
+import math
 import os
 import time
 from collections.abc import Iterator
 from types import FrameType
 
-import zenoh
-
-from dfvs_core.errors import ConfigError
 from dfvs_core.messages.topics import Topics
 from dfvs_service.command import operators_zenoh
 from dfvs_service.record.listener import Event, RecordListener
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.zenoh_session import open_session
+from dfvs_service.zenoh_session import open_within
 
 _WAIT_S = 0.2
 _DRAIN_S = 0.5
@@ -39,7 +36,8 @@ class Follower:
         """What has come, a few times a second also where nothing has."""
         # Whoever only looks must not take time from the flight.
         os.nice(_NICENESS)
-        session = self._connect()
+        section = operators_zenoh(self._config.zenoh)
+        session = open_within(section, math.inf, lambda: self._stopped, _CONNECT_PAUSE_S)
         if session is None:
             return
         with session:
@@ -50,15 +48,6 @@ class Follower:
             yield from _rest(listener)
             listener.close()
             self.dropped = listener.dropped
-
-    def _connect(self) -> zenoh.Session | None:
-        """Wait for the service, or its router, to be there; None if told to stop before."""
-        section = operators_zenoh(self._config.zenoh)
-        while not self._stopped:
-            with contextlib.suppress(ConfigError):
-                return open_session(section)
-            time.sleep(_CONNECT_PAUSE_S)
-        return None
 
 
 def _rest(listener: RecordListener) -> Iterator[list[Event]]:
