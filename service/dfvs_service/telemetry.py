@@ -14,6 +14,7 @@ import zenoh.ext
 
 from dfvs_core.messages.topics import Topics
 from dfvs_service.supervisor.watched_thread import start_watched
+from dfvs_service.zenoh_session import publish_kept
 
 log = logging.getLogger("dfvs.telemetry")
 
@@ -132,13 +133,7 @@ class Telemetry:
             key = self._topics.telemetry(stream)
             drop = zenoh.CongestionControl.DROP
             self._publishers[stream] = (
-                zenoh.ext.declare_advanced_publisher(
-                    self._session,
-                    key,
-                    congestion_control=drop,
-                    cache=zenoh.ext.CacheConfig(max_samples=1),
-                    publisher_detection=True,
-                )
+                publish_kept(self._session, key)
                 if stream in _CACHED
                 else self._session.declare_publisher(key, congestion_control=drop)
             )

@@ -9,6 +9,7 @@ from collections.abc import Callable
 from pathlib import Path
 
 import zenoh
+import zenoh.ext
 
 from dfvs_common import zenoh_session
 from dfvs_core.errors import ConfigError
@@ -53,6 +54,29 @@ def open_session(config: ZenohSection, vehicles: tuple[str, ...] = ()) -> zenoh.
             "a free listen endpoint, and a running router for mode client",
             "see zenoh.listen and zenoh.connect in the configuration",
         ) from error
+
+
+def publish_kept(
+    session: zenoh.Session,
+    key: str,
+    congestion: zenoh.CongestionControl = zenoh.CongestionControl.DROP,
+) -> zenoh.ext.AdvancedPublisher:
+    """Publisher of a key whose last value is kept for subscribers that join later."""
+    return zenoh.ext.declare_advanced_publisher(
+        session,
+        key,
+        congestion_control=congestion,
+        cache=zenoh.ext.CacheConfig(max_samples=1),
+        publisher_detection=True,
+    )
+
+
+def subscribe_kept(
+    session: zenoh.Session, key: str, on_sample: Callable[[zenoh.Sample], None]
+) -> zenoh.ext.AdvancedSubscriber[None]:
+    """Subscriber of a key that receives a kept value as well."""
+    history = zenoh.ext.HistoryConfig(detect_late_publishers=True)
+    return zenoh.ext.declare_advanced_subscriber(session, key, on_sample, history=history)
 
 
 def link_zenoh(config: ZenohSection, runtime: RuntimeFolder) -> ZenohSection:

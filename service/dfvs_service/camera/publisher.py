@@ -19,6 +19,7 @@ from dfvs_service.camera.feed import Feed, Log
 from dfvs_service.camera.reception import ReceptionReport
 from dfvs_service.camera.sources.source import check_size
 from dfvs_service.frames import CapturedImage
+from dfvs_service.zenoh_session import publish_kept
 
 _RECEIVE_S = 0.25
 _REPORT_S = 5.0
@@ -61,13 +62,7 @@ class FramePublisher:
         self._frames = session.declare_publisher(topics.camera, congestion_control=drop)
         self._calibration: zenoh.ext.AdvancedPublisher | None = None
         if options.camera is not None:
-            self._calibration = zenoh.ext.declare_advanced_publisher(
-                session,
-                topics.calibration,
-                congestion_control=drop,
-                cache=zenoh.ext.CacheConfig(max_samples=1),
-                publisher_detection=True,
-            )
+            self._calibration = publish_kept(session, topics.calibration)
             self._calibration.put(to_json(options.camera), encoding="application/json")
         self.count = 0
         self.bytes = 0

@@ -14,7 +14,7 @@ from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.perception.frame_source import FrameSource, disagreement, make_frame_source
 from dfvs_service.settings.config import ServiceConfig
-from dfvs_service.zenoh_session import open_session
+from dfvs_service.zenoh_session import open_session, subscribe_kept
 
 _MOST_WARNINGS = 8
 
@@ -62,12 +62,7 @@ def subscribe_calibration(
         if camera is not None:
             on_camera(camera)
 
-    return zenoh.ext.declare_advanced_subscriber(
-        session,
-        source.calibration_key,
-        on_sample,
-        history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
-    )
+    return subscribe_kept(session, source.calibration_key, on_sample)
 
 
 def open_as_service(config: ServiceConfig) -> zenoh.Session:

@@ -14,11 +14,11 @@ from dataclasses import dataclass
 from typing import Any
 
 import zenoh
-import zenoh.ext
 
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader, pack
 from dfvs_core.messages.topics import Topics
 from dfvs_service.supervisor.watched_thread import start_watched
+from dfvs_service.zenoh_session import publish_kept
 
 MAX_WAITING_BYTES = 64 * 1024 * 1024
 _RECORD_BYTES = 4096
@@ -65,17 +65,10 @@ class RecordPublisher:
         self.dropped = 0
         # Without its session header no record can be read. This thread may block, up to the
         # lease of a recorder that hangs; the queue then drops.
-        self._headers = zenoh.ext.declare_advanced_publisher(
-            session,
-            topics.telemetry("opening"),
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            cache=zenoh.ext.CacheConfig(max_samples=1),
-            publisher_detection=True,
-        )
+        block = zenoh.CongestionControl.BLOCK
+        self._headers = publish_kept(session, topics.telemetry("opening"), block)
         self._records = session.declare_publisher(
-            topics.telemetry("turn"),
-            congestion_control=zenoh.CongestionControl.BLOCK,
-            priority=zenoh.Priority.DATA_LOW,
+            topics.telemetry("turn"), congestion_control=block, priority=zenoh.Priority.DATA_LOW
         )
         self._has_matched = threading.Event()
         self._listener = self._records.declare_matching_listener(self._on_matching)

@@ -8,12 +8,12 @@ from collections.abc import Iterator
 from typing import Any
 
 import zenoh
-import zenoh.ext
 
 from dfvs_core.errors import WireError
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader, unpack
 from dfvs_core.messages.topics import Topics
 from dfvs_core.perception.flow_grid import FlowGrid, decode_flow_grid
+from dfvs_service.zenoh_session import subscribe_kept
 
 MAX_WAITING_BYTES = 128 * 1024 * 1024
 _BATCH = 4
@@ -38,11 +38,10 @@ class RecordListener:
         self.dropped = 0
         self._sequencer = RecordSequencer()
         # Zenoh's subscribers carry no types where they are undeclared.
-        self._headers: Any = zenoh.ext.declare_advanced_subscriber(
+        self._headers: Any = subscribe_kept(
             session,
             topics.telemetry("opening"),
             lambda sample: self._put(SessionHeader, sample.payload.to_bytes()),
-            history=zenoh.ext.HistoryConfig(detect_late_publishers=True),
         )
         self._records: Any = session.declare_subscriber(
             topics.telemetry("turn"),

@@ -13,13 +13,12 @@ from collections.abc import Callable
 from typing import Any
 
 import zenoh
-import zenoh.ext
 
 from dfvs_core.errors import DfvsError
 from dfvs_core.messages.topics import Topics
 from dfvs_service.dashboard.vehicles.sample import Arrival
 from dfvs_service.settings.sections import ZenohSection
-from dfvs_service.zenoh_session import open_session
+from dfvs_service.zenoh_session import open_session, subscribe_kept
 
 DOCUMENTS = ("state", "servo", "timing")
 KEPT = ("config", "goal")
@@ -84,8 +83,10 @@ class Receiver:
 
     def _serve(self, session: zenoh.Session) -> None:
         """Keep the wanted subscriptions until told to stop; Zenoh itself reconnects."""
-        always = [self._subscribe(session, f"dfvs/*/{stream}") for stream in DOCUMENTS]
-        always += [self._subscribe_kept(session, f"dfvs/*/{stream}") for stream in KEPT]
+        always: list[Any] = [
+            *(self._subscribe(session, f"dfvs/*/{stream}") for stream in DOCUMENTS),
+            *(subscribe_kept(session, f"dfvs/*/{stream}", self._on_sample) for stream in KEPT),
+        ]
         images: dict[str, list[zenoh.Subscriber[None]]] = {}
         while not self._stopped:
             self._changed.clear()
@@ -104,11 +105,6 @@ class Receiver:
 
     def _subscribe(self, session: zenoh.Session, key: str) -> zenoh.Subscriber[None]:
         return session.declare_subscriber(key, self._on_sample)
-
-    def _subscribe_kept(self, session: zenoh.Session, key: str) -> Any:
-        """Subscribe to what is kept for those who come late."""
-        history = zenoh.ext.HistoryConfig(detect_late_publishers=True)
-        return zenoh.ext.declare_advanced_subscriber(session, key, self._on_sample, history=history)
 
     def _on_sample(self, sample: zenoh.Sample) -> None:
         match = _KEY.fullmatch(str(sample.key_expr))
