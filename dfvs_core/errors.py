@@ -4,7 +4,7 @@ from __future__ import annotations
 
 
 class DfvsError(Exception):
-    """Base of all errors that a user can mend.
+    """Base of all errors that a user can correct.
 
     Parameters
     ----------

@@ -78,7 +78,7 @@ def saturate(
 ) -> BodyVelocity:
     """Scale a finite velocity as a whole until every axis is within its limit.
 
-    ``most_m_s`` bounds the length of the linear velocity besides, as at reduced speed.
+    ``most_m_s`` also bounds the length of the linear velocity, as at reduced speed.
     """
     factor = min(
         _ratio(most_m_s, velocity.speed_m_s),

@@ -54,7 +54,7 @@ class GateMachine(TransitionState):
     """
 
     def step(self, t_ns: int, events: Sequence[Event] = ()) -> GateOutput:
-        """Take the events since the last step; say what to send and what to log.
+        """Take the events since the last step; returns what to send and what to log.
 
         Parameters
         ----------

@@ -22,26 +22,26 @@ Log = Callable[[str], None]
 
 
 class Feed(Protocol):
-    """Where shots are taken from."""
+    """Source of images at its pace."""
 
     ended: bool
-    """No more shots will come."""
+    """No more images will come."""
 
     def receive(self, timeout_s: float) -> CapturedImage | None:
-        """Next shot, None if none came within about the timeout."""
+        """Next image, None if none came within about the timeout."""
 
     def close(self) -> None:
         """End it."""
 
 
 class LiveFeed:
-    """The newest shot of a live source, read on a thread of its own and reopened when lost.
+    """The newest image of a live source, read on a thread of its own and reopened when lost.
 
     Parameters
     ----------
     opener : callable
         Opens the source; raises SourceLostError where trying again may help.
-    say : callable
+    log : callable
         Takes a line for the user whenever the source is lost or back.
     retry_s : float
         Pause between two attempts.
@@ -61,11 +61,11 @@ class LiveFeed:
 
     @property
     def dropped(self) -> int:
-        """Shots that were replaced by newer ones before they were taken."""
+        """Images that were replaced by newer ones before they were taken."""
         return self._mailbox.dropped
 
     def receive(self, timeout_s: float) -> CapturedImage | None:
-        """Newest shot.
+        """Newest image.
 
         Raises
         ------
@@ -112,9 +112,9 @@ class LiveFeed:
 
 
 class RecordedFeed:
-    """Shots of a file at its own rate or a given one, once or over and over.
+    """Images of a file at its own rate or a given one, once or over and over.
 
-    Every shot is stamped anew when it is due: a recording is flown by as if it were live.
+    Every image is stamped anew when it is due: a recording is flown by as if it were live.
     """
 
     def __init__(self, opener: Opener, rate_hz: float | None, *, loop: bool) -> None:
@@ -126,7 +126,7 @@ class RecordedFeed:
         self.ended = False
 
     def receive(self, timeout_s: float) -> CapturedImage | None:
-        """Next shot when it is due.
+        """Next image when it is due.
 
         Raises
         ------

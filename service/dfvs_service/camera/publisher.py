@@ -74,7 +74,7 @@ class FramePublisher:
         return isinstance(status, zenoh.MatchingStatus) and status.matching
 
     def publish(self, captured: CapturedImage) -> None:
-        """Publish one shot.
+        """Publish one image.
 
         Raises
         ------

@@ -20,7 +20,7 @@ class ReceptionReport:
 
     Parameters
     ----------
-    say : callable
+    log : callable
         Takes a line for the user.
     key : str
         Zenoh key of the frames.

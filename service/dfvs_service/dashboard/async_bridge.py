@@ -28,9 +28,9 @@ class AsyncBridge:
     Parameters
     ----------
     loop : asyncio.AbstractEventLoop
-        Where ``take`` is to be called.
-    take : callable
-        Takes a batch of parcels.
+        Where ``on_samples`` is to be called.
+    on_samples : callable
+        Takes a batch of samples.
     """
 
     def __init__(

@@ -28,7 +28,7 @@ Watch = Callable[[frozenset[str]], None]
 
 
 class Hub:
-    """Takes parcels, and leaves news in the outboxes of those who watch the vehicle.
+    """Takes samples, and leaves updates in the outboxes of those who watch the vehicle.
 
     Parameters
     ----------

@@ -35,7 +35,7 @@ class NameLease:
         Open as long as the lease is held.
     topics : Topics
         Keys of the vehicle.
-    tell : callable
+    notify : callable
         Takes what is known of others, for the gate.
     watches : bool
         Only monitor others; show them nothing.

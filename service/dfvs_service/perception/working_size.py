@@ -1,6 +1,6 @@
 """Working size of a flight: the largest at which tracking a frame fits a time budget.
 
-It is settled before the flight and among its settings, so that a replay does not measure anew.
+It is chosen before the flight and among its settings, so that a replay does not measure anew.
 """
 
 from __future__ import annotations

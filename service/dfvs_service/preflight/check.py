@@ -64,9 +64,9 @@ def check_everything(
     if matcher is None:
         missing = Check("vehicle", False, "not checked", "correct the model first")
         return CheckReport(config.vehicle.name, (*first, *_settings_checks(config), missing))
-    settled = with_working_size(config, goal, matcher, time.monotonic_ns)
-    if settled != config:
-        config, matcher = settled, flow_matcher(settled.flow)
+    chosen = with_working_size(config, goal, matcher, time.monotonic_ns)
+    if chosen != config:
+        config, matcher = chosen, flow_matcher(chosen.flow)
     speed = speed_check(config, matcher, goal, time.monotonic_ns)
     topics = Topics(config.vehicle.name)
     live = None if show is None else LiveView(inner_zenoh(config.zenoh, runtime), topics)

@@ -79,7 +79,7 @@ def _recover(words: Sequence[str]) -> int:
     )
     parser.add_argument("file", type=Path, metavar="FILE")
     parser.add_argument(
-        "--out", type=Path, metavar="FILE", help="mended file (default: FILE's name + -recovered)"
+        "--out", type=Path, metavar="FILE", help="repaired file (default: FILE's name + -recovered)"
     )
     arguments = parser.parse_args(words)
     require_record_extra()

@@ -40,7 +40,7 @@ def make_report(
         Of the flight.
     flight : Flight
         What was read of it.
-    film_path : Path
+    video_path : Path
         Takes the video (MP4), which is replaced; none is there for a flight without a view.
     show : callable
         Is given every view once it is in the video.

@@ -38,7 +38,7 @@ def collect(
     flight : Flight
     views : iterable of FlightView
         Oldest first.
-    take : callable
+    on_view : callable
         Is given every view.
     """
     thumbnails, line, (from_s, to_s) = Thumbnails(), flight.line, flight.flown

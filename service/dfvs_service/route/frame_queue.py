@@ -63,7 +63,7 @@ class FrameQueue:
     session : zenoh.Session
     config : ServiceConfig
         Names vehicle and camera.
-    say : callable
+    log : callable
         Takes a line for the user about a frame that cannot be read, once each.
     """
 
