@@ -139,13 +139,7 @@ def prepare_route_folder(folder: Path) -> None:
 
 def route_recording_settings(config: ServiceConfig, camera: CameraModel) -> ServiceConfig:
     """Settings with the camera's intrinsics filled in, and without a depth network."""
-    section = dataclasses.replace(
-        config.camera,
-        calibration_file="",
-        horizontal_fov_rad=None,
-        **dataclasses.asdict(camera),
-    )
     servo = config.servo
     if servo.depth in BY_NETWORK:
         servo = dataclasses.replace(servo, depth="motion")
-    return dataclasses.replace(config, camera=section, servo=servo)
+    return dataclasses.replace(config, camera=config.camera.with_model(camera), servo=servo)

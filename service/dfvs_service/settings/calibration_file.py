@@ -88,5 +88,4 @@ def with_intrinsics(
     ):
         if given not in (None, read):
             raise ConfigError(f"camera.{name} is {given}", f"{read}, as {origin} says")
-    filled = dataclasses.replace(section, calibration_file="", **dataclasses.asdict(camera))
-    return dataclasses.replace(config, camera=filled)
+    return dataclasses.replace(config, camera=section.with_model(camera))

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import dataclasses
 from dataclasses import dataclass, field
 from typing import Literal
 
@@ -56,6 +57,12 @@ class CameraSection:
     )
     ros2: Ros2CameraSection = field(default_factory=Ros2CameraSection)
     mount: Mount | None = None
+
+    def with_model(self, model: CameraModel) -> CameraSection:
+        """The same settings with the intrinsics of a camera, and no other source of them."""
+        return dataclasses.replace(
+            self, calibration_file="", horizontal_fov_rad=None, **dataclasses.asdict(model)
+        )
 
     def model(self) -> CameraModel | None:
         """Camera model of these settings, None where they hold no intrinsics.

@@ -130,18 +130,7 @@ class ServiceConfig:
                 "try --camera-fov DEGREES",
             )
         mount = Mount() if sidecar is None else sidecar.mount
-        filled = dataclasses.replace(
-            camera,
-            width=model.width,
-            height=model.height,
-            horizontal_fov_rad=None,
-            fx=model.fx,
-            fy=model.fy,
-            cx=model.cx,
-            cy=model.cy,
-            distortion=model.distortion,
-            mount=camera.mount or mount,
-        )
+        filled = dataclasses.replace(camera.with_model(model), mount=camera.mount or mount)
         return dataclasses.replace(self, camera=filled), model
 
     def to_json(self) -> str:
