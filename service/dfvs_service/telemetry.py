@@ -7,14 +7,13 @@ import logging
 import threading
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
-from typing import Any
 
 import zenoh
 import zenoh.ext
 
 from dfvs_core.messages.topics import Topics
 from dfvs_service.supervisor.watched_thread import start_watched
-from dfvs_service.zenoh_session import publish_kept
+from dfvs_service.zenoh_session import has_subscriber, publish_kept
 
 log = logging.getLogger("dfvs.telemetry")
 
@@ -103,11 +102,7 @@ class Telemetry:
                 return
 
     def _is_wanted(self, stream: str) -> bool:
-        if stream not in _ON_DEMAND:
-            return True
-        # Zenoh's own type hint says bool, which it is not.
-        status: Any = self._publisher(stream).matching_status  # type: ignore[union-attr]
-        return bool(status.matching)
+        return stream not in _ON_DEMAND or has_subscriber(self._publisher(stream))
 
     def _put(self, stream: str, note: Note) -> None:
         if self._keep is not None:

@@ -7,6 +7,7 @@ import threading
 import time
 from collections.abc import Callable
 from pathlib import Path
+from typing import Any
 
 import zenoh
 import zenoh.ext
@@ -69,6 +70,12 @@ def publish_kept(
         cache=zenoh.ext.CacheConfig(max_samples=1),
         publisher_detection=True,
     )
+
+
+def has_subscriber(publisher: Any) -> bool:
+    """Whether Zenoh knows a subscriber of a publisher's key."""
+    # Zenoh's own type hint says bool, which it is not.
+    return bool(publisher.matching_status.matching)
 
 
 def subscribe_kept(

@@ -19,7 +19,7 @@ from dfvs_service.camera.feed import Feed, Log
 from dfvs_service.camera.reception import ReceptionReport
 from dfvs_service.camera.sources.source import check_size
 from dfvs_service.frames import CapturedImage
-from dfvs_service.zenoh_session import publish_kept
+from dfvs_service.zenoh_session import has_subscriber, publish_kept
 
 _RECEIVE_S = 0.25
 _REPORT_S = 5.0
@@ -70,8 +70,7 @@ class FramePublisher:
     @property
     def is_received(self) -> bool:
         """Whether Zenoh knows a subscriber of the frames."""
-        status: object = self._frames.matching_status  # its stub says bool
-        return isinstance(status, zenoh.MatchingStatus) and status.matching
+        return has_subscriber(self._frames)
 
     def publish(self, captured: CapturedImage) -> None:
         """Publish one image.

@@ -11,14 +11,13 @@ import threading
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
-from typing import Any
 
 import zenoh
 
 from dfvs_core.messages.frame_record import FrameRecord, SessionHeader, pack
 from dfvs_core.messages.topics import Topics
 from dfvs_service.supervisor.watched_thread import start_watched
-from dfvs_service.zenoh_session import publish_kept
+from dfvs_service.zenoh_session import has_subscriber, publish_kept
 
 MAX_WAITING_BYTES = 64 * 1024 * 1024
 _RECORD_BYTES = 4096
@@ -72,7 +71,7 @@ class RecordPublisher:
         )
         self._has_matched = threading.Event()
         self._listener = self._records.declare_matching_listener(self._on_matching)
-        self._wanted = patience_s > 0 or self._has_recorder()
+        self._wanted = patience_s > 0 or has_subscriber(self._records)
         self._thread = start_watched("record-publisher", self._publish, report)
 
     @property
@@ -121,17 +120,12 @@ class RecordPublisher:
             except zenoh.ZError as error:
                 log.warning("frame record not published: %s", error)
 
-    def _has_recorder(self) -> bool:
-        # Zenoh's own type hint says bool, which it is not.
-        status: Any = self._records.matching_status
-        return bool(status.matching)
-
     def _await_recorder(self) -> None:
         """Wait, once, for the recorder that is expected."""
         if self._patience_s > 0:
             if not self._has_matched.wait(self._patience_s):
                 log.warning("no recorder came within %g s", self._patience_s)
-                self._wanted = self._has_recorder()
+                self._wanted = has_subscriber(self._records)
             self._patience_s = 0.0
 
     def _next(self) -> _QueuedRecord | None:
