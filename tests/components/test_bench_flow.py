@@ -120,4 +120,4 @@ def test_files_that_are_no_pairs_are_refused(tmp_path, pairs):
         "endless": "flow in .* is not finite",
     }.items():
         with pytest.raises(DfvsError, match=message):
-            bench(tmp_path / f"{name}.npz")
+            bench(tmp_path / f"{name}.npz", "--bundle", "classical")
