@@ -40,7 +40,7 @@ docs: .venv/.stamp-test
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
 # Two workers on one thread each. Tests in real time follow, which mostly wait: three at a time
-# (marker real_time), or alone (serial).
+# (marker real_time; tests/conftest.py keeps apart those that compute), or alone (serial).
 IN_PARALLEL := --dist loadscope --no-loadscope-reorder
 
 pytest: .venv/.stamp-test

@@ -3,18 +3,47 @@
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from pathlib import Path
+from typing import Any
 
 import numpy as np
 import pytest
 from hypothesis import settings
+from xdist.scheduler import LoadScopeScheduling
 
 settings.register_profile("project", deadline=None, max_examples=50, derandomize=True)
 settings.load_profile("project")
 
 
+PERCEIVING = {
+    "test_bench_drone.py": "demo",
+    "test_demo_vehicles.py": "demo",
+    "test_killed_service.py": "perception",
+    "test_check.py": "perception",
+    "test_goal_change.py": "perception",
+    "test_perception_process.py": "perception",
+    "test_ros2_cameras.py": "perception",
+    "test_route_process.py": "perception",
+}
+"""Modules that match images in real time, and groups of which one module runs at a time."""
+
+
+class ModuleScheduling(LoadScopeScheduling):
+    """A module, or a group of modules, on one worker."""
+
+    def _split_scope(self, nodeid: str) -> str:
+        scope: str = super()._split_scope(nodeid)
+        return PERCEIVING.get(Path(scope).name, scope)
+
+
+@pytest.hookimpl(optionalhook=True)
+def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ModuleScheduling | None:
+    return ModuleScheduling(config, log) if config.getvalue("dist") == "loadscope" else None
+
+
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
-    """Begin with the modules that have slow tests: none of them is the last to end."""
-    slow = {item.path for item in items if "slow" in item.keywords}
+    """Begin with the modules that take long: none of them is the last to end."""
+    slow = {item.path for item in items if "slow" in item.keywords or item.path.name in PERCEIVING}
     items.sort(key=lambda item: item.path not in slow)
 
 
