@@ -1,7 +1,8 @@
 """An arcade: what repeats in buildings, repeated exactly, so that places are taken for others.
 
-Equal windows, shelves of equal books, equal balusters, equal artworks and tiles, each at one
-distance. One or two single things are all that tells its places apart.
+Equal windows, shelves of equal books, equal balusters, equal pictures and tiles, each at one
+distance. A small thing of its own on every bookcase, on some windows and in place of some pictures
+is all that tells its places apart.
 """
 
 from __future__ import annotations
@@ -30,9 +31,9 @@ def arcade(rng: np.random.Generator) -> Place:
     floor = str(rng.choice(["checkers", "flagstone", "terrazzo"]))
     shell.build_shell(layout, Finish(floor, ("wall0", "wall0", "wall0", "wall0")))
     period_m = float(rng.uniform(0.9, 1.3))
-    openings = _windows(layout, period_m)
-    _shelves(layout, int(rng.integers(1 << 31)))
-    _end_walls(layout, period_m)
+    openings = _windows(layout, period_m, rng)
+    _shelves(layout, rng)
+    _end_walls(layout, period_m, rng)
     step_m = float(rng.uniform(0.16, 0.24))
     length_m = layout.walls[NORTH].length_m - 3.2
     for y in (-0.9, 1.1)[: int(rng.integers(1, 3))]:
@@ -48,8 +49,8 @@ def _places(length_m: float, period_m: float) -> np.ndarray:
     return period_m * (np.arange(count) - (count - 1) / 2)
 
 
-def _windows(layout: Layout, period_m: float) -> tuple[Opening, ...]:
-    """Equal windows above tiles, with a radiator below each."""
+def _windows(layout: Layout, period_m: float, rng: np.random.Generator) -> tuple[Opening, ...]:
+    """Equal windows above tiles, with a radiator below each and a vase beside some."""
     wall = layout.walls[NORTH]
     reach = wall.length_m / 2
     shell.clad(layout, NORTH, (-reach, reach, 0.09, _TILED_M), "subway")
@@ -59,23 +60,31 @@ def _windows(layout: Layout, period_m: float) -> tuple[Opening, ...]:
         openings += shell.add_window(layout, NORTH, (float(s), _SILL_M), size, panes=1)
         radiator = Piece.standing(props.radiator(0.5 * period_m, 0.45, "white"))
         layout.stand(radiator, NORTH, float(s))
+        if rng.random() < 0.5:
+            vase = props.vase(float(rng.uniform(0.2, 0.35)), str(rng.choice(["glaze", "clay"])))
+            at = (float(s + rng.uniform(-0.15, 0.15)), 0.5)
+            layout.parts += shell.on_wall(layout, NORTH, placed([vase], 0.0, -0.1), *at)
     return openings
 
 
-def _shelves(layout: Layout, books: int) -> None:
-    """Bookcases with the very same books along a wall."""
-    wall = layout.walls[SOUTH]
-    for s in _places(wall.length_m, _SHELVES_M[0] + 0.02):
+def _shelves(layout: Layout, rng: np.random.Generator) -> None:
+    """Bookcases with the very same books along a wall, each with a picture of its own."""
+    wall, books = layout.walls[SOUTH], int(rng.integers(1 << 31))
+    width, depth, height = _SHELVES_M
+    for j, s in enumerate(_places(wall.length_m, width + 0.02)):
         case = bookcase(np.random.default_rng(books), _SHELVES_M, "oak", "books0")
-        layout.stand(Piece.standing(case), SOUTH, float(s))
+        artwork = props.framed_artwork(0.3, 0.24, f"picture{j + 11}", "brass")
+        at = (float(rng.uniform(-0.3, 0.3)), -depth / 2, float(rng.uniform(0.4, height - 0.3)))
+        layout.stand(Piece.standing(case + placed(artwork, *at)), SOUTH, float(s))
 
 
-def _end_walls(layout: Layout, period_m: float) -> None:
-    """Prints of one artwork in two rows."""
-    for k, (artwork, frame) in ((EAST, ("picture0", "black")), (WEST, ("poster0", "oak"))):
-        for s in _places(layout.walls[k].length_m - 0.2, 0.7 * period_m):
+def _end_walls(layout: Layout, period_m: float, rng: np.random.Generator) -> None:
+    """Prints of one artwork in two rows, a quarter of them of another."""
+    for k, (artwork, frame) in ((EAST, ("picture", "black")), (WEST, ("poster", "oak"))):
+        for j, s in enumerate(_places(layout.walls[k].length_m - 0.2, 0.7 * period_m)):
             for z in (1.1, 2.0):
-                layout.hang(shell.framed(artwork, (0.42, 0.56), frame), k, float(s), z)
+                name = f"{artwork}{j + 1 if rng.random() < 0.25 else 0}"
+                layout.hang(shell.framed(name, (0.42, 0.56), frame), k, float(s), z)
 
 
 def _balustrade(length_m: float, step_m: float) -> list[Part]:
