@@ -33,8 +33,9 @@ _LEAST_TEXTURE = 0.02
 """Share of the view with texture below which nothing is verified."""
 _UNCHANGED = 0.95
 """Matched texture ratio at the goal from which on no other match is looked for."""
-_BETTER = 0.05
-"""How much larger the ratio of another match has to be, in what it shows of the goal."""
+
+_LEAST_EXPLAINED = 0.04
+"""Share of the texture that another match has to explain and this one does not."""
 
 
 def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
@@ -51,12 +52,17 @@ def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
     return float(np.mean(flow.confidence[textured] > CONFIDENT))
 
 
-def _ratio_in_both(image: ImageArray, flow: FlowField) -> float:
-    """Matched texture ratio over what is in view of the goal as well; 0 where that is little."""
-    in_both = _textured(image) & lands_inside(flow.flow)
-    if in_both.mean() < _LEAST_TEXTURE:
-        return 0.0
-    return float(np.mean(flow.confidence[in_both] > CONFIDENT))
+def _explains_more(image: ImageArray, flow: FlowField, other: FlowField) -> bool:
+    """Whether another match explains most of what a flow leaves open of the goal.
+
+    Something new in a view is explained by neither. Where the goal is elsewhere, what tells it
+    apart is matched there.
+    """
+    textured = _textured(image)
+    is_open = textured & lands_inside(other.flow) & (flow.confidence <= CONFIDENT)
+    explained = np.count_nonzero(is_open & (other.confidence > CONFIDENT))
+    least = max(_LEAST_EXPLAINED * textured.sum(), CONFIDENT * is_open.sum(), 1.0)
+    return bool(explained >= least)
 
 
 def _textured(image: ImageArray) -> BoolArray:
@@ -115,7 +121,7 @@ class GoalVerifier:
             if not servo.reached or ratio >= _UNCHANGED or self._is_compared:
                 return servo
             self._is_compared = True
-            if _ratio_in_both(image, match_elsewhere()) < ratio + _BETTER:
+            if not _explains_more(image, flow, match_elsewhere()):
                 return servo
             self._is_compared = False
             return _refused(servo, Status.FALSE_GOAL)
