@@ -132,6 +132,7 @@ def test_a_flight_starts_with_everything_laid_out(goal, tmp_path, monkeypatch):
         return 1
 
     monkeypatch.setattr(cli, "fly", fly)
+    monkeypatch.setattr(cli, "check_ports", lambda _config: None)
     folder = tmp_path / "run"
     words = ["--camera-fov", "70", "--engage", "auto", "--runtime-dir", str(folder)]
     assert cli.main(["--goal", str(goal), *words]) == 1
@@ -150,6 +151,7 @@ def started(goal, monkeypatch):
         return 0
 
     monkeypatch.setattr(cli, "fly", fly)
+    monkeypatch.setattr(cli, "check_ports", lambda _config: None)
     monkeypatch.delenv("STATE_DIRECTORY", raising=False)
 
     def start(*words):
