@@ -39,7 +39,7 @@ imports: .venv/.stamp-test
 docs: .venv/.stamp-test
 	NO_MKDOCS_2_WARNING=1 $(BIN)/python -m mkdocs build --strict --quiet
 
-# Two workers on one thread each. Tests in real time follow, which mostly wait: three at a time
+# Two workers on one thread each. Tests in real time follow, which mostly wait: two at a time
 # (marker real_time; tests/conftest.py keeps apart those that compute), or alone (serial).
 IN_PARALLEL := --dist loadscope --no-loadscope-reorder
 
@@ -47,7 +47,7 @@ pytest: .venv/.stamp-test
 ifeq ($(strip $(ARGS)),)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 \
 	    $(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "not real_time and not serial"
-	$(BIN)/python -m pytest -n 3 $(IN_PARALLEL) -m "real_time and not serial"
+	$(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "real_time and not serial"
 	$(BIN)/python -m pytest -m serial
 else
 	$(BIN)/python -m pytest $(ARGS)

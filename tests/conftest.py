@@ -16,7 +16,6 @@ settings.load_profile("project")
 
 
 PERCEIVING = {
-    "test_bench_drone.py": "demo",
     "test_demo_vehicles.py": "demo",
     "test_killed_service.py": "perception",
     "test_check.py": "perception",
