@@ -10,7 +10,7 @@ import numpy as np
 
 from dfvs_core.errors import ImageError
 from dfvs_core.geometry.arrays import Float32Array
-from dfvs_core.matching.config import PATCH_PX
+from dfvs_core.matching.config import MatchingConfig
 
 CONFIDENT = 0.5
 """Confidence above which a vector is more likely right than wrong."""
@@ -66,10 +66,10 @@ def merge_by_confidence(first: FlowField, second: FlowField) -> FlowField:
     return FlowField(flow, np.maximum(first.confidence, second.confidence))
 
 
-def exclude(field: FlowField, excluded: Sequence[FlowField]) -> FlowField:
-    """Flow without confidence where it leads less than a patch from where an excluded one does."""
+def exclude(field: FlowField, excluded: Sequence[FlowField], config: MatchingConfig) -> FlowField:
+    """Flow without confidence where it leads to the same place as one that is excluded."""
     for wrong in excluded:
-        kept = np.linalg.norm(field.flow - wrong.flow, axis=2) >= PATCH_PX
+        kept = np.linalg.norm(field.flow - wrong.flow, axis=2) >= config.same_px
         field = FlowField(field.flow, field.confidence * kept)
     return field
 

@@ -9,7 +9,7 @@ from typing import Protocol, TypeVar
 import numpy as np
 
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray, IntArray
-from dfvs_core.matching.config import PATCH_PX
+from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField
 
 Features = TypeVar("Features")
@@ -45,9 +45,11 @@ class PointMatches:
         return np.asarray(np.linalg.norm(moved, axis=1), np.float32)
 
 
-def is_excluded(matches: PointMatches, excluded: Sequence[FlowField]) -> BoolArray:
-    """Mask (N,) of the matches that lead less than a patch from where an excluded flow leads."""
-    same = [matches.miss_px(wrong.flow) < PATCH_PX for wrong in excluded]
+def is_excluded(
+    matches: PointMatches, excluded: Sequence[FlowField], config: MatchingConfig
+) -> BoolArray:
+    """Mask (N,) of the matches that lead to the same place as a flow that is excluded."""
+    same = [matches.miss_px(wrong.flow) < config.same_px for wrong in excluded]
     return np.asarray(np.reshape(same, (len(excluded), len(matches))).any(axis=0), np.bool_)
 
 

@@ -31,8 +31,6 @@ def relocalise(
     other: ImageArray,
     hypotheses: Iterable[PointMatches],
     config: MatchingConfig,
-    *,
-    is_planar: bool = False,
 ) -> FlowField | None:
     """Flow between two grey images (H, W), or None.
 
@@ -40,12 +38,9 @@ def relocalise(
     ----------
     hypotheses : iterable of PointMatches
         In px of these images, the likeliest first; each is asked for when all before it failed.
-    is_planar : bool
-        A plane is looked for, as repeated structures have it: aside along a wall, many places
-        lie on the same epipolar lines.
     """
     for matches in itertools.islice(hypotheses, config.most_hypotheses):
-        inliers = fit_two_views(matches, config, is_planar=is_planar)
+        inliers = fit_two_views(matches, config)
         if inliers is None:
             continue
         field, right = _densify(current, other, matches, inliers, config)

@@ -73,10 +73,8 @@ class StagedMatcher(Generic[Features]):
         """Flow without a prior; see :class:`Matcher`."""
         first, second = check_pair(current, other, StagedImage)
         hypotheses = self._hypotheses(first, second, excluded)
-        found = relocalise(
-            first.grey, second.grey, hypotheses, self._config, is_planar=bool(excluded)
-        )
-        return empty_flow(first.size) if found is None else exclude(found, excluded)
+        found = relocalise(first.grey, second.grey, hypotheses, self._config)
+        return empty_flow(first.size) if found is None else exclude(found, excluded, self._config)
 
     def track(
         self, current: ImageFeatures, other: ImageFeatures, predicted: FlowField
@@ -98,7 +96,7 @@ class StagedMatcher(Generic[Features]):
             return PointMatches(at, to, found.confidence)
 
         def exclusion(found: PointMatches) -> BoolArray:
-            return is_excluded(scaled(found), excluded)
+            return is_excluded(scaled(found), excluded, self._config)
 
         for matches in self._points.hypotheses(current.features, other.features, exclusion):
             yield scaled(matches.select(~exclusion(matches)))

@@ -17,12 +17,8 @@ from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.warping import lands_inside
 
 
-def fit_two_views(
-    matches: PointMatches, config: MatchingConfig, *, is_planar: bool = False
-) -> PointMatches | None:
+def fit_two_views(matches: PointMatches, config: MatchingConfig) -> PointMatches | None:
     """Inliers of the two-view geometry that explains most matches; None where there is none.
-
-    The geometry is a fundamental matrix, or a homography of what is nearly a plane.
 
     The same matches, in px of the working size, give the same inliers.
     """
@@ -30,10 +26,7 @@ def fit_two_views(
         return None
     current, other = (at.astype(np.float64) for at in (matches.current, matches.other))
     try:
-        if is_planar:
-            _, mask = cv2.findHomography(current, other, cv2.USAC_MAGSAC, config.same_px)
-        else:
-            _, mask = cv2.findFundamentalMat(current, other, cv2.USAC_MAGSAC, config.noise_px)
+        _, mask = cv2.findFundamentalMat(current, other, cv2.USAC_MAGSAC, config.noise_px)
     except cv2.error:  # all points lead to nearly the same one, say
         return None
     if mask is None or np.count_nonzero(mask) < config.least_matches:

@@ -166,10 +166,6 @@ class GoalTracker:
         self._has_excluded = bool(excluded)
         return self._matcher.match(image, self._goal, excluded=excluded)
 
-    def match_elsewhere(self, image: ImageFeatures, flow: FlowField) -> FlowField:
-        """Match of a frame with the goal that leads elsewhere than a flow (H, W) of it."""
-        return self._matcher.match(image, self._goal, excluded=[flow])
-
     def _track(
         self,
         image: ImageFeatures,

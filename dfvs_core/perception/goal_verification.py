@@ -2,22 +2,19 @@
 
 A repeated structure can be matched with another one of its kind. All correspondences agree on a
 motion, and the error falls to nothing at a false goal. At the true goal the view is the goal
-image, and nearly all of its texture matches; far from it nothing is verified. Where some of it does
-not match, something may have moved; or another match explains more, and the goal is there.
+image, and nearly all of its texture matches; far from it nothing is verified.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable
 from dataclasses import replace
 
 import cv2
 import numpy as np
 
-from dfvs_core.geometry.arrays import BoolArray, ImageArray
+from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.correspondence import CONFIDENT, FlowField
 from dfvs_core.matching.verify import has_texture
-from dfvs_core.matching.warping import lands_inside
 from dfvs_core.perception.channel_order import is_channel_order_swapped
 from dfvs_core.servo.exchange import ServoResult, Status
 
@@ -31,11 +28,6 @@ _NOISE_SIGMA_PX = 1.5
 """Blur that removes the noise of a camera in the dark, which is no texture."""
 _LEAST_TEXTURE = 0.02
 """Share of the view with texture below which nothing is verified."""
-_UNCHANGED = 0.95
-"""Matched texture ratio at the goal from which on no other match is looked for."""
-
-_LEAST_EXPLAINED = 0.04
-"""Share of the texture that another match has to explain and this one does not."""
 
 
 def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
@@ -46,28 +38,11 @@ def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
     image, flow : (H, W, 3) uint8, FlowField
         The view, at the size of the flow, and that to the goal image.
     """
-    textured = _textured(image)
+    grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), (0, 0), _NOISE_SIGMA_PX)
+    textured = has_texture(np.asarray(grey, np.uint8))
     if textured.mean() < _LEAST_TEXTURE:
         return 1.0
     return float(np.mean(flow.confidence[textured] > CONFIDENT))
-
-
-def _explains_more(image: ImageArray, flow: FlowField, other: FlowField) -> bool:
-    """Whether another match explains most of what a flow leaves open of the goal.
-
-    Something new in a view is explained by neither. Where the goal is elsewhere, what tells it
-    apart is matched there.
-    """
-    textured = _textured(image)
-    is_open = textured & lands_inside(other.flow) & (flow.confidence <= CONFIDENT)
-    explained = np.count_nonzero(is_open & (other.confidence > CONFIDENT))
-    least = max(_LEAST_EXPLAINED * textured.sum(), CONFIDENT * is_open.sum(), 1.0)
-    return bool(explained >= least)
-
-
-def _textured(image: ImageArray) -> BoolArray:
-    grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), (0, 0), _NOISE_SIGMA_PX)
-    return has_texture(np.asarray(grey, np.uint8))
 
 
 class GoalVerifier:
@@ -84,47 +59,24 @@ class GoalVerifier:
     def __init__(self, goal: ImageArray, least: float) -> None:
         self._goal, self._least = goal, least
         self._mismatch_since_ns: int | None = None
-        self._is_compared = False
 
     def verify(
-        self,
-        servo: ServoResult,
-        image: ImageArray,
-        flow: FlowField,
-        t_capture_ns: int,
-        match_elsewhere: Callable[[], FlowField],
+        self, servo: ServoResult, image: ImageArray, flow: FlowField, t_capture_ns: int
     ) -> ServoResult:
         """Result of a frame: the servo's, refused where the view is not the goal's.
 
         A view that counts as the goal and does not match its image has not reached it; after
-        ``PATIENCE_NS`` it is a false goal. One that matches in part is compared with another
-        match, once an arrival.
-
-        Parameters
-        ----------
-        servo, t_capture_ns
-            Of the frame.
-        image, flow : (H, W, 3) uint8, FlowField
-            The view, at the size of the flow, and that to the goal image.
-        match_elsewhere : callable
-            Flow (H, W) of the view that leads elsewhere in the goal image; it takes long.
+        ``PATIENCE_NS`` it is a false goal. ``image`` (H, W, 3) uint8 is the view, at the size of
+        the flow to the goal image.
         """
         if servo.status is not Status.OK:
             return servo
         if is_channel_order_swapped(image, self._goal, flow):
             return _refused(servo, Status.SWAPPED_CHANNELS)
         is_near = servo.error_rad + servo.distance_over_depth < NEAR_RAD
-        ratio = matched_texture_ratio(image, flow) if is_near else 1.0
-        if ratio >= self._least:
+        if not is_near or matched_texture_ratio(image, flow) >= self._least:
             self._mismatch_since_ns = None
-            self._is_compared &= is_near
-            if not servo.reached or ratio >= _UNCHANGED or self._is_compared:
-                return servo
-            self._is_compared = True
-            if not _explains_more(image, flow, match_elsewhere()):
-                return servo
-            self._is_compared = False
-            return _refused(servo, Status.FALSE_GOAL)
+            return servo
         if self._mismatch_since_ns is None:
             self._mismatch_since_ns = t_capture_ns
         if t_capture_ns - self._mismatch_since_ns < PATIENCE_NS:

@@ -199,8 +199,7 @@ class Pipeline:
 
         # 5. Verify that the view is the goal's, and conclude.
         image = resized(frame.image, features.size)
-        elsewhere = partial(self._tracker.match_elsewhere, features, flow)
-        result = self._verifier.verify(servo, image, flow, t_ns, elsewhere)
+        result = self._verifier.verify(servo, image, flow, t_ns)
         marks.append(self._tick())
 
         self._remember(inputs, features, T_world_camera, result)

@@ -88,7 +88,7 @@ class PairMatcher:
         confidence = forward_backward_consistency(there, back, self._config)
         confidence *= np.maximum(normalised_cross_correlation(first.grey, brought), 0.0)
         field = FlowField(there, confidence * lands_inside(there))
-        return exclude(field, excluded)
+        return exclude(field, excluded, self._config)
 
     def track(
         self, current: ImageFeatures, other: ImageFeatures, predicted: FlowField

@@ -54,15 +54,15 @@ def test_an_excluded_flow_takes_the_confidence_of_what_leads_to_the_same_places(
         ([field(6.0)], columns(30, 60)),
         ([field(6.0), field(22.0)], columns(0, 0)),
     ]:
-        np.testing.assert_array_equal(exclude(mixed, excluded).confidence[7], kept)
+        np.testing.assert_array_equal(exclude(mixed, excluded, CONFIG).confidence[7], kept)
     assert mixed.confidence.min() == 1.0
 
 
 def test_matches_that_follow_an_excluded_flow_are_dropped():
     at = np.array([[10.0, 10.0], [20.3, 20.0], [59.6, 39.6], [-0.4, -0.4]], np.float32)
-    moved = np.array([[5.0, 0.0], [20.0, 0.0], [5.5, 7.0], [5.0, 8.5]], np.float32)
+    moved = np.array([[5.0, 0.0], [20.0, 0.0], [5.5, 0.0], [5.0, 3.5]], np.float32)
     matches = PointMatches(at, at + moved, np.array([0.1, 0.2, 0.3, 0.4], np.float32))
-    left = matches.select(~is_excluded(matches, [field(5.0)]))
+    left = matches.select(~is_excluded(matches, [field(5.0)], CONFIG))
     np.testing.assert_array_equal(left.confidence, np.float32([0.2, 0.4]))
-    assert is_excluded(matches, [field(5.0), field(20.0)]).sum() == 3
-    assert not is_excluded(matches, []).any()
+    assert is_excluded(matches, [field(5.0), field(20.0)], CONFIG).sum() == 3
+    assert not is_excluded(matches, [], CONFIG).any()
