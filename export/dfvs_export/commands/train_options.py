@@ -12,7 +12,7 @@ def add_train(commands: argparse._SubParsersAction[argparse.ArgumentParser]) -> 
     """Add ``train``."""
     train = commands.add_parser(
         "train",
-        help="train dfvs-flow on pairs of dfvs-sim",
+        help="train dfvs-flow on pairs of dfvs-rooms",
         description="Train the matcher of dfvs-flow, and with --encoder-blocks the last blocks of"
         " its encoder, on wide-baseline pairs (dfvs-rooms pairs --format wide). Writes a checkpoint"
         " every few minutes.",
@@ -29,7 +29,7 @@ def add_train_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser
     """Add ``train-depth``."""
     train = commands.add_parser(
         "train-depth",
-        help="train dfvs-depth on views of dfvs-sim",
+        help="train dfvs-depth on views of dfvs-rooms",
         description="Train dfvs-depth on the views of wide-baseline pairs "
         "(dfvs-rooms pairs --format wide). Writes a checkpoint every few minutes.",
     )

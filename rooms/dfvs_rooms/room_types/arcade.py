@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import numpy as np
 
+from dfvs_core.geometry.arrays import FloatArray
 from dfvs_rooms.fittings import shell
 from dfvs_rooms.fittings.bookcases import bookcase
 from dfvs_rooms.fittings.shell import EAST, NORTH, SOUTH, WEST, Finish, Place
@@ -43,10 +44,10 @@ def arcade(rng: np.random.Generator) -> Place:
     return Place(layout, openings)
 
 
-def _places(length_m: float, period_m: float) -> np.ndarray:
+def _places(length_m: float, period_m: float) -> FloatArray:
     """Places along a wall, evenly about its middle."""
     count = int(length_m / period_m)
-    return period_m * (np.arange(count) - (count - 1) / 2)
+    return np.asarray(period_m * (np.arange(count) - (count - 1) / 2), np.float64)
 
 
 def _windows(layout: Layout, period_m: float, rng: np.random.Generator) -> tuple[Opening, ...]:

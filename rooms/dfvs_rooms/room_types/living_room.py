@@ -58,7 +58,7 @@ _SKY_BEHIND_WALL_M = 0.23
 _WALLS = frozenset(("plaster", "wallpaper", "bricks"))
 
 
-def furnished_room(seed: int) -> Room:
+def living_room(seed: int) -> Room:
     """Furnish the living room; the seed chooses patterns, paintings, books and plants."""
     materials, parts = np.random.default_rng(seed).spawn(2)
     x0, x1, z0, z1 = WINDOW

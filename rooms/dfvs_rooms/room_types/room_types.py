@@ -7,7 +7,7 @@ from dfvs_rooms.generator.doorway import doorway_rooms
 from dfvs_rooms.generator.interior import KINDS, drawn_interior
 from dfvs_rooms.generator.room import Room
 from dfvs_rooms.room_types.catalogue import PLACES, REPETITIVE_PLACES, drawn_place
-from dfvs_rooms.room_types.living_room import furnished_room
+from dfvs_rooms.room_types.living_room import living_room
 
 LIVING_ROOM = "living-room"
 TWO_ROOMS = "two-rooms"
@@ -29,7 +29,7 @@ def room_of_kind(kind: str, seed: int) -> Room:
     if kind not in kinds:
         raise ConfigError(f"no kind of room {kind!r}", f"one of {', '.join(kinds)}")
     if kind == LIVING_ROOM:
-        return furnished_room(seed)
+        return living_room(seed)
     if kind in PLACES or kind in REPETITIVE_PLACES:
         return drawn_place(seed, kind)
     return doorway_rooms(seed) if kind == TWO_ROOMS else drawn_interior(seed, kind)
