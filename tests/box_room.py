@@ -5,9 +5,10 @@ from functools import cached_property
 
 import numpy as np
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.correspondence import FlowField
 
 HALF_SIZE_M = np.array([4.0, 3.0, 1.5])
 """The box reaches so far to the north, east and down of its centre, and as far back."""

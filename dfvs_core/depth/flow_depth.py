@@ -6,9 +6,9 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.source import ConstantDepth, DepthInputs, DepthState
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
-from dfvs_core.matching.correspondence import DepthMap
 
 _LEAST_FORWARD = 0.1
 _TRUST = 0.5

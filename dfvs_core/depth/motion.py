@@ -11,6 +11,7 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.source import (
     UNKNOWN_VARIANCE,
     DepthInputs,
@@ -21,7 +22,6 @@ from dfvs_core.depth.source import (
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.geometry.robust_weights import weighted_median
-from dfvs_core.matching.correspondence import DepthMap
 
 _NEAREST = 0.02
 """Depth in units below which a point is taken for one at that depth."""

@@ -5,9 +5,10 @@ from __future__ import annotations
 import cv2
 import numpy as np
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.correspondence import FlowField
 
 GUESS_CONFIDENCE = 0.5
 _MIN_DEPTH_M = 0.1

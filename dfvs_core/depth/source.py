@@ -7,9 +7,9 @@ from typing import Protocol
 
 import numpy as np
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import Float32Array, FloatArray, IntArray
-from dfvs_core.matching.correspondence import DepthMap
 
 UNKNOWN_VARIANCE = 1e6
 """Variance of an inverse depth of which nothing is known."""

@@ -54,7 +54,8 @@ class SiftPoints:
         self, current: SiftFeatures, other: SiftFeatures, exclusion: Exclusion | None = None
     ) -> Iterator[PointMatches]:
         """The matches, all of equal confidence; see ``dfvs_core.matching.points``."""
-        pairs = _mutual_distinct(current.descriptors, other.descriptors, self._config.sift_ratio)
+        distance = descriptor_distance(current, other)
+        pairs = mutual_distinct(distance, self._config.sift_ratio)
         at, to = current.points[pairs[:, 0]], other.points[pairs[:, 1]]
         # SIFT gives a point once per orientation: keep each place once
         _, once = np.unique(np.round(at), axis=0, return_index=True)
@@ -68,13 +69,18 @@ def classical_matcher(config: MatchingConfig | None = None) -> StagedMatcher[Sif
     return StagedMatcher(SiftPoints(config), config)
 
 
-def _mutual_distinct(first: Float32Array, second: Float32Array, ratio: float) -> NDArray[np.intp]:
-    """Indices (N, 2) of mutual nearest descriptors, nearer than ``ratio`` times the second."""
-    if min(len(first), len(second)) < 2:
+def descriptor_distance(first: SiftFeatures, second: SiftFeatures) -> Float32Array:
+    """Distance (N, M) of each descriptor of one image from each of another."""
+    cosine = first.descriptors @ second.descriptors.T
+    return np.asarray(np.sqrt(np.maximum(2.0 - 2.0 * cosine, 0.0)), np.float32)
+
+
+def mutual_distinct(distance: Float32Array, ratio: float) -> NDArray[np.intp]:
+    """Indices (K, 2) of mutual nearest descriptors, nearer than ``ratio`` times the second."""
+    if min(distance.shape) < 2:
         return np.zeros((0, 2), np.intp)
-    distance = np.sqrt(np.maximum(2.0 - 2.0 * first @ second.T, 0.0))
     nearest = distance.argmin(axis=1)
     best, next_best = np.partition(distance, 1, axis=1)[:, :2].T
     kept = best < ratio * next_best
-    kept &= distance.argmin(axis=0)[nearest] == np.arange(len(first))
+    kept &= distance.argmin(axis=0)[nearest] == np.arange(len(distance))
     return np.column_stack([np.flatnonzero(kept), nearest[kept]])

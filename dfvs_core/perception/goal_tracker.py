@@ -12,10 +12,11 @@ from __future__ import annotations
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, pose_error
-from dfvs_core.matching.correspondence import DepthMap, FlowField, confident_ratio, empty_flow
+from dfvs_core.matching.correspondence import FlowField, confident_ratio, empty_flow
 from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.servo.task import ServoTask
 

@@ -2,7 +2,9 @@
 
 A repeated structure can be matched with another one of its kind. All correspondences agree on a
 motion, and the error falls to nothing at a false goal. At the true goal the view is the goal
-image, and nearly all of its texture matches; far from it nothing is verified.
+image, and nearly all of its texture matches; far from it nothing is verified. Where some texture
+is left open on arrival, another match is looked for once: repeated structures have one, and at a
+false goal it explains what is left open.
 """
 
 from __future__ import annotations
@@ -12,9 +14,12 @@ from dataclasses import replace
 import cv2
 import numpy as np
 
-from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.geometry.arrays import BoolArray, ImageArray
+from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import CONFIDENT, FlowField
+from dfvs_core.matching.elsewhere import match_elsewhere
 from dfvs_core.matching.verify import has_texture
+from dfvs_core.matching.warping import lands_inside
 from dfvs_core.perception.channel_order import is_channel_order_swapped
 from dfvs_core.servo.exchange import ServoResult, Status
 
@@ -28,6 +33,10 @@ _NOISE_SIGMA_PX = 1.5
 """Blur that removes the noise of a camera in the dark, which is no texture."""
 _LEAST_TEXTURE = 0.02
 """Share of the view with texture below which nothing is verified."""
+_UNCHANGED = 0.9
+"""Matched texture ratio on arrival from which on no other match is looked for."""
+_EXPLAINED = 0.2
+"""Share of the texture left open that another match has to explain to be the better one."""
 
 
 def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
@@ -38,11 +47,16 @@ def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
     image, flow : (H, W, 3) uint8, FlowField
         The view, at the size of the flow, and that to the goal image.
     """
-    grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), (0, 0), _NOISE_SIGMA_PX)
-    textured = has_texture(np.asarray(grey, np.uint8))
+    textured = _textured(image)
     if textured.mean() < _LEAST_TEXTURE:
         return 1.0
     return float(np.mean(flow.confidence[textured] > CONFIDENT))
+
+
+def _textured(image: ImageArray) -> BoolArray:
+    """(H, W): whether an image (H, W, 3) has texture that is not its noise."""
+    grey = cv2.GaussianBlur(cv2.cvtColor(image, cv2.COLOR_RGB2GRAY), (0, 0), _NOISE_SIGMA_PX)
+    return has_texture(np.asarray(grey, np.uint8))
 
 
 class GoalVerifier:
@@ -59,6 +73,8 @@ class GoalVerifier:
     def __init__(self, goal: ImageArray, least: float) -> None:
         self._goal, self._least = goal, least
         self._mismatch_since_ns: int | None = None
+        self._is_compared = False
+        """Whether another match was looked for since the vehicle came near."""
 
     def verify(
         self, servo: ServoResult, image: ImageArray, flow: FlowField, t_capture_ns: int
@@ -66,23 +82,41 @@ class GoalVerifier:
         """Result of a frame: the servo's, refused where the view is not the goal's.
 
         A view that counts as the goal and does not match its image has not reached it; after
-        ``PATIENCE_NS`` it is a false goal. ``image`` (H, W, 3) uint8 is the view, at the size of
-        the flow to the goal image.
+        ``PATIENCE_NS`` it is a false goal. So it is at once where another match explains more.
+        ``image`` (H, W, 3) uint8 is the view, at the size of the flow to the goal image.
         """
         if servo.status is not Status.OK:
             return servo
         if is_channel_order_swapped(image, self._goal, flow):
             return _refused(servo, Status.SWAPPED_CHANNELS)
         is_near = servo.error_rad + servo.distance_over_depth < NEAR_RAD
-        if not is_near or matched_texture_ratio(image, flow) >= self._least:
+        self._is_compared &= is_near
+        ratio = matched_texture_ratio(image, flow) if is_near else 1.0
+        if ratio >= self._least:
             self._mismatch_since_ns = None
-            return servo
+            is_settled = ratio >= _UNCHANGED or self._is_compared or self._least == 0.0
+            if is_settled or not servo.reached:
+                return servo
+            self._is_compared = not self._is_better_elsewhere(image, flow)
+            return servo if self._is_compared else _refused(servo, Status.FALSE_GOAL)
         if self._mismatch_since_ns is None:
             self._mismatch_since_ns = t_capture_ns
         if t_capture_ns - self._mismatch_since_ns < PATIENCE_NS:
             return replace(servo, reached=False)
         self._mismatch_since_ns = None
         return _refused(servo, Status.FALSE_GOAL)
+
+    def _is_better_elsewhere(self, image: ImageArray, flow: FlowField) -> bool:
+        """Whether another match explains what this one leaves open of what both have in view.
+
+        What is new in a view, or was moved, has no other match with all around it.
+        """
+        other = match_elsewhere(image, self._goal, flow, MatchingConfig())
+        if other is None:
+            return False
+        is_open = _textured(image) & lands_inside(other.flow) & (flow.confidence <= CONFIDENT)
+        explained = other.confidence[is_open] > CONFIDENT
+        return bool(explained.any() and explained.mean() > _EXPLAINED)
 
 
 def _refused(servo: ServoResult, status: Status) -> ServoResult:

@@ -12,12 +12,13 @@ from functools import partial
 
 import numpy as np
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, so3_log
-from dfvs_core.matching.correspondence import DepthMap, empty_flow
+from dfvs_core.matching.correspondence import empty_flow
 from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.matching.warping import resized
 from dfvs_core.messages.frame import Frame

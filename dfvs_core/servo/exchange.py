@@ -5,9 +5,10 @@ from __future__ import annotations
 import enum
 from dataclasses import dataclass, field
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.source import DepthState
 from dfvs_core.geometry.arrays import BoolArray, FloatArray
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.servo.checks.motion_monitor import MotionMonitor
 from dfvs_core.servo.goal_filter import GoalEstimate
 from dfvs_core.servo.points import GridSamples

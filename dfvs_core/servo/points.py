@@ -6,9 +6,10 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.arrays import BoolArray, FloatArray
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.correspondence import FlowField
 
 GUESSED_SPREAD = 0.5
 """Relative standard deviation of inverse depth around a guess: a scene's own spread."""

@@ -6,10 +6,10 @@ from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.network import DepthEstimator
 from dfvs_core.geometry.arrays import FloatArray, ImageArray
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.matching.correspondence import DepthMap
 from dfvs_core.matching.matcher import Matcher
 from dfvs_core.servo.config import BY_NETWORK, DepthChoice
 from dfvs_models.catalog import load_depth, load_pose

@@ -14,9 +14,10 @@ import numpy as np
 from numpy.typing import NDArray
 
 from dfvs_bench.methods.method import Decision, GoalObservation, Observation
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose, se3_exp, se3_log
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import Matcher, track_or_match
 from dfvs_core.matching.warping import flow_at_size
 from dfvs_core.servo.points import points_from_flow, sample_grid

@@ -6,9 +6,10 @@ import cv2
 import numpy as np
 
 from dfvs_bench.methods.pnp import LEAST_CONFIDENCE, REPROJECTION_PX, STRIDE_PX, perspective_pose
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.points import points_from_flow, sample_grid
 

@@ -17,6 +17,7 @@ from dfvs_bench.methods.method import (
 from dfvs_bench.trials.perturbation import Disturbance, undisturbed
 from dfvs_bench.trials.statistics import settled_index
 from dfvs_bench.trials.task import BenchTask
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.poses import (
     make_pose,
@@ -25,7 +26,6 @@ from dfvs_core.geometry.poses import (
     rotation_from_quaternion,
     se3_log,
 )
-from dfvs_core.matching.correspondence import DepthMap
 from dfvs_sim.render.renderer import Renderer, View
 
 CONVERGED_M, CONVERGED_RAD = 0.04, math.radians(1.0)

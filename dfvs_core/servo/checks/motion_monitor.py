@@ -9,9 +9,9 @@ from dataclasses import dataclass, field, replace
 
 import numpy as np
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.robust_weights import weighted_median
-from dfvs_core.matching.correspondence import DepthMap
 from dfvs_core.servo.checks.feature_error import Reference, feature_error
 from dfvs_core.servo.checks.image_turn import image_turn, point_tracks
 from dfvs_core.servo.checks.mounting import (

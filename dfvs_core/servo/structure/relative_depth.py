@@ -6,11 +6,11 @@ from dataclasses import replace
 
 import numpy as np
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.motion import MotionDepth
 from dfvs_core.depth.source import DepthInputs, DepthState, EarlierView, GoalLink
 from dfvs_core.geometry.arrays import Float32Array, FloatArray
 from dfvs_core.geometry.poses import invert_pose, make_pose
-from dfvs_core.matching.correspondence import DepthMap
 from dfvs_core.servo.exchange import (
     Attitude,
     EarlierMatch,

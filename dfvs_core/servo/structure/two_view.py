@@ -12,11 +12,11 @@ from dataclasses import dataclass
 
 import numpy as np
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.source import EarlierView
 from dfvs_core.geometry.arrays import BoolArray, FloatArray
 from dfvs_core.geometry.poses import make_pose, skew, so3_exp, so3_log
 from dfvs_core.geometry.robust_weights import NoiseScale, tukey_weights, weighted_median
-from dfvs_core.matching.correspondence import DepthMap
 from dfvs_core.servo.exchange import EarlierMatch
 from dfvs_core.servo.points import sample_grid
 from dfvs_core.servo.task import ServoTask

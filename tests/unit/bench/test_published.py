@@ -5,8 +5,9 @@ import pytest
 
 from dfvs_bench.methods.method import GoalObservation, Observation
 from dfvs_bench.methods.published import PublishedMethod
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import ImageFeatures
 
 CAMERA = CameraModel.from_horizontal_fov(64, 48, np.radians(90))

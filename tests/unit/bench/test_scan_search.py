@@ -9,9 +9,10 @@ from dfvs_bench.methods.dfvs import MAX_SPEED_M_S, MAX_TURN_RAD_S
 from dfvs_bench.methods.method import FRAME_PERIOD_S, Decision, GoalObservation, Observation
 from dfvs_bench.methods.panorama import OUTER_RING_RAD, ring
 from dfvs_bench.methods.scan_search import ScanSearchMethod
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, se3_log, so3_log
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import ImageFeatures
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, math.radians(90))

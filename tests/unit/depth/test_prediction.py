@@ -1,10 +1,10 @@
 import numpy as np
 from box_room import BoxRoom
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.prediction import predict_flow
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, rotation_from_euler
-from dfvs_core.matching.correspondence import DepthMap
 
 CAMERA = CameraModel.from_horizontal_fov(160, 120, 1.3)
 ROOM = BoxRoom(CAMERA)

@@ -3,12 +3,12 @@ from dataclasses import replace
 import numpy as np
 import pytest
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.flow_depth import FlowDepth
 from dfvs_core.depth.motion import MotionDepth
 from dfvs_core.depth.source import ConstantDepth, DepthInputs, EarlierView, GivenDepth, GoalLink
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.poses import make_pose, so3_exp
-from dfvs_core.matching.correspondence import DepthMap
 
 GRID = np.stack(np.meshgrid(np.linspace(-0.7, 0.7, 12), np.linspace(-0.5, 0.5, 9)), axis=-1)
 

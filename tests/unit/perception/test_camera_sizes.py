@@ -4,9 +4,9 @@ import numpy as np
 import pytest
 from textured_wall import Wall, texture
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.classical import classical_matcher
-from dfvs_core.matching.correspondence import DepthMap
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.perception.pipeline import Pipeline

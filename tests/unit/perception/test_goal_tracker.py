@@ -5,9 +5,10 @@ from dataclasses import dataclass, field
 import numpy as np
 import pytest
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose
-from dfvs_core.matching.correspondence import DepthMap, FlowField, confident_ratio
+from dfvs_core.matching.correspondence import FlowField, confident_ratio
 from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.perception.goal_tracker import GoalTracker, Observation, TrackingState

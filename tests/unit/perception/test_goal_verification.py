@@ -4,11 +4,13 @@ import dataclasses
 
 import numpy as np
 import pytest
+from repeated_shelves import shelves
 from textured_wall import Wall, texture
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.elsewhere import match_elsewhere
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.goal_verification import GoalVerifier, matched_texture_ratio
@@ -247,3 +249,48 @@ def test_a_view_with_swapped_channels_is_not_flown(window):
     result = verified(servo(), tinted[..., ::-1], tinted, sure=1.0)
     assert (result.status, result.reached) == (Status.SWAPPED_CHANNELS, False)
     assert not result.velocity.any()
+
+
+def arrival(view, goal, least=0.7):
+    """Verifier, and the flow of a view that stands where the goal is, as far as it matches."""
+    same = np.abs(view.astype(np.float32) - goal).max(axis=2) < 10.0
+    flow = FlowField(np.zeros((240, 320, 2), np.float32), same.astype(np.float32))
+    assert 0.7 < matched_texture_ratio(view, flow) < 0.9
+    return GoalVerifier(goal, least), flow
+
+
+FALSE, TRUE = (2, 3, 4, 5), (1, 2, 3, 4)
+
+
+def test_the_shelf_beside_is_a_false_goal_at_once():
+    view, goal = shelves(*FALSE), shelves(*TRUE)
+    verifier, flow = arrival(view, goal)
+    for t_ns in (0, PERIOD_NS):  # and again where it is matched so again
+        result = verifier.verify(servo(), view, flow, t_ns)
+        assert (result.status, result.reached) == (Status.FALSE_GOAL, False)
+        assert not result.velocity.any()
+
+
+def test_a_shelf_beside_is_left_alone_where_nothing_is_verified_or_nothing_reached():
+    view, goal = shelves(*FALSE), shelves(*TRUE)
+    verifier, flow = arrival(view, goal, least=0.0)
+    assert verifier.verify(servo(), view, flow, 0).reached
+    verifier, flow = arrival(view, goal)
+    on_the_way = dataclasses.replace(servo(), reached=False)
+    assert verifier.verify(on_the_way, view, flow, 0) is on_the_way
+
+
+def test_a_goal_of_repeated_shelves_is_reached_though_something_new_hides_part_of_it(monkeypatch):
+    goal = shelves(*TRUE)
+    view = goal.copy()
+    view[40:200, 120:180] = texture(np.random.default_rng(9))[:160, :60]
+    searches = []
+    monkeypatch.setattr(
+        "dfvs_core.perception.goal_verification.match_elsewhere",
+        lambda *images: searches.append(1) or match_elsewhere(*images),
+    )
+    verifier, flow = arrival(view, goal)
+    far = dataclasses.replace(servo(), error_m=3.0, error_rad=1.0, reached=False)
+    for result in (servo(), servo(), far, servo()):
+        assert verifier.verify(result, view, flow, 0) is result
+    assert len(searches) == 2  # once an arrival

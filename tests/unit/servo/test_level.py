@@ -7,9 +7,10 @@ import numpy as np
 import pytest
 from box_room import BoxRoom
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, rotation_from_euler
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import Attitude

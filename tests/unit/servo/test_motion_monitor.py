@@ -6,8 +6,8 @@ import numpy as np
 import pytest
 from box_room import BoxRoom
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.matching.correspondence import DepthMap
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.checks.motion_monitor import FrameMotion, MotionMonitor
 from dfvs_core.servo.config import ServoConfig

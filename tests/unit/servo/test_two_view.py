@@ -7,6 +7,7 @@ import numpy as np
 import pytest
 from box_room import BoxRoom
 
+from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import (
     R_BODY_FORWARD_CAMERA,
@@ -16,7 +17,7 @@ from dfvs_core.geometry.poses import (
     so3_exp,
     so3_log,
 )
-from dfvs_core.matching.correspondence import DepthMap, FlowField
+from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import EarlierMatch

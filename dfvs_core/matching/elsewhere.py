@@ -1,0 +1,45 @@
+"""Another match of two images than a given one, as repeated structures have.
+
+1. SIFT descriptors are matched, all pairs that follow the given flow left out.
+2. A homography is fitted: what repeats does so along a plane, where a fundamental matrix would hold
+   for each repetition. What was moved alone does not carry one over much of the view.
+3. The flow of the homography is tracked.
+"""
+
+from __future__ import annotations
+
+import cv2
+import numpy as np
+
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.matching.classical import SiftPoints, descriptor_distance, mutual_distinct
+from dfvs_core.matching.config import PATCH_PX, MatchingConfig
+from dfvs_core.matching.correspondence import FlowField, exclude
+from dfvs_core.matching.track import track
+from dfvs_core.matching.warping import lands_inside, pixel_grid
+
+
+def match_elsewhere(
+    current: ImageArray, other: ImageArray, flow: FlowField, config: MatchingConfig
+) -> FlowField | None:
+    """Flow between two images (H, W, 3) uint8 RGB that leads elsewhere than ``flow``, or None."""
+    images = current, other
+    first, second = (SiftPoints(config).encode(image) for image in images)
+    u, v = np.rint(first.points).astype(np.intp).T
+    ahead = first.points + flow.flow[v, u]
+    distance = descriptor_distance(first, second)
+    distance[np.linalg.norm(ahead[:, None] - second.points, axis=2) < PATCH_PX] = np.inf
+    at, to = mutual_distinct(distance, config.sift_ratio).T
+    if len(at) < config.least_matches:
+        return None
+    H, inliers = cv2.findHomography(
+        first.points[at], second.points[to], cv2.USAC_MAGSAC, config.same_px
+    )
+    if H is None or np.count_nonzero(inliers) < config.least_matches:
+        return None
+    grid = pixel_grid(current.shape[:2])
+    plane = np.nan_to_num(cv2.perspectiveTransform(grid, H) - grid)
+    predicted = FlowField(plane, lands_inside(plane).astype(np.float32))
+    greys = (np.asarray(cv2.cvtColor(i, cv2.COLOR_RGB2GRAY), np.uint8) for i in images)
+    found = track(next(greys), next(greys), predicted, config)
+    return None if found is None else exclude(found, [flow], config)
