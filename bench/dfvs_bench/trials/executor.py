@@ -6,7 +6,7 @@ import importlib
 import multiprocessing
 import signal
 from collections.abc import Callable, Iterator, Sequence
-from concurrent.futures import Executor, Future, ProcessPoolExecutor, as_completed
+from concurrent.futures import FIRST_COMPLETED, Executor, Future, ProcessPoolExecutor, wait
 from contextlib import AbstractContextManager, contextmanager
 from dataclasses import dataclass
 from typing import Any, TypeVar
@@ -17,6 +17,8 @@ from dfvs_core.errors import ConfigError
 _Job = TypeVar("_Job")
 _Result = TypeVar("_Result")
 _MOST_WORKERS = 256
+_SIGNALS_S = 1.0
+"""Longest time until a signal is handled."""
 _LOST_WORKERS = frozenset({"BrokenProcessPool", "KilledWorker"})
 """How a pool and Dask, which need not be installed, call it."""
 
@@ -73,10 +75,12 @@ class TrialExecutor:
             yield from map(work, jobs)
             return
         with self._executor() as executor:
-            futures = [executor.submit(work, job) for job in jobs]
+            futures = {executor.submit(work, job) for job in jobs}
             try:
-                for future in as_completed(futures):
-                    yield _result(future)
+                while futures:
+                    # a signal that another thread took is handled when this wait ends
+                    done, futures = wait(futures, _SIGNALS_S, FIRST_COMPLETED)
+                    yield from map(_result, done)
             finally:
                 if self.dask is not None:  # a pool of this machine ends its workers by itself
                     for future in futures:
