@@ -20,7 +20,7 @@ from dfvs_core.matching.correspondence import FlowField, confident_ratio, empty_
 from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.servo.task import ServoTask
 
-COAST_NS = 60_000_000
+COAST_NS = 150_000_000
 """Longest time since the last observation after which a frame is not relocalised."""
 
 TRACKED_NS = 5_000_000_000

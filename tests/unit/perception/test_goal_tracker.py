@@ -123,7 +123,7 @@ def test_one_frame_coasts_the_next_is_lost_and_those_after_it_are_searched():
     assert len(matcher.predictions) == 8  # while searching, the last observation is tried as well
 
 
-@pytest.mark.parametrize(("rate_hz", "state"), [(20, STATES.COASTING), (15, STATES.LOST)])
+@pytest.mark.parametrize(("rate_hz", "state"), [(7, STATES.COASTING), (6, STATES.LOST)])
 def test_a_camera_with_a_low_rate_does_not_coast(rate_hz, state):
     matcher = Matcher([False] * 2)
     made = tracker(matcher)
