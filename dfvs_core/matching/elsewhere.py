@@ -40,6 +40,6 @@ def match_elsewhere(
     grid = pixel_grid(current.shape[:2])
     plane = np.nan_to_num(cv2.perspectiveTransform(grid, H) - grid)
     predicted = FlowField(plane, lands_inside(plane).astype(np.float32))
-    greys = (np.asarray(cv2.cvtColor(i, cv2.COLOR_RGB2GRAY), np.uint8) for i in images)
-    found = track(next(greys), next(greys), predicted, config)
+    greys = [np.asarray(cv2.cvtColor(i, cv2.COLOR_RGB2GRAY), np.uint8) for i in images]
+    found = track(greys[0], greys[1], predicted, config)
     return None if found is None else exclude(found, [flow], config)
