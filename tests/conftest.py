@@ -16,7 +16,6 @@ settings.load_profile("project")
 
 
 PERCEIVING = {
-    "test_demo_vehicles.py": "demo",
     "test_killed_service.py": "perception",
     "test_check.py": "perception",
     "test_goal_change.py": "perception",

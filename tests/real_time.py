@@ -19,7 +19,7 @@ import pytest
 
 from dfvs_sim.demo.image_size import match_ms
 
-ATTEMPTS = 2
+ATTEMPTS = 3
 SLOWEST_MS = 80.0
 """Of a match at 320 x 240: from there on even the smallest images come too late."""
 NEAR_M, NEAR_DEG = 0.15, 5.0

@@ -16,7 +16,7 @@ from dfvs_sim.scene import builtin_room_path
 from dfvs_sim.scene.glb import load_glb
 from dfvs_sim.vehicle.record import read_record
 
-pytestmark = [pytest.mark.serial, pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.serial, pytest.mark.slow, pytest.mark.timeout(900)]
 
 
 @pytest.fixture(scope="module")

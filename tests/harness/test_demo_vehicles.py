@@ -11,7 +11,7 @@ from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pilot import Pilot
 from dfvs_sim.vehicle.record import read_record
 
-pytestmark = [pytest.mark.slow, pytest.mark.timeout(600)]
+pytestmark = [pytest.mark.slow, pytest.mark.timeout(900)]
 
 
 def beside_a_flying_vehicle(folder):
@@ -29,7 +29,7 @@ def beside_a_flying_vehicle(folder):
         return done, vehicle.events("state"), vehicle.events("mode_command")
 
 
-@pytest.mark.real_time
+@pytest.mark.serial
 def test_a_vehicle_that_flies_already_is_landed_flown_by_its_own_engaging_and_landed(tmp_path):
     (done, states, commands), _ = flown_in_time(beside_a_flying_vehicle, tmp_path)
     assert "flies already" in done.stderr

@@ -42,7 +42,15 @@ class NotReadyError(FlightError):
 
 @dataclass(frozen=True, slots=True)
 class FlightLog:
-    """What is known after a flight."""
+    """What is known after a flight.
+
+    Attributes
+    ----------
+    engaged_ns, ended_ns : int
+        When it was engaged, and when it reached its end or the timeout (monotonic).
+    end_state, end_cause : str
+        The gate's state at ``ended_ns``, and why: what follows belongs to no flight any more.
+    """
 
     plan: FlightPlan
     options: FlightOptions
@@ -108,8 +116,6 @@ class Flight:
             session = self._start(stack)
             engaged_ns = self._engage(session)
             self.fly(session, on_progress)
-            ended_ns = time.monotonic_ns()
-            time.sleep(_SETTLE_S)
             watch = session.watch
             log = FlightLog(
                 self._plan,
@@ -117,11 +123,12 @@ class Flight:
                 session.track,
                 watch,
                 engaged_ns,
-                ended_ns,
+                time.monotonic_ns(),
                 watch.state,
                 watch.cause,
                 self._processes.vehicle_record,
             )
+            time.sleep(_SETTLE_S)
             session.pilot.hold()
             self._options.pause("press Enter to end")
         return log
