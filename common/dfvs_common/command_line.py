@@ -8,6 +8,7 @@ from importlib.metadata import version
 from typing import Any
 
 from dfvs_common import lifecycle
+from dfvs_core.errors import ConfigError
 
 
 class _Parser(argparse.ArgumentParser):
@@ -29,6 +30,20 @@ def program_parser(prog: str, description: str, epilog: str) -> argparse.Argumen
         help="print the version and exit",
     )
     return parser
+
+
+def parse_size(text: str, option: str = "--size") -> tuple[int, int]:
+    """(width, height) in px of an image, from ``"320x240"``.
+
+    Raises
+    ------
+    ConfigError
+        If the text is no size.
+    """
+    width, _, height = text.lower().partition("x")
+    if not (width.isdecimal() and height.isdecimal() and int(width) and int(height)):
+        raise ConfigError(f"{option} is {text!r}", "WIDTHxHEIGHT such as 320x240")
+    return int(width), int(height)
 
 
 def run_subcommand(parser: argparse.ArgumentParser, argv: Sequence[str] | None) -> int:

@@ -9,6 +9,7 @@ from pathlib import Path
 from typing import Any
 
 from dfvs_common.atomic_file import write_atomic
+from dfvs_common.command_line import parse_size
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.geometry.camera import CameraModel
@@ -43,10 +44,7 @@ def camera_from(args: argparse.Namespace, option: str = "--size") -> CameraModel
     ConfigError
         If the size is none.
     """
-    width, _, height = args.size.lower().partition("x")
-    if not (width.isdecimal() and height.isdecimal()):
-        raise ConfigError(f"{option} is {args.size!r}", "WIDTHxHEIGHT such as 320x240")
-    return CameraModel.from_horizontal_fov(int(width), int(height), math.radians(args.fov))
+    return CameraModel.from_horizontal_fov(*parse_size(args.size, option), math.radians(args.fov))
 
 
 def parse_numbers(

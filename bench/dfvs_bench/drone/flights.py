@@ -51,11 +51,10 @@ def fly(task: BenchTask, setting: Setting, folder: Path, progress: Progress) -> 
     except NotReadyError as error:
         return _record(task, setting, NOT_READY, str(error))
     figures = write_results(log, folder).to_json()
-    settled = [p for p in log.track.points if p.t_ns >= log.engaged_ns]
     return replace(
         _record(task, setting, log.end_state, log.end_cause),
         servo_s=since(log.watch.states, "SERVO", log.engaged_ns),
-        within_s=within_s(settled, log.engaged_ns),
+        within_s=within_s(log.judged, log.engaged_ns),
         done_s=figures["duration_s"],
         **{name: figures[name] for name in _FIGURES},
     )

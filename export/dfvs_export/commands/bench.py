@@ -8,7 +8,7 @@ import json
 from dfvs_common.progress import log
 from dfvs_core.errors import ModelError
 from dfvs_export.checks.timing import BenchPlan, bench
-from dfvs_export.commands.image_size import parse_size
+from dfvs_export.commands.network_size import network_size
 from dfvs_models.catalog import bundle_folder
 
 
@@ -20,7 +20,7 @@ def run_bench(arguments: argparse.Namespace) -> int:
     ConfigError, ModelError
         If a bundle cannot be used, or the results cannot be written.
     """
-    plan = BenchPlan(parse_size(arguments.size), arguments.threads, arguments.runs)
+    plan = BenchPlan(network_size(arguments.size), arguments.threads, arguments.runs)
     results = bench([bundle_folder(name) for name in arguments.bundles], plan, log)
     for r in results:
         print(

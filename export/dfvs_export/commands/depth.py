@@ -14,7 +14,7 @@ from dfvs_export.commands.comparison import (
     check_calibration,
     compare_with_torch,
 )
-from dfvs_export.commands.image_size import parse_size
+from dfvs_export.commands.network_size import network_size
 from dfvs_export.precision.conversion import in_precision
 from dfvs_export.weights.published_depth import DepthWeights
 from dfvs_models.depth import DepthNetwork
@@ -30,7 +30,7 @@ def run_depth(arguments: argparse.Namespace) -> int:
     ConfigError, ModelError
         If a package is missing, or weights, size, frames or folder cannot be used.
     """
-    size = parse_size(arguments.size, 2) if arguments.size else None
+    size = network_size(arguments.size, 2) if arguments.size else None
     check_free(arguments.out)
     check_calibration(arguments)
     spreads = Spreads(arguments.spread, arguments.scale_spread)

@@ -13,7 +13,7 @@ from dfvs_export.bundles.own_flow import NAME, OwnFlow
 from dfvs_export.bundles.published_flow import PREFIX, PublishedFlow
 from dfvs_export.checks.accuracy import accuracy, accuracy_figures
 from dfvs_export.commands.comparison import calibration_frames, check_calibration
-from dfvs_export.commands.image_size import parse_size
+from dfvs_export.commands.network_size import network_size
 from dfvs_export.precision.conversion import in_precision
 from dfvs_export.weights.published import ForeignWeights
 from dfvs_models.catalog import network_matcher
@@ -31,7 +31,7 @@ def run_flow(arguments: argparse.Namespace) -> int:
     ConfigError, ModelError
         If the model is unknown, or its weights, the frames or the folder cannot be used.
     """
-    size = parse_size(arguments.size) if arguments.size else None
+    size = network_size(arguments.size) if arguments.size else None
     check_free(arguments.out)
     pairs = read_flow_pairs(arguments.pairs) if arguments.pairs else None
     check_calibration(arguments)

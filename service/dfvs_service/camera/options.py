@@ -5,13 +5,13 @@ from __future__ import annotations
 import argparse
 import dataclasses
 import os
-import re
 from collections.abc import Callable
 from pathlib import Path
 
 import cv2
 
 from dfvs_common import progress
+from dfvs_common.command_line import parse_size
 from dfvs_core.errors import ConfigError
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_service.camera.feed import Feed, LiveFeed, RecordedFeed
@@ -21,8 +21,6 @@ from dfvs_service.camera.sources.spec import SourceSpec, parse_source
 from dfvs_service.settings.calibration_file import read_calibration
 from dfvs_service.settings.options import add_settings_options
 from dfvs_service.settings.sections import ZenohSection
-
-_SIZE = re.compile(r"(\d{2,4})x(\d{2,4})")
 
 Log = Callable[[str], None]
 
@@ -89,10 +87,7 @@ def source_options(arguments: argparse.Namespace, wanted: tuple[int, int] | None
         raise ConfigError(f"--latency-ms is {arguments.latency_ms:g}", "0 to 1000")
     size = wanted
     if arguments.size is not None:
-        match = _SIZE.fullmatch(arguments.size.lower())
-        if match is None:
-            raise ConfigError(f"--size is {arguments.size!r}", "WIDTHxHEIGHT such as 640x480")
-        size = int(match[1]), int(match[2])
+        size = parse_size(arguments.size)
         if wanted not in (None, size):
             raise ConfigError(
                 f"--size is {arguments.size}",

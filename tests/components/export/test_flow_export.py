@@ -256,7 +256,7 @@ def test_check_fails_where_the_weights_are_not_those_of_the_checkpoint(
         (["flow", "--checkpoint", "gone.pt", "--out", "x"], "no weights at gone.pt"),
         (["flow", "--size", "100x64", "--out", "x"], "multiples of 16"),
         (["flow", "--size", "112x80", "--out", "x"], "multiples of 32"),
-        (["flow", "--size", "big", "--out", "x"], "size 'big'"),
+        (["flow", "--size", "big", "--out", "x"], "--size is 'big'"),
         (["check", "nowhere"], "is not a folder"),
         (["bench", "nowhere"], "is not a folder"),
         (["bench", "nowhere", "--runs", "0"], "runs is 0"),

@@ -22,7 +22,7 @@ from dfvs_sim.demo.flight.ports import LOOPBACK, FlightPorts
 from dfvs_sim.demo.flight.processes import FlightProcesses
 from dfvs_sim.demo.flight.system_id import flown_system_id
 from dfvs_sim.demo.flight.telemetry import TelemetryWatch
-from dfvs_sim.demo.flight.track import Track
+from dfvs_sim.demo.flight.track import Track, TrackPoint
 from dfvs_sim.demo.floor import TakeOff
 from dfvs_sim.demo.options import USUAL_GROUND_URL, FlightOptions
 from dfvs_sim.demo.plan import FlightPlan
@@ -61,6 +61,11 @@ class FlightLog:
     end_state: str
     end_cause: str
     vehicle_record: Path | None
+
+    @property
+    def judged(self) -> list[TrackPoint]:
+        """Path from the engagement to a second after the end, when the pilot takes over."""
+        return self.track.between(self.engaged_ns, self.ended_ns + round(_SETTLE_S * 1e9))
 
 
 @dataclass(frozen=True, slots=True)

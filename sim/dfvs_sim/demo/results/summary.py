@@ -27,6 +27,8 @@ class FlightSummary:
     """One flight in figures.
 
     ``converged``: the service says DONE, and the camera truly is within 5 cm and 1 degree.
+    ``final_translation_m``, ``final_rotation_deg``: medians of the last half second before the
+    pilot takes over, a second after the end.
     ``path_ratio``: length flown over the straight line. ``latency_ms``: from a frame's capture
     to the first setpoint after it that reached the vehicle, by the vehicle's record, p50 and p99
     (beside a foreign autopilot: to the report for the gate); ``stages_ms``: where that time went.
@@ -75,11 +77,10 @@ def write_results(log: FlightLog, folder: Path) -> FlightSummary:
 def summarise(log: FlightLog) -> FlightSummary:
     """Figures of a flight; the truth is the vehicle's pose, not the service's estimate."""
     flown = log.track.between(log.engaged_ns, log.ended_ns)
-    settled = [p for p in log.track.points if p.t_ns >= log.engaged_ns]
     initial_m, initial_rad = (
         (flown[0].error_m, flown[0].error_rad) if flown else (math.nan, math.nan)
     )
-    final_m, final_rad = settled_error(settled)
+    final_m, final_rad = settled_error(log.judged)
     setpoints = _engaged_setpoints_ns(log)
     done = log.end_state == "DONE"
     conditions = log.options.conditions if log.options.is_simulated else None

@@ -1,0 +1,16 @@
+"""What options of several commands may say."""
+
+import pytest
+
+from dfvs_common.command_line import parse_size
+from dfvs_core.errors import ConfigError
+
+
+def test_a_size_is_width_and_height():
+    assert parse_size("320x240") == parse_size("320X240") == (320, 240)
+
+
+@pytest.mark.parametrize("text", ["", "320", "320x", "x240", "320x240x3", "-1x5", "0x240", "3.5x2"])
+def test_what_is_no_size_is_refused_with_the_option(text):
+    with pytest.raises(ConfigError, match=f"--camera is '{text}'"):
+        parse_size(text, "--camera")
