@@ -33,6 +33,15 @@ class FrameResult:
     tracking: TrackingState
 
     @property
+    def is_coasting(self) -> bool:
+        """Whether the goal was not tracked in this one frame: it counts as one that did not come.
+
+        The gate is not told of it. The last good frame counts for as long as its age allows.
+        """
+        is_coasting = self.tracking is TrackingState.COASTING
+        return is_coasting and self.result.status is Status.NO_OVERLAP
+
+    @property
     def report(self) -> PerceptionReport:
         """Report for the gate; only of a vehicle's four degrees of freedom."""
         result, ok = self.result, self.result.status is Status.OK

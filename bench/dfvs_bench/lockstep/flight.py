@@ -204,7 +204,8 @@ class LockstepFlight:
             engaged = str(self._gate.state) == "SERVO"
             outcome = self.pipeline.process_frame(frame, motion, engaged)
             arrival_ns = self._now_ns + round(self._setup.latency_s * 1e9)
-            self._reports.append((arrival_ns, Report(arrival_ns, outcome.report)))
+            if not outcome.is_coasting:
+                self._reports.append((arrival_ns, Report(arrival_ns, outcome.report)))
             result = outcome.result
             self.pipeline.update_depth()
         error_m, error_rad = pose_error(T, self._setup.T_scene_goal)

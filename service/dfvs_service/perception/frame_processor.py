@@ -35,6 +35,11 @@ class ProcessedFrame:
     frame_result: FrameResult | None = None
     stages_ns: dict[str, int] | None = None
 
+    @property
+    def is_reported(self) -> bool:
+        """Whether the gate is told of it; see :attr:`FrameResult.is_coasting`."""
+        return self.frame_result is None or not self.frame_result.is_coasting
+
 
 class FrameProcessor:
     """Judges samples, keeps the vehicle's history, and runs the pipeline on good frames.

@@ -216,7 +216,8 @@ class PerceptionProcess:
         else:
             self._last_frame_ns = now_ns
             processed = self._frame_processor.process(sample)
-            self._send(processed.report)
+            if processed.is_reported:
+                self._send(processed.report)
             servo = self._publish_results(telemetry, processed)
             publisher.offer(
                 self._recorder.with_sample(sample, statuses, processed, servo), sample.payload

@@ -22,10 +22,12 @@ def test_telemetry_publishes_the_state_of_the_goal_tracker(rng):
     sidecar = GoalSidecar(camera)
     task = ServoTask(ServoConfig(depth="constant"), camera, sidecar, Mount())
     pipeline = Pipeline(task, classical_matcher(), Goal(image, sidecar), lambda: 0)
-    states = []
+    states, coasting = [], []
     for k, view in enumerate((image, image, other, other, other, image)):
         motion = Motion(k * PERIOD_NS, 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3), 0.0)
         frame = Frame(view, k * PERIOD_NS, k)
         result = pipeline.process_frame(frame, motion, engaged=False)
         states.append(servo_document(frame, result, 0, {})["tracking"])
+        coasting.append(result.is_coasting)
     assert states == ["tracking", "tracking", "coasting", "lost", "searching", "tracking"]
+    assert coasting == [state == "coasting" for state in states]
