@@ -249,11 +249,9 @@ def test_frames_faster_than_perception_are_skipped_not_queued(shared, rng):
 def test_the_gate_is_not_told_of_a_frame_that_is_not_tracked_alone(shared, rng):
     """It counts as a frame that did not come; the second in a row is reported."""
     other = Wall(texture(np.random.default_rng(7))).picture()
-    for _ in range(3):  # frames that a busy machine delays are lost at once
+    for _ in range(5):  # frames that a busy machine delays are lost at once
         shared.shoot_until(rng, lambda r: r.healthy)
-        shared.shoot(rng)
         tracked = shared.seq
-        shared.report_where(lambda r, last=tracked: r.healthy and r.seq == last)
         shared.shoot(rng, other)
         time.sleep(0.1)
         shared.shoot(rng, other)
