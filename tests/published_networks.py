@@ -59,7 +59,7 @@ def convert(name: str, folder: Path) -> dict[str, object]:
 def perceive(bundle: Path, pictures: list[np.ndarray]) -> tuple[list[PerceptionReport], float]:
     """Show perception a goal, the last picture, and the others; reports, and ms for a frame."""
     sidecar = GoalSidecar(CAMERA)
-    overrides = {"flow.model": str(bundle), "servo.depth": "motion"}
+    overrides = {"flow.model": str(bundle)}
     config, _ = load_config(None, overrides).with_camera((CAMERA.width, CAMERA.height), sidecar)
     matcher = load_matcher(config.flow.model, config.flow.threads, config.flow.provider)
     clocks = Clocks(CLOCK, time.monotonic_ns, time.monotonic_ns)

@@ -67,7 +67,6 @@ def fly(
     """
     sidecar = GoalSidecar(CAMERA)
     overrides = {"vehicle.name": "bottled", "flow.threads": 1, "flow.model": "classical"}
-    overrides["servo.depth"] = "motion"
     overrides |= {name.replace("__", "."): value for name, value in settings.items()}
     config, _ = load_config(None, overrides).with_camera((320, 240), sidecar)
     wall = Wall(texture(rng))

@@ -12,11 +12,6 @@ DepthChoice = Literal["motion", "network", "fused", "flow", "constant", "given"]
 BY_NETWORK = ("network", "fused")
 """Choices that need a depth network."""
 
-DEPTH_CHOICES = (
-    "where depth comes from: motion, network (of the goal image), fused (both), flow (the "
-    "paper's), constant or given"
-)
-
 
 @dataclass(frozen=True, slots=True)
 class ServoConfig:
@@ -42,7 +37,11 @@ class ServoConfig:
         0.3, "what the flow is wrong by when it is right, px", low=0.01, high=10.0
     )
     min_confidence: float = setting(0.3, "correspondences below are not used", low=0.0, high=1.0)
-    depth: DepthChoice = setting("motion", DEPTH_CHOICES)
+    depth: DepthChoice = setting(
+        "motion",
+        "where depth comes from: motion, network (of the goal image), fused (both), flow (the "
+        "paper's), constant or given",
+    )
     constant_depth_m: float = setting(
         3.0, "depth before anything is known, and of depth = 'constant', m", low=0.1, high=1000.0
     )

@@ -107,7 +107,7 @@ def _add_depth(commands: argparse._SubParsersAction[argparse.ArgumentParser]) ->
     add(
         "--scale-spread",
         type=float,
-        default=0.4,
+        default=0.2,
         metavar="SIGMA",
         help="the same of the whole scale, of a metric network",
     )

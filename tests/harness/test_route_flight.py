@@ -114,9 +114,7 @@ class Outcome:
 
 def flown(rooms, poses, goals):
     """Fly from the first of the poses by goals; ``poses`` after it are where they were taken."""
-    config, _ = load_config(None, {"servo.depth": "motion"}).with_camera(
-        CAMERA.size, goals[0].sidecar
-    )
+    config, _ = load_config(None, {}).with_camera(CAMERA.size, goals[0].sidecar)
     flight = Flight(rooms, poses, goals[0].sidecar.mount)
     clocks = Clocks(CLOCK, lambda: flight.now_ns, lambda: flight.now_ns)
     eye = build_frame_processor(config, goals[0], classical_matcher(), clocks)

@@ -63,14 +63,12 @@ def _regression(name: str, summary: str) -> MethodKind:
 
 METHODS: dict[str, MethodKind] = {
     "true-depth": _dfvs("given", "the product's law with the true depth"),
-    "motion-depth": _dfvs("motion", "the product's law with depth from its own motion"),
+    "motion-depth": _dfvs("motion", "the product as it flies: depth from its own motion"),
     "motion-depth-late": _late("motion"),
     "motion-depth-late-medium": _late("motion", EstimateGrade.MEDIUM),
     "motion-depth-search": _scan_search("motion-depth that looks around where it finds no goal"),
     "network-depth": _dfvs("network", "the product's law with a network's depth of the goal image"),
-    "fused-depth": _dfvs(
-        "fused", "the product as it flies: that depth, fused with depth from its own motion"
-    ),
+    "fused-depth": _dfvs("fused", "the same, fused with the depth from its own motion"),
     "fused-depth-late": _late("fused"),
     "fused-depth-late-medium": _late("fused", EstimateGrade.MEDIUM),
     "flow-depth": _dfvs("flow", "the product's law with the paper's depth from flow"),

@@ -42,7 +42,7 @@ class Spreads:
     """
 
     local: float = 0.3
-    scale: float = 0.4
+    scale: float = 0.2
 
     def __post_init__(self) -> None:
         """Refuse what no manifest may state."""

@@ -16,6 +16,7 @@ from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.messages.schema import dump, in_degrees, parse, to_text
+from dfvs_core.servo.config import ServoConfig
 from dfvs_service.settings.camera_section import CameraSection
 from dfvs_service.settings.record_sections import BlackBoxSection, RecordSection, TelemetrySection
 from dfvs_service.settings.sections import (
@@ -24,7 +25,6 @@ from dfvs_service.settings.sections import (
     GateSection,
     LimitsSection,
     RouteSection,
-    ServoSection,
     VehicleSection,
     ZenohSection,
 )
@@ -42,7 +42,7 @@ class ServiceConfig:
     zenoh: ZenohSection = field(default_factory=ZenohSection)
     flow: FlowSection = field(default_factory=FlowSection)
     depth: DepthSection = field(default_factory=DepthSection)
-    servo: ServoSection = field(default_factory=ServoSection)
+    servo: ServoConfig = field(default_factory=ServoConfig)
     limits: LimitsSection = field(default_factory=LimitsSection)
     gate: GateSection = field(default_factory=GateSection)
     route: RouteSection = field(default_factory=RouteSection)

@@ -12,7 +12,6 @@ from dfvs_core.gate.limits import VelocityLimits
 from dfvs_core.messages.schema import setting
 from dfvs_core.messages.topics import Topics
 from dfvs_core.messages.zenoh_settings import TlsFiles
-from dfvs_core.servo.config import DEPTH_CHOICES, DepthChoice, ServoConfig
 from dfvs_models import DEFAULT_DEPTH, DEFAULT_MATCHER
 from dfvs_service.settings.endpoints import is_encrypted, is_private
 
@@ -110,13 +109,6 @@ class DepthSection:
     model: str = setting(
         DEFAULT_DEPTH, "folder of a depth bundle, for servo.depth = 'network' and 'fused'"
     )
-
-
-@dataclass(frozen=True, slots=True)
-class ServoSection(ServoConfig):
-    """The servo law of a service, which has a depth network at hand."""
-
-    depth: DepthChoice = setting("fused", DEPTH_CHOICES)
 
 
 @dataclass(frozen=True, slots=True)

@@ -224,8 +224,7 @@ def test_a_recording_that_was_cut_short_is_replayed_as_far_as_it_goes(tmp_path):
 def test_other_settings_give_a_report_of_what_differs(recording, tmp_path, capsys):
     settings, report = tmp_path / "other.toml", tmp_path / "report.html"
     settings.write_text(
-        "[servo]\ndepth = 'motion'\ngain_far = 0.4\ngain_near = 0.4\n"
-        "[flow]\nmodel = 'classical'\nthreads = 1\n"
+        "[servo]\ngain_far = 0.4\ngain_near = 0.4\n[flow]\nmodel = 'classical'\nthreads = 1\n"
     )
     words = ["--config", str(settings), "--html", str(report), "--json", str(tmp_path / "r.json")]
     assert main([str(recording), *words]) == 0

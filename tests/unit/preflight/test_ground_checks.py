@@ -64,7 +64,7 @@ def test_calibrations_of_the_same_camera_may_differ_a_little():
 
 
 def test_the_classical_matcher_needs_no_files():
-    check, matcher = model_check(config(flow__model="classical", servo__depth="motion"))
+    check, matcher = model_check(config(flow__model="classical"))
     assert check.ok
     assert "part of this package" in check.detail
     assert matcher is not None

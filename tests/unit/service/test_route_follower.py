@@ -31,7 +31,7 @@ class Rig:
     """Perception on a route, with clock and vehicle in hand; 40 degrees from goal to goal."""
 
     def __init__(self, yaws=(40.0, 80.0, 120.0)):
-        overrides = {"route.near_deg": 10.0, "servo.depth": "motion"}
+        overrides = {"route.near_deg": 10.0}
         sidecar = GoalSidecar(CAMERA)
         self.config, _ = load_config(None, overrides).with_camera((96, 72), sidecar)
         self.goals = [Goal(picture(yaw), sidecar) for yaw in yaws]
