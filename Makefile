@@ -46,9 +46,9 @@ IN_PARALLEL := --dist loadscope --no-loadscope-reorder
 pytest: .venv/.stamp-test
 ifeq ($(strip $(ARGS)),)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 \
-	    $(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "not real_time and not serial"
-	$(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "real_time and not serial"
-	$(BIN)/python -m pytest -m serial
+	    $(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "not real_time and not serial" --durations=40
+	$(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "real_time and not serial" --durations=15
+	$(BIN)/python -m pytest -m serial --durations=15
 else
 	$(BIN)/python -m pytest $(ARGS)
 endif
