@@ -28,7 +28,8 @@ def match_elsewhere(
     u, v = np.rint(first.points).astype(np.intp).T
     ahead = first.points + flow.flow[v, u]
     distance = descriptor_distance(first, second)
-    distance[np.linalg.norm(ahead[:, None] - second.points, axis=2) < PATCH_PX] = np.inf
+    apart = (np.subtract.outer(ahead[:, k], second.points[:, k]) for k in (0, 1))
+    distance[np.hypot(*apart) < PATCH_PX] = np.inf
     at, to = mutual_distinct(distance, config.sift_ratio).T
     if len(at) < config.least_matches:
         return None
