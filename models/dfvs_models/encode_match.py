@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import itertools
 import math
-from collections.abc import Iterator
+from collections.abc import Iterator, Sequence
 from typing import cast
 
 import cv2
@@ -18,8 +18,8 @@ from dfvs_models.bundle import Bundle
 from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 
 _ENCODE, _MATCH = "encode", "match"
-COUNT_AXIS = 1
-"""Axis of the keypoints, whose count the match graph leaves open."""
+FREE_AXES = (0, 1)
+"""Axes of the match graph's inputs whose sizes it leaves open: pairs of images, and keypoints."""
 _RANKING_KEYPOINTS = 400
 """Keypoints by which the turns are ranked."""
 _OUTSIDE = -1e4
@@ -99,8 +99,8 @@ class EncodeMatchPoints:
         self._changes = tuple(itertools.product(turns_rad, scales))
         self._roles = manifest.graphs
         self._encode, self._match = (
-            OnnxGraph(bundle.graph(role), manifest.graphs[role].file, execution, free_axis)
-            for role, free_axis in ((_ENCODE, None), (_MATCH, COUNT_AXIS))
+            OnnxGraph(bundle.graph(role), manifest.graphs[role].file, execution, free_axes)
+            for role, free_axes in ((_ENCODE, ()), (_MATCH, FREE_AXES))
         )
         self._check_tensors()
         self._try_out()
@@ -119,25 +119,28 @@ class EncodeMatchPoints:
     ) -> Iterator[PointMatches]:
         """Matches with the other image, turned and reduced; see ``dfvs_core.matching.points``.
 
-        The strongest keypoints rank the changes; all of them are matched when a
-        hypothesis is asked for. Points with an unwanted match are left out, and the others matched
-        once more. Output that is not finite gives no match.
+        The strongest keypoints rank the changes, all in one run; all keypoints are matched when
+        a hypothesis is asked for. Points with an unwanted match are left out, and the others
+        matched once more. Output that is not finite gives no match.
         """
         first = current.keypoints()
         changed = [other.keypoints(*change) for change in self._changes]
-        few = first.strongest(_RANKING_KEYPOINTS)
-        support = [
-            float(self._match_points(few, second.strongest(_RANKING_KEYPOINTS)).confidence.sum())
-            for second in changed
-        ]
-        for k in sorted(range(len(changed)), key=lambda k: -support[k]):
+        for k in np.argsort(-self._support(first, changed), kind="stable"):
             found = self._match_points(first, changed[k])
             if exclusion is not None and (wrong := exclusion(found)).any():
                 found = self._match_points(first.without(found.current[wrong]), changed[k])
             yield found
 
+    def _support(self, first: Keypoints, seconds: Sequence[Keypoints]) -> Float32Array:
+        """Sum (n,) of the confidence of matches of the strongest keypoints with each image's."""
+        few, *others = (k.strongest(_RANKING_KEYPOINTS).tensors for k in (first, *seconds))
+        repeated = [np.repeat(tensor, len(others), axis=0) for tensor in few]
+        stacked = [np.concatenate(tensors) for tensors in zip(*others, strict=True)]
+        _, confidence = self._run(repeated, stacked)
+        return np.asarray(confidence.sum(axis=1), np.float32)
+
     def _match_points(self, first: Keypoints, second: Keypoints) -> PointMatches:
-        points, confidence = self._run(first, second)
+        points, confidence = (found[0] for found in self._run(first.tensors, second.tensors))
         at = first.tensors[0][0]
         kept: BoolArray = confidence > 0.0
         kept &= np.isfinite(at).all(axis=1) & np.isfinite(points).all(axis=1)
@@ -171,11 +174,13 @@ class EncodeMatchPoints:
         linear = turn.T / scale
         return Keypoints(tensors, np.column_stack([linear, (0.5 - turn.T @ shift) / scale - 0.5]))
 
-    def _run(self, first: Keypoints, second: Keypoints) -> tuple[Float32Array, Float32Array]:
-        """Partners (N, 2) px of the first keypoints, and their confidence (N,); 0 is none."""
-        feeds = self._manifest.match_feeds(first.tensors, second.tensors)
+    def _run(
+        self, first: Sequence[Float32Array], second: Sequence[Float32Array]
+    ) -> tuple[Float32Array, Float32Array]:
+        """Partners (B, N, 2) px of the first keypoints, and confidence (B, N); 0 is none."""
+        feeds = self._manifest.match_feeds(first, second)
         points, confidence = self._match.run(list(feeds.values()), self._roles[_MATCH].outputs)
-        return points[0], np.nan_to_num(confidence[0], posinf=0.0)
+        return points, np.nan_to_num(confidence, posinf=0.0)
 
     def _check_tensors(self) -> None:
         """Check names, and that images and keypoints have the shapes that they have to have."""
@@ -201,22 +206,24 @@ class EncodeMatchPoints:
     def _try_out(self) -> None:
         """Run both once: shapes that lie and weights that are not finite show up."""
         height, width = self._input.height, self._input.width
-        found = self.keypoints(trial_image(width, height), 0.0, 1.0)
+        found = self.keypoints(trial_image(width, height), 0.0, 1.0).strongest(_RANKING_KEYPOINTS)
+        tensors = [np.repeat(tensor, 2, axis=0) for tensor in found.tensors]
+        feeds = self._manifest.match_feeds(tensors, tensors)
+        given = [
+            (*[0 for _ in FREE_AXES], *tensor.shape[len(FREE_AXES) :]) for tensor in feeds.values()
+        ]
         expected = [spec.shape for spec in self._match.inputs]
-        feeds = self._manifest.match_feeds(found.tensors, found.tensors)
-        given = [tensor.shape for tensor in feeds.values()]
-        fits = len(given) == len(expected) and all(
-            len(a) == len(b) and all(n in (0, m) for m, n in zip(a, b, strict=True))
-            for a, b in zip(given, expected, strict=True)
-        )
-        if not fits:
-            raise ModelError(f"graph 'match' takes {expected}", f"what 'encode' gives: {given}")
-        count = found.tensors[0].shape[1]
+        if given != expected:
+            raise ModelError(
+                f"graph 'match' takes {expected}",
+                f"what 'encode' gives, of any number of images and keypoints (0): {given}",
+            )
+        shape = tensors[0].shape[:2]
         points, confidence = self._match.run(list(feeds.values()), self._roles[_MATCH].outputs)
-        if points.shape != (1, count, 2) or confidence.shape != (1, count):
+        if points.shape != (*shape, 2) or confidence.shape != shape:
             raise ModelError(
                 f"graph 'match' gives {points.shape} and {confidence.shape}",
-                f"{(1, count, 2)} and {(1, count)}",
+                f"{(*shape, 2)} and {shape}",
             )
         if not (np.isfinite(points).all() and np.isfinite(confidence).all()):
             raise ModelError(

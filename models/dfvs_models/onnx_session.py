@@ -67,8 +67,8 @@ class OnnxGraph:
         What errors call it.
     execution : Execution
         Threads and provider.
-    free_axis : int, optional
-        Axis of the inputs whose size need not be fixed.
+    free_axes : tuple of int
+        Axes of the inputs whose size need not be fixed.
 
     Raises
     ------
@@ -78,7 +78,7 @@ class OnnxGraph:
     """
 
     def __init__(
-        self, data: bytes, name: str, execution: Execution, free_axis: int | None = None
+        self, data: bytes, name: str, execution: Execution, free_axes: tuple[int, ...] = ()
     ) -> None:
         options = onnxruntime.SessionOptions()
         options.intra_op_num_threads = execution.threads
@@ -102,7 +102,7 @@ class OnnxGraph:
                 f"ONNX Runtime fell back to {', '.join(used)} for {name!r}", execution.provider
             )
         self._name = name
-        self.inputs = tuple(_spec(name, t, free_axis) for t in self._session.get_inputs())
+        self.inputs = tuple(_spec(name, t, free_axes) for t in self._session.get_inputs())
         self.output_names = tuple(tensor.name for tensor in self._session.get_outputs())
 
     def run(self, tensors: Sequence[Float32Array], outputs: Sequence[str]) -> list[Float32Array]:
@@ -156,14 +156,15 @@ def check_output(where: str, values: Float32Array, shape: tuple[int, ...], expec
         )
 
 
-def _spec(name: str, tensor: onnxruntime.NodeArg, free_axis: int | None) -> TensorSpec:
+def _spec(name: str, tensor: onnxruntime.NodeArg, free_axes: tuple[int, ...]) -> TensorSpec:
     shape = list(tensor.shape)
-    if free_axis is not None and free_axis < len(shape) and isinstance(shape[free_axis], str):
-        shape[free_axis] = 0
-        return TensorSpec(tensor.name, tensor.type, tuple(shape))
-    if not all(isinstance(n, int) and n > 0 for n in shape):
+    is_free = [axis in free_axes and isinstance(n, str) for axis, n in enumerate(shape)]
+    if not all(
+        free or (isinstance(n, int) and n > 0) for n, free in zip(shape, is_free, strict=True)
+    ):
         raise ModelError(f"input {tensor.name!r} of {name!r} has the shape {shape}", "fixed sizes")
-    return TensorSpec(tensor.name, tensor.type, tuple(shape))
+    sizes = (0 if free else n for n, free in zip(shape, is_free, strict=True))
+    return TensorSpec(tensor.name, tensor.type, tuple(sizes))
 
 
 def _one_line(error: Exception) -> str:

@@ -34,16 +34,17 @@ _MATCH: TensorNames = (
     tuple(f"{side}_{name}" for side in ("first", "second") for name in _ENCODE[1]),
     ("partners", "confidence"),
 )
-_ANY_COUNT = {
-    name: {1: "second" if name.startswith("second") else "first"} for name in sum(_MATCH, ())
+_ANY_SIZE = {
+    name: {0: "pairs", 1: "second" if name.startswith("second") else "first"}
+    for name in sum(_MATCH, ())
 }
-"""The count of keypoints is chosen from match to match."""
+"""Pairs of images and their keypoints are as many as each match asks for."""
 _MATCHED = 0.1
 """Confidence from which on a keypoint counts as matched."""
 
 
 class MatchGraph(nn.Module):
-    """Keypoints of two images to partners (1, N, 2) px of the first's, and confidence (1, N).
+    """Keypoints of two images to partners (B, N, 2) px of the first's, and confidence (B, N).
 
     The confidence is 0 where two points are not each other's likeliest partner.
     """
@@ -135,5 +136,5 @@ def _traced(encoder: XFeat, matcher: LighterGlue, size: tuple[int, int]) -> tupl
     match = MatchGraph(matcher).eval()
     return (
         trace(encoder, (image,), _ENCODE),
-        trace(match, (*keypoints, *keypoints), _MATCH, _ANY_COUNT),
+        trace(match, (*keypoints, *keypoints), _MATCH, _ANY_SIZE),
     )

@@ -8,7 +8,7 @@ import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_models.bundle import Bundle
-from dfvs_models.encode_match import COUNT_AXIS
+from dfvs_models.encode_match import FREE_AXES
 from dfvs_models.onnx_session import Execution, OnnxGraph
 from dfvs_models.pair import image_tensor, pair_tensors
 
@@ -35,7 +35,7 @@ class BundleRunner:
                 bundle.graph(role),
                 graph.file,
                 Execution(threads),
-                COUNT_AXIS if role == "match" else None,
+                FREE_AXES if role == "match" else (),
             )
             for role, graph in manifest.graphs.items()
         }

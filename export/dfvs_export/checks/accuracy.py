@@ -47,7 +47,7 @@ def accuracy_figures(scores: dict[str, LevelScore]) -> dict[str, float]:
     for level, score in scores.items():
         figures[f"{level}_epe_px"] = round(score.epe_px, 3)
         figures[f"{level}_under_3px"] = round(score.under_3px, 4)
-        figures[f"{level}_sure_half_epe_px"] = round(score.confident_half_epe_px, 3)
+        figures[f"{level}_confident_half_epe_px"] = round(score.confident_half_epe_px, 3)
     if not np.isfinite(list(figures.values())).all():
         raise ModelError("the bundle's flow is not finite", "finite flow on every pair")
     return figures

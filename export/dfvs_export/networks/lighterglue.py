@@ -1,8 +1,13 @@
-"""LighterGlue: LightGlue (Lindenberger et al., ICCV 2023) of width 96 with one head, on XFeat."""
+"""LighterGlue: LightGlue (Lindenberger et al., ICCV 2023) of width 96 with one head, on XFeat.
+
+Linear maps that follow one another are one map here: points are attended to as they are, and the
+published projections of values and messages are part of the feed-forward layer after them
+(``dfvs_export.weights.flow``).
+"""
 
 from __future__ import annotations
 
-from typing import NamedTuple
+from typing import NamedTuple, cast
 
 import torch
 from torch import Tensor, nn
@@ -24,6 +29,8 @@ class Assignment(NamedTuple):
 class LighterGlue(nn.Module):
     """Matches keypoints by self- and cross-attention.
 
+    Those of the second image go through it behind those of the first, (B, N + M, C).
+
     Parameters
     ----------
     size : tuple of int
@@ -36,27 +43,35 @@ class LighterGlue(nn.Module):
         super().__init__()
         self.size = size
         self.input_proj = nn.Linear(inputs, width)
-        self.posenc = _Position(width)
-        self.transformers = nn.ModuleList(_Layer(width) for _ in range(layers))
-        self.log_assignment = nn.ModuleList(_Assign(width) for _ in range(layers))
+        self.frequencies = nn.Linear(2, width // 2, bias=False)
+        self.layers = nn.ModuleList(_Layer(width) for _ in range(layers))
+        self.final_proj = nn.Linear(width, width)
+        self.matchability = nn.Linear(width, 1)
 
     def forward(self, first: Keypoints, second: Keypoints) -> Assignment:
         """Assignment after the last layer."""
-        return self.assign(first, second, *self.attend(first, second))
+        return self.assign(first, second, self.attend(first, second))
 
-    def attend(self, first: Keypoints, second: Keypoints) -> tuple[Tensor, Tensor]:
-        """Features (B, N, C) and (B, M, C) after the last layer of attention."""
-        x, y = self.input_proj(first.descriptors), self.input_proj(second.descriptors)
-        of_x, of_y = (self.posenc(self._normalised(k.points)) for k in (first, second))
-        masked = (_masked(first), _masked(second))
-        for layer in self.transformers:
-            x, y = layer(x, y, (of_x, of_y), masked)
-        return x, y
+    def attend(self, first: Keypoints, second: Keypoints) -> Tensor:
+        """Features (B, N + M, C) after the last layer of attention."""
+        x = self.input_proj(torch.cat([first.descriptors, second.descriptors], dim=1))
+        angle = self.frequencies(self._normalised(torch.cat([first.points, second.points], dim=1)))
+        position = angle.cos().repeat(1, 1, 2), angle.sin().repeat(1, 1, 2)
+        masked = _masked(first), _masked(second)
+        for layer in self.layers:
+            x = layer(x, position, masked)
+        return cast(Tensor, x)
 
-    def assign(self, first: Keypoints, second: Keypoints, x: Tensor, y: Tensor) -> Assignment:
+    def assign(self, first: Keypoints, second: Keypoints, x: Tensor) -> Assignment:
         """Assignment by the features of :meth:`attend`."""
-        result: Assignment = self.log_assignment[-1](x, y, _masked(first), _masked(second))
-        return result
+        no_first, no_second = _masked(first), _masked(second)
+        similar = _similarity(*_sides(self.final_proj(x), no_first))
+        of_first, of_second = _sides(self.matchability(x), no_first)
+        log = functional.log_softmax(similar + no_second, dim=-1)
+        log = log + functional.log_softmax(similar + no_first.transpose(-1, -2), dim=-2)
+        log = log + functional.logsigmoid(of_first)
+        log = log + functional.logsigmoid(of_second).transpose(-1, -2)
+        return Assignment(log, of_first.squeeze(-1), of_second.squeeze(-1))
 
     def _normalised(self, points: Tensor) -> Tensor:
         """Points in half of the longer side, from the middle."""
@@ -69,67 +84,81 @@ def _masked(keypoints: Keypoints) -> Tensor:
     return ((keypoints.scores <= 0).to(keypoints.scores.dtype) * _MASKED)[:, None]
 
 
-class _Position(nn.Module):
-    """Rotary encoding of positions by learned frequencies."""
+def _sides(x: Tensor, no_first: Tensor) -> tuple[Tensor, Tensor]:
+    """What is the first image's (B, N, C) and what the second's (B, M, C)."""
+    count = no_first.shape[-1]
+    return x[:, :count], x[:, count:]
+
+
+def _similarity(queries: Tensor, keys: Tensor) -> Tensor:
+    """Scaled product (B, N, M) of each of (B, N, C) with each of (B, M, C)."""
+    result: Tensor = queries @ keys.transpose(-1, -2) * queries.shape[-1] ** -0.5
+    return result
+
+
+class _Attention(nn.Module):
+    """Feed-forward layer on a point and the mean of what it attends to, added to the point."""
 
     def __init__(self, width: int) -> None:
         super().__init__()
-        self.Wr = nn.Linear(2, width // 2, bias=False)
+        self.ffn = nn.Sequential(
+            nn.Linear(2 * width, 2 * width),
+            nn.LayerNorm(2 * width),
+            nn.GELU(),
+            nn.Linear(2 * width, width),
+        )
 
-    def forward(self, points: Tensor) -> tuple[Tensor, Tensor]:
-        angle = self.Wr(points)
-        angle = torch.stack((angle, angle), dim=-1).reshape(*angle.shape[:2], -1)
-        return torch.cos(angle), torch.sin(angle)
-
-
-def _rotated(x: Tensor, position: tuple[Tensor, Tensor]) -> Tensor:
-    """Pairs of channels of x (B, N, C) turned by the position's angles."""
-    cosine, sine = position
-    turned = torch.stack((-x[..., 1::2], x[..., ::2]), dim=-1).reshape(x.shape)
-    return x * cosine + turned * sine
-
-
-def _feed_forward(width: int) -> nn.Sequential:
-    return nn.Sequential(
-        nn.Linear(2 * width, 2 * width),
-        nn.LayerNorm(2 * width),
-        nn.GELU(),
-        nn.Linear(2 * width, width),
-    )
-
-
-class _SelfAttention(nn.Module):
-    def __init__(self, width: int) -> None:
-        super().__init__()
-        self.Wqkv = nn.Linear(width, 3 * width)
-        self.out_proj = nn.Linear(width, width)
-        self.ffn = _feed_forward(width)
-
-    def forward(self, x: Tensor, position: tuple[Tensor, Tensor], masked: Tensor) -> Tensor:
-        both = self.Wqkv(x)
-        q, k, v = (both[..., part::3] for part in range(3))
-        q, k = _rotated(q, position), _rotated(k, position)
-        similar = q @ k.transpose(-1, -2) * q.shape[-1] ** -0.5
-        message = self.out_proj(torch.softmax(similar + masked, dim=-1) @ v)
-        result: Tensor = x + self.ffn(torch.cat([x, message], dim=-1))
+    def updated(self, x: Tensor, *attended: Tensor) -> Tensor:
+        """Features after it, from what each image's points attend to."""
+        result: Tensor = x + self.ffn(torch.cat([x, torch.cat(attended, dim=1)], dim=-1))
         return result
 
 
-class _CrossAttention(nn.Module):
-    def __init__(self, width: int) -> None:
-        super().__init__()
-        self.to_qk = nn.Linear(width, width)
-        self.to_v = nn.Linear(width, width)
-        self.to_out = nn.Linear(width, width)
-        self.ffn = _feed_forward(width)
+class _SelfAttention(_Attention):
+    """Attention to the points of the same image, by rotary encoding of their positions.
 
-    def forward(self, x: Tensor, y: Tensor, no_x: Tensor, no_y: Tensor) -> tuple[Tensor, Tensor]:
-        similar = self.to_qk(x) @ self.to_qk(y).transpose(-1, -2) * x.shape[-1] ** -0.5
-        to_x = torch.softmax(similar + no_y, dim=-1) @ self.to_v(y)
-        to_y = torch.softmax(similar.transpose(-1, -2) + no_x, dim=-1) @ self.to_v(x)
-        return (
-            x + self.ffn(torch.cat([x, self.to_out(to_x)], dim=-1)),
-            y + self.ffn(torch.cat([y, self.to_out(to_y)], dim=-1)),
+    Channels of ``to_qk`` come in pairs that are turned: first the one of each, then the other.
+    """
+
+    def __init__(self, width: int) -> None:
+        super().__init__(width)
+        self.to_qk = nn.Linear(width, 2 * width)
+
+    def forward(
+        self, x: Tensor, position: tuple[Tensor, Tensor], masked: tuple[Tensor, Tensor]
+    ) -> Tensor:
+        one, other = self.to_qk(x).chunk(2, dim=-1)
+        cosine, sine = position
+        turned = one * cosine - other * sine, other * cosine + one * sine
+        q, k = (
+            torch.cat(parts, dim=-1)
+            for parts in zip(*(t.chunk(2, dim=-1) for t in turned), strict=True)
+        )
+        sides = (_sides(every, masked[0]) for every in (q, k, x))
+        return self.updated(
+            x,
+            *(
+                torch.softmax(_similarity(queries, keys) + no, dim=-1) @ points
+                for queries, keys, points, no in zip(*sides, masked, strict=True)
+            ),
+        )
+
+
+class _CrossAttention(_Attention):
+    """Attention to the points of the other image."""
+
+    def __init__(self, width: int) -> None:
+        super().__init__(width)
+        self.to_qk = nn.Linear(width, width)
+
+    def forward(self, x: Tensor, masked: tuple[Tensor, Tensor]) -> Tensor:
+        no_first, no_second = masked
+        first, second = _sides(x, no_first)
+        similar = _similarity(*_sides(self.to_qk(x), no_first))
+        return self.updated(
+            x,
+            torch.softmax(similar + no_second, dim=-1) @ second,
+            torch.softmax(similar.transpose(-1, -2) + no_first, dim=-1) @ first,
         )
 
 
@@ -140,28 +169,7 @@ class _Layer(nn.Module):
         self.cross_attn = _CrossAttention(width)
 
     def forward(
-        self,
-        x: Tensor,
-        y: Tensor,
-        positions: tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]],
-        masked: tuple[Tensor, Tensor],
-    ) -> tuple[Tensor, Tensor]:
-        x = self.self_attn(x, positions[0], masked[0])
-        y = self.self_attn(y, positions[1], masked[1])
-        both: tuple[Tensor, Tensor] = self.cross_attn(x, y, *masked)
-        return both
-
-
-class _Assign(nn.Module):
-    def __init__(self, width: int) -> None:
-        super().__init__()
-        self.matchability = nn.Linear(width, 1)
-        self.final_proj = nn.Linear(width, width)
-
-    def forward(self, x: Tensor, y: Tensor, no_x: Tensor, no_y: Tensor) -> Assignment:
-        similar = self.final_proj(x) @ self.final_proj(y).transpose(-1, -2) * x.shape[-1] ** -0.5
-        zx, zy = self.matchability(x), self.matchability(y)
-        log = functional.log_softmax(similar + no_y, dim=-1)
-        log = log + functional.log_softmax(similar + no_x.transpose(-1, -2), dim=-2)
-        log = log + functional.logsigmoid(zx) + functional.logsigmoid(zy).transpose(-1, -2)
-        return Assignment(log, zx.squeeze(-1), zy.squeeze(-1))
+        self, x: Tensor, position: tuple[Tensor, Tensor], masked: tuple[Tensor, Tensor]
+    ) -> Tensor:
+        result: Tensor = self.cross_attn(self.self_attn(x, position, masked), masked)
+        return result

@@ -113,8 +113,8 @@ class _Run:
         self.pairs += 1
         truth = pair.truth
         with torch.autocast("cpu", torch.bfloat16):
-            x, y = self._matcher.attend(pair.first, pair.second)
-        found = self._matcher.assign(pair.first, pair.second, x.float(), y.float())
+            features = self._matcher.attend(pair.first, pair.second)
+        found = self._matcher.assign(pair.first, pair.second, features.float())
         losses = []
         if len(truth.first) >= _LEAST_MATCHES:
             losses.append(-found.log_probability[0, truth.first, truth.second].mean())

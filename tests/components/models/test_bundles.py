@@ -323,16 +323,17 @@ def test_an_encoder_for_images_of_another_size_than_declared_is_refused(tmp_path
     assert "expected tensor(float) of (1, 1, 64, 48)" in text
 
 
-def test_an_encoder_whose_keypoints_do_not_fit_its_matcher_is_refused(tmp_path):
-    text = refusal(grid_network.write_bundle(tmp_path, match=grid_network.match_model(count=20)))
-    assert "graph 'match' takes [(1, 20, 2)" in text
-    assert "what 'encode' gives: [(1, 24, 2)" in text
+def test_a_matcher_of_a_fixed_number_of_images_and_keypoints_is_refused(tmp_path):
+    match = grid_network.match_model(sizes=(1, grid_network.COUNT))
+    text = refusal(grid_network.write_bundle(tmp_path, match=match))
+    assert "graph 'match' takes [(1, 24, 2)" in text
+    assert "of any number of images and keypoints (0): [(0, 0, 2)" in text
 
 
 def test_partners_that_are_no_points_are_refused(tmp_path):
     text = refusal(grid_network.write_bundle(tmp_path, match=grid_network.match_model(width=4)))
-    assert "graph 'match' gives (1, 24, 4)" in text
-    assert "expected (1, 24, 2)" in text
+    assert "graph 'match' gives (2, 24, 4)" in text
+    assert "expected (2, 24, 2)" in text
 
 
 @pytest.mark.parametrize(("offset", "words"), [(np.nan, "not numbers"), (np.inf, "not finite")])
