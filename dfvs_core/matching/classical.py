@@ -54,8 +54,8 @@ class SiftPoints:
         self, current: SiftFeatures, other: SiftFeatures, exclusion: Exclusion | None = None
     ) -> Iterator[PointMatches]:
         """The matches, all of equal confidence; see ``dfvs_core.matching.points``."""
-        distance = descriptor_distance(current, other)
-        pairs = mutual_distinct(distance, self._config.sift_ratio)
+        squared = squared_distance(current, other)
+        pairs = mutual_distinct(squared, self._config.sift_ratio)
         at, to = current.points[pairs[:, 0]], other.points[pairs[:, 1]]
         # SIFT gives a point once per orientation: keep each place once
         _, once = np.unique(np.round(at), axis=0, return_index=True)
@@ -69,18 +69,25 @@ def classical_matcher(config: MatchingConfig | None = None) -> StagedMatcher[Sif
     return StagedMatcher(SiftPoints(config), config)
 
 
-def descriptor_distance(first: SiftFeatures, second: SiftFeatures) -> Float32Array:
-    """Distance (N, M) of each descriptor of one image from each of another."""
-    cosine = first.descriptors @ second.descriptors.T
-    return np.asarray(np.sqrt(np.maximum(2.0 - 2.0 * cosine, 0.0)), np.float32)
+def squared_distance(first: SiftFeatures, second: SiftFeatures) -> Float32Array:
+    """Squared distance (N, M) of each descriptor of one image from each of another."""
+    distance = np.matmul(first.descriptors, -2.0 * second.descriptors.T)
+    distance += 2.0
+    return np.asarray(np.maximum(distance, 0.0, out=distance), np.float32)
 
 
-def mutual_distinct(distance: Float32Array, ratio: float) -> NDArray[np.intp]:
-    """Indices (K, 2) of mutual nearest descriptors, nearer than ``ratio`` times the second."""
-    if min(distance.shape) < 2:
+def mutual_distinct(squared: Float32Array, ratio: float) -> NDArray[np.intp]:
+    """Indices (K, 2) of mutual nearest descriptors, nearer than ``ratio`` times the second.
+
+    ``squared`` (N, M) holds their squared distances.
+    """
+    if min(squared.shape) < 2:
         return np.zeros((0, 2), np.intp)
-    nearest = distance.argmin(axis=1)
-    best, next_best = np.partition(distance, 1, axis=1)[:, :2].T
-    kept = best < ratio * next_best
-    kept &= distance.argmin(axis=0)[nearest] == np.arange(len(distance))
-    return np.column_stack([np.flatnonzero(kept), nearest[kept]])
+    row = np.arange(len(squared))
+    nearest = squared.argmin(axis=1)
+    best = squared[row, nearest]
+    kept = best <= squared.min(axis=0)[nearest]
+    others = squared.copy()
+    others[row, nearest] = np.inf
+    kept &= best < ratio**2 * others.min(axis=1)
+    return np.column_stack([row[kept], nearest[kept]])

@@ -8,29 +8,48 @@
 
 from __future__ import annotations
 
+from dataclasses import dataclass
+
 import cv2
 import numpy as np
 
 from dfvs_core.geometry.arrays import ImageArray
-from dfvs_core.matching.classical import SiftPoints, descriptor_distance, mutual_distinct
+from dfvs_core.matching.classical import (
+    SiftFeatures,
+    SiftPoints,
+    mutual_distinct,
+    squared_distance,
+)
 from dfvs_core.matching.config import PATCH_PX, MatchingConfig
 from dfvs_core.matching.correspondence import FlowField, exclude
 from dfvs_core.matching.track import track
 from dfvs_core.matching.warping import lands_inside, pixel_grid
 
 
+@dataclass(frozen=True, slots=True)
+class SiftImage:
+    """Image (H, W, 3) uint8 RGB and what is matched of it."""
+
+    image: ImageArray
+    features: SiftFeatures
+
+
+def sift_image(image: ImageArray, config: MatchingConfig) -> SiftImage:
+    """Find the keypoints of an image (H, W, 3) uint8 RGB."""
+    return SiftImage(image, SiftPoints(config).encode(image))
+
+
 def match_elsewhere(
-    current: ImageArray, other: ImageArray, flow: FlowField, config: MatchingConfig
+    current: SiftImage, other: SiftImage, flow: FlowField, config: MatchingConfig
 ) -> FlowField | None:
-    """Flow between two images (H, W, 3) uint8 RGB that leads elsewhere than ``flow``, or None."""
-    images = current, other
-    first, second = (SiftPoints(config).encode(image) for image in images)
+    """Flow between two images of one size that leads elsewhere than ``flow``, or None."""
+    first, second = current.features, other.features
     u, v = np.rint(first.points).astype(np.intp).T
     ahead = first.points + flow.flow[v, u]
-    distance = descriptor_distance(first, second)
-    apart = (np.subtract.outer(ahead[:, k], second.points[:, k]) for k in (0, 1))
-    distance[np.hypot(*apart) < PATCH_PX] = np.inf
-    at, to = mutual_distinct(distance, config.sift_ratio).T
+    squared = squared_distance(first, second)
+    du, dv = (np.subtract.outer(ahead[:, k], second.points[:, k]) for k in (0, 1))
+    squared[du * du + dv * dv < PATCH_PX**2] = np.inf
+    at, to = mutual_distinct(squared, config.sift_ratio).T
     if len(at) < config.least_matches:
         return None
     H, inliers = cv2.findHomography(
@@ -38,7 +57,8 @@ def match_elsewhere(
     )
     if H is None or np.count_nonzero(inliers) < config.least_matches:
         return None
-    grid = pixel_grid(current.shape[:2])
+    images = current.image, other.image
+    grid = pixel_grid(current.image.shape[:2])
     plane = np.nan_to_num(cv2.perspectiveTransform(grid, H) - grid)
     predicted = FlowField(plane, lands_inside(plane).astype(np.float32))
     greys = [np.asarray(cv2.cvtColor(i, cv2.COLOR_RGB2GRAY), np.uint8) for i in images]

@@ -10,8 +10,10 @@ from dataclasses import dataclass, replace
 from functools import cache
 
 from dfvs_core.depth.network import DepthEstimator, GoalDepth, goal_depth
-from dfvs_core.geometry.arrays import FloatArray, ImageArray
+from dfvs_core.geometry.arrays import FloatArray
+from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.elsewhere import SiftImage, sift_image
 from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.matching.warping import resized
 from dfvs_core.messages.goal import Goal
@@ -26,12 +28,12 @@ from dfvs_core.servo.task import ServoTask
 
 @dataclass(frozen=True, slots=True)
 class GoalView:
-    """A goal image (H, W, 3) uint8 RGB at the working size, and the same ready to be matched.
+    """A goal image at the working size, and the same ready to be matched.
 
     ``depth`` gives its depth by a network, None without one; it is estimated when first asked for.
     """
 
-    image: ImageArray
+    image: SiftImage
     features: ImageFeatures
     depth: Callable[[], GoalDepth | None]
 
@@ -57,7 +59,7 @@ def make_goal_view(
         found = network.estimate(image, camera)
         return goal_depth(found, config.stride_px, config.constant_depth_m)
 
-    return GoalView(image, features, cache(depth))
+    return GoalView(sift_image(image, MatchingConfig()), features, cache(depth))
 
 
 @dataclass(frozen=True, slots=True)

@@ -17,7 +17,7 @@ import numpy as np
 from dfvs_core.geometry.arrays import BoolArray, ImageArray
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import CONFIDENT, FlowField
-from dfvs_core.matching.elsewhere import match_elsewhere
+from dfvs_core.matching.elsewhere import SiftImage, match_elsewhere, sift_image
 from dfvs_core.matching.verify import has_texture
 from dfvs_core.matching.warping import lands_inside
 from dfvs_core.perception.channel_order import is_channel_order_swapped
@@ -64,13 +64,13 @@ class GoalVerifier:
 
     Parameters
     ----------
-    goal : (H, W, 3) uint8
+    goal : SiftImage
         The goal image, at the size of the flow.
     least : float
         Matched texture ratio below which a view at the goal is not the goal's; 0 refuses none.
     """
 
-    def __init__(self, goal: ImageArray, least: float) -> None:
+    def __init__(self, goal: SiftImage, least: float) -> None:
         self._goal, self._least = goal, least
         self._mismatch_since_ns: int | None = None
         self._is_compared = False
@@ -87,7 +87,7 @@ class GoalVerifier:
         """
         if servo.status is not Status.OK:
             return servo
-        if is_channel_order_swapped(image, self._goal, flow):
+        if is_channel_order_swapped(image, self._goal.image, flow):
             return _refused(servo, Status.SWAPPED_CHANNELS)
         is_near = servo.error_rad + servo.distance_over_depth < NEAR_RAD
         self._is_compared &= is_near
@@ -111,7 +111,8 @@ class GoalVerifier:
 
         What is new in a view, or was moved, has no other match with all around it.
         """
-        other = match_elsewhere(image, self._goal, flow, MatchingConfig())
+        config = MatchingConfig()
+        other = match_elsewhere(sift_image(image, config), self._goal, flow, config)
         if other is None:
             return False
         is_open = _textured(image) & lands_inside(other.flow) & (flow.confidence <= CONFIDENT)
