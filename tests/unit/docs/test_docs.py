@@ -22,6 +22,12 @@ PROJECT = tomllib.loads((ROOT / "pyproject.toml").read_text(encoding="utf-8"))
 ROOMS = [path for path in PROJECT["tool"]["mypy"]["files"] if "dfvs" in path]
 FRONT = [*sorted(ROOT.glob("[A-Z]*.md")), ROOT / "deploy" / "README.md"]
 PAGES = [page for page in sorted(DOCS.rglob("*.md")) if "experiments" not in page.parts]
+PRESENT = [page for page in (*FRONT, *PAGES) if page.name != "CHANGELOG.md"]
+SOURCES = [
+    path.relative_to(ROOT).as_posix()
+    for name in {*(Path(room).parts[0] for room in ROOMS), "deploy", "docs", "examples", "tests"}
+    for path in (ROOT / name).rglob("*.*")
+]
 
 
 _SPEC = importlib.util.spec_from_file_location("docs_hooks", DOCS / "hooks.py")
@@ -33,9 +39,7 @@ def named(path):
     return str(path.relative_to(ROOT))
 
 
-@pytest.mark.parametrize(
-    "page", [p for p in (*FRONT, *PAGES) if p.name != "CHANGELOG.md"], ids=named
-)
+@pytest.mark.parametrize("page", PRESENT, ids=named)
 def test_no_sentence_of_a_page_is_too_long(page):
     assert too_long(page.read_text(encoding="utf-8")) == []
 
@@ -72,6 +76,12 @@ def test_every_answer_to_where_do_i_find_names_files_that_exist():
     assert len(answers) >= 20
     assert all(answers)
     assert [path for paths in answers for path in paths if not (ROOT / path).exists()] == []
+
+
+@pytest.mark.parametrize("page", PRESENT, ids=named)
+def test_source_files_that_a_page_names_exist(page):
+    paths = re.findall(r"`([\w/]+\.(?:py|service))`", page.read_text(encoding="utf-8"))
+    assert [path for path in paths if not any(f"/{f}".endswith(f"/{path}") for f in SOURCES)] == []
 
 
 def test_the_figure_of_the_states_shows_the_gate_s_transitions():
