@@ -8,7 +8,6 @@ wider motion stays.
 
 from __future__ import annotations
 
-import functools
 from typing import cast
 
 import cv2
@@ -46,7 +45,7 @@ def smooth_flow(
         rest -= sample(level, at[:, None])[:, 0]
     whole = (cells[1] * PATCH_PX, cells[0] * PATCH_PX)
     bend = cast(Float32Array, cv2.resize(bend, whole, interpolation=cv2.INTER_LINEAR))
-    linear = cast(Float32Array, cv2.transform(pixel_grid(size), A - np.eye(2, 3)))
+    linear = pixel_grid(size) @ (A[:, :2] - np.eye(2)).T + A[:, 2]
     return np.asarray(linear + PATCH_PX * bend[:height, :width], np.float32)
 
 
@@ -70,20 +69,10 @@ def _interpolate(
     terms = design[:, :, None] * np.hstack([design, rest.other - rest.current])[:, None, :]
     sums: FloatArray = np.zeros((*cells, 15))
     np.add.at(sums, rest.pixels(cells), terms.reshape(-1, 15) * rest.confidence[:, None])
-    down, across = (_gaussian(count, sigma) for count in cells)
-    sums = across @ (down @ sums.reshape(cells[0], -1)).reshape(sums.shape)
-    sums = sums.reshape(*cells, 3, 5)
+    blurred = cv2.GaussianBlur(sums, (0, 0), sigma, borderType=cv2.BORDER_CONSTANT)
+    sums = blurred.reshape(*cells, 3, 5).astype(np.float64) * (2.0 * np.pi * sigma * sigma)
     to_cell = np.tile(np.eye(3), (*cells, 1, 1))
     to_cell[..., 1:, 0] = -pixel_grid(cells)
     normal = to_cell @ sums[..., :3] @ to_cell.swapaxes(-1, -2)
     normal += damping * np.diag([1.0, sigma * sigma, sigma * sigma])
     return np.asarray(np.linalg.solve(normal, to_cell @ sums[..., 3:])[..., 0, :], np.float32)
-
-
-@functools.lru_cache(maxsize=32)
-def _gaussian(count: int, sigma: float) -> FloatArray:
-    """Weight (n, n), read-only, that each of ``count`` cells in a row has for each other one."""
-    apart = np.subtract.outer(np.arange(count), np.arange(count)) / sigma
-    weights: FloatArray = np.exp(-0.5 * apart * apart)
-    weights.flags.writeable = False
-    return weights
