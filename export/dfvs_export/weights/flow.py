@@ -124,7 +124,7 @@ def folded(published: State) -> State:
 
 
 def _projections(old: dict[str, Tensor]) -> tuple[tuple[Tensor, Tensor], tuple[Tensor, Tensor]]:
-    """Weight and bias of queries and keys, in the order of this file, and of the values."""
+    """Weight and bias of queries and keys, as ``LighterGlue`` orders them, and of the values."""
     if "Wqkv.weight" not in old:
         return (
             (old["to_qk.weight"], old["to_qk.bias"]),
