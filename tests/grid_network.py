@@ -62,7 +62,7 @@ def encode_model(is_spoilt=False, offset=0.0):
     _name(b, points, "points")
     _name(b, b.op("Mul", column, b.constant(np.ones((1, 1, CHANNELS), np.float32))), "descriptors")
     _name(b, scores, "scores")
-    shapes = dict(zip(ENCODED, _shapes((1, COUNT)), strict=True))
+    shapes = dict(zip(ENCODED, _shapes((1, COUNT), CHANNELS), strict=True))
     return _model(b, {"image": (1, 1, HEIGHT, WIDTH)}, shapes)
 
 
@@ -70,7 +70,7 @@ ANY = "pairs", "keypoints"
 """Sizes that graph ``match`` leaves open."""
 
 
-def match_model(confidence="Relu", is_spoilt=False, sizes=ANY, width=2):
+def match_model(confidence="Relu", is_spoilt=False, sizes=ANY, width=2, channels=CHANNELS):
     """Graph ``match``; ``confidence`` is the operator that makes it of the scores."""
     b = NetworkBuilder()
     partners = "second_points"
@@ -81,16 +81,16 @@ def match_model(confidence="Relu", is_spoilt=False, sizes=ANY, width=2):
     _name(b, partners, "partners")
     scores = b.op("Relu", "first_scores") if confidence == "Reciprocal" else "first_scores"
     _name(b, b.op(confidence, scores), "confidence")
-    inputs = {f"{side}_{n}": s for side in ("first", "second") for n, s in _named(sizes)}
+    inputs = {f"{side}_{n}": s for side in ("first", "second") for n, s in _named(sizes, channels)}
     return _model(b, inputs, {"partners": (*sizes, width), "confidence": sizes})
 
 
-def _shapes(sizes):
-    return (*sizes, 2), (*sizes, CHANNELS), sizes
+def _shapes(sizes, channels):
+    return (*sizes, 2), (*sizes, channels), sizes
 
 
-def _named(sizes):
-    return zip(ENCODED, _shapes(sizes), strict=True)
+def _named(sizes, channels=CHANNELS):
+    return zip(ENCODED, _shapes(sizes, channels), strict=True)
 
 
 def write_bundle(folder, encode=None, match=None, **changes):

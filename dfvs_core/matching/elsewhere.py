@@ -8,7 +8,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from functools import cached_property
 
 import cv2
 import numpy as np
@@ -26,17 +26,16 @@ from dfvs_core.matching.track import track
 from dfvs_core.matching.warping import lands_inside, pixel_grid
 
 
-@dataclass(frozen=True, slots=True)
 class SiftImage:
-    """Image (H, W, 3) uint8 RGB and what is matched of it."""
+    """Image (H, W, 3) uint8 RGB, and its keypoints, found when first asked for."""
 
-    image: ImageArray
-    features: SiftFeatures
+    def __init__(self, image: ImageArray, config: MatchingConfig) -> None:
+        self.image, self._config = image, config
 
-
-def sift_image(image: ImageArray, config: MatchingConfig) -> SiftImage:
-    """Find the keypoints of an image (H, W, 3) uint8 RGB."""
-    return SiftImage(image, SiftPoints(config).encode(image))
+    @cached_property
+    def features(self) -> SiftFeatures:
+        """Keypoints and their descriptors."""
+        return SiftPoints(self._config).encode(self.image)
 
 
 def match_elsewhere(

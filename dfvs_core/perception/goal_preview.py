@@ -13,7 +13,7 @@ from dfvs_core.depth.network import DepthEstimator, GoalDepth, goal_depth
 from dfvs_core.geometry.arrays import FloatArray
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.elsewhere import SiftImage, sift_image
+from dfvs_core.matching.elsewhere import SiftImage
 from dfvs_core.matching.matcher import ImageFeatures, Matcher
 from dfvs_core.matching.warping import resized
 from dfvs_core.messages.goal import Goal
@@ -59,7 +59,7 @@ def make_goal_view(
         found = network.estimate(image, camera)
         return goal_depth(found, config.stride_px, config.constant_depth_m)
 
-    return GoalView(sift_image(image, MatchingConfig()), features, cache(depth))
+    return GoalView(SiftImage(image, MatchingConfig()), features, cache(depth))
 
 
 @dataclass(frozen=True, slots=True)
@@ -75,8 +75,10 @@ Preview = Callable[[], GoalPreview]
 
 
 def preview_goal(matcher: Matcher, task: ServoTask, goal: GoalView, frame: Keyframe) -> GoalPreview:
-    """Match a keyframe with a goal, without a prior."""
+    """Match a keyframe with a goal, without a prior; what flying to it needs is made on the way."""
     task = goal.task(task)
+    if task.config.min_matched_texture > 0.0:
+        _ = goal.image.features
     flow = matcher.match(frame.features, goal.features)
     frame.features.release()
     result, state = servo_step(task, frame.state, replace(frame.inputs, flow=flow))

@@ -17,7 +17,7 @@ import numpy as np
 from dfvs_core.geometry.arrays import BoolArray, ImageArray
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import CONFIDENT, FlowField
-from dfvs_core.matching.elsewhere import SiftImage, match_elsewhere, sift_image
+from dfvs_core.matching.elsewhere import SiftImage, match_elsewhere
 from dfvs_core.matching.verify import has_texture
 from dfvs_core.matching.warping import lands_inside
 from dfvs_core.perception.channel_order import is_channel_order_swapped
@@ -72,6 +72,8 @@ class GoalVerifier:
 
     def __init__(self, goal: SiftImage, least: float) -> None:
         self._goal, self._least = goal, least
+        if least > 0.0:
+            _ = goal.features  # before the first frame, which must not wait
         self._mismatch_since_ns: int | None = None
         self._is_compared = False
         """Whether another match was looked for since the vehicle came near."""
@@ -112,7 +114,7 @@ class GoalVerifier:
         What is new in a view, or was moved, has no other match with all around it.
         """
         config = MatchingConfig()
-        other = match_elsewhere(sift_image(image, config), self._goal, flow, config)
+        other = match_elsewhere(SiftImage(image, config), self._goal, flow, config)
         if other is None:
             return False
         is_open = _textured(image) & lands_inside(other.flow) & (flow.confidence <= CONFIDENT)

@@ -7,7 +7,9 @@ show, and never delays a flight. Nothing is queued while nobody records.
 from __future__ import annotations
 
 import logging
+import math
 import threading
+import time
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass
@@ -22,6 +24,8 @@ from dfvs_service.zenoh_session import has_subscriber, publish_kept
 MAX_WAITING_BYTES = 64 * 1024 * 1024
 _RECORD_BYTES = 4096
 """What a frame record weighs besides its payload."""
+_HEADER_PERIOD_S = 5.0
+"""A recorder that has missed the session header waits at most so long for it."""
 
 log = logging.getLogger("dfvs.perception.record")
 
@@ -38,6 +42,9 @@ class _QueuedRecord:
 
 class RecordPublisher:
     """Publishes session headers (kept for recorders that join later) and frame records.
+
+    A header is repeated every few seconds while records are published: no record can be read
+    without it.
 
     Parameters
     ----------
@@ -62,8 +69,7 @@ class RecordPublisher:
         self._waiting_bytes = 0
         self._closed = False
         self.dropped = 0
-        # Without its session header no record can be read. This thread may block, up to the
-        # lease of a recorder that hangs; the queue then drops.
+        # This thread may block, up to the lease of a recorder that hangs; the queue then drops.
         block = zenoh.CongestionControl.BLOCK
         self._headers = publish_kept(session, topics.telemetry("opening"), block)
         self._records = session.declare_publisher(
@@ -110,13 +116,20 @@ class RecordPublisher:
             self._has_matched.set()
 
     def _publish(self) -> None:
+        header, repeat_at_s = b"", math.inf
         while (queued := self._next()) is not None:
+            packed = pack(queued.message, queued.payload)
+            is_header = isinstance(queued.message, SessionHeader)
+            if is_header:
+                header = packed
             try:
-                if isinstance(queued.message, SessionHeader):
-                    self._headers.put(pack(queued.message, queued.payload))
+                if is_header or time.monotonic() > repeat_at_s:
+                    repeat_at_s = time.monotonic() + _HEADER_PERIOD_S
+                    self._headers.put(header)
+                if is_header:
                     self._await_recorder()
                 elif self._wanted:
-                    self._records.put(pack(queued.message, queued.payload))
+                    self._records.put(packed)
             except zenoh.ZError as error:
                 log.warning("frame record not published: %s", error)
 

@@ -330,6 +330,13 @@ def test_a_matcher_of_a_fixed_number_of_images_and_keypoints_is_refused(tmp_path
     assert "of any number of images and keypoints (0): [(0, 0, 2)" in text
 
 
+def test_a_matcher_of_other_descriptors_than_its_encoders_is_refused(tmp_path):
+    match = grid_network.match_model(channels=grid_network.CHANNELS + 1)
+    text = refusal(grid_network.write_bundle(tmp_path, match=match))
+    assert "graph 'match' takes [(0, 0, 2), (0, 0, 3)" in text
+    assert "of any number of images and keypoints (0): [(0, 0, 2), (0, 0, 2)" in text
+
+
 def test_partners_that_are_no_points_are_refused(tmp_path):
     text = refusal(grid_network.write_bundle(tmp_path, match=grid_network.match_model(width=4)))
     assert "graph 'match' gives (2, 24, 4)" in text

@@ -13,9 +13,11 @@ from mcap.reader import make_reader
 from recorded_flight import fly
 
 from dfvs_core.messages.frame import PixelFormat
+from dfvs_core.messages.frame_record import SessionHeader, unpack
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.topics import Topics
 from dfvs_service.cli import main as service_command
+from dfvs_service.perception import record_publisher
 from dfvs_service.perception.record_publisher import MAX_WAITING_BYTES, RecordPublisher
 from dfvs_service.record.cli import main as record
 from dfvs_service.replay.comparison import compare
@@ -124,6 +126,28 @@ def test_who_joins_in_the_middle_is_told_with_what_the_turns_work(service, fligh
     entries = [entry.message for entry in read_recording(list(tmp_path.glob("*.mcap")))]
     assert entries[0] == flight.opening
     assert entries[1:] == flight.turns[4:]
+
+
+def test_a_header_that_was_missed_is_repeated_with_a_later_record(service, flight, monkeypatch):
+    monkeypatch.setattr(record_publisher, "_HEADER_PERIOD_S", 0.0)
+    session, _ = service
+    headers, records = [], []
+    feed = RecordPublisher(session, TOPICS, print)
+    feed.offer(*flight.events[0])
+    # A subscriber of Zenoh's plain kind does not ask for the kept value.
+    subscribers = [
+        session.declare_subscriber(TOPICS.telemetry(name), heard.append)
+        for name, heard in (("opening", headers), ("turn", records))
+    ]
+    wait_until(lambda: feed.wanted)
+    headers.clear()
+    feed.offer(*flight.events[1])
+    wait_until(lambda: bool(records))
+    feed.close()
+    for subscriber in subscribers:
+        subscriber.undeclare()
+    header, _ = unpack(SessionHeader, headers[-1].payload.to_bytes())
+    assert header == flight.opening
 
 
 def test_a_recorder_that_never_comes_costs_a_bounded_memory_and_no_time(service, flight):

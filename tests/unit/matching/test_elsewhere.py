@@ -7,14 +7,14 @@ from textured_wall import Wall, texture
 
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.elsewhere import match_elsewhere, sift_image
+from dfvs_core.matching.elsewhere import match_elsewhere, SiftImage
 
 STILL = FlowField(np.zeros((240, 320, 2), np.float32), np.ones((240, 320), np.float32))
 
 
 def elsewhere(view, goal, flow=STILL):
     config = MatchingConfig()
-    return match_elsewhere(*(sift_image(image, config) for image in (view, goal)), flow, config)
+    return match_elsewhere(*(SiftImage(image, config) for image in (view, goal)), flow, config)
 
 
 @pytest.mark.parametrize(("marks", "shift"), [((2, 3, 4, 5), 1), ((0, 1, 2, 3), -1)])

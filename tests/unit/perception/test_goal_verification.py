@@ -11,7 +11,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.elsewhere import match_elsewhere, sift_image
+from dfvs_core.matching.elsewhere import match_elsewhere, SiftImage
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.goal_verification import GoalVerifier, matched_texture_ratio
@@ -224,7 +224,7 @@ def verified(result, view, goal, sure=0.0):
     """Result of a view that stands where the goal is, half a second after one like it."""
     still = np.zeros((240, 320, 2), np.float32)
     flow = FlowField(still, np.full((240, 320), sure, np.float32))
-    verifier = GoalVerifier(sift_image(goal, MatchingConfig()), 0.7)
+    verifier = GoalVerifier(SiftImage(goal, MatchingConfig()), 0.7)
     verifier.verify(result, view, flow, 0)
     return verifier.verify(result, view, flow, 500_000_000)
 
@@ -257,7 +257,7 @@ def arrival(view, goal, least=0.7):
     same = np.abs(view.astype(np.float32) - goal).max(axis=2) < 10.0
     flow = FlowField(np.zeros((240, 320, 2), np.float32), same.astype(np.float32))
     assert 0.7 < matched_texture_ratio(view, flow) < 0.9
-    return GoalVerifier(sift_image(goal, MatchingConfig()), least), flow
+    return GoalVerifier(SiftImage(goal, MatchingConfig()), least), flow
 
 
 FALSE, TRUE = (2, 3, 4, 5), (1, 2, 3, 4)
