@@ -7,7 +7,7 @@ from textured_wall import Wall, texture
 
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.elsewhere import match_elsewhere, SiftImage
+from dfvs_core.matching.elsewhere import SiftImage, match_elsewhere
 
 STILL = FlowField(np.zeros((240, 320, 2), np.float32), np.ones((240, 320), np.float32))
 

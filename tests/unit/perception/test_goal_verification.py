@@ -11,7 +11,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.elsewhere import match_elsewhere, SiftImage
+from dfvs_core.matching.elsewhere import SiftImage, match_elsewhere
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.goal_verification import GoalVerifier, matched_texture_ratio

@@ -81,9 +81,26 @@ def test_the_stated_covariance_of_a_turn_is_that_of_its_errors():
         errors.append(turn.vector_rad - [0.004, -0.006, 0.003])
         variances.append(np.diag(turn.covariance))
     ratio = np.mean(np.square(errors), axis=0) / np.mean(variances, axis=0)
-    # Errors of neighbours are told to be alike, and here they are not: nine times too large.
-    assert (ratio > 0.5 / 9.0).all()
-    assert (ratio < 2.0 / 9.0).all()
+    # Errors of neighbours are told to be alike, and here they are not: seven times too large.
+    assert (ratio > 0.5 / 7.0).all()
+    assert (ratio < 2.0 / 7.0).all()
+
+
+@pytest.mark.parametrize("yaw_deg", [-25.0, 25.0])
+def test_the_stated_covariance_holds_for_a_depth_that_is_a_guess(yaw_deg):
+    """It is 3 m everywhere, while the wall leans."""
+    rng = np.random.default_rng(6)
+    R = rotation_from_euler(0.0, np.radians(yaw_deg), 0.0)  # in the camera's axes: about its y
+    guess = np.full((15, 20), DEPTH_M)
+    errors = []
+    for _ in range(60):
+        before = make_pose(R, np.array([0.1, 0.05, 0.4]))
+        vector = 0.005 * rng.normal(size=3)
+        step = make_pose(rotation_from_euler(*vector), 0.03 * rng.normal(size=3))
+        turn = turn_between(before, before @ step, guess, noise_px=0.1, rng=rng)
+        off = turn.vector_rad - vector
+        errors.append(off @ np.linalg.solve(turn.covariance, off) / 3.0)
+    assert np.mean(errors) < 2.0
 
 
 def test_points_that_go_their_own_way_do_not_turn_the_camera():
