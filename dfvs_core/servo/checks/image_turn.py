@@ -19,24 +19,18 @@ from dfvs_core.geometry.robust_weights import NoiseScale, tukey_weights
 from dfvs_core.servo.points import GridSamples
 
 _LEAST_POINTS = 50
-_ROUNDS = 4
+_ROUNDS = 3
 _NOISE = 5e-4
 """Expected error of a point's shift, normalised units."""
 
 _MOST_BEND = 0.5
 """Relative change of the slope from one side of a point to the other that is no edge of depth."""
 
-_POINTS_ALIKE = 6.0
+_POINTS_ALIKE = 9.0
 """Points of the grid that count as one: errors of neighbours are alike."""
 
-_BLOCK = 0.4
-"""Side of a block of the view, normalised units."""
-
-_LEAN = 0.5
-"""Expected relative change of the inverse depth over a unit of the view, beside the given one."""
-
-_PRIOR = (*[1e-3] * 6, *[_LEAN**-2] * 2)
-"""Information on the solution: next to none of the camera's motion."""
+_TURN_OF_MOTION = 0.2
+"""Expected error of the turn, in the points' motion by the translation: depth may be a guess."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -113,32 +107,21 @@ def _with_neighbours(confident: BoolArray) -> BoolArray:
 def image_turn(tracks: PointTracks) -> ImageTurn | None:
     """Turn of the camera that best explains how points have moved, None where they are few.
 
-    The translation is solved for beside it, and how the inverse depth leans over the view. What
-    depth is wrong by beside that shows in what is left: points of a block err alike.
+    The translation is solved for beside it. The more the points move by it, the more of a turn a
+    wrong depth makes of that.
     """
     if len(tracks.xy) < _LEAST_POINTS:
         return None
-    L = tracks.slope @ interaction_matrix(tracks.xy, tracks.z)
-    solution = np.zeros(8)
+    by_twist = interaction_matrix(tracks.xy, tracks.z)
+    L = tracks.slope @ by_twist
+    twist, A = np.zeros(6), np.eye(6)
     for _ in range(_ROUNDS):
-        moved = L[:, :, :3] @ solution[:3]
-        A = np.concatenate([L, moved[:, :, None] * tracks.xy[:, None, :]], axis=2)
-        rest = tracks.shift - A @ solution
-        length = np.linalg.norm(rest, axis=1)
-        weight = tukey_weights(length, np.ones(len(rest)), NoiseScale(_NOISE))
-        variance = float(weight @ length**2) / (2.0 * float(weight.sum()))
-        weight = weight / (_POINTS_ALIKE * max(variance, _NOISE**2))
-        information = np.einsum("n,nij,nik->jk", weight, A, A) + np.diag(_PRIOR)
-        solution = np.linalg.solve(information, np.einsum("n,nij,ni->j", weight, A, tracks.shift))
-    pull = _sums_of_blocks(np.einsum("n,nij,ni->nj", weight, A, rest), tracks.xy)
-    stated = np.linalg.inv(information)
-    covariance = np.asarray(stated + stated @ pull.T @ pull @ stated, np.float64)
-    return ImageTurn(solution[3:6], covariance[3:6, 3:6])
-
-
-def _sums_of_blocks(rows: FloatArray, xy: FloatArray) -> FloatArray:
-    """Sums (B, k) of the rows (N, k) of points (N, 2) that lie in the same block of the view."""
-    _, block = np.unique(np.floor(xy / _BLOCK), axis=0, return_inverse=True)
-    sums = np.zeros((int(block.max()) + 1, rows.shape[1]))
-    np.add.at(sums, block.ravel(), rows)
-    return sums
+        rest = np.linalg.norm(tracks.shift - L @ twist, axis=1)
+        weight = tukey_weights(rest, np.ones(len(rest)), NoiseScale(_NOISE))
+        A = np.einsum("n,nij,nik->jk", weight, L, L) + 1e-9 * np.eye(6)
+        twist = np.linalg.solve(A, np.einsum("n,nij,ni->j", weight, L, tracks.shift))
+    rest = np.linalg.norm(tracks.shift - L @ twist, axis=1)
+    variance = max(float(weight @ rest**2) / (2.0 * float(weight.sum())), _NOISE**2)
+    covariance = _POINTS_ALIKE * variance * np.linalg.inv(A)[3:, 3:]
+    moved = float(np.median(np.linalg.norm(by_twist[:, :, :3] @ twist[:3], axis=1)))
+    return ImageTurn(twist[3:], covariance + np.eye(3) * (_TURN_OF_MOTION * moved) ** 2)
