@@ -10,7 +10,7 @@ from dfvs_core.gate.commands.admission import COMMAND_RATE, GOAL_RATE, CommandAd
 from dfvs_core.gate.commands.command import MAX_COMMAND_BYTES
 from dfvs_core.gate.events import Action
 from dfvs_core.messages.goal_command import GoalCommand, goal_digest
-from dfvs_core.messages.link import MAX_DATAGRAM_BYTES, to_datagram
+from dfvs_core.messages.link import MAX_DATAGRAM_BYTES, ForwardedCommand, to_datagram
 
 S = 1_000_000_000
 
@@ -34,15 +34,56 @@ def test_a_command_is_admitted_untouched():
     assert CommandAdmission(0).admit_command(b"for the gate", 0).payload == "for the gate"
 
 
-@pytest.mark.parametrize("payload", [b" " * (MAX_COMMAND_BYTES + 1), b"\0" * MAX_COMMAND_BYTES])
-def test_a_command_that_does_not_fit_into_a_datagram_is_refused(payload):
-    with pytest.raises(WireError, match="a command of"):
+@pytest.mark.parametrize(
+    ("payload", "words"),
+    [
+        (b" " * (MAX_COMMAND_BYTES + 1), f"a command of {MAX_COMMAND_BYTES + 1} bytes"),
+        (b"\0" * MAX_COMMAND_BYTES, "a command of unprintable bytes"),
+    ],
+)
+def test_a_command_that_does_not_fit_into_a_datagram_is_refused(payload, words):
+    with pytest.raises(WireError) as refusal:
         CommandAdmission(0).admit_command(payload, 0)
+    assert str(refusal.value) == words
+
+
+def test_a_command_of_just_the_most_bytes_is_admitted():
+    payload = b" " * MAX_COMMAND_BYTES
+    assert CommandAdmission(0).admit_command(payload, 0).payload == payload.decode()
+
+
+def test_a_command_that_just_fits_into_a_datagram_is_admitted():
+    frame = len(to_datagram(ForwardedCommand("")))
+    escaped = len(to_datagram(ForwardedCommand("\0"))) - frame
+    zeros, rest = divmod(MAX_DATAGRAM_BYTES - frame, escaped)
+    payload = b"\0" * zeros + b"x" * rest
+    message = CommandAdmission(0).admit_command(payload, 0)
+    assert len(to_datagram(message)) == MAX_DATAGRAM_BYTES
+    with pytest.raises(WireError):
+        CommandAdmission(0).admit_command(payload + b"x", 0)
 
 
 def test_an_admitted_command_of_other_bytes_fits():
     message = CommandAdmission(0).admit_command(b"\xff" * 300, 0)
     assert len(to_datagram(message)) <= MAX_DATAGRAM_BYTES
+
+
+def test_one_too_many_is_told_so():
+    admission = CommandAdmission(0)
+    for _ in range(COMMAND_RATE.burst):
+        admission.admit_command(b"x", 0)
+    with pytest.raises(WireError) as refusal:
+        admission.admit_command(b"x", 0)
+    assert str(refusal.value) == "too many commands a second"
+
+
+def test_one_goal_too_many_is_told_so():
+    admission = CommandAdmission(0)
+    for _ in range(GOAL_RATE.burst):
+        admission.admit_goal(*goal(), 0)
+    with pytest.raises(WireError) as refusal:
+        admission.admit_goal(*goal(), 0)
+    assert str(refusal.value) == "too many goals a second"
 
 
 def test_a_flood_of_commands_is_cut_to_the_rate():
@@ -67,5 +108,6 @@ def test_a_goal_is_admitted_with_the_command_that_names_it():
 
 
 def test_a_goal_of_another_command_is_refused():
-    with pytest.raises(WireError, match="not the one"):
+    with pytest.raises(WireError) as refusal:
         CommandAdmission(0).admit_goal(goal(1)[0], goal(2)[1], 0)
+    assert str(refusal.value) == "the goal is not the one that its command names"

@@ -10,7 +10,12 @@ from signed_commands import signed
 
 from dfvs_core.errors import WireError
 from dfvs_core.gate.commands.authority import MAX_ANSWERS, ROTATION_NS, Authority, AuthorityAnswer
-from dfvs_core.gate.commands.command import MAX_COMMAND_BYTES, decode_command, request_id
+from dfvs_core.gate.commands.command import (
+    COMMAND_FORMAT,
+    MAX_COMMAND_BYTES,
+    decode_command,
+    request_id,
+)
 from dfvs_core.gate.config import S
 from dfvs_core.gate.events import Action
 
@@ -213,6 +218,43 @@ def test_garbage_is_rejected(data):
 def test_what_does_not_follow_the_format_is_an_error(data):
     with pytest.raises(WireError):
         decode_command(data)
+
+
+@pytest.mark.parametrize(
+    ("data", "words"),
+    [
+        (order("c") + b" " * MAX_COMMAND_BYTES, None),
+        (
+            altered(order("c"), format="dfvs-command-9"),
+            f"command has format 'dfvs-command-9'; expected {COMMAND_FORMAT!r}",
+        ),
+        (
+            altered(order("c"), nonce=""),
+            "command without a nonce; expected 32 hexadecimal digits",
+        ),
+        (
+            altered(order("c"), action="goal"),
+            "command for a goal names none; expected the SHA-256 of a goal as its argument",
+        ),
+        (
+            altered(order("c"), argument=DIGEST),
+            "command 'engage' has an argument; expected none",
+        ),
+    ],
+)
+def test_an_error_of_the_format_says_what_is_wrong_and_what_was_expected(data, words):
+    with pytest.raises(WireError) as refusal:
+        decode_command(data)
+    assert str(refusal.value) == (words or f"command of {len(data)} bytes; expected at most 1024")
+
+
+def test_a_command_of_just_the_most_bytes_is_read():
+    data = order("c")
+    assert decode_command(data + b" " * (MAX_COMMAND_BYTES - len(data))).command.challenge == "c"
+
+
+def test_the_id_of_a_command_has_32_digits():
+    assert len(request_id(b"any")) == 32
 
 
 def test_a_command_survives_the_wire():
