@@ -62,7 +62,7 @@ def encode_model(is_spoilt=False, offset=0.0):
     _name(b, points, "points")
     _name(b, b.op("Mul", column, b.constant(np.ones((1, 1, CHANNELS), np.float32))), "descriptors")
     _name(b, scores, "scores")
-    shapes = dict(zip(ENCODED, _shapes((1, COUNT), CHANNELS), strict=True))
+    shapes = dict(_named((1, COUNT), CHANNELS))
     return _model(b, {"image": (1, 1, HEIGHT, WIDTH)}, shapes)
 
 
@@ -85,12 +85,8 @@ def match_model(confidence="Relu", is_spoilt=False, sizes=ANY, width=2, channels
     return _model(b, inputs, {"partners": (*sizes, width), "confidence": sizes})
 
 
-def _shapes(sizes, channels):
-    return (*sizes, 2), (*sizes, channels), sizes
-
-
-def _named(sizes, channels=CHANNELS):
-    return zip(ENCODED, _shapes(sizes, channels), strict=True)
+def _named(sizes, channels):
+    return zip(ENCODED, ((*sizes, 2), (*sizes, channels), sizes), strict=True)
 
 
 def write_bundle(folder, encode=None, match=None, **changes):

@@ -38,7 +38,13 @@ class GoalView:
     depth: Callable[[], GoalDepth | None]
 
     def task(self, task: ServoTask) -> ServoTask:
-        """A task with both cameras at the working size, and the depth of this goal."""
+        """A task with both cameras at the working size, and the depth of this goal.
+
+        The keypoints that verification needs are found here too: a preview asks for its task on
+        a thread of its own, and no frame at the goal has to wait for them.
+        """
+        if task.config.min_matched_texture > 0.0:
+            _ = self.image.features
         height, width = self.features.size
         camera, goal_camera = (c.scaled(width, height) for c in (task.camera, task.goal.camera))
         goal = replace(task.goal, camera=goal_camera)
@@ -75,10 +81,8 @@ Preview = Callable[[], GoalPreview]
 
 
 def preview_goal(matcher: Matcher, task: ServoTask, goal: GoalView, frame: Keyframe) -> GoalPreview:
-    """Match a keyframe with a goal, without a prior; what flying to it needs is made on the way."""
+    """Match a keyframe with a goal, without a prior."""
     task = goal.task(task)
-    if task.config.min_matched_texture > 0.0:
-        _ = goal.image.features
     flow = matcher.match(frame.features, goal.features)
     frame.features.release()
     result, state = servo_step(task, frame.state, replace(frame.inputs, flow=flow))

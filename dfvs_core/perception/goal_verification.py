@@ -72,8 +72,6 @@ class GoalVerifier:
 
     def __init__(self, goal: SiftImage, least: float) -> None:
         self._goal, self._least = goal, least
-        if least > 0.0:
-            _ = goal.features  # before the first frame, which must not wait
         self._mismatch_since_ns: int | None = None
         self._is_compared = False
         """Whether another match was looked for since the vehicle came near."""

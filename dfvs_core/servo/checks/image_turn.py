@@ -30,7 +30,7 @@ _POINTS_ALIKE = 9.0
 """Points of the grid that count as one: errors of neighbours are alike."""
 
 _TURN_OF_MOTION = 0.2
-"""Expected error of the turn, in the points' motion by the translation: depth may be a guess."""
+"""Expected error of the turn, as a share of the points' shift by the translation."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -107,8 +107,8 @@ def _with_neighbours(confident: BoolArray) -> BoolArray:
 def image_turn(tracks: PointTracks) -> ImageTurn | None:
     """Turn of the camera that best explains how points have moved, None where they are few.
 
-    The translation is solved for beside it. The more the points move by it, the more of a turn a
-    wrong depth makes of that.
+    The translation is solved for beside it. A wrong depth takes part of that for a turn, which the
+    covariance counts.
     """
     if len(tracks.xy) < _LEAST_POINTS:
         return None

@@ -69,6 +69,7 @@ class RecordPublisher:
         self._waiting_bytes = 0
         self._closed = False
         self.dropped = 0
+        self._header, self._repeat_at_s = b"", math.inf
         # This thread may block, up to the lease of a recorder that hangs; the queue then drops.
         block = zenoh.CongestionControl.BLOCK
         self._headers = publish_kept(session, topics.telemetry("opening"), block)
@@ -116,22 +117,22 @@ class RecordPublisher:
             self._has_matched.set()
 
     def _publish(self) -> None:
-        header, repeat_at_s = b"", math.inf
         while (queued := self._next()) is not None:
-            packed = pack(queued.message, queued.payload)
-            is_header = isinstance(queued.message, SessionHeader)
-            if is_header:
-                header = packed
             try:
-                if is_header or time.monotonic() > repeat_at_s:
-                    repeat_at_s = time.monotonic() + _HEADER_PERIOD_S
-                    self._headers.put(header)
-                if is_header:
+                if isinstance(queued.message, SessionHeader):
+                    self._header = pack(queued.message, queued.payload)
+                    self._put_header()
                     self._await_recorder()
                 elif self._wanted:
-                    self._records.put(packed)
+                    if time.monotonic() > self._repeat_at_s:
+                        self._put_header()
+                    self._records.put(pack(queued.message, queued.payload))
             except zenoh.ZError as error:
                 log.warning("frame record not published: %s", error)
+
+    def _put_header(self) -> None:
+        self._repeat_at_s = time.monotonic() + _HEADER_PERIOD_S
+        self._headers.put(self._header)
 
     def _await_recorder(self) -> None:
         """Wait, once, for the recorder that is expected."""

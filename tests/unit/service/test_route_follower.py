@@ -178,6 +178,15 @@ def test_a_preview_is_the_same_whenever_it_is_worked_out():
     assert np.array_equal(at_once.observation.T_goal_current, later.observation.T_goal_current)
 
 
+def test_a_preview_finds_the_keypoints_that_verification_needs_on_arrival():
+    rig = Rig()
+    rig.stay(35.0, 1)
+    task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
+    assert "features" not in vars(view.image)
+    rig.eye.evaluate_next_goal(task, view)()
+    assert "features" in vars(view.image)
+
+
 @pytest.mark.parametrize(("seconds", "used"), [(-0.4, True), (0.1, False)])
 def test_an_observation_is_dropped_once_its_keyframe_is_not_kept(seconds, used):
     """No replay could recompute it."""
