@@ -5,6 +5,9 @@
 2. COASTING: one frame was not tracked. It comes without confidence, as noise passes.
 3. LOST: the next one was not either. It is relocalised.
 4. SEARCHING: relocalisation has failed; every frame is tracked and relocalised.
+
+While nothing flies, a goal that is seen in little of the image is relocalised now and then, for
+another search may find more of it.
 """
 
 from __future__ import annotations
@@ -28,6 +31,12 @@ TRACKED_NS = 5_000_000_000
 
 _SETTLED_RATIO = 0.45
 """Confident share of the image from which on no more of the goal is looked for."""
+
+_POOR_RATIO = 0.1
+"""The same below which a goal is looked for anew while nothing flies."""
+
+_SEARCH_PERIOD_NS = 5_000_000_000
+"""Time between two such relocalisations, which take as long as many frames."""
 
 _SAME_M, _SAME_RAD = 0.3, 0.2
 """Distance within which two false goals count as one."""
@@ -109,6 +118,8 @@ class GoalTracker:
         self._rejected = _RejectedGoals()
         self._has_excluded = False
         """Whether the last relocalisation excluded rejected goals, and nothing was found since."""
+        self._searched_ns = 0
+        """Capture time of the frame that was relocalised last."""
 
     @property
     def state(self) -> TrackingState:
@@ -135,6 +146,7 @@ class GoalTracker:
         t_capture_ns: int,
         T_world_camera: FloatArray,
         depth: DepthMap | None,
+        engaged: bool,
     ) -> FlowField:
         """Flow from a frame to the goal.
 
@@ -148,16 +160,33 @@ class GoalTracker:
             Where, by the vehicle's odometry, m.
         depth : DepthMap, optional
             Of the frame before, on the grid.
+        engaged : bool
+            Whether the vehicle follows: then no frame that is tracked is relocalised.
         """
         flow = self._track(image, t_capture_ns, T_world_camera, depth)
         if flow is not None:
-            return flow
+            is_due = t_capture_ns - self._searched_ns >= _SEARCH_PERIOD_NS
+            if engaged or not is_due or confident_ratio(flow) >= _POOR_RATIO:
+                return flow
+            found = self._relocalise(image, t_capture_ns, T_world_camera, depth)
+            return max(flow, found, key=confident_ratio)
         if self._state is TrackingState.TRACKING:
             self._state = TrackingState.COASTING
             if self._last is not None and t_capture_ns - self._last.t_capture_ns <= COAST_NS:
                 return empty_flow(image.size)
         was_coasting = self._state is TrackingState.COASTING
         self._state = TrackingState.LOST if was_coasting else TrackingState.SEARCHING
+        return self._relocalise(image, t_capture_ns, T_world_camera, depth)
+
+    def _relocalise(
+        self,
+        image: ImageFeatures,
+        t_capture_ns: int,
+        T_world_camera: FloatArray,
+        depth: DepthMap | None,
+    ) -> FlowField:
+        """Flow without a prior; every other one without goals that were rejected."""
+        self._searched_ns = t_capture_ns
         excluded: list[FlowField] = []
         if depth is not None and not self._has_excluded:
             excluded = [

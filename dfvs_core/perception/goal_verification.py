@@ -2,9 +2,10 @@
 
 A repeated structure can be matched with another one of its kind. All correspondences agree on a
 motion, and the error falls to nothing at a false goal. At the true goal the view is the goal
-image, and nearly all of its texture matches; far from it nothing is verified. Where some texture
-is left open on arrival, another match is looked for once: repeated structures have one, and at a
-false goal it explains what is left open.
+image, and nearly all of its texture matches; far from it nothing is verified. What is far is told
+without the metric scale, which a false match can lead astray. Where some texture is left open on
+arrival, another match is looked for once: repeated structures have one, and at a false goal it
+explains what is left open.
 """
 
 from __future__ import annotations
@@ -26,6 +27,9 @@ from dfvs_core.servo.exchange import ServoResult, Status
 NEAR_RAD = 0.05
 """Angle to the goal plus distance over depth, below which the view has to match."""
 
+_REACHED_RAD = 2 * NEAR_RAD
+"""The same above which nothing is reached, however short the metric scale makes the distance."""
+
 PATIENCE_NS = 1_000_000_000
 """Time for which a view may not match: somebody may walk through it."""
 
@@ -33,7 +37,7 @@ _NOISE_SIGMA_PX = 1.5
 """Blur that removes the noise of a camera in the dark, which is no texture."""
 _LEAST_TEXTURE = 0.02
 """Share of the view with texture below which nothing is verified."""
-_UNCHANGED = 0.9
+_UNCHANGED = 0.95
 """Matched texture ratio on arrival from which on no other match is looked for."""
 _EXPLAINED = 0.2
 """Share of the texture left open that another match has to explain to be the better one."""
@@ -89,7 +93,10 @@ class GoalVerifier:
             return servo
         if is_channel_order_swapped(image, self._goal.image, flow):
             return _refused(servo, Status.SWAPPED_CHANNELS)
-        is_near = servo.error_rad + servo.distance_over_depth < NEAR_RAD
+        away_rad = servo.error_rad + servo.distance_over_depth
+        if servo.reached and away_rad >= _REACHED_RAD:
+            servo = replace(servo, reached=False)
+        is_near = away_rad < NEAR_RAD or servo.reached
         self._is_compared &= is_near
         ratio = matched_texture_ratio(image, flow) if is_near else 1.0
         if ratio >= self._least:

@@ -176,7 +176,8 @@ class Pipeline:
         marks.append(self._tick())
 
         # 2. Match it with the goal.
-        flow = self._tracker.match(features, t_ns, T_world_camera, self._state.depth_map)
+        depth_map = self._state.depth_map
+        flow = self._tracker.match(features, t_ns, T_world_camera, depth_map, engaged)
         marks.append(self._tick())
 
         # 3. Match it with the last frame, where depth is taken from each of them.

@@ -245,6 +245,19 @@ def test_a_frame_that_the_servo_refused_keeps_its_status(window):
     assert verified(refused, window, window) is refused
 
 
+@pytest.mark.parametrize(
+    ("depth_m", "sure", "reached"),
+    [(0.11, 1.0, True), (0.11, 0.0, False), (0.09, 1.0, False)],
+    ids=["matches", "does not match", "far"],
+)
+def test_beside_a_goal_that_a_wrong_scale_takes_for_reached_the_view_decides(
+    window, depth_m, sure, reached
+):
+    """A centimetre, and yet 5 or 6 degrees of a scene that seems to be right before the camera."""
+    result = dataclasses.replace(servo(), depth_m=depth_m)
+    assert verified(result, window, window, sure).reached == reached
+
+
 def test_a_view_with_swapped_channels_is_not_flown(window):
     tinted = (window * np.array([1.0, 0.7, 0.4])).astype(np.uint8)
     result = verified(servo(), tinted[..., ::-1], tinted, sure=1.0)

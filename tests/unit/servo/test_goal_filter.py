@@ -171,9 +171,9 @@ def test_the_expected_size_of_the_error_follows_what_is_seen_of_it():
     assert large <= MODEL.error_range_m_s[1]
 
 
-def settled(seconds=2.0):
+def settled(seconds=2.0, model=MODEL):
     """A camera that has flown on straight by a right odometry, and its filter."""
-    camera = Camera(np.random.default_rng(3), np.array([0.2, 0.0, 2.5]))
+    camera = Camera(np.random.default_rng(3), np.array([0.2, 0.0, 2.5]), model=model)
     for _ in range(round(seconds / DT_S)):
         camera.look()
         camera.move(np.array([0.0, 0.0, 0.4]))
@@ -218,6 +218,23 @@ def test_a_right_measurement_ends_a_row_of_outliers():
         camera.look()
     assert np.linalg.norm(camera.estimate.position_m - right) < 0.1
     assert camera.estimate.outliers == 0
+
+
+@pytest.mark.parametrize(
+    ("surprise", "teaches"), [(15.0, True), (17.0, False), (29.0, False), (31.0, False)]
+)
+def test_a_leap_that_is_hardly_believed_tells_nothing_of_the_scale(surprise, teaches):
+    """A wrong match moves the goal where the vehicle does not, as a tiny scale would explain."""
+    model = replace(MODEL, relative_noise=0.0)
+    camera = settled(0.5, model)
+    before, seen = camera.estimate, camera.seen()
+    S = before.P[:3, :3] + np.eye(3) * seen.noise(model) ** 2
+    leap = np.array([0.0, 0.0, -math.sqrt(surprise / np.linalg.inv(S)[2, 2])])
+    after = update(before, replace(seen, position=before.x[:3] + leap), DT_S, model)
+    assert (after.metres_per_unit != before.metres_per_unit) == teaches
+    assert (after.scale_spread < before.scale_spread) == teaches
+    assert (after.x[2] < before.x[2]) == (surprise < model.gate)
+    assert np.linalg.eigvalsh(after.P)[0] > 0.0
 
 
 @pytest.mark.parametrize("factor", [0.5, 1.3])
