@@ -49,7 +49,7 @@ def test_it_flies_to_the_goal_and_says_so(flight):
 
 def test_it_leaves_a_report_a_film_and_a_summary_and_names_them(flight):
     done, folder, summary = flight
-    assert "report.html, flight.mp4 and summary.json in" in done.stderr
+    assert "report.html, flight.webm and summary.json in" in done.stderr
     assert json.loads((folder / "summary.json").read_text()) == summary
     page = (folder / "report.html").read_text()
     assert "The goal was reached." in page
@@ -57,7 +57,7 @@ def test_it_leaves_a_report_a_film_and_a_summary_and_names_them(flight):
     assert "Nothing was recorded." not in page
     assert "No flow is drawn" not in page
     assert "The flow is computed again, by another build" not in page
-    film = cv2.VideoCapture(str(folder / "flight.mp4"))
+    film = cv2.VideoCapture(str(folder / "flight.webm"))
     seconds = film.get(cv2.CAP_PROP_FRAME_COUNT) / film.get(cv2.CAP_PROP_FPS)
     assert seconds > summary["duration_s"]
 

@@ -63,7 +63,7 @@ def test_two_vehicles_fly_at_the_same_time_and_the_table_shows_both(tmp_path):
     assert min(a1, b1) - max(a0, b0) > 2_000_000_000
     left = {path.name for path in (folder / "flight" / "vehicle-1").iterdir()}
     assert "summary.json" in left
-    assert not left & {"record", "report.html", "flight.mp4"}  # as --no-report says
+    assert not left & {"record", "report.html", "flight.webm"}  # as --no-report says
 
 
 @pytest.mark.real_time

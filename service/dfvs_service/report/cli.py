@@ -72,7 +72,7 @@ def _parser() -> argparse.ArgumentParser:
         "--film",
         type=Path,
         metavar="FILE",
-        help="video, replaced if it exists (default: the page's name, but .mp4)",
+        help="video, replaced if it exists (default: the page's name, but .webm)",
     )
     add(
         "--truth",
@@ -89,9 +89,9 @@ def _write(arguments: argparse.Namespace) -> int:
     require_page_extra("dfvs-report")
     source = _source(arguments)
     page = arguments.out or Path(f"{source.name}.html")
-    video = arguments.film or page.with_suffix(".mp4")
-    if video.suffix != ".mp4" or page.absolute() == video.absolute():
-        raise ConfigError(f"the video is to be {video}", "a name that ends in .mp4")
+    video = arguments.film or page.with_suffix(".webm")
+    if video.suffix != ".webm" or page.absolute() == video.absolute():
+        raise ConfigError(f"the video is to be {video}", "a name that ends in .webm")
     for path in (page, video):
         if not path.absolute().parent.is_dir():
             raise ConfigError(f"cannot write {path}", "an existing folder")

@@ -103,7 +103,7 @@ def _page(flight: Flight, thumbnails: Thumbnails, video: Path | None, note: str)
 def _embedded(path: Path, from_s: float) -> Video:
     source = path.name
     if path.stat().st_size <= MAX_EMBEDDED_BYTES:
-        source = "data:video/mp4;base64," + base64.b64encode(path.read_bytes()).decode()
+        source = "data:video/webm;base64," + base64.b64encode(path.read_bytes()).decode()
     return Video(source, path.name, from_s)
 
 

@@ -1,12 +1,14 @@
 """Video of a flight: view with its flow, goal, gate state and numbers.
 
-VP9 in MP4: of the codecs that browsers play it is the one that OpenCV's wheels can write.
+VP8 in WebM: of the codecs that browsers play and OpenCV's wheels can write it is the fastest one.
 """
 
 from __future__ import annotations
 
 import math
 import os
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 import cv2
@@ -29,7 +31,7 @@ from dfvs_service.perception.telemetry.preview import draw_flow
 from dfvs_service.report.flight import Flight, FlightView
 from dfvs_service.report.series import FlightSeries, value_at
 
-_CODEC = "vp09"
+_CODEC = "VP80"
 _VIEW_WIDTH, _SIDE_WIDTH = 480, 240
 _ARROW_STRIDE_PX = 48
 _OLD_S = 0.3
@@ -54,7 +56,7 @@ class VideoWriter:
     Parameters
     ----------
     path : Path
-        Ends in ``.mp4``; is there once the video is whole.
+        Ends in ``.webm``; is there once the video is whole.
     flight : Flight
     rate_hz : int
         Frames a second.
@@ -62,7 +64,7 @@ class VideoWriter:
 
     def __init__(self, path: Path, flight: Flight, rate_hz: int) -> None:
         self._path = path
-        self._partial = path.with_name(f".{path.stem}.part.mp4")
+        self._partial = path.with_name(f".{path.stem}.part.webm")
         self._flight = flight
         self._line = flight.line
         self._rate_hz = rate_hz
@@ -115,17 +117,18 @@ class VideoWriter:
     def _begin(self, view: FlightView) -> None:
         height, width = view.image.shape[:2]
         self._height = 2 * round(height * _VIEW_WIDTH / width / 2)
-        writer = cv2.VideoWriter(
-            str(self._partial),
-            cv2.CAP_FFMPEG,
-            cv2.VideoWriter.fourcc(*_CODEC),
-            self._rate_hz,
-            (_VIEW_WIDTH + _SIDE_WIDTH, self._height),
-        )
+        with _quiet():
+            writer = cv2.VideoWriter(
+                str(self._partial),
+                cv2.CAP_FFMPEG,
+                cv2.VideoWriter.fourcc(*_CODEC),
+                self._rate_hz,
+                (_VIEW_WIDTH + _SIDE_WIDTH, self._height),
+            )
         if not writer.isOpened():
             raise VideoError(
                 f"no video can be written to {self._path}",
-                "a writable folder, and an OpenCV that writes VP9 as its wheels do",
+                "a writable folder, and an OpenCV that writes VP8 as its wheels do",
             )
         self._writer = writer
 
@@ -183,6 +186,19 @@ class VideoWriter:
             y += LINE_PX
         if self._view is not None and self._view.flow is not None:
             draw_flow_key(frame, (x, y))
+
+
+@contextmanager
+def _quiet() -> Iterator[None]:
+    """Without what OpenCV prints to the standard error: that WebM has no tag for a codec."""
+    kept, nowhere = os.dup(2), os.open(os.devnull, os.O_WRONLY)
+    os.dup2(nowhere, 2)
+    try:
+        yield
+    finally:
+        os.dup2(kept, 2)
+        os.close(kept)
+        os.close(nowhere)
 
 
 def _numbers(series: FlightSeries, now_s: float) -> list[tuple[str, str]]:

@@ -110,8 +110,8 @@ def check_report(exported, folder):
     assert report([str(exported), "--out", str(page)]) == 0
     text = page.read_text()
     assert "Nothing was recorded" not in text
-    assert "data:video/mp4" in text
-    assert cv2.VideoCapture(str(folder / "flight.mp4")).read()[0]
+    assert "data:video/webm" in text
+    assert cv2.VideoCapture(str(folder / "flight.webm")).read()[0]
     return text
 
 

@@ -11,7 +11,11 @@ TRACK = SimpleNamespace(points=[])
 
 def test_what_an_earlier_flight_left_goes_before_the_next_one(tmp_path):
     (tmp_path / "record").mkdir()
-    old = [tmp_path / "record" / "demo-000.mcap", tmp_path / "report.html", tmp_path / "flight.mp4"]
+    old = [
+        tmp_path / "record" / "demo-000.mcap",
+        tmp_path / "report.html",
+        tmp_path / "flight.webm",
+    ]
     for path in old:
         path.write_bytes(b"old")
     report = FlightReport(tmp_path, ())

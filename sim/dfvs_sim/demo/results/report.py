@@ -10,7 +10,7 @@ from dfvs_core.errors import DfvsError
 from dfvs_sim.demo.flight.engagement import option_values
 from dfvs_sim.demo.flight.track import Track
 
-PAGE, FILM = "report.html", "flight.mp4"
+PAGE, FILM = "report.html", "flight.webm"
 _OPTION = "--record"
 _TIMEOUT_S = 600.0
 
