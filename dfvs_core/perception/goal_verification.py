@@ -2,10 +2,10 @@
 
 A repeated structure can be matched with another one of its kind. All correspondences agree on a
 motion, and the error falls to nothing at a false goal. At the true goal the view is the goal
-image, and nearly all of its texture matches; far from it nothing is verified. What is far is told
-without the metric scale, which a false match can lead astray. Where some texture is left open on
-arrival, another match is looked for once: repeated structures have one, and at a false goal it
-explains what is left open.
+image, and nearly all of its texture matches in its place; far from it nothing is verified. What is
+far is told without the metric scale, which a false match can lead astray. Where some texture is
+left open on arrival, another match is looked for once: repeated structures have one, and at a false
+goal it explains what is left open.
 """
 
 from __future__ import annotations
@@ -39,12 +39,17 @@ _LEAST_TEXTURE = 0.02
 """Share of the view with texture below which nothing is verified."""
 _UNCHANGED = 0.95
 """Matched texture ratio on arrival from which on no other match is looked for."""
+_IN_PLACE = 3.0
+"""Length of a vector, in median lengths, above which it leads to another place in the goal image.
+
+Near the goal all are short; of what is near, or where the camera is tilted, some are longer.
+"""
 _EXPLAINED = 0.2
 """Share of the texture left open that another match has to explain to be the better one."""
 
 
 def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
-    """Share of the texture of a view that is confidently matched; 1 where there is none.
+    """Share of the texture of a view that is confidently matched in its place; 1 where is none.
 
     Parameters
     ----------
@@ -54,7 +59,12 @@ def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
     textured = _textured(image)
     if textured.mean() < _LEAST_TEXTURE:
         return 1.0
-    return float(np.mean(flow.confidence[textured] > CONFIDENT))
+    confident = textured & (flow.confidence > CONFIDENT)
+    if not confident.any():
+        return 0.0
+    lengths = np.linalg.norm(flow.flow[confident], axis=1)
+    longest = MatchingConfig().same_px + _IN_PLACE * np.median(lengths)
+    return float(np.count_nonzero(lengths < longest) / np.count_nonzero(textured))
 
 
 def _textured(image: ImageArray) -> BoolArray:

@@ -193,6 +193,17 @@ def test_only_texture_has_to_match():
     assert matched_texture_ratio(plain, FlowField(flow, np.zeros_like(sure))) == 1.0
 
 
+@pytest.mark.parametrize(("aside_px", "ratio"), [(1.0, 1.0), (8.0, 1.0), (10.0, 0.6)])
+def test_texture_that_matches_in_another_place_does_not_count(aside_px, ratio):
+    """Two fifths of the view are aside by more than three times the others' 2 px, and 3 px."""
+    view = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
+    flow = np.zeros((240, 320, 2), np.float32)
+    flow[..., 1] = 2.0
+    flow[:96, :, 1] = aside_px
+    found = matched_texture_ratio(view, FlowField(flow, np.ones((240, 320), np.float32)))
+    assert found == pytest.approx(ratio, abs=0.01)
+
+
 def servo(status=Status.OK):
     return ServoResult(
         status=status,
