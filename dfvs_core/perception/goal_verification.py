@@ -46,6 +46,8 @@ Near the goal all are short; of what is near, or where the camera is tilted, som
 """
 _EXPLAINED = 0.2
 """Share of the texture left open that another match has to explain to be the better one."""
+_EXPLAINED_OF_ALL = 0.03
+"""The same of all texture: of little that is left open, chance explains much."""
 
 
 def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
@@ -132,9 +134,11 @@ class GoalVerifier:
         other = match_elsewhere(SiftImage(image, config), self._goal, flow, config)
         if other is None:
             return False
-        is_open = _textured(image) & lands_inside(other.flow) & (flow.confidence <= CONFIDENT)
-        explained = other.confidence[is_open] > CONFIDENT
-        return bool(explained.any() and explained.mean() > _EXPLAINED)
+        textured = _textured(image)
+        is_open = textured & lands_inside(other.flow) & (flow.confidence <= CONFIDENT)
+        explained = np.count_nonzero(is_open & (other.confidence > CONFIDENT))
+        least = _EXPLAINED * is_open.sum(), _EXPLAINED_OF_ALL * textured.sum()
+        return bool(explained > max(least))
 
 
 def _refused(servo: ServoResult, status: Status) -> ServoResult:
