@@ -2,10 +2,10 @@
 
 A repeated structure can be matched with another one of its kind. All correspondences agree on a
 motion, and the error falls to nothing at a false goal. At the true goal the view is the goal
-image, and nearly all of its texture matches in its place; far from it nothing is verified. What is
-far is told without the metric scale, which a false match can lead astray. Where some texture is
-left open on arrival, another match is looked for once: repeated structures have one, and at a false
-goal it explains what is left open.
+image, and nearly all of its texture matches in its place; far from it nothing is verified. The
+distance is taken over the depth: a false match can make the metric scale wrong. Where some texture
+is left open on arrival, another match is looked for once: repeated structures have one, and at a
+false goal it explains what is left open.
 """
 
 from __future__ import annotations
@@ -42,16 +42,16 @@ _UNCHANGED = 0.95
 _IN_PLACE = 3.0
 """Length of a vector, in median lengths, above which it leads to another place in the goal image.
 
-Near the goal all are short; of what is near, or where the camera is tilted, some are longer.
+Near the goal all are short. Those of close surfaces and of a tilted camera are longer.
 """
 _EXPLAINED = 0.2
 """Share of the texture left open that another match has to explain to be the better one."""
 _EXPLAINED_OF_ALL = 0.03
-"""The same of all texture: of little that is left open, chance explains much."""
+"""The same of all texture: a small area may be explained by chance."""
 
 
 def matched_texture_ratio(image: ImageArray, flow: FlowField) -> float:
-    """Share of the texture of a view that is confidently matched in its place; 1 where is none.
+    """Share of the texture of a view that is confidently matched in place; 1 without texture.
 
     Parameters
     ----------

@@ -64,7 +64,7 @@ class FilterModel:
     gate : float
         Normalised innovation squared above which a measurement is an outlier.
     scale_gate : float
-        The same above which it tells nothing of the scale: of right matches one in a thousand is.
+        The same above which a measurement does not update the scale: one right one in a thousand.
     outliers : int
         So many outliers in a row are a new position.
     """
@@ -233,8 +233,8 @@ def update(
     weight = max(1.0, model.correlation_s / max(dt_s, 1e-3))
     innovation = seen.position - estimate.x[_P]
     S = estimate.P[_P, _P] + np.eye(3) * spread**2
-    surprise = float(innovation @ np.linalg.solve(S, innovation))
-    if surprise > model.gate:
+    nis = float(innovation @ np.linalg.solve(S, innovation))
+    if nis > model.gate:
         if estimate.outliers + 1 >= model.outliers:
             return begin(seen, model, estimate)
         return replace(estimate, outliers=estimate.outliers + 1)
@@ -243,7 +243,7 @@ def update(
     x = estimate.x + K @ innovation
     P = estimate.P - K @ S @ K.T
     P = 0.5 * (P + P.T)
-    if surprise > model.scale_gate:
+    if nis > model.scale_gate:
         x[_S], P[_S, _S] = estimate.x[_S], estimate.P[_S, _S]
     adapted = replace(estimate, x=x, P=P, outliers=0)
     return replace(adapted, error_m_s=_adapted(adapted, dt_s, model))

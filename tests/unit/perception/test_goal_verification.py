@@ -296,6 +296,22 @@ def test_the_shelf_beside_is_a_false_goal_at_once():
         assert not result.velocity.any()
 
 
+@pytest.mark.parametrize(("rows", "status"), [(5, Status.OK), (9, Status.FALSE_GOAL)])
+def test_another_match_that_explains_next_to_nothing_of_the_view_is_none(rows, status, monkeypatch):
+    """Of 240 rows 14 are open, and the other match explains 2 or 4 % of all texture."""
+    view = np.random.default_rng(0).integers(0, 255, (240, 320, 3), np.uint8)
+    still, sure = np.zeros((240, 320, 2), np.float32), np.ones((240, 320), np.float32)
+    sure[:14] = 0.0
+    explains = np.zeros_like(sure)
+    explains[:rows] = 1.0
+    monkeypatch.setattr(
+        "dfvs_core.perception.goal_verification.match_elsewhere",
+        lambda *_: FlowField(still, explains),
+    )
+    verifier = GoalVerifier(SiftImage(view, MatchingConfig()), 0.7)
+    assert verifier.verify(servo(), view, FlowField(still, sure), 0).status is status
+
+
 def test_a_shelf_beside_is_left_alone_where_nothing_is_verified_or_nothing_reached():
     view, goal = shelves(*FALSE), shelves(*TRUE)
     verifier, flow = arrival(view, goal, least=0.0)

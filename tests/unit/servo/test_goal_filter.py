@@ -221,19 +221,19 @@ def test_a_right_measurement_ends_a_row_of_outliers():
 
 
 @pytest.mark.parametrize(
-    ("surprise", "teaches"), [(15.0, True), (17.0, False), (29.0, False), (31.0, False)]
+    ("nis", "teaches"), [(15.0, True), (17.0, False), (29.0, False), (31.0, False)]
 )
-def test_a_leap_that_is_hardly_believed_tells_nothing_of_the_scale(surprise, teaches):
+def test_a_leap_that_is_hardly_believed_tells_nothing_of_the_scale(nis, teaches):
     """A wrong match moves the goal where the vehicle does not, as a tiny scale would explain."""
     model = replace(MODEL, relative_noise=0.0)
     camera = settled(0.5, model)
     before, seen = camera.estimate, camera.seen()
     S = before.P[:3, :3] + np.eye(3) * seen.noise(model) ** 2
-    leap = np.array([0.0, 0.0, -math.sqrt(surprise / np.linalg.inv(S)[2, 2])])
+    leap = np.array([0.0, 0.0, -math.sqrt(nis / np.linalg.inv(S)[2, 2])])
     after = update(before, replace(seen, position=before.x[:3] + leap), DT_S, model)
     assert (after.metres_per_unit != before.metres_per_unit) == teaches
     assert (after.scale_spread < before.scale_spread) == teaches
-    assert (after.x[2] < before.x[2]) == (surprise < model.gate)
+    assert (after.x[2] < before.x[2]) == (nis < model.gate)
     assert np.linalg.eigvalsh(after.P)[0] > 0.0
 
 
