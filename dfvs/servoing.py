@@ -149,7 +149,7 @@ class Servo:
         self._seq += 1
         frame = Frame(image, t_capture_ns, self._seq)
         result = self._pipeline.process_frame(frame, motion, engaged).result
-        self._pipeline.update_depth()
+        self._pipeline.work_between_frames()
         self._last = _LastStep(motion, result.velocity, odometry is not None)
         return result
 

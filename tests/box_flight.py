@@ -139,7 +139,7 @@ class BoxFlight:
         self._matcher.T_world_camera = self._matcher.T_world_camera @ self._T_body_camera
         frame = Frame(self._image, self._now_ns, len(self.looks))
         outcome = self._pipeline.process_frame(frame, self._history.at(self._now_ns), engaged=True)
-        self._pipeline.update_depth()
+        self._pipeline.work_between_frames()
         t_s = (self._now_ns - _START_NS) * 1e-9
         self.looks.append(Look(t_s, float(np.linalg.norm(self.position_m)), outcome))
 

@@ -138,7 +138,7 @@ def _fly(name, odometry, looks_yaw_rad, since_s, until_s):
         T_body = make_pose(rotation_from_euler(*map(float, attitude[k])), position[k] - centre)
         matcher.T_world_camera = T = T_body @ truly.T_body_camera()
         outcome = pipeline.process_frame(Frame(blank, now_ns, int(k)), motion, engaged=False)
-        pipeline.update_depth()
+        pipeline.work_between_frames()
         visible = outcome.flow.confidence > 0.5
         depth_m = float(np.median(room.depth(T)[visible])) if visible.any() else 0.0
         distance_m = float(np.linalg.norm(T[:3, 3] - T_goal[:3, 3]))

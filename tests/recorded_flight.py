@@ -110,7 +110,7 @@ def fly(
         outcome = glance.frame_result
         servo = servo_document(glance.frame, outcome, clock(), glance.stages_ns) if outcome else {}
         events.append((book.with_sample(sample, heard, glance, servo), payload))
-        eye.update_depth()
+        eye.work_between_frames()
         if i == preview_of:
             preview = eye.evaluate_next_goal(servo_task(config, following), eye.prepare(following))
     return RecordedFlight(events)

@@ -3,7 +3,8 @@
 1. SIFT descriptors are matched, all pairs that follow the given flow left out.
 2. A homography is fitted: what repeats does so along a plane, where a fundamental matrix would hold
    for each repetition. What was moved alone does not carry one over much of the view.
-3. The flow of the homography is tracked.
+3. The dense search makes the homography's flow precise. It has to confirm as much of it as
+   tracking would ask for.
 """
 
 from __future__ import annotations
@@ -21,9 +22,12 @@ from dfvs_core.matching.classical import (
     squared_distance,
 )
 from dfvs_core.matching.config import PATCH_PX, MatchingConfig
-from dfvs_core.matching.correspondence import FlowField, exclude
-from dfvs_core.matching.track import track
+from dfvs_core.matching.correspondence import FlowField, confident_ratio, exclude
+from dfvs_core.matching.dense_search import search_residual
 from dfvs_core.matching.warping import lands_inside, pixel_grid
+
+_FAR_PX = 1e4
+"""Longest vector of a homography that is kept; it leads out of any image."""
 
 
 class SiftImage:
@@ -32,10 +36,20 @@ class SiftImage:
     def __init__(self, image: ImageArray, config: MatchingConfig) -> None:
         self.image, self._config = image, config
 
+    @property
+    def grey(self) -> ImageArray:
+        """The image in grey (H, W)."""
+        return np.asarray(cv2.cvtColor(self.image, cv2.COLOR_RGB2GRAY), np.uint8)
+
     @cached_property
     def features(self) -> SiftFeatures:
         """Keypoints and their descriptors."""
         return SiftPoints(self._config).encode(self.image)
+
+    def prepare(self) -> bool:
+        """Find the keypoints; whether that was still to be done."""
+        was_done = "features" in self.__dict__
+        return not was_done and self.features is not None
 
 
 def match_elsewhere(
@@ -56,10 +70,9 @@ def match_elsewhere(
     )
     if H is None or np.count_nonzero(inliers) < config.least_matches:
         return None
-    images = current.image, other.image
     grid = pixel_grid(current.image.shape[:2])
-    plane = np.nan_to_num(cv2.perspectiveTransform(grid, H) - grid)
-    predicted = FlowField(plane, lands_inside(plane).astype(np.float32))
-    greys = [np.asarray(cv2.cvtColor(i, cv2.COLOR_RGB2GRAY), np.uint8) for i in images]
-    found = track(greys[0], greys[1], predicted, config)
-    return None if found is None else exclude(found, [flow], config)
+    plane = np.nan_to_num(cv2.perspectiveTransform(grid, H) - grid).clip(-_FAR_PX, _FAR_PX)
+    found = search_residual(current.grey, other.grey, plane, config)
+    if confident_ratio(found) < config.kept_ratio * lands_inside(plane).mean():
+        return None
+    return exclude(found, [flow], config)

@@ -4,8 +4,8 @@ A repeated structure can be matched with another one of its kind. All correspond
 motion, and the error falls to nothing at a false goal. At the true goal the view is the goal
 image, and nearly all of its texture matches in its place; far from it nothing is verified. The
 distance is taken over the depth: a false match can make the metric scale wrong. Where some texture
-is left open on arrival, another match is looked for once: repeated structures have one, and at a
-false goal it explains what is left open.
+is left open on arrival, another match is looked for once, between frames: repeated structures have
+one, and at a false goal it explains what is left open.
 """
 
 from __future__ import annotations
@@ -89,8 +89,10 @@ class GoalVerifier:
     def __init__(self, goal: SiftImage, least: float) -> None:
         self._goal, self._least = goal, least
         self._mismatch_since_ns: int | None = None
-        self._is_compared = False
-        """Whether another match was looked for since the vehicle came near."""
+        self._view: tuple[SiftImage, FlowField] | None = None
+        """View on arrival for which another match is to be looked for, and its flow."""
+        self._is_elsewhere: bool | None = None
+        """Whether another match explains more; None: not looked for since the vehicle came near."""
 
     def verify(
         self, servo: ServoResult, image: ImageArray, flow: FlowField, t_capture_ns: int
@@ -98,7 +100,8 @@ class GoalVerifier:
         """Result of a frame: the servo's, refused where the view is not the goal's.
 
         A view that counts as the goal and does not match its image has not reached it; after
-        ``PATIENCE_NS`` it is a false goal. So it is at once where another match explains more.
+        ``PATIENCE_NS`` it is a false goal. So it is as soon as :meth:`compare` has found another
+        match that explains more; nothing is reached before it was called.
         ``image`` (H, W, 3) uint8 is the view, at the size of the flow to the goal image.
         """
         if servo.status is not Status.OK:
@@ -108,33 +111,48 @@ class GoalVerifier:
         away_rad = servo.error_rad + servo.distance_over_depth
         if servo.reached and away_rad >= _REACHED_RAD:
             servo = replace(servo, reached=False)
-        is_near = away_rad < NEAR_RAD or servo.reached
-        self._is_compared &= is_near
-        ratio = matched_texture_ratio(image, flow) if is_near else 1.0
+        if away_rad >= NEAR_RAD and not servo.reached:
+            self._forget()
+            return servo
+        if self._is_elsewhere:
+            self._forget()
+            return _refused(servo, Status.FALSE_GOAL)
+        ratio = matched_texture_ratio(image, flow)
         if ratio >= self._least:
             self._mismatch_since_ns = None
-            is_settled = ratio >= _UNCHANGED or self._is_compared or self._least == 0.0
+            is_settled = ratio >= _UNCHANGED or self._is_elsewhere is False or self._least == 0.0
             if is_settled or not servo.reached:
                 return servo
-            self._is_compared = not self._is_better_elsewhere(image, flow)
-            return servo if self._is_compared else _refused(servo, Status.FALSE_GOAL)
+            self._view = self._view or (SiftImage(image, MatchingConfig()), flow)
+            return replace(servo, reached=False)
         if self._mismatch_since_ns is None:
             self._mismatch_since_ns = t_capture_ns
         if t_capture_ns - self._mismatch_since_ns < PATIENCE_NS:
             return replace(servo, reached=False)
-        self._mismatch_since_ns = None
+        self._forget()
         return _refused(servo, Status.FALSE_GOAL)
 
-    def _is_better_elsewhere(self, image: ImageArray, flow: FlowField) -> bool:
+    def compare(self) -> bool:
+        """A step of looking for another match; whether there was one to do."""
+        if self._view is None:
+            return False
+        view, flow = self._view
+        if not (self._goal.prepare() or view.prepare()):
+            self._is_elsewhere, self._view = self._is_better_elsewhere(view, flow), None
+        return True
+
+    def _forget(self) -> None:
+        self._mismatch_since_ns = self._view = self._is_elsewhere = None
+
+    def _is_better_elsewhere(self, view: SiftImage, flow: FlowField) -> bool:
         """Whether another match explains what this one leaves open of what both have in view.
 
         What is new in a view, or was moved, has no other match with all around it.
         """
-        config = MatchingConfig()
-        other = match_elsewhere(SiftImage(image, config), self._goal, flow, config)
+        other = match_elsewhere(view, self._goal, flow, MatchingConfig())
         if other is None:
             return False
-        textured = _textured(image)
+        textured = _textured(view.image)
         is_open = textured & lands_inside(other.flow) & (flow.confidence <= CONFIDENT)
         explained = np.count_nonzero(is_open & (other.confidence > CONFIDENT))
         least = _EXPLAINED * is_open.sum(), _EXPLAINED_OF_ALL * textured.sum()

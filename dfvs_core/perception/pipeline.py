@@ -52,7 +52,7 @@ from dfvs_core.servo.task import ServoTask
 DEPTH_PERIOD_NS = 200_000_000
 """Depth changes slowly: it is measured five times a second at most."""
 DEPTH_PATIENCE_NS = 600_000_000
-"""So long depth waits for frames to be on time again."""
+"""So long what is done between frames waits for them to be on time again."""
 
 _NO_FLOW = empty_flow((0, 0))
 """Instead of the flow of a keyframe: a field for each would take tens of megabytes."""
@@ -208,24 +208,19 @@ class Pipeline:
         stages = {name: marks[i + 1] - marks[i] for i, name in enumerate(STAGES)}
         return FrameResult(frame, result, flow, stages, inputs.now_ns, self._tracker.state)
 
-    def update_depth(self) -> int:
-        """Learn from the last frame what serves those to come; time taken, ns.
+    def work_between_frames(self) -> int:
+        """Do what may wait until the last frame's report is on its way; time taken, ns.
 
-        To be called once a frame's report is on its way. A few times a second, where the camera
-        has moved far enough, the frame is compared with a keyframe; and the one after it, where
-        few vectors are confident, once more with the goal. It is skipped while frames are late.
+        First what goal verification has to compare. Else depth is learnt: a few times a second,
+        where the camera has moved far enough, the frame is compared with a keyframe; and the one
+        after it, where few vectors are confident, once more with the goal. All of it is put off
+        while frames are late.
         """
         start_ns, last = self._tick(), self._last
-        is_learnt = self._task.config.depth in ("motion", "fused")
-        if last is None or not is_learnt or self._is_pressed(last):
+        if last is None or self._is_pressed(last):
             return 0
-        if self._is_depth_new:
-            depth = self._state.depth_map
-            tried = self._tracker.rematch(last.features, last.t_capture_ns, depth)
-        else:
-            tried = self._learn_depth(last)
-        self._is_depth_new = tried and not self._is_depth_new
-        return self._tick() - start_ns if tried else 0
+        has_worked = self._verifier.compare() or self._learn(last)
+        return self._tick() - start_ns if has_worked else 0
 
     def _odometry(
         self, motion: Motion, T_world_camera: FloatArray
@@ -248,6 +243,18 @@ class Pipeline:
         if t_ns - self._depth_ns >= DEPTH_PATIENCE_NS or self._period_ns == 0:
             return False
         return last.inputs.now_ns - t_ns >= self._period_ns
+
+    def _learn(self, last: Keyframe) -> bool:
+        """Learn depth, or see more of the goal, in turns; False if there was nothing to do."""
+        if self._task.config.depth not in ("motion", "fused"):
+            return False
+        if self._is_depth_new:
+            depth = self._state.depth_map
+            tried = self._tracker.rematch(last.features, last.t_capture_ns, depth)
+        else:
+            tried = self._learn_depth(last)
+        self._is_depth_new = tried and not self._is_depth_new
+        return tried
 
     def _learn_depth(self, last: Keyframe) -> bool:
         """Compare the last frame with a keyframe; False if too soon, or none is far enough."""

@@ -126,7 +126,7 @@ def flown(rooms, poses, goals):
         outcome.reports.append(route.amend(glance.report))
         if glance.frame_result is not None:
             route.follow(eye, glance.frame_result, flight.now_ns)
-        eye.update_depth()
+        eye.work_between_frames()
         if route.go_on(eye, flight.now_ns):
             outcome.passed.append(pose_error(flight.camera_pose(), poses[route.index]))
         if outcome.reports[-1].reached:

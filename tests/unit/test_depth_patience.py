@@ -54,7 +54,7 @@ def learnt_at_ms(late_ns, seconds=3.0, engaged_from=10**9):
         motion = Motion(t_ns, 0.0, 0.0, 0.0, np.zeros(3), aside, 0.0)
         pipeline.process_frame(Frame(picture, t_ns, k), motion, engaged=k >= engaged_from)
         before = matcher.tracked
-        pipeline.update_depth()
+        pipeline.work_between_frames()
         if matcher.tracked > before:
             times_ms.append(t_ns // MS)
     return times_ms

@@ -207,7 +207,7 @@ class LockstepFlight:
             if not outcome.is_coasting:
                 self._reports.append((arrival_ns, Report(arrival_ns, outcome.report)))
             result = outcome.result
-            self.pipeline.update_depth()
+            self.pipeline.work_between_frames()
         error_m, error_rad = pose_error(T, self._setup.T_scene_goal)
         since_ns = self._now_ns - (self.log.engaged_ns or self._now_ns)
         self.log.samples.append(

@@ -141,7 +141,7 @@ class PipelineMethod:
         depth = observation.depth if self._task.config.depth == "given" else None
         frame = Frame(observation.image, self._now_ns, observation.index)
         result = self._pipeline.process_frame(frame, self._motion(observation), True, depth).result
-        self._pipeline.update_depth()
+        self._pipeline.work_between_frames()
         flown = result.status is Status.OK
         self._is_false_goal = result.status is Status.FALSE_GOAL
         self._refused = 0 if flown else self._refused + 1

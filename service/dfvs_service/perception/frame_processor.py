@@ -123,9 +123,9 @@ class FrameProcessor:
         """Go on to another goal with what is known of the vehicle, the camera and depth."""
         self._pipeline.set_goal(task, goal, observation)
 
-    def update_depth(self) -> int:
-        """Learn from the last frame what may wait until its report was sent; time taken, ns."""
-        return self._pipeline.update_depth()
+    def work_between_frames(self) -> int:
+        """Do what may wait until the last frame's report was sent; time taken, ns."""
+        return self._pipeline.work_between_frames()
 
     def _refuse(self, t_look_ns: int, seq: int, t_capture_ns: int, reason: str) -> ProcessedFrame:
         self.refused += 1

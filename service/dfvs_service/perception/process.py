@@ -222,7 +222,7 @@ class PerceptionProcess:
             publisher.offer(
                 self._recorder.with_sample(sample, statuses, processed, servo), sample.payload
             )
-            self._latency.add({"depth": self._frame_processor.update_depth()})
+            self._latency.add({"depth": self._frame_processor.work_between_frames()})
             self._go_on(processed, telemetry, publisher)
         if self._collection_pace.due(now_ns):
             gc.collect()

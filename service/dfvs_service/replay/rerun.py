@@ -169,7 +169,7 @@ class Rerunner:
         self._timed.spent_ns, start_ns = 0, time.monotonic_ns()
         processed = self._frame_processor.process(sample)
         look_ns, match_ns = time.monotonic_ns() - start_ns, self._timed.spent_ns
-        depth_ns = self._update_depth()
+        depth_ns = self._work_between_frames()
         self.processed = processed
         return Rerun(
             record, processed.report, {"match": match_ns, "look": look_ns, "depth": depth_ns}
@@ -181,9 +181,9 @@ class Rerunner:
         self._servo.now_ns = sight.t_look_ns if sight.t_servo_ns is None else sight.t_servo_ns
         return RawSample(payload, bytes.fromhex(sight.attachment), sight.t_arrival_ns)
 
-    def _update_depth(self) -> int:
+    def _work_between_frames(self) -> int:
         start_ns = time.monotonic_ns()
-        self._frame_processor.update_depth()
+        self._frame_processor.work_between_frames()
         return time.monotonic_ns() - start_ns
 
 

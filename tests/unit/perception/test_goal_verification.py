@@ -287,13 +287,37 @@ def arrival(view, goal, least=0.7):
 FALSE, TRUE = (2, 3, 4, 5), (1, 2, 3, 4)
 
 
-def test_the_shelf_beside_is_a_false_goal_at_once():
+def compared(verifier):
+    """The verifier after all that it had to do between frames; it is little at a time."""
+    assert sum(iter(verifier.compare, False)) <= 3
+    return verifier
+
+
+def test_the_shelf_beside_is_a_false_goal_once_it_is_compared():
     view, goal = shelves(*FALSE), shelves(*TRUE)
     verifier, flow = arrival(view, goal)
     for t_ns in (0, PERIOD_NS):  # and again where it is matched so again
         result = verifier.verify(servo(), view, flow, t_ns)
+        assert (result.status, result.reached) == (Status.OK, False)
+        result = compared(verifier).verify(servo(), view, flow, t_ns + 1)
         assert (result.status, result.reached) == (Status.FALSE_GOAL, False)
         assert not result.velocity.any()
+
+
+def test_nothing_is_reached_until_it_was_compared():
+    view, goal = shelves(*FALSE), shelves(*TRUE)
+    verifier, flow = arrival(view, goal)
+    for k in range(20):
+        assert not verifier.verify(servo(), view, flow, k * PERIOD_NS).reached
+
+
+def test_what_was_not_compared_before_the_vehicle_went_away_is_forgotten():
+    view, goal = shelves(*FALSE), shelves(*TRUE)
+    verifier, flow = arrival(view, goal)
+    verifier.verify(servo(), view, flow, 0)
+    far = dataclasses.replace(servo(), error_m=3.0, error_rad=1.0, reached=False)
+    assert verifier.verify(far, view, flow, 0) is far
+    assert not verifier.compare()
 
 
 @pytest.mark.parametrize(("rows", "status"), [(5, Status.OK), (9, Status.FALSE_GOAL)])
@@ -308,8 +332,9 @@ def test_another_match_that_explains_next_to_nothing_of_the_view_is_none(rows, s
         "dfvs_core.perception.goal_verification.match_elsewhere",
         lambda *_: FlowField(still, explains),
     )
-    verifier = GoalVerifier(SiftImage(view, MatchingConfig()), 0.7)
-    assert verifier.verify(servo(), view, FlowField(still, sure), 0).status is status
+    verifier, flow = GoalVerifier(SiftImage(view, MatchingConfig()), 0.7), FlowField(still, sure)
+    verifier.verify(servo(), view, flow, 0)
+    assert compared(verifier).verify(servo(), view, flow, 1).status is status
 
 
 def test_a_shelf_beside_is_left_alone_where_nothing_is_verified_or_nothing_reached():
@@ -319,6 +344,7 @@ def test_a_shelf_beside_is_left_alone_where_nothing_is_verified_or_nothing_reach
     verifier, flow = arrival(view, goal)
     on_the_way = dataclasses.replace(servo(), reached=False)
     assert verifier.verify(on_the_way, view, flow, 0) is on_the_way
+    assert not verifier.compare()
 
 
 def test_a_goal_of_repeated_shelves_is_reached_though_something_new_hides_part_of_it(monkeypatch):
@@ -332,6 +358,10 @@ def test_a_goal_of_repeated_shelves_is_reached_though_something_new_hides_part_o
     )
     verifier, flow = arrival(view, goal)
     far = dataclasses.replace(servo(), error_m=3.0, error_rad=1.0, reached=False)
-    for result in (servo(), servo(), far, servo()):
-        assert verifier.verify(result, view, flow, 0) is result
-    assert len(searches) == 2  # once an arrival
+    for arrivals in (1, 2):
+        verifier.verify(servo(), view, flow, 0)
+        compared(verifier)
+        for result in (servo(), servo(), far):
+            assert verifier.verify(result, view, flow, 0) is result
+            assert not verifier.compare()
+        assert len(searches) == arrivals  # once each

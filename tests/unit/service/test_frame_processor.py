@@ -102,7 +102,7 @@ def test_nothing_is_relocalised_after_a_report(rig):
     rig.hear_vehicle()
     assert rig.eye.process(sample).report.healthy
     before = rig.matcher.relocalisations
-    rig.eye.update_depth()
+    rig.eye.work_between_frames()
     assert rig.matcher.relocalisations == before
 
 
