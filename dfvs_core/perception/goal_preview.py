@@ -44,7 +44,7 @@ class GoalView:
         a thread of its own, and no frame at the goal has to wait for them.
         """
         if task.config.min_matched_texture > 0.0:
-            _ = self.image.features
+            self.image.prepare()
         height, width = self.features.size
         camera, goal_camera = (c.scaled(width, height) for c in (task.camera, task.goal.camera))
         goal = replace(task.goal, camera=goal_camera)

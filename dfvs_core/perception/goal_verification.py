@@ -137,7 +137,7 @@ class GoalVerifier:
         if self._view is None:
             return False
         view, flow = self._view
-        if not (self._goal.prepare() or view.prepare()):
+        if not view.prepare():
             self._is_elsewhere, self._view = self._is_better_elsewhere(view, flow), None
         return True
 

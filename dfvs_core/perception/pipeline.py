@@ -53,6 +53,12 @@ DEPTH_PERIOD_NS = 200_000_000
 """Depth changes slowly: it is measured five times a second at most."""
 DEPTH_PATIENCE_NS = 600_000_000
 """So long what is done between frames waits for them to be on time again."""
+LATE_NS = 100_000_000
+"""Age of a frame at its servo step above which it is late, however slow the camera is.
+
+What is done between frames takes as long as a frame: the next report would be too late for the
+gate.
+"""
 
 _NO_FLOW = empty_flow((0, 0))
 """Instead of the flow of a keyframe: a field for each would take tens of megabytes."""
@@ -238,11 +244,11 @@ class Pipeline:
         return np.append(R.T @ motion.velocity_m_s, turning), (x, y, z)
 
     def _is_pressed(self, last: Keyframe) -> bool:
-        """Whether the next frame waits already: the last took longer than from one to the next."""
+        """Whether the last frame was late: it took longer than from one to the next, or too long."""
         t_ns = last.t_capture_ns
         if t_ns - self._depth_ns >= DEPTH_PATIENCE_NS or self._period_ns == 0:
             return False
-        return last.inputs.now_ns - t_ns >= self._period_ns
+        return last.inputs.now_ns - t_ns >= min(self._period_ns, LATE_NS)
 
     def _learn(self, last: Keyframe) -> bool:
         """Learn depth, or see more of the goal, in turns; False if there was nothing to do."""

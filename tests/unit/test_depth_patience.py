@@ -8,7 +8,7 @@ from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
-from dfvs_core.perception.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, Pipeline
+from dfvs_core.perception.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, LATE_NS, Pipeline
 from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
@@ -35,7 +35,7 @@ class StillMatcher:
         return self.match(current, other)
 
 
-def learnt_at_ms(late_ns, seconds=3.0, engaged_from=10**9):
+def learnt_at_ms(late_ns, seconds=3.0, engaged_from=10**9, period_ns=PERIOD_NS):
     """Times of the frames after which depth was learnt, each processed so late.
 
     The vehicle goes aside all the time, and is engaged from that frame on.
@@ -47,8 +47,8 @@ def learnt_at_ms(late_ns, seconds=3.0, engaged_from=10**9):
     task = ServoTask(ServoConfig(depth="motion"), camera, sidecar, Mount())
     pipeline = Pipeline(task, matcher, Goal(picture, sidecar), lambda: now[0])
     times_ms = []
-    for k in range(int(seconds * 1e9 / PERIOD_NS)):
-        t_ns = 10**9 + k * PERIOD_NS
+    for k in range(int(seconds * 1e9 / period_ns)):
+        t_ns = 10**9 + k * period_ns
         now[0] = t_ns + late_ns
         aside = np.array([0.0, 0.02 * k, 0.0])
         motion = Motion(t_ns, 0.0, 0.0, 0.0, np.zeros(3), aside, 0.0)
@@ -72,6 +72,14 @@ def test_depth_waits_while_frames_come_later_than_from_one_to_the_next(late_ns, 
     times_ms = learnt_at_ms(late_ns)
     assert len(times_ms) > 2
     assert set(np.diff(times_ms)) == {between_ns // MS}
+
+
+@pytest.mark.parametrize(("late_ns", "is_put_off"), [(LATE_NS - 1, False), (LATE_NS, True)])
+def test_where_frames_are_lost_an_old_one_is_late_though_the_next_is_not_there(late_ns, is_put_off):
+    """Every second frame of a camera was overtaken: the time between two is no measure then."""
+    times_ms = learnt_at_ms(late_ns, period_ns=2 * LATE_NS)
+    assert len(times_ms) > 2
+    assert (np.diff(times_ms).min() >= DEPTH_PATIENCE_NS // MS) == is_put_off
 
 
 def test_depth_is_learnt_from_the_first_motion_on():

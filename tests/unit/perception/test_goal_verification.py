@@ -289,7 +289,7 @@ FALSE, TRUE = (2, 3, 4, 5), (1, 2, 3, 4)
 
 def compared(verifier):
     """The verifier after all that it had to do between frames; it is little at a time."""
-    assert sum(iter(verifier.compare, False)) <= 3
+    assert sum(iter(verifier.compare, False)) <= 2
     return verifier
 
 
