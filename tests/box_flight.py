@@ -52,6 +52,9 @@ class _ExactMatcher:
     def track(self, current, other, predicted):
         return self.match(current, other)
 
+    def extend(self, current, other, known):
+        return None
+
 
 @dataclass(frozen=True)
 class Look:

@@ -38,6 +38,9 @@ class KnowingMatcher:
     def track(self, current, other, predicted):
         return ROOM.flow(current.T, other.T)
 
+    def extend(self, current, other, known):
+        return None
+
 
 def picture(yaw_deg):
     """Noise, with the heading in its first pixel."""

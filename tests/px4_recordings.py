@@ -54,6 +54,9 @@ class NoisyMatcher:
     def track(self, current, other, predicted):
         return self.match(current, other)
 
+    def extend(self, current, other, known):
+        return None
+
 
 @dataclass(frozen=True)
 class Excerpt:

@@ -16,7 +16,7 @@ from numpy.typing import NDArray
 
 from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.points import Exclusion, PointMatches
+from dfvs_core.matching.points import NO_MATCHES, Exclusion, PointMatches
 from dfvs_core.matching.staged import StagedMatcher
 
 
@@ -61,6 +61,12 @@ class SiftPoints:
         _, once = np.unique(np.round(at), axis=0, return_index=True)
         once.sort()
         yield PointMatches(at[once], to[once], np.ones(len(once), np.float32))
+
+    def expected(
+        self, current: SiftFeatures, other: SiftFeatures, turn_rad: float, scale: float
+    ) -> PointMatches:
+        """No matches: SIFT takes too long between frames."""
+        return NO_MATCHES
 
 
 def classical_matcher(config: MatchingConfig | None = None) -> StagedMatcher[SiftFeatures]:

@@ -25,8 +25,11 @@ class ImageFeatures:
     def __init__(self, size: tuple[int, int]) -> None:
         self.size = size
 
+    def prepare(self) -> None:
+        """Compute now what only sparse matches ask for."""
+
     def release(self) -> None:
-        """Release what only a relocalisation asks for; it is computed anew there, to the bit."""
+        """Release it; it is computed anew where it is asked for, to the bit."""
 
 
 OwnFeatures = TypeVar("OwnFeatures", bound=ImageFeatures)
@@ -66,6 +69,16 @@ class Matcher(Protocol):
         self, current: ImageFeatures, other: ImageFeatures, predicted: FlowField
     ) -> FlowField | None:
         """Flow by a prediction alone; None where it does not hold."""
+        ...
+
+    def extend(
+        self, current: ImageFeatures, other: ImageFeatures, known: FlowField
+    ) -> FlowField | None:
+        """Flow by one that is known to hold somewhere, and by what else matches with it.
+
+        It may hold in more of the image, or in less. It takes little longer than :meth:`track`.
+        None where nothing else is found.
+        """
         ...
 
 

@@ -29,6 +29,14 @@ class PointMatches:
     def __len__(self) -> int:
         return len(self.current)
 
+    def joined(self, others: PointMatches) -> PointMatches:
+        """These and others."""
+        return PointMatches(
+            np.concatenate([self.current, others.current]),
+            np.concatenate([self.other, others.other]),
+            np.concatenate([self.confidence, others.confidence]),
+        )
+
     def select(self, kept: BoolArray) -> PointMatches:
         """The matches of a mask (N,)."""
         return PointMatches(self.current[kept], self.other[kept], self.confidence[kept])
@@ -43,6 +51,12 @@ class PointMatches:
         """Distance (N,) of ``other`` from where a flow (H, W, 2) leads."""
         moved = flow[self.pixels(flow.shape)] - (self.other - self.current)
         return np.asarray(np.linalg.norm(moved, axis=1), np.float32)
+
+
+NO_MATCHES = PointMatches(
+    np.zeros((0, 2), np.float32), np.zeros((0, 2), np.float32), np.zeros(0, np.float32)
+)
+"""No points."""
 
 
 def is_excluded(
@@ -76,5 +90,15 @@ class PointMatcher(Protocol[Features]):
 
         Points are in px of the images. Unwanted matches may be left out, so that others of the
         same points of ``other`` are found.
+        """
+        ...
+
+    def expected(
+        self, current: Features, other: Features, turn_rad: float, scale: float
+    ) -> PointMatches:
+        """Some matches that take no longer than a frame may wait; there may be none.
+
+        What is in ``current`` lies in ``other`` turned clockwise by about ``turn_rad``, and is
+        about ``scale`` times as large.
         """
         ...

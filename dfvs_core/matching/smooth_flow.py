@@ -24,10 +24,7 @@ def smooth_flow(
     matches: PointMatches, size: tuple[int, int], config: MatchingConfig
 ) -> Float32Array:
     """Flow (H, W, 2) px of an image of ``size`` (height, width) through one match or more."""
-    found, _ = cv2.estimateAffinePartial2D(
-        matches.current.astype(np.float64), matches.other.astype(np.float64), method=cv2.LMEDS
-    )
-    A = np.eye(2, 3) if found is None else np.asarray(found, np.float64)
+    A = similarity(matches)
     height, width = size
     cells = -(-height // PATCH_PX), -(-width // PATCH_PX)
     at = ((matches.current + 0.5) / PATCH_PX - 0.5).astype(np.float32)
@@ -47,6 +44,14 @@ def smooth_flow(
     bend = cast(Float32Array, cv2.resize(bend, whole, interpolation=cv2.INTER_LINEAR))
     linear = pixel_grid(size) @ (A[:, :2] - np.eye(2)).T + A[:, 2]
     return np.asarray(linear + PATCH_PX * bend[:height, :width], np.float32)
+
+
+def similarity(matches: PointMatches) -> FloatArray:
+    """Similarity (2, 3) of least median of squares from one image to the other, px."""
+    found, _ = cv2.estimateAffinePartial2D(
+        matches.current.astype(np.float64), matches.other.astype(np.float64), method=cv2.LMEDS
+    )
+    return np.eye(2, 3) if found is None else np.asarray(found, np.float64)
 
 
 def confident_matches(field: FlowField) -> PointMatches:

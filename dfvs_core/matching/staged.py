@@ -15,7 +15,7 @@ from dfvs_core.matching.correspondence import FlowField, empty_flow, exclude
 from dfvs_core.matching.matcher import ImageFeatures, check_pair, working_size
 from dfvs_core.matching.points import Features, PointMatcher, PointMatches, is_excluded
 from dfvs_core.matching.relocalise import relocalise
-from dfvs_core.matching.track import track
+from dfvs_core.matching.track import extend, track
 from dfvs_core.matching.warping import resized
 
 
@@ -41,6 +41,10 @@ class StagedImage(ImageFeatures, Generic[Features]):
         """Points (N, 2) px of the image that features lie in, in px of the working size."""
         scale = self.size[1] / self._image.shape[1]
         return np.asarray((points + 0.5) * scale - 0.5, np.float32)
+
+    def prepare(self) -> None:
+        """Encode the features."""
+        _ = self.features
 
     def release(self) -> None:
         """Release the features; they are encoded anew where they are asked for again."""
@@ -83,6 +87,18 @@ class StagedMatcher(Generic[Features]):
         first, second = check_pair(current, other, StagedImage)
         return track(first.grey, second.grey, predicted, self._config)
 
+    def extend(
+        self, current: ImageFeatures, other: ImageFeatures, known: FlowField
+    ) -> FlowField | None:
+        """Flow by a known one and by sparse matches; see :class:`Matcher`."""
+        first, second = check_pair(current, other, StagedImage)
+
+        def expected(turn_rad: float, scale: float) -> PointMatches:
+            found = self._points.expected(first.features, second.features, turn_rad, scale)
+            return _at_working_size(first, second, found)
+
+        return extend(first.grey, second.grey, known, expected, self._config)
+
     def _hypotheses(
         self,
         current: StagedImage[Features],
@@ -91,12 +107,16 @@ class StagedMatcher(Generic[Features]):
     ) -> Iterator[PointMatches]:
         """Hypotheses in px of the working size, without matches that follow an excluded flow."""
 
-        def scaled(found: PointMatches) -> PointMatches:
-            at, to = current.at_working_size(found.current), other.at_working_size(found.other)
-            return PointMatches(at, to, found.confidence)
-
         def exclusion(found: PointMatches) -> BoolArray:
-            return is_excluded(scaled(found), excluded, self._config)
+            return is_excluded(_at_working_size(current, other, found), excluded, self._config)
 
         for matches in self._points.hypotheses(current.features, other.features, exclusion):
-            yield scaled(matches.select(~exclusion(matches)))
+            yield _at_working_size(current, other, matches.select(~exclusion(matches)))
+
+
+def _at_working_size(
+    current: StagedImage[Features], other: StagedImage[Features], found: PointMatches
+) -> PointMatches:
+    """Matches in px of the images that features lie in, in px of the working size."""
+    at, to = current.at_working_size(found.current), other.at_working_size(found.other)
+    return PointMatches(at, to, found.confidence)

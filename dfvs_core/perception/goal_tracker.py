@@ -32,6 +32,9 @@ TRACKED_NS = 5_000_000_000
 _SETTLED_RATIO = 0.45
 """Confident share of the image from which on no more of the goal is looked for."""
 
+_EXTENSION_PERIOD_NS = 1_000_000_000
+"""Time between two times that more of it is looked for."""
+
 _POOR_RATIO = 0.1
 """The same below which a goal is looked for anew while nothing flies."""
 
@@ -118,6 +121,10 @@ class GoalTracker:
         self._rejected = _RejectedGoals()
         self._has_excluded = False
         """Whether the last relocalisation excluded rejected goals, and nothing was found since."""
+        self._extending: tuple[ImageFeatures, Observation] | None = None
+        """Frame in which more of the goal is being looked for, and what is seen of it."""
+        self._extended_ns = 0
+        """Capture time of the last such frame."""
         self._searched_ns = 0
         """Capture time of the frame that was relocalised last."""
 
@@ -138,7 +145,7 @@ class GoalTracker:
         if last is not None and was_flown_to:
             T_world_goal = last.T_world_camera @ invert_pose(last.T_goal_current)
             self._rejected.add(T_world_goal, last.t_capture_ns)
-        self._last, self._state = None, TrackingState.SEARCHING
+        self._last, self._state, self._extending = None, TrackingState.SEARCHING, None
 
     def match(
         self,
@@ -186,7 +193,7 @@ class GoalTracker:
         depth: DepthMap | None,
     ) -> FlowField:
         """Flow without a prior; every other one without goals that were rejected."""
-        self._searched_ns = t_capture_ns
+        self._searched_ns = self._extended_ns = t_capture_ns
         excluded: list[FlowField] = []
         if depth is not None and not self._has_excluded:
             excluded = [
@@ -214,21 +221,36 @@ class GoalTracker:
             flow = self._matcher.track(image, self._goal, predicted)
         return flow
 
-    def rematch(self, image: ImageFeatures, t_capture_ns: int, depth: DepthMap | None) -> bool:
-        """Look for more of the goal in the frame matched last, where pose and depth predict it.
+    def extend(self, image: ImageFeatures, t_capture_ns: int) -> bool:
+        """A step of looking for more of the goal than is tracked; whether there was one to do.
 
-        Returns whether it was tried: the goal was observed, in a small part of the image.
+        It begins in the frame matched last, where that shows the goal in a small part, a second
+        or more after the last time. The step after it ends it: the next frame is tracked from
+        what was found, if more of the image is confident.
         """
         last = self._last
-        if last is None or depth is None or last.t_capture_ns != t_capture_ns:
+        if last is None:
+            return False
+        if self._extending is not None:
+            (begun, seen), self._extending = self._extending, None
+            flow = self._matcher.extend(begun, self._goal, seen.flow)
+            begun.release()
+            if flow is not None and confident_ratio(flow) > confident_ratio(last.flow):
+                self._last = replace(seen, flow=flow)
+            return True
+        is_due = t_capture_ns - self._extended_ns >= _EXTENSION_PERIOD_NS
+        if not is_due or last.t_capture_ns != t_capture_ns:
             return False
         if confident_ratio(last.flow) >= _SETTLED_RATIO:
             return False
-        predicted = self._predict(last.T_goal_current, depth)
-        flow = self._matcher.track(image, self._goal, predicted)
-        if flow is not None and confident_ratio(flow) > confident_ratio(last.flow):
-            self._last = replace(last, flow=flow)
+        image.prepare()
+        self._extended_ns, self._extending = t_capture_ns, (image, last)
         return True
+
+    def release(self, image: ImageFeatures) -> None:
+        """Release what only sparse matches ask of an earlier frame, unless it is being extended."""
+        if self._extending is None or self._extending[0] is not image:
+            image.release()
 
     def _predict(self, T_goal_current: FloatArray, depth: DepthMap) -> FlowField:
         """Flow that a pose in the goal's camera and the depth of the grid predict."""

@@ -51,7 +51,7 @@ from dfvs_core.servo.task import ServoTask
 
 DEPTH_PERIOD_NS = 200_000_000
 """Depth changes slowly: it is measured five times a second at most."""
-DEPTH_PATIENCE_NS = 600_000_000
+PATIENCE_NS = 600_000_000
 """So long what is done between frames waits for them to be on time again."""
 LATE_NS = 100_000_000
 """Age of a frame at its servo step above which it is late, however slow the camera is.
@@ -101,9 +101,9 @@ class Pipeline:
         self._T_body_camera = np.eye(4) if task.mount is None else task.mount.T_body_camera()
         self._keyframes = Keyframes()
         self._last: Keyframe | None = None
-        self._period_ns = self._depth_ns = 0
+        self._period_ns = self._depth_ns = self._worked_ns = 0
         self._depth_m = task.config.constant_depth_m
-        self._is_depth_new = self._has_flown = False
+        self._has_flown = False
         self._state = ServoState()
         self.set_goal(task, self.prepare(goal))
 
@@ -218,15 +218,21 @@ class Pipeline:
         """Do what may wait until the last frame's report is on its way; time taken, ns.
 
         First what goal verification has to compare. Else depth is learnt: a few times a second,
-        where the camera has moved far enough, the frame is compared with a keyframe; and the one
-        after it, where few vectors are confident, once more with the goal. All of it is put off
-        while frames are late.
+        where the camera has moved far enough, the frame is compared with a keyframe. Else more of
+        the goal is looked for. All of it is put off while frames are late.
         """
         start_ns, last = self._tick(), self._last
         if last is None or self._is_pressed(last):
             return 0
-        has_worked = self._verifier.compare() or self._learn(last)
-        return self._tick() - start_ns if has_worked else 0
+        has_worked = (
+            self._verifier.compare()
+            or self._learn_depth(last)
+            or self._tracker.extend(last.features, last.t_capture_ns)
+        )
+        if not has_worked:
+            return 0
+        self._worked_ns = last.t_capture_ns
+        return self._tick() - start_ns
 
     def _odometry(
         self, motion: Motion, T_world_camera: FloatArray
@@ -244,26 +250,16 @@ class Pipeline:
         return np.append(R.T @ motion.velocity_m_s, turning), (x, y, z)
 
     def _is_pressed(self, last: Keyframe) -> bool:
-        """Whether the last frame was late: it took longer than from one to the next, or too long."""
+        """Whether the last frame took longer than from one to the next, or too long."""
         t_ns = last.t_capture_ns
-        if t_ns - self._depth_ns >= DEPTH_PATIENCE_NS or self._period_ns == 0:
+        if t_ns - self._worked_ns >= PATIENCE_NS or self._period_ns == 0:
             return False
         return last.inputs.now_ns - t_ns >= min(self._period_ns, LATE_NS)
 
-    def _learn(self, last: Keyframe) -> bool:
-        """Learn depth, or see more of the goal, in turns; False if there was nothing to do."""
-        if self._task.config.depth not in ("motion", "fused"):
-            return False
-        if self._is_depth_new:
-            depth = self._state.depth_map
-            tried = self._tracker.rematch(last.features, last.t_capture_ns, depth)
-        else:
-            tried = self._learn_depth(last)
-        self._is_depth_new = tried and not self._is_depth_new
-        return tried
-
     def _learn_depth(self, last: Keyframe) -> bool:
         """Compare the last frame with a keyframe; False if too soon, or none is far enough."""
+        if self._task.config.depth not in ("motion", "fused"):
+            return False
         is_due = last.t_capture_ns - self._depth_ns >= DEPTH_PERIOD_NS
         chosen = self._keyframes.for_depth(last.T_world_camera, self._depth_m) if is_due else None
         if chosen is None:
@@ -305,7 +301,7 @@ class Pipeline:
             self._tracker.reject(self._has_flown)
             self._state = self._state.without_goal()
         if self._last is not None:
-            self._last.features.release()  # of earlier frames only previews are searched, and few
+            self._tracker.release(self._last.features)
             self._period_ns = t_ns - self._last.t_capture_ns
         if result.depth_m > 0:
             self._depth_m = result.depth_m

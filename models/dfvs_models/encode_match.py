@@ -20,8 +20,8 @@ from dfvs_models.onnx_session import Execution, OnnxGraph, trial_image
 _ENCODE, _MATCH = "encode", "match"
 FREE_AXES = (0, 1)
 """Axes of the match graph's inputs whose sizes it leaves open: pairs of images, and keypoints."""
-_RANKING_KEYPOINTS = 400
-"""Keypoints by which the turns are ranked."""
+_FEW_KEYPOINTS = 400
+"""Keypoints by which the turns are ranked, and those that are matched at a known one."""
 _OUTSIDE = -1e4
 """Value of a pixel outside of the image, so low that an interpolated one is negative too."""
 
@@ -96,6 +96,7 @@ class EncodeMatchPoints:
             raise ModelError(f"bundle {manifest.name!r} is {manifest.kind!r}", "'encode-match'")
         self._manifest = manifest
         self._input: ImageInput = manifest.input
+        self._turns_rad, self._scales = turns_rad, scales
         self._changes = tuple(itertools.product(turns_rad, scales))
         self._roles = manifest.graphs
         self._encode, self._match = (
@@ -131,9 +132,18 @@ class EncodeMatchPoints:
                 found = self._match_points(first.without(found.current[wrong]), changed[k])
             yield found
 
+    def expected(
+        self, current: EncodedImage, other: EncodedImage, turn_rad: float, scale: float
+    ) -> PointMatches:
+        """Matches of the strongest keypoints at the nearest change; as :meth:`hypotheses`."""
+        turn = min(self._turns_rad, key=lambda turn: abs(math.remainder(turn - turn_rad, math.tau)))
+        reduced = min(self._scales, key=lambda reduced: abs(math.log(reduced * scale)))
+        first, second = current.keypoints(), other.keypoints(turn, reduced)
+        return self._match_points(first.strongest(_FEW_KEYPOINTS), second.strongest(_FEW_KEYPOINTS))
+
     def _support(self, first: Keypoints, seconds: Sequence[Keypoints]) -> Float32Array:
         """Sum (n,) of the confidence of matches of the strongest keypoints with each image's."""
-        few, *others = (k.strongest(_RANKING_KEYPOINTS).tensors for k in (first, *seconds))
+        few, *others = (k.strongest(_FEW_KEYPOINTS).tensors for k in (first, *seconds))
         repeated = [np.repeat(tensor, len(others), axis=0) for tensor in few]
         stacked = [np.concatenate(tensors) for tensors in zip(*others, strict=True)]
         _, confidence = self._run(repeated, stacked)
@@ -206,7 +216,7 @@ class EncodeMatchPoints:
     def _try_out(self) -> None:
         """Run both once: shapes that lie and weights that are not finite show up."""
         height, width = self._input.height, self._input.width
-        found = self.keypoints(trial_image(width, height), 0.0, 1.0).strongest(_RANKING_KEYPOINTS)
+        found = self.keypoints(trial_image(width, height), 0.0, 1.0).strongest(_FEW_KEYPOINTS)
         tensors = [np.repeat(tensor, 2, axis=0) for tensor in found.tensors]
         feeds = self._manifest.match_feeds(tensors, tensors)
         given = [

@@ -17,7 +17,7 @@ from dfvs_core.matching.dense_search import (
     normalised_cross_correlation,
 )
 from dfvs_core.matching.matcher import ImageFeatures, check_pair, working_size
-from dfvs_core.matching.points import Exclusion, PointMatches
+from dfvs_core.matching.points import NO_MATCHES, Exclusion, PointMatches
 from dfvs_core.matching.smooth_flow import confident_matches
 from dfvs_core.matching.warping import lands_inside, pixel_grid, sample
 from dfvs_core.messages.manifest import Graph
@@ -96,6 +96,12 @@ class PairMatcher:
         """Flow of the network, which takes as long with a prediction as without."""
         return self.match(current, other)
 
+    def extend(
+        self, current: ImageFeatures, other: ImageFeatures, known: FlowField
+    ) -> FlowField | None:
+        """Nothing: the network's flow is all that it finds."""
+        return None
+
     def _run(self, current: PairImage, other: PairImage) -> Float32Array:
         """Flow (H, W, 2) px of the images' own size."""
         (raw,) = self._graph.run(
@@ -150,6 +156,12 @@ class FlowPoints:
     ) -> Iterator[PointMatches]:
         """See ``dfvs_core.matching.points``."""
         yield confident_matches(self._network.match(current, other))
+
+    def expected(
+        self, current: PairImage, other: PairImage, turn_rad: float, scale: float
+    ) -> PointMatches:
+        """No matches: these networks take too long between frames."""
+        return NO_MATCHES
 
 
 def check_inputs(graph: OnnxGraph, said: Graph, shapes: Sequence[tuple[int, ...]]) -> None:

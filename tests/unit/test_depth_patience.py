@@ -8,7 +8,7 @@ from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
-from dfvs_core.perception.pipeline import DEPTH_PATIENCE_NS, DEPTH_PERIOD_NS, LATE_NS, Pipeline
+from dfvs_core.perception.pipeline import DEPTH_PERIOD_NS, LATE_NS, PATIENCE_NS, Pipeline
 from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.task import ServoTask
@@ -33,6 +33,9 @@ class StillMatcher:
     def track(self, current, other, predicted):
         self.tracked += 1
         return self.match(current, other)
+
+    def extend(self, current, other, known):
+        return None
 
 
 def learnt_at_ms(late_ns, seconds=3.0, engaged_from=10**9, period_ns=PERIOD_NS):
@@ -65,7 +68,7 @@ def learnt_at_ms(late_ns, seconds=3.0, engaged_from=10**9, period_ns=PERIOD_NS):
     [
         (0, DEPTH_PERIOD_NS),
         (PERIOD_NS - 1, DEPTH_PERIOD_NS),
-        (PERIOD_NS, DEPTH_PATIENCE_NS + PERIOD_NS),  # one frame's turn was the goal's
+        (PERIOD_NS, PATIENCE_NS),
     ],
 )
 def test_depth_waits_while_frames_come_later_than_from_one_to_the_next(late_ns, between_ns):
@@ -79,7 +82,7 @@ def test_where_frames_are_lost_an_old_one_is_late_though_the_next_is_not_there(l
     """Every second frame of a camera was overtaken: the time between two is no measure then."""
     times_ms = learnt_at_ms(late_ns, period_ns=2 * LATE_NS)
     assert len(times_ms) > 2
-    assert (np.diff(times_ms).min() >= DEPTH_PATIENCE_NS // MS) == is_put_off
+    assert (np.diff(times_ms).min() >= PATIENCE_NS // MS) == is_put_off
 
 
 def test_depth_is_learnt_from_the_first_motion_on():

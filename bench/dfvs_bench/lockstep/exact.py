@@ -77,3 +77,9 @@ class ExactMatcher:
     ) -> FlowField:
         """Like :meth:`match`."""
         return self.match(current, other)
+
+    def extend(
+        self, current: ImageFeatures, other: ImageFeatures, known: FlowField
+    ) -> FlowField | None:
+        """Nothing: :meth:`match` has all."""
+        return None

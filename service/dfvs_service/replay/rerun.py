@@ -82,6 +82,13 @@ class TimedMatcher:
         with self._timed():
             return self._matcher.track(current, other, predicted)
 
+    def extend(
+        self, current: ImageFeatures, other: ImageFeatures, known: FlowField
+    ) -> FlowField | None:
+        """See :class:`Matcher`."""
+        with self._timed():
+            return self._matcher.extend(current, other, known)
+
     @contextlib.contextmanager
     def _timed(self) -> Iterator[None]:
         start_ns = self._tick()

@@ -71,6 +71,28 @@ def test_partners_in_the_turned_image_are_turned_back(tmp_path):
 
 
 @pytest.mark.parametrize(
+    ("turn_deg", "scale", "angle_deg", "reduced"),
+    [
+        (2.0, 1.1, 0.0, 1.0),
+        (25.0, 1.0, 45.0, 1.0),
+        (-40.0, 1.9, -45.0, 0.5),
+        (-358.0, 1.3, 0.0, 1.0),
+    ],
+)
+def test_what_is_known_of_turn_and_scale_chooses_the_change(
+    tmp_path, turn_deg, scale, angle_deg, reduced
+):
+    turns, scales = np.radians([-45.0, 0.0, 45.0]), (1.0, 0.5)
+    folder = grid_network.write_bundle(tmp_path)
+    image = grey(2 * WIDTH, 2 * HEIGHT)
+    points = load(folder, tuple(turns), scales)
+    first, second = points.encode(image), points.encode(image)
+    found = points.expected(first, second, math.radians(turn_deg), scale)
+    (wanted,) = match(load(folder, (math.radians(angle_deg),), (reduced,)), image, image)
+    np.testing.assert_array_equal(found.other, wanted.other)
+
+
+@pytest.mark.parametrize(
     "spoilt",
     [
         {"match": grid_network.match_model(confidence="Sqrt")},
@@ -148,6 +170,18 @@ def test_an_image_is_matched_with_itself_turned_and_the_right_turn_comes_first(
     # keypoints are whole px of the network's image, 0.6 px of these, in each of the two
     assert np.mean(apart < 2.0) > 0.85
     assert np.median(apart) < 1.0
+
+
+@pytest.mark.parametrize("roll_deg", [0.0, -ROLL_DEG, ROLL_DEG])
+def test_a_few_matches_are_right_where_the_turn_is_known(network, large, roll_deg):
+    (first, there), (second, here) = view(large, 0.0), view(large, roll_deg)
+    found = network.expected(*map(network.encode, (first, second)), math.radians(roll_deg), 1.0)
+    expected = (found.current - there[:, 2]) @ np.linalg.inv(there[:, :2]).T @ here[:, :2].T
+    apart = np.linalg.norm(found.other - expected - here[:, 2], axis=1)
+    assert len(found) <= 400
+    sure = found.confidence > 0.5
+    assert np.count_nonzero(sure) > 30
+    assert np.mean(apart[sure] < 2.0) > 0.8
 
 
 def test_an_image_is_matched_with_one_from_a_third_of_the_distance(large):

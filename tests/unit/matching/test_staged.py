@@ -30,12 +30,15 @@ class KnownPoints:
         return image.shape[1] / WIDTH
 
     def hypotheses(self, current, other, exclusion=None):
+        yield self.expected(current, other, 0.0, 1.0)
+
+    def expected(self, current, other, turn_rad, scale):
         v, u = np.mgrid[8:HEIGHT:12, 8:WIDTH:12].reshape(2, -1)
         kept = inside(TRUTH)[v, u]
         at = np.stack([u, v], axis=1)[kept].astype(float)
         to = at + TRUTH[v, u][kept]
         at, to = ((each + 0.5) * current - 0.5 for each in (at, to))
-        yield PointMatches(
+        return PointMatches(
             at.astype(np.float32), to.astype(np.float32), np.ones(len(at), np.float32)
         )
 
@@ -73,8 +76,9 @@ def test_flow_is_at_the_working_size_whichever_the_points_are_found_at(pictures,
     assert field.flow.shape == (HEIGHT, WIDTH, 2)
     visible = inside(TRUTH, margin=8.0)
     assert np.mean(errors(field, TRUTH)[visible] < 0.5) > 0.97
-    tracked = matcher.track(current, other, field)
-    assert np.mean(errors(tracked, TRUTH)[visible] < 0.5) > 0.97
+    for again in (matcher.track, matcher.extend):
+        found = again(current, other, field)
+        assert np.mean(errors(found, TRUTH)[visible] < 0.5) > 0.97
 
 
 def test_features_are_encoded_once_and_for_relocalisation_only(pictures):
@@ -113,6 +117,8 @@ def test_an_image_of_another_matcher_is_refused(pictures):
             matcher.match(current, other)
         with pytest.raises(ImageError, match="another matcher"):
             matcher.track(current, other, nothing)
+        with pytest.raises(ImageError, match="another matcher"):
+            matcher.extend(current, other, nothing)
 
 
 def test_images_of_different_working_sizes_are_refused(pictures):

@@ -7,7 +7,9 @@ from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, textu
 
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField, empty_flow
-from dfvs_core.matching.track import track
+from dfvs_core.matching.points import NO_MATCHES, PointMatches
+from dfvs_core.matching.smooth_flow import confident_matches
+from dfvs_core.matching.track import extend, track
 
 CONFIG, SIZE = MatchingConfig(), (HEIGHT, WIDTH)
 MOTION = turned(roll_deg=20.0, zoom=1.1, shift=(20.0, -10.0))
@@ -118,3 +120,54 @@ def test_the_prediction_is_left_as_it_was(walls, frame):
     track(frame, goal(walls), predicted, CONFIG)
     np.testing.assert_array_equal(predicted.flow, kept[0])
     np.testing.assert_array_equal(predicted.confidence, kept[1])
+
+
+WRONG = FlowField(np.full((*SIZE, 2), (40.0, 25.0), np.float32), np.zeros(SIZE, np.float32))
+
+
+def falsely_locked(part=(slice(90, 150), slice(130, 190))):
+    """A flow that is confident, and wrong, in a part of the image."""
+    confidence = np.zeros(SIZE, np.float32)
+    confidence[part] = 1.0
+    return FlowField(WRONG.flow, confidence)
+
+
+def few(matches, count=60):
+    """As many of the matches, anywhere in the image."""
+    kept = np.random.default_rng(3).permutation(len(matches))[:count]
+    return PointMatches(matches.current[kept], matches.other[kept], matches.confidence[kept])
+
+
+def true_matches():
+    seen = FlowField(prediction().flow, VISIBLE.astype(np.float32))
+    return confident_matches(seen)
+
+
+def test_sparse_matches_lead_out_of_a_false_lock_that_tracking_stays_in(walls, frame):
+    """As on one of several things that are alike."""
+    found = extend(
+        frame, goal(walls), falsely_locked(), lambda *_: few(true_matches(), 200), CONFIG
+    )
+    assert np.mean(errors(found, TRUTH)[VISIBLE] < 1.0) > 0.98
+    assert np.mean(found.confidence[VISIBLE] > 0.5) > 0.9
+
+
+def test_sparse_matches_are_asked_for_at_the_turn_and_scale_of_the_known_flow(walls, frame):
+    asked = []
+
+    def expected(turn_rad, scale):
+        asked.append((np.degrees(turn_rad), scale))
+        return few(true_matches())
+
+    field = extend(frame, goal(walls), prediction(), expected, CONFIG)
+    assert asked == [pytest.approx((20.0, 1.1), abs=0.05)]
+    assert np.mean(field.confidence[VISIBLE] > 0.5) > 0.95
+
+
+@pytest.mark.parametrize(
+    ("known", "matches"),
+    [(empty_flow(SIZE), None), (prediction(), NO_MATCHES)],
+    ids=["nothing is known", "nothing else matches"],
+)
+def test_there_is_nothing_to_extend(walls, frame, known, matches):
+    assert extend(frame, goal(walls), known, lambda *_: matches, CONFIG) is None

@@ -17,7 +17,8 @@ from dfvs_core.servo.task import ServoTask
 
 CAMERA = CameraModel.from_horizontal_fov(64, 48, np.radians(90))
 STRIDE = 8
-FRAME_NS = 50_000_000
+MS = 1_000_000
+FRAME_NS = 50 * MS
 WALL_M = 2.0
 ENGAGED = True
 FRAME, GOAL = ImageFeatures((48, 64)), ImageFeatures((48, 64))
@@ -44,6 +45,7 @@ class Matcher:
     """Confident share of the image in what is tracked."""
     found: float = 0.3
     """The same in what is relocalised."""
+    extended: FlowField | None = None
     predictions: list[float] = field(default_factory=list)
     excluded: list[list[float]] = field(default_factory=list)
     """What each relocalisation was to exclude."""
@@ -55,6 +57,9 @@ class Matcher:
     def track(self, current, other, predicted):
         self.predictions.append(du(predicted))
         return flow(self.predictions[-1], self.share) if self.holds.pop(0) else None
+
+    def extend(self, current, other, known):
+        return self.extended
 
     def match(self, current, other, *, excluded=()):
         self.excluded.append([du(wrong) for wrong in excluded])
@@ -207,41 +212,93 @@ def test_a_relocalisation_is_not_repeated_at_once_where_nothing_more_is_found():
     assert matcher.relocalisations == 2
 
 
+LATER_NS = 2_000_000_000
+
+
+def extended(made, t_ns=LATER_NS):
+    """A tracker that looked for more in a frame where it had looked long ago; the two steps."""
+    made.update(observation(t_ns))
+    assert made.extend(FRAME, t_ns)
+    assert made.extend(FRAME, t_ns + FRAME_NS)
+    assert not made.extend(FRAME, t_ns + 2 * FRAME_NS)
+    return made
+
+
 @pytest.mark.parametrize(("share", "next_px"), [(0.4, -8.0), (0.2, -7.0)])
-def test_a_rematch_leads_on_if_it_is_confident_in_more_of_the_image(share, next_px):
-    matcher = Matcher([True, True], share)
-    made = tracker(matcher)
-    assert made.rematch(FRAME, 0, DEPTH)
-    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
-    assert matcher.predictions[0] == pytest.approx(-8.0, abs=0.01)
-    assert matcher.predictions[1] == pytest.approx(next_px, abs=0.01)
+def test_an_extension_leads_on_if_it_is_confident_in_more_of_the_image(share, next_px):
+    matcher = Matcher([True], extended=flow(-8.0, share))
+    made = extended(tracker(matcher))
+    made.match(FRAME, LATER_NS + FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    assert matcher.predictions == [next_px]
 
 
-def test_a_rematch_that_does_not_hold_changes_nothing():
-    matcher = Matcher([False, True])
-    made = tracker(matcher)
-    assert made.rematch(FRAME, 0, DEPTH)
-    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
-    assert matcher.predictions[1] == -7.0
+def test_where_nothing_else_matches_the_last_flow_leads_on():
+    matcher = Matcher([True])
+    made = extended(tracker(matcher))
+    made.match(FRAME, LATER_NS + FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    assert matcher.predictions == [-7.0]
+
+
+def test_more_is_looked_for_once_a_second_at_most():
+    made = extended(tracker(Matcher([])))
+    for t_ns, is_due in ((LATER_NS + 950 * MS, False), (LATER_NS + 1000 * MS, True)):
+        made.update(observation(t_ns))
+        assert made.extend(FRAME, t_ns) == is_due
 
 
 @pytest.mark.parametrize(("share", "t_ns"), [(0.5, 0), (0.3, FRAME_NS)], ids=["clear", "past"])
-def test_a_goal_that_is_clear_or_of_a_past_frame_is_not_rematched(share, t_ns):
-    matcher = Matcher([])
-    assert not tracker(matcher, flow(-7.0, share)).rematch(FRAME, t_ns, DEPTH)
+def test_a_goal_that_is_clear_or_of_a_past_frame_is_not_extended(share, t_ns):
+    made = unobserved(Matcher([]))
+    made.update(observation(LATER_NS, flow(-7.0, share)))
+    assert not made.extend(FRAME, LATER_NS + t_ns)
 
 
-def test_a_goal_that_was_not_observed_is_not_rematched():
-    assert not unobserved(Matcher([])).rematch(FRAME, 0, DEPTH)
+def test_a_goal_that_was_not_observed_is_not_extended():
+    assert not unobserved(Matcher([])).extend(FRAME, LATER_NS)
+
+
+def test_what_is_rejected_meanwhile_is_not_extended():
+    matcher = Matcher([], extended=flow(-8.0, 0.9))
+    made = tracker(matcher)
+    made.update(observation(LATER_NS))
+    assert made.extend(FRAME, LATER_NS)
+    made.reject(was_flown_to=False)
+    assert not made.extend(FRAME, LATER_NS + FRAME_NS)
+
+
+class Held(ImageFeatures):
+    """Knows whether it was released."""
+
+    released = False
+
+    def release(self):
+        self.released = True
+
+
+def test_a_frame_keeps_what_its_extension_needs():
+    frame = Held((48, 64))
+    made = tracker(Matcher([]))
+    made.update(observation(LATER_NS))
+    assert made.extend(frame, LATER_NS)
+    made.release(frame)
+    assert not frame.released
+    assert made.extend(FRAME, LATER_NS + FRAME_NS)
+    assert frame.released
+
+
+def test_other_frames_are_released():
+    frame = Held((48, 64))
+    tracker(Matcher([])).release(frame)
+    assert frame.released
 
 
 @pytest.mark.parametrize("was_flown_to", [True, False])
-def test_a_rejected_goal_is_neither_tracked_nor_rematched(was_flown_to):
+def test_a_rejected_goal_is_neither_tracked_nor_extended(was_flown_to):
     matcher = Matcher([])
     made = tracker(matcher)
     made.reject(was_flown_to)
     assert made.state is STATES.SEARCHING
-    assert not made.rematch(FRAME, 0, DEPTH)
+    assert not made.extend(FRAME, LATER_NS)
     found = made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
     assert (matcher.predictions, matcher.excluded) == ([], [[]])
     assert confident_ratio(found) > 0.0

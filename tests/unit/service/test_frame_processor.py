@@ -36,6 +36,9 @@ class StillMatcher:
     def track(self, current, other, predicted):
         return self._still(current)
 
+    def extend(self, current, other, known):
+        return None
+
     def _still(self, current):
         confidence = np.zeros(current.size, np.float32)
         confidence[: round(self.share * current.size[0])] = 1.0

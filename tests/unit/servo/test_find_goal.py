@@ -123,6 +123,9 @@ class Divided:
         self.predictions.append(predicted)
         return self.flow
 
+    def extend(self, current, other, known):
+        return None
+
 
 def test_what_is_out_of_line_is_not_tracked_on(rng):
     flow, wrong = flow_of_a_wall(0.4)
