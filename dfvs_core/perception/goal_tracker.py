@@ -6,8 +6,7 @@
 3. LOST: the next one was not either. It is relocalised.
 4. SEARCHING: relocalisation has failed; every frame is tracked and relocalised.
 
-While nothing flies, a goal that is seen in little of the image is relocalised now and then, for
-another search may find more of it.
+Between frames, more is looked for of a goal that is tracked in a part of the image.
 """
 
 from __future__ import annotations
@@ -34,12 +33,6 @@ _SETTLED_RATIO = 0.45
 
 _EXTENSION_PERIOD_NS = 1_000_000_000
 """Time between two times that more of it is looked for."""
-
-_POOR_RATIO = 0.1
-"""The same below which a goal is looked for anew while nothing flies."""
-
-_SEARCH_PERIOD_NS = 5_000_000_000
-"""Time between two such relocalisations, which take as long as many frames."""
 
 _SAME_M, _SAME_RAD = 0.3, 0.2
 """Distance within which two false goals count as one."""
@@ -124,9 +117,7 @@ class GoalTracker:
         self._extending: tuple[ImageFeatures, Observation] | None = None
         """Frame in which more of the goal is being looked for, and what is seen of it."""
         self._extended_ns = 0
-        """Capture time of the last such frame."""
-        self._searched_ns = 0
-        """Capture time of the frame that was relocalised last."""
+        """Capture time of the last such frame, or of one that was relocalised since."""
 
     @property
     def state(self) -> TrackingState:
@@ -153,7 +144,6 @@ class GoalTracker:
         t_capture_ns: int,
         T_world_camera: FloatArray,
         depth: DepthMap | None,
-        engaged: bool,
     ) -> FlowField:
         """Flow from a frame to the goal.
 
@@ -167,16 +157,10 @@ class GoalTracker:
             Where, by the vehicle's odometry, m.
         depth : DepthMap, optional
             Of the frame before, on the grid.
-        engaged : bool
-            Whether the vehicle follows: then no frame that is tracked is relocalised.
         """
         flow = self._track(image, t_capture_ns, T_world_camera, depth)
         if flow is not None:
-            is_due = t_capture_ns - self._searched_ns >= _SEARCH_PERIOD_NS
-            if engaged or not is_due or confident_ratio(flow) >= _POOR_RATIO:
-                return flow
-            found = self._relocalise(image, t_capture_ns, T_world_camera, depth)
-            return max(flow, found, key=confident_ratio)
+            return flow
         if self._state is TrackingState.TRACKING:
             self._state = TrackingState.COASTING
             if self._last is not None and t_capture_ns - self._last.t_capture_ns <= COAST_NS:
@@ -193,7 +177,7 @@ class GoalTracker:
         depth: DepthMap | None,
     ) -> FlowField:
         """Flow without a prior; every other one without goals that were rejected."""
-        self._searched_ns = self._extended_ns = t_capture_ns
+        self._extended_ns = t_capture_ns
         excluded: list[FlowField] = []
         if depth is not None and not self._has_excluded:
             excluded = [

@@ -183,7 +183,7 @@ class Pipeline:
 
         # 2. Match it with the goal.
         depth_map = self._state.depth_map
-        flow = self._tracker.match(features, t_ns, T_world_camera, depth_map, engaged)
+        flow = self._tracker.match(features, t_ns, T_world_camera, depth_map)
         marks.append(self._tick())
 
         # 3. Match it with the last frame, where depth is taken from each of them.

@@ -20,7 +20,6 @@ STRIDE = 8
 MS = 1_000_000
 FRAME_NS = 50 * MS
 WALL_M = 2.0
-ENGAGED = True
 FRAME, GOAL = ImageFeatures((48, 64)), ImageFeatures((48, 64))
 DEPTH = DepthMap(np.full((6, 8), WALL_M, np.float32), np.ones((6, 8), np.float32))
 STATES = TrackingState
@@ -43,8 +42,6 @@ class Matcher:
     holds: list[bool]
     share: float = 0.3
     """Confident share of the image in what is tracked."""
-    found: float = 0.3
-    """The same in what is relocalised."""
     extended: FlowField | None = None
     predictions: list[float] = field(default_factory=list)
     excluded: list[list[float]] = field(default_factory=list)
@@ -63,7 +60,7 @@ class Matcher:
 
     def match(self, current, other, *, excluded=()):
         self.excluded.append([du(wrong) for wrong in excluded])
-        return flow(99.0, self.found)
+        return flow(99.0)
 
 
 def about_down(angle_rad):
@@ -96,7 +93,7 @@ def tracker(matcher, seen=None):
 def test_the_last_flow_is_tried_first():
     matcher = Matcher([True])
     made = tracker(matcher)
-    found = made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    found = made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
     assert (matcher.predictions, matcher.relocalisations) == ([-7.0], 0)
     assert found.confidence.any()
     assert made.state is STATES.TRACKING
@@ -105,7 +102,7 @@ def test_the_last_flow_is_tried_first():
 def test_where_it_does_not_hold_pose_and_depth_predict_the_flow_for_the_motion_since():
     matcher = Matcher([False, True])
     made = tracker(matcher)
-    made.match(FRAME, FRAME_NS, moved(0.25), DEPTH, ENGAGED)
+    made.match(FRAME, FRAME_NS, moved(0.25), DEPTH)
     pixels = (-0.5 + 0.25) / WALL_M * CAMERA.fx
     assert matcher.predictions == [-7.0, pytest.approx(pixels, abs=0.01)]
     assert (made.state, matcher.relocalisations) == (STATES.TRACKING, 0)
@@ -113,7 +110,7 @@ def test_where_it_does_not_hold_pose_and_depth_predict_the_flow_for_the_motion_s
 
 def test_without_depth_only_the_last_flow_is_tried():
     matcher = Matcher([False])
-    tracker(matcher).match(FRAME, FRAME_NS, moved(0.25), None, ENGAGED)
+    tracker(matcher).match(FRAME, FRAME_NS, moved(0.25), None)
     assert matcher.predictions == [-7.0]
 
 
@@ -122,7 +119,7 @@ def test_one_frame_coasts_the_next_is_lost_and_those_after_it_are_searched():
     made = tracker(matcher)
     found, states = [], []
     for k in range(1, 5):
-        found.append(made.match(FRAME, k * FRAME_NS, moved(0.0), DEPTH, ENGAGED))
+        found.append(made.match(FRAME, k * FRAME_NS, moved(0.0), DEPTH))
         made.update(None)
         states.append(made.state)
     assert states == [STATES.COASTING, STATES.LOST, STATES.SEARCHING, STATES.SEARCHING]
@@ -136,7 +133,7 @@ def test_one_frame_coasts_the_next_is_lost_and_those_after_it_are_searched():
 def test_a_camera_with_a_low_rate_does_not_coast(rate_hz, state):
     matcher = Matcher([False] * 2)
     made = tracker(matcher)
-    made.match(FRAME, 1_000_000_000 // rate_hz, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, 1_000_000_000 // rate_hz, moved(0.0), DEPTH)
     assert made.state is state
     assert matcher.relocalisations == int(state is STATES.LOST)
 
@@ -146,26 +143,26 @@ def test_an_observation_leads_back_to_tracking_and_one_frame_may_coast_again(fra
     matcher = Matcher([False] * 9)
     made = tracker(matcher)
     for k in range(1, frames + 1):
-        made.match(FRAME, k * FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+        made.match(FRAME, k * FRAME_NS, moved(0.0), DEPTH)
     made.update(observation(frames * FRAME_NS))
     assert made.state is STATES.TRACKING
-    made.match(FRAME, (frames + 1) * FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, (frames + 1) * FRAME_NS, moved(0.0), DEPTH)
     assert made.state is STATES.COASTING
 
 
 def test_a_frame_without_an_observation_keeps_the_last_one():
     matcher = Matcher([False] * 2 + [True])
     made = tracker(matcher)
-    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
     made.update(None)
-    made.match(FRAME, 2 * FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, 2 * FRAME_NS, moved(0.0), DEPTH)
     assert matcher.predictions[2] == -7.0
 
 
 @pytest.mark.parametrize(("age_s", "tracked"), [(5.0, 1), (5.1, 0)])
 def test_an_observation_is_tracked_for_five_seconds(age_s, tracked):
     matcher = Matcher([True])
-    tracker(matcher).match(FRAME, round(age_s * 1e9), moved(0.0), DEPTH, ENGAGED)
+    tracker(matcher).match(FRAME, round(age_s * 1e9), moved(0.0), DEPTH)
     assert (len(matcher.predictions), matcher.relocalisations) == (tracked, 1 - tracked)
 
 
@@ -173,43 +170,9 @@ def test_without_an_observation_a_frame_is_relocalised():
     matcher = Matcher([])
     made = unobserved(matcher)
     assert made.state is STATES.SEARCHING
-    found = made.match(FRAME, 0, moved(0.0), None, ENGAGED)
+    found = made.match(FRAME, 0, moved(0.0), None)
     assert (matcher.relocalisations, du(found)) == (1, 99.0)
     assert made.state is STATES.SEARCHING
-
-
-@pytest.mark.parametrize(
-    ("found", "expected_px"), [(0.2, 99.0), (0.04, -7.0)], ids=["more", "less"]
-)
-def test_a_goal_in_little_of_the_image_is_relocalised_before_a_flight(found, expected_px):
-    matcher = Matcher([True], share=0.08, found=found)
-    made = tracker(matcher, flow(-7.0, 0.08))
-    seen = made.match(FRAME, 5_000_000_000, moved(0.0), DEPTH, engaged=False)
-    assert (matcher.relocalisations, du(seen)) == (1, expected_px)
-    assert made.state is STATES.TRACKING
-
-
-@pytest.mark.parametrize(
-    ("share", "t_s", "engaged"),
-    [(0.08, 5.0, True), (0.08, 4.9, False), (0.11, 5.0, False)],
-    ids=["engaged", "soon", "clear"],
-)
-def test_a_goal_is_not_relocalised_in_flight_nor_soon_again_nor_where_enough_is_seen(
-    share, t_s, engaged
-):
-    matcher = Matcher([True], share)
-    made = tracker(matcher, flow(-7.0, share))
-    made.match(FRAME, round(t_s * 1e9), moved(0.0), DEPTH, engaged)
-    assert matcher.relocalisations == 0
-
-
-def test_a_relocalisation_is_not_repeated_at_once_where_nothing_more_is_found():
-    matcher = Matcher([True] * 8, share=0.08, found=0.04)
-    made = tracker(matcher, flow(-7.0, 0.08))
-    for t_s in range(3, 11):
-        made.match(FRAME, t_s * 1_000_000_000, moved(0.0), DEPTH, engaged=False)
-        made.update(observation(t_s * 1_000_000_000, flow(-7.0, 0.08)))
-    assert matcher.relocalisations == 2
 
 
 LATER_NS = 2_000_000_000
@@ -228,14 +191,14 @@ def extended(made, t_ns=LATER_NS):
 def test_an_extension_leads_on_if_it_is_confident_in_more_of_the_image(share, next_px):
     matcher = Matcher([True], extended=flow(-8.0, share))
     made = extended(tracker(matcher))
-    made.match(FRAME, LATER_NS + FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, LATER_NS + FRAME_NS, moved(0.0), DEPTH)
     assert matcher.predictions == [next_px]
 
 
 def test_where_nothing_else_matches_the_last_flow_leads_on():
     matcher = Matcher([True])
     made = extended(tracker(matcher))
-    made.match(FRAME, LATER_NS + FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, LATER_NS + FRAME_NS, moved(0.0), DEPTH)
     assert matcher.predictions == [-7.0]
 
 
@@ -251,6 +214,14 @@ def test_a_goal_that_is_clear_or_of_a_past_frame_is_not_extended(share, t_ns):
     made = unobserved(Matcher([]))
     made.update(observation(LATER_NS, flow(-7.0, share)))
     assert not made.extend(FRAME, LATER_NS + t_ns)
+
+
+def test_more_is_not_looked_for_soon_after_a_relocalisation():
+    made = unobserved(Matcher([]))
+    made.match(FRAME, LATER_NS, moved(0.0), DEPTH)
+    for t_ns, is_due in ((LATER_NS + 950 * MS, False), (LATER_NS + 1000 * MS, True)):
+        made.update(observation(t_ns))
+        assert made.extend(FRAME, t_ns) == is_due
 
 
 def test_a_goal_that_was_not_observed_is_not_extended():
@@ -299,7 +270,7 @@ def test_a_rejected_goal_is_neither_tracked_nor_extended(was_flown_to):
     made.reject(was_flown_to)
     assert made.state is STATES.SEARCHING
     assert not made.extend(FRAME, LATER_NS)
-    found = made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    found = made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
     assert (matcher.predictions, matcher.excluded) == ([], [[]])
     assert confident_ratio(found) > 0.0
 
@@ -316,12 +287,12 @@ def test_a_goal_that_was_false_twice_is_excluded_from_a_relocalisation():
     matcher = Matcher([])
     made = unobserved(matcher)
     reject(made, 1)
-    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
     reject(made, 1)
-    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
     made.update(Observation(0, flow(5.0), moved(0.3), moved(0.0)))
     made.reject(was_flown_to=True)
-    made.match(FRAME, FRAME_NS, moved(0.25), DEPTH, ENGAGED)  # on the way from there
+    made.match(FRAME, FRAME_NS, moved(0.25), DEPTH)  # on the way from there
     ahead_px = -CAMERA.fx / WALL_M
     expected = [[], [0.5 * ahead_px], [0.25 * ahead_px]]
     for found, wanted in zip(matcher.excluded, expected, strict=True):
@@ -332,7 +303,7 @@ def test_without_depth_nothing_is_excluded():
     matcher = Matcher([])
     made = unobserved(matcher)
     reject(made, 2)
-    made.match(FRAME, FRAME_NS, moved(0.0), None, ENGAGED)
+    made.match(FRAME, FRAME_NS, moved(0.0), None)
     assert matcher.excluded == [[]]
 
 
@@ -341,7 +312,7 @@ def test_where_nothing_else_is_found_every_other_relocalisation_excludes_nothing
     made = unobserved(matcher)
     reject(made, 2)
     for _ in range(4):
-        made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+        made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
         made.update(None)
     assert [len(excluded) for excluded in matcher.excluded] == [1, 0, 1, 0]
 
@@ -351,7 +322,7 @@ def test_two_goals_that_were_false_once_are_not_excluded():
     made = unobserved(matcher)
     reject(made, 1)
     reject(made, 1, right_m=0.4)
-    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
     assert matcher.excluded == [[]]
 
 
@@ -363,7 +334,7 @@ def test_two_false_goals_that_face_another_way_are_not_one():
             Observation(0, flow(-7.0), moved(-0.5), make_pose(about_down(turn_rad), [0, 0, 0]))
         )
         made.reject(was_flown_to=True)
-    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
     assert matcher.excluded == [[]]
 
 
@@ -372,7 +343,7 @@ def test_a_rejection_expires_after_half_a_minute(age_s, excluded):
     matcher = Matcher([])
     made = unobserved(matcher)
     reject(made, 2)
-    made.match(FRAME, age_s * 1_000_000_000, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, age_s * 1_000_000_000, moved(0.0), DEPTH)
     assert len(matcher.excluded[0]) == excluded
 
 
@@ -383,5 +354,5 @@ def test_a_false_goal_that_was_not_flown_to_is_not_excluded():
     for _ in range(2):
         made.update(observation())
         made.reject(was_flown_to=False)
-    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH, ENGAGED)
+    made.match(FRAME, FRAME_NS, moved(0.0), DEPTH)
     assert matcher.excluded == [[]]

@@ -24,7 +24,7 @@ class StillMatcher:
     """Says that nothing moved, with full confidence in the upper ``share`` of the view."""
 
     def __init__(self):
-        self.share, self.relocalisations = 1.0, 0
+        self.share, self.relocalisations, self.extensions = 1.0, 0, 0
 
     def encode(self, image):
         return ImageFeatures(image.shape[:2])
@@ -37,6 +37,7 @@ class StillMatcher:
         return self._still(current)
 
     def extend(self, current, other, known):
+        self.extensions += 1
         return None
 
     def _still(self, current):
@@ -48,12 +49,12 @@ class StillMatcher:
 class Rig:
     """An eye with a clock in hand."""
 
-    def __init__(self, rng):
+    def __init__(self, rng, config=None):
         self.now_ns = 5_000 * MS
         self.picture = rng.integers(0, 255, (120, 160, 3)).astype(np.uint8)
         self.seq = 0
         goal = Goal(self.picture, GoalSidecar(CAMERA))
-        task = ServoTask(ServoConfig(), CAMERA, goal.sidecar, Mount())
+        task = ServoTask(config or ServoConfig(), CAMERA, goal.sidecar, Mount())
         self.matcher = StillMatcher()
         pipeline = Pipeline(task, self.matcher, goal, lambda: self.now_ns)
         self.eye = FrameProcessor(CAMERA, pipeline, CLOCK, lambda: self.now_ns)
@@ -107,6 +108,20 @@ def test_nothing_is_relocalised_after_a_report(rig):
     before = rig.matcher.relocalisations
     rig.eye.work_between_frames()
     assert rig.matcher.relocalisations == before
+
+
+def test_more_of_a_goal_in_a_part_of_the_view_is_looked_for_after_reports(rng):
+    rig = Rig(rng, ServoConfig(min_matched_texture=0.0))
+    rig.matcher.share = 0.2
+    for k in range(46):
+        image = rig.picture.copy()
+        image[0, 0] = k  # else it is a frozen camera's
+        sample = rig.sample(image=image)
+        rig.hear_vehicle()
+        assert rig.eye.process(sample).report.healthy
+        before = rig.matcher.extensions
+        rig.eye.work_between_frames()
+        assert rig.matcher.extensions - before == (k in (21, 41))  # a frame after 1 and 2 s
 
 
 def test_without_the_vehicle_s_attitude_nothing_is_flown(rig):
