@@ -51,12 +51,13 @@ class Keypoints:
 
 
 class EncodedImage:
-    """Keypoints of an image, also turned and reduced; encoded when they are first asked for."""
+    """Keypoints of an image; those of it turned and reduced when they are first asked for."""
 
     def __init__(self, image: ImageArray, network: EncodeMatchPoints) -> None:
         self._grey = cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY))
         self._network = network
         self._found: dict[tuple[float, float], Keypoints] = {}
+        self.keypoints()
 
     def keypoints(self, angle_rad: float = 0.0, scale: float = 1.0) -> Keypoints:
         """Keypoints of the image turned counter-clockwise about its middle, and reduced."""

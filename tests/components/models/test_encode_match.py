@@ -172,6 +172,14 @@ def test_an_image_is_matched_with_itself_turned_and_the_right_turn_comes_first(
     assert np.median(apart) < 1.0
 
 
+def test_an_encoded_image_is_matched_without_the_encoder(tmp_path, monkeypatch):
+    """So that nothing between two frames has to do both."""
+    points = load(grid_network.write_bundle(tmp_path))
+    first, second = (points.encode(grey(WIDTH, HEIGHT)) for _ in range(2))
+    monkeypatch.setattr(points, "keypoints", None)
+    assert len(points.expected(first, second, 0.0, 1.0)) > 0
+
+
 @pytest.mark.parametrize("roll_deg", [0.0, -ROLL_DEG, ROLL_DEG])
 def test_a_few_matches_are_right_where_the_turn_is_known(network, large, roll_deg):
     (first, there), (second, here) = view(large, 0.0), view(large, roll_deg)
