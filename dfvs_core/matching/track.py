@@ -11,9 +11,8 @@ turn and scale that the flow tells; those that fit one two-view geometry lead th
 
 from __future__ import annotations
 
+import math
 from collections.abc import Callable
-
-import numpy as np
 
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.config import MatchingConfig
@@ -69,8 +68,8 @@ def extend(
     if len(matches) < config.least_matches:
         return None
     A = similarity(matches)
-    turn_rad, scale = np.arctan2(A[1, 0], A[0, 0]), np.hypot(A[0, 0], A[1, 0])
-    inliers = fit_two_views(expected(float(turn_rad), float(scale)), config)
+    turn_rad, scale = math.atan2(A[1, 0], A[0, 0]), math.hypot(A[0, 0], A[1, 0])
+    inliers = fit_two_views(expected(turn_rad, scale), config) if scale > 0.0 else None
     if inliers is None:
         return None
     size = (current.shape[0], current.shape[1])

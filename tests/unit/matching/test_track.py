@@ -10,6 +10,7 @@ from dfvs_core.matching.correspondence import FlowField, empty_flow
 from dfvs_core.matching.points import NO_MATCHES, PointMatches
 from dfvs_core.matching.smooth_flow import confident_matches
 from dfvs_core.matching.track import extend, track
+from dfvs_core.matching.warping import pixel_grid
 
 CONFIG, SIZE = MatchingConfig(), (HEIGHT, WIDTH)
 MOTION = turned(roll_deg=20.0, zoom=1.1, shift=(20.0, -10.0))
@@ -138,6 +139,11 @@ def few(matches, count=60):
     return PointMatches(matches.current[kept], matches.other[kept], matches.confidence[kept])
 
 
+POINT = FlowField(
+    (np.array([80.0, 60.0]) - pixel_grid(SIZE)).astype(np.float32), np.ones(SIZE, np.float32)
+)
+
+
 def true_matches():
     seen = FlowField(prediction().flow, VISIBLE.astype(np.float32))
     return confident_matches(seen)
@@ -166,8 +172,8 @@ def test_sparse_matches_are_asked_for_at_the_turn_and_scale_of_the_known_flow(wa
 
 @pytest.mark.parametrize(
     ("known", "matches"),
-    [(empty_flow(SIZE), None), (prediction(), NO_MATCHES)],
-    ids=["nothing is known", "nothing else matches"],
+    [(empty_flow(SIZE), None), (prediction(), NO_MATCHES), (POINT, None)],
+    ids=["nothing is known", "nothing else matches", "all leads to one point"],
 )
 def test_there_is_nothing_to_extend(walls, frame, known, matches):
     assert extend(frame, goal(walls), known, lambda *_: matches, CONFIG) is None
