@@ -4,7 +4,7 @@
 2. Search the residual motion both ways (DIS, Kroeger et al., ECCV 2016).
 3. Compose the residual with the prediction.
 4. Confidence is the product of forward-backward consistency, normalised cross-correlation,
-   nearness to the median residual, and the in-bounds mask.
+   nearness to the median residual of what these two are confident of, and the in-bounds mask.
 """
 
 from __future__ import annotations
@@ -16,7 +16,7 @@ import numpy as np
 
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, ImageArray
 from dfvs_core.matching.config import PATCH_PX, MatchingConfig
-from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.correspondence import CONFIDENT, FlowField
 from dfvs_core.matching.warping import backward_warp, compose, lands_inside, pixel_grid, sample
 
 _ROUNDING_GREY2 = 1.0 / 12.0
@@ -35,8 +35,10 @@ def search_residual(
     confidence = forward_backward_consistency(forward, backward, config)
     warped = sample(aligned, pixel_grid(current.shape[:2]) + forward)
     confidence *= np.maximum(normalised_cross_correlation(current, warped), 0.0)
-    median = np.median(forward[::PATCH_PX, ::PATCH_PX], axis=(0, 1)).astype(np.float32)
-    confidence *= _half_at(forward - median, config.residual_sigmas * config.noise_px)
+    confident = confidence > CONFIDENT
+    if confident.any():
+        median = np.median(forward[confident], axis=0).astype(np.float32)
+        confidence *= _half_at(forward - median, config.residual_sigmas * config.noise_px)
     return FlowField(flow, confidence * lands_inside(flow))
 
 

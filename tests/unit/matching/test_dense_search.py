@@ -125,3 +125,14 @@ def test_a_window_without_texture_does_not_correlate():
 def test_noise_that_is_not_shared_gives_little_confidence(rng):
     a, b = (np.clip(rng.normal(128, 3, SIZE), 0, 255).astype(np.uint8) for _ in range(2))
     assert np.maximum(normalised_cross_correlation(a, b), 0.0).mean() < 0.1
+
+
+def test_a_goal_in_a_part_of_the_view_is_confident_whatever_is_found_in_the_rest(wall):
+    """In the rest another wall moves, seen through noise: nothing of it is confident."""
+    rest = np.s_[:, WIDTH // 5 :]
+    moved, noise = wall.picture(turned(shift=(14.0, 0.0))), texture(np.random.default_rng(9))
+    picture = wall.picture()
+    picture[rest] = (0.4 * moved + 0.6 * noise[:HEIGHT, :WIDTH])[rest].astype(np.uint8)
+    field = search(wall.picture(), picture)
+    assert np.mean(field.confidence[rest] > 0.5) < 0.02
+    assert np.mean(field.confidence[:, : WIDTH // 5 - 16] > 0.5) > 0.9
