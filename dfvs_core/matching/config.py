@@ -35,7 +35,7 @@ class MatchingConfig:
     """Weight of no residual and of no slope, in matches at the same place and one sigma aside."""
     least_gradient: float = 15.0
     """Size of Sobel's gradient, in the mean of a patch, from which on it has texture."""
-    even_odds_matches: float = 2.5
+    even_odds_matches: float = 1.0
     """Confirmed matches, times the explained texture, of a hypothesis with even odds."""
     kept_ratio: float = 1.0 / 3.0
     """Share of the confident area of a prediction that has to be confident again."""

@@ -13,17 +13,13 @@ from __future__ import annotations
 import itertools
 from collections.abc import Iterable
 
-import cv2
-import numpy as np
-
-from dfvs_core.geometry.arrays import Float32Array, ImageArray
-from dfvs_core.matching.config import PATCH_PX, MatchingConfig
+from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import CONFIDENT, FlowField, merge_by_confidence
 from dfvs_core.matching.dense_search import search_residual
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.smooth_flow import confident_matches, smooth_flow
 from dfvs_core.matching.verify import explained_ratio, fit_two_views, probability, support
-from dfvs_core.matching.warping import lands_inside
 
 
 def relocalise(
@@ -57,34 +53,14 @@ def _densify(
     config: MatchingConfig,
 ) -> tuple[FlowField, float]:
     """Dense flow from the inliers of a hypothesis, and its probability."""
-    size = (current.shape[0], current.shape[1])
-    predicted = smooth_flow(inliers, size, config)
-    searched = search_residual(current, other, predicted, config)
-    field = merge_by_confidence(searched, _around_inliers(predicted, inliers, searched, config))
+    predicted = smooth_flow(inliers, (current.shape[0], current.shape[1]), config)
+    field = search_residual(current, other, predicted, config)
     for _ in range(config.growing_rounds):
-        again = confident_matches(field)
-        if len(again) < config.least_matches:
+        confirmed = confident_matches(field)
+        if len(confirmed) < config.least_matches:
             break
-        predicted = smooth_flow(again, size, config)
+        predicted = smooth_flow(confirmed, field.confidence.shape, config)
         found = search_residual(current, other, predicted, config)
-        searched, field = (merge_by_confidence(found, each) for each in (searched, field))
-    # inliers that the search does not confirm explain nothing
-    explained = explained_ratio(current, predicted, searched, config)
+        field = merge_by_confidence(found, field)
+    explained = explained_ratio(current, predicted, field, config)
     return field, probability(support(matches, field, config), explained, config)
-
-
-def _around_inliers(
-    predicted: Float32Array, inliers: PointMatches, field: FlowField, config: MatchingConfig
-) -> FlowField:
-    """The predicted flow, confident in the patches of inliers that it passes through.
-
-    Only those count where the dense search has found nothing.
-    """
-    confidence = np.zeros_like(field.confidence)
-    counts = inliers.miss_px(predicted) < config.same_px
-    counts &= field.confidence[inliers.pixels(confidence.shape)] < CONFIDENT
-    counted = inliers.select(counts)
-    np.maximum.at(confidence, counted.pixels(confidence.shape), 0.5 * (1.0 + counted.confidence))
-    patch = np.ones((PATCH_PX + 1, PATCH_PX + 1), np.uint8)
-    confidence = np.asarray(cv2.dilate(confidence, patch), np.float32)
-    return FlowField(predicted, confidence * lands_inside(predicted))

@@ -120,20 +120,6 @@ def test_two_surfaces_of_a_rigid_scene_move_by_themselves():
         assert np.mean(field.confidence[part] > 0.5) > 0.9
 
 
-def test_inliers_are_confident_where_the_appearance_has_changed(pictures):
-    """The images are not alike in the middle, but for matches that fit the scene's motion."""
-    a, b = pictures[0].copy(), pictures[1]
-    rows, columns = slice(90, 150), slice(120, 200)
-    a[rows, columns] = 255 - a[rows, columns]
-    field = found((a, b), [RIGHT])
-    u, v = RIGHT.current.astype(int).T
-    changed = (v > 100) & (v < 140) & (u > 130) & (u < 190)
-    assert changed.sum() > 5
-    confident = field.confidence[v, u][changed] > 0.5
-    assert confident.mean() > 0.9
-    assert np.mean(errors(field, TRUTH)[v, u][changed][confident] < 2.0) > 0.9
-
-
 @pytest.mark.parametrize("count", [20, 200])
 @pytest.mark.parametrize("wrong_count", [40, 100, 200])
 def test_a_wrong_hypothesis_is_passed_over_for_a_right_one(pictures, count, wrong_count):
