@@ -35,12 +35,12 @@ class MatchingConfig:
     """Weight of no residual and of no slope, in matches at the same place and one sigma aside."""
     least_gradient: float = 15.0
     """Size of Sobel's gradient, in the mean of a patch, from which on it has texture."""
-    even_odds_matches: float = 1.0
-    """Confirmed matches, times the explained texture, of a hypothesis with even odds."""
+    least_explained_ratio: float = 0.1
+    """Share of the texture in view of both images that a match has to explain."""
     kept_ratio: float = 1.0 / 3.0
     """Share of the confident area of a prediction that has to be confident again."""
     least_confident_ratio: float = 0.05
-    """Confident share of the image that a track has to have."""
+    """Confident share of the image that a match or a track has to have."""
     sift_width_px: int = 640
     """Largest width at which the classical matcher finds keypoints."""
     sift_count: int = 3000

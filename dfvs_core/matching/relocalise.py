@@ -4,8 +4,8 @@
 2. A two-view geometry is fitted; its inliers are kept.
 3. A smooth flow through the inliers predicts where everything else is.
 4. The dense search makes it precise, and grows from what it has confirmed.
-5. Confirmed matches, and the texture that is explained, give the hypothesis a probability. The
-   first one that is more likely right than wrong is the match.
+5. The first hypothesis that is confident in enough of the image, and explains enough of the
+   texture in view of both images, is the match.
 """
 
 from __future__ import annotations
@@ -15,11 +15,11 @@ from collections.abc import Iterable
 
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.matching.config import MatchingConfig
-from dfvs_core.matching.correspondence import CONFIDENT, FlowField, merge_by_confidence
+from dfvs_core.matching.correspondence import FlowField, confident_ratio, merge_by_confidence
 from dfvs_core.matching.dense_search import search_residual
 from dfvs_core.matching.points import PointMatches
 from dfvs_core.matching.smooth_flow import confident_matches, smooth_flow
-from dfvs_core.matching.verify import explained_ratio, fit_two_views, probability, support
+from dfvs_core.matching.verify import explained_ratio, fit_two_views
 
 
 def relocalise(
@@ -39,20 +39,17 @@ def relocalise(
         inliers = fit_two_views(matches, config)
         if inliers is None:
             continue
-        field, right = _densify(current, other, matches, inliers, config)
-        if right >= CONFIDENT:
+        field, explained = _densify(current, other, inliers, config)
+        enough = confident_ratio(field) >= config.least_confident_ratio
+        if enough and explained >= config.least_explained_ratio:
             return field
     return None
 
 
 def _densify(
-    current: ImageArray,
-    other: ImageArray,
-    matches: PointMatches,
-    inliers: PointMatches,
-    config: MatchingConfig,
+    current: ImageArray, other: ImageArray, inliers: PointMatches, config: MatchingConfig
 ) -> tuple[FlowField, float]:
-    """Dense flow from the inliers of a hypothesis, and its probability."""
+    """Dense flow from the inliers of a hypothesis, and its explained ratio."""
     predicted = smooth_flow(inliers, (current.shape[0], current.shape[1]), config)
     field = search_residual(current, other, predicted, config)
     for _ in range(config.growing_rounds):
@@ -62,5 +59,4 @@ def _densify(
         predicted = smooth_flow(confirmed, field.confidence.shape, config)
         found = search_residual(current, other, predicted, config)
         field = merge_by_confidence(found, field)
-    explained = explained_ratio(current, predicted, field, config)
-    return field, probability(support(matches, field, config), explained, config)
+    return field, explained_ratio(current, predicted, field, config)

@@ -34,19 +34,6 @@ def fit_two_views(matches: PointMatches, config: MatchingConfig) -> PointMatches
     return matches.select(mask.ravel() > 0)
 
 
-def probability(confirmed: float, explained: float, config: MatchingConfig) -> float:
-    """Probability that a hypothesis is right, from its support and its explained ratio."""
-    odds = confirmed * explained
-    return odds / (odds + config.even_odds_matches) if odds > 0.0 else 0.0
-
-
-def support(matches: PointMatches, field: FlowField, config: MatchingConfig) -> float:
-    """Sum of the confidence of the matches that a dense flow (H, W) confirms."""
-    confirmed = matches.miss_px(field.flow) < config.same_px
-    confirmed &= field.confidence[matches.pixels(field.confidence.shape)] > CONFIDENT
-    return float(matches.confidence[confirmed].sum())
-
-
 def has_texture(grey: ImageArray, config: MatchingConfig | None = None) -> BoolArray:
     """(H, W): whether the patch around a pixel of a grey image could be matched."""
     u, v = (cv2.Sobel(grey, cv2.CV_32F, *order) for order in ((1, 0), (0, 1)))

@@ -38,7 +38,7 @@ STAGES: dict[str, dict[str, Any]] = {
     "scales": {"scales": (1.0,)},
     "hypotheses": {"most_hypotheses": 1},
     "growing": {"growing_rounds": 0},
-    "verification": {"even_odds_matches": 0.0},
+    "verification": {"least_explained_ratio": 0.0, "least_confident_ratio": 0.0},
 }
 """Stages of relocalisation that can be left out, and the numbers that do so."""
 

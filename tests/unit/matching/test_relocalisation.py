@@ -1,5 +1,7 @@
 """Relocalisation from scripted match hypotheses, between images whose flow is known."""
 
+from dataclasses import replace
+
 import cv2
 import numpy as np
 import pytest
@@ -71,9 +73,9 @@ def repeated():
     return np.ascontiguousarray(smooth[:, PERIOD_PX // 2 : PERIOD_PX // 2 + WIDTH])
 
 
-def found(pictures, hypotheses):
+def found(pictures, hypotheses, config=CONFIG):
     a, b = (cv2.cvtColor(picture, cv2.COLOR_RGB2GRAY) for picture in pictures)
-    return relocalise(a, b, hypotheses, CONFIG)
+    return relocalise(a, b, hypotheses, config)
 
 
 def match(pictures, points, excluded=()):
@@ -131,6 +133,20 @@ def test_a_wrong_hypothesis_is_passed_over_for_a_right_one(pictures, count, wron
 def test_a_wrong_hypothesis_alone_gives_nothing(pictures):
     assert found(pictures, [WRONG]) is None
     assert match(pictures, Scripted(WRONG)).confidence.max() == 0.0
+
+
+def test_a_match_that_leaves_little_of_the_view_is_none(pictures):
+    """All of it is explained, but tracking would lose it at once."""
+    picture = pictures[0]
+    other = Wall(texture(np.random.default_rng(99))).picture()
+    other[:48, :64] = picture[-48:, -64:]
+    v, u = np.mgrid[6:42:4, 6:58:4]
+    to = np.column_stack([u.ravel(), v.ravel()]).astype(np.float32)
+    at = to + np.array([WIDTH - 64, HEIGHT - 48], np.float32)
+    hypotheses = [PointMatches(at, to, np.ones(len(at), np.float32))]
+    assert found((picture, other), hypotheses) is None
+    anything = replace(CONFIG, least_confident_ratio=0.0)
+    assert found((picture, other), hypotheses, anything) is not None
 
 
 @pytest.mark.parametrize("hypotheses", [[], [RIGHT.select(np.arange(len(RIGHT)) < 5)]])
