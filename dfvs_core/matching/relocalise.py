@@ -50,13 +50,14 @@ def _densify(
     current: ImageArray, other: ImageArray, inliers: PointMatches, config: MatchingConfig
 ) -> tuple[FlowField, float]:
     """Dense flow from the inliers of a hypothesis, and its explained ratio."""
-    predicted = smooth_flow(inliers, (current.shape[0], current.shape[1]), config)
+    size = (current.shape[0], current.shape[1])
+    predicted = smooth_flow(inliers, size, config)
     field = search_residual(current, other, predicted, config)
     for _ in range(config.growing_rounds):
         confirmed = confident_matches(field)
         if len(confirmed) < config.least_matches:
             break
-        predicted = smooth_flow(confirmed, field.confidence.shape, config)
+        predicted = smooth_flow(confirmed, size, config)
         found = search_residual(current, other, predicted, config)
         field = merge_by_confidence(found, field)
     return field, explained_ratio(current, predicted, field, config)

@@ -149,6 +149,31 @@ def test_a_match_that_leaves_little_of_the_view_is_none(pictures):
     assert found((picture, other), hypotheses, anything) is not None
 
 
+def test_a_match_that_explains_little_of_what_both_see_is_none(pictures):
+    """Two places share a picture, say, and nothing around it."""
+    picture = pictures[0]
+    other = Wall(texture(np.random.default_rng(99))).picture()
+    shared = np.s_[70:162, 100:192]
+    other[shared] = picture[shared]
+    v, u = np.mgrid[76:156:4, 106:186:4]
+    at = np.column_stack([u.ravel(), v.ravel()]).astype(np.float32)
+    hypotheses = [PointMatches(at, at, np.ones(len(at), np.float32))]
+    assert found((picture, other), hypotheses) is None
+    anything = replace(CONFIG, least_explained_ratio=0.0)
+    assert found((picture, other), hypotheses, anything) is not None
+
+
+@pytest.mark.parametrize("spread_px", [0.0, 1e-3, 1.0])
+def test_matches_that_all_lead_to_one_point_give_nothing(pictures, spread_px):
+    to = 50.0 + np.random.default_rng(3).normal(0.0, 1.0, RIGHT.other.shape) * spread_px
+    assert found(pictures, [replace(RIGHT, other=to.astype(np.float32))]) is None
+
+
+def test_random_matches_give_nothing(pictures):
+    to = np.random.default_rng(3).uniform((0, 0), (WIDTH, HEIGHT), RIGHT.other.shape)
+    assert found(pictures, [replace(RIGHT, other=to.astype(np.float32))]) is None
+
+
 @pytest.mark.parametrize("hypotheses", [[], [RIGHT.select(np.arange(len(RIGHT)) < 5)]])
 def test_no_matches_or_too_few_give_nothing(pictures, hypotheses):
     assert found(pictures, hypotheses) is None
