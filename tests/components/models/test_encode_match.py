@@ -169,7 +169,7 @@ def test_an_image_is_matched_with_itself_turned_and_the_right_turn_comes_first(
     apart = np.linalg.norm(best.other - expected - here[:, 2], axis=1)
     # keypoints are whole px of the network's image, 0.6 px of these, in each of the two
     assert np.mean(apart < 2.0) > 0.85
-    assert np.median(apart) < 1.2
+    assert np.median(apart) < 1.1
 
 
 def test_an_encoded_image_is_matched_without_the_encoder(tmp_path, monkeypatch):
@@ -198,7 +198,7 @@ def test_an_image_is_matched_with_one_from_a_third_of_the_distance(large):
     found = match(load(bundle_folder("dfvs-flow"), scales=(1.0, 0.5)), large, near)
     sure = found[0].select(found[0].confidence > 0.5)
     expected = (sure.current - third) * LARGE / (LARGE - 2 * third)
-    assert len(sure) > 20
+    assert len(sure) > 28
     assert np.mean(np.linalg.norm(sure.other - expected, axis=1) < 12.0) > 0.8
     (upright,) = match(load(bundle_folder("dfvs-flow")), large, near)
     assert len(sure) > 2 * np.count_nonzero(upright.confidence > 0.5)
