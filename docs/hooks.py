@@ -52,7 +52,8 @@ _FAULTS = """\
 
 Every fault that `dfvs-robustness faults` causes, the states in which it is caused, what detects it,
 and what must follow. The limit is the longest time allowed from fault to reaction. For faults
-of the camera, the network and perception it counts from the capture of the last good frame. The
+of the camera, the network and perception it counts from the capture of the last good frame, with
+50 ms for the vehicle's record beside the 300 ms of invariant I4, which is judged as well. The
 measured times are in [the fault matrix](../experiments/faults.md). [The
 gate](../explanation/gate.md) explains the reactions.
 """

@@ -152,8 +152,8 @@ class TelemetryVehicle:
     def on_command(self, sample):
         verdict = self.authority.evaluate(sample.payload.to_bytes(), time.monotonic_ns())
         self.answer(verdict)
-        change = {"hold": ("HOLD", "operator ordered to hold"), "engage": ("SERVO", "good data")}
-        change["abort"] = ("ABORT", "operator ordered to abort")
+        change = {"hold": ("HOLD", "operator commanded to hold"), "engage": ("SERVO", "good data")}
+        change["abort"] = ("ABORT", "operator commanded to abort")
         if verdict.action is not None and str(verdict.action) in change:
             self.enter(*change[str(verdict.action)])
 

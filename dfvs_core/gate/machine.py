@@ -148,7 +148,7 @@ class GateMachine(TransitionState):
             self._engagement.is_held = False
             self._since = self._now
         elif self.state is GateState.ABORT:
-            self._refusal = "rejected: the flight is still being ended, order it again"
+            self._refusal = "rejected: the flight is still being ended, command it again"
         elif self.state is GateState.DONE:
             self._refusal = "rejected: the goal is reached, order another one"
 
@@ -157,7 +157,7 @@ class GateMachine(TransitionState):
         hands_over = self._engagement.hold_requested and not self._engagement.handed_over
         is_done = self.state is GateState.DONE
         if self.state in (GateState.ENGAGE, GateState.SERVO) or (is_done and hands_over):
-            self._refusal = f"rejected: the goal cannot change in {self.state}, order hold first"
+            self._refusal = f"rejected: the goal cannot change in {self.state}, command hold first"
             return
         cause = (Cause.OPERATOR_GOAL, goal[:12])
         self.perception.set_goal(goal, cause)

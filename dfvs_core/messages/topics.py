@@ -17,20 +17,20 @@ class Topics:
     ========== ============= ======= ==========================================================
     key        publisher     rate    content
     ========== ============= ======= ==========================================================
-    camera     camera        30 Hz   JPEG, PNG or raw pixels; attachment: ``wire.frame``
+    camera     camera        frame   JPEG, PNG or raw pixels; attachment: ``messages.frame``
     state      service       10 Hz   JSON: gate state, cause, vehicle mode and battery
     answer     service       command JSON: request id of a command, and the gate's answer to it
     servo      service       frame   JSON: error, velocity, inliers, conditioning, depth
     timing     service       1 Hz    JSON: latency of each stage, p50 and p99, in ms
     preview    service       5 Hz    JPEG: current view with the flow drawn on it [1]_
-    flow       service       10 Hz   coarse grid of flow and confidence: ``wire.flow_grid`` [1]_
-    goal       service       change  JPEG: goal image (cached); attachment: ``wire.frame``
+    flow       service       10 Hz   grid of flow, confidence: ``perception.flow_grid`` [1]_
+    goal       service       change  JPEG: goal image (cached); attachment: ``messages.frame``
     route      service       change  JSON: number of the goal at hand, of how many (cached)
     config     service       once    JSON: resolved configuration (cached for late joiners)
-    opening    service       change  ``wire.turn``: all that perception works with (cached)
-    turn       service       frame   ``wire.turn``: frame, inputs and results, for recorders [1]_
+    opening    service       change  ``messages.frame_record``: session header (cached)
+    turn       service       frame   ``messages.frame_record``: for recorders [1]_
     command    operator      --      JSON: signed engage, hold, abort
-    new_goal   operator      --      ``wire.goal_order``; attachment: signed command for it
+    new_goal   operator      --      ``messages.goal_command``; attachment: signed command
     lease      service       --      liveliness tokens: who stands by, who is engaged
     ========== ============= ======= ==========================================================
 

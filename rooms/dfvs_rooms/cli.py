@@ -10,7 +10,7 @@ from dfvs_rooms.commands import pairs, room
 
 _EPILOG = """examples:
   dfvs-rooms room --kind hall --seed 5 --light quick --out hall.glb
-  dfvs-rooms pairs --seeds 0:20 --out pairs.npz
+  dfvs-rooms pairs --rooms 8000-8019 --count 45 --seed 1 --out pairs.npz
 """
 
 

@@ -30,7 +30,7 @@ def add_parser(subparsers: Any) -> None:
         "depth",
         help="accuracy and honesty of a depth network",
         description="Estimate the depth of images whose depth is known; print relative error, "
-        "RMSE and the share within 25 %%, metric and aligned, and the time of an image.",
+        "RMSE and the share within 25 %, metric and aligned, and the time of an image.",
         epilog=_EPILOG,
     )
     add_pairs_options(parser, "the network")

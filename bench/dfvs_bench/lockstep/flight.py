@@ -28,7 +28,6 @@ from dfvs_core.servo.task import ServoTask
 from dfvs_sim.vehicle.motion.flight import VehicleConfig
 
 _TICK_NS = 20_000_000
-_ENGAGED = frozenset({"ENGAGE", "SERVO", "HOLD", "DONE"})
 _ENDED = frozenset({"DONE", "ABORT", "RELEASED"})
 
 Render = Callable[[FloatArray], ImageArray]
@@ -150,10 +149,6 @@ class LockstepFlight:
     @property
     def _mounted(self) -> Mount:
         return self._setup.mounted or self._setup.mount
-
-    @property
-    def _is_engaged(self) -> bool:
-        return str(self._gate.state) in _ENGAGED
 
     def run(self) -> LockstepLog:
         """Fly to the end, and watch for ``after_s`` more."""

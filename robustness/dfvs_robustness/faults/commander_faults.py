@@ -162,12 +162,12 @@ def commander_faults() -> tuple[Fault, ...]:
             watch_s=0.5,
         ),
         _fault(
-            ("replayed-commands", "an order again; old and unknown challenges", "challenge"),
+            ("replayed-commands", "a command again; old and unknown challenges", "challenge"),
             (Reaction.IGNORED, 0.0, (S.READY, *FLOWN), _replayed),
             watch_s=0.5,
         ),
         _fault(
-            ("operator-aborts", "operator orders to abort", "signed command"),
+            ("operator-aborts", "operator commands to abort", "signed command"),
             (abort, 500.0, ANY_ENGAGED, _operator_aborts),
             says=(Cause.OPERATOR_ABORT,),
         ),

@@ -232,7 +232,7 @@ def frame_faults() -> tuple[Fault, ...]:
             *("wrong-colours", "red and blue exchanged", "colours of corresponding points"),
             _shows(lambda i: i[:, :, ::-1]),
         ),
-        _hold("black", "black picture", "brightness", _shows(lambda i: i // 64)),
+        _hold("black", "black image", "brightness", _shows(lambda i: i // 64)),
         _hold("saturated", "white picture", "brightness", _shows(lambda i: i // 64 + 251)),
         _hold("no-contrast", "grey picture", "contrast", _shows(lambda i: i // 128 + 120)),
         _hold("corrupt-jpeg", "flipped bits in a JPEG", "checksum", _sends(_damaged)),

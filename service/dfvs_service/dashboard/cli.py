@@ -58,7 +58,7 @@ def make_parser() -> argparse.ArgumentParser:
     parser = program_parser(
         "dfvs-dashboard",
         "Serve a page that shows what the drone sees and does. Nothing is loaded from "
-        "the internet, and nothing is ordered without a token and a key.",
+        "the internet, and nothing is commanded without a token and a key.",
         _EXAMPLE,
     )
     add, many = parser.add_argument, "may be repeated"

@@ -51,7 +51,7 @@ def main(argv: Sequence[str] | None = None) -> int:
 def _parser() -> argparse.ArgumentParser:
     parser = program_parser(
         "dfvs-report",
-        "Make HTML page and video (MP4) of a flight: verdict, views, path, states, "
+        "Make HTML page and film (VP8 in WebM) of a flight: verdict, views, path, states, "
         "distances, velocities, timing, faults and settings. The page needs nothing else.",
         _EXAMPLE,
     )

@@ -41,7 +41,7 @@ def make_report(
     flight : Flight
         What was read of it.
     video_path : Path
-        Takes the video (MP4), which is replaced; none is there for a flight without a view.
+        Takes the film (VP8 in WebM), which is replaced; none is there for a flight without a view.
     show : callable
         Is given every view once it is in the video.
 

@@ -57,14 +57,6 @@ class ServiceConfig:
                 "servo.depth = 'given' needs depth with every frame, which no camera sends",
                 "'motion', 'network', 'fused', 'flow' or 'constant'",
             )
-        slowest_hz = S / GateTiming().result_age_ns
-        if self.gate.min_frame_hz < slowest_hz:
-            raise ConfigError(
-                f"gate.min_frame_hz = {self.gate.min_frame_hz:g}: nothing can be flown by frames "
-                f"every {1000 / self.gate.min_frame_hz:.0f} ms, a result counts for "
-                f"{1000 / slowest_hz:.0f} ms",
-                f"{slowest_hz:g} or more",
-            )
 
     @property
     def silence_s(self) -> float:

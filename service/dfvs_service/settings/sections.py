@@ -79,7 +79,10 @@ class ZenohSection:
 class FlowSection:
     """Where correspondences come from."""
 
-    model: str = setting(DEFAULT_MATCHER, "'classical' or the folder of a model bundle")
+    model: str = setting(
+        DEFAULT_MATCHER,
+        "a shipped bundle's name, a bundle's folder, 'hybrid:' and a pair bundle, or 'classical'",
+    )
     threads: int = setting(2, "threads for the network", low=1, high=64)
     provider: str = setting("CPUExecutionProvider", "ONNX Runtime's execution provider")
     working_width_px: int = setting(
@@ -157,13 +160,13 @@ class GateSection:
     )
     command_key_file: str = setting("", "key of signed commands (mode 0600); empty: none accepted")
     min_overlap: float = setting(
-        _GATE.min_overlap, "share of the view that must show the goal to start", low=0.0, high=1.0
+        _GATE.min_overlap, "share of the view that must be matched to start", low=0.0, high=1.0
     )
     min_frame_hz: float = setting(
         _GATE.min_frame_hz,
         "good frames a second that are needed to start; a camera that is silent for two periods "
-        "of it, or 0.2 s, stops the vehicle",
-        low=1.0,
+        "of it, or 0.2 s, stops the vehicle; a result counts for 200 ms, so fewer cannot be flown",
+        low=S / _GATE.timing.result_age_ns,
         high=60.0,
     )
     min_battery: float = setting(

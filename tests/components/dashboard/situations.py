@@ -44,7 +44,7 @@ PREFLIGHT = Flight("PREFLIGHT", "overlap with the goal: 12 %, at least 25 % need
 READY = Flight("READY", "checks passed")
 ENGAGE = Flight("ENGAGE", "pilot switched to OFFBOARD", since_s=1.0)
 SERVO = Flight()
-HOLD = Flight("HOLD", "operator ordered to hold")
+HOLD = Flight("HOLD", "operator commanded to hold")
 DONE = Flight("DONE", "error in tolerance", fields={"reached": True})
 ABORT = Flight("ABORT", "goal lost for 3 s")
 RELEASED = Flight("RELEASED", "pilot switched to POSCTL", fields={"mode": "POSCTL"})

@@ -268,7 +268,7 @@ def test_an_operator_takes_the_view_as_the_goal_with_the_attitude_of_its_capture
     watch(page, "swift")
     assert page.page.is_hidden("#take-view")  # a viewer may not
     page.sign_in(field.token)
-    field.swift.enter("HOLD", "operator ordered to hold")
+    field.swift.enter("HOLD", "operator commanded to hold")
     try:
         page.page.click("#take-view:enabled")
         assert page.page.get_attribute("#confirm-image", "src").startswith("blob:")

@@ -356,7 +356,7 @@ def test_the_reasons_of_holds_and_of_disarming_word_by_word():
     gate = Rehearsal().until(GateState.ENGAGE)
     gate.tick(OperatorCommand(gate.now_ns, Action.HOLD))
     gate.until(GateState.HOLD)
-    assert gate.machine.reason == "operator ordered to hold"
+    assert gate.machine.reason == "operator commanded to hold"
     gate.tick(OperatorCommand(gate.now_ns, Action.ENGAGE))
     gate.until(GateState.SERVO)
     assert gate.machine.reason == "good data"

@@ -29,7 +29,7 @@ def at_goal(config=None):
 def test_what_moves_or_is_about_to_keeps_its_goal(state):
     gate = Rehearsal(auto_config()).until(state)
     output = change_goal(gate)
-    assert output.refusal == f"rejected: the goal cannot change in {state}, order hold first"
+    assert output.refusal == f"rejected: the goal cannot change in {state}, command hold first"
     assert gate.machine.perception.goal == ""
     assert gate.state is state
 

@@ -207,8 +207,8 @@ def test_a_refused_order_is_refused_again():
     gate.tick(OperatorCommand(gate.now_ns, Action.GOAL, "ab" * 32))
     assert '"refusal":"rejected: the goal cannot change' in gate.lines[-1]
     assert replay(gate.lines).difference == ""
-    forged = gate.lines[-1].replace("order hold first", "order abort first")
-    assert "order hold first" in replay([*gate.lines[:-1], forged]).difference
+    forged = gate.lines[-1].replace("command hold first", "order abort first")
+    assert "command hold first" in replay([*gate.lines[:-1], forged]).difference
 
 
 def test_steps_after_a_gap_are_read_on():

@@ -488,13 +488,13 @@ def test_engaging_again_must_wait_until_the_abort_is_over():
     orders = [OperatorCommand(gate.now_ns, action) for action in (Action.ABORT, Action.ENGAGE)]
     output = gate.send(orders)
     assert gate.state is GateState.ABORT
-    assert output.refusal == "rejected: the flight is still being ended, order it again"
+    assert output.refusal == "rejected: the flight is still being ended, command it again"
 
 
 def test_the_operator_holds_and_engages_again():
     gate = in_confirmed(GateState.SERVO)
     gate.send([OperatorCommand(gate.now_ns, Action.HOLD)])
-    assert (gate.state, gate.last.reason) == (GateState.HOLD, "operator ordered to hold")
+    assert (gate.state, gate.last.reason) == (GateState.HOLD, "operator commanded to hold")
     gate.run(20.0)
     assert gate.state is GateState.HOLD
     gate.send([OperatorCommand(gate.now_ns, Action.ENGAGE)])
@@ -528,7 +528,7 @@ def test_an_order_to_engage_while_flying_changes_nothing():
 def test_the_operator_aborts():
     gate = in_confirmed(GateState.SERVO)
     gate.forget().send([OperatorCommand(gate.now_ns, Action.ABORT)])
-    assert (gate.state, gate.last.reason) == (GateState.ABORT, "operator ordered to abort")
+    assert (gate.state, gate.last.reason) == (GateState.ABORT, "operator commanded to abort")
     assert gate.requests[0][1] is ModeRequest.HOLD
 
 
