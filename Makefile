@@ -41,14 +41,17 @@ docs: .venv/.stamp-test
 
 # Two workers on one thread each. Tests in real time follow, which mostly wait: two at a time
 # (marker real_time; tests/conftest.py keeps apart those that compute), or alone (serial).
+# The gate's own tests run under "coverage".
 IN_PARALLEL := --dist loadscope --no-loadscope-reorder
+WITH_PROCESSES := tests/components tests/harness
 
 pytest: .venv/.stamp-test
 ifeq ($(strip $(ARGS)),)
 	OPENBLAS_NUM_THREADS=1 OMP_NUM_THREADS=1 OPENCV_FOR_THREADS_NUM=1 \
-	    $(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "not real_time and not serial" --durations=40
-	$(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "real_time and not serial" --durations=15
-	$(BIN)/python -m pytest -m serial --durations=15
+	    $(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "not real_time and not serial" \
+	    --ignore tests/unit/gate --durations=40
+	$(BIN)/python -m pytest -n 2 $(IN_PARALLEL) -m "real_time and not serial" $(WITH_PROCESSES) --durations=15
+	$(BIN)/python -m pytest -m serial $(WITH_PROCESSES) --durations=15
 else
 	$(BIN)/python -m pytest $(ARGS)
 endif

@@ -11,6 +11,8 @@ import pytest
 from hypothesis import settings
 from xdist.scheduler import LoadScopeScheduling
 
+ROOT = Path(__file__).parent
+
 settings.register_profile("project", deadline=None, max_examples=50, derandomize=True)
 settings.load_profile("project")
 
@@ -41,6 +43,12 @@ def pytest_xdist_make_scheduler(config: pytest.Config, log: Any) -> ModuleSchedu
 
 def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the modules that take long: none of them is the last to end."""
+    for item in items:
+        has_time = {"real_time", "serial"} & set(item.keywords)
+        if has_time and item.path.parts[len(ROOT.parts)] not in ("components", "harness"):
+            raise pytest.UsageError(
+                f"{item.nodeid} is real_time or serial: expected among components"
+            )
     slow = {item.path for item in items if "slow" in item.keywords or item.path.name in PERCEIVING}
     items.sort(key=lambda item: item.path not in slow)
 
