@@ -46,9 +46,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     for item in items:
         has_time = {"real_time", "serial"} & set(item.keywords)
         if has_time and item.path.parts[len(ROOT.parts)] not in ("components", "harness"):
-            raise pytest.UsageError(
-                f"{item.nodeid} is real_time or serial: expected among components"
-            )
+            raise pytest.UsageError(f"real_time or serial outside of components: {item.nodeid}")
     slow = {item.path for item in items if "slow" in item.keywords or item.path.name in PERCEIVING}
     items.sort(key=lambda item: item.path not in slow)
 
