@@ -20,7 +20,7 @@ from dfvs_service.perception.assembly import (
     servo_task,
 )
 from dfvs_service.perception.recorder import FrameRecorder
-from dfvs_service.perception.session_header import make_session_header
+from dfvs_service.perception.session_header import SessionHeaders
 from dfvs_service.perception.telemetry.messages import servo_document
 from dfvs_service.record.recorder import Recorder, RecordLimits
 from dfvs_service.settings.config import load_config
@@ -77,7 +77,8 @@ def fly(
     eye = build_frame_processor(
         config, goal, flow_matcher(config.flow), Clocks(CLOCK, clock, clock), depth_network(config)
     )
-    opening = replace(make_session_header(config, goal, CLOCK), opened_ns=clock())
+    headers = SessionHeaders(config, CLOCK)
+    opening = replace(headers.make(goal), opened_ns=clock())
     book = FrameRecorder()
     book.open(opening)
     events = [(opening, encode_png(goal.image))]
@@ -86,7 +87,7 @@ def fly(
             observation = None if preview is None else preview().observation
             eye.set_goal(servo_task(config, following), eye.prepare(following), observation)
             opening = replace(
-                make_session_header(config, following, CLOCK, book.next_record, eye.observed_ns),
+                headers.make(following, book.next_record, eye.observed_ns),
                 opened_ns=clock(),
             )
             book.open(opening)

@@ -42,7 +42,7 @@ def decide(engagement: Engagement, moment: Moment) -> Decision | None:
     """Say which state must be entered now, None to stay.
 
     DONE is left for a fault alone: of the vehicle, and where the goal is held by vision, of the
-    images.
+    images. A Hold that was asked for and does not come is one.
     """
     if engagement.handed_over:
         return None
@@ -59,7 +59,13 @@ def decide(engagement: Engagement, moment: Moment) -> Decision | None:
         return _decide_servo(engagement, moment)
     if moment.state is GateState.HOLD:
         return _decide_hold(engagement, moment)
+    if engagement.hold_requested and moment.in_state_ns > moment.config.timing.confirm_ns:
+        return Decision(GateState.ABORT, _not_confirmed(Cause.HOLD_NOT_CONFIRMED, moment))
     return _decide_motion(engagement, moment) if holds_visually(engagement) else None
+
+
+def _not_confirmed(cause: Cause, moment: Moment) -> Fault:
+    return cause, f"within {moment.config.timing.confirm_ns / S:g} s"
 
 
 def holds_visually(engagement: Engagement) -> bool:
@@ -75,8 +81,7 @@ def _decide_engage(engagement: Engagement, moment: Moment) -> Decision | None:
         return _into_servo(engagement, moment, (Cause.OFFBOARD_CONFIRMED, ""))
     requested_ns = engagement.requested_ns
     if requested_ns is not None and moment.now_ns - requested_ns > timing.confirm_ns:
-        cause = (Cause.OFFBOARD_NOT_CONFIRMED, f"within {timing.confirm_ns / S:g} s")
-        return Decision(GateState.ABORT, cause)
+        return Decision(GateState.ABORT, _not_confirmed(Cause.OFFBOARD_NOT_CONFIRMED, moment))
     return None
 
 

@@ -79,6 +79,7 @@ class Cause(enum.StrEnum):
     ERROR_NOT_FALLING = "error does not fall"
     WRONG_MOUNTING = "camera turns another way than the vehicle"
     HOLD_TOO_LONG = "held too long"
+    HOLD_NOT_CONFIRMED = "Hold not confirmed"
     DISTANCE_CAP = "too far from the start"
     TIME_CAP = "engaged too long"
     HEARTBEAT_LOST = "vehicle's heartbeat lost"

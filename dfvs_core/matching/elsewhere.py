@@ -9,12 +9,12 @@
 
 from __future__ import annotations
 
-from functools import cached_property
+from typing import cast
 
 import cv2
 import numpy as np
 
-from dfvs_core.geometry.arrays import ImageArray
+from dfvs_core.geometry.arrays import Float32Array, ImageArray
 from dfvs_core.matching.classical import (
     SiftFeatures,
     SiftPoints,
@@ -35,21 +35,33 @@ class SiftImage:
 
     def __init__(self, image: ImageArray, config: MatchingConfig) -> None:
         self.image, self._config = image, config
+        self._features: SiftFeatures | None = None
 
     @property
     def grey(self) -> ImageArray:
         """The image in grey (H, W)."""
         return np.asarray(cv2.cvtColor(self.image, cv2.COLOR_RGB2GRAY), np.uint8)
 
-    @cached_property
+    @property
     def features(self) -> SiftFeatures:
         """Keypoints and their descriptors."""
-        return SiftPoints(self._config).encode(self.image)
+        if self._features is None:
+            self._features = SiftPoints(self._config).encode(self.image)
+        return self._features
 
     def prepare(self) -> bool:
         """Find the keypoints; whether that was still to be done."""
-        was_done = "features" in self.__dict__
+        was_done = self._features is not None
         return not was_done and self.features is not None
+
+
+def _squared_distance_px(first: Float32Array, second: Float32Array) -> Float32Array:
+    """Squared distances (N, M) of points (N, 2) and (M, 2); works in place, as they are many."""
+    squared, dv = (np.subtract.outer(first[:, k], second[:, k]) for k in (0, 1))
+    squared *= squared
+    dv *= dv
+    squared += dv
+    return cast(Float32Array, squared)
 
 
 def match_elsewhere(
@@ -60,8 +72,7 @@ def match_elsewhere(
     u, v = np.rint(first.points).astype(np.intp).T
     ahead = first.points + flow.flow[v, u]
     squared = squared_distance(first, second)
-    du, dv = (np.subtract.outer(ahead[:, k], second.points[:, k]) for k in (0, 1))
-    squared[du * du + dv * dv < PATCH_PX**2] = np.inf
+    squared[_squared_distance_px(ahead, second.points) < PATCH_PX**2] = np.inf
     at, to = mutual_distinct(squared, config.sift_ratio).T
     if len(at) < config.least_matches:
         return None

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Iterator, Sequence
-from functools import cached_property
 from typing import Generic, cast
 
 import cv2
@@ -29,13 +28,16 @@ class StagedImage(ImageFeatures, Generic[Features]):
         super().__init__(config.working_size((image.shape[0], image.shape[1])))
         self._image = resized(image, features_size)
         self._points = points
-        grey = cast(ImageArray, cv2.cvtColor(self._image, cv2.COLOR_RGB2GRAY))
-        self.grey = resized(grey, self.size)
+        self._features: Features | None = None
+        self.grey = resized(cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)), self.size)
 
-    @cached_property
+    @property
     def features(self) -> Features:
-        """Features of the point matcher."""
-        return self._points.encode(self._image)
+        """Features of the point matcher; another thread may ask for them at the same time."""
+        features = self._features
+        if features is None:
+            self._features = features = self._points.encode(self._image)
+        return features
 
     def at_working_size(self, points: Float32Array) -> Float32Array:
         """Points (N, 2) px of the image that features lie in, in px of the working size."""
@@ -48,7 +50,7 @@ class StagedImage(ImageFeatures, Generic[Features]):
 
     def release(self) -> None:
         """Release the features; they are encoded anew where they are asked for again."""
-        self.__dict__.pop("features", None)
+        self._features = None
 
 
 class StagedMatcher(Generic[Features]):

@@ -6,6 +6,8 @@
 3. LOST: the next one was not either. It is relocalised.
 4. SEARCHING: relocalisation has failed; every frame is tracked and relocalised.
 
+A track from which the servo gets nothing in three frames in a row is relocalised in the next one.
+
 Between frames, more is looked for of a goal that is tracked in a part of the image.
 """
 
@@ -28,11 +30,17 @@ COAST_NS = 150_000_000
 TRACKED_NS = 5_000_000_000
 """Longest time for which the last observation is tracked."""
 
+_MOST_REFUSED = 3
+"""Frames in a row that are tracked without an observation, after which one is relocalised."""
+
 _SETTLED_RATIO = 0.45
 """Confident share of the image from which on no more of the goal is looked for."""
 
 _EXTENSION_PERIOD_NS = 1_000_000_000
 """Time between two times that more of it is looked for."""
+
+_EXTENSION_AGE_NS = 2 * COAST_NS
+"""Time in which it has to be found, for the next frame to be tracked from there."""
 
 _SAME_M, _SAME_RAD = 0.3, 0.2
 """Distance within which two false goals count as one."""
@@ -114,6 +122,8 @@ class GoalTracker:
         self._rejected = _RejectedGoals()
         self._has_excluded = False
         """Whether the last relocalisation excluded rejected goals, and nothing was found since."""
+        self._refused = 0
+        """Frames in a row that were tracked and gave no observation."""
         self._extending: tuple[ImageFeatures, Observation] | None = None
         """Frame in which more of the goal is being looked for, and what is seen of it."""
         self._extended_ns = 0
@@ -128,7 +138,7 @@ class GoalTracker:
         """Keep the observation of the frame that was matched last; None where it gave none."""
         if observation is not None:
             self._last, self._state = observation, TrackingState.TRACKING
-            self._has_excluded = False
+            self._has_excluded, self._refused = False, 0
 
     def reject(self, was_flown_to: bool) -> None:
         """Begin anew: what was tracked is not the goal."""
@@ -159,9 +169,13 @@ class GoalTracker:
             Of the frame before, on the grid.
         """
         flow = self._track(image, t_capture_ns, T_world_camera, depth)
-        if flow is not None:
+        if flow is not None and self._refused < _MOST_REFUSED:
+            self._refused += 1
+            if self._state is TrackingState.COASTING:
+                self._state = TrackingState.TRACKING
             return flow
-        if self._state is TrackingState.TRACKING:
+        self._refused = 0
+        if flow is None and self._state is TrackingState.TRACKING:
             self._state = TrackingState.COASTING
             if self._last is not None and t_capture_ns - self._last.t_capture_ns <= COAST_NS:
                 return empty_flow(image.size)
@@ -205,6 +219,11 @@ class GoalTracker:
             flow = self._matcher.track(image, self._goal, predicted)
         return flow
 
+    @property
+    def is_extending(self) -> bool:
+        """Whether a step of :meth:`extend` is still to be done."""
+        return self._extending is not None
+
     def extend(self, image: ImageFeatures, t_capture_ns: int) -> bool:
         """A step of looking for more of the goal than is tracked; whether there was one to do.
 
@@ -219,7 +238,12 @@ class GoalTracker:
             (begun, seen), self._extending = self._extending, None
             flow = self._matcher.extend(begun, self._goal, seen.flow)
             begun.release()
-            if flow is not None and confident_ratio(flow) > confident_ratio(last.flow):
+            is_recent = last.t_capture_ns - seen.t_capture_ns <= _EXTENSION_AGE_NS
+            if (
+                is_recent
+                and flow is not None
+                and confident_ratio(flow) > confident_ratio(last.flow)
+            ):
                 self._last = replace(seen, flow=flow)
             return True
         is_due = t_capture_ns - self._extended_ns >= _EXTENSION_PERIOD_NS

@@ -105,6 +105,7 @@ class GoalVerifier:
         ``image`` (H, W, 3) uint8 is the view, at the size of the flow to the goal image.
         """
         if servo.status is not Status.OK:
+            self._mismatch_since_ns = None
             return servo
         if is_channel_order_swapped(image, self._goal.image, flow):
             return _refused(servo, Status.SWAPPED_CHANNELS)

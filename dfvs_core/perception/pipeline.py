@@ -103,7 +103,6 @@ class Pipeline:
         self._last: Keyframe | None = None
         self._period_ns = self._depth_ns = self._worked_ns = 0
         self._depth_m = task.config.constant_depth_m
-        self._has_flown = False
         self._state = ServoState()
         self.set_goal(task, self.prepare(goal))
 
@@ -133,6 +132,7 @@ class Pipeline:
             observation = None
         self._observed_ns = None if observation is None else observation.t_capture_ns
         self._task = task = goal.task(task)
+        self._has_flown = False
         self._state = self._state.without_goal()
         self._tracker = GoalTracker(self._matcher, goal.features, task)
         self._tracker.update(observation)
@@ -217,17 +217,19 @@ class Pipeline:
     def work_between_frames(self) -> int:
         """Do what may wait until the last frame's report is on its way; time taken, ns.
 
-        First what goal verification has to compare. Else depth is learnt: a few times a second,
-        where the camera has moved far enough, the frame is compared with a keyframe. Else more of
-        the goal is looked for. All of it is put off while frames are late.
+        First what goal verification has to compare, and what was begun. Else depth is learnt: a
+        few times a second, where the camera has moved far enough, the frame is compared with a
+        keyframe. Else more of the goal is looked for. All is put off while frames are late.
         """
         start_ns, last = self._tick(), self._last
         if last is None or self._is_pressed(last):
             return 0
+        tracker = self._tracker
         has_worked = (
             self._verifier.compare()
+            or (tracker.is_extending and tracker.extend(last.features, last.t_capture_ns))
             or self._learn_depth(last)
-            or self._tracker.extend(last.features, last.t_capture_ns)
+            or tracker.extend(last.features, last.t_capture_ns)
         )
         if not has_worked:
             return 0
@@ -289,6 +291,9 @@ class Pipeline:
         T_world_camera: FloatArray,
         result: ServoResult,
     ) -> None:
+        if result.status is Status.NOT_FINITE:  # the servo did not take the frame in either
+            self._tracker.update(None)
+            return
         t_ns, observation = inputs.t_capture_ns, None
         self._has_flown |= inputs.engaged
         if result.status in (Status.OK, Status.STUCK):

@@ -9,6 +9,7 @@ from __future__ import annotations
 
 import bisect
 from dataclasses import dataclass
+from typing import TypeVar
 
 import numpy as np
 
@@ -17,6 +18,8 @@ from dfvs_core.geometry.poses import euler_from_rotation, make_pose, rotation_fr
 from dfvs_core.messages.link import VehicleState
 
 _NS = 1e-9
+
+MixT = TypeVar("MixT", float, FloatArray)
 
 _LEAST_RESET_M = 0.1
 """Change of the position between two states, beyond what the velocity explains, that is a reset."""
@@ -137,21 +140,24 @@ class VehicleHistory:
         return self._interpolate(before, after, t_ns)
 
     def _interpolate(self, before: Motion, after: Motion, t_ns: int) -> Motion:
-        s = (t_ns - before.t_ns) / (after.t_ns - before.t_ns)
-        inside = min(max(s, 0.0), 1.0)
+        between_ns = min(max(t_ns, before.t_ns), after.t_ns)
+        share = (between_ns - before.t_ns) / (after.t_ns - before.t_ns)
+        beyond_s = (t_ns - between_ns) * _NS  # two states may be a millisecond apart
 
-        def mix(a: float, b: float, share: float) -> float:
+        def mix(a: MixT, b: MixT) -> MixT:
             return a + share * (b - a)
 
+        velocity_m_s = mix(before.velocity_m_s, after.velocity_m_s)
+        yaw_rate_rad_s = self._yaw_rate(after.t_ns)
         return Motion(
             t_ns=t_ns,
-            roll_rad=mix(before.roll_rad, after.roll_rad, inside),
-            pitch_rad=mix(before.pitch_rad, after.pitch_rad, inside),
-            yaw_rad=mix(before.yaw_rad, after.yaw_rad, s),
-            velocity_m_s=before.velocity_m_s + inside * (after.velocity_m_s - before.velocity_m_s),
-            displacement_m=before.displacement_m
-            + s * (after.displacement_m - before.displacement_m),
-            yaw_rate_rad_s=self._yaw_rate(after.t_ns),
+            roll_rad=mix(before.roll_rad, after.roll_rad),
+            pitch_rad=mix(before.pitch_rad, after.pitch_rad),
+            yaw_rad=mix(before.yaw_rad, after.yaw_rad) + beyond_s * yaw_rate_rad_s,
+            velocity_m_s=velocity_m_s,
+            displacement_m=mix(before.displacement_m, after.displacement_m)
+            + beyond_s * velocity_m_s,
+            yaw_rate_rad_s=yaw_rate_rad_s,
         )
 
     def _yaw_rate(self, t_ns: int) -> float:

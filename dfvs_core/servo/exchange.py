@@ -3,7 +3,9 @@
 from __future__ import annotations
 
 import enum
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
+
+import numpy as np
 
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.depth.source import DepthState
@@ -118,10 +120,14 @@ class ServoState:
 
     def without_goal(self) -> ServoState:
         """Memory of depth, scale, odometry and mounting alone, to begin with another goal."""
+        last = self.last
+        if last is not None:  # the next flow leads to another image
+            unknown = np.zeros_like(last.samples.confidence)
+            last = replace(last, samples=replace(last.samples, confidence=unknown), position=None)
         return ServoState(
             depth_map=self.depth_map,
             estimate=self.estimate,
-            last=self.last,
+            last=last,
             monitor=self.monitor.without_goal(),
             attitude_error_rad=self.attitude_error_rad,
         )

@@ -26,6 +26,20 @@ def test_between_two_states_everything_is_interpolated():
     assert motion.yaw_rate_rad_s == pytest.approx(2.0)
 
 
+def test_beyond_the_newest_state_velocity_and_yaw_rate_carry_on_however_close_the_last_two_are():
+    forward = (0.5, 0.0, 0.0)
+    times_ms = [*range(0, 200, 20), 181]  # the last one comes a millisecond after the one before
+    flight = [
+        state(t, 0.3e-3 * t, velocity=forward, position=(0.5e-3 * (t // 20 * 20), 0.0, 0.0))
+        for t in times_ms
+    ]
+    motion = filled(flight).at(201 * MS)
+    assert motion.yaw_rad == pytest.approx(0.3 * 0.201, abs=1e-3)
+    np.testing.assert_allclose(motion.displacement_m, [0.1, 0.0, 0.0], atol=2e-3)
+    before = filled(flight).at(-20 * MS)
+    np.testing.assert_allclose(before.displacement_m, [-0.01, 0.0, 0.0], atol=2e-3)
+
+
 def test_yaw_goes_the_short_way_round():
     history = filled([state(0, 3.1), state(100, -3.1)])
     assert history.at(50 * MS).yaw_rad == pytest.approx(np.pi, abs=1e-6)

@@ -25,7 +25,9 @@ _MOST_SPREAD = 5.0
 _INDEPENDENT = 3.0
 """Independent errors in the long window, which the uncertainty of their mean follows from."""
 
-_PROGRESS_FACTOR = 0.95
+_PROGRESS_SHARE, _PROGRESS = 0.05, 5.0
+"""Fall of an error that is progress, in parts of it, or in tolerances: far from the goal, at the
+reduced speed of the start, the first would take longer than is waited for."""
 _NEARLY_THERE = 3.0
 """Error in tolerances, and mean error in spreads, below which progress is not asked for."""
 
@@ -98,8 +100,8 @@ def update_stop(state: StopState, now: ErrorSample, engaged: bool) -> StopState:
 
 def _advance(progress: Progress, now: ErrorSample) -> Progress:
     """Lower each smallest error that was clearly undercut; either one is progress."""
-    nearer = now.score < _PROGRESS_FACTOR * progress.score
-    alike = now.feature_error < _PROGRESS_FACTOR * progress.feature_error
+    nearer = progress.score - now.score > min(_PROGRESS_SHARE * progress.score, _PROGRESS)
+    alike = now.feature_error < (1.0 - _PROGRESS_SHARE) * progress.feature_error
     return Progress(
         t_ns=now.t_ns if nearer or alike else progress.t_ns,
         score=now.score if nearer else progress.score,

@@ -74,6 +74,7 @@ class Autopilot:
         self._system: System | None = None
         self._direct: MavlinkDirect | None = None
         self._param: Param | None = None
+        self._has_read_failsafe = False
         self._system_id = 0
         self._others: dict[int, MavlinkDirect] = {}
         """Other systems on this link, by their id: each has a subscription of its own."""
@@ -227,14 +228,19 @@ class Autopilot:
             self._send("COMMAND_LONG", fields)
 
     def _read_failsafe(self) -> bool:
-        """Read the failsafe parameters back; returns whether the autopilot sent them."""
+        """Read the failsafe parameters back; returns whether the autopilot sent them.
+
+        Once they are known, a reading without an answer is none: the gate judges by its age.
+        """
         if self._param is None:
             return False
         loss_s = _read(LOSS_TIME, self._param.get_param_float)
         action = _read(LOSS_ACTION, self._param.get_param_int)
-        now_ns = time.monotonic_ns()
-        self._emit(judge_failsafe(now_ns, loss_s, action, allow_return=self._allow_return))
-        return loss_s is not None and action is not None
+        now_ns, is_known = time.monotonic_ns(), loss_s is not None and action is not None
+        if is_known or not self._has_read_failsafe:
+            self._emit(judge_failsafe(now_ns, loss_s, action, allow_return=self._allow_return))
+        self._has_read_failsafe |= is_known
+        return is_known
 
     def send_velocity(self, velocity: BodyVelocity) -> None:
         """Send one setpoint."""

@@ -43,7 +43,7 @@ from dfvs_service.perception.preallocation import preallocate
 from dfvs_service.perception.record_publisher import RecordPublisher
 from dfvs_service.perception.recorder import FrameRecorder
 from dfvs_service.perception.route_follower import RouteFollower
-from dfvs_service.perception.session_header import make_session_header
+from dfvs_service.perception.session_header import SessionHeaders
 from dfvs_service.perception.telemetry.images import TelemetryImages
 from dfvs_service.perception.telemetry.latency import LatencyWindow
 from dfvs_service.perception.telemetry.messages import servo_document, timing_document
@@ -114,7 +114,7 @@ class PerceptionProcess:
         self._timing_pace = Pace(_TIMING_PERIOD_NS)
         self._collection_pace = Pace(_COLLECTION_PERIOD_NS)
         self._frames = 0
-        self._recorder = FrameRecorder()
+        self._recorder, self._headers = FrameRecorder(), SessionHeaders(config, self._clock)
         self._stopped = False
 
     def run(self) -> None:
@@ -154,12 +154,8 @@ class PerceptionProcess:
 
     def _publish_goal(self, telemetry: Telemetry, publisher: RecordPublisher) -> None:
         """Publish the session header of the frame records from here on, and the goal."""
-        header = make_session_header(
-            self._config,
-            self._goal,
-            self._clock,
-            self._recorder.next_record,
-            self._frame_processor.observed_ns,
+        header = self._headers.make(
+            self._goal, self._recorder.next_record, self._frame_processor.observed_ns
         )
         self._recorder.open(header)
         publisher.offer(header, encode_png(self._goal.image))
@@ -237,6 +233,8 @@ class PerceptionProcess:
     ) -> None:
         """Go on to the next goal of the route once it is in sight."""
         if processed.frame is None or processed.frame_result is None:
+            return
+        if processed.frame_result.is_coasting:
             return
         t_ns = processed.frame.t_capture_ns
         self._route.follow(self._frame_processor, processed.frame_result, t_ns)

@@ -101,6 +101,7 @@ class Pilot:
             If they do not pass in time.
         """
         self._link.wait_for_vehicle(self._timeouts.vehicle)
+        self._select_arming_mode()
         ready = self._link.wait_for(
             "SYS_STATUS",
             self._timeouts.armable,
@@ -119,11 +120,15 @@ class Pilot:
         PilotError
             If the vehicle refuses.
         """
-        if self.mode() not in (Mode.HOLD, Mode.TAKEOFF, Mode.POSITION):
-            self.set_mode(Mode.HOLD)
+        self._select_arming_mode()
         command = mavlink.MAV_CMD_COMPONENT_ARM_DISARM
         self._command("arming", command, 1.0, remedy=ARMING_ADVICE)
         self._confirm("arming", lambda m: bool(m.base_mode & _ARMED))
+
+    def _select_arming_mode(self) -> None:
+        """Select Hold on the ground where the present mode, such as Land, cannot be armed."""
+        if not self.armed() and self.mode() not in (Mode.HOLD, Mode.TAKEOFF, Mode.POSITION):
+            self.set_mode(Mode.HOLD)
 
     def disarm(self) -> None:
         """Disarm on the ground."""

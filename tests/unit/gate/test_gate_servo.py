@@ -225,15 +225,21 @@ def test_done_can_hand_over_to_the_autopilots_hold():
     assert not gate.requests
 
 
-def test_zeros_go_on_while_the_autopilots_hold_is_not_confirmed():
+def test_a_hold_that_is_not_confirmed_is_asked_for_once_more_and_left_to_the_autopilot():
+    """A request may be lost, or refused: PX4 needs a global position for Hold."""
     config = auto_config(on_done=OnDone.HOLD, timing=GateTiming(response_ns=0))
     gate = Rehearsal(config).until(GateState.SERVO)
     gate.changes, gate.vehicle.obeys = {"reached": True}, False
     gate.until(GateState.DONE).forget()
-    gate.run(10.0)
+    gate.run(2.0)
     assert gate.state is GateState.DONE
-    assert len(gate.setpoints) >= 490
+    assert len(gate.setpoints) >= 99
     assert not gate.requests
+    gate.run(3.0)
+    assert (gate.state, gate.last.cause) == (GateState.ABORT, Cause.HOLD_NOT_CONFIRMED)
+    assert gate.last.detail == "within 2 s"
+    assert [request for _, request in gate.requests] == [ModeRequest.HOLD]
+    assert gate.machine.is_finished
 
 
 def test_another_mode_than_the_awaited_hold_is_a_takeover():

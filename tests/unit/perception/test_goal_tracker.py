@@ -159,6 +159,34 @@ def test_a_frame_without_an_observation_keeps_the_last_one():
     assert matcher.predictions[2] == -7.0
 
 
+def test_a_track_that_gives_no_observation_is_relocalised_in_every_fourth_frame():
+    matcher = Matcher([True] * 8)
+    made = tracker(matcher)
+    done = []
+    for k in range(1, 9):
+        made.match(FRAME, k * FRAME_NS, moved(0.0), None)
+        made.update(None)
+        done.append(matcher.relocalisations)
+    assert done == [0, 0, 0, 1, 1, 1, 1, 2]
+
+
+def test_a_track_that_gives_an_observation_now_and_then_is_not_relocalised():
+    matcher = Matcher([True] * 12)
+    made = tracker(matcher)
+    for k in range(1, 13):
+        made.match(FRAME, k * FRAME_NS, moved(0.0), None)
+        made.update(observation(k * FRAME_NS) if k % 3 == 0 else None)
+    assert matcher.relocalisations == 0
+
+
+def test_a_frame_that_is_tracked_again_coasts_no_more():
+    made = tracker(Matcher([False, True]))
+    made.match(FRAME, FRAME_NS, moved(0.0), None)
+    assert made.state is STATES.COASTING
+    made.match(FRAME, 2 * FRAME_NS, moved(0.0), None)
+    assert made.state is STATES.TRACKING
+
+
 @pytest.mark.parametrize(("age_s", "tracked"), [(5.0, 1), (5.1, 0)])
 def test_an_observation_is_tracked_for_five_seconds(age_s, tracked):
     matcher = Matcher([True])
@@ -192,6 +220,21 @@ def test_an_extension_leads_on_if_it_is_confident_in_more_of_the_image(share, ne
     matcher = Matcher([True], extended=flow(-8.0, share))
     made = extended(tracker(matcher))
     made.match(FRAME, LATER_NS + FRAME_NS, moved(0.0), DEPTH)
+    assert matcher.predictions == [next_px]
+
+
+@pytest.mark.parametrize(("age_ms", "next_px"), [(300, -8.0), (350, -7.0)])
+def test_an_extension_that_comes_late_leads_no_frame(age_ms, next_px):
+    matcher = Matcher([True], extended=flow(-8.0, 0.4))
+    made = tracker(matcher)
+    made.update(observation(LATER_NS))
+    assert not made.is_extending
+    assert made.extend(FRAME, LATER_NS)
+    assert made.is_extending
+    now_ns = LATER_NS + age_ms * MS
+    made.update(observation(now_ns))
+    assert made.extend(FRAME, now_ns)
+    made.match(FRAME, now_ns + FRAME_NS, moved(0.0), None)
     assert matcher.predictions == [next_px]
 
 

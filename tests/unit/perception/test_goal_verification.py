@@ -172,6 +172,16 @@ def test_the_next_goal_is_not_blamed_for_the_last_one(goal, elsewhere):
     assert all(report.healthy for report in fly(pipeline, [elsewhere] * 30))
 
 
+def test_a_goal_that_was_not_flown_to_is_not_excluded_for_a_flight_to_the_last_one(goal, elsewhere):
+    matcher = Counting()
+    pipeline = pipeline_for(goal, matcher)
+    fly(pipeline, [goal] * 5)
+    pipeline.set_goal(pipeline._task, pipeline.prepare(Goal(goal, pipeline._task.goal)))
+    reports = fly(pipeline, [elsewhere] * 60, engaged=False, first=5)
+    assert len(rejections(reports)) >= 2
+    assert not matcher.excluded
+
+
 def test_noise_of_a_camera_in_the_dark_is_no_texture_that_has_to_match():
     rng = np.random.default_rng(5)
     view = np.full((240, 320, 3), 60.0)
@@ -254,6 +264,15 @@ def test_a_view_that_matches_changes_nothing(window):
 def test_a_frame_that_the_servo_refused_keeps_its_status(window):
     refused = servo(Status.STUCK)
     assert verified(refused, window, window) is refused
+
+
+def test_a_mismatch_before_frames_that_were_refused_is_no_longer_one(window):
+    still, none = np.zeros((240, 320, 2), np.float32), np.zeros((240, 320), np.float32)
+    verifier, field = GoalVerifier(SiftImage(window, MatchingConfig()), 0.7), FlowField(still, none)
+    verifier.verify(servo(), window, field, 0)
+    verifier.verify(servo(Status.NO_OVERLAP), window, field, 500_000_000)
+    result = verifier.verify(servo(), window, field, 1_200_000_000)
+    assert (result.status, result.reached) == (Status.OK, False)
 
 
 @pytest.mark.parametrize(

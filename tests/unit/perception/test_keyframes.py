@@ -23,7 +23,7 @@ from dfvs_core.perception.keyframes import (
 from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.vehicle_history import Motion
 from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.exchange import ServoInputs, ServoState
+from dfvs_core.servo.exchange import ServoInputs, ServoState, Status
 from dfvs_core.servo.task import ServoTask
 
 NO_FLOW = FlowField(np.zeros((0, 0, 2), np.float32), np.zeros((0, 0), np.float32))
@@ -123,10 +123,36 @@ def test_only_the_goal_and_the_newest_frame_hold_features(rng):
         t_ns = k * LONGEST_INTERVAL_NS
         pipeline.process_frame(Frame(picture, t_ns, k), still, engaged=True)
     assert len(pipeline._keyframes) == 4
-    assert ["features" in vars(each) for each in matcher.prepared] == [
+    assert [each._features is not None for each in matcher.prepared] == [
         True,
         False,
         False,
         False,
         True,
     ]
+
+
+class Broken:
+    """The classical matcher, whose second match with the goal is not finite."""
+
+    def __init__(self):
+        self._matcher = classical_matcher()
+        self.encode, self.match = self._matcher.encode, self._matcher.match
+
+    def track(self, current, other, predicted):
+        return FlowField(np.full_like(predicted.flow, np.nan), predicted.confidence)
+
+
+def test_a_frame_whose_flow_is_not_finite_is_not_what_the_next_one_is_compared_with(rng):
+    picture = Wall(texture(rng)).picture()
+    camera = CameraModel.from_horizontal_fov(picture.shape[1], picture.shape[0], 1.3)
+    sidecar = GoalSidecar(camera)
+    task = ServoTask(ServoConfig(depth="constant"), camera, sidecar, Mount())
+    pipeline = Pipeline(task, Broken(), Goal(picture, sidecar), lambda: 0)
+    found = []
+    for k in range(2):
+        still = Motion(k * LEAST_INTERVAL_NS, 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3), 0.0)
+        frame = Frame(picture, k * LEAST_INTERVAL_NS, k)
+        found.append(pipeline.process_frame(frame, still, engaged=True).result.status)
+    assert found == [Status.OK, Status.NOT_FINITE]
+    assert pipeline._last.inputs.t_capture_ns == pipeline._state.last.t_capture_ns == 0

@@ -1,5 +1,7 @@
 import pytest
+from mavsdk import MavsdkError
 
+from dfvs_service.gate.autopilot import Autopilot
 from dfvs_service.gate.failsafe import judge_failsafe
 
 
@@ -66,3 +68,36 @@ def test_what_lets_the_vehicle_fall_is_refused_though_a_return_is_allowed(action
 def test_what_is_dangerous_or_not_known_is_refused(loss_s, action, refusal):
     (line,) = judge_failsafe(0, loss_s, action).refusals
     assert refusal in line
+
+
+class Parameters:
+    """An autopilot that answers as long as it is told to."""
+
+    answers = True
+
+    def get_param_float(self, _):
+        return self._read(0.5)
+
+    def get_param_int(self, _):
+        return self._read(5)
+
+    def _read(self, value):
+        if not self.answers:
+            raise MavsdkError("timeout")
+        return value
+
+
+def test_a_reading_without_an_answer_says_nothing_once_the_parameters_are_known():
+    """The age of the last reading is what the gate judges by."""
+    read = []
+    autopilot = Autopilot(read.append, lambda *_: None)
+    autopilot._param = Parameters()
+    autopilot._param.answers = False
+    assert not autopilot._read_failsafe()
+    assert read.pop().refusals
+    autopilot._param.answers = True
+    assert autopilot._read_failsafe()
+    assert not read.pop().refusals
+    autopilot._param.answers = False
+    assert not autopilot._read_failsafe()
+    assert read == []

@@ -8,9 +8,11 @@ from box_room import BoxRoom
 
 from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
+from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_core.messages.goal import GoalSidecar, Mount
 from dfvs_core.servo.checks.motion_monitor import FrameMotion, MotionMonitor
 from dfvs_core.servo.config import ServoConfig
+from dfvs_core.servo.exchange import Attitude, LastFrame, ServoState
 from dfvs_core.servo.goal_filter import FilterModel, PositionMeasurement, begin
 from dfvs_core.servo.points import points_from_flow, sample_grid
 from dfvs_core.servo.task import ServoTask
@@ -67,3 +69,22 @@ def test_the_mean_error_is_told_in_metres():
 def test_another_goal_begins_without_errors_and_progress():
     _, monitor = watched(frame(k) for k in range(40))
     assert monitor.without_goal() == MotionMonitor(monitor.mounting)
+
+
+def test_the_turn_between_two_goal_images_is_no_turn_of_the_camera():
+    """The first flow to another goal is not compared with the last one to the former."""
+    T = Mount().T_body_camera()
+    T_goal, T_next = T.copy(), T @ make_pose(so3_exp(np.array([0.1, 0.0, 0.0])), np.zeros(3))
+    T_goal[0, 3] += 1.0
+    flows = [sample_grid(ROOM.flow(T, to), TASK.config.stride_px) for to in (T_goal, T_next)]
+    depth = DepthMap(np.full(flows[0].confidence.shape, 3.0), np.ones(flows[0].confidence.shape))
+    monitor = MotionMonitor().follow_tilt(TASK, 0, np.eye(3), (None, flows[0]), depth)
+    state = ServoState(monitor=monitor, last=LastFrame(0, Attitude(0.0, 0.0, 0.0), flows[0]))
+    turned = so3_exp(np.array([0.0, 0.01, 0.0]))
+
+    def after(state):
+        last = (state.last.samples, flows[1])
+        return state.monitor.follow_tilt(TASK, FRAME_NS, turned, last, depth).mounting.information
+
+    assert not after(state.without_goal()).any()
+    assert after(state).any()

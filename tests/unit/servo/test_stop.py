@@ -104,6 +104,15 @@ def test_slow_progress_is_progress():
     assert not is_stuck(after([20.0 * 0.99**k for k in range(200)]), progress_s=5.0)
 
 
+@pytest.mark.parametrize(("m_s", "is_progress"), [(0.025, True), (0.015, False)])
+def test_far_away_a_decimetre_in_five_seconds_is_progress(m_s, is_progress):
+    """At the reduced speed of the start a twentieth of 8 m takes longer."""
+    tolerances = m_s / ServoConfig().tolerance_m
+    frames = np.arange(130) * FRAME_NS * 1e-9
+    stuck = is_stuck(after(list(400.0 - tolerances * frames)), progress_s=5.0)
+    assert stuck is not is_progress
+
+
 def test_an_error_whose_scale_was_learnt_late_is_no_lack_of_progress():
     frames = 200
     taken_for_near = [8.0] * 5 + [50.0 * 0.993**k for k in range(frames - 5)]

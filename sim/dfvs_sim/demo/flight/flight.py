@@ -206,7 +206,7 @@ class Flight:
 
     def _land(self, pilot: Pilot) -> None:
         """Land a vehicle that the demo did not start; the simulated one ends with its process."""
-        if not self._options.is_simulated:
+        if not self._options.is_simulated and pilot.armed():
             self._log("the pilot lands")
             try:
                 pilot.land()
