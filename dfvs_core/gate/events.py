@@ -104,11 +104,15 @@ class Health:
 
 @dataclass(frozen=True, slots=True)
 class EstimatorState:
-    """Whether attitude, velocity and position estimates are valid by the autopilot's flags."""
+    """Whether attitude, velocity and position estimates are valid by the autopilot's flags.
+
+    ``has_global_position``: PX4 flies Hold only with one.
+    """
 
     t_ns: int
     valid: bool
     detail: str = ""
+    has_global_position: bool = True
 
 
 @dataclass(frozen=True, slots=True)

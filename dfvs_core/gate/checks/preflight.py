@@ -47,6 +47,7 @@ def preflight(
     return (
         _from_fault("link", link_fault(vehicle, config, now_ns), _LINK),
         _from_fault("estimator", estimate_fault(vehicle, config), _ESTIMATOR),
+        _hold(vehicle),
         _health(vehicle),
         _battery(vehicle, config),
         _parameters(vehicle, config, now_ns),
@@ -62,6 +63,7 @@ _LINK = "check vehicle.mavlink, the cable, and that the autopilot streams what i
 _ESTIMATOR = (
     "wait for the autopilot's estimate; give it GNSS, flow or vision, and space to calibrate"
 )
+_HOLD = "wait for GNSS, or set the estimator's origin in the ground station"
 _HEALTH = "see what the ground station says; calibrate, or wait until the autopilot is ready to arm"
 _ARMING = (
     "see what the ground station says; wait, calibrate, or choose Hold mode; a PX4 before 1.13 "
@@ -125,6 +127,13 @@ def _parameters(vehicle: VehicleMonitor, config: GateConfig, now_ns: int) -> Che
         return Check("parameters", False, f"not read back {when}", "wait a few seconds")
     detail = "; ".join(read.refusals)
     return Check("parameters", not detail, detail or read.found, _PARAMETERS if detail else "")
+
+
+def _hold(vehicle: VehicleMonitor) -> Check:
+    if vehicle.estimator.has_global_position:
+        return Check("hold", ok=True)
+    detail = "PX4 refuses Hold without a global position; what ends in Hold would land"
+    return Check("hold", ok=False, detail=detail, remedy=_HOLD, binding=False)
 
 
 def _advice(vehicle: VehicleMonitor) -> Check:

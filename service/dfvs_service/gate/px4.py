@@ -59,7 +59,8 @@ _ESTIMATES = {
     2: "horizontal velocity",
     4: "vertical velocity",
 }
-_POSITION_FLAGS = 8 | 16
+_GLOBAL_POSITION_FLAG = 16
+_POSITION_FLAGS = 8 | _GLOBAL_POSITION_FLAG
 
 _BODY_NED = 8
 _VELOCITY_AND_YAW_RATE = 0x5C7
@@ -144,7 +145,8 @@ def estimator_status(t_ns: int, fields: Mapping[str, Any]) -> EstimatorState:
     missing = [name for bit, name in _ESTIMATES.items() if not flags & bit]
     if not flags & _POSITION_FLAGS:
         missing.append("horizontal position")
-    return EstimatorState(t_ns, not missing, f"no {', '.join(missing)}" if missing else "")
+    detail = f"no {', '.join(missing)}" if missing else ""
+    return EstimatorState(t_ns, not missing, detail, bool(flags & _GLOBAL_POSITION_FLAG))
 
 
 def velocity_target(t_ns: int, fields: Mapping[str, Any]) -> VelocityTarget | None:

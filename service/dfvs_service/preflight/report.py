@@ -11,7 +11,7 @@ from dfvs_core.messages.schema import dump
 from dfvs_service.supervisor.console import Colour, painted
 
 _PREREQUISITE = {
-    **dict.fromkeys(("estimator", "health", "battery", "parameters"), "link"),
+    **dict.fromkeys(("estimator", "hold", "health", "battery", "parameters"), "link"),
     **dict.fromkeys(("advised parameters", "watch", "sole commander"), "link"),
     **dict.fromkeys(("goal", "mounting"), "frames"),
 }

@@ -56,6 +56,7 @@ def test_before_anything_is_heard():
     assert GateMachine(GateConfig(), 0).checks() == (
         Check("link", False, "vehicle's heartbeat lost, none heard yet", LINK),
         Check("estimator", False, "estimator invalid, none heard yet", ESTIMATOR),
+        Check("hold", True, "", ""),
         Check("health", False, "none heard yet", HEALTH),
         Check("battery", False, "battery low, charge unknown", BATTERY),
         Check("parameters", False, "not read back yet", "wait a few seconds"),
@@ -74,6 +75,7 @@ def test_where_all_is_well():
     assert gate.machine.checks() == (
         Check("link", True, "", ""),
         Check("estimator", True, "", ""),
+        Check("hold", True, "", ""),
         Check("health", True, "", ""),
         Check("battery", True, "90% left", ""),
         Check("parameters", True, "COM_OF_LOSS_T 0.5, COM_OBL_RC_ACT 5", ""),
@@ -113,6 +115,17 @@ def test_a_fault_without_details_is_named_alone():
     gate = ready()
     gate.send([EstimatorState(gate.now_ns, valid=False)])
     assert listed(gate)["estimator"] == Check("estimator", False, "estimator invalid", ESTIMATOR)
+
+
+def test_a_vehicle_without_a_global_position_is_warned_of():
+    gate = ready()
+    gate.send([EstimatorState(gate.now_ns, valid=True, has_global_position=False)])
+    hold = listed(gate)["hold"]
+    assert (hold.ok, hold.refuses) == (False, False)
+    assert hold.detail == (
+        "PX4 refuses Hold without a global position; what ends in Hold would land"
+    )
+    assert hold.remedy == "wait for GNSS, or set the estimator's origin in the ground station"
 
 
 def test_parameters_with_refusals_and_with_advice():

@@ -176,6 +176,13 @@ def test_the_estimator_names_what_it_lacks(flags, missing):
     assert missing in event.detail
 
 
+@pytest.mark.parametrize(("flags", "is_known"), [(1 | 2 | 4 | 8, False), (1 | 2 | 4 | 16, True)])
+def test_a_global_position_is_known_by_its_own_flag(flags, is_known):
+    event = px4.estimator_status(T_NS, {"flags": flags})
+    assert event.valid
+    assert event.has_global_position is is_known
+
+
 def test_a_setpoint_is_a_body_velocity_with_a_yaw_rate():
     fields = px4.velocity_fields(BodyVelocity(0.1, -0.2, 0.3, 0.4), 7, 5)
     assert (fields["vx"], fields["vy"], fields["vz"]) == (0.1, -0.2, 0.3)
