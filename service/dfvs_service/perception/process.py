@@ -234,8 +234,6 @@ class PerceptionProcess:
         """Go on to the next goal of the route once it is in sight."""
         if processed.frame is None or processed.frame_result is None:
             return
-        if processed.frame_result.is_coasting:
-            return
         t_ns = processed.frame.t_capture_ns
         self._route.follow(self._frame_processor, processed.frame_result, t_ns)
         if self._route.go_on(self._frame_processor, t_ns):

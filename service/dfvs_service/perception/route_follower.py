@@ -78,8 +78,8 @@ class RouteFollower:
         return dataclasses.replace(report, reached=False)
 
     def follow(self, processor: FrameProcessor, frame_result: FrameResult, t_ns: int) -> None:
-        """Update by a frame's result for the current goal."""
-        if self.is_last:
+        """Update by a frame's result for the current goal; one that coasts says nothing."""
+        if self.is_last or frame_result.is_coasting:
             return
         self._state = on_result(
             self._state, self._limits, frame_result.result, t_ns, engaged=processor.servoing

@@ -1,6 +1,7 @@
 """Goals in a row, from frames of a box whose flow is known exactly."""
 
 from concurrent.futures import Future
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -10,7 +11,9 @@ from box_sight import CAMERA, CLOCK, MS, KnowingMatcher, picture
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
 from dfvs_core.messages.goal import Goal, GoalSidecar
 from dfvs_core.messages.link import GateStatus, VehicleState
+from dfvs_core.perception.goal_tracker import TrackingState
 from dfvs_core.perception.keyframes import HORIZON_NS
+from dfvs_core.servo.exchange import Status
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.assembly import Clocks, build_frame_processor, servo_task
 from dfvs_service.perception.route_follower import RouteFollower
@@ -57,6 +60,7 @@ class Rig:
         glance = self.eye.process(RawSample(payload, attachment, self.now_ns))
         report = self.route.amend(glance.report)
         if glance.frame_result is not None:
+            self.last = glance.frame_result
             self.route.follow(self.eye, glance.frame_result, self.now_ns)
             self.route.go_on(self.eye, self.now_ns)
         return report
@@ -77,6 +81,19 @@ def test_goals_are_passed_one_by_one_and_only_the_last_is_reached():
     assert not any(report.reached for report in reports)
     assert all(report.healthy for report in reports)
     assert rig.stay(120.0, 2)[-1].reached
+
+
+def test_a_frame_that_coasts_does_not_begin_the_patience_with_the_next_goal_anew():
+    rig = Rig(yaws=(40.0, 170.0))  # the second is not in sight from the first
+    rig.stay(40.0, 7)
+    before = rig.route._state
+    assert before.near_since_ns is not None
+    refused = replace(rig.last.result, status=Status.NO_OVERLAP)
+    coasting = replace(rig.last, tracking=TrackingState.COASTING, result=refused)
+    rig.route.follow(rig.eye, coasting, rig.now_ns)
+    assert rig.route._state == before
+    rig.route.follow(rig.eye, replace(coasting, tracking=TrackingState.LOST), rig.now_ns)
+    assert rig.route._state.near_since_ns is None
 
 
 def test_each_goal_is_flown_to_by_its_own_error():
@@ -182,9 +199,9 @@ def test_a_preview_finds_the_keypoints_that_verification_needs_on_arrival():
     rig = Rig()
     rig.stay(35.0, 1)
     task, view = servo_task(rig.config, rig.goals[1]), rig.eye.prepare(rig.goals[1])
-    assert "features" not in vars(view.image)
+    assert view.image._features is None
     rig.eye.evaluate_next_goal(task, view)()
-    assert "features" in vars(view.image)
+    assert view.image._features is not None
 
 
 @pytest.mark.parametrize(("seconds", "used"), [(-0.4, True), (0.1, False)])
