@@ -88,13 +88,14 @@ class ServoInputs:
 
 @dataclass(frozen=True, slots=True)
 class LastFrame:
-    """What is kept of a frame: capture time, attitude and the samples of its flow.
+    """What is kept of a frame: capture time, attitude, velocity (d,) and the samples of its flow.
 
     ``position`` (3,) is the goal's, in units, as it was measured; None where it was not.
     """
 
     t_capture_ns: int
     attitude: Attitude
+    velocity: FloatArray
     samples: GridSamples
     position: FloatArray | None = None
 

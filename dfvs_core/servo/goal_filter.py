@@ -90,8 +90,8 @@ class FilterModel:
 class OdometryDelta:
     """Motion of the camera between two frames by the odometry.
 
-    ``displacement_m`` (3,), by its position, and ``velocity_m_s`` (3,), as reported, are in the
-    axes of the earlier frame; ``R_earlier_current`` is (3, 3).
+    ``displacement_m`` (3,), by its position, and ``velocity_m_s`` (3,), the mean of those reported
+    at both frames, are in the axes of the earlier frame; ``R_earlier_current`` is (3, 3).
     """
 
     dt_s: float

@@ -93,7 +93,7 @@ def servo_step(
         depth_map=in_metres(depth, unit_m),
         T_current_goal=T_predicted,
         estimate=estimate,
-        last=LastFrame(inputs.t_capture_ns, inputs.attitude, samples),
+        last=LastFrame(inputs.t_capture_ns, inputs.attitude, inputs.velocity, samples),
         monitor=monitor,
         outliers=None,
     )
@@ -150,7 +150,7 @@ def servo_step(
         state,
         T_current_goal=scaled(pose.T_current_goal, estimate.metres_per_unit),
         estimate=estimate,
-        last=LastFrame(inputs.t_capture_ns, inputs.attitude, samples, position),
+        last=LastFrame(inputs.t_capture_ns, inputs.attitude, inputs.velocity, samples, position),
         monitor=monitor,
         attitude_error_rad=tilt,
         outliers=outliers,

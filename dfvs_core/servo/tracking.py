@@ -57,12 +57,14 @@ def _odometry(task: ServoTask, state: ServoState, inputs: ServoInputs) -> Odomet
     dt_s = elapsed_s(inputs, state)
     displacement_m = np.array(inputs.motion_m)
     velocity = task.basis.B @ inputs.velocity
-    turned = velocity[3:] * dt_s
-    if task.mount is not None:
-        then = state.last.attitude
-        turned = task.basis.B[3:, 3] * (inputs.attitude.yaw_rad - then.yaw_rad)
-        displacement_m = level_rotation(task, then) @ displacement_m
-    return OdometryDelta(dt_s, displacement_m, velocity[:3], so3_exp(turned))
+    if task.mount is None:  # moves at one velocity from frame to frame
+        R = so3_exp(velocity[3:] * dt_s)
+        return OdometryDelta(dt_s, displacement_m, velocity[:3], R)
+    then = state.last.attitude
+    R = so3_exp(task.basis.B[3:, 3] * (inputs.attitude.yaw_rad - then.yaw_rad))
+    velocity_then = task.basis.B @ state.last.velocity
+    velocity_m_s = 0.5 * (velocity_then[:3] + R @ velocity[:3])
+    return OdometryDelta(dt_s, level_rotation(task, then) @ displacement_m, velocity_m_s, R)
 
 
 def correct_goal(

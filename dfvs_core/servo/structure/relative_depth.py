@@ -90,7 +90,7 @@ def _first_link(
     """
     source = depth_source(task.config, task.camera)
     xy = task.camera.normalise(samples.pixels)
-    last = LastFrame(inputs.t_capture_ns, inputs.attitude, samples)
+    last = LastFrame(inputs.t_capture_ns, inputs.attitude, inputs.velocity, samples)
     T = np.eye(4)
     link = goal_link(task, inputs.attitude, samples, T)
     if np.count_nonzero(link.cell >= 0) < _LEAST_POINTS:

@@ -79,7 +79,9 @@ def test_the_turn_between_two_goal_images_is_no_turn_of_the_camera():
     flows = [sample_grid(ROOM.flow(T, to), TASK.config.stride_px) for to in (T_goal, T_next)]
     depth = DepthMap(np.full(flows[0].confidence.shape, 3.0), np.ones(flows[0].confidence.shape))
     monitor = MotionMonitor().follow_tilt(TASK, 0, np.eye(3), (None, flows[0]), depth)
-    state = ServoState(monitor=monitor, last=LastFrame(0, Attitude(0.0, 0.0, 0.0), flows[0]))
+    state = ServoState(
+        monitor=monitor, last=LastFrame(0, Attitude(0.0, 0.0, 0.0), np.zeros(4), flows[0])
+    )
     turned = so3_exp(np.array([0.0, 0.01, 0.0]))
 
     def after(state):
