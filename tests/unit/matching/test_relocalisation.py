@@ -8,6 +8,7 @@ import pytest
 from textured_wall import HEIGHT, WIDTH, Wall, errors, exact_flow, inside, texture, turned
 from two_planes import TwoPlanes
 
+from dfvs_core.matching import relocalise as relocalisation
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.matching.correspondence import FlowField, confident_ratio
 from dfvs_core.matching.points import PointMatches
@@ -111,6 +112,21 @@ def test_a_flow_grows_from_a_cluster_of_matches_to_all_that_is_in_view():
     visible = inside(truth, margin=8.0)
     assert np.mean(errors(field, truth)[visible] < 1.0) > 0.98
     assert np.mean(field.confidence[visible] > 0.5) > 0.95
+
+
+def test_what_a_search_has_confirmed_is_kept_where_the_next_one_finds_nothing(
+    pictures, monkeypatch
+):
+    left, right = CONFIDENT.copy(), CONFIDENT.copy()
+    left[:, WIDTH // 2 :] = right[:, : WIDTH // 2] = 0.0
+    searches = iter([left, right, right])
+    monkeypatch.setattr(
+        relocalisation,
+        "search_residual",
+        lambda *_: FlowField(TRUTH.astype(np.float32), next(searches)),
+    )
+    field = found(pictures, [RIGHT])
+    assert confident_ratio(field) == 1.0
 
 
 def test_two_surfaces_of_a_rigid_scene_move_by_themselves():
