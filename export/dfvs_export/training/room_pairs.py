@@ -26,8 +26,6 @@ _OUTSIDE = -1.0
 _BORDER_PX = 9
 _TURNED_LIKE_THE_SERVICE = 0.85
 """Share of pairs whose second view is turned by the angle that fits best; others by any."""
-_ZOOMS = (0.5, 1.4)
-"""Least and most zoom of a first view that is zoomed at all."""
 _TRUE_PX, _UNMATCHABLE_PX = 3.0, 6.0
 """Distance within which a pair of points is true, and beyond which a point has no partner."""
 _DEPTH_TOLERANCE, _DEPTH_TOLERANCE_M = 0.04, 0.02
@@ -133,7 +131,7 @@ class PairReader(RoomReader):
         nearest = turns[np.argmin(np.abs(turns + roll_rad))]
         turn = nearest if rng.uniform() < _TURNED_LIKE_THE_SERVICE else rng.choice(turns)
         tilt = math.radians(rng.uniform(-12.0, 12.0)) if rng.uniform() < 0.3 else 0.0
-        zoom = _ZOOMS[0] * (_ZOOMS[1] / _ZOOMS[0]) ** rng.uniform() if rng.uniform() < 0.3 else 1.0
+        zoom = rng.uniform(0.7, 1.2) if rng.uniform() < 0.25 else 1.0
         scale = rng.choice(MatchingConfig().scales)
         first = self._view(images[0], depths[0], tilt, zoom)
         return TrainingPair(first, self._view(images[1], depths[1], turn, scale), T, room["K"][k])
