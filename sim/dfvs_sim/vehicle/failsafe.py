@@ -23,7 +23,6 @@ _OFFBOARD_LOSS = {
 """COM_OBL_RC_ACT: what to fly when offboard setpoints stop; 7 disarms."""
 
 DISARM_ACTION = 7
-NO_ARMING_IN = (Mode.LAND, Mode.RETURN, Mode.MISSION, Mode.TERMINATION)
 
 
 class Refusal(enum.Enum):
@@ -57,7 +56,7 @@ def arming_refusal(status: Status, parameters: ParameterTable, now_ns: int) -> R
     """Why the vehicle cannot be armed now; None where it can."""
     if not status.armable():
         return Refusal.NOT_READY
-    if status.intended in NO_ARMING_IN:
+    if status.intended.prevents_arming:
         return Refusal.MODE
     return mode_refusal(status.intended, status, parameters, now_ns)
 

@@ -32,6 +32,11 @@ class Mode(enum.Enum):
         return self.value[0] == AUTO
 
     @property
+    def prevents_arming(self) -> bool:
+        """Whether a vehicle on the ground cannot be armed in it."""
+        return self in (Mode.LAND, Mode.RETURN, Mode.MISSION, Mode.TERMINATION)
+
+    @property
     def needs_manual_control(self) -> bool:
         """Whether the mode is flown with sticks."""
         return self in (Mode.MANUAL, Mode.ALTITUDE, Mode.POSITION, Mode.STABILIZED)

@@ -9,7 +9,6 @@ from typing import Any
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_core.geometry.poses import rotation_from_euler
-from dfvs_sim.vehicle.failsafe import NO_ARMING_IN
 from dfvs_sim.vehicle.messages.earth import (
     HOME_ALTITUDE_M,
     attitude_quaternion,
@@ -184,7 +183,7 @@ class Telemetry:
         if not s.estimator_ok:
             health &= ~(_GPS | _POSITION)
         # PX4 sets this bit in the health alone, and by the present mode.
-        if s.armable() and s.intended not in NO_ARMING_IN:
+        if s.armable() and not s.intended.prevents_arming:
             health |= _PREARM
         return mavlink.MAVLink_sys_status_message(
             _SENSORS,
