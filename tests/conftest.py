@@ -20,7 +20,6 @@ settings.load_profile("project")
 PERCEIVING = {
     "test_killed_service.py": "perception",
     "test_check.py": "perception",
-    "test_goal_change.py": "perception",
     "test_perception_process.py": "perception",
     "test_ros2_cameras.py": "perception",
     "test_route_process.py": "perception",

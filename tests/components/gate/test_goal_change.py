@@ -16,7 +16,7 @@ from dfvs_service.settings.key_file import create_key
 from dfvs_service.settings.runtime import RuntimeFolder
 from dfvs_service.supervisor.parent import Parent, Programs, prepare_runtime
 
-pytestmark = pytest.mark.real_time
+pytestmark = pytest.mark.serial
 
 __all__ = ["views"]
 
