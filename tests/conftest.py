@@ -44,7 +44,7 @@ def pytest_collection_modifyitems(items: list[pytest.Item]) -> None:
     """Begin with the modules that take long: none of them is the last to end."""
     for item in items:
         has_time = {"real_time", "serial"} & set(item.keywords)
-        if has_time and item.path.parts[len(ROOT.parts)] not in ("components", "harness"):
+        if has_time and item.path.relative_to(ROOT).parts[0] not in ("components", "harness"):
             raise pytest.UsageError(f"real_time or serial outside of components: {item.nodeid}")
     slow = {item.path for item in items if "slow" in item.keywords or item.path.name in PERCEIVING}
     items.sort(key=lambda item: item.path not in slow)

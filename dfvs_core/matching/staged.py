@@ -29,7 +29,8 @@ class StagedImage(ImageFeatures, Generic[Features]):
         self._image = resized(image, features_size)
         self._points = points
         self._features: Features | None = None
-        self.grey = resized(cast(ImageArray, cv2.cvtColor(image, cv2.COLOR_RGB2GRAY)), self.size)
+        grey = cast(ImageArray, cv2.cvtColor(self._image, cv2.COLOR_RGB2GRAY))
+        self.grey = resized(grey, self.size)
 
     @property
     def features(self) -> Features:

@@ -1,5 +1,7 @@
 """Keyframes: which frames are kept, for how long, and what they hold."""
 
+from dataclasses import replace
+
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
@@ -111,17 +113,20 @@ class Encoding:
         return self.prepared[-1]
 
 
-def test_only_the_goal_and_the_newest_frame_hold_features(rng):
-    picture = Wall(texture(rng)).picture()
+def pipeline_at(picture, matcher):
+    """Perception with a goal image that is the view."""
     camera = CameraModel.from_horizontal_fov(picture.shape[1], picture.shape[0], 1.3)
     sidecar = GoalSidecar(camera)
     task = ServoTask(ServoConfig(depth="constant"), camera, sidecar, Mount())
-    matcher = Encoding()
-    pipeline = Pipeline(task, matcher, Goal(picture, sidecar), lambda: 0)
-    still = Motion(0, 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3), 0.0)
+    return Pipeline(task, matcher, Goal(picture, sidecar), lambda: 0)
+
+
+def test_only_the_goal_and_the_newest_frame_hold_features(rng):
+    picture, matcher = Wall(texture(rng)).picture(), Encoding()
+    pipeline = pipeline_at(picture, matcher)
     for k in range(4):
         t_ns = k * LONGEST_INTERVAL_NS
-        pipeline.process_frame(Frame(picture, t_ns, k), still, engaged=True)
+        pipeline.process_frame(Frame(picture, t_ns, k), Motion.at_rest(0.0, 0.0), engaged=True)
     assert len(pipeline._keyframes) == 4
     assert [each._features is not None for each in matcher.prepared] == [
         True,
@@ -145,14 +150,11 @@ class Broken:
 
 def test_a_frame_whose_flow_is_not_finite_is_not_what_the_next_one_is_compared_with(rng):
     picture = Wall(texture(rng)).picture()
-    camera = CameraModel.from_horizontal_fov(picture.shape[1], picture.shape[0], 1.3)
-    sidecar = GoalSidecar(camera)
-    task = ServoTask(ServoConfig(depth="constant"), camera, sidecar, Mount())
-    pipeline = Pipeline(task, Broken(), Goal(picture, sidecar), lambda: 0)
+    pipeline = pipeline_at(picture, Broken())
     found = []
     for k in range(2):
-        still = Motion(k * LEAST_INTERVAL_NS, 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3), 0.0)
-        frame = Frame(picture, k * LEAST_INTERVAL_NS, k)
-        found.append(pipeline.process_frame(frame, still, engaged=True).result.status)
+        motion = replace(Motion.at_rest(0.0, 0.0), t_ns=k * LEAST_INTERVAL_NS)
+        frame = Frame(picture, motion.t_ns, k)
+        found.append(pipeline.process_frame(frame, motion, engaged=True).result.status)
     assert found == [Status.OK, Status.NOT_FINITE]
     assert pipeline._last.inputs.t_capture_ns == pipeline._state.last.t_capture_ns == 0
