@@ -1,7 +1,5 @@
 """Matching of two images."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

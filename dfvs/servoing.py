@@ -1,7 +1,5 @@
 """Servoing to a goal image, frame by frame."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Error classes with problem, expected value and remedy."""
 
-from __future__ import annotations
-
 
 class DfvsError(Exception):
     """Base of all errors that a user can correct.

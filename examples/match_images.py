@@ -1,7 +1,5 @@
 """Match two images and draw the matches: match_images.py VIEW GOAL [--fov-deg F] [--out FILE]."""
 
-from __future__ import annotations
-
 import argparse
 import math
 

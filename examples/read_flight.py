@@ -1,7 +1,5 @@
 """Print what happened in a flight: read_flight.py FOLDER, or read_flight.py FILE.mcap..."""
 
-from __future__ import annotations
-
 import argparse
 import math
 

@@ -3,8 +3,6 @@
 The whole closed loop in one process: render, match, servo, move. It needs dfvs-lab.
 """
 
-from __future__ import annotations
-
 import argparse
 
 import cv2

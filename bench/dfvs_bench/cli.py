@@ -1,7 +1,5 @@
 """``dfvs-bench``: measurements that compare."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 

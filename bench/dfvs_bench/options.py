@@ -1,7 +1,5 @@
 """Options that the measuring commands of ``dfvs-bench`` share: tasks, workers, outputs."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Atomic replacement of small files."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import os

@@ -1,7 +1,5 @@
 """Child processes, which end with this one."""
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import os

@@ -1,7 +1,5 @@
 """Identity of this machine's monotonic clock."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from dfvs_core.messages.frame import BOOT_ID_FILE, clock_identity

@@ -1,7 +1,5 @@
 """Command lines of several commands: parsing, exit codes, one-line errors, ``--version``."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from importlib.metadata import version

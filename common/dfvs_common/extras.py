@@ -1,7 +1,5 @@
 """Check for the packages of an installation's extras."""
 
-from __future__ import annotations
-
 import importlib.util
 
 from dfvs_core.errors import ConfigError

@@ -1,7 +1,5 @@
 """Writing a goal's image and sidecar."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 from dfvs_common.atomic_file import replace_file

@@ -1,7 +1,5 @@
 """Life of a process: its end by signals, and with the process that started it."""
 
-from __future__ import annotations
-
 import ctypes
 import os
 import signal

@@ -1,7 +1,5 @@
 """Progress of a command, on standard error."""
 
-from __future__ import annotations
-
 import sys
 import time
 from typing import TextIO

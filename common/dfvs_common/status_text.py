@@ -1,7 +1,5 @@
 """Texts of an autopilot, as people read them."""
 
-from __future__ import annotations
-
 import unicodedata
 
 

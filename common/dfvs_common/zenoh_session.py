@@ -1,7 +1,5 @@
 """Opening Zenoh sessions."""
 
-from __future__ import annotations
-
 import zenoh
 
 from dfvs_core.errors import ConfigError

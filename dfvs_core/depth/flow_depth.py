@@ -1,7 +1,5 @@
 """Depth from the magnitude of the flow between two frames (the paper's choice)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -5,8 +5,6 @@ of the goal image, and measurements of the whole flight add up without drift. Th
 its length in metres is not known here.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

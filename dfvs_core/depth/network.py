@@ -4,8 +4,6 @@ The depth of the goal image is estimated once, before the flight to it: it depen
 intrinsics and the network alone, so a replay computes it again bit for bit.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal, Protocol
 

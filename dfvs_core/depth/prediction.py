@@ -1,7 +1,5 @@
 """Predicted flow from depth and a known motion."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

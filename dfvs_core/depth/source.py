@@ -1,7 +1,5 @@
 """Interface of the depth sources; given and constant depth."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

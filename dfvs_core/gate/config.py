@@ -1,7 +1,5 @@
 """Configuration of the gate: limits, times, engagement policy."""
 
-from __future__ import annotations
-
 import enum
 from dataclasses import dataclass, field
 

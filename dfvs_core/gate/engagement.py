@@ -1,7 +1,5 @@
 """State of one engagement, from ENGAGE until the vehicle is handed back."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

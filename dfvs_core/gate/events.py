@@ -1,7 +1,5 @@
 """Input events and outputs of the gate; none of them arms or takes off."""
 
-from __future__ import annotations
-
 import enum
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Transitions of the engaged states: abort, hold, servo, done."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from dfvs_core.gate.checks.initial_response import Response

@@ -15,8 +15,6 @@ Rules that hold in every state:
 - Acknowledgements prove nothing; the autopilot's mode is that of its heartbeat.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 

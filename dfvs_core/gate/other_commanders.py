@@ -7,8 +7,6 @@ then take the vehicle from the pilot. So the sign counts only once a later heart
 OFFBOARD.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass, field

@@ -5,8 +5,6 @@ time, its events in the order of arrival, and what came out. The machine is dete
 same inputs must give the very same commands; ``replay`` shows that they do, or where they do not.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import typing

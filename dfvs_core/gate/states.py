@@ -1,7 +1,5 @@
 """States of the gate, the transitions between them, and their causes."""
 
-from __future__ import annotations
-
 import enum
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Setpoint stream: rate limit and slew of the velocity."""
 
-from __future__ import annotations
-
 import math
 
 from dfvs_core.gate.config import GateConfig, S

@@ -1,7 +1,5 @@
 """State of the gate, its transitions with their entry actions, and the setpoint of each state."""
 
-from __future__ import annotations
-
 import math
 
 from dfvs_core.gate.checks.initial_response import InitialResponse

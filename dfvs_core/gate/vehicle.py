@@ -1,7 +1,5 @@
 """Last received messages of the vehicle, and the faults they show."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field, replace
 

@@ -1,7 +1,5 @@
 """Array type aliases, and the check of an image array."""
 
-from __future__ import annotations
-
 import numpy as np
 from numpy.typing import NDArray
 

@@ -1,7 +1,5 @@
 """Interaction matrix of point features."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray

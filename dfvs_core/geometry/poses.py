@@ -5,8 +5,6 @@ A twist is (v, w): linear velocity in m/s, then angular velocity in rad/s, both 
 frame. World is NED, body is FRD, camera is optical (x right, y down, z forward).
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.errors import GeometryError

@@ -1,7 +1,5 @@
 """Robust statistics: Tukey's biweight, weighted median, noise scale."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

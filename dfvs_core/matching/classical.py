@@ -4,8 +4,6 @@ RootSIFT: Arandjelovic and Zisserman, CVPR 2012. Local contrast is equalised fir
 walls hold texture that is too faint for the detector.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import dataclass
 from typing import cast

@@ -1,7 +1,5 @@
 """Parameters of dense matching."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Flow fields with a confidence."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

@@ -7,8 +7,6 @@
    nearness to the median residual of what these two are confident of, and the in-bounds mask.
 """
 
-from __future__ import annotations
-
 from typing import cast
 
 import cv2

@@ -7,8 +7,6 @@
    tracking would ask for.
 """
 
-from __future__ import annotations
-
 from typing import cast
 
 import cv2

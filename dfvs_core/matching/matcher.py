@@ -1,7 +1,5 @@
 """Interface of the matchers."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Protocol, TypeVar
 

@@ -3,8 +3,6 @@
 The essential matrix is found by the five-point algorithm (Nister, PAMI 2004) with MAGSAC++.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -8,8 +8,6 @@
    texture in view of both images, is the match.
 """
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Iterable
 

@@ -6,8 +6,6 @@ the width of the image to a cell. Planes are extended as planes, and where there
 wider motion stays.
 """
 
-from __future__ import annotations
-
 from typing import cast
 
 import cv2

@@ -1,7 +1,5 @@
 """Staged matcher: tracking from a predicted flow, or relocalisation."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import Generic, cast
 

@@ -9,8 +9,6 @@ Tracking does not come back to what it has lost. An extension matches some keypo
 turn and scale that the flow tells; those that fit one two-view geometry lead the search too.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -5,8 +5,6 @@ A still scene moves by one fundamental matrix, so right matches lie on its epipo
 right, nearly all that has texture and is in view of both images matches.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -4,8 +4,6 @@ Flow is a displacement, so it is the same in OpenCV's coordinates (first pixel's
 as in ours (at 0.5, 0.5).
 """
 
-from __future__ import annotations
-
 import functools
 import math
 from typing import TypeVar, cast

@@ -5,8 +5,6 @@ camera and service run on the same companion computer. Routers stamp samples wit
 clock, which is why ours travels in the attachment.
 """
 
-from __future__ import annotations
-
 import enum
 import struct
 import uuid

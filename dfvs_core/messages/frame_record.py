@@ -6,8 +6,6 @@ received, the times by which its age was checked, and the report. The field name
 recordings; they stay, so that older recordings remain readable.
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass, field
 from typing import Any, TypeVar

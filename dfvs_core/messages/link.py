@@ -5,8 +5,6 @@ holders of leases. The gate sends its state to both, and answers to the operator
 that does not follow the schema is dropped, never half-read.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TypeVar
 

@@ -1,7 +1,5 @@
 """Input and output tensors of networks, as a bundle's manifest describes them."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Literal
 

@@ -1,7 +1,5 @@
 """Token-bucket rate limit of external input."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 _NS_PER_S = 1_000_000_000

@@ -7,8 +7,6 @@ keys are the topics' names, and the payload is all there is. The payload is CDR 
 4 bytes in both.
 """
 
-from __future__ import annotations
-
 import re
 import struct
 from dataclasses import dataclass

@@ -7,8 +7,6 @@ A name contains its unit. A settings file has ``_deg``, ``_deg_s`` and ``_deg_s2
 has ``_rad``, ``_rad_s`` and ``_rad_s2``: value, range and error messages are in degrees there.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import difflib
 import enum

@@ -1,7 +1,5 @@
 """Table of the Zenoh keys."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 

@@ -4,8 +4,6 @@ Everything that is not allowed here is denied. The rules are enforced where link
 or by the service itself where others connect to it directly.
 """
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ a router exchange nothing, so with a router the mode is client. With certificate
 link prove who they are, and whoever listens lets every name do its role's work alone.
 """
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -5,8 +5,6 @@ that was learnt from colours goes wrong. Points that correspond have the same co
 order shows in them, whatever the light and whatever else is in view.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import ImageArray

@@ -5,8 +5,6 @@ Layout, little-endian: 24 bytes of header, then displacements as int16 in sixtee
 nothing but typed arrays.
 """
 
-from __future__ import annotations
-
 import struct
 from dataclasses import dataclass
 

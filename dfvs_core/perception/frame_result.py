@@ -1,7 +1,5 @@
 """Result of one frame, and the report made from it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

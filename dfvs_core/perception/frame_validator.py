@@ -3,8 +3,6 @@
 ``admit`` takes a frame from the network through all of it, from bytes to pixels.
 """
 
-from __future__ import annotations
-
 import enum
 from dataclasses import dataclass
 

@@ -3,8 +3,6 @@
 A preview depends on nothing but its arguments, so a replay recomputes it bit for bit.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cache

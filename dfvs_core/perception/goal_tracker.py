@@ -11,8 +11,6 @@ A track from which the servo gets nothing in three frames in a row is relocalise
 Between frames, more is looked for of a goal that is tracked in a part of the image.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field, replace
 from enum import StrEnum
 

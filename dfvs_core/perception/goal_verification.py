@@ -8,8 +8,6 @@ is left open on arrival, another match is looked for once, between frames: repea
 one, and at a false goal it explains what is left open.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import cv2

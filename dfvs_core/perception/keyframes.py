@@ -4,8 +4,6 @@ A frame becomes one where the view has changed since the last keyframe, and at t
 ``LONGEST_INTERVAL_NS``. Depth from motion and previews of other goals use them.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

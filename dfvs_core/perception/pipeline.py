@@ -4,8 +4,6 @@ Owns what is remembered between frames and nothing else: no thread, no file, no 
 service runs it on live frames; the simulator and the tests run it on rendered ones.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

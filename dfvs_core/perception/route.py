@@ -4,8 +4,6 @@ A goal that is out of sight is reached by way of others, each seen from the one 
 repeat). The gate knows one goal only: until the last one, no frame counts as reached for it.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass, replace
 
 from dfvs_core.servo.exchange import ServoResult, Status

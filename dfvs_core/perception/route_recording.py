@@ -1,7 +1,5 @@
 """Route recording: decision when the next goal image is due."""
 
-from __future__ import annotations
-
 import enum
 from dataclasses import dataclass
 

@@ -6,8 +6,6 @@ gravity-aligned virtual camera: the camera as it would look if the body were lev
 place and heading. In that frame the four motions are exact, whatever the tilt.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -15,8 +15,6 @@ the two; but it is what the autopilot controls. So the difference, low-passed, i
 state: with ``e`` it is the velocity error that a commanded velocity is flown with.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -4,8 +4,6 @@ Eq. (1) as printed lacks L transposed in front of the error; what is solved here
 ``u = -(L^T W L + mu diag(L^T W L))^-1 L^T W e`` with e = s - s*.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

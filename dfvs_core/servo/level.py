@@ -1,7 +1,5 @@
 """Transformation to and from the gravity-aligned virtual cameras."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

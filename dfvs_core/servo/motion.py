@@ -1,7 +1,5 @@
 """Camera motion to the goal by the configured servo law."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 
 import numpy as np

@@ -3,8 +3,6 @@
 The service, the simulator and the benchmark all call this one.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Servo task: settings, cameras and goal, constant during a flight."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

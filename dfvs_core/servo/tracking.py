@@ -1,7 +1,5 @@
 """Goal pose filter: prediction by odometry, correction by images."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray

@@ -1,7 +1,5 @@
 """Velocity from the wanted motion: adaptive gain, latency and speed limits."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Reading and verification of a bundle folder."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Catalogue of the matchers and networks by name."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 import cv2

@@ -1,7 +1,5 @@
 """Depth network of a ``mono`` bundle."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import cast
 

@@ -1,7 +1,5 @@
 """Evaluation of depth and its uncertainty against ground truth."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass, fields

@@ -1,7 +1,5 @@
 """Evaluation of flow and its confidence against ground truth."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

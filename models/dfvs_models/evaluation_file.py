@@ -11,8 +11,6 @@ One ``.npz``; pixel centres lie at +0.5, images are RGB:
   file's axes (y up).
 """
 
-from __future__ import annotations
-
 import zipfile
 import zlib
 from collections.abc import Iterator

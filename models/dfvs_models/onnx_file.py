@@ -4,8 +4,6 @@ ONNX is protocol buffers: a message is a run of (field number, wire type, value)
 fields are followed that lead to nodes and tensors (onnx.proto); everything else is skipped.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 
 import numpy as np

@@ -1,7 +1,5 @@
 """ONNX Runtime session with fixed threads and execution provider."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

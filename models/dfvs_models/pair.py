@@ -1,7 +1,5 @@
 """Matcher from a published flow network (``pair`` bundle)."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from typing import cast
 

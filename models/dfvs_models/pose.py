@@ -1,7 +1,5 @@
 """Pose network of a ``pose`` bundle."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 import numpy as np

@@ -1,7 +1,5 @@
 """``dfvs-robustness``: the fault matrix, fuzzing, soak runs and answer times."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 

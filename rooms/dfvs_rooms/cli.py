@@ -1,7 +1,5 @@
 """``dfvs-rooms``: furnished rooms, and pairs of views in them."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """``dfvs-service``: fly to a goal image, command a flight, print the settings."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import sys

@@ -1,7 +1,5 @@
 """Signed commands over Zenoh, and their answers."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import queue

@@ -1,7 +1,5 @@
 """Non-blocking datagrams of telemetry for the black box."""
 
-from __future__ import annotations
-
 import socket
 from pathlib import Path
 

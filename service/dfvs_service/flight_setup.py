@@ -1,7 +1,5 @@
 """Preparation of a flight: resolved settings, checks before a start, runtime folder, programs."""
 
-from __future__ import annotations
-
 import fcntl
 import os
 import shutil

@@ -1,7 +1,5 @@
 """Camera image of a frame record."""
 
-from __future__ import annotations
-
 from dfvs_core.errors import DfvsError
 from dfvs_core.geometry.arrays import ImageArray
 from dfvs_core.messages.frame import decode_frame, decode_header

@@ -1,7 +1,5 @@
 """Frames between processes: raw samples of the wire, and captured images."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from dfvs_core.geometry.arrays import ImageArray

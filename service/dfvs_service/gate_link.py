@@ -1,7 +1,5 @@
 """Client of the gate's IPC server."""
 
-from __future__ import annotations
-
 import logging
 import socket
 import threading

@@ -1,7 +1,5 @@
 """Store of new goals between operator link and perception."""
 
-from __future__ import annotations
-
 import contextlib
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Text, scaling and the flow's colour key for images."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Mailbox between two threads that keeps the newest item only."""
 
-from __future__ import annotations
-
 import threading
 from typing import Generic, TypeVar
 

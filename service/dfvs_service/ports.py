@@ -5,8 +5,6 @@ program that bound it last gets the autopilot's messages. Without this check a s
 take the link away from one that flies.
 """
 
-from __future__ import annotations
-
 import contextlib
 import errno
 import json

@@ -1,7 +1,5 @@
 """Telemetry publisher over Zenoh, on its own thread."""
 
-from __future__ import annotations
-
 import json
 import logging
 import threading

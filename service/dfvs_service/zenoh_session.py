@@ -1,7 +1,5 @@
 """Zenoh sessions with errors for users."""
 
-from __future__ import annotations
-
 import dataclasses
 import threading
 import time

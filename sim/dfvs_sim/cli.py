@@ -1,7 +1,5 @@
 """``dfvs-sim``: the simulated world, whole or in parts."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Lengths of small steps on the WGS84 ellipsoid."""
 
-from __future__ import annotations
-
 import math
 
 _EQUATOR_RADIUS_M = 6378137.0

@@ -1,7 +1,5 @@
 """Command-line options that several commands share: scene, camera, poses, conditions, files."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import math

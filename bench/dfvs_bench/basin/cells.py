@@ -1,7 +1,5 @@
 """How far from the goal a trial of the basin starts: translation by axis, and rotation."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """The sixteen environments that a batch of trials is spread over."""
 
-from __future__ import annotations
-
 import hashlib
 import os
 from collections.abc import Callable, Sequence

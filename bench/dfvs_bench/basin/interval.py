@@ -1,7 +1,5 @@
 """How sure a share of successes is."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

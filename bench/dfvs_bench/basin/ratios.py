@@ -1,7 +1,5 @@
 """Convergence ratios of the basin: by method, rotation set and translation."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

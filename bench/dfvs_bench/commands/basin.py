@@ -1,7 +1,5 @@
 """``dfvs-bench basin``: from how far away servoing converges, as in the paper's Fig. 6."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Sequence

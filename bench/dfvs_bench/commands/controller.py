@@ -1,7 +1,5 @@
 """``dfvs-bench controller``: how a trial went, as in the paper's Fig. 5."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

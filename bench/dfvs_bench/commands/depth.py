@@ -1,7 +1,5 @@
 """``dfvs-bench depth``: how good a depth network is, and whether its uncertainty is honest."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import asdict
 from typing import Any

@@ -1,7 +1,5 @@
 """``dfvs-bench drone``: the tasks flown by the simulated vehicle through the real service."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

@@ -1,7 +1,5 @@
 """``dfvs-bench flow``: how precise correspondences are, and whether their confidence is honest."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

@@ -1,7 +1,5 @@
 """``dfvs-bench lockstep``: many flights in simulated time, faster than real time."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import replace
 from pathlib import Path

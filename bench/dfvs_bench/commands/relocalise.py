@@ -1,7 +1,5 @@
 """``dfvs-bench relocalise``: pairs of wide baseline, judged by the pose that follows."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """``dfvs-bench renderer``: how long a frame takes on this machine."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from pathlib import Path

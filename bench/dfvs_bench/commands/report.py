@@ -1,7 +1,5 @@
 """``dfvs-bench report``: what table1, basin and drone found, as one HTML page."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """``dfvs-bench scenes``: the ten scenes of the benchmark, to look at or to make anew."""
 
-from __future__ import annotations
-
 import argparse
 import math
 import time

@@ -1,7 +1,5 @@
 """``dfvs-bench table1``: every method in every scene, as in the paper's Table I."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Sequence

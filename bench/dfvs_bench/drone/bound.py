@@ -1,7 +1,5 @@
 """The least time that a straight flight takes under the limits in force."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

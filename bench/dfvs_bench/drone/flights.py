@@ -1,7 +1,5 @@
 """Flying a task through the real service."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """The benchmark's tasks with four degrees of freedom: a multirotor's camera stays level."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import replace
 

@@ -1,7 +1,5 @@
 """The limits that a service flies by, asked of the service itself."""
 
-from __future__ import annotations
-
 import math
 import subprocess
 import sys

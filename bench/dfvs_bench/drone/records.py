@@ -1,7 +1,5 @@
 """Flights on disk: one JSON file each, so that a broken run can be taken up again."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 from importlib.metadata import version
 from pathlib import Path

@@ -1,7 +1,5 @@
 """What flights amount to: a summary for machines, rows for a table, and lines for people."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import asdict
 from typing import Any

@@ -1,7 +1,5 @@
 """Plot of the distance estimate's error against its stated uncertainty."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from statistics import NormalDist

@@ -1,7 +1,5 @@
 """Correspondences by the renderer's own depth: a matcher that is right up to noise."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import cv2

@@ -1,7 +1,5 @@
 """One flight in simulated time, from hover to its end, judged by the true pose."""
 
-from __future__ import annotations
-
 from collections import deque
 from collections.abc import Callable
 from dataclasses import dataclass, field

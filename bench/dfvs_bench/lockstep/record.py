@@ -1,7 +1,5 @@
 """What a flight in simulated time amounts to, and flights together."""
 
-from __future__ import annotations
-
 import itertools
 import math
 from collections.abc import Sequence

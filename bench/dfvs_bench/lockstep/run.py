@@ -1,7 +1,5 @@
 """Many flights in simulated time, drawn from seeds."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, field
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A hovering vehicle in simulated time, with the messages that a gate receives from it."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator
 from dataclasses import replace
 

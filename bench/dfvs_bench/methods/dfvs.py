@@ -1,7 +1,5 @@
 """The product itself as a method: its own pipeline, with all six degrees of freedom."""
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """What the benchmark asks of a servoing method, and what it gives it to see."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Protocol

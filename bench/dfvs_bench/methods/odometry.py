@@ -1,7 +1,5 @@
 """Odometry of the benchmark's free camera: exact, or with the errors of a vehicle's estimate."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

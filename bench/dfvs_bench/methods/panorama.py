@@ -5,8 +5,6 @@ in the same spot of the world. Right matches support each other that way, and ch
 twice.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

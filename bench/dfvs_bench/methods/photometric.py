@@ -6,8 +6,6 @@ matrix at the desired view, gain 30 at 0.04 s a frame. Damping is 0.01 for 90 fr
 afterwards. It stops where the squared error is small, and after 400 frames.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

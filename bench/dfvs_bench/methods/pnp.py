@@ -5,8 +5,6 @@ is found by perspective-n-point with random sampling, and refined (Chaumette and
 IV, for the law).
 """
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import cv2

@@ -5,8 +5,6 @@ The network is asked for both orders of the images, and the mean of both motions
 goal itself is where it stops, which no network's bias can shift. The authors ask once.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_bench.methods.method import Decision, GoalObservation, Observation

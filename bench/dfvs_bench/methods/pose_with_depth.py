@@ -1,7 +1,5 @@
 """Pose that follows from a flow and the true depth of the current view."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

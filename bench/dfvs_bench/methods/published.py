@@ -17,8 +17,6 @@ error in pixels makes the gain a matter of the image's size: flow is brought to 
 authors set the gain for, 512 px wide.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_bench.methods.method import Decision, GoalObservation, Observation

@@ -1,7 +1,5 @@
 """The methods that the benchmark compares, by name."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 
 from dfvs_bench.methods import photometric, pnp, pose_regression, published, scan_search, sift

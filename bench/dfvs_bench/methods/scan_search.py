@@ -5,8 +5,6 @@ for another place is found from where the way began. The service does nothing of
 vehicle stands still while it sees no goal, and turning it is the pilot's part.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -5,8 +5,6 @@ interaction matrix of the current points. Points are matched by Lowe's ratio tes
 where they agree, with their depth, on one rigid motion.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

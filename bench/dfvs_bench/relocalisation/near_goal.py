@@ -1,7 +1,5 @@
 """Tracked frames on the last part of the way to a goal: their time, and the final precision."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Sequence
 from dataclasses import dataclass

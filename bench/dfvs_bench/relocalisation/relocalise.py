@@ -4,8 +4,6 @@ What is measured is the matcher alone: neither the depth estimate nor anything t
 helps it.
 """
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace

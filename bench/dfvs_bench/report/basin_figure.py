@@ -1,7 +1,5 @@
 """The paper's Fig. 6 with our figures: convergence ratio against translation."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """The basin in the report's page: Fig. 6 with our figures, and what the paper says."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from dfvs_bench.basin.drawing import LEAST_OVERLAP

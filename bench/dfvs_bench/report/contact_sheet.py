@@ -1,7 +1,5 @@
 """Images of tasks side by side, to be looked at."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """The paper's Fig. 2 with our figures: image, true depth, depth by a network, depth from flow."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """The flights in the report's page."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 from dfvs_bench.drone.records import FlightRecord

@@ -1,7 +1,5 @@
 """Plots of the benchmark in one style, for one column of a printed page; the paper's Fig. 5."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from pathlib import Path

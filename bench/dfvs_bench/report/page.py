@@ -1,7 +1,5 @@
 """HTML of the report from its templates, and the images in it."""
 
-from __future__ import annotations
-
 import base64
 import math
 from dataclasses import dataclass

@@ -3,8 +3,6 @@
 Its scenes are scans seen in another simulator, so the numbers are for scale and not for a ranking.
 """
 
-from __future__ import annotations
-
 import functools
 from dataclasses import dataclass
 from pathlib import Path

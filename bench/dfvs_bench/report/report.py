@@ -1,7 +1,5 @@
 """One self-contained HTML page of a run: tables, images, plots, and the paper's figures."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from importlib.metadata import version

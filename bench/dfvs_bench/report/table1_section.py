@@ -1,7 +1,5 @@
 """``table1`` in the report's page: its tables, and the paper's Fig. 2, 4 and 5 with our figures."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from typing import Any

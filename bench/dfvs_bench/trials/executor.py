@@ -1,7 +1,5 @@
 """Who does the work: this process, several of this machine, or a Dask cluster."""
 
-from __future__ import annotations
-
 import importlib
 import multiprocessing
 import signal

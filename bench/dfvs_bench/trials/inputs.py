@@ -1,7 +1,5 @@
 """What a trial or a flight is made from, as one hash: none may pass for one of other inputs."""
 
-from __future__ import annotations
-
 import functools
 import hashlib
 import json

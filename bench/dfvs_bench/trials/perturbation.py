@@ -4,8 +4,6 @@ The goal image is never perturbed, the frames are. ``light`` and ``moved`` chang
 the others the rendered frame. All draws come from the task's seed and the number of the frame.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """What results were made with, to stand beside them."""
 
-from __future__ import annotations
-
 import platform
 from collections.abc import Iterable
 from importlib.metadata import PackageNotFoundError, version

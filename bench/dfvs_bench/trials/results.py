@@ -1,7 +1,5 @@
 """Trials on disk: one JSON file each, so that a broken run can be taken up again."""
 
-from __future__ import annotations
-
 import subprocess
 from dataclasses import dataclass
 from importlib.metadata import version

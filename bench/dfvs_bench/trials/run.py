@@ -1,7 +1,5 @@
 """Many trials, one after the other or side by side; those that are on disk are not run again."""
 
-from __future__ import annotations
-
 import functools
 import threading
 import time

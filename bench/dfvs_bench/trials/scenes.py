@@ -5,8 +5,6 @@ medium and three hard, as the paper defines that. Scenes and tasks come with the
 everybody measures in the same ones, to the bit; here is also what they were made by.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Tasks in the settings that learned pose regression was published for."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace

@@ -1,7 +1,5 @@
 """Statistics of results, some of which may be unknown (None)."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

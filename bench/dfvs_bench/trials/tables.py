@@ -1,7 +1,5 @@
 """What trials amount to: a summary for machines, rows for a table, and lines for people."""
 
-from __future__ import annotations
-
 import csv
 import math
 from collections.abc import Iterable, Sequence

@@ -1,7 +1,5 @@
 """Servoing tasks: a scene, where the camera starts, where it shall go; and files of them."""
 
-from __future__ import annotations
-
 import json
 import re
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Drawing a servoing task in a scene: a goal with texture, and a start that sees part of it."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import TypeAlias

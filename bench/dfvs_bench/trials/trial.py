@@ -1,7 +1,5 @@
 """One trial: a method leads a free camera through a task, and every step is written down."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

@@ -17,8 +17,6 @@ medians of a few reports. The feature error does not depend on what is known of 
 error does, but it falls where the feature error stays since way and turn cancel in the image.
 """
 
-from __future__ import annotations
-
 import enum
 import itertools
 import math

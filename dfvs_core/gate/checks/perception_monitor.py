@@ -1,7 +1,5 @@
 """Monitor of perception's reports: validity, age, rate, reached goal."""
 
-from __future__ import annotations
-
 import math
 import statistics
 from collections import deque

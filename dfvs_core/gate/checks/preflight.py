@@ -1,7 +1,5 @@
 """Preflight checks."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from dfvs_core.gate.checks.perception_monitor import PerceptionMonitor

@@ -3,8 +3,6 @@
 It has no key: what it admits is still for the gate's authority to judge.
 """
 
-from __future__ import annotations
-
 from dfvs_core.errors import WireError
 from dfvs_core.gate.commands.command import MAX_COMMAND_BYTES, decode_command
 from dfvs_core.messages.goal_command import goal_digest

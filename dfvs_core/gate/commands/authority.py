@@ -1,7 +1,5 @@
 """Command authority: single-use challenges, signature check, and answers by request id."""
 
-from __future__ import annotations
-
 import hmac
 from collections import OrderedDict
 from collections.abc import Callable

@@ -5,8 +5,6 @@ accepts each one once. A recorded command is worthless as soon as it was used or
 gone, and worthless to any other vehicle. The answer to a command names its request id.
 """
 
-from __future__ import annotations
-
 import hashlib
 import hmac
 import json

@@ -7,8 +7,6 @@ what is left of it there. Cells are as wide as two of the reference's samples ar
 samples of another frame fall into the same cells from twice as far away.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -6,8 +6,6 @@ each point of the grid, where ``J`` is the slope of ``g``. And ``u`` is ``L`` ti
 twist.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -11,8 +11,6 @@ is found together with their translation, and every increment counts by its own 
 signals are high-passed: what is left of the translation changes slowly.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass, replace
 

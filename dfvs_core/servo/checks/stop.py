@@ -4,8 +4,6 @@ Photometric error never decides: light changes. What counts is where the goal is
 correspondences, on average over a window: a hovering vehicle is never quite still.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

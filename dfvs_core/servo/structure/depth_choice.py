@@ -1,7 +1,5 @@
 """Depth source by its configured name."""
 
-from __future__ import annotations
-
 from dfvs_core.depth.flow_depth import FlowDepth
 from dfvs_core.depth.motion import MotionDepth
 from dfvs_core.depth.source import ConstantDepth, DepthSource, GivenDepth

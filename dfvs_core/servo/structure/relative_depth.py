@@ -1,7 +1,5 @@
 """Relative depth of a frame's points, from earlier frames."""
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The model card of a depth bundle."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from dfvs_core.messages.manifest import Manifest

@@ -1,7 +1,5 @@
 """The model card of dfvs-flow: what it is, how it came about, how good it is, what it is bad at."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 from dfvs_core.messages.manifest import Manifest

@@ -1,7 +1,5 @@
 """Folders of bundles: written whole or not at all, and only over another bundle."""
 
-from __future__ import annotations
-
 import shutil
 from collections.abc import Mapping
 from dataclasses import replace

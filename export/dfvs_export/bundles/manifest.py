@@ -1,7 +1,5 @@
 """Bundles of ONNX files with their manifest."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass
 from typing import Any, Literal

@@ -1,7 +1,5 @@
 """What bundles are made of and checked against: networks in torch."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Protocol
 

@@ -1,7 +1,5 @@
 """Rounding of weights to fewer significant bits, so that the file compresses better."""
 
-from __future__ import annotations
-
 import numpy as np
 import onnx
 from onnx import TensorProto, numpy_helper

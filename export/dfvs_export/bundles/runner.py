@@ -1,7 +1,5 @@
 """Running a bundle's graphs once, to check, to calibrate and to time them."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

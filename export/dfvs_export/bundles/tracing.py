@@ -1,7 +1,5 @@
 """Tracing of networks to ONNX files."""
 
-from __future__ import annotations
-
 import io
 import warnings
 

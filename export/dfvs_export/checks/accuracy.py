@@ -1,7 +1,5 @@
 """Accuracy of a matching network on pairs with exact flow."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 
 import numpy as np

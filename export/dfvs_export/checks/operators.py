@@ -1,7 +1,5 @@
 """The operators of a bundle's graphs."""
 
-from __future__ import annotations
-
 import io
 from collections import Counter
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """Comparison of a bundle in ONNX Runtime with its network in torch, on drawn images."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 from dataclasses import dataclass
 

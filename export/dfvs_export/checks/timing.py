@@ -1,7 +1,5 @@
 """Timing bundles side by side: each in a process of its own, their runs interleaved."""
 
-from __future__ import annotations
-
 import contextlib
 import multiprocessing
 import time

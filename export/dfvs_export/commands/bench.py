@@ -1,7 +1,5 @@
 """What ``dfvs-export bench`` does; it needs no torch."""
 
-from __future__ import annotations
-
 import argparse
 import json
 

@@ -1,7 +1,5 @@
 """What ``dfvs-export check`` does."""
 
-from __future__ import annotations
-
 import argparse
 import json
 

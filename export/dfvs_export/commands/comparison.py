@@ -1,7 +1,5 @@
 """Comparison of a bundle with torch, and frames to calibrate on, for all subcommands."""
 
-from __future__ import annotations
-
 import argparse
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Subcommands that are imported when they run: most need torch, which takes seconds to import."""
 
-from __future__ import annotations
-
 import argparse
 import functools
 import importlib

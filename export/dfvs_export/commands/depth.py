@@ -1,7 +1,5 @@
 """What ``dfvs-export depth`` does."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 

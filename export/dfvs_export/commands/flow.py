@@ -1,7 +1,5 @@
 """What ``dfvs-export flow`` does."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Image sizes that networks can take."""
 
-from __future__ import annotations
-
 from dfvs_common.command_line import parse_size
 from dfvs_core.errors import ConfigError
 

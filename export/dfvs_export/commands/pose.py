@@ -1,7 +1,5 @@
 """What ``dfvs-export pose`` does."""
 
-from __future__ import annotations
-
 import argparse
 
 from dfvs_common.progress import log

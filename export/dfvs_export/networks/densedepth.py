@@ -4,8 +4,6 @@ I. Alhashim and P. Wonka, "High Quality Monocular Depth Estimation via Transfer 
 encoder after G. Huang et al., "Densely Connected Convolutional Networks", CVPR 2017.
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor, nn
 from torch.nn.functional import interpolate, leaky_relu

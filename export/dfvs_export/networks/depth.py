@@ -6,8 +6,6 @@ inverse depth times focal length, which does not depend on the camera (Metric3D,
 2023); the focal length is an input and is divided out at the end.
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import torch

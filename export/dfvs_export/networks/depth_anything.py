@@ -3,8 +3,6 @@
 L. Yang et al., "Depth Anything V2", NeurIPS 2024: relative, or metric where it was tuned for that.
 """
 
-from __future__ import annotations
-
 import importlib
 import json
 from pathlib import Path

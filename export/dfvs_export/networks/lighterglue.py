@@ -5,8 +5,6 @@ published projections of values and messages are part of the feed-forward layer 
 (``dfvs_export.weights.flow``).
 """
 
-from __future__ import annotations
-
 from typing import NamedTuple, cast
 
 import torch

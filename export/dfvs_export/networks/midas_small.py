@@ -4,8 +4,6 @@ R. Ranftl et al., "Towards Robust Monocular Depth Estimation", TPAMI 2022. Param
 in the published checkpoint ``midas_v21_small_256.pt``. The encoder comes from ``geffnet``.
 """
 
-from __future__ import annotations
-
 import importlib
 
 from torch import Tensor, nn

@@ -10,8 +10,6 @@ FlowNet's pretraining. The focal length goes in beside the features, for cameras
 network is told which features of both images are most alike (as in GMFlow, Xu et al., 2022).
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from typing import Literal, NamedTuple
 

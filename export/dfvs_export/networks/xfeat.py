@@ -1,7 +1,5 @@
 """XFeat's encoder (Potje et al., CVPR 2024): keypoints and descriptors of a grey image."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import torch

@@ -1,7 +1,5 @@
 """Frames to calibrate 8 bits on, and what they put into each graph of a bundle."""
 
-from __future__ import annotations
-
 import zipfile
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A bundle's graphs with fewer bits."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import replace
 from functools import partial

@@ -5,8 +5,6 @@ puts the casts to float32 back in, and wins nothing but the smaller file. Everyt
 above all, stays float32: positions in px need more than half precision's 11 bits.
 """
 
-from __future__ import annotations
-
 import io
 from collections.abc import Callable
 

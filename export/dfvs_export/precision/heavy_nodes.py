@@ -1,7 +1,5 @@
 """Which operators of a graph bear fewer bits: those that cost time and carry features."""
 
-from __future__ import annotations
-
 from collections import defaultdict
 from collections.abc import Iterable, Mapping
 

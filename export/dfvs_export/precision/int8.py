@@ -1,7 +1,5 @@
 """Heavy operators in 8 bits: static, per channel, calibrated on frames."""
 
-from __future__ import annotations
-
 import tempfile
 from collections.abc import Callable, Iterator, Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Training of dfvs-depth on views with depth."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Loss of dfvs-depth."""
 
-from __future__ import annotations
-
 from typing import NamedTuple
 
 import torch

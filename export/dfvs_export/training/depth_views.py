@@ -1,7 +1,5 @@
 """Views with depth to train dfvs-depth on: drawn from wide-baseline pairs, cropped, augmented."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """What the trainings of all networks share: checks of settings, batches, and the descent."""
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable, Iterator, Mapping

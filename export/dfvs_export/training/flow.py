@@ -6,8 +6,6 @@ Views are augmented on their own, and one of two is turned by the angle that the
 turn it by. While the encoder stays as it is, encoded pairs are kept and learnt from again.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -4,8 +4,6 @@ Perturbations are of light (a sum of Gaussians over the image), of occlusion (co
 pixels of another image), and of the camera: exposure, blur, noise.
 """
 
-from __future__ import annotations
-
 import math
 from typing import cast
 

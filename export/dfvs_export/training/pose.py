@@ -1,7 +1,5 @@
 """Training of the networks that regress poses."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from typing import NamedTuple

@@ -1,7 +1,5 @@
 """Pairs of views with the pose between them, to train networks that regress it."""
 
-from __future__ import annotations
-
 import functools
 import math
 from typing import NamedTuple, Protocol, cast

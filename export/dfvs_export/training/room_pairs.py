@@ -1,7 +1,5 @@
 """Wide-baseline training pairs: read, augmented, and their true matches."""
 
-from __future__ import annotations
-
 import math
 import zipfile
 from collections.abc import Mapping

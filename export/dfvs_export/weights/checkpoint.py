@@ -1,7 +1,5 @@
 """Checkpoints: dictionaries of named tensors, read without running what a pickle holds."""
 
-from __future__ import annotations
-
 import hashlib
 import io
 import zipfile

@@ -1,7 +1,5 @@
 """Weights of dfvs-depth: a checkpoint of ours, or ImageNet's encoder."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Weights of dfvs-flow: the shipped ones, a checkpoint of ours, or the published ones."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

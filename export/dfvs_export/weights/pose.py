@@ -1,7 +1,5 @@
 """Weights of networks that regress poses: a checkpoint of ours, or ones to start training from."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

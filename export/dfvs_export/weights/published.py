@@ -4,8 +4,6 @@ A checkpoint of a stranger is a pickle, and a pickle runs code if let. So it is 
 tensors only (``weights_only=True``), and only if its SHA-256 is the one that the user names.
 """
 
-from __future__ import annotations
-
 import importlib
 import io
 import tempfile

@@ -1,7 +1,5 @@
 """Published depth networks with their weights."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Answers to commands in every state of the gate, and the rate of the state, with busy cores."""
 
-from __future__ import annotations
-
 import json
 import os
 import time

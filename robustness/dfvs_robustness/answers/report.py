@@ -1,7 +1,5 @@
 """Table of the answers to commands, for the report of the fault matrix."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterable, Mapping, Sequence
 from pathlib import Path

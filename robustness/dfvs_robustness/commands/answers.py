@@ -1,7 +1,5 @@
 """``dfvs-robustness answers``: how fast commands are answered, and how often the state comes."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import dataclasses

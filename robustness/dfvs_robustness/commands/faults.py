@@ -1,7 +1,5 @@
 """``dfvs-robustness faults``: disturb the real service in every way and state, and judge it."""
 
-from __future__ import annotations
-
 import argparse
 import shlex
 import time

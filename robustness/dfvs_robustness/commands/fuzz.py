@@ -1,7 +1,5 @@
 """``dfvs-robustness fuzz``: what must hold whatever comes in, tried by the million."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from dfvs_robustness.commands import fuzz_frames

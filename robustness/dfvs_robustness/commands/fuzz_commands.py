@@ -1,7 +1,5 @@
 """``dfvs-robustness fuzz commands``: hostile commands through admission and authority."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from dfvs_robustness.commands.fuzz_run import FuzzCommand

@@ -1,7 +1,5 @@
 """``dfvs-robustness fuzz frames``: hostile camera frames through the whole decoder."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

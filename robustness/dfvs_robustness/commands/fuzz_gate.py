@@ -1,7 +1,5 @@
 """``dfvs-robustness fuzz gate``: random inputs, and the invariants after every step."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from dfvs_robustness.commands.fuzz_run import FuzzCommand

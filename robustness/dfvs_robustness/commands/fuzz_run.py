@@ -1,7 +1,5 @@
 """Command line of a fuzz target whose episodes are checked step by step."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """``dfvs-robustness soak``: goal after goal, and what it does to the service's processes."""
 
-from __future__ import annotations
-
 import argparse
 import time
 from dataclasses import asdict

@@ -1,7 +1,5 @@
 """A case: one fault in one state of the gate with one seed, and what came of it."""
 
-from __future__ import annotations
-
 import time
 import zlib
 

@@ -1,7 +1,5 @@
 """Faults of commanders: other services, foreign setpoints, hostile commands, the operator."""
 
-from __future__ import annotations
-
 import functools
 import math
 import time

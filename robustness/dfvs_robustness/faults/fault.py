@@ -1,7 +1,5 @@
 """What a fault of the matrix is, and what comes of a case."""
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Callable
 from dataclasses import dataclass, field

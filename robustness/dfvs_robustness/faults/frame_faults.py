@@ -1,7 +1,5 @@
 """Faults of the camera and its frames, of the network and of the goal."""
 
-from __future__ import annotations
-
 import functools
 import itertools
 import struct

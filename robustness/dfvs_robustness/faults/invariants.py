@@ -4,8 +4,6 @@ What the vehicle received is held against what the gate's log says, what the cam
 what the core decides when the gate's journal is replayed.
 """
 
-from __future__ import annotations
-
 import bisect
 import itertools
 import math

@@ -1,7 +1,5 @@
 """The matrix: every fault in every state with every seed, in parallel, resumable."""
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import json

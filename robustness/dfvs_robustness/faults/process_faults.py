@@ -1,7 +1,5 @@
 """Faults of processes, processor, disk and network."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import resource

@@ -1,7 +1,5 @@
 """The matrix as a table: JSON for machines, Markdown and HTML for people."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

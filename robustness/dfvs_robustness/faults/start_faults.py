@@ -1,7 +1,5 @@
 """What is wrong from the start: the goal, the mounting, the settings."""
 
-from __future__ import annotations
-
 import bisect
 import math
 import subprocess

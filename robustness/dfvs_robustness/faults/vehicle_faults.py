@@ -1,7 +1,5 @@
 """Faults of the vehicle, its link and its pilot."""
 
-from __future__ import annotations
-
 import functools
 import time
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Violations of invariants, the episodes that lead to them, and JSON files of these."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Callable
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """A line on stderr every few seconds, while a run goes on."""
 
-from __future__ import annotations
-
 import time
 
 from dfvs_common.progress import log

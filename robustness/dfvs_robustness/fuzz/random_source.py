@@ -1,7 +1,5 @@
 """Cheap random choices: uniform numbers drawn by the thousand, used one by one."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import TypeVar
 

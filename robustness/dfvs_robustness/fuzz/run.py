@@ -1,7 +1,5 @@
 """Run of many episodes of a fuzz target on several cores, up to a number of events."""
 
-from __future__ import annotations
-
 import itertools
 import multiprocessing
 import time

@@ -1,7 +1,5 @@
 """Make a failing list short: leave out what is not needed for the failure (delta debugging)."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeVar
 

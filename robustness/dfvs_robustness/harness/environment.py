@@ -4,8 +4,6 @@ One thread steps the vehicle at 250 Hz, answers on MAVLink and takes the images;
 things to do. Everything that reaches or leaves the vehicle goes into its record.
 """
 
-from __future__ import annotations
-
 import queue
 import threading
 import time

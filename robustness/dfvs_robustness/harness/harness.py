@@ -1,7 +1,5 @@
 """One service in one environment: started, disturbed, repaired, started again."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import socket

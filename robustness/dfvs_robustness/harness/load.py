@@ -1,7 +1,5 @@
 """Load of the processor: busy processes beside what is measured."""
 
-from __future__ import annotations
-
 import os
 import subprocess
 import sys

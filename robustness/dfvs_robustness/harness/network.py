@@ -6,8 +6,6 @@ that is damaged or was trained badly gives NaN or rubbish for some images and no
 well. It is an ordinary model bundle: the service has no part in the trick.
 """
 
-from __future__ import annotations
-
 import enum
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """``python -m dfvs_robustness.harness.router ENDPOINT``: a Zenoh router, to be killed."""
 
-from __future__ import annotations
-
 import signal
 import sys
 

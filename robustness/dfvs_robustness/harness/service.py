@@ -1,7 +1,5 @@
 """The real ``dfvs-service`` as a user starts it, its processes, its log and its commands."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import secrets

@@ -1,7 +1,5 @@
 """Setups of the service under test: settings, goal, camera and model."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The ways to every state of the gate, from wherever it is."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

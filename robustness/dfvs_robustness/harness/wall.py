@@ -4,8 +4,6 @@ The wall stands 3 m north of the scene's origin (NED), facing south; its texture
 east, its rows down. A camera at the origin that looks north sees the goal image.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -4,8 +4,6 @@ A hold for an old frame is *true* where the simulated camera published none in t
 could have done better. Every other one is *false*.
 """
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Mapping
 from dataclasses import dataclass
 from itertools import pairwise

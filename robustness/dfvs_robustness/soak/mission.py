@@ -1,7 +1,5 @@
 """Goal after goal with one and the same service: to and fro, each time to another view nearby."""
 
-from __future__ import annotations
-
 import json
 import time
 from collections.abc import Callable, Iterator

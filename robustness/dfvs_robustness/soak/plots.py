@@ -1,7 +1,5 @@
 """Plots of a soak: memory, descriptors, threads and latency over time."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Memory, descriptors and threads of the service's processes, every few seconds."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

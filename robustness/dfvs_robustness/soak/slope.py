@@ -1,7 +1,5 @@
 """How fast something grows, robustly, and how well that is known."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

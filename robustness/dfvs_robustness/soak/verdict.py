@@ -1,7 +1,5 @@
 """What the samples of a soak come to."""
 
-from __future__ import annotations
-
 from dataclasses import asdict, dataclass
 from typing import Any
 

@@ -1,7 +1,5 @@
 """``dfvs-rooms pairs``: pairs of views with exact flow, to measure by and to train on."""
 
-from __future__ import annotations
-
 import argparse
 import functools
 import json

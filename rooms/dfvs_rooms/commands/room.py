@@ -1,7 +1,5 @@
 """``dfvs-rooms room``: make a furnished room with its light baked in."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

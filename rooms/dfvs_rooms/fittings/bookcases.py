@@ -1,7 +1,5 @@
 """Bookcases for many books: a book is eight triangles, a shelf of them one mesh."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

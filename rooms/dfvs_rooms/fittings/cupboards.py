@@ -1,7 +1,5 @@
 """Fitted kitchens: cupboards, worktops and appliances. Fronts look to -y, backs stand at y = 0."""
 
-from __future__ import annotations
-
 import itertools
 from collections.abc import Sequence
 

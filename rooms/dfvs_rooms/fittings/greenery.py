@@ -1,7 +1,5 @@
 """Outdoor plants: trees, shrubs and climbers made of many small leaves."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray

@@ -3,8 +3,6 @@
 As in ``interior_materials.py``, a material's name without its number is its kind.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable
 from typing import TypeAlias
 

@@ -1,7 +1,5 @@
 """Colours that go together: every place takes its paints, woods and cloths from one palette."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from dfvs_rooms.surfaces.textures import OAK, WALNUT, Colour

@@ -1,7 +1,5 @@
 """Floors, walls, windows and lamps of the places, and where things are put by plan."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass, replace
 

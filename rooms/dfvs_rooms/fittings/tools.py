@@ -1,7 +1,5 @@
 """Tools and machines of a workshop. Hand tools hang at the origin with their backs at y = 0."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import replace
 from functools import partial

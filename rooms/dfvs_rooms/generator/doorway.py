@@ -1,7 +1,5 @@
 """Two rooms with a doorway between them: what lies round the corner is out of sight."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.generator import interior_furniture as pieces

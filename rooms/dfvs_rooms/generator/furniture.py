@@ -1,7 +1,5 @@
 """Seats, tables and cupboards. Each stands on the floor at the origin, its front towards -y."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.generator.solids import Part, box, cushion, panel, placed, tilted, tube

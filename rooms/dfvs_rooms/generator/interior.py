@@ -4,8 +4,6 @@ Four kinds: a ``lounge`` to live in, a ``study`` with desks and shelves, a ``cor
 ``hall`` with columns and racks.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

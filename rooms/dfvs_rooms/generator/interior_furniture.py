@@ -1,7 +1,5 @@
 """What stands and hangs in the drawn interiors, of drawn sizes."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import TypeAlias
 

@@ -4,8 +4,6 @@ A material's name without its number is its kind: ``wall0`` and ``wall3`` are bo
 of all walls are plain, because that is where matching is hard.
 """
 
-from __future__ import annotations
-
 import colorsys
 from collections.abc import Callable, Iterable
 from typing import TypeAlias

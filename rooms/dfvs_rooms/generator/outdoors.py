@@ -1,7 +1,5 @@
 """Daylight from above, for places without a roof."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -3,8 +3,6 @@
 Things on a wall hang at the origin with their back at y = 0 and look to -y.
 """
 
-from __future__ import annotations
-
 from dataclasses import replace
 
 import numpy as np

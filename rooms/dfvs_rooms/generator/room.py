@@ -1,7 +1,5 @@
 """A room: its parts, materials and openings to the sky, without light."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Self
 

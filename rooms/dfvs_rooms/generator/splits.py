@@ -1,7 +1,5 @@
 """Seeds of rooms to train on, to choose on, and to report on; no seed serves two of these."""
 
-from __future__ import annotations
-
 from dfvs_core.errors import ConfigError
 
 BENCHMARK_SEEDS = range(4000, 4200)

@@ -1,7 +1,5 @@
 """A room with its light baked into the vertices, as a scene to render."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array, FloatArray

@@ -1,7 +1,5 @@
 """Light of the sun and the open sky on a place without a roof, with shadow maps from afar."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

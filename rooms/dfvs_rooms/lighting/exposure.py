@@ -1,7 +1,5 @@
 """From measured irradiance to vertex colours: fill, smooth, expose."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import Float32Array, FloatArray

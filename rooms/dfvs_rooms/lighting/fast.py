@@ -7,8 +7,6 @@ point cannot reach is told by the renderer's depth in the six directions around 
 true to a few centimetres; ``light.py`` traces paths instead and takes minutes.
 """
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

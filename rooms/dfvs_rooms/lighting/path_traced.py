@@ -6,8 +6,6 @@ film to vertex k. So one ordinary render job measures the light of thousands of 
 sampled directly at the plates.
 """
 
-from __future__ import annotations
-
 import importlib
 import tempfile
 from collections.abc import Callable

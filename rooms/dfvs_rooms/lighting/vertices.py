@@ -1,7 +1,5 @@
 """Where light is measured: at the vertices of what does not shine, on every side of a part."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray

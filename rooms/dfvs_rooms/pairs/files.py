@@ -1,7 +1,5 @@
 """Evaluation files of pairs (``dfvs_models.evaluation_file`` tells what is in them)."""
 
-from __future__ import annotations
-
 import io
 from collections.abc import Sequence
 from pathlib import Path

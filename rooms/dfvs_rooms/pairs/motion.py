@@ -1,7 +1,5 @@
 """How far and how much a camera moves between the two views of a pair."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

@@ -1,7 +1,5 @@
 """Wide-baseline pairs of a room, to train the matcher on: grey views, depth, motion."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Iterator
 from typing import Any

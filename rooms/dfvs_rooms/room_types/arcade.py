@@ -5,8 +5,6 @@ distance. A small thing of its own on every bookcase, on some windows and in pla
 is all that tells its places apart.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray

@@ -1,7 +1,5 @@
 """A bedroom: a bed between two bedside tables, wardrobes, drawers, an armchair by the window."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.fittings import shell

@@ -1,7 +1,5 @@
 """A canteen: a large hall with columns, rows of tables, a counter under menu boards."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.fittings import shell

@@ -1,7 +1,5 @@
 """All places by name, and how one is made from a seed."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """A courtyard: four house fronts around paving, plants and a fountain, open to the sky."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.fittings import greenery, shell

@@ -1,7 +1,5 @@
 """A gallery on two levels: a staircase and a landing in a high hall, paintings and sculptures."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.fittings import shell

@@ -1,7 +1,5 @@
 """A kitchen: fitted cupboards in an L, a table or an island, tiles, jars and pans."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.fittings import cupboards, shell

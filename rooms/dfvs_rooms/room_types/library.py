@@ -1,7 +1,5 @@
 """A library: bookcases along the walls and across the room, reading tables, leather chairs."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.fittings import shell

@@ -4,8 +4,6 @@ The window looks north. Everything below a lamp at 2.1 m and above the tables at
 airspace except at the walls.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.generator.furniture import (

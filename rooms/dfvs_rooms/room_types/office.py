@@ -1,7 +1,5 @@
 """An office: desks back to back, boards full of writing, shelves of files, a printer."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.fittings import shell

@@ -1,7 +1,5 @@
 """A school corridor: lockers, doors, notice boards, tiles up to the shoulder."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.fittings import shell

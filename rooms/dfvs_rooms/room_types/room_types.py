@@ -1,7 +1,5 @@
 """All kinds of rooms that can be generated, by name."""
 
-from __future__ import annotations
-
 from dfvs_core.errors import ConfigError
 from dfvs_rooms.generator.doorway import doorway_rooms
 from dfvs_rooms.generator.interior import KINDS, drawn_interior

@@ -1,7 +1,5 @@
 """A workshop: benches, tools on the wall, machines, timber, tins of paint."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_rooms.fittings import cupboards, shell, tools

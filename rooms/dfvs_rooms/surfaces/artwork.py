@@ -1,7 +1,5 @@
 """Artworks that hang or stand in a room: paintings, book spines, a dial, the view outside."""
 
-from __future__ import annotations
-
 import itertools
 
 import numpy as np

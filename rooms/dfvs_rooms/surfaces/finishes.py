@@ -4,8 +4,6 @@ As in ``textures.py``, every function returns (H, W, 3) float32 sRGB in 0 to 1 t
 a seam.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

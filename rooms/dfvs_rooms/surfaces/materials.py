@@ -1,7 +1,5 @@
 """Materials of the living room: an image each, and how many metres it spans."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Collection, Iterable
 from dataclasses import dataclass
 from functools import partial

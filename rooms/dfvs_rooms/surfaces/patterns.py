@@ -1,7 +1,5 @@
 """Printed and knotted patterns: wallpaper, a rug, patterned cloth."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 
 import numpy as np

@@ -3,8 +3,6 @@
 Every function returns (H, W, 3) float32 sRGB in 0 to 1; they are stretched over what shows them.
 """
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

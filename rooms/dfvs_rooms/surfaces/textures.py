@@ -4,8 +4,6 @@ Every function returns (H, W, 3) float32 sRGB in 0 to 1. Those of materials repe
 because their noise is made in the frequency domain.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

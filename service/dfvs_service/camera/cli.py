@@ -1,7 +1,5 @@
 """``dfvs-camera``: publish a camera, calibrate it, take goal images with it."""
 
-from __future__ import annotations
-
 import sys
 from collections.abc import Callable, Sequence
 

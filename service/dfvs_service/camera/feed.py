@@ -1,7 +1,5 @@
 """Paced feeds of captured images, live or recorded."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

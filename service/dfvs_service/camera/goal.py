@@ -1,7 +1,5 @@
 """``dfvs-camera goal``: take a goal image with its sidecar."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import math

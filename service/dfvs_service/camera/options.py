@@ -1,7 +1,5 @@
 """Command-line options shared by the camera's commands."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import os

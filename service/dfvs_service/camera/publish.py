@@ -1,7 +1,5 @@
 """``dfvs-camera``: publish a camera, a stream, a video or images to the service."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

@@ -1,7 +1,5 @@
 """Publisher of camera frames over Zenoh."""
 
-from __future__ import annotations
-
 import threading
 import time
 from collections.abc import Callable

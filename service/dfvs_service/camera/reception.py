@@ -1,7 +1,5 @@
 """Report whether a subscriber receives the camera's frames."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from dfvs_service.camera.feed import Log

@@ -1,7 +1,5 @@
 """``dfvs-certs``: certificates for Zenoh beyond one machine."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Certificate files of all roles in one folder."""
 
-from __future__ import annotations
-
 import argparse
 import json
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Web application: static files, one WebSocket, and the threads behind them."""
 
-from __future__ import annotations
-
 import asyncio
 import contextlib
 import time

@@ -4,8 +4,6 @@ A loop that is busy is given less to do, not more: images that it did not come t
 newer ones while they wait here.
 """
 
-from __future__ import annotations
-
 import asyncio
 import logging
 import threading

@@ -1,7 +1,5 @@
 """``dfvs-dashboard``: watch flights in a browser."""
 
-from __future__ import annotations
-
 import argparse
 import logging
 import sys

@@ -1,7 +1,5 @@
 """Command queue of the page: signed commands and their answers."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Callable
 

@@ -4,8 +4,6 @@ Everything here runs on the event loop's thread; what arrives on other threads i
 by one. Every message is encoded once, whatever the number of browsers.
 """
 
-from __future__ import annotations
-
 import json
 import logging
 from collections.abc import Callable, Iterable

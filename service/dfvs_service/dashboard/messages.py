@@ -1,7 +1,5 @@
 """Messages of a browser: JSON objects, and goal images with a JSON header."""
 
-from __future__ import annotations
-
 import json
 import struct
 from typing import Any

@@ -5,8 +5,6 @@ lets point there (DNS rebinding). So only known names are served, WebSockets are
 page alone, and our page may load from and talk to nobody else.
 """
 
-from __future__ import annotations
-
 from starlette.datastructures import Headers, MutableHeaders
 from starlette.responses import PlainTextResponse
 from starlette.types import ASGIApp, Message, Receive, Scope, Send

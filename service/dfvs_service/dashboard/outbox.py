@@ -1,7 +1,5 @@
 """Outbox of one browser: the newest update of each kind."""
 
-from __future__ import annotations
-
 import asyncio
 import enum
 import struct

@@ -1,7 +1,5 @@
 """Settings of the dashboard from its command line; unprotected ones are refused."""
 
-from __future__ import annotations
-
 import dataclasses
 import ipaddress
 import socket

@@ -1,7 +1,5 @@
 """Access tokens of viewers and operators, compared in constant time."""
 
-from __future__ import annotations
-
 import enum
 import hashlib
 import hmac

@@ -5,8 +5,6 @@ waits for it. What cannot be written is dropped and counted, and tried again eve
 the copies of the logs then catch up.
 """
 
-from __future__ import annotations
-
 import contextlib
 import importlib.metadata
 import json

@@ -1,7 +1,5 @@
 """``dfvs-service flights``: list, show and export what flights left behind."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

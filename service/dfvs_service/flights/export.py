@@ -1,7 +1,5 @@
 """Export of a flight as one ZIP file."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import zipfile

@@ -5,8 +5,6 @@ Every call may raise OSError, except where it says otherwise; an append that fai
 of it behind.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections import deque

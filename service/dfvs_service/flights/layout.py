@@ -1,7 +1,5 @@
 """File names of a flight's records."""
 
-from __future__ import annotations
-
 FORMAT = "dfvs-flight/1"
 
 HEADER = "flight.json"

@@ -1,7 +1,5 @@
 """Black box process."""
 
-from __future__ import annotations
-
 import os
 import select
 import socket

@@ -1,7 +1,5 @@
 """Reader of a flight's records, which may end early."""
 
-from __future__ import annotations
-
 import json
 import os
 from collections.abc import Iterator

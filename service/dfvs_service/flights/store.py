@@ -1,7 +1,5 @@
 """Folder of all flights: location, names, and removal of the oldest."""
 
-from __future__ import annotations
-
 import fcntl
 import itertools
 import os

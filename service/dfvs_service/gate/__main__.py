@@ -1,7 +1,5 @@
 """``python -m dfvs_service.gate --runtime DIR``: started by the service, not by hand."""
 
-from __future__ import annotations
-
 import argparse
 import os
 import shutil

@@ -8,8 +8,6 @@ Callbacks come on MAVSDK's threads and only hand events on. Setting up blocks, a
 a helper thread; sending takes a fraction of a millisecond.
 """
 
-from __future__ import annotations
-
 import functools
 import json
 import time

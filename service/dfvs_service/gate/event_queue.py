@@ -1,7 +1,5 @@
 """Event queue from other threads to the gate's loop."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections import deque

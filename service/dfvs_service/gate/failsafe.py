@@ -4,8 +4,6 @@ A gate that hangs or dies falls silent; from then on only these parameters bring
 stop.
 """
 
-from __future__ import annotations
-
 from dfvs_core.gate.events import ParametersRead
 
 LOSS_TIME, LOSS_ACTION = "COM_OF_LOSS_T", "COM_OBL_RC_ACT"

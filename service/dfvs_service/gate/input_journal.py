@@ -1,7 +1,5 @@
 """Journal of the gate's inputs, written by a thread."""
 
-from __future__ import annotations
-
 import contextlib
 import queue
 import threading

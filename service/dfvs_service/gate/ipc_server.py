@@ -1,7 +1,5 @@
 """IPC server of the gate: reports and commands in; states, answers and heartbeats out."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 from collections.abc import Callable, Iterator

@@ -1,7 +1,5 @@
 """Parent watchdog: a pipe on which the parent shows that it is alive."""
 
-from __future__ import annotations
-
 import os
 
 from dfvs_core.gate.config import S

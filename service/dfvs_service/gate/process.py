@@ -4,8 +4,6 @@ The loop wakes at 50 Hz and whenever something arrives, steps the state machine,
 it says. Nothing in the loop waits for anything else.
 """
 
-from __future__ import annotations
-
 import secrets
 import selectors
 import signal

@@ -1,7 +1,5 @@
 """Conversion of PX4's MAVLink messages to the gate's events."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """Gate status for perception and telemetry."""
 
-from __future__ import annotations
-
 import math
 
 from dfvs_core.gate.config import S

@@ -1,7 +1,5 @@
 """``dfvs-foxglove``: show a running service's flight in Foxglove."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 import time

@@ -1,7 +1,5 @@
 """Live Foxglove server with the channels of a recording."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable
 
 import foxglove

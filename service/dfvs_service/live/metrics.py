@@ -1,7 +1,5 @@
 """Prometheus metrics of a flight: latencies, rates, states, losses."""
 
-from __future__ import annotations
-
 import threading
 from collections.abc import Callable, Iterator, Mapping
 from typing import Any

@@ -1,7 +1,5 @@
 """``dfvs-metrics``: a running service's flight for Prometheus."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

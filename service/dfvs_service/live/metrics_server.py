@@ -1,7 +1,5 @@
 """HTTP server of metrics from Zenoh telemetry."""
 
-from __future__ import annotations
-
 import json
 import math
 import os

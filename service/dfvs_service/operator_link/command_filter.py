@@ -4,8 +4,6 @@ The operator link keeps the bytes of a new goal unopened for perception, which r
 gate has accepted the command for it.
 """
 
-from __future__ import annotations
-
 import logging
 import threading
 

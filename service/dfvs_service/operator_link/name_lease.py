@@ -5,8 +5,6 @@ gate is engaged. Whoever sees another service's tokens does not engage; whoever 
 sees another that is, aborts. This process only receives and reports: the gate judges.
 """
 
-from __future__ import annotations
-
 import secrets
 import threading
 import time

@@ -5,8 +5,6 @@ perception is busy, hangs, or is gone. Without a router it owns the service's en
 perception connects to it over a Unix socket.
 """
 
-from __future__ import annotations
-
 import contextlib
 import logging
 import queue

@@ -1,7 +1,5 @@
 """Axes of charts: range, ticks, and position of a value."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """SVG charts: curves over time above a line of the gate's states, and a path from above."""
 
-from __future__ import annotations
-
 import html
 import itertools
 import math

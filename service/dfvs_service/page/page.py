@@ -1,7 +1,5 @@
 """Content of a flight's page, and its HTML."""
 
-from __future__ import annotations
-
 import base64
 import hashlib
 import importlib.resources

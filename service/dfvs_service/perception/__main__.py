@@ -1,7 +1,5 @@
 """``python -m dfvs_service.perception --runtime DIR``: started by the service, not by hand."""
 
-from __future__ import annotations
-
 import logging
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """Calibration that cameras announce."""
 
-from __future__ import annotations
-
 import queue
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Assembly of perception from settings, for a flight and for its replay."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, replace
 

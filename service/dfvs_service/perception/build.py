@@ -1,7 +1,5 @@
 """Versions of code, libraries and processor that perception's results depend on."""
 
-from __future__ import annotations
-
 import hashlib
 import importlib.metadata
 import platform

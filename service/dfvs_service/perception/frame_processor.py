@@ -1,7 +1,5 @@
 """Processor of raw samples and gate statuses, without sockets or threads."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 

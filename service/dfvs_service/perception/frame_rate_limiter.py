@@ -1,7 +1,5 @@
 """Rate limiter of invalid frames, on Zenoh's thread."""
 
-from __future__ import annotations
-
 from dfvs_core.errors import WireError
 from dfvs_core.messages.frame import decode_header
 from dfvs_core.messages.rate_limit import Rate, RateLimit

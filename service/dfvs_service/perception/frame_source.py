@@ -1,7 +1,5 @@
 """Frame sources: DFVS cameras or ROS 2."""
 
-from __future__ import annotations
-
 from typing import Protocol
 
 from dfvs_core.geometry.camera import CameraModel

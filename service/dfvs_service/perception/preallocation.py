@@ -7,8 +7,6 @@ Python keeps up to 2000 tuples of every length for reuse; only a full collection
 Perception asks for one every few seconds. It is quick, since objects of the start are frozen.
 """
 
-from __future__ import annotations
-
 import gc
 
 import numpy as np

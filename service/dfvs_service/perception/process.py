@@ -1,7 +1,5 @@
 """Perception process: one loop between Zenoh, the pipeline and the gate."""
 
-from __future__ import annotations
-
 import dataclasses
 import gc
 import logging

@@ -4,8 +4,6 @@ The queue is bounded by its bytes: a recorder that is too slow loses records, wh
 show, and never delays a flight. Nothing is queued while nobody records.
 """
 
-from __future__ import annotations
-
 import logging
 import math
 import threading

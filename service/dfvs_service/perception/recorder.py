@@ -1,7 +1,5 @@
 """Numbered frame records of perception's steps."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

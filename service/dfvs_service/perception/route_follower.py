@@ -1,7 +1,5 @@
 """Route following: evaluation of the next goal, and the change to it."""
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from concurrent.futures import Executor, Future

@@ -1,7 +1,5 @@
 """Session header of a recording, from which a flight can be rerun."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

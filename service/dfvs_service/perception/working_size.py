@@ -3,8 +3,6 @@
 It is chosen before the flight and among its settings, so that a replay does not measure anew.
 """
 
-from __future__ import annotations
-
 import statistics
 from collections.abc import Callable
 from dataclasses import replace

@@ -1,7 +1,5 @@
 """Check that the flying camera's calibration agrees with the goal's."""
 
-from __future__ import annotations
-
 from dfvs_core.gate.checks.preflight import Check
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.messages.goal import Goal

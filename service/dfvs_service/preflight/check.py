@@ -1,7 +1,5 @@
 """Preflight check: first this machine, then camera and vehicle."""
 
-from __future__ import annotations
-
 import signal
 import time
 from collections.abc import Callable

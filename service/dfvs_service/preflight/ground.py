@@ -1,7 +1,5 @@
 """Checks without a connection: camera, goal, model, its speed, network."""
 
-from __future__ import annotations
-
 import statistics
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Check image: goal, frame with the flow to the goal, and the resulting command."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from typing import Any

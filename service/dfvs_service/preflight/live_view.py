@@ -1,7 +1,5 @@
 """Newest frame of perception with its flow and result, from a service that runs."""
 
-from __future__ import annotations
-
 import math
 import threading
 from collections import deque

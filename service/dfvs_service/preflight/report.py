@@ -1,7 +1,5 @@
 """Report of a check: a table or JSON."""
 
-from __future__ import annotations
-
 import enum
 import json
 from dataclasses import dataclass

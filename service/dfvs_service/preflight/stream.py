@@ -1,7 +1,5 @@
 """Rate and size of the live camera."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 from dataclasses import dataclass

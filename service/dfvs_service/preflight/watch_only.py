@@ -1,7 +1,5 @@
 """Service processes in watch-only mode, which sends nothing to the vehicle."""
 
-from __future__ import annotations
-
 import dataclasses
 import time
 from collections.abc import Callable

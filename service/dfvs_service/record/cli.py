@@ -1,7 +1,5 @@
 """``dfvs-record``: record a running service's flight as MCAP, or repair a recording."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """Log lines about state changes of the gate."""
 
-from __future__ import annotations
-
 import enum
 from collections.abc import Iterator
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Thinned path of the vehicle, of bounded size."""
 
-from __future__ import annotations
-
 import math
 
 _SPACING_M = 0.05

@@ -1,7 +1,5 @@
 """Subscription to one vehicle's frame records over Zenoh."""
 
-from __future__ import annotations
-
 import math
 import os
 import time

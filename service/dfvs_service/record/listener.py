@@ -1,7 +1,5 @@
 """Listener for session headers and frame records, which puts them in order."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 from collections.abc import Iterator

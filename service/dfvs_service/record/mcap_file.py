@@ -1,7 +1,5 @@
 """MCAP file whose finished chunks survive a crash."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 from collections.abc import Iterable, Mapping

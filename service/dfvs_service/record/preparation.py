@@ -1,7 +1,5 @@
 """Requirements of a recording: libraries and a folder."""
 
-from __future__ import annotations
-
 import os
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Recorder process: Zenoh in, MCAP files out."""
 
-from __future__ import annotations
-
 import itertools
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Progress of a recording, in one line."""
 
-from __future__ import annotations
-
 from dfvs_service.record.recorder import Recorder
 
 

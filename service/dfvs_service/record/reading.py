@@ -1,7 +1,5 @@
 """Reader of MCAP files, which may be cut off."""
 
-from __future__ import annotations
-
 import struct
 from collections.abc import Iterator
 from contextlib import contextmanager

@@ -4,8 +4,6 @@ Never raises for want of a disk: what cannot be written is dropped and counted, 
 tried every few seconds.
 """
 
-from __future__ import annotations
-
 import contextlib
 import shutil
 from collections.abc import Callable, Iterable

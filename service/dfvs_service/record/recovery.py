@@ -1,7 +1,5 @@
 """Repair of the index of a recording that was cut off."""
 
-from __future__ import annotations
-
 from pathlib import Path
 from typing import Any
 

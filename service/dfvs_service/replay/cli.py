@@ -1,7 +1,5 @@
 """``dfvs-replay``: run perception again on a recorded flight, and compare."""
 
-from __future__ import annotations
-
 import argparse
 import json
 import sys

@@ -1,7 +1,5 @@
 """Comparison as JSON, and atomic output files."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 from typing import Any

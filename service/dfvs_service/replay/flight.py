@@ -1,7 +1,5 @@
 """Replay of a whole recording, with the reasons why results may differ."""
 
-from __future__ import annotations
-
 from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from pathlib import Path

@@ -1,7 +1,5 @@
 """``dfvs-service replay-gate``: replay of the gate's decisions on a recorded flight."""
 
-from __future__ import annotations
-
 import argparse
 import dataclasses
 import json

@@ -1,7 +1,5 @@
 """HTML report of a comparison."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Sequence
 

@@ -1,7 +1,5 @@
 """Conditions under which a replay is bit-exact."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from typing import Any
 

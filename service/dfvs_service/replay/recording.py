@@ -1,7 +1,5 @@
 """Reader of session headers and frame records from a recording's files."""
 
-from __future__ import annotations
-
 from collections.abc import Iterator, Sequence
 from dataclasses import dataclass, replace
 from pathlib import Path

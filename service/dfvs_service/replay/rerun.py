@@ -4,8 +4,6 @@ Nothing in perception depends on when it runs but the two times by which a frame
 They are part of every frame record, so the same code, model and settings give the same reports.
 """
 
-from __future__ import annotations
-
 import contextlib
 import dataclasses
 import time

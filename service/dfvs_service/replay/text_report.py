@@ -1,7 +1,5 @@
 """Text report of a comparison."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

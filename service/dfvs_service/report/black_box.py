@@ -1,7 +1,5 @@
 """Reader of a flight from its black box."""
 
-from __future__ import annotations
-
 from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any

@@ -1,7 +1,5 @@
 """Flight as a report needs it, independent of its source."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from dataclasses import dataclass

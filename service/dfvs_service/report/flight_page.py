@@ -1,7 +1,5 @@
 """HTML page of a flight."""
 
-from __future__ import annotations
-
 import base64
 import contextlib
 import math

@@ -1,7 +1,5 @@
 """Reader of a flight from its MCAP recording; a replay gives the flow."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator, Sequence
 from datetime import UTC, datetime

@@ -1,7 +1,5 @@
 """Time series of a flight from its records."""
 
-from __future__ import annotations
-
 import bisect
 import math
 from collections import deque

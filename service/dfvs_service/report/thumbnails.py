@@ -1,7 +1,5 @@
 """Thumbnails of a flight's views."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass, field

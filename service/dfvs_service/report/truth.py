@@ -1,7 +1,5 @@
 """True errors of a simulated flight."""
 
-from __future__ import annotations
-
 import json
 import math
 from pathlib import Path

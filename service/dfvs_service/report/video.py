@@ -3,8 +3,6 @@
 VP8 in WebM: of the codecs that browsers play and OpenCV's wheels can write it is the fastest one.
 """
 
-from __future__ import annotations
-
 import math
 import os
 from collections.abc import Iterator

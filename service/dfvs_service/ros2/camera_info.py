@@ -1,7 +1,5 @@
 """Conversion of sensor_msgs/CameraInfo to a camera model."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from dfvs_core.errors import WireError

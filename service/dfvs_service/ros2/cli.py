@@ -1,7 +1,5 @@
 """``dfvs-ros2``: publish the service's telemetry as ROS 2 messages."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import dataclasses

@@ -3,8 +3,6 @@
 What comes after (age, order, size, frozen images, recording) is the same for all cameras.
 """
 
-from __future__ import annotations
-
 import time
 import zlib
 from collections.abc import Callable

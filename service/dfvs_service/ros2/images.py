@@ -1,7 +1,5 @@
 """Conversion of sensor_msgs Image and CompressedImage to the DFVS wire format."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """CDR serialisation of ROS 2 messages through rosbags."""
 
-from __future__ import annotations
-
 import functools
 from typing import Any
 

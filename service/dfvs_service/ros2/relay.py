@@ -1,7 +1,5 @@
 """Relay of the service's telemetry from Zenoh to ROS 2 messages."""
 
-from __future__ import annotations
-
 import json
 import logging
 import os

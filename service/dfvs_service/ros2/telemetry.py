@@ -3,8 +3,6 @@
 ROS counts forward, left, up (REP 103) where we count forward, right, down.
 """
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """``dfvs-service teach``: record a route of goal images from a flight by hand."""
 
-from __future__ import annotations
-
 import argparse
 import threading
 import time

@@ -1,7 +1,5 @@
 """Newest frame of a vehicle's camera, as perception receives it."""
 
-from __future__ import annotations
-
 import time
 from collections.abc import Callable
 

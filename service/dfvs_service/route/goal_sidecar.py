@@ -1,7 +1,5 @@
 """Sidecar of a goal that is captured in flight."""
 
-from __future__ import annotations
-
 import datetime
 
 from dfvs_core.geometry.camera import CameraModel

@@ -1,7 +1,5 @@
 """Route recording from frames to goals, without sockets or threads."""
 
-from __future__ import annotations
-
 import dataclasses
 import enum
 from collections.abc import Callable, Sequence

@@ -1,7 +1,5 @@
 """Vehicle states from a MAVLink stream, without requests to the vehicle."""
 
-from __future__ import annotations
-
 import threading
 from collections import deque
 

@@ -4,8 +4,6 @@ It holds the ``[camera]`` section of the service's settings and nothing else, so
 as ``--config``, copied into a larger file, or named there as ``camera.calibration_file``.
 """
 
-from __future__ import annotations
-
 import dataclasses
 from collections.abc import Sequence
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Settings as commented TOML and as a table, angles in degrees."""
 
-from __future__ import annotations
-
 import dataclasses
 import json
 import textwrap

@@ -1,7 +1,5 @@
 """Encryption and reach of Zenoh endpoints and MAVLink connections."""
 
-from __future__ import annotations
-
 _ENCRYPTED = ("tls", "quic")
 _LOCAL = ("unixsock-stream", "unixpipe")
 

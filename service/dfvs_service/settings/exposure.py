@@ -1,7 +1,5 @@
 """Warnings about connections that leave this machine unprotected."""
 
-from __future__ import annotations
-
 from dfvs_service.settings.config import ServiceConfig
 from dfvs_service.settings.endpoints import is_private_mavlink
 

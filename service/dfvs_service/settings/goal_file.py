@@ -1,7 +1,5 @@
 """Reader of a goal's image and sidecar."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from pathlib import Path
 

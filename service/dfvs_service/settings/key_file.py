@@ -1,7 +1,5 @@
 """Secret key of signed commands, in a file private to its owner."""
 
-from __future__ import annotations
-
 import os
 import secrets
 import stat

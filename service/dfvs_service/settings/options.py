@@ -1,7 +1,5 @@
 """Settings options of the service's command lines."""
 
-from __future__ import annotations
-
 import argparse
 from collections.abc import Mapping
 from pathlib import Path

@@ -1,7 +1,5 @@
 """Settings sections of telemetry, recordings and the black box."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 from dfvs_core.errors import ConfigError

@@ -1,7 +1,5 @@
 """Runtime folder of the service's processes: settings, goal, sockets, logs."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Settings sections of vehicle, link, perception, gate and route; angles in rad."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """Child process with a parent-watchdog pipe and an error file."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 import signal

@@ -1,7 +1,5 @@
 """Entry point of child processes: ``python -m dfvs_service.NAME --runtime DIR``."""
 
-from __future__ import annotations
-
 import argparse
 import signal
 from collections.abc import Callable, Sequence

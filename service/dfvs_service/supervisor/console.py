@@ -1,7 +1,5 @@
 """Terminal displays of a flight."""
 
-from __future__ import annotations
-
 import enum
 import math
 import sys

@@ -5,8 +5,6 @@ parent watches over the gate and must not be blocked; so it hands its words on, 
 find no room are lost.
 """
 
-from __future__ import annotations
-
 import contextlib
 import queue
 import threading

@@ -1,7 +1,5 @@
 """Hang detector of a process by its heartbeats."""
 
-from __future__ import annotations
-
 MS = 1_000_000
 HEARTBEAT_LIMIT_NS = 300 * MS
 STARTUP_LIMIT_NS = 60_000 * MS

@@ -1,7 +1,5 @@
 """Log of JSON lines, written by a thread."""
 
-from __future__ import annotations
-
 import contextlib
 import json
 import queue

@@ -6,8 +6,6 @@ vehicle back.
 Nothing that died is ever started again into motion.
 """
 
-from __future__ import annotations
-
 import contextlib
 import os
 import socket

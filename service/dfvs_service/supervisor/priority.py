@@ -1,7 +1,5 @@
 """Real-time priority of the gate and its parent."""
 
-from __future__ import annotations
-
 import contextlib
 import os
 

@@ -1,7 +1,5 @@
 """Notifications to systemd (sd_notify): readiness and watchdog."""
 
-from __future__ import annotations
-
 import contextlib
 import socket
 from collections.abc import Mapping

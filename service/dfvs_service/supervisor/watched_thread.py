@@ -1,7 +1,5 @@
 """Threads that report a failure and restart their work once."""
 
-from __future__ import annotations
-
 import logging
 import threading
 from collections.abc import Callable

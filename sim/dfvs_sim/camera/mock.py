@@ -1,7 +1,5 @@
 """The mock camera's loop: pose from the vehicle's telemetry, image from the renderer."""
 
-from __future__ import annotations
-
 import os
 import threading
 import time

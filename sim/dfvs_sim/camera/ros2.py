@@ -1,7 +1,5 @@
 """The mock camera as a ROS 2 driver would publish it: Image or CompressedImage, and CameraInfo."""
 
-from __future__ import annotations
-
 import functools
 import os
 import time

@@ -1,7 +1,5 @@
 """``dfvs-sim camera``: the mock camera alone, beside the stand-in or a real PX4."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import math

@@ -1,7 +1,5 @@
 """``dfvs-sim goal``: the image to fly to, and the sidecar that says how it was taken."""
 
-from __future__ import annotations
-
 import argparse
 from pathlib import Path
 from typing import Any

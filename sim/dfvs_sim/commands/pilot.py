@@ -1,7 +1,5 @@
 """``dfvs-sim pilot``: the pilot of a vehicle, by words."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Callable, Iterable, Sequence

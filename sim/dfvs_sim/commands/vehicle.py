@@ -1,7 +1,5 @@
 """``dfvs-sim vehicle``: the simulated quadrotor alone."""
 
-from __future__ import annotations
-
 import argparse
 import math
 from pathlib import Path

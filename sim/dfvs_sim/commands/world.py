@@ -1,7 +1,5 @@
 """``dfvs-sim`` without a command: vehicle and camera together."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import time

@@ -1,7 +1,5 @@
 """``dfvs-demo``: fly a simulated drone to a picture, and show how it went."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from collections.abc import Sequence

@@ -1,7 +1,5 @@
 """What a simulated flight meets: errors of the state estimate, and wind."""
 
-from __future__ import annotations
-
 import argparse
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Several vehicles at a time: one ``dfvs-demo`` process each, and one table."""
 
-from __future__ import annotations
-
 import json
 import os
 import subprocess

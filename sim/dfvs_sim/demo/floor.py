@@ -1,7 +1,5 @@
 """Height of a flight's start above the scene's floor: the simulated ground is flat."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Images that this machine can compare in time, beside drawing them and flying the vehicle."""
 
-from __future__ import annotations
-
 import os
 import time
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Options of one demo flight."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from dataclasses import dataclass, field
 

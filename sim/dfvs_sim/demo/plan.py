@@ -1,7 +1,5 @@
 """What a flight is to be: scene, camera, start and goal, all known before anything starts."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 from dataclasses import dataclass

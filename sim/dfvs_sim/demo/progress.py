@@ -1,7 +1,5 @@
 """What the user sees in the terminal while a flight is on."""
 
-from __future__ import annotations
-
 import contextlib
 import math
 import sys

@@ -1,7 +1,5 @@
 """Runs of flights by the command line: seed after seed, or several vehicles at a time."""
 
-from __future__ import annotations
-
 import argparse
 import sys
 from pathlib import Path

@@ -5,8 +5,6 @@ through proportional, integral and derivative gains; the commanded acceleration 
 by the attitude loop. NED, SI units.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 from dataclasses import dataclass

@@ -6,8 +6,6 @@ position measurements: de_p/dt = e_v - e_p / time, with a time for each directio
 are a constant bias plus a second-order Gauss-Markov process.
 """
 
-from __future__ import annotations
-
 import enum
 import math
 from collections.abc import Mapping

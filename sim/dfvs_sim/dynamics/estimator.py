@@ -1,7 +1,5 @@
 """The autopilot's state estimate: the true motion plus the errors of ``EstimateErrors``."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass, fields
 

@@ -1,7 +1,5 @@
 """Gauss-Markov processes: stationary random signals with a correlation time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 

@@ -1,7 +1,5 @@
 """Motion of a vehicle, true or estimated, in the local frame (NED)."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 Vector = tuple[float, float, float]

@@ -5,8 +5,6 @@ NED (m, m/s, m/s²), body FRD, aerospace angles in rad. The parameters were fitt
 recorded with PX4 v1.17's own quadrotor model; ``tests/unit/test_dynamics.py`` holds the table.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

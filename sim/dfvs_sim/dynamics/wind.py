@@ -4,8 +4,6 @@ Gusts are Dryden's longitudinal turbulence near the ground (MIL-F-8785C): a firs
 Gauss-Markov velocity along each horizontal axis.
 """
 
-from __future__ import annotations
-
 import enum
 import math
 from collections.abc import Mapping

@@ -5,8 +5,6 @@ of the clocks plus a delay. Its lower envelope over some seconds is a line. The 
 difference of the rates, which a simulation that is slower than real time has.
 """
 
-from __future__ import annotations
-
 from collections import deque
 from typing import NamedTuple
 

@@ -1,7 +1,5 @@
 """Positions and attitudes at any time between their samples, and a little beyond."""
 
-from __future__ import annotations
-
 import bisect
 from collections import deque
 from dataclasses import dataclass

@@ -5,8 +5,6 @@ subscribers and sends the ground station's heartbeat. Everything else may be cal
 thread; callbacks run on the link's thread and must be short.
 """
 
-from __future__ import annotations
-
 import contextlib
 import select
 import socket

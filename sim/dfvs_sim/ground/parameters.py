@@ -1,7 +1,5 @@
 """Reading and writing the autopilot's parameters over the ground-station link."""
 
-from __future__ import annotations
-
 import struct
 
 from pymavlink.dialects.v20 import development as mavlink

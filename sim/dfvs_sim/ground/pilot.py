@@ -4,8 +4,6 @@ Arms, takes off, switches modes and takes over. Each step is confirmed by the ve
 or telemetry, because PX4's first acknowledgement proves nothing.
 """
 
-from __future__ import annotations
-
 import math
 import time
 from collections.abc import Callable

@@ -5,8 +5,6 @@ A simulated vehicle sends its true motion (HIL_STATE_QUATERNION), which is prefe
 a camera has to be where the vehicle is and not where the vehicle's estimate puts it.
 """
 
-from __future__ import annotations
-
 import threading
 import time
 from collections import deque

@@ -4,8 +4,6 @@ The estimate of a still vehicle is not zero: it errs by 0.01 to 0.3 m/s, for sec
 is a mean over a window that is small, or small against its standard error.
 """
 
-from __future__ import annotations
-
 import math
 from collections import deque
 

@@ -1,7 +1,5 @@
 """A ground-station link shared with further ground stations over a UDP port."""
 
-from __future__ import annotations
-
 import contextlib
 import select
 import socket

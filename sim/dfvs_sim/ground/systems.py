@@ -1,7 +1,5 @@
 """MAVLink systems on a link: autopilots on it, and the one that is ours."""
 
-from __future__ import annotations
-
 import select
 import time
 from collections.abc import Collection

@@ -1,7 +1,5 @@
 """The vehicle's status texts as a person reads them."""
 
-from __future__ import annotations
-
 from collections import deque
 from dataclasses import dataclass
 from typing import Any

@@ -1,7 +1,5 @@
 """Triangles grouped into small neighbourhoods, so that whole groups can be skipped."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import numpy as np

@@ -8,8 +8,6 @@ are positive inside the visible part, behind the camera none is, and no clipping
 1 / W, affine in the pixel, which is what the z-buffer holds.
 """
 
-from __future__ import annotations
-
 import math
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Lens distortion: which pinhole image covers a distorted camera, and where its pixels lie."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from functools import lru_cache
 

@@ -1,7 +1,5 @@
 """Renderer of the mock camera: colour and exact depth of a scene, without GPU or GL."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import cv2

@@ -8,8 +8,6 @@ The small functions are inlined, and arrays go to them one by one rather than in
 a tuple's reference counts would cost more than the work for a pixel.
 """
 
-from __future__ import annotations
-
 from typing import TypeAlias
 
 import numpy as np

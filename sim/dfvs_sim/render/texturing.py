@@ -3,8 +3,6 @@
 All functions are inlined into their callers.
 """
 
-from __future__ import annotations
-
 import math
 from typing import TypeAlias
 

@@ -1,7 +1,5 @@
 """Exact correspondences between two views, from depth and poses."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import BoolArray, Float32Array, FloatArray, IntArray

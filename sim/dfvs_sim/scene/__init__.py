@@ -1,7 +1,5 @@
 """Scenes: triangle meshes with textures and baked light, and where to look at them from."""
 
-from __future__ import annotations
-
 from pathlib import Path
 
 _ASSETS = Path(__file__).resolve().parent.parent / "assets"

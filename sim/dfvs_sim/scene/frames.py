@@ -4,8 +4,6 @@ A glTF file has x right, y up and z towards the viewer. Our world is NED, with i
 file's origin: north = -z, east = x, down = -y of the file.
 """
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray

@@ -4,8 +4,6 @@ What is seen is base colour texture x base colour factor x COLOR_0, as the exten
 KHR_materials_unlit has it; normals, metalness, lights and transparency are not used.
 """
 
-from __future__ import annotations
-
 import json
 import struct
 from collections.abc import Iterator

@@ -1,7 +1,5 @@
 """Typed arrays inside a glTF document's binary chunk."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Any
 

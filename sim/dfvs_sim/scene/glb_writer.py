@@ -1,7 +1,5 @@
 """Write a scene as a compact glTF binary: quantised positions, 16 bit light, JPEG textures."""
 
-from __future__ import annotations
-
 import json
 import struct
 from pathlib import Path

@@ -1,7 +1,5 @@
 """A scene: a triangle mesh with textures and baked light, in NED."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import TypeAlias
 

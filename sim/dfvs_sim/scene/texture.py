@@ -1,7 +1,5 @@
 """Colour images of a scene as mip pyramids, packed into one array for the renderer."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from enum import IntEnum

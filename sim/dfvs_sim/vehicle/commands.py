@@ -1,7 +1,5 @@
 """COMMAND_LONG and COMMAND_INT: what PX4 does with each and how it acknowledges."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any, Protocol

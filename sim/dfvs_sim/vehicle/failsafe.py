@@ -3,8 +3,6 @@
 Pure decisions on ``Status``: nothing here sends or moves anything.
 """
 
-from __future__ import annotations
-
 import enum
 
 from dfvs_sim.vehicle.modes import Mode

@@ -6,8 +6,6 @@ silences a link in both directions (instance 1 companion, 2 ground station, 0 bo
 each, but takes back no shift.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 

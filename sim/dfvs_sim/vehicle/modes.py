@@ -1,7 +1,5 @@
 """PX4's flight modes and how a heartbeat spells them."""
 
-from __future__ import annotations
-
 import enum
 
 AUTO = 4

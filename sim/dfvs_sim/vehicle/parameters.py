@@ -3,8 +3,6 @@
 On the wire an integer travels as its bytes inside the float field (bytewise encoding).
 """
 
-from __future__ import annotations
-
 import math
 import struct
 from collections.abc import Mapping

@@ -1,7 +1,5 @@
 """``dfvs-sim vehicle``: the simulated vehicle in real time."""
 
-from __future__ import annotations
-
 import contextlib
 import time
 from collections.abc import Callable

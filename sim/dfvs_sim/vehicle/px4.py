@@ -5,8 +5,6 @@ and returns what is to be sent. Positions are in the local frame (NED), whose or
 above the spawn point, so that ``LOCAL_POSITION_NED.z`` is not zero on the ground.
 """
 
-from __future__ import annotations
-
 from collections.abc import Callable
 from typing import Any
 

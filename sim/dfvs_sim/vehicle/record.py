@@ -5,8 +5,6 @@ Every line has ``t_ns`` (monotonic) and ``kind``: ``setpoint``, ``mode_command``
 ``pose`` (the truth, in the scene's world frame).
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from pathlib import Path

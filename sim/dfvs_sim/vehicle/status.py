@@ -1,7 +1,5 @@
 """The autopilot's state that its parts share: mode, arming, landing, battery, home."""
 
-from __future__ import annotations
-
 import enum
 from dataclasses import dataclass, field
 

@@ -1,7 +1,5 @@
 """Where a camera can be in a scene: how far it is to the nearest surface around a point."""
 
-from __future__ import annotations
-
 import numpy as np
 
 from dfvs_core.geometry.arrays import FloatArray

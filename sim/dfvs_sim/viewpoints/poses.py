@@ -1,7 +1,5 @@
 """Camera poses in a scene: given by hand, or known at every time."""
 
-from __future__ import annotations
-
 from collections.abc import Callable
 
 import numpy as np

@@ -1,7 +1,5 @@
 """The way of a command into the gate, in one process: admission, then authority."""
 
-from __future__ import annotations
-
 import hashlib
 from dataclasses import dataclass, field
 

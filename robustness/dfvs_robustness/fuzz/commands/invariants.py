@@ -9,8 +9,6 @@
 - memory: the whole takes at most 16 KiB.
 """
 
-from __future__ import annotations
-
 import hashlib
 import hmac
 import json

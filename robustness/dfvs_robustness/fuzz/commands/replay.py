@@ -1,7 +1,5 @@
 """Findings of the command ingress as JSON files; bytes are hexadecimal."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from dfvs_robustness.fuzz.commands.ingress import CommandEpisode, Sending

@@ -1,7 +1,5 @@
 """What operators, their networks and their enemies send, one thing at a time."""
 
-from __future__ import annotations
-
 import heapq
 from collections import deque
 

@@ -1,7 +1,5 @@
 """Episodes of the command ingress: run, checked command by command, counted and shrunk."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

@@ -1,7 +1,5 @@
 """Hostile camera frames: payloads and attachments as whoever wants harm would publish them."""
 
-from __future__ import annotations
-
 import struct
 import zlib
 from collections.abc import Callable

@@ -1,7 +1,5 @@
 """Images written byte by byte, as no honest encoder would: bombs, odd kinds, strange parts."""
 
-from __future__ import annotations
-
 import functools
 import struct
 import zlib

@@ -1,7 +1,5 @@
 """What may go wrong with a vehicle, a perception, an operator and a clock, one thing at a time."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from dataclasses import dataclass, replace

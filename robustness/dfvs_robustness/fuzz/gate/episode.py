@@ -1,7 +1,5 @@
 """Episode of a gate: random configuration, and an environment that helps it or disturbs it."""
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from dataclasses import dataclass, field

@@ -1,7 +1,5 @@
 """The gate's invariants I1 to I9, judged from outside: by what went in and what came out."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

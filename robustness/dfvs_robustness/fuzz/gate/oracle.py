@@ -4,8 +4,6 @@ The judgement is written a second time, from the specification, so that a mistak
 not repeated by whoever checks it.
 """
 
-from __future__ import annotations
-
 import math
 from collections.abc import Sequence
 

@@ -1,7 +1,5 @@
 """Findings of the gate as JSON files."""
 
-from __future__ import annotations
-
 from typing import Any
 
 from dfvs_core.gate.config import GateConfig

@@ -1,7 +1,5 @@
 """Episodes of the gate: run, checked step by step, counted and shrunk."""
 
-from __future__ import annotations
-
 from collections import Counter
 from collections.abc import Callable
 from dataclasses import dataclass, field, replace

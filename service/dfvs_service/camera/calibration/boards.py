@@ -1,7 +1,5 @@
 """Calibration boards: parsing, drawing and corner detection."""
 
-from __future__ import annotations
-
 import re
 from dataclasses import dataclass
 from typing import Literal

@@ -1,7 +1,5 @@
 """``dfvs-camera calibrate`` and ``dfvs-camera board``."""
 
-from __future__ import annotations
-
 import argparse
 import contextlib
 import json

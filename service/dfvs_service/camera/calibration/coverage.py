@@ -1,7 +1,5 @@
 """Coverage of image regions and board tilts by calibration images."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

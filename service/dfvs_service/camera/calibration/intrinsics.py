@@ -1,7 +1,5 @@
 """Estimation of a camera's intrinsics from images of a calibration board."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Literal

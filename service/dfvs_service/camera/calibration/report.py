@@ -1,7 +1,5 @@
 """Report of a calibration: figures as a document, and an image of the coverage."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Image sources through OpenCV: V4L2, network streams, GStreamer pipelines, video files."""
 
-from __future__ import annotations
-
 import os
 import time
 from pathlib import Path

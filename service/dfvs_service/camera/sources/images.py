@@ -1,7 +1,5 @@
 """Image source of one image or a folder of images in the order of their names."""
 
-from __future__ import annotations
-
 import time
 from pathlib import Path
 

@@ -1,7 +1,5 @@
 """Opening of image sources by their specification."""
 
-from __future__ import annotations
-
 from dfvs_service.camera.sources.source import Source, SourceOptions
 from dfvs_service.camera.sources.spec import SourceKind, SourceSpec
 

@@ -1,7 +1,5 @@
 """Image source of the Raspberry Pi's cameras through Picamera2."""
 
-from __future__ import annotations
-
 import time
 from typing import Any
 

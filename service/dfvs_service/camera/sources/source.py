@@ -1,7 +1,5 @@
 """Interface of image sources."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 from typing import Protocol
 

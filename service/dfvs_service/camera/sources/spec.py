@@ -1,7 +1,5 @@
 """Specification of an image source: the argument of ``--source``."""
 
-from __future__ import annotations
-
 import enum
 import re
 from dataclasses import dataclass

@@ -1,7 +1,5 @@
 """Ages of vehicles' monotonic stamps by this machine's wall clock."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 _SAME_CLOCK_NS = 10_000_000_000

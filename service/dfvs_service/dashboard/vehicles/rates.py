@@ -1,7 +1,5 @@
 """Rate, bandwidth and losses of a stream."""
 
-from __future__ import annotations
-
 from collections import deque
 from typing import Any
 

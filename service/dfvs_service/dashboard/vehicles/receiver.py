@@ -4,8 +4,6 @@ It runs on a thread of its own, which opens the session (again and again until s
 and declares what is wanted. Samples come on Zenoh's threads and are handed on untouched.
 """
 
-from __future__ import annotations
-
 import logging
 import re
 import threading

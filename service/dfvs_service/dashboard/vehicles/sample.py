@@ -1,7 +1,5 @@
 """Samples from vehicles, decoded: JSON documents, and images for a browser."""
 
-from __future__ import annotations
-
 import json
 from dataclasses import dataclass
 from typing import Any

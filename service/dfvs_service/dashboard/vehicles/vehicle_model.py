@@ -3,8 +3,6 @@
 Pure: telemetry and the time go in, news for the page comes out as plain mappings.
 """
 
-from __future__ import annotations
-
 import dataclasses
 import math
 from collections import deque

@@ -1,7 +1,5 @@
 """Telemetry images: preview, goal image and flow."""
 
-from __future__ import annotations
-
 from typing import cast
 
 import cv2

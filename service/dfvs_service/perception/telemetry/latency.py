@@ -1,7 +1,5 @@
 """Durations of the stages between capture and report, as percentiles over recent frames."""
 
-from __future__ import annotations
-
 from collections import defaultdict, deque
 
 import numpy as np

@@ -1,7 +1,5 @@
 """Telemetry documents about perception, as plain mappings."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Mapping
 from typing import Any

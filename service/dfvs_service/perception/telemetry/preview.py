@@ -1,7 +1,5 @@
 """Preview image: the current view with the flow to the goal drawn on it."""
 
-from __future__ import annotations
-
 import cv2
 import numpy as np
 

@@ -1,7 +1,5 @@
 """Channels of a recording: topic, encoding and schema for MCAP and Foxglove."""
 
-from __future__ import annotations
-
 import json
 from collections.abc import Mapping
 from dataclasses import dataclass

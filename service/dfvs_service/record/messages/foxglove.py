@@ -4,8 +4,6 @@ Frames: ``world`` has its z axis up, as Foxglove draws it; ``ned`` is the same o
 down; ``body`` is forward, right, down; ``camera`` is optical.
 """
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 

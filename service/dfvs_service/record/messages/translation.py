@@ -4,8 +4,6 @@
 other channels say the same in Foxglove's standard schemas and as plain JSON, for people.
 """
 
-from __future__ import annotations
-
 import json
 from collections.abc import Iterator
 from typing import Any

@@ -1,7 +1,5 @@
 """How the demo's frames travel to the service: in our own format, or as ROS 2 messages."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass
 
 import zenoh

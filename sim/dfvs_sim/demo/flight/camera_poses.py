@@ -1,7 +1,5 @@
 """Camera poses in the scene from the vehicle's poses in its local frame."""
 
-from __future__ import annotations
-
 import time
 
 from dfvs_core.errors import DfvsError

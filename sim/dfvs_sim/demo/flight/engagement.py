@@ -1,7 +1,5 @@
 """Who engages the service: the demo's pilot, the service itself, or a signed command."""
 
-from __future__ import annotations
-
 import enum
 import tomllib
 from collections.abc import Iterator, Sequence

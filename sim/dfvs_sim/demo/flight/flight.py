@@ -1,7 +1,5 @@
 """One flight: vehicle, camera, pilot and service brought up, flown, and brought down again."""
 
-from __future__ import annotations
-
 import contextlib
 import threading
 import time

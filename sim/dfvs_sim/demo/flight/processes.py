@@ -1,7 +1,5 @@
 """Processes of one demo flight and the words that start them."""
 
-from __future__ import annotations
-
 from collections.abc import Sequence
 from dataclasses import dataclass
 from pathlib import Path

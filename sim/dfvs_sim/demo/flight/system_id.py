@@ -1,7 +1,5 @@
 """One vehicle on both MAVLink links: its system id."""
 
-from __future__ import annotations
-
 from dfvs_sim.demo.options import FIRST_SYSTEM_ID, FlightOptions
 from dfvs_sim.ground.systems import LinkError, listen_for_systems, system_names
 from dfvs_sim.ground.udp import Endpoint

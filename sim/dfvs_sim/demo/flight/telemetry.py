@@ -1,7 +1,5 @@
 """What the service tells over Zenoh during a flight, collected as it comes."""
 
-from __future__ import annotations
-
 import json
 import threading
 import time

@@ -1,7 +1,5 @@
 """The vehicle's true path during a flight, and what it comes to."""
 
-from __future__ import annotations
-
 import math
 import threading
 import time

@@ -1,7 +1,5 @@
 """The report of a flight: a page and a film, made by ``dfvs-report`` of the flight's recording."""
 
-from __future__ import annotations
-
 import json
 from pathlib import Path
 

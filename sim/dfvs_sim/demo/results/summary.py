@@ -1,7 +1,5 @@
 """The figures of a flight, as they go into ``summary.json``."""
 
-from __future__ import annotations
-
 import bisect
 import itertools
 import json

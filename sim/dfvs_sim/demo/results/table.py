@@ -1,7 +1,5 @@
 """Table of several flights' summaries."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping, Sequence
 from typing import Any
 

@@ -1,7 +1,5 @@
 """Where the local frame lies on the earth, and the messages that say so."""
 
-from __future__ import annotations
-
 import math
 
 from pymavlink.dialects.v20 import development as mavlink

@@ -3,8 +3,6 @@
 An unknown name is met with silence; every write is answered with the value that is now held.
 """
 
-from __future__ import annotations
-
 from pymavlink.dialects.v20 import development as mavlink
 
 from dfvs_sim.vehicle.messages.telemetry import Message

@@ -1,7 +1,5 @@
 """How often each message is streamed, on which link."""
 
-from __future__ import annotations
-
 from collections.abc import Mapping
 from dataclasses import dataclass, field
 

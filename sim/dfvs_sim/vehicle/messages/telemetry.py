@@ -1,7 +1,5 @@
 """The messages that the vehicle streams: its status, its estimate and, on request, the truth."""
 
-from __future__ import annotations
-
 import math
 from collections.abc import Callable
 from typing import Any

@@ -1,7 +1,5 @@
 """The vehicle's two UDP links, as PX4 opens them: to a companion and to a ground station."""
 
-from __future__ import annotations
-
 import select
 import socket
 from collections.abc import Iterable

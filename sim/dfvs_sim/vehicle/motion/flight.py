@@ -1,7 +1,5 @@
 """The flying part of the vehicle: demands of the present mode, control, motion, estimation."""
 
-from __future__ import annotations
-
 from dataclasses import dataclass, field
 
 import numpy as np

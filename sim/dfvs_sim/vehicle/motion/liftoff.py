@@ -1,7 +1,5 @@
 """Between ground and air: spool-up, the ramp of take-off, and noticing that one has landed."""
 
-from __future__ import annotations
-
 import enum
 import math
 

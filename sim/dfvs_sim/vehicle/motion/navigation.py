@@ -4,8 +4,6 @@ Hold brakes along a jerk-limited profile and then keeps the place where it came 
 return and landing fly the same profiles towards their targets.
 """
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 

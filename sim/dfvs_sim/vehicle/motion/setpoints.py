@@ -1,7 +1,5 @@
 """SET_POSITION_TARGET_LOCAL_NED: what PX4 takes from it, and for how long it counts."""
 
-from __future__ import annotations
-
 import math
 from dataclasses import dataclass
 from typing import Any

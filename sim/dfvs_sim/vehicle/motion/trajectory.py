@@ -1,7 +1,5 @@
 """Velocity profiles with limited acceleration and jerk, for the modes that fly by themselves."""
 
-from __future__ import annotations
-
 import math
 
 
