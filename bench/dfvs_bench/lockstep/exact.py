@@ -11,7 +11,7 @@ from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_sim.render.renderer import Renderer
-from dfvs_sim.render.truth import exact_flow, visibility
+from dfvs_sim.render.truth import correspondences
 
 _CELL_PX = 16
 
@@ -62,8 +62,7 @@ class ExactMatcher:
         if not isinstance(current, KnownView) or not isinstance(other, KnownView):
             raise ImageError("an image whose pose is not known", "images of this matcher")
         poses = current.T_world_camera, other.T_world_camera
-        flow = exact_flow(self._camera, poses[0], current.depth_m, poses[1])
-        seen = visibility(self._camera, poses, (current.depth_m, other.depth_m))
+        flow, seen = correspondences(self._camera, poses, (current.depth_m, other.depth_m))
         height, width = seen.shape
         cells = (height // _CELL_PX + 1, width // _CELL_PX + 1, 2)
         noise = self._rng.normal(0.0, 1.3 * self._noise_px, cells).astype(np.float32)
