@@ -68,7 +68,7 @@ def simulated_flight(seed: int, flight: LockstepFlight, log: LockstepLog) -> Sim
     start = flown[0] if flown else None
     return SimulatedFlight(
         seed=seed,
-        end_state="SERVO" if last is None else str(last.target),
+        end_state=log.samples[-1].state if last is None else str(last.target),
         end_cause="" if last is None else last.reason,
         start_m=math.nan if start is None else start.error_m,
         end_s=end_s,

@@ -63,6 +63,10 @@ _ESTIMATOR = (
 )
 _HOLD = "wait for GNSS, or set the estimator's origin in the ground station"
 _HEALTH = "see what the ground station says; calibrate, or wait until the autopilot is ready to arm"
+_FAILSAFE = (
+    "see what the ground station says, mend it, and select Hold there or on the radio: PX4 stays in"
+    " a failsafe until a mode is selected"
+)
 _ARMING = (
     "see what the ground station says; wait, calibrate, or choose Hold mode; a PX4 before 1.13 "
     "does not report the check: arm it, the check counts on a disarmed vehicle alone"
@@ -102,7 +106,7 @@ def _from_fault(name: str, fault: Fault | None, remedy: str, found: str = "") ->
 
 def _health(vehicle: VehicleMonitor) -> Check:
     if vehicle.heartbeat.failsafe:
-        return Check("health", False, "autopilot in failsafe", _HEALTH)
+        return Check("health", False, "autopilot in failsafe", _FAILSAFE)
     if not vehicle.health.ok:
         return Check("health", False, vehicle.health.detail, _HEALTH)
     if not vehicle.is_armed and not vehicle.health.can_arm:

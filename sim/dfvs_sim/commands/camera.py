@@ -46,6 +46,7 @@ def add_parser(subparsers: Any) -> None:
     add_camera_options(parser)
     add = parser.add_argument
     add("--mavlink", default=DEFAULT_URL, metavar="URL", help="ground-station link")
+    add("--system-id", type=int, metavar="N", help="MAVLink system id of the vehicle")
     add(
         "--origin",
         default="0,-1,-0.2,40",
@@ -89,7 +90,7 @@ def run(args: argparse.Namespace) -> int:
     )
     renderer = Renderer(load_glb(args.scene or builtin_room_path()))
     with contextlib.ExitStack() as stack:
-        link = stack.enter_context(GroundLink(args.mavlink))
+        link = stack.enter_context(GroundLink(args.mavlink, args.system_id))
         if args.share is not None:
             stack.enter_context(LinkSharing(link, args.share))
         session = stack.enter_context(open_session("peer", (args.connect,)))

@@ -13,7 +13,7 @@ from dfvs_sim.ground.sharing import DEFAULT_PORT
 
 _WORDS = {
     "arm": "arm; the vehicle disarms itself after 10 s without a take-off",
-    "takeoff [M]": f"arm if need be, and climb to a height above home (default: {USUAL_HEIGHT_M})",
+    "takeoff [M]": f"arm if need be, and climb so high (default: {USUAL_HEIGHT_M})",
     "offboard": "hand the vehicle to dfvs-service, which has to be READY",
     "hold": "take it back: Hold mode, at any time",
     "land": "land, and wait until the vehicle has disarmed itself",

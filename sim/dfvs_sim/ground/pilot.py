@@ -18,7 +18,7 @@ from dfvs_sim.ground.rest import WINDOW_S, RestDetector
 from dfvs_sim.vehicle.modes import Mode, mode_from_custom
 
 USUAL_HEIGHT_M = 1.5
-"""Height to take off to, above home."""
+"""Height to take off to, above where the vehicle stands."""
 LEAST_HEIGHT_M, MOST_HEIGHT_M = 0.5, 20.0
 
 _PREARM = 0x10000000
@@ -134,7 +134,9 @@ class Pilot:
         self._confirm("disarming", lambda m: not m.base_mode & _ARMED)
 
     def take_off(self, height_m: float) -> None:
-        """Arm if need be, climb to a height above home, and wait until at rest there.
+        """Arm if need be, climb so far from here, and wait until at rest there.
+
+        PX4's home may be that of an earlier flight, since when the estimate has wandered.
 
         Raises
         ------
@@ -146,16 +148,20 @@ class Pilot:
         home = self._link.wait_for("HOME_POSITION", self._timeouts.vehicle)
         if home is None:
             raise self._refused("the vehicle has no home position")
+        place = self._link.wait_for("LOCAL_POSITION_NED", self._timeouts.vehicle)
+        if place is None:
+            raise self._refused("the vehicle does not tell its position")
         nan = math.nan
-        altitude_m = home.altitude / 1000.0 + height_m
+        down_m = place.z - height_m
+        altitude_m = home.altitude / 1000.0 + home.z - down_m
         params = (nan, nan, nan, nan, nan, nan, altitude_m)
         self._command("take-off", mavlink.MAV_CMD_NAV_TAKEOFF, *params)
-        top = home.z - 0.8 * height_m
+        top = place.z - 0.8 * height_m
         timeout_s = self._timeouts.takeoff
         if self._link.wait_for("LOCAL_POSITION_NED", timeout_s, lambda m: m.z < top) is None:
             raise self._refused(f"the vehicle did not climb to {height_m:g} m")
         self._confirm("take-off", lambda m: _mode(m) is Mode.HOLD, self._timeouts.takeoff)
-        self.wait_until_hovering(home.z - height_m)
+        self.wait_until_hovering(down_m)
 
     def wait_until_hovering(self, down_m: float | None = None) -> None:
         """Wait until the vehicle is at rest, at a local z where one is given.

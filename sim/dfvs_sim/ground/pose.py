@@ -49,6 +49,8 @@ _SILENCE_NS = 1_000_000_000
 """Silence of the truth after which it is asked for again: the vehicle was started anew."""
 _BURST_NS = 2_000_000
 """Messages that arrive within this time were read at once, and are late alike."""
+_STALLED_NS = 25_000_000
+"""Pause of the stamped messages after which the thread has been held up."""
 
 
 @dataclass(frozen=True, slots=True)
@@ -161,7 +163,10 @@ class PoseTracker:
         """Take a true state, which PX4 v1.17 sends without a stamp."""
         if self._truth is None or self._stamped_ns is None:
             return
-        late_ns = self._delay_ns if arrival_ns - self._stamped_ns < _BURST_NS else 0
+        since_stamped_ns = arrival_ns - self._stamped_ns
+        if since_stamped_ns > _STALLED_NS:
+            return  # the first of a backlog: nobody knows how late it is
+        late_ns = self._delay_ns if since_stamped_ns < _BURST_NS else 0
         stamp_ns = arrival_ns - self._clock.offset_ns - late_ns
         if self._places and stamp_ns <= self._places[-1].stamp_ns:
             return

@@ -8,6 +8,9 @@ from dataclasses import dataclass
 
 from dfvs_core.errors import ConfigError
 
+_OWN_PORT_ABOVE = 10_000
+"""Of the remote port: PX4 answers the first port that it hears from until it is started anew."""
+
 _URL = re.compile(r"(udpin|udpout):(?://)?([^:/]+):(\d{1,5})")
 
 
@@ -36,14 +39,22 @@ class Endpoint:
     def open(self) -> socket.socket:
         """Socket for this endpoint.
 
+        That of ``udpout`` sends from the same port every time, where nobody else does.
+
         Raises
         ------
         ConfigError
             If the address cannot be used.
         """
         sock = socket.socket(socket.AF_INET, socket.SOCK_DGRAM)
+        if not self.listens:
+            try:
+                sock.bind(("", (self.port + _OWN_PORT_ABOVE) % 65536))
+            except OSError:
+                sock.bind(("", 0))
+            return sock
         try:
-            sock.bind((self.host, self.port) if self.listens else ("", 0))
+            sock.bind((self.host, self.port))
         except OSError as error:
             sock.close()
             raise ConfigError(

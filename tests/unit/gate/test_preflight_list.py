@@ -25,6 +25,10 @@ LINK = "check vehicle.mavlink, the cable, and that the autopilot streams what is
 ESTIMATOR = (
     "wait for the autopilot's estimate; give it GNSS, flow or vision, and space to calibrate"
 )
+FAILSAFE = (
+    "see what the ground station says, mend it, and select Hold there or on the radio: PX4 stays in"
+    " a failsafe until a mode is selected"
+)
 HEALTH = "see what the ground station says; calibrate, or wait until the autopilot is ready to arm"
 ARMING = (
     "see what the ground station says; wait, calibrate, or choose Hold mode; a PX4 before 1.13 "
@@ -91,7 +95,7 @@ def test_where_all_is_well():
 @pytest.mark.parametrize(
     ("changes", "expected"),
     [
-        ({"failsafe": True}, Check("health", False, "autopilot in failsafe", HEALTH)),
+        ({"failsafe": True}, Check("health", False, "autopilot in failsafe", FAILSAFE)),
         (
             {"armed": False, "can_arm": False},
             Check(

@@ -12,6 +12,7 @@ from pymavlink.dialects.v20 import development as mavlink
 from dfvs_core.geometry.poses import euler_from_rotation
 from dfvs_sim.ground.link import GroundLink
 from dfvs_sim.ground.pose import PoseTracker
+from dfvs_sim.ground.truth import LocalOrigin
 from dfvs_sim.vehicle.messages.earth import attitude_quaternion
 
 MS = 1_000_000
@@ -87,3 +88,32 @@ def test_the_matrix_holds_position_and_attitude(tracker: PoseTracker) -> None:
     T = pose.T_local_body()
     np.testing.assert_allclose(T[:3, 3], (1.0, 2.0, -3.0))
     np.testing.assert_allclose(euler_from_rotation(T[:3, :3]), (0.0, -0.2, 0.4), atol=1e-6)
+
+
+def true_state(north_m: float) -> mavlink.MAVLink_message:
+    lat = round(north_m / 111_319.5 * 1e7)
+    no_rates, no_acceleration = (0.0, 0.0, 0.0), (0, 0, 0)
+    return mavlink.MAVLink_hil_state_quaternion_message(
+        0, (1.0, 0.0, 0.0, 0.0), *no_rates, lat, 0, 0, 100, 0, 0, 0, 0, *no_acceleration
+    )
+
+
+@pytest.mark.parametrize("stall_ms", [0, 30, 60, 100])
+def test_a_true_pose_is_stamped_right_whatever_came_late_before_it(
+    tracker: PoseTracker, stall_ms: int
+) -> None:
+    """The truth bears no stamp; 1 m/s to the north, and the thread is held up before a truth."""
+    tracker.follow_truth(LocalOrigin(0, 0, 0))
+    held_ms = 2002
+    for ms in range(1000, 2400):
+        arrival_ms = ms if not held_ms <= ms < held_ms + stall_ms else held_ms + stall_ms
+        arrival_ns = BOOT_NS + arrival_ms * MS
+        if ms % 20 == 0:
+            tracker.on_message(place(ms, 0.0), arrival_ns)
+        if ms % 20 == 4:
+            tracker.on_message(true_state(ms * 1e-3), arrival_ns)
+        if ms % 20 == 10:
+            tracker.on_message(turn(ms, 0.0), arrival_ns)
+        pose = tracker.pose_at(arrival_ns) if ms > 1500 else None
+        if pose is not None and arrival_ms == ms:
+            assert pose.position_m[0] == pytest.approx(ms * 1e-3, abs=0.013)

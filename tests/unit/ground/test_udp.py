@@ -29,3 +29,14 @@ def test_a_taken_port_is_an_error_that_names_it() -> None:
             Endpoint(listens=True, host="127.0.0.1", port=port).open()
     finally:
         first.close()
+
+
+def test_a_link_to_the_vehicle_sends_from_one_port_and_from_another_where_that_is_taken() -> None:
+    """PX4 answers the first port that it hears from for good."""
+    to_vehicle = Endpoint(listens=False, host="127.0.0.1", port=18570)
+    with to_vehicle.open() as first:
+        own = first.getsockname()[1]
+        with to_vehicle.open() as second:
+            assert second.getsockname()[1] not in (0, own)
+    with to_vehicle.open() as again:
+        assert again.getsockname()[1] == own

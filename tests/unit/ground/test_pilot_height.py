@@ -1,0 +1,56 @@
+"""How high the pilot has the vehicle climb, where PX4's home is that of an earlier flight."""
+
+from collections.abc import Callable
+from types import SimpleNamespace as Message
+from typing import Any
+
+import pytest
+from pymavlink.dialects.v20 import development as mavlink
+
+from dfvs_sim.ground.pilot import Pilot, PilotError, Timeouts
+from dfvs_sim.vehicle.modes import Mode
+
+GROUND_M = 0.3
+"""Local z of the vehicle that stands on the ground; home is 100 m above the sea at local z 0.1."""
+
+
+class ClimbingVehicle:
+    """An armed vehicle in Hold that is where it was sent at once."""
+
+    target = 1
+
+    def __init__(self) -> None:
+        self.down_m, self.altitude_m = GROUND_M, 0.0
+
+    def command(self, command: int, *params: float) -> int:
+        assert command == mavlink.MAV_CMD_NAV_TAKEOFF
+        self.altitude_m = params[6]
+        self.down_m = 0.1 - (self.altitude_m - 100.0)
+        return 0
+
+    def latest(self, name: str) -> Any:
+        return Message(message=self.wait_for(name, 0.0))
+
+    def wait_for(
+        self,
+        name: str,
+        _timeout_s: float,
+        accept: Callable[[Any], bool] = lambda _: True,
+        _since_ns: int = 0,
+        **_options: int,
+    ) -> Any:
+        message = {
+            "HEARTBEAT": Message(base_mode=128, custom_mode=Mode.HOLD.custom_mode),
+            "HOME_POSITION": Message(altitude=100_000, z=0.1),
+            "LOCAL_POSITION_NED": Message(z=self.down_m, vx=0.0, vy=0.0, vz=0.0),
+        }.get(name)
+        return message if message is not None and accept(message) else None
+
+
+def test_it_is_that_above_where_the_vehicle_stands() -> None:
+    vehicle = ClimbingVehicle()
+    timeouts = Timeouts(hover=0.01)
+    with pytest.raises(PilotError, match="come to rest"):  # a window of rest takes longer
+        Pilot(vehicle, timeouts).take_off(1.5)  # type: ignore[arg-type]
+    assert vehicle.altitude_m == pytest.approx(100.0 + 0.1 - GROUND_M + 1.5)
+    assert vehicle.down_m == pytest.approx(GROUND_M - 1.5)
