@@ -56,6 +56,8 @@ def slight_motion(seed):
     "H",
     [
         *map(slight_motion, range(REPEATS)),
+        turned(shift=(1.5, 0.5)),
+        turned(shift=(6.5, 3.25)),
         pytest.param(
             turned(roll_deg=0.0, zoom=1.0, shift=(0.0, 1.375)),
             marks=pytest.mark.xfail(
@@ -65,10 +67,11 @@ def slight_motion(seed):
     ],
 )
 def test_slight_motion_is_recovered_to_a_tenth_of_a_pixel(goal, H):
+    """A bias of a twentieth of a pixel is 0.4 mm at 2 m; the goal asks for 50 mm."""
     truth = exact_flow(H)
     field = MATCHER.match(goal, MATCHER.encode(WALL.picture(H)))
     sure = field.confidence > 0.5
-    assert sure.mean() > 0.8
+    assert sure.mean() > 0.9
     assert np.abs((field.flow - truth)[sure].mean(axis=0)).max() < 0.05
     assert errors(field, truth)[sure].mean() < 0.1
 
