@@ -140,14 +140,6 @@ def test_a_false_goal_that_was_flown_to_is_excluded(false_goal):
     assert false_goal.matcher.excluded
 
 
-def test_a_false_goal_that_was_not_flown_to_is_not_excluded(goal, elsewhere):
-    """Before a flight somebody may stand in front of the goal for as long as they like."""
-    matcher = Counting()
-    reports = fly(flight_to(goal, matcher), [elsewhere] * 60, engaged=False)
-    assert len(rejections(reports)) >= 2
-    assert not matcher.excluded
-
-
 def test_progress_is_asked_for_anew_after_a_false_goal(false_goal):
     """Its error was nothing: no motion towards another one would count as progress."""
     last = rejections(false_goal.reports)[-1]
