@@ -1,16 +1,13 @@
 """Perception of a vehicle in a box-shaped room whose odometry errs, in simulated time."""
 
-import math
 from dataclasses import dataclass
 
 import cv2
 import numpy as np
-from box_room import BoxRoom
+from box_room import BoxRoom, PosedMatcher
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
-from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.link import VehicleState
@@ -29,31 +26,9 @@ GRAVITY_M_S2 = 9.81
 _START_NS = 10**9
 
 
-class _View(ImageFeatures):
-    def __init__(self, T_world_camera):
-        super().__init__((CAMERA.height, CAMERA.width))
-        self.T_world_camera = T_world_camera
-
-
-class _ExactMatcher:
-    """Exact flow with an error of 0.3 px that is alike over 16 px; images do not matter."""
-
-    def __init__(self, rng):
-        self.rng, self.T_world_camera = rng, np.eye(4)
-
-    def encode(self, image):
-        return _View(self.T_world_camera.copy())
-
-    def match(self, current, other, *, excluded=()):
-        exact = ROOM.flow(current.T_world_camera, other.T_world_camera)
-        noise = self.rng.normal(0.0, 0.4, (9, 11, 2)).astype(np.float32)
-        return FlowField(exact.flow + cv2.resize(noise, (160, 120)), exact.confidence)
-
-    def track(self, current, other, predicted):
-        return self.match(current, other)
-
-    def extend(self, current, other, known):
-        return None
+def _noise(rng):
+    """Error of the flow, px: 0.3, alike over 16 px."""
+    return cv2.resize(rng.normal(0.0, 0.4, (9, 11, 2)).astype(np.float32), (160, 120))
 
 
 @dataclass(frozen=True)
@@ -89,7 +64,8 @@ class BoxFlight:
 
     def __init__(self, start_m, mounted=None, seed=0, depth="motion", network=None):
         self._T_body_camera = (mounted or Mount()).T_body_camera()
-        self._matcher = _ExactMatcher(np.random.default_rng(seed))
+        rng = np.random.default_rng(seed)
+        self._matcher = PosedMatcher(ROOM, lambda: _noise(rng))
         self._matcher.T_world_camera = make_pose(np.eye(3), np.zeros(3)) @ self._T_body_camera
         image = np.random.default_rng(0).integers(0, 255, (120, 160, 3)).astype(np.uint8)
         sidecar = GoalSidecar(CAMERA)
@@ -145,13 +121,3 @@ class BoxFlight:
         self._pipeline.work_between_frames()
         t_s = (self._now_ns - _START_NS) * 1e-9
         self.looks.append(Look(t_s, float(np.linalg.norm(self.position_m)), outcome))
-
-
-def correlated(seed, seconds, deviation, time_s):
-    """First-order Gauss-Markov process, one (3,) every 20 ms."""
-    rng, kept = np.random.default_rng(seed), math.exp(-STATE_S / time_s)
-    noise = rng.normal(0.0, deviation, (round(seconds / STATE_S), 3))
-    values = [noise[0]]
-    for step in noise[1:]:
-        values.append(kept * values[-1] + math.sqrt(1.0 - kept**2) * step)
-    return np.array(values)

@@ -9,6 +9,7 @@ from dfvs_core.depth.depth_map import DepthMap
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose
 from dfvs_core.matching.correspondence import FlowField
+from dfvs_core.matching.matcher import ImageFeatures
 
 HALF_SIZE_M = np.array([4.0, 3.0, 1.5])
 """The box reaches so far to the north, east and down of its centre, and as far back."""
@@ -54,3 +55,32 @@ class BoxRoom:
         visible = (ahead & inside).reshape(self.pixels.shape[:2])
         flow = np.where(visible[..., None], partners.reshape(self.pixels.shape) - self.pixels, 0.0)
         return FlowField(flow.astype(np.float32), visible.astype(np.float32))
+
+
+class PosedView(ImageFeatures):
+    """An image that is known by its camera's pose (4, 4) alone."""
+
+    def __init__(self, camera, T_world_camera):
+        super().__init__((camera.height, camera.width))
+        self.T_world_camera = T_world_camera
+
+
+class PosedMatcher:
+    """Exact flow between the poses at which images were taken, with an error from ``noise()``."""
+
+    def __init__(self, room, noise):
+        self._room, self._noise = room, noise
+        self.T_world_camera = np.eye(4)
+
+    def encode(self, image):
+        return PosedView(self._room.camera, self.T_world_camera.copy())
+
+    def match(self, current, other, *, excluded=()):
+        exact = self._room.flow(current.T_world_camera, other.T_world_camera)
+        return FlowField((exact.flow + self._noise()).astype(np.float32), exact.confidence)
+
+    def track(self, current, other, predicted):
+        return self.match(current, other)
+
+    def extend(self, current, other, known):
+        return None

@@ -5,12 +5,10 @@ from functools import cache
 from pathlib import Path
 
 import numpy as np
-from box_room import BoxRoom
+from box_room import BoxRoom, PosedMatcher
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, rotation_from_euler
-from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.link import VehicleState
@@ -27,35 +25,10 @@ SAMPLES_PER_FRAME = 5
 """Of about 42 samples a second."""
 
 
-class PosedView(ImageFeatures):
-    """A picture that is known by its camera's pose (4, 4) alone."""
-
-    def __init__(self, T_world_camera):
-        super().__init__((CAMERA.height, CAMERA.width))
-        self.T_world_camera = T_world_camera
-
-
-class NoisyMatcher:
-    """Exact flow plus white noise that is alike over a few pixels, as a network's is."""
-
-    def __init__(self, room, rng):
-        self._room, self._rng = room, rng
-        self.T_world_camera = np.eye(4)
-
-    def encode(self, image):
-        return PosedView(self.T_world_camera)
-
-    def match(self, current, other, *, excluded=()):
-        exact = self._room.flow(current.T_world_camera, other.T_world_camera)
-        cells = self._rng.normal(0.0, NOISE_PX, (CAMERA.height // 8, CAMERA.width // 8, 2))
-        noise = cells.repeat(8, axis=0).repeat(8, axis=1)
-        return FlowField((exact.flow + noise).astype(np.float32), exact.confidence)
-
-    def track(self, current, other, predicted):
-        return self.match(current, other)
-
-    def extend(self, current, other, known):
-        return None
+def _noise(rng):
+    """White error of the flow, px, that is alike over a few pixels, as a network's is."""
+    cells = rng.normal(0.0, NOISE_PX, (CAMERA.height // 8, CAMERA.width // 8, 2))
+    return cells.repeat(8, axis=0).repeat(8, axis=1)
 
 
 @dataclass(frozen=True)
@@ -113,7 +86,8 @@ def _fly(name, odometry, looks_yaw_rad, since_s, until_s):
     position, _, attitude = flight.true
     chosen = np.flatnonzero((flight.t_s >= since_s) & (flight.t_s < until_s))
     centre = position[chosen].mean(axis=0)
-    matcher = NoisyMatcher(room, np.random.default_rng(0))
+    rng = np.random.default_rng(0)
+    matcher = PosedMatcher(room, lambda: _noise(rng))
 
     first = chosen[0]
     T_goal = (

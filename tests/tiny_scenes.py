@@ -123,12 +123,15 @@ class GlbFile:
         self.json["textures"].append({"source": last, "sampler": last})
         return last
 
-    def write(self, path):
+    def to_bytes(self):
         document = {**self.json, "buffers": [{"byteLength": len(self.binary)}]}
         text = json.dumps(document).encode()
         text += b" " * (-len(text) % 4)
         binary = self.binary + b"\0" * (-len(self.binary) % 4)
         body = struct.pack("<II", len(text), 0x4E4F534A) + text
         body += struct.pack("<II", len(binary), 0x004E4942) + binary
-        path.write_bytes(struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body)
+        return struct.pack("<4sII", b"glTF", 2, 12 + len(body)) + body
+
+    def write(self, path):
+        path.write_bytes(self.to_bytes())
         return path

@@ -136,5 +136,9 @@ class VehicleInHand:
         assert self.set_mode(Mode.OFFBOARD) == [0, 0]
         self.run(seconds, message)
 
+    def received(self, name: str, link: str = COMPANION, since_ns: int = 0) -> list[Any]:
+        """Messages of one kind that came over a link."""
+        return [m for t, on, m in self.sent if (on, m.get_type()) == (link, name) and t > since_ns]
+
     def types_sent(self, link: str, since_ns: int = 0) -> list[str]:
         return [m.get_type() for t, name, m in self.sent if name == link and t > since_ns]

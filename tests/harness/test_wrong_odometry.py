@@ -2,7 +2,8 @@
 
 import numpy as np
 import pytest
-from box_flight import STATE_S, BoxFlight, correlated
+from box_flight import STATE_S, BoxFlight
+from correlated_errors import correlated
 
 SEEDS = range(3)
 FAR_M = (-1.2, 0.3, 0.1)
@@ -10,13 +11,19 @@ NOWHERE = (0.0, 0.0, 0.0)
 OFF_M = 0.07
 
 
+def lasting(seed, seconds, deviation, time_s):
+    """Errors (n, 3) m/s, one for each state of a flight."""
+    rng = np.random.default_rng(seed)
+    return correlated(rng, round(seconds / STATE_S), deviation, time_s, STATE_S)
+
+
 def errors(seed, seconds=12.0):
-    return correlated(seed, seconds, deviation=0.04, time_s=3.0)
+    return lasting(seed, seconds, deviation=0.04, time_s=3.0)
 
 
 def rate_errors(seed, seconds=12.0):
     """Of the position estimate, which errs less, and for shorter."""
-    return correlated(seed + 20, seconds, deviation=0.015, time_s=0.6)
+    return lasting(seed + 20, seconds, deviation=0.015, time_s=0.6)
 
 
 def stretched(flight):
@@ -49,7 +56,7 @@ def test_depth_is_not_learnt_while_the_vehicle_drifts_and_believes_to_stand_stil
 def test_a_right_mounting_is_never_called_wrong_however_the_odometry_errs(seed):
     """At a hover that sways, on setting out, and while nothing tilts."""
     swaying, setting_out, at_rest = (BoxFlight(FAR_M, seed=seed) for _ in range(3))
-    sway = correlated(seed + 50, 6.0, deviation=0.03, time_s=1.0)
+    sway = lasting(seed + 50, 6.0, deviation=0.03, time_s=1.0)
     for k, error in enumerate(errors(seed, 6.0)):
         swaying.step(sway[k], error)
         setting_out.step((0.1, 0.0, 0.0) if k * STATE_S > 1.0 else NOWHERE, error)

@@ -2,18 +2,13 @@
 
 import numpy as np
 import pytest
+from still_pipeline import pipeline
 from textured_wall import Wall, exact_flow, inside, texture, turned
 
-from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.messages.frame import Frame
-from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.channel_order import is_channel_order_swapped
-from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.vehicle_history import Motion
-from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.task import ServoTask
 
 H = turned(roll_deg=8.0, zoom=1.1, shift=(20.0, -12.0))
 
@@ -69,15 +64,12 @@ def test_other_content_is_not_an_exchange(pair, rng):
 
 def test_frames_with_exchanged_colours_are_not_flown(rng):
     picture = Wall(texture(rng)).picture()
-    camera = CameraModel.from_horizontal_fov(picture.shape[1], picture.shape[0], 1.3)
-    sidecar = GoalSidecar(camera)
-    task = ServoTask(ServoConfig(depth="constant"), camera, sidecar, Mount())
-    pipeline = Pipeline(task, classical_matcher(), Goal(picture, sidecar), lambda: 0)
-    still = Motion(0, 0.0, 0.0, 0.0, np.zeros(3), np.zeros(3), 0.0)
-    right = pipeline.process_frame(Frame(picture, 0, 0), still, engaged=True).report
+    perception = pipeline(picture, depth="constant")
+    still = Motion.at_rest(0.0, 0.0)
+    right = perception.process_frame(Frame(picture, 0, 0), still, engaged=True).report
     assert right.healthy
     swapped = np.ascontiguousarray(picture[:, :, ::-1])
-    wrong = pipeline.process_frame(Frame(swapped, 1, 1), still, engaged=True).report
+    wrong = perception.process_frame(Frame(swapped, 1, 1), still, engaged=True).report
     assert not wrong.healthy
     assert not wrong.reached
     assert "exchanged" in wrong.reason

@@ -2,40 +2,15 @@
 
 import numpy as np
 import pytest
+from still_pipeline import StillMatcher, pipeline
 
-from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
-from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
-from dfvs_core.perception.pipeline import DEPTH_PERIOD_NS, LATE_NS, PATIENCE_NS, Pipeline
+from dfvs_core.perception.pipeline import DEPTH_PERIOD_NS, LATE_NS, PATIENCE_NS
 from dfvs_core.perception.vehicle_history import Motion
-from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.task import ServoTask
 
 MS = 1_000_000
 PERIOD_NS = 50 * MS
 SIZE = (120, 160)
-
-
-class StillMatcher:
-    """Sees no motion, and counts what it is asked to track."""
-
-    def __init__(self):
-        self.tracked = 0
-
-    def encode(self, image):
-        return ImageFeatures(image.shape[:2])
-
-    def match(self, current, other, *, excluded=()):
-        return FlowField(np.zeros((*SIZE, 2), np.float32), np.ones(SIZE, np.float32))
-
-    def track(self, current, other, predicted):
-        self.tracked += 1
-        return self.match(current, other)
-
-    def extend(self, current, other, known):
-        return None
 
 
 def learnt_at_ms(late_ns, seconds=3.0, engaged_from=10**9, period_ns=PERIOD_NS):
@@ -45,20 +20,18 @@ def learnt_at_ms(late_ns, seconds=3.0, engaged_from=10**9, period_ns=PERIOD_NS):
     """
     rng = np.random.default_rng(0)
     picture = rng.integers(0, 255, (*SIZE, 3)).astype(np.uint8)
-    camera = CameraModel.from_horizontal_fov(SIZE[1], SIZE[0], 1.3)
-    sidecar, matcher, now = GoalSidecar(camera), StillMatcher(), [0]
-    task = ServoTask(ServoConfig(depth="motion"), camera, sidecar, Mount())
-    pipeline = Pipeline(task, matcher, Goal(picture, sidecar), lambda: now[0])
+    matcher, now = StillMatcher(), [0]
+    perception = pipeline(picture, matcher, lambda: now[0], depth="motion")
     times_ms = []
     for k in range(int(seconds * 1e9 / period_ns)):
         t_ns = 10**9 + k * period_ns
         now[0] = t_ns + late_ns
         aside = np.array([0.0, 0.02 * k, 0.0])
         motion = Motion(t_ns, 0.0, 0.0, 0.0, np.zeros(3), aside, 0.0)
-        pipeline.process_frame(Frame(picture, t_ns, k), motion, engaged=k >= engaged_from)
-        before = matcher.tracked
-        pipeline.work_between_frames()
-        if matcher.tracked > before:
+        perception.process_frame(Frame(picture, t_ns, k), motion, engaged=k >= engaged_from)
+        before = len(matcher.predictions)
+        perception.work_between_frames()
+        if len(matcher.predictions) > before:
             times_ms.append(t_ns // MS)
     return times_ms
 

@@ -1,9 +1,7 @@
 """When a goal on the way gives place to the next one."""
 
-import dataclasses
-
-import numpy as np
 import pytest
+from still_pipeline import servo_result
 
 from dfvs_core.perception.route import (
     PREVIEW_PERIOD_NS,
@@ -17,32 +15,16 @@ from dfvs_core.perception.route import (
     on_result,
     wants_preview,
 )
-from dfvs_core.servo.exchange import ServoResult, Status
+from dfvs_core.servo.exchange import Status
 
 LIMITS = RouteLimits(near_m=0.3, near_rad=0.2, overlap=0.2, patience_ns=8 * S)
-NEAR = ServoResult(
-    status=Status.OK,
-    velocity=np.zeros(4),
-    motion=np.zeros(4),
-    error_m=0.2,
-    error_rad=0.1,
-    median_error_px=1.0,
-    feature_error=0.1,
-    mounting_score=None,
-    residual_px=0.2,
-    inlier_share=0.9,
-    overlap=0.6,
-    condition=10.0,
-    depth_m=2.0,
-    reached=False,
-)
+NEAR = servo_result()
 ENGAGED = RouteState(engaged_since_ns=0)
 LATER = 10 * S
 
 
 def near(t_ns=LATER, state=ENGAGED, **changes):
-    result = dataclasses.replace(NEAR, **changes)
-    return on_result(state, LIMITS, result, t_ns, engaged=True)
+    return on_result(state, LIMITS, servo_result(**changes), t_ns, engaged=True)
 
 
 def test_near_the_goal_the_next_one_is_looked_for_now_and_then():
@@ -74,9 +56,9 @@ def test_before_the_vehicle_is_engaged_a_goal_may_be_passed_at_once():
 def test_a_goal_in_sight_twice_in_a_row_takes_over():
     state = on_preview(near(), LIMITS, NEAR, LATER)
     assert not may_go_on(state)
-    hidden = dataclasses.replace(NEAR, overlap=0.19)
+    hidden = servo_result(overlap=0.19)
     assert not may_go_on(on_preview(on_preview(state, LIMITS, hidden, LATER), LIMITS, NEAR, LATER))
-    unsure = dataclasses.replace(NEAR, status=Status.DEGENERATE)
+    unsure = servo_result(status=Status.DEGENERATE)
     assert not may_go_on(on_preview(on_preview(state, LIMITS, unsure, LATER), LIMITS, NEAR, LATER))
     assert may_go_on(on_preview(state, LIMITS, NEAR, LATER))
 

@@ -1,34 +1,16 @@
 """When the next goal of a taught route is due."""
 
-import dataclasses
-
-import numpy as np
 import pytest
+from still_pipeline import servo_result
 
 from dfvs_core.perception.route_recording import KeyframeDecision, RouteRecordingLimits, evaluate
-from dfvs_core.servo.exchange import ServoResult, Status
+from dfvs_core.servo.exchange import Status
 
 LIMITS = RouteRecordingLimits(overlap=0.5, turn_rad=0.35, distance=0.3, stillness=0.05)
-NEAR = ServoResult(
-    status=Status.OK,
-    velocity=np.zeros(4),
-    motion=np.zeros(4),
-    error_m=0.2,
-    error_rad=0.1,
-    median_error_px=9.0,
-    feature_error=0.2,
-    mounting_score=None,
-    residual_px=0.2,
-    inlier_share=0.9,
-    overlap=0.4,
-    condition=10.0,
-    depth_m=2.0,
-    reached=False,
-)
 
 
 def lesson(full_overlap=0.7, **changes):
-    return evaluate(dataclasses.replace(NEAR, **changes), LIMITS, full_overlap)
+    return evaluate(servo_result(**{"overlap": 0.4} | changes), LIMITS, full_overlap)
 
 
 def test_a_goal_is_due_when_the_last_one_is_far_turned_away_or_leaving():

@@ -9,7 +9,6 @@ from dfvs_core.gate.events import Action
 from dfvs_core.gate.states import GateState
 from dfvs_robustness.answers.measurement import AnswerTimes, StateRate, Try, planned_actions
 from dfvs_robustness.answers.report import html_section, markdown_lines, read_answers
-from dfvs_robustness.cli import main
 from dfvs_robustness.faults.report import Report
 
 RATE = StateRate(60.0, 10.0, 120.0, 400.0, 1.0)
@@ -74,23 +73,3 @@ def test_results_are_read_back(tmp_path):
     path = tmp_path / "answers.json"
     path.write_text(json.dumps(document))
     assert markdown_lines(read_answers(path)) == markdown_lines(document)
-
-
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"tries": [{}]}'])
-def test_a_file_of_something_else_is_one_clear_line(text, tmp_path, capsys):
-    path = tmp_path / "answers.json"
-    path.write_text(text)
-    assert main(["faults", "--minutes", "0", "--answers", str(path)]) == 2
-    err = capsys.readouterr().err
-    assert f"{path} holds no answer times" in err
-    assert len(err.splitlines()) == 1
-
-
-@pytest.mark.parametrize(
-    "words", [["--tries", "0"], ["--seconds", "0.5"], ["--json", "no/such/folder/a.json"]]
-)
-def test_what_cannot_be_measured_is_one_clear_line(words, capsys):
-    assert main(["answers", *words]) == 2
-    err = capsys.readouterr().err
-    assert err.startswith(f"error: {words[0]}")
-    assert len(err.splitlines()) == 1

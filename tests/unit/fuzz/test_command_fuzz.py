@@ -5,7 +5,6 @@ import json
 import pytest
 from subcommand import run_subcommand
 
-from dfvs_core.errors import ConfigError
 from dfvs_core.gate.commands import authority
 from dfvs_core.gate.commands.admission import CommandAdmission
 from dfvs_core.gate.commands.authority import Authority
@@ -133,11 +132,3 @@ def test_a_violation_is_shrunk_and_saved_and_violated_until_the_ingress_is_mende
     monkeypatch.undo()
     assert replay_episode(finding.episode) is None
     assert run("--replay", path) == 0
-
-
-@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "x"}', "\xff"])
-def test_a_file_that_is_no_replay_is_refused(tmp_path, text):
-    path = tmp_path / "bad.json"
-    path.write_text(text, encoding="latin-1")
-    with pytest.raises(ConfigError):
-        run("--replay", path)

@@ -7,7 +7,6 @@ import numpy as np
 import pytest
 from subcommand import run_subcommand
 
-from dfvs_core.errors import ConfigError
 from dfvs_core.messages import frame as wire_frame
 from dfvs_core.perception import frame_validator
 from dfvs_robustness.commands import fuzz
@@ -103,11 +102,3 @@ def test_a_frame_is_the_same_whenever_it_is_made(tmp_path, capsys):
     assert run("--show", 11, "--seed", 3, "--out", tmp_path) == 0
     assert (tmp_path / "frame-11.payload").read_bytes() == one.payload
     assert one.kind in capsys.readouterr().out
-
-
-@pytest.mark.parametrize(
-    "words", [("--count", 0), ("--workers", 0), ("--seed", -1), ("--show", -1)]
-)
-def test_impossible_options_are_refused(words):
-    with pytest.raises(ConfigError):
-        run(*words)

@@ -2,10 +2,9 @@
 
 from __future__ import annotations
 
-import math
-
 import numpy as np
 import pytest
+from correlated_errors import correlated
 
 from dfvs_sim.ground.rest import RestDetector
 
@@ -23,16 +22,6 @@ def fed(velocities, down_m=-1.5, target_m=-1.5):
 
 def steady(speed_m_s, seconds=3.0):
     return np.tile([0.0, speed_m_s, 0.0], (round(seconds * RATE_HZ), 1))
-
-
-def correlated(rng, sd_m_s, time_s, seconds):
-    """First-order Gauss-Markov velocity (N, 3)."""
-    keep = math.exp(-1.0 / (RATE_HZ * time_s))
-    values = [rng.normal(size=3) * sd_m_s]
-    for _ in range(round(seconds * RATE_HZ)):
-        kick = sd_m_s * math.sqrt(1.0 - keep**2) * rng.normal(size=3)
-        values.append(keep * values[-1] + kick)
-    return np.array(values)
 
 
 def test_nothing_is_said_before_a_whole_window_was_seen():
@@ -65,7 +54,7 @@ def test_rest_at_another_height_is_no_rest():
 
 def test_an_error_that_outlasts_the_window_may_pass_for_slow_motion():
     """At PX4's default noise hovering looks like 0.2 to 0.5 m/s for seconds."""
-    velocities = correlated(np.random.default_rng(3), *PX4_DEFAULT_NOISE, 20.0)
+    velocities = correlated(np.random.default_rng(3), 1001, *PX4_DEFAULT_NOISE, 1.0 / RATE_HZ)
     velocities *= np.minimum(1.0, 0.5 / np.linalg.norm(velocities, axis=1, keepdims=True))
     assert fed(velocities).is_slow
     assert not fed(steady(1.0)).is_slow

@@ -132,10 +132,11 @@ def test_images_of_different_working_sizes_are_refused(pictures):
     "image",
     [
         np.zeros((240, 320), np.uint8),
+        np.zeros((240, 320, 4), np.uint8),
         np.zeros((240, 320, 3), np.float32),
         np.zeros((16, 320, 3), np.uint8),
     ],
-    ids=["grey", "floats", "too small"],
+    ids=["grey", "four channels", "floats", "too small"],
 )
 def test_what_is_no_rgb_image_is_refused(image):
     with pytest.raises(ImageError):

@@ -5,15 +5,14 @@ from dataclasses import replace
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from still_pipeline import pipeline
 from textured_wall import Wall, texture
 
-from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import make_pose, so3_exp
 from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.correspondence import FlowField
 from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
-from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.keyframes import (
     HORIZON_NS,
     LEAST_INTERVAL_NS,
@@ -22,11 +21,8 @@ from dfvs_core.perception.keyframes import (
     Keyframe,
     Keyframes,
 )
-from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.vehicle_history import Motion
-from dfvs_core.servo.config import ServoConfig
 from dfvs_core.servo.exchange import ServoInputs, ServoState, Status
-from dfvs_core.servo.task import ServoTask
 
 NO_FLOW = FlowField(np.zeros((0, 0, 2), np.float32), np.zeros((0, 0), np.float32))
 DEPTH_M = 3.0
@@ -113,21 +109,13 @@ class Encoding:
         return self.prepared[-1]
 
 
-def pipeline_at(picture, matcher):
-    """Perception with a goal image that is the view."""
-    camera = CameraModel.from_horizontal_fov(picture.shape[1], picture.shape[0], 1.3)
-    sidecar = GoalSidecar(camera)
-    task = ServoTask(ServoConfig(depth="constant"), camera, sidecar, Mount())
-    return Pipeline(task, matcher, Goal(picture, sidecar), lambda: 0)
-
-
 def test_only_the_goal_and_the_newest_frame_hold_features(rng):
     picture, matcher = Wall(texture(rng)).picture(), Encoding()
-    pipeline = pipeline_at(picture, matcher)
+    perception = pipeline(picture, matcher, depth="constant")
     for k in range(4):
         t_ns = k * LONGEST_INTERVAL_NS
-        pipeline.process_frame(Frame(picture, t_ns, k), Motion.at_rest(0.0, 0.0), engaged=True)
-    assert len(pipeline._keyframes) == 4
+        perception.process_frame(Frame(picture, t_ns, k), Motion.at_rest(0.0, 0.0), engaged=True)
+    assert len(perception._keyframes) == 4
     assert [each._features is not None for each in matcher.prepared] == [
         True,
         False,
@@ -150,11 +138,11 @@ class Broken:
 
 def test_a_frame_whose_flow_is_not_finite_is_not_what_the_next_one_is_compared_with(rng):
     picture = Wall(texture(rng)).picture()
-    pipeline = pipeline_at(picture, Broken())
+    perception = pipeline(picture, Broken(), depth="constant")
     found = []
     for k in range(2):
         motion = replace(Motion.at_rest(0.0, 0.0), t_ns=k * LEAST_INTERVAL_NS)
         frame = Frame(picture, motion.t_ns, k)
-        found.append(pipeline.process_frame(frame, motion, engaged=True).result.status)
+        found.append(perception.process_frame(frame, motion, engaged=True).result.status)
     assert found == [Status.OK, Status.NOT_FINITE]
-    assert pipeline._last.inputs.t_capture_ns == pipeline._state.last.t_capture_ns == 0
+    assert perception._last.inputs.t_capture_ns == perception._state.last.t_capture_ns == 0

@@ -5,18 +5,13 @@ import tracemalloc
 import numpy as np
 from hypothesis import given
 from hypothesis import strategies as st
+from still_pipeline import pipeline
 from textured_wall import Wall, texture
 
-from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.matching.classical import classical_matcher
 from dfvs_core.matching.config import MatchingConfig
 from dfvs_core.messages.frame import Frame
-from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.keyframes import MOST_KEYFRAMES
-from dfvs_core.perception.pipeline import Pipeline
 from dfvs_core.perception.vehicle_history import Motion
-from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.task import ServoTask
 
 MS = 1_000_000
 
@@ -36,17 +31,14 @@ def kept_bytes(width, height):
     """Memory that the pipeline keeps of as many frames as there can be keyframes."""
     wall = Wall(texture(np.random.default_rng(3))).picture()
     view = np.kron(wall[:180], np.ones((height // 180, width // 320, 1), np.uint8))
-    camera = CameraModel.from_horizontal_fov(width, height, 1.3)
-    sidecar = GoalSidecar(camera)
-    task = ServoTask(ServoConfig(depth="constant"), camera, sidecar, Mount())
-    pipeline = Pipeline(task, classical_matcher(), Goal(view, sidecar), lambda: 0)
+    perception = pipeline(view, depth="constant")
     tracemalloc.start()
     try:
         for k in range(MOST_KEYFRAMES + 4):
             aside = np.array([0.0, 0.1 * k, 0.0])
             motion = Motion(k * 100 * MS, 0.0, 0.0, 0.0, np.zeros(3), aside)
-            pipeline.process_frame(Frame(view.copy(), k * 100 * MS, k), motion, engaged=False)
-        assert len(pipeline._keyframes) == MOST_KEYFRAMES
+            perception.process_frame(Frame(view.copy(), k * 100 * MS, k), motion, engaged=False)
+        assert len(perception._keyframes) == MOST_KEYFRAMES
         return tracemalloc.get_traced_memory()[0]
     finally:
         tracemalloc.stop()

@@ -2,16 +2,11 @@
 
 import numpy as np
 import pytest
+from still_pipeline import StillMatcher, pipeline
 
 from dfvs_core.geometry.camera import CameraModel
-from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame, PixelFormat, encode_frame
-from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.messages.link import GateStatus, VehicleState
-from dfvs_core.perception.pipeline import Pipeline
-from dfvs_core.servo.config import ServoConfig
-from dfvs_core.servo.task import ServoTask
 from dfvs_service.frames import RawSample
 from dfvs_service.perception.frame_processor import FrameProcessor
 
@@ -20,44 +15,16 @@ MS = 1_000_000
 CLOCK = b"c" * 16
 
 
-class StillMatcher:
-    """Says that nothing moved, with full confidence in the upper ``share`` of the view."""
-
-    def __init__(self):
-        self.share, self.relocalisations, self.extensions = 1.0, 0, 0
-
-    def encode(self, image):
-        return ImageFeatures(image.shape[:2])
-
-    def match(self, current, other, *, excluded=()):
-        self.relocalisations += 1
-        return self._still(current)
-
-    def track(self, current, other, predicted):
-        return self._still(current)
-
-    def extend(self, current, other, known):
-        self.extensions += 1
-        return None
-
-    def _still(self, current):
-        confidence = np.zeros(current.size, np.float32)
-        confidence[: round(self.share * current.size[0])] = 1.0
-        return FlowField(np.zeros((*current.size, 2), np.float32), confidence)
-
-
 class Rig:
     """An eye with a clock in hand."""
 
-    def __init__(self, rng, config=None):
+    def __init__(self, rng, **settings):
         self.now_ns = 5_000 * MS
         self.picture = rng.integers(0, 255, (120, 160, 3)).astype(np.uint8)
         self.seq = 0
-        goal = Goal(self.picture, GoalSidecar(CAMERA))
-        task = ServoTask(config or ServoConfig(), CAMERA, goal.sidecar, Mount())
         self.matcher = StillMatcher()
-        pipeline = Pipeline(task, self.matcher, goal, lambda: self.now_ns)
-        self.eye = FrameProcessor(CAMERA, pipeline, CLOCK, lambda: self.now_ns)
+        perception = pipeline(self.picture, self.matcher, lambda: self.now_ns, **settings)
+        self.eye = FrameProcessor(CAMERA, perception, CLOCK, lambda: self.now_ns)
 
     def hear_vehicle(self, state="SERVO"):
         for back_ms in (60, 40, 20, 0):
@@ -111,7 +78,7 @@ def test_nothing_is_relocalised_after_a_report(rig):
 
 
 def test_more_of_a_goal_in_a_part_of_the_view_is_looked_for_after_reports(rng):
-    rig = Rig(rng, ServoConfig(min_matched_texture=0.0))
+    rig = Rig(rng, min_matched_texture=0.0)
     rig.matcher.share = 0.2
     for k in range(46):
         image = rig.picture.copy()

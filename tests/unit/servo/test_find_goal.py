@@ -4,12 +4,12 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from still_pipeline import StillMatcher
 
 from dfvs_core.geometry.camera import CameraModel
 from dfvs_core.geometry.poses import invert_pose, make_pose, pose_error, so3_exp
 from dfvs_core.geometry.robust_weights import NoiseScale
 from dfvs_core.matching.correspondence import FlowField
-from dfvs_core.matching.matcher import ImageFeatures
 from dfvs_core.messages.frame import Frame
 from dfvs_core.messages.goal import Goal, GoalSidecar, Mount
 from dfvs_core.perception.pipeline import Pipeline
@@ -107,29 +107,9 @@ def test_a_step_tells_which_points_of_its_grid_are_out_of_line():
     assert np.mean(left.confidence[~wrong] > 0) > 0.95
 
 
-class Divided:
-    """Always finds the same flow, and notes the predictions that it is given."""
-
-    def __init__(self, flow):
-        self.flow, self.predictions = flow, []
-
-    def encode(self, image):
-        return ImageFeatures(image.shape[:2])
-
-    def match(self, current, other, *, excluded=()):
-        return self.flow
-
-    def track(self, current, other, predicted):
-        self.predictions.append(predicted)
-        return self.flow
-
-    def extend(self, current, other, known):
-        return None
-
-
 def test_what_is_out_of_line_is_not_tracked_on(rng):
     flow, wrong = flow_of_a_wall(0.4)
-    matcher, picture = Divided(flow), rng.integers(0, 255, (240, 320, 3)).astype(np.uint8)
+    matcher, picture = StillMatcher(flow), rng.integers(0, 255, (240, 320, 3)).astype(np.uint8)
     pipeline = Pipeline(TASK, matcher, Goal(picture, TASK.goal), lambda: 0)
     for k in range(2):
         pipeline.process_frame(Frame(picture, k, k), Motion.at_rest(0.0, 0.0), engaged=False)

@@ -5,6 +5,7 @@ from dataclasses import dataclass, replace
 
 import numpy as np
 import pytest
+from correlated_errors import correlated
 
 from dfvs_core.geometry.poses import so3_exp
 from dfvs_core.servo.goal_filter import (
@@ -24,16 +25,6 @@ DEPTH_M = 3.0
 STILL = np.zeros(3)
 TURN = np.array([0.0, 0.15, 0.05])
 """Of one frame, rad: a turn in three seconds."""
-
-
-def correlated(rng, frames, deviation, time_s):
-    """First-order Gauss-Markov process (frames, 3)."""
-    kept = math.exp(-DT_S / time_s)
-    noise = rng.normal(0.0, deviation, (frames, 3))
-    values = [noise[0]]
-    for step in noise[1:]:
-        values.append(kept * values[-1] + math.sqrt(1.0 - kept**2) * step)
-    return np.array(values)
 
 
 @dataclass
@@ -84,9 +75,9 @@ def flown_about(seed, seconds=5.0, error_m_s=MODEL.error_m_s, spread=0.0):
     """
     rng = np.random.default_rng(seed)
     frames = round(seconds / DT_S)
-    errors = correlated(rng, frames, error_m_s, MODEL.error_time_s)
-    velocities = correlated(rng, frames, 0.3, 2.0)
-    noise = correlated(rng, frames, 1.0, 0.1)
+    errors = correlated(rng, frames, error_m_s, MODEL.error_time_s, DT_S)
+    velocities = correlated(rng, frames, 0.3, 2.0, DT_S)
+    noise = correlated(rng, frames, 1.0, 0.1, DT_S)
     camera = Camera(rng, np.array([0.3, -0.2, 2.0]), math.exp(rng.normal(0.0, 0.6)), spread=spread)
     turned = np.eye(3)
     for k in range(frames):
@@ -124,7 +115,7 @@ def test_a_vehicle_that_drifts_and_believes_to_stand_still_learns_no_scale(seed)
     """The odometry tells of no motion; what the images show is its error, of unknown size."""
     rng = np.random.default_rng(seed)
     camera = Camera(rng, np.array([0.3, -0.2, 1.5]))
-    for drift in correlated(rng, 300, 0.04, 3.0):
+    for drift in correlated(rng, 300, 0.04, 3.0, DT_S):
         camera.look()
         camera.move(drift, error=drift)
     assert abs(scale_error(camera)) < 0.05

@@ -39,10 +39,6 @@ def airborne() -> Quadrotor:
     return vehicle
 
 
-def sent(vehicle: VehicleInHand, name: str) -> list[Any]:
-    return [m for _, _, m in vehicle.sent if m.get_type() == name]
-
-
 def test_a_second_order_process_is_smooth_and_has_its_size_and_time() -> None:
     process = SecondOrder(0.2, 1.5, normal_source(np.random.default_rng(0)))
     sd, share = correlation(process, 1.5)
@@ -149,7 +145,7 @@ def test_a_reset_is_told_by_odometry() -> None:
     vehicle.run(1.0)
     vehicle.px4.flight.estimator.reset_heading(0.1)
     vehicle.run(1.0)
-    counters = [m.reset_counter for m in sent(vehicle, "ODOMETRY")]
+    counters = [m.reset_counter for m in vehicle.received("ODOMETRY")]
     assert (counters[0], counters[-1]) == (0, 1)
 
 

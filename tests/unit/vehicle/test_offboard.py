@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from typing import Any
 
 import pytest
 from vehicle_in_hand import ARM, VehicleInHand, setpoint, sticks
@@ -175,11 +176,22 @@ def test_nan_on_an_axis_stops_the_vehicle_and_keeps_offboard(vx: float, vz: floa
     assert abs(vehicle.body.v_down_m_s) < 0.02
 
 
-def test_a_message_without_valid_axis_does_not_keep_offboard() -> None:
+@pytest.mark.parametrize(
+    ("message", "keeps"),
+    [
+        (setpoint(mask=0x5C7 | 8), False),
+        (setpoint(math.nan, math.nan, math.nan), False),
+        (setpoint(frame=1, mask=0xFFF), False),
+        (setpoint(mask=0xFF8), False),
+        (setpoint(frame=1, mask=0xFF8), True),
+    ],
+    ids=["one axis ignored", "all axes NaN", "all ignored", "body position", "local position"],
+)
+def test_a_message_without_valid_axis_does_not_keep_offboard(message: Any, keeps: bool) -> None:
     vehicle = VehicleInHand()
     vehicle.fly_offboard(setpoint(), 1.0)
-    vehicle.run(1.3, setpoint(mask=0x5C7 | 8))
-    assert vehicle.mode is not Mode.OFFBOARD
+    vehicle.run(1.3, message)
+    assert (vehicle.mode is Mode.OFFBOARD) == keeps
 
 
 @pytest.mark.parametrize("frame", [0, 7, 9, 12])
@@ -190,8 +202,8 @@ def test_other_frames_are_rejected_with_a_text_to_the_ground_station_only(frame:
     begin = vehicle.now_ns
     vehicle.run(1.3, setpoint(vx=1.0, frame=frame))
     assert vehicle.mode is not Mode.OFFBOARD
-    assert "STATUSTEXT" in vehicle.types_sent(GROUND, begin)
-    assert "STATUSTEXT" not in vehicle.types_sent("companion", begin)
+    assert vehicle.received("STATUSTEXT", GROUND, begin)
+    assert not vehicle.received("STATUSTEXT", since_ns=begin)
 
 
 def test_without_yaw_and_yaw_rate_the_heading_is_held() -> None:

@@ -69,7 +69,7 @@ def test_the_list_holds_every_parameter_once() -> None:
     vehicle = VehicleInHand()
     vehicle.send(mavlink.MAVLink_param_request_list_message(1, 1))
     vehicle.run(1.0)
-    values = [m for _, _, m in vehicle.sent if m.get_type() == "PARAM_VALUE"]
+    values = vehicle.received("PARAM_VALUE")
     assert [m.param_index for m in values] == list(range(values[0].param_count))
     assert len(values) == values[0].param_count
 

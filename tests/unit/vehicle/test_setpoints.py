@@ -11,7 +11,6 @@ from dfvs_sim.vehicle.motion.setpoints import (
     LOCAL_NED,
     Setpoint,
     demand_from_setpoint,
-    is_flyable,
 )
 
 NAN = math.nan
@@ -47,19 +46,3 @@ def test_ned_velocity_with_yaw_is_not_turned() -> None:
 @pytest.mark.parametrize("ignored", [8, 16, 32])
 def test_one_ignored_velocity_axis_takes_the_whole_velocity_away(ignored: int) -> None:
     assert demand_from_setpoint(setpoint(BODY_NED, 0x5C7 | ignored, (1.0, 1.0, 1.0)), 0.0) is None
-
-
-def test_a_message_without_any_valid_axis_is_no_sign_of_life() -> None:
-    assert demand_from_setpoint(setpoint(LOCAL_NED, 0xFFF, ZERO), 0.0) is None
-    assert demand_from_setpoint(setpoint(BODY_NED, 0x5C7, (NAN, NAN, NAN)), 0.0) is None
-
-
-def test_a_position_in_the_body_frame_is_not_taken() -> None:
-    assert demand_from_setpoint(setpoint(BODY_NED, 0xFF8, ZERO), 0.0) is None
-    assert demand_from_setpoint(setpoint(LOCAL_NED, 0xFF8, ZERO), 0.0) is not None
-
-
-def test_nan_on_one_axis_is_a_sign_of_life_but_cannot_be_flown() -> None:
-    demand = demand_from_setpoint(setpoint(BODY_NED, 0x5C7, (1.0, 0.0, NAN)), 0.0)
-    assert demand is not None
-    assert not is_flyable(demand)

@@ -3,11 +3,10 @@
 from __future__ import annotations
 
 import math
-from typing import Any
 
 import pytest
 from pymavlink.dialects.v20 import development as mavlink
-from vehicle_in_hand import COMPANION, VehicleInHand, setpoint
+from vehicle_in_hand import VehicleInHand, setpoint
 
 from dfvs_sim.dynamics.estimate_errors import EstimateGrade
 
@@ -17,29 +16,20 @@ M_PER_LATITUDE, M_PER_LONGITUDE = 111188.0, 75488.0
 """Metres in a degree near 47.4 degrees north at 488 m above the WGS84 ellipsoid."""
 
 
-def truths(vehicle: VehicleInHand, since_ns: int = 0) -> list[Any]:
-    return [
-        m
-        for t, name, m in vehicle.sent
-        if name == COMPANION and m.get_type() == "HIL_STATE_QUATERNION" and t > since_ns
-    ]
-
-
 def test_the_truth_is_not_streamed_unless_asked_for() -> None:
     vehicle = VehicleInHand(ready_after_s=0.0)
     vehicle.run(2.0)
-    assert not truths(vehicle)
+    assert not vehicle.received("HIL_STATE_QUATERNION")
     assert vehicle.command(SET_INTERVAL, TRUTH, 20_000.0) == [0]
-    begin = vehicle.now_ns
     vehicle.run(2.0)
-    assert len(truths(vehicle, begin)) == pytest.approx(100, abs=2)
+    assert len(vehicle.received("HIL_STATE_QUATERNION")) == pytest.approx(100, abs=2)
 
 
 def test_it_tells_the_true_motion_and_not_the_estimate() -> None:
     vehicle = VehicleInHand(estimate=EstimateGrade.HIGH)
     vehicle.command(SET_INTERVAL, TRUTH, 20_000.0)
     vehicle.fly_offboard(setpoint(0.8, 0.4), 4.0)
-    message, body = truths(vehicle)[-1], vehicle.body
+    message, body = vehicle.received("HIL_STATE_QUATERNION")[-1], vehicle.body
     # half a step of 4 ms late at most, then cut off at 1e-7 degree, 1 mm and 1 cm/s
     assert (message.lat * 1e-7 - 47.397742) * M_PER_LATITUDE == pytest.approx(
         body.north_m - 0.005, abs=0.02
@@ -66,5 +56,5 @@ def test_numbers_are_cut_off_towards_zero_and_carry_no_time() -> None:
 def test_the_origin_of_the_local_frame_is_told_on_request() -> None:
     vehicle = VehicleInHand()
     assert vehicle.command(REQUEST, ORIGIN) == [0]
-    (message,) = [m for _, _, m in vehicle.sent if m.get_type() == "GPS_GLOBAL_ORIGIN"]
+    (message,) = vehicle.received("GPS_GLOBAL_ORIGIN")
     assert (message.latitude, message.longitude, message.altitude) == (473977420, 85455940, 488000)

@@ -1,0 +1,47 @@
+"""Commands of ``dfvs-robustness`` that cannot run: one line says why."""
+
+import pytest
+
+from dfvs_robustness.cli import main
+
+
+@pytest.mark.parametrize(
+    ("command", "option", "value"),
+    [
+        ("fuzz gate", "--events", 0),
+        ("fuzz gate", "--workers", 0),
+        ("fuzz gate", "--seed", -1),
+        ("fuzz gate", "--out", "/nowhere"),
+        ("fuzz frames", "--count", 0),
+        ("fuzz frames", "--workers", 0),
+        ("fuzz frames", "--seed", -1),
+        ("fuzz frames", "--show", -1),
+        ("soak", "--rate", 0.5),
+        ("soak", "--minutes", 0),
+        ("soak", "--minutes", "nan"),
+        ("soak", "--minutes", "1e9"),
+        ("answers", "--tries", 0),
+        ("answers", "--seconds", 0.5),
+        ("answers", "--json", "no/such/folder/a.json"),
+    ],
+)
+def test_an_impossible_option_is_named(command, option, value, refused, tmp_path, monkeypatch):
+    monkeypatch.chdir(tmp_path)
+    assert f"{option} " in refused(main, *command.split(), option, value)
+
+
+@pytest.mark.parametrize("target", ["gate", "commands"])
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"format": "x"}', "\xff", None])
+def test_a_file_that_is_no_replay_is_named(target, text, refused, tmp_path):
+    path = tmp_path / "bad.json"
+    if text is not None:
+        path.write_text(text, encoding="latin-1")
+    assert str(path) in refused(main, "fuzz", target, "--replay", path)
+
+
+@pytest.mark.parametrize("text", ["", "[]", "{}", '{"tries": [{}]}'])
+def test_a_file_that_holds_no_answer_times_is_named(text, refused, tmp_path):
+    path = tmp_path / "answers.json"
+    path.write_text(text)
+    words = ("faults", "--minutes", 0, "--answers", path)
+    assert f"{path} holds no answer times" in refused(main, *words)
