@@ -21,6 +21,7 @@ class ClimbingVehicle:
 
     def __init__(self) -> None:
         self.down_m, self.altitude_m = GROUND_M, 0.0
+        self.texts: list[tuple[int, str]] = []
 
     def command(self, command: int, *params: float) -> int:
         assert command == mavlink.MAV_CMD_NAV_TAKEOFF
