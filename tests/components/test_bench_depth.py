@@ -4,6 +4,7 @@ import json
 
 import depth_bundle
 import numpy as np
+import onnx_network
 import pytest
 
 from dfvs_bench.cli import main
@@ -21,7 +22,7 @@ def pairs(tmp_path):
 
 def bundle_folder(path, values):
     made = depth_bundle.bundle(np.asarray(values, np.float32))
-    return depth_bundle.write_bundle(path, made)
+    return onnx_network.write_bundle(path, made)
 
 
 def test_the_table_and_the_json_tell_metric_and_aligned_errors(pairs, tmp_path, capsys):

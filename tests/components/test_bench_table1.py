@@ -9,7 +9,8 @@ import cv2
 import numpy as np
 import pose_bundle
 import pytest
-from depth_bundle import bundle, write_bundle
+from depth_bundle import bundle
+from onnx_network import write_bundle
 
 from dfvs_bench.cli import main
 from dfvs_bench.methods.registry import DEFAULT_METHODS, POSE_NETWORKS, with_bundles
