@@ -23,7 +23,7 @@ import cv2
 import numpy as np
 import psutil
 import zenoh
-from loopback import free_endpoint
+from loopback import free_endpoint, peer
 from textured_wall import Wall, texture, turned
 
 from dfvs_common.lifecycle import ONE_BLAS_THREAD
@@ -33,7 +33,6 @@ from dfvs_core.messages.goal import GoalSidecar
 from dfvs_core.messages.image import encode_png
 from dfvs_core.messages.link import GateStatus, VehicleState, to_datagram
 from dfvs_core.messages.topics import Topics
-from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.settings.config import load_config
 
 CAMERA = CameraModel.from_horizontal_fov(640, 480, 1.3)
@@ -69,12 +68,7 @@ class World:
         command = [sys.executable, "-m", "dfvs_service.perception", "--runtime", str(folder)]
         self.perception = subprocess.Popen(command, env=os.environ | ONE_BLAS_THREAD)
         self.gate.recv(65536)  # it is up
-        settings = zenoh.Config()
-        for key, value in zenoh_settings(
-            "peer", (), (self.endpoint, f"unixsock-stream/{self.folder / 'zenoh.sock'}")
-        ):
-            settings.insert_json5(key, value)
-        self.session = zenoh.open(settings)
+        self.session = peer(listen=(self.endpoint, f"unixsock-stream/{self.folder / 'zenoh.sock'}"))
         for work in (self._listen, self._tell, self._shoot):
             threading.Thread(target=work, daemon=True).start()
 

@@ -18,12 +18,11 @@ from pathlib import Path
 import cv2
 import numpy as np
 import psutil
-import zenoh
+from loopback import peer
 from recorded_flight import fly
 
 from dfvs_core.messages.image import encode_jpeg
 from dfvs_core.messages.topics import Topics
-from dfvs_core.messages.zenoh_settings import zenoh_settings
 from dfvs_service.perception.record_publisher import RecordPublisher
 
 TURNS, PERIOD_S = 500, 0.02
@@ -54,10 +53,7 @@ def main():
     with socket.socket() as probe:
         probe.bind(("127.0.0.1", 0))
         endpoint = f"tcp/127.0.0.1:{probe.getsockname()[1]}"
-    settings = zenoh.Config()
-    for key, value in zenoh_settings("peer", (), (endpoint,)):
-        settings.insert_json5(key, value)
-    with zenoh.open(settings) as session, tempfile.TemporaryDirectory() as folder:
+    with peer(listen=(endpoint,)) as session, tempfile.TemporaryDirectory() as folder:
         feed = RecordPublisher(session, Topics("bottled"), print)
         feed.offer(*flight.events[0])
         alone_ms = spend(feed, flight.turns[0], payload)
