@@ -55,7 +55,7 @@ def test_mavlink_is_private_on_a_serial_line_or_on_loopback(url, private):
     assert is_private_mavlink(url) is private
 
 
-@pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:7447", "udp/192.168.0.1:7447", ""])
+@pytest.mark.parametrize("endpoint", ["tcp/0.0.0.0:7447", "udp/192.168.0.1:7447", "tcp/", ""])
 @pytest.mark.parametrize("key", ["zenoh.connect", "zenoh.listen"])
 def test_plain_zenoh_beyond_this_machine_needs_a_loud_yes(key, endpoint):
     with pytest.raises(ConfigError, match="allow_plaintext"):
